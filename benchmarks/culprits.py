@@ -31,7 +31,7 @@ from pom.diagnosis.diagnosis import diagnose_bench
 from pom.diagnosis.screening import screen_idle_terms
 from pom.diagnosis.swap_models import SwapModels
 from pom.diagnosis.swap_runs import SwapBench
-from pom.judging.beyond_the_bands import Evidence
+from pom.judging.beyond_the_bands import FAR, Evidence
 
 # Cases that fly recorded surfaces, without the 96 s of the phugoid and without wheels on ground.
 CASES = (
@@ -70,7 +70,7 @@ def main() -> None:
         flights[name] = (case, recorded_states(case))
     candidates = used_terms(final, aircraft, flights)
     print(f"{len(flights)} cases, {len(candidates)} terms that flight found and the cases use")
-    named = named_single = 0
+    named = named_single = refuted = named_refuted = 0
     for number in range(given.pairs):
         rng = np.random.default_rng([given.seed, number])
         benches, faults, redrawn = planted_benches(
@@ -81,10 +81,16 @@ def main() -> None:
         spent = time.process_time() - start
         order = list(ranked["term"])
         places = sorted(order.index(name) + 1 for name in faults)
-        named += places[-1] <= FIRST
+        is_named = places[-1] <= FIRST
+        named += is_named
+        distances = ranked.set_index("term")["distance"][list(faults)]
+        if (distances > FAR).all():
+            refuted += 1
+            named_refuted += is_named
         verdicts = [bench.judged([()])[0].matched for bench in benches.values()]
         text = ", ".join(f"{name} x {factor:.2f}" for name, factor in faults.items())
         line = f"{number:3d} {text:46s} places {places}, {verdicts.count(False)} cases fail"
+        line += f", from evidence {distances.round(1).to_list()}"
         line += f", first {order[:FIRST]}, {spent:.1f} s, {redrawn} redrawn"
         if given.single:
             tables = [diagnose_bench(bench) for bench in benches.values()]
@@ -93,6 +99,10 @@ def main() -> None:
             line += f"; single cases {needed}"
         print(line, flush=True)
     print(f"both among the first {FIRST}: {named} of {given.pairs}")
+    print(
+        f"    of pairs with both faults beyond {FAR:g} standard errors of the evidence: "
+        f"{named_refuted} of {refuted}"
+    )
     if given.single:
         print(f"both among the first {FIRST} that single cases need: {named_single}")
 

@@ -222,7 +222,7 @@ def _print_swaps(case: PomCase, ranked: pd.DataFrame) -> None:
     pairs = ranked[ranked["stage"] == "pair"]
     strongest = pairs["interaction"].abs().nlargest(_INTERACTING).index
     weak_pairs = pairs.index.difference(strongest)
-    columns = ["stage", "term", "explained", "verdict", "interaction"]
+    columns = ["stage", "term", "explained", "verdict", "interaction", "correlation"]
     for name in criteria:
         columns += [f"{name} explained", f"{name} ratio"]
     # stage `idle`: terms with a bound so small that the kernel did not replay them
@@ -263,6 +263,7 @@ def _cells(row: dict[Any, Any], criteria: list[str]) -> list[str]:
         _percent(row["explained"], row["stderr"]),
         "" if is_share else row["verdict"],
         _percent(row["interaction"]),
+        "" if math.isnan(row["correlation"]) else f"{row['correlation']:.2f}",
     ]
     for name in criteria:
         ratio = "" if is_share else f"{row[f'{name} ratio']:.2f}"

@@ -18,8 +18,8 @@ variable. The odds are even at `FAR` standard errors, so a term has the weight
 
     w = 1 / (1 + exp((FAR^2 - d^2) / 2)),
 
-which follows from the likelihood exp(-d^2/2) of a right term. The score of a term is its gain
-times its weight.
+which follows from the likelihood exp(-d^2/2) of a right term. The score of a term is the sum over
+the cases of its gain times its weight, with the distance along the flight of that case.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ import xarray as xr
 from joblib import Parallel, delayed
 
 import aerodb
+from flightmech.errors import UnknownName
 from flightmech.support.arrays import rms
+from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from pom.diagnosis.kept_diagnosis import LateBench
 from pom.diagnosis.screening import screen_idle_terms
 from pom.diagnosis.swap_judgement import (
@@ -73,11 +75,11 @@ def rank_culprits(
     Returns
     -------
     DataFrame
-        The highest score first. ``term``; ``score``, the gain times the weight of the distance;
+        The highest score first. ``term``; ``score``;
         ``effect``, the mismatch that the wrong term adds to the final model, as the root of the
         difference of squares, in the ``case`` where that is largest [half widths]; ``distance``
-        from the evidence in the case where it is largest, or of the nodes for a term that no case
-        uses [standard errors], NaN without evidence;
+        from the evidence in that case, or that of the nodes for a term that the case does not use
+        [standard errors], NaN without evidence;
         ``alone``, the mismatch of the a-priori model with only this term corrected, and
         ``without``, that of the final model with only this term wrong, both as the rms over all
         cases [half widths]; ``felt``, the number of cases with an effect of at least `LEAST_GAP`.
@@ -93,19 +95,22 @@ def rank_culprits(
     rows = []
     for name in names:
         changes = np.array([one.square_change(name) for one in counted])
-        # A term that improves the final model is not wrong. The sign of the sum decides.
-        gain = max(sum(one.gain(name) for one in counted), 0.0)
-        distances = [one.distances[name] for one in counted if name in one.distances]
-        distance = max(distances, default=by_nodes.get(name, np.nan))
+        largest = int(np.argmax(changes))
+        gains = np.array([one.gain(name) for one in counted])
+        distances = []
+        for one in counted:
+            distances.append(one.distances.get(name, by_nodes.get(name, np.nan)))
+        weights = np.array([evidence_weight(distance) for distance in distances])
         rows.append(
             {
                 "term": name,
-                "score": gain * evidence_weight(distance),
-                "effect": float(np.sqrt(max(changes.max(), 0.0))),
-                "distance": distance,
+                # A term that improves the final model is not wrong. The sign of the sum decides.
+                "score": max(float(gains @ weights), 0.0),
+                "effect": float(np.sqrt(max(changes[largest], 0.0))),
+                "distance": distances[largest],
                 "alone": rms(np.array([one.alone.get(name, one.prior) for one in counted])),
                 "without": rms(np.array([one.without.get(name, one.final) for one in counted])),
-                "case": cases[int(np.argmax(changes))],
+                "case": cases[largest],
                 "felt": int((changes >= LEAST_GAP**2).sum()),
             }
         )
@@ -166,13 +171,24 @@ def _measure_case(
         return None
     whole = bench.whole
     screen_idle_terms(whole)
-    distances: dict[str, float] = {}
-    if evidence is not None:
-        hinges = whole.case.drive.level != "recorded"
-        # The compiled model has both versions of a term; the a-priori one has the plain name.
-        model = whole.models.compiled(frozenset())
-        distances = Evidence(evidence, whole.states, hinges=hinges).distances(model)
-    return _MeasuredCase(whole, distances)
+    if evidence is None:
+        return _MeasuredCase(whole, {})
+    return _MeasuredCase(whole, _flown_distances(whole, evidence))
+
+
+def _flown_distances(bench: SwapBench, evidence: xr.DataTree) -> dict[str, float]:
+    """Return the distances of the a-priori model from the evidence along a flight.
+
+    They are empty if the record lacks a variable of a term. The nodes are then compared.
+    """
+    states = reduced_rates(bench.states, bench.models.aircraft[1])
+    hinges = bench.case.drive.level != "recorded"
+    try:
+        flown = Evidence(evidence, states, hinges=hinges)
+    except UnknownName:
+        return {}
+    # The compiled model has both versions of a term; the a-priori one has the plain name.
+    return flown.distances(bench.models.compiled(frozenset()))
 
 
 def node_distances(model: xr.DataTree, evidence: xr.DataTree) -> dict[str, float]:

@@ -34,20 +34,23 @@ def describe_culprits(ranked: pd.DataFrame, corrections: pd.DataFrame) -> list[s
             f"No term is named: no case is off by {LEAST_GAP:g} half widths more when one term of "
             f"the final model is put back as it was a priori."
         ]
-    names = [str(row["term"]) for row in steps[:FIRST]]
+    named = [str(row["term"]) for row in steps]
+    near = list(ranked.loc[ranked["term"].isin(named) & (ranked["distance"] < FAR), "term"])
+    refuted = [name for name in named if name not in near][:FIRST]
+    first = f"Over all cases the a-priori model is most likely wrong in {', '.join(refuted)}."
+    if not refuted:
+        first = "Over all cases the evidence refutes none of the terms that the flights feel."
     sentences = [
-        f"Over all cases the a-priori model is most likely wrong in {', '.join(names)}.",
+        first,
         f"With {len(steps)} corrected, {steps[-1]['matched']} of {end['cases']} cases are within "
         f"tolerance (a priori {start['matched']}, final model {end['matched']}) and the mismatch "
         f"over all cases is {steps[-1]['mismatch']:.2f} half widths (a priori "
         f"{start['mismatch']:.2f}, final model {end['mismatch']:.2f}).",
     ]
-    named = {str(row["term"]) for row in steps}
-    near = ranked[ranked["term"].isin(named) & (ranked["distance"] < FAR)]
-    if len(near):
+    if near:
         sentences.append(
             f"Within {FAR:g} standard errors of the evidence, so not refuted by it: "
-            f"{', '.join(near['term'])}."
+            f"{', '.join(near)}."
         )
     unknown = ranked[ranked["term"].isin(named) & ranked["distance"].isna()]
     if len(unknown):
