@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pandas as pd
 import xarray as xr
 
@@ -216,8 +217,9 @@ def _print_swaps(case: PomCase, ranked: pd.DataFrame) -> None:
     unit = f"{_IDLE:g} of the gap"
     if ranked["explained"].isna().all():
         # Without a gap there are no shares: the change of the mismatch counts.
-        change = (ranked["mismatch"] - ranked.loc[0, "mismatch"]).abs()
-        idle = ranked["stage"].isin(["single", "group"]) & ~(change >= LEAST_GAP)
+        mismatch = ranked["mismatch"].to_numpy(float)
+        is_felt = np.abs(mismatch - mismatch[0]) >= LEAST_GAP
+        idle = ranked["stage"].isin(["single", "group"]) & ~is_felt
         unit = f"{LEAST_GAP:g} half widths"
     pairs = ranked[ranked["stage"] == "pair"]
     strongest = pairs["interaction"].abs().nlargest(_INTERACTING).index
