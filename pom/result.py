@@ -483,6 +483,15 @@ def run_notices(result: PomResult, run: str) -> list[str]:
     return collect_texts(result, run, NOTICES)
 
 
+def spread_notice(result: PomResult, run: str) -> str:
+    """Return `SampledReplay.unexplained` of the draws of a model; empty without draws."""
+    samples, worst = result.samples.get(run), result.worst(run)
+    if samples is None or worst is None:
+        return ""
+    ratios = {row["criterion"]: row["worst_ratio"] for row in result.rows if row["run"] == run}
+    return samples.unexplained(ratios, worst["criterion"])
+
+
 NO_EVIDENCE = (
     "no evidence given: a pass without evidence from flight does not exclude compensating errors"
 )

@@ -69,6 +69,10 @@ def correction_reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
         alone = _explained_by_term(table, "single")
         share = _explained_by_term(table, "share")
         for name in _terms_of_stage(table, "sequence"):
+            # Without a gap between the models there is no share of it.
+            if not np.isfinite(alone[name]):
+                needs.setdefault(name, []).append(case)
+                continue
             text = f"{case} (alone {100.0 * alone[name]:.0f} % of the gap"
             if name in share:
                 text += f", share {100.0 * share[name]:.0f} %"

@@ -80,7 +80,7 @@ class Evidence:
         is_stamped = FLOWN_SAMPLES in database.attrs
         for name, leaf in terms(database).items():
             is_hinge = name.split("/")[0] in HINGE
-            has_evidence = _from_flight(leaf).any() or _is_edited(name, leaf, is_stamped)
+            has_evidence = nodes_from_flight(leaf).any() or _is_edited(name, leaf, is_stamped)
             if has_evidence and (hinges or not is_hinge):
                 leaves[name] = leaf
         # every n-th state, so that at least SAMPLES remain of a longer record
@@ -92,7 +92,7 @@ class Evidence:
         self.estimates: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         edited = []
         for name, leaf in leaves.items():
-            if _from_flight(leaf).any():
+            if nodes_from_flight(leaf).any():
                 self.estimates[name] = self._estimate(leaf)
             value = np.asarray(_terms.evaluate_term(leaf, self.samples, "clamp"))
             is_used = rms(value) >= LEAST.get(name.split("/")[0], LEAST_MOMENT)
@@ -109,7 +109,7 @@ class Evidence:
         value = np.broadcast_to(_terms.evaluate_term(leaf, self.samples, "clamp"), count)
         sigma, weights = standard_errors(B, leaf), abs(B)
         # A sample is from flight if more than half the weight of its nodes is.
-        flight_weight = weights @ _from_flight(leaf).ravel()
+        flight_weight = weights @ nodes_from_flight(leaf).ravel()
         is_flight = flight_weight > 0.5 * np.asarray(weights.sum(axis=1)).ravel()
         return value, np.broadcast_to(sigma, count), np.broadcast_to(is_flight, count)
 
@@ -221,7 +221,7 @@ def flown_model(fmu: str | Path) -> SimModel | None:
         return SimModel(archive.read(BLOCK))
 
 
-def _from_flight(leaf: xr.Dataset) -> np.ndarray:
+def nodes_from_flight(leaf: xr.Dataset) -> np.ndarray:
     """Return the mask of the nodes from flight; false for a term without standard errors."""
     if not {"source", "stderr"} <= set(leaf):
         return np.zeros(leaf["value"].shape, bool)

@@ -52,6 +52,7 @@ from pom.result import (
     departure_remarks,
     lacks_evidence,
     run_notices,
+    spread_notice,
     status_text,
     trim_remarks,
 )
@@ -428,6 +429,10 @@ def _result_lines(result: PomResult, verbose: bool = False) -> list[str]:
             lines += [f"{indent}notice {text}" for text in run_notices(result, run)]
         if run in result.samples:
             lines.append(f"{indent}{sampled_line(result, run)}")
+            unexplained = spread_notice(result, run)
+            # A failed case needs it too: its probability may be that of a pass.
+            if unexplained:
+                lines.append(f"{indent}notice {unexplained}")
         if verbose:
             lines += [f"{indent}{text}" for text in run_notes(result, run)]
     return lines
@@ -484,5 +489,8 @@ def _summary(result: PomResult) -> dict[str, Any]:
         "pilot": pilot_activity(result),
         "drift": drift(result),
         "calibration": calibration(result),
-        "samples": {run: replay.numbers() for run, replay in result.samples.items()},
+        "samples": {
+            run: {**replay.numbers(), "unexplained": spread_notice(result, run)}
+            for run, replay in result.samples.items()
+        },
     }
