@@ -239,7 +239,7 @@ def _is_edited(name: str, leaf: xr.Dataset, is_stamped: bool) -> bool:
     # The stamp was removed.  Hinge moments and ground effect are identified without one.
     coefficient, _, contribution = name.partition("/")
     has_none = coefficient in HINGE or contribution.startswith("ground")
-    if is_stamped and not has_none and _from_flight(leaf).any():
+    if is_stamped and not has_none and nodes_from_flight(leaf).any():
         return True
     # The history shows an edit even if its source is stated as flight.
     lines = str(leaf.attrs.get("history", "")).splitlines()
@@ -258,7 +258,7 @@ def _is_edited(name: str, leaf: xr.Dataset, is_stamped: bool) -> bool:
 def _was_joined(leaf: xr.Dataset) -> bool:
     """Return whether the table of a term is from fits of flights, by its history or its sources."""
     lines = str(leaf.attrs.get("history", "")).splitlines()
-    return any(line.startswith(JOINED) for line in lines) and bool(_from_flight(leaf).any())
+    return any(line.startswith(JOINED) for line in lines) and bool(nodes_from_flight(leaf).any())
 
 
 BANDS = {
