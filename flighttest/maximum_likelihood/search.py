@@ -10,7 +10,7 @@ M = sum S'R^-1 S + P^-1 is its Fisher information. One Levenberg-Marquardt searc
 the usual relaxation between parameters and R [Jategaonkar]_, and J falls in every step.
 
 A small step alone proves nothing: strong damping makes every step small. The search has converged
-when the step *without* damping, M^-1 times the gradient, is below `CLOSE` standard errors of every
+when the step *without* damping, M^-1 times the gradient, is below `PROVEN` standard errors of every
 unknown. When no step lowers J although that step is larger than `ROUNDED`, the search has stalled.
 
 References
@@ -37,10 +37,14 @@ from flighttest.regression.uncertainty.collinearity import describe_combination
 FLOOR = 1e-7  # smallest residual that counts, of the rms of a measured output about its mean
 _LEAST_RMS = 1e-12  # smallest rms of an output for this floor
 STEP = 0.05  # step of a difference, in standard errors
+# Where no step lowers the cost, friction or another kink may spoil the slopes: wider differences,
+# by this factor each time, average over it.
+_WIDER, _WIDENINGS = 4.0, 2
 SMALL, LARGE = 1e-6, 1e-2  # its limits, in sizes of the parameter
 _FIRST_STEP = 1e-4  # step of the first differences, in sizes of the parameter
 _LEAST_SIZE = 1e-2  # smallest size of a parameter without prior and bounds
 CLOSE = 1e-2  # a step of so many standard errors is the last one
+PROVEN = 0.05  # largest step without damping at a maximum, in standard errors
 ROUNDED = 0.1  # where rounding hides a fall of J, the step that remains, in standard errors
 RANK = 1e-12  # smallest eigenvalue of the information scaled to unit diagonal
 _LEAST_EIGENVALUE = 1e-14  # of the scaled information that is inverted
@@ -307,8 +311,9 @@ class _Search:
         self.damping, self.count = _DAMPING, 0
         self.stop = "" if iterations else EXHAUSTED
         self.last_was_first = True  # the last accepted step was the first trial
-        # Of the last step: it was small; no step lowered J, now and in the step before.
-        self.is_near = self.is_stuck = self.was_stuck = False
+        self.is_near = False  # the last step was small
+        self.stuck = 0  # steps in a row that could not lower J
+        self.step = STEP
         self.remaining = np.nan  # step without damping, in standard errors
 
     def simulate_start(self) -> None:
@@ -329,7 +334,7 @@ class _Search:
         self.M, self.g = self.likelihood.normal(self.theta, self.residuals, self.slopes)
         _demand_effect(self.M, self.layout.names)
         # The steps of the differences are a part of the standard errors, within limits.
-        in_stderr = STEP / np.sqrt(np.diag(self.M))
+        in_stderr = self.step / np.sqrt(np.diag(self.M))
         self.steps = np.clip(in_stderr, SMALL * self.size, LARGE * self.size)
         self.active = _active_bounds(self.theta, self.g, self.layout)
 
@@ -339,7 +344,7 @@ class _Search:
         One-sided differences over part of a standard error suffice until a step is small.
         """
         self.count += 1
-        self.was_stuck, self.is_stuck, self.is_near = self.is_stuck, False, False
+        self.is_near = False
         likelihood, free = self.likelihood, ~self.active
         stderr = np.where(free, np.sqrt(np.diag(invert_information(self.M, free))), np.inf)
         for trial in _damped_trials(
@@ -352,14 +357,14 @@ class _Search:
             residuals = likelihood.residuals(trial.theta)
             cost = likelihood.cost(trial.theta, residuals)
             if cost <= self.cost:
-                self.is_near = is_near and self.cost - cost < CLOSE
+                self.is_near, self.stuck = is_near and self.cost - cost < CLOSE, 0
                 self.last_was_first = trial.is_first
                 self.theta, self.residuals, self.cost = trial.theta, residuals, cost
                 self.damping = max(_LOWER * trial.damping, _LEAST_DAMPING)
                 break
         else:
-            self.is_stuck = True
-        central = self.is_near or self.is_stuck or self.count == self.iterations
+            self.stuck += 1
+        central = self.is_near or bool(self.stuck) or self.count == self.iterations
         self.slopes = likelihood.slopes(self.theta, self.steps, central=central)
 
     def judge(self) -> None:
@@ -368,13 +373,16 @@ class _Search:
         The normal equations are those of central differences if the last step was small or none
         was possible.
         """
-        if self.is_near or self.is_stuck:
+        if self.is_near or self.stuck:
             self.remaining = self._undamped_step()
-            is_rounded = self.is_stuck and self.remaining < ROUNDED
-            if self.remaining < CLOSE or is_rounded:
+            is_rounded = self.stuck > 0 and self.remaining < ROUNDED
+            if self.remaining < PROVEN or is_rounded:
                 self.stop = CONVERGED
-            elif self.is_stuck and self.was_stuck:
+            elif self.stuck > _WIDENINGS:
                 self.stop = STALLED
+            elif self.stuck:
+                self.step *= _WIDER
+                self.steps = np.minimum(_WIDER * self.steps, LARGE * self.size)
             # A small step may be one of strong damping: try the full step again.
             self.damping = min(self.damping, _DAMPING)
         if not self.stop and self.count == self.iterations:
