@@ -14,6 +14,8 @@ import xarray as xr
 from flightmech.support.atomic_write import written_atomically
 from flighttest.maximum_likelihood.residual_covariance import ResidualNoise, innovation_coupling
 from flighttest.maximum_likelihood.search import (
+    CONVERGED,
+    ROUNDED,
     STALLED,
     LikelihoodMaximum,
     invert_information,
@@ -142,6 +144,12 @@ def estimates_dataset(
     factor = np.sqrt(np.maximum(1.0, np.diag(white) / coloured))
     covariance = covariance * np.outer(factor, factor)
     stderr = np.where(free, np.sqrt(np.diag(covariance)), np.nan)
+    # The search knows the errors of white noise only. Those of coloured residuals are larger, and
+    # against them what a stalled search has left undone may be nothing.
+    shares = np.abs(maximum.remaining) / np.where(stderr > 0.0, stderr, np.inf)
+    remaining, stop = float(np.max(shares, initial=0.0)), maximum.stop
+    if stop == STALLED and remaining < ROUNDED:
+        stop = CONVERGED
     # A parameter without standard error has the correlation zero, and one with itself.
     size = np.where(np.isfinite(stderr) & (stderr > 0.0), stderr, np.inf)
     correlation = covariance / np.outer(size, size) + np.diag(np.where(np.isfinite(size), 0.0, 1.0))
@@ -163,9 +171,9 @@ def estimates_dataset(
         **about,
         "cost": maximum.cost,
         "iterations": maximum.iterations,
-        "converged": int(maximum.converged),
-        "stop": maximum.stop,
-        "remaining_step": maximum.remaining,
+        "converged": int(stop == CONVERGED),
+        "stop": stop,
+        "remaining_step": remaining,
         "samples": sum(len(v) for v in maximum.residuals),
         "manoeuvres": len(maximum.residuals),
     }
@@ -230,14 +238,17 @@ def _list_remarks(fit: OutputError) -> list[Remark]:
     names = [str(name) for name in e["parameter"].values]
     remarks = [Remark("disturbance", text) for text in fit.warnings]
     if not e.attrs["converged"]:
-        text = f"not converged after {e.attrs['iterations']} iterations"
+        text, severity = f"not converged after {e.attrs['iterations']} iterations", "error"
         if e.attrs.get("stop") == STALLED:
+            share = e.attrs["remaining_step"]
             text = (
                 f"stalled after {e.attrs['iterations']} iterations: no step lowers the cost, "
-                f"although its slope calls for a step of {e.attrs['remaining_step']:.2g} standard "
-                f"errors; start from other values"
+                f"although its slope calls for a step of {share:.2g} standard errors; start from "
+                f"other values"
             )
-        remarks.append(Remark("convergence", text, severity="error"))
+            # Below one standard error a kink of the model does less than the noise.
+            severity = "warning" if share < 1.0 else "error"
+        remarks.append(Remark("convergence", text, severity=severity))
     for name, is_active, value in zip(names, e["active"].values, e["estimate"].values):
         if is_active:
             text = (

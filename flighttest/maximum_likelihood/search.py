@@ -45,7 +45,10 @@ _FIRST_STEP = 1e-4  # step of the first differences, in sizes of the parameter
 _LEAST_SIZE = 1e-2  # smallest size of a parameter without prior and bounds
 CLOSE = 1e-2  # a step of so many standard errors is the last one
 PROVEN = 0.05  # largest step without damping at a maximum, in standard errors
-ROUNDED = 0.1  # where rounding hides a fall of J, the step that remains, in standard errors
+# Where rounding or a kink of the model ends the fall of J, the largest step that may remain, in
+# standard errors: an error of this size adds 4 % to the standard error.
+ROUNDED = 0.3
+_NOTHING = 1e-3  # fall of J by a small step that counts as none
 RANK = 1e-12  # smallest eigenvalue of the information scaled to unit diagonal
 _LEAST_EIGENVALUE = 1e-14  # of the scaled information that is inverted
 # damping of Levenberg and Marquardt: first value, factors of a change, and limits
@@ -99,8 +102,9 @@ class LikelihoodMaximum:
     iterations : int
     stop : str
         Why the search ended: `CONVERGED`, `STALLED` or `EXHAUSTED`.
-    remaining : float
-        Largest element of the step without damping at the end, in standard errors.
+    remaining : array (unknown,)
+        Step without damping at the end; zero for the unknowns at a bound, and without equations of
+        central differences.
     """
 
     theta: np.ndarray
@@ -112,7 +116,7 @@ class LikelihoodMaximum:
     cost: float
     iterations: int
     stop: str
-    remaining: float = np.nan
+    remaining: np.ndarray
 
     @property
     def converged(self) -> bool:
@@ -312,9 +316,9 @@ class _Search:
         self.stop = "" if iterations else EXHAUSTED
         self.last_was_first = True  # the last accepted step was the first trial
         self.is_near = False  # the last step was small
-        self.stuck = 0  # steps in a row that could not lower J
+        self.stuck = 0  # steps in a row that did not lower J
         self.step = STEP
-        self.remaining = np.nan  # step without damping, in standard errors
+        self.remaining = np.zeros(len(start))
 
     def simulate_start(self) -> None:
         """Simulate the start values and their slopes."""
@@ -357,7 +361,9 @@ class _Search:
             residuals = likelihood.residuals(trial.theta)
             cost = likelihood.cost(trial.theta, residuals)
             if cost <= self.cost:
-                self.is_near, self.stuck = is_near and self.cost - cost < CLOSE, 0
+                fall = self.cost - cost
+                self.is_near = is_near and fall < CLOSE
+                self.stuck = self.stuck + 1 if is_near and fall < _NOTHING else 0
                 self.last_was_first = trial.is_first
                 self.theta, self.residuals, self.cost = trial.theta, residuals, cost
                 self.damping = max(_LOWER * trial.damping, _LEAST_DAMPING)
@@ -374,9 +380,8 @@ class _Search:
         was possible.
         """
         if self.is_near or self.stuck:
-            self.remaining = self._undamped_step()
-            is_rounded = self.stuck > 0 and self.remaining < ROUNDED
-            if self.remaining < PROVEN or is_rounded:
+            self.remaining, share = self._undamped_step()
+            if share < PROVEN or (self.stuck and share < ROUNDED):
                 self.stop = CONVERGED
             elif self.stuck > _WIDENINGS:
                 self.stop = STALLED
@@ -388,15 +393,15 @@ class _Search:
         if not self.stop and self.count == self.iterations:
             self.stop = EXHAUSTED
 
-    def _undamped_step(self) -> float:
-        """Return the largest element of the step without damping, in standard errors."""
+    def _undamped_step(self) -> tuple[np.ndarray, float]:
+        """Return the step without damping, and its largest element in standard errors."""
         free = ~self.active
         covariance = invert_information(self.M, free)
         step = np.where(free, covariance @ np.where(free, self.g, 0.0), 0.0)
         # A bound that the step would pass is as far as it can go.
         step = np.clip(self.theta + step, self.layout.low, self.layout.high) - self.theta
         stderr = np.where(free, np.sqrt(np.diag(covariance)), np.inf)
-        return float(np.max(np.abs(step) / stderr, initial=0.0))
+        return step, float(np.max(np.abs(step) / stderr, initial=0.0))
 
     def result(self) -> LikelihoodMaximum:
         """Return the maximum, after a check that the records determine all free unknowns."""
