@@ -155,14 +155,14 @@ def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ..
     try:
         model = flown_model(fmu)
         if model is None:
-            return _not_compared("the FMU holds no tables of this program")
+            return _no_evidence("the FMU holds no tables of this program")
         return (
             *distance_remarks(evidence.distances(model)),
             *_edited_remarks(evidence.edited),
             *_unstamped_remarks(evidence.unstamped),
         )
     except AeromatchError as error:
-        return _not_compared(str(error))
+        return _no_evidence(str(error))
 
 
 def _edited_remarks(edited: tuple[str, ...]) -> tuple[RowRemark, ...]:
@@ -185,6 +185,15 @@ def _unstamped_remarks(unstamped: bool) -> tuple[RowRemark, ...]:
         "not found; identify it again"
     )
     return (RowRemark("edited_evidence", text),)
+
+
+def _no_evidence(reason: str) -> tuple[RowRemark, ...]:
+    """Return the notice on a model that has no terms to compare."""
+    text = (
+        f"not compared with the flight evidence: {reason}; a pass does not exclude compensating "
+        f"errors"
+    )
+    return (RowRemark("no_evidence", text),)
 
 
 def _not_compared(reason: str) -> tuple[RowRemark, ...]:

@@ -35,6 +35,7 @@ _LEAST = {"rad": 0.1, "rad s-1": 0.1, "m": 1.0, "m s-1": 1.0, "kg m2": 1.0}
 # a held nose-wheel command lets pedals or tiller steer, as their calibration requires
 _WATCHED = {*INITIAL, *MASS, *WIND, *INPUTS, *TRAVEL, *FORCES} - {"lat", "lon", "delta_nw"}
 _HELD = {*INPUTS, *TRAVEL, *FORCES}
+MODAL = ("period", "t_half", "damping_ratio")  # measures of an oscillation
 LEAST_TEMPERATURE = 1.0  # [K] our number: twice the usual error of a recorded temperature
 SLACK = 0.5  # [s] a case may stop that much before the end of the record
 _ROUNDING = 1e-9  # relative: conversions of units round
@@ -54,6 +55,8 @@ def case_departures(case: PomCase) -> tuple[RowRemark, ...]:
         is_own = criterion.provenance == "case file" and criterion.applies
         if row is not None and is_own:
             remarks += _row_departures(case, criterion, row)
+        if row is not None and criterion.measure in MODAL and criterion.applies:
+            remarks += _mode_departure(criterion, row)
         if criterion.parameter in case.absent:
             text = (
                 f"{criterion.name} is left out by case.absent; a fact of the aircraft belongs in "
@@ -61,6 +64,16 @@ def case_departures(case: PomCase) -> tuple[RowRemark, ...]:
             )
             remarks.append(_departure(text, criterion.name))
     return (*remarks, *_driven_departures(case))
+
+
+def _mode_departure(criterion: Criterion, row: Criterion) -> Iterator[RowRemark]:
+    """Yield the departure of a mode that is measured on another channel than usual."""
+    if row.channel and criterion.channel and criterion.channel != row.channel:
+        text = (
+            f"{criterion.name} is measured on {criterion.channel} by case.mode_channel, usual is "
+            f"{row.channel}"
+        )
+        yield _departure(text, criterion.name)
 
 
 def _driven_departures(case: PomCase) -> Iterator[RowRemark]:

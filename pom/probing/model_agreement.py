@@ -1,80 +1,23 @@
-"""Whether the answer of an FMU is that of its own tables, and its aircraft that of the case.
-
-An FMU of this program holds its tables next to its program.  Evidence, lift and shared windows are
-judged from these tables.  Another program in the same file would be judged by tables that it does
-not use, so the tables are flown by the kernel and both answers are compared.
-"""
+"""Whether the aircraft of a model is that of the case: reference lengths and moments of inertia."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-
-import numpy as np
 
 import flightmech
 from flightmech.errors import AeromatchError
-from flightmech.names import lookup
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import PARAMETER
-from flightmech.support.arrays import rms
-from flightmech.units import from_si
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob
-from pom.probing.input_probe import SIZES
-from pom.replaying.kernel_replay import fly_once
-from pom.tolerances.bands import RowRemark, unwrapped_difference
+from pom.tolerances.bands import RowRemark
 
-OWN_TABLES = 0.2
-"""Largest rms difference of the answers of FMU and tables, in units of `SIZES`."""
 INERTIA = 0.05
 """Relative difference of two moments of inertia from which on it is named."""
 GEOMETRY = 1e-3
 """Relative difference of two reference lengths or areas that is rounding."""
 _INERTIA = ("Ixx", "Iyy", "Izz")
 _GEOMETRY = ("S", "cbar", "b")
-
-Traces = Mapping[str, np.ndarray]
-
-
-def compare_tables(model: SimModel, job: ReplayJob, outputs: Traces) -> tuple[RowRemark, ...]:
-    """Return the remark on an FMU and its tables, of kind ``not_driven`` or ``probe``.
-
-    Parameters
-    ----------
-    model : SimModel
-        Inside the FMU.
-    job : ReplayJob
-    outputs : mapping of str to array (time,)
-        Of the FMU in this job. [SI]
-    """
-    if job.law is not None:
-        text = "answer not compared with the tables of the FMU: a control law drives the model"
-        return (RowRemark("probe", text),)
-    own, failure = fly_once(model, job, [name for name in SIZES if name in outputs])
-    if failure:
-        text = f"answer not compared with the tables of the FMU: their flight failed: {failure}"
-        return (RowRemark("departure", f"departure: {text}"),)
-    sizes = {}
-    for name, values in own.items():
-        difference = unwrapped_difference(name, values, outputs[name])
-        if np.isfinite(difference).all():
-            sizes[name] = rms(difference) / SIZES[name]
-    if not sizes:
-        return ()
-    worst = max(sizes, key=lambda name: sizes[name])
-    unit = lookup(worst).display_units
-    off = float(from_si(sizes[worst] * SIZES[worst], unit))
-    text = (
-        f"the answer differs from that of the tables in the FMU by {off:.2g} {unit} rms ({worst})"
-    )
-    if sizes[worst] < OWN_TABLES:
-        return (RowRemark("probe", text, values=sizes, unit="1"),)
-    reason = (
-        f"not driven by its tables: {text}; the program in the FMU is not the one that was written "
-        f"with them, and evidence, lift and shared windows are those of the tables"
-    )
-    return (RowRemark("not_driven", reason, values=sizes, unit="1"),)
 
 
 def compare_aircraft(case: PomCase, model: SimModel, job: ReplayJob) -> tuple[RowRemark, ...]:

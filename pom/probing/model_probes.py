@@ -17,7 +17,7 @@ from pom.fmu.simulate import fly_job
 from pom.judging.beyond_the_bands import flown_model
 from pom.probing.flight_consistency import compare_inputs, compare_lift
 from pom.probing.input_probe import SIZES, changed_job, judge_change
-from pom.probing.model_agreement import compare_aircraft, compare_tables
+from pom.probing.model_agreement import compare_aircraft
 from pom.probing.scatter_probe import measure_scatter
 from pom.result import PASSED, PomResult, make_verdict_table
 from pom.tolerances.bands import RowRemark
@@ -50,7 +50,7 @@ def with_probes(
     for run, model in models.items():
         if result.status(run) not in PASSED or result.case.reference == "footprint":
             continue
-        tables = _tables_of(model)
+        tables = tables_of(model)
         judged = {criterion.channel for criterion in result.case.criteria if criterion.applies}
         # true and calibrated airspeed respond alike
         judged |= {"V"} if "V_cas" in judged else set()
@@ -73,7 +73,6 @@ def with_probes(
         if result.case.reference == "flight":
             remarks += measure_scatter(result.signals, run)
         if tables is not None:
-            remarks += compare_tables(tables, jobs[run], outputs[run])
             remarks += compare_aircraft(result.case, tables, jobs[run])
             if result.case.reference == "flight":
                 remarks += compare_lift(tables, states)
@@ -90,7 +89,7 @@ def flight_traces(states: xr.Dataset) -> dict[str, np.ndarray]:
     return traces
 
 
-def _tables_of(model: FmuModel) -> SimModel | None:
+def tables_of(model: FmuModel) -> SimModel | None:
     """Return the tables inside the FMU of a model; None for an FMU of another program."""
     try:
         return flown_model(model.fmu.path)

@@ -205,3 +205,12 @@ def test_a_temperature_against_the_record_is_a_departure(write_case):
     (text,) = overrides(path, h=1500.0, temperature=283.4)
     assert "delta_T is 30 K by the conditions of the case, the record has 5 K" in text
     assert overrides(path, h=1500.0, temperature=308.2) == []
+
+
+def test_a_mode_of_another_channel_is_a_departure(write_case):
+    more = "[events]\ninput_end = 2.0"
+    assert departures(write_case(id="2.d.7", more=more)) == []
+    texts = departures(write_case(id="2.d.7", case='mode_channel = "p"', more=more))
+    assert len(texts) == 3
+    for text in texts:
+        assert "is measured on p by case.mode_channel, usual is r" in text

@@ -10,6 +10,7 @@ from aerodb.store.identified_terms import stamp_identified
 from flightmech import terms
 from flightmech.support.flown_samples import FLOWN_SAMPLES
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks
+from pom.result import NOTICES
 
 SHARE = 0.05  # standard error of every term of the evidence, of its value
 COUNT = 500
@@ -138,9 +139,12 @@ def test_remarks_name_the_terms_beyond_three_standard_errors(compared, trainer, 
 
 def test_a_foreign_fmu_is_not_compared_with_the_reason_stated(compared, toy):
     (remark,) = evidence_remarks(compared, toy())
+    # a notice on the terminal and on every page
+    assert remark.kind in NOTICES
     assert (
         remark.text
-        == "not compared with the flight evidence: the FMU holds no tables of this program"
+        == "not compared with the flight evidence: the FMU holds no tables of this program; a pass "
+        "does not exclude compensating errors"
     )
 
 

@@ -8,8 +8,9 @@ import pytest
 
 import flightmech
 from pom.cases.job import LawInputs, ReplayJob
-from pom.probing.model_agreement import compare_aircraft, compare_tables
+from pom.probing.model_agreement import compare_aircraft
 from pom.replaying.kernel_replay import fly_once
+from pom.replaying.table_agreement import compare_tables
 
 TIME = np.arange(0.0, 4.0, 0.02)
 
