@@ -246,7 +246,7 @@ def _compare_with_evidence(
         comparison = Evidence(evidence, plan.states, hinges=plan.case.drive.level != "recorded")
     except AeromatchError as error:
         text = f"not compared with the flight evidence: {error}"
-        return dict.fromkeys(models, (RowRemark("evidence", text),))
+        return dict.fromkeys(models, (RowRemark("no_evidence", text),))
     return {name: evidence_remarks(comparison, model.fmu.path) for name, model in models.items()}
 
 
