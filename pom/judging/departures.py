@@ -305,7 +305,7 @@ def _stated_masses(case: PomCase) -> dict[str, float]:
 
 def _in_display_units(name: str, value: float) -> str:
     unit = lookup(name).display_units
-    return f"{float(from_si(value, unit)):.5g} {unit}"
+    return f"{float(from_si(value, unit)):.5g} {unit}".removesuffix(" 1")
 
 
 def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
