@@ -57,6 +57,7 @@ def compare_tables(model: SimModel, job: ReplayJob, outputs: Traces) -> tuple[Ro
     worst = max(sizes, key=lambda name: sizes[name])
     unit = lookup(worst).display_units
     off = float(from_si(sizes[worst] * SIZES[worst], unit))
+    size = f"{off:.2g} {unit}".removesuffix(" 1")
     text = f"the answer differs from that of the tables in the FMU by {size} rms ({worst})"
     if sizes[worst] < OWN_TABLES:
         return (RowRemark("probe", text, values=sizes, unit="1"),)
