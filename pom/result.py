@@ -77,6 +77,7 @@ NOTICES = (
     "watch",
     "far_from_evidence",
     "edited_evidence",
+    "no_evidence",
 )
 """Kinds of remarks that index, page and terminal show next to the verdict.
 
@@ -87,7 +88,7 @@ through the runway.  ``additional`` is a case in another configuration that stat
 ``record`` an error and ``record_warning`` a warning of the flight record, ``leak`` samples of the
 record that identified the model, ``not_driven`` an answer that the inputs do not drive
 (`pom.probing`), ``watch`` a watched channel beyond its limit, ``far_from_evidence`` terms far from
-their flight estimate.
+their flight estimate, ``no_evidence`` a model without terms to compare with it.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
 STATUSES = (
@@ -504,7 +505,7 @@ def lacks_evidence(result: PomResult) -> bool:
         if result.status(run) not in PASSED:
             continue
         kinds = {item.kind for row in result.rows if row["run"] == run for item in row["remarks"]}
-        if "evidence" not in kinds:
+        if not kinds & {"evidence", "no_evidence"}:
             return True
     return False
 

@@ -85,7 +85,8 @@ class Evidence:
                 leaves[name] = leaf
         # every n-th state, so that at least SAMPLES remain of a longer record
         step = max(1, states.sizes["time"] // SAMPLES)
-        thinned, _ = fill_missing_devices(states.isel(time=slice(None, None, step)), database)
+        thinned = _with_thrust_coefficient(states.isel(time=slice(None, None, step)), database)
+        thinned, _ = fill_missing_devices(thinned, database)
         self.samples: dict[str, np.ndarray] = {}
         if leaves:
             self.samples, *_ = select_covered_samples(thinned, leaves.values())
@@ -146,6 +147,16 @@ class Evidence:
         return {name: parts[:, k] for k, name in enumerate(model.terms)}
 
 
+def _with_thrust_coefficient(states: xr.Dataset, database: xr.DataTree) -> xr.Dataset:
+    """Return states with CT, from the thrust of the record, for terms of the slipstream."""
+    engines = [name for name in map(str, states.data_vars) if name.endswith(".thrust")]
+    if "CT" in states or not engines or "qbar" not in states or "S" not in database.attrs:
+        return states
+    # CT = net thrust of all engines / (qbar S)
+    thrust = sum(states[name] for name in engines)
+    return states.assign(CT=thrust / (states["qbar"] * float(database.attrs["S"])))
+
+
 def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ...]:
     """Return the remarks on an FMU: its distance from the evidence, and its far terms by name.
 
@@ -155,14 +166,14 @@ def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ..
     try:
         model = flown_model(fmu)
         if model is None:
-            return _not_compared("the FMU holds no tables of this program")
+            return _no_evidence("the FMU holds no tables of this program")
         return (
             *distance_remarks(evidence.distances(model)),
             *_edited_remarks(evidence.edited),
             *_unstamped_remarks(evidence.unstamped),
         )
     except AeromatchError as error:
-        return _not_compared(str(error))
+        return _no_evidence(str(error))
 
 
 def _edited_remarks(edited: tuple[str, ...]) -> tuple[RowRemark, ...]:
@@ -185,6 +196,15 @@ def _unstamped_remarks(unstamped: bool) -> tuple[RowRemark, ...]:
         "not found; identify it again"
     )
     return (RowRemark("edited_evidence", text),)
+
+
+def _no_evidence(reason: str) -> tuple[RowRemark, ...]:
+    """Return the notice on a model that has no terms to compare."""
+    text = (
+        f"not compared with the flight evidence: {reason}; a pass does not exclude compensating "
+        f"errors"
+    )
+    return (RowRemark("no_evidence", text),)
 
 
 def _not_compared(reason: str) -> tuple[RowRemark, ...]:

@@ -12,6 +12,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import xarray as xr
 
+from flightmech import read_aircraft
+from flightmech.air import atmosphere
 from flightmech.errors import AeromatchError, UnknownName
 from flightmech.names import lookup
 from flightmech.units import from_si
@@ -33,6 +35,8 @@ _LEAST = {"rad": 0.1, "rad s-1": 0.1, "m": 1.0, "m s-1": 1.0, "kg m2": 1.0}
 # a held nose-wheel command lets pedals or tiller steer, as their calibration requires
 _WATCHED = {*INITIAL, *MASS, *WIND, *INPUTS, *TRAVEL, *FORCES} - {"lat", "lon", "delta_nw"}
 _HELD = {*INPUTS, *TRAVEL, *FORCES}
+MODAL = ("period", "t_half", "damping_ratio")  # measures of an oscillation
+LEAST_TEMPERATURE = 1.0  # [K] our number: twice the usual error of a recorded temperature
 SLACK = 0.5  # [s] a case may stop that much before the end of the record
 _ROUNDING = 1e-9  # relative: conversions of units round
 _SAME_TIME = 1e-9  # [s]
@@ -51,6 +55,8 @@ def case_departures(case: PomCase) -> tuple[RowRemark, ...]:
         is_own = criterion.provenance == "case file" and criterion.applies
         if row is not None and is_own:
             remarks += _row_departures(case, criterion, row)
+        if row is not None and criterion.measure in MODAL and criterion.applies:
+            remarks += _mode_departure(criterion, row)
         if criterion.parameter in case.absent:
             text = (
                 f"{criterion.name} is left out by case.absent; a fact of the aircraft belongs in "
@@ -58,6 +64,16 @@ def case_departures(case: PomCase) -> tuple[RowRemark, ...]:
             )
             remarks.append(_departure(text, criterion.name))
     return (*remarks, *_driven_departures(case))
+
+
+def _mode_departure(criterion: Criterion, row: Criterion) -> Iterator[RowRemark]:
+    """Yield the departure of a mode that is measured on another channel than usual."""
+    if row.channel and criterion.channel and criterion.channel != row.channel:
+        text = (
+            f"{criterion.name} is measured on {criterion.channel} by case.mode_channel, usual is "
+            f"{row.channel}"
+        )
+        yield _departure(text, criterion.name)
 
 
 def _driven_departures(case: PomCase) -> Iterator[RowRemark]:
@@ -217,7 +233,12 @@ def record_departures(case: PomCase, states: xr.Dataset) -> tuple[RowRemark, ...
         Of `flight_states`, with the attribute `RECORD_SPAN`.
     """
     shortened = _shortened_departure(case, states.attrs.get(RECORD_SPAN))
-    return (*shortened, *_overrides(case, states), *_left_out_wind(case, states))
+    return (
+        *shortened,
+        *_overrides(case, states),
+        *_unrecorded(case, states),
+        *_left_out_wind(case, states),
+    )
 
 
 def _left_out_wind(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
@@ -232,6 +253,59 @@ def _left_out_wind(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
             f"{float(from_si(speed, 'kt')):.3g} kt"
         )
         yield _departure(text, "wind")
+
+
+def _unrecorded(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
+    """Yield conditions that no record shows: mass properties, held inputs and temperature.
+
+    Mass properties are compared with the aircraft file.  An input at zero is at rest.
+    """
+    given = {name: value for name, value in case.conditions.items() if name not in states}
+    stated = _stated_masses(case) if any(name in MASS for name in given) else {}
+    for name, value in given.items():
+        if name in stated and abs(value - stated[name]) > SAME * max(abs(stated[name]), 1.0):
+            shown = [_in_display_units(name, item) for item in (value, stated[name])]
+            text = (
+                f"{name} ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, "
+                f"the aircraft file has {shown[1]}"
+            )
+            yield _departure(text, name)
+        elif name in _HELD & _WATCHED and value != 0.0:
+            text = (
+                f"{name} ({lookup(name).long_name}) is held at {_in_display_units(name, value)} by "
+                f"the conditions of the case; the record does not show it"
+            )
+            yield _departure(text, name)
+    if "delta_T" not in given or not {"h", "temperature"} <= set(states):
+        return
+    h, T = (float(np.atleast_1d(states[name].values)[0]) for name in ("h", "temperature"))
+    recorded = T - float(atmosphere(h).temperature)
+    if abs(given["delta_T"] - recorded) > LEAST_TEMPERATURE:
+        text = (
+            f"delta_T is {given['delta_T']:.3g} K by the conditions of the case, the record has "
+            f"{recorded:.3g} K"
+        )
+        yield _departure(text, "delta_T")
+
+
+def _stated_masses(case: PomCase) -> dict[str, float]:
+    """Return the mass properties of the aircraft file by canonical name; empty without a file."""
+    try:
+        aircraft = read_aircraft(case.aircraft)
+    except (AeromatchError, OSError):
+        # the reader of the aircraft reports a missing or damaged file
+        return {}
+    x, y, z = aircraft.cg
+    masses = {"x_cg_b": x, "y_cg_b": y, "z_cg_b": z}
+    for name in MASS:
+        if name not in masses:
+            masses[name] = float(getattr(aircraft, name))
+    return masses
+
+
+def _in_display_units(name: str, value: float) -> str:
+    unit = lookup(name).display_units
+    return f"{float(from_si(value, unit)):.5g} {unit}".removesuffix(" 1")
 
 
 def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchError
+from flightmech.simulation.compiler import SimModel
 from pom.cases.job import ReplayJob
 from pom.fmu.models import FmuModel
 from pom.fmu.run_cache import KeptFlights
@@ -16,6 +17,7 @@ from pom.fmu.simulate import fly_job
 from pom.judging.beyond_the_bands import flown_model
 from pom.probing.flight_consistency import compare_inputs, compare_lift
 from pom.probing.input_probe import SIZES, changed_job, judge_change
+from pom.probing.model_agreement import compare_aircraft
 from pom.probing.scatter_probe import measure_scatter
 from pom.result import PASSED, PomResult, make_verdict_table
 from pom.tolerances.bands import RowRemark
@@ -48,6 +50,7 @@ def with_probes(
     for run, model in models.items():
         if result.status(run) not in PASSED or result.case.reference == "footprint":
             continue
+        tables = tables_of(model)
         judged = {criterion.channel for criterion in result.case.criteria if criterion.applies}
         # true and calibrated airspeed respond alike
         judged |= {"V"} if "V_cas" in judged else set()
@@ -68,7 +71,11 @@ def with_probes(
                     time, outputs[run], after, flight_traces(states), surfaces=surfaces
                 )
         if result.case.reference == "flight":
-            remarks += (*measure_scatter(result.signals, run), *_lift_remarks(model, states))
+            remarks += measure_scatter(result.signals, run)
+        if tables is not None:
+            remarks += compare_aircraft(result.case, tables, jobs[run])
+            if result.case.reference == "flight":
+                remarks += compare_lift(tables, states)
         found[run] = remarks
     return with_run_remarks(result, found)
 
@@ -82,15 +89,12 @@ def flight_traces(states: xr.Dataset) -> dict[str, np.ndarray]:
     return traces
 
 
-def _lift_remarks(model: FmuModel, states: xr.Dataset) -> tuple[RowRemark, ...]:
-    """Return the remark on the lift of a model; empty for an FMU of another program."""
+def tables_of(model: FmuModel) -> SimModel | None:
+    """Return the tables inside the FMU of a model; None for an FMU of another program."""
     try:
-        tables = flown_model(model.fmu.path)
+        return flown_model(model.fmu.path)
     except AeromatchError:
-        return ()
-    if tables is None:
-        return ()
-    return compare_lift(tables, states)
+        return None
 
 
 def _failure_remarks(failure: str, *, closed: bool) -> tuple[RowRemark, ...]:

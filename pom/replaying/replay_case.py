@@ -22,7 +22,7 @@ from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
 from pom.probing.input_probe import SIZES
-from pom.probing.model_probes import with_probes
+from pom.probing.model_probes import tables_of, with_probes, with_run_remarks
 from pom.probing.record_leak import find_leaks
 from pom.replaying.replay_channels import (
     judged_channels,
@@ -32,8 +32,9 @@ from pom.replaying.replay_channels import (
 )
 from pom.replaying.result_assembly import assemble_result
 from pom.replaying.run_remarks import below_runway, table_ranges, tables_left
+from pom.replaying.table_agreement import compare_tables
 from pom.replaying.trim import OBSERVED, solve_trim_surfaces
-from pom.result import PomResult
+from pom.result import PASSED, PomResult
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import output_of
 
@@ -195,7 +196,7 @@ def perform_plan(
         attrs=_describe_models(models),
         more=remarks,
     )
-    return with_probes(
+    result = with_probes(
         result,
         models,
         jobs,
@@ -204,6 +205,12 @@ def perform_plan(
         timeout=timeout,
         store=store,
     )
+    own: dict[str, tuple[RowRemark, ...]] = {}
+    for name, model in models.items():
+        tables = tables_of(model) if result.status(name) in PASSED else None
+        if tables is not None:
+            own[name] = compare_tables(tables, jobs[name], outputs_by_run[name])
+    return with_run_remarks(result, own)
 
 
 def _describe_models(models: Mapping[str, FmuModel]) -> dict[str, str]:
@@ -239,7 +246,7 @@ def _compare_with_evidence(
         comparison = Evidence(evidence, plan.states, hinges=plan.case.drive.level != "recorded")
     except AeromatchError as error:
         text = f"not compared with the flight evidence: {error}"
-        return dict.fromkeys(models, (RowRemark("evidence", text),))
+        return dict.fromkeys(models, (RowRemark("no_evidence", text),))
     return {name: evidence_remarks(comparison, model.fmu.path) for name, model in models.items()}
 
 

@@ -37,7 +37,8 @@ class RowRemark:
         (a trim surface that the trim solved for), ``tables_left``, ``below_runway``, ``waived``
         (inputs that the model does not have), ``record`` (an error of the flight record), ``watch`` (a channel
         without a tolerance beyond its band), ``evidence`` (distance of the model from the flight
-        estimates), ``far_from_evidence`` (terms beyond three standard errors),
+        estimates), ``no_evidence`` (a model without terms to compare), ``far_from_evidence``
+        (terms beyond three standard errors),
         ``edited_evidence`` (terms of the evidence that are edited), ``departure`` (from the printed
         row or from normal practice), ``not_checked`` (a condition of the row), ``additional`` (the
         case is not the test of its row), ``record_warning`` (on the flight record), ``probe``

@@ -5,6 +5,7 @@ import math
 import pytest
 import xarray as xr
 
+import flightmech
 from flightmech.errors import SchemaError
 from pom.cases.case import PomCase, read_case
 from pom.cases.reference_states import RECORD_SPAN
@@ -172,3 +173,44 @@ def test_a_row_left_out_by_the_case_is_a_departure(write_case):
         "departure: epr",
         "departure: torque",
     ]
+
+
+def test_an_inertia_against_the_aircraft_file_is_a_departure(write_case, trainer, tmp_path):
+    flightmech.write_aircraft(trainer.AIRCRAFT, tmp_path / "aircraft.toml")
+
+    def found(more):
+        path = write_case(case='aircraft = "aircraft.toml"', more=f"[conditions]\n{more}")
+        return overrides(path)
+
+    (text,) = found("Iyy = 12150.0")
+    assert "Iyy" in text
+    assert "12150 kg m2 by the conditions of the case, the aircraft file has 8100 kg m2" in text
+    assert found("Iyy = 8100.0") == []
+    (text,) = found('x_cg_b = "3 in"')
+    assert "the aircraft file has 0 m" in text
+
+
+def test_a_configuration_that_no_record_shows_is_a_departure(write_case):
+    (text,) = overrides(write_case(more='[conditions]\ndelta_f = "30 deg"'))
+    assert "delta_f" in text
+    assert "is held at 30 deg by the conditions of the case; the record does not show it" in text
+    # at rest, or steered as its calibration requires
+    assert overrides(write_case(more="[conditions]\ndelta_f = 0.0\ndelta_nw = 0.1")) == []
+
+
+def test_a_temperature_against_the_record_is_a_departure(write_case):
+    path = write_case(more="[conditions]\ndelta_T = 30.0")
+    assert overrides(path) == []
+    # 1500 m in the standard atmosphere: 278.4 K
+    (text,) = overrides(path, h=1500.0, temperature=283.4)
+    assert "delta_T is 30 K by the conditions of the case, the record has 5 K" in text
+    assert overrides(path, h=1500.0, temperature=308.2) == []
+
+
+def test_a_mode_of_another_channel_is_a_departure(write_case):
+    more = "[events]\ninput_end = 2.0"
+    assert departures(write_case(id="2.d.7", more=more)) == []
+    texts = departures(write_case(id="2.d.7", case='mode_channel = "p"', more=more))
+    assert len(texts) == 3
+    for text in texts:
+        assert "is measured on p by case.mode_channel, usual is r" in text

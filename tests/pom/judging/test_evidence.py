@@ -10,6 +10,7 @@ from aerodb.store.identified_terms import stamp_identified
 from flightmech import terms
 from flightmech.support.flown_samples import FLOWN_SAMPLES
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks
+from pom.result import NOTICES
 
 SHARE = 0.05  # standard error of every term of the evidence, of its value
 COUNT = 500
@@ -138,9 +139,12 @@ def test_remarks_name_the_terms_beyond_three_standard_errors(compared, trainer, 
 
 def test_a_foreign_fmu_is_not_compared_with_the_reason_stated(compared, toy):
     (remark,) = evidence_remarks(compared, toy())
+    # a notice on the terminal and on every page
+    assert remark.kind in NOTICES
     assert (
         remark.text
-        == "not compared with the flight evidence: the FMU holds no tables of this program"
+        == "not compared with the flight evidence: the FMU holds no tables of this program; a pass "
+        "does not exclude compensating errors"
     )
 
 
@@ -205,3 +209,17 @@ def test_evidence_from_before_the_stamps_is_named(stamped, states):
     found = Evidence(old, states)
     assert found.edited == ()
     assert found.unstamped
+
+
+def test_a_term_of_the_slipstream_is_compared_by_the_thrust_of_the_record(evidence, states):
+    leaf = terms.make_term(0.3, regressors=["CT"])
+    source = np.full(leaf["value"].shape, terms.SOURCES.index("flight"), np.uint8)
+    leaf = leaf.assign(stderr=leaf["value"] * SHARE, source=(leaf["value"].dims, source))
+    with_power = aerodb.replace_terms(evidence, {"Cm/power": leaf})
+    # CT 0.1 at S 17 m2
+    qbar = 0.0 * states["alpha"] + 4000.0
+    thrust = {"engine1.thrust": qbar * 0.7, "engine2.thrust": qbar * 1.0}
+    flown = states.drop_vars("CT", errors="ignore").assign(qbar=qbar, **thrust)
+    value, _, is_flight = Evidence(with_power, flown).estimates["Cm/power"]
+    assert value == pytest.approx(0.03)
+    assert is_flight.all()

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.ndimage import gaussian_filter1d
 
 from pom.cases.job import ReplayJob
 from pom.probing import (
@@ -18,7 +19,7 @@ from pom.probing import (
     judge_change,
 )
 from pom.probing.input_probe import SCALE
-from pom.probing.scatter_probe import judge_scatter
+from pom.probing.scatter_probe import judge_difference, judge_scatter
 
 STEP = 0.02  # [s]
 TIME = np.arange(0.0, 12.0, STEP)
@@ -119,6 +120,32 @@ def test_the_noise_of_the_record_in_an_answer_is_named():
     assert remark.values["correlation"] > 0.99
     # a record without noise, such as that of a simulator, shows nothing
     assert judge_scatter(truth, truth) == ()
+
+
+def test_a_difference_that_is_only_noise_is_a_departure():
+    generator = np.random.default_rng(8)
+    truth = short_period(elevator())
+    names = ("phi", "theta", "psi")
+    flight = {name: truth["theta"] + 5e-4 * generator.standard_normal(TIME.size) for name in names}
+    copy = {name: smoothed(values) for name, values in flight.items()}
+    (remark,) = judge_difference(TIME, flight, copy)
+    assert remark.kind == "departure"
+    assert "nothing but the noise of the record" in remark.text
+    # a model with 3 % less response and a drift of 0.02 deg/s in heading
+    honest = {**dict.fromkeys(names, 0.97 * truth["theta"])}
+    honest["psi"] = truth["theta"] + np.radians(0.02) * TIME
+    (remark,) = judge_difference(TIME, flight, honest)
+    assert remark.kind == "probe"
+    # a record without noise shows nothing
+    assert judge_difference(TIME, dict.fromkeys(names, np.sin(TIME)), honest) == ()
+    # nor does a window below twice the lag
+    short = {name: values[:60] for name, values in flight.items()}
+    assert judge_difference(TIME[:60], short, short) == ()
+
+
+def smoothed(values):
+    """Return values under a Gaussian of 0.24 s, (time,)."""
+    return gaussian_filter1d(values, 0.24 / STEP)
 
 
 def compare(flown, **kind):

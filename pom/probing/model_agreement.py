@@ -1,0 +1,62 @@
+"""Whether the aircraft of a model is that of the case: reference lengths and moments of inertia."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import flightmech
+from flightmech.errors import AeromatchError
+from flightmech.simulation.compiler import SimModel
+from flightmech.simulation.kernel import PARAMETER
+from pom.cases.case import PomCase
+from pom.cases.job import ReplayJob
+from pom.tolerances.bands import RowRemark
+
+INERTIA = 0.05
+"""Relative difference of two moments of inertia from which on it is named."""
+GEOMETRY = 1e-3
+"""Relative difference of two reference lengths or areas that is rounding."""
+_INERTIA = ("Ixx", "Iyy", "Izz")
+_GEOMETRY = ("S", "cbar", "b")
+
+
+def compare_aircraft(case: PomCase, model: SimModel, job: ReplayJob) -> tuple[RowRemark, ...]:
+    """Return the departure of a model that is of another aircraft than the case.
+
+    Quantities that record or conditions set are not compared.
+
+    Parameters
+    ----------
+    case : PomCase
+    model : SimModel
+        Inside the FMU.
+    job : ReplayJob
+    """
+    if not case.aircraft or not Path(case.aircraft).is_file():
+        return ()
+    try:
+        aircraft = flightmech.read_aircraft(case.aircraft)
+    except AeromatchError:
+        # the check of the case reports a faulty file
+        return ()
+    held = {entry.name: entry.value for entry in model.entries(PARAMETER)}
+    database = model.meta.get("database", {})
+    pairs: dict[str, tuple[float, float, float]] = {}
+    for name in _GEOMETRY:
+        if name in database:
+            pairs[name] = getattr(aircraft, name), float(database[name]), GEOMETRY
+    for name in _INERTIA:
+        parameter = f"mass.{name}"
+        if parameter in held and parameter not in job.parameters:
+            pairs[name] = getattr(aircraft, name), held[parameter], INERTIA
+    differing = []
+    for name, (stated, flown, limit) in pairs.items():
+        if abs(flown - stated) > limit * abs(stated):
+            differing.append(f"{name} {stated:.5g} and {flown:.5g}")
+    if not differing:
+        return ()
+    text = (
+        f"departure: the aircraft file of the case and the model differ (SI): "
+        f"{', '.join(differing)}. Give the case the aircraft file that the model was compiled from"
+    )
+    return (RowRemark("departure", text, "aircraft"),)

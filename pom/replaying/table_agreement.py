@@ -1,0 +1,68 @@
+"""Whether the answer of an FMU is that of the tables it holds.
+
+An FMU of this program holds its tables next to its program.  Evidence, lift and shared windows are
+judged from these tables.  Another program in the same file would be judged by tables that it does
+not use, so the tables are flown by the kernel and both answers are compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from flightmech.names import lookup
+from flightmech.simulation.compiler import SimModel
+from flightmech.support.arrays import rms
+from flightmech.units import from_si
+from pom.cases.job import ReplayJob
+from pom.probing.input_probe import SIZES
+from pom.replaying.kernel_replay import fly_once
+from pom.tolerances.bands import RowRemark, unwrapped_difference
+
+OWN_TABLES = 0.02
+"""Largest rms difference of the answers of FMU and tables, in units of `SIZES`.
+
+The FMUs of the T-37 and the C182 agree to rounding, 1e-13.
+"""
+
+Traces = Mapping[str, np.ndarray]
+
+
+def compare_tables(model: SimModel, job: ReplayJob, outputs: Traces) -> tuple[RowRemark, ...]:
+    """Return the remark on an FMU and its tables, of kind ``not_driven`` or ``probe``.
+
+    Parameters
+    ----------
+    model : SimModel
+        Inside the FMU.
+    job : ReplayJob
+    outputs : mapping of str to array (time,)
+        Of the FMU in this job. [SI]
+    """
+    if job.law is not None:
+        text = "answer not compared with the tables of the FMU: a control law drives the model"
+        return (RowRemark("probe", text),)
+    own, failure = fly_once(model, job, [name for name in SIZES if name in outputs])
+    if failure:
+        text = f"answer not compared with the tables of the FMU: their flight failed: {failure}"
+        return (RowRemark("departure", f"departure: {text}"),)
+    sizes = {}
+    for name, values in own.items():
+        difference = unwrapped_difference(name, values, outputs[name])
+        if np.isfinite(difference).all():
+            sizes[name] = rms(difference) / SIZES[name]
+    if not sizes:
+        return ()
+    worst = max(sizes, key=lambda name: sizes[name])
+    unit = lookup(worst).display_units
+    off = float(from_si(sizes[worst] * SIZES[worst], unit))
+    size = f"{off:.2g} {unit}".removesuffix(" 1")
+    text = f"the answer differs from that of the tables in the FMU by {size} rms ({worst})"
+    if sizes[worst] < OWN_TABLES:
+        return (RowRemark("probe", text, values=sizes, unit="1"),)
+    reason = (
+        f"not driven by its tables: {text}; the program in the FMU is not the one that was written "
+        f"with them, and evidence, lift and shared windows are those of the tables"
+    )
+    return (RowRemark("not_driven", reason, values=sizes, unit="1"),)
