@@ -15,6 +15,7 @@ from pom.report.presentation.quantities import QuantityLabel
 from pom.report.presentation.traces import TIME_STEP, Pack, step_of
 from pom.report.presentation.verdict_text import (
     criterion_words,
+    plain_words,
 )
 from pom.result import (
     PomResult,
@@ -47,7 +48,7 @@ def plot_data(
     head = {
         "time": pack.add(result.signals["time"].values, TIME_STEP),
         "runs": [{"name": run, "style": style} for run, style in styles.items()],
-        "events": [[criterion_words(name), instant] for name, instant in events],
+        "events": [[plain_words(name), instant] for name, instant in events],
         "fraction": result.case.fraction,
         "rows": rows,
         "panels": [_pack_panel(panel, pack, rows) for panel in panels],
