@@ -127,6 +127,8 @@ def _pack_panel(panel: CasePanel, pack: Pack, rows: Sequence[Mapping[str, Any]])
         "traces": traces,
         "half": half,
         "fans": fans,
+        "values": [list(mark) for mark in panel.values],
+        "mode": None if panel.mode is None else panel.mode._asdict(),
     }
 
 

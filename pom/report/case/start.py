@@ -11,8 +11,8 @@ import numpy as np
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import SLOWEST
 from pom.replaying import run_remarks
-from pom.replaying.run_remarks import FLOW
 from pom.replaying.trim import CONTROLS, result_trim_limits
+from pom.report.case.panel_marks import FLOW_ANGLES
 from pom.report.presentation.quantities import (
     MINUS,
     MISSING,
@@ -193,7 +193,7 @@ def trim_tables(result: PomResult) -> dict[str, Any]:
         part = _trim_part(name)
         # A bias that no model has, and angles of flow at rest, carry no information.
         has_no_bias = part == _BIASES and not np.nan_to_num(values).any()
-        if has_no_bias or (is_standing and name in FLOW):
+        if has_no_bias or (is_standing and name in FLOW_ANGLES):
             continue
         stem = _stem(name)
         limit = math.inf
