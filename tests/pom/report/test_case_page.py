@@ -143,8 +143,9 @@ def test_order_of_the_page_of_a_case():
         'class="panels"',
         "<h2>Tolerances and verdicts</h2>",
         "<h2>Notes</h2>",
-        "<h2>Initial condition and trim</h2>",
         "<h2>Rationale</h2>",
+        "<h2>Signatures</h2>",
+        "<h2>Initial condition and trim</h2>",
     )
     places = [html.index(part) for part in parts]
     assert places == sorted(places)
