@@ -1,5 +1,5 @@
 // ---- figures for paper and cross plots: SVG in the classes of the style sheet, from the data of the screen ---------------
-const SHEET = { width: 720, left: 54, right: 12, head: 17, foot: 30, top: 24, gap: 5, page: 960, case: 200, judged: 170, strip: 38, small: 66, lane: 4 };
+const SHEET = { width: 720, left: 54, right: 12, head: 17, foot: 30, top: 24, gap: 5, page: 960, case: 250, judged: 170, strip: 38, small: 66, lane: 4 };
 const CHARACTER = 5.6;   // width of a character of the numbers at the edges
 const SLACK = 0.35;   // a point is left out where the line stays this close to it
 
