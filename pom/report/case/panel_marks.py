@@ -11,6 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flightmech.errors import UnitError, UnknownName
+from flightmech.names import lookup
+from flightmech.units import parse_unit
 from pom.judging.beyond_the_bands import SLOWEST
 from pom.judging.measures.damped_sine import fit_linear_part
 from pom.judging.measures.modal import mode_table
@@ -94,17 +97,18 @@ def judged_values(
         return []
     marks: dict[str, JudgedValue] = {}
     for row in rows:
-        half, measure = float(row["width"]), row["measure"]
-        # a width in another unit, such as a share of the distance, is not one of this panel
-        if not np.isfinite(half) or pretty_unit(row["unit"]) != label.unit:
+        scale, measure = _scale_to_display(str(row["unit"]), label), row["measure"]
+        # a width of another kind, such as a share of the distance, is not one of this panel
+        if scale is None or not np.isfinite(row["width"]):
             continue
+        half = scale * float(row["width"])
         instant = float(row["at"])
         if measure in _OF_INSTANT and np.isfinite(instant):
             value = float(np.interp(instant, time, flight))
             mark = JudgedValue(instant, instant, value, half)
         elif measure in _OF_WINDOW and np.isfinite(row["flight_value"]):
             window = (float(row["window_start"]), float(row["window_stop"]))
-            mark = JudgedValue(*window, float(row["flight_value"]), half)
+            mark = JudgedValue(*window, scale * float(row["flight_value"]), half)
         else:
             continue
         # A run of a model that ends after the flight's has a later instant: that of the flight is
@@ -112,6 +116,21 @@ def judged_values(
         earlier = marks.get(row["criterion"], mark)
         marks[row["criterion"]] = min(earlier, mark)
     return sorted(set(marks.values()))
+
+
+def _scale_to_display(unit: str, label: QuantityLabel) -> float | None:
+    """Return the factor from the unit of a row to the unit of a panel; None for another kind."""
+    if pretty_unit(unit) == label.unit:
+        return 1.0
+    try:
+        dimension, factor, _ = parse_unit(unit)
+        own, _, _ = parse_unit(lookup(label.name.rpartition(".")[2]).units)
+    except (UnknownName, UnitError):
+        return None
+    # a share has the dimension of an angle, but it is not one
+    if dimension != own or (not any(dimension) and unit not in ("deg", "rad")):
+        return None
+    return factor * label.factor
 
 
 def flight_mode(

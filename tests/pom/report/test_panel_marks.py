@@ -31,6 +31,11 @@ def test_a_judged_value_has_its_half_width():
     ]
     marks = panel_marks.judged_values(rows, quantity_label("distance"), time, 10.0 * time)
     assert marks == [(9.0, 9.0, pytest.approx(90.0), 25.0)]
+    metres = [{**rows[1], "unit": "m", "width": 7.62}]
+    (mark,) = panel_marks.judged_values(metres, quantity_label("distance"), time, 10.0 * time)
+    assert mark.half == pytest.approx(25.0)
+    share = [{**rows[1], "unit": "%", "width": 10.0}]
+    assert panel_marks.judged_values(share, quantity_label("phi"), time, time) == []
     mean = [{"criterion": "climb", "measure": "segment_mean", "at": 2.0, "width": 5.0, **common}]
     assert panel_marks.judged_values(mean, quantity_label("h"), time, time) == [
         (1.0, 10.0, 90.0, 5.0)
