@@ -90,10 +90,11 @@ def html_files(
         packed_chapters["tuning"] = _pack_tunings(templates, common, tunings, results)
     matrix = verdict_matrix([page.key for page in cases], results, [page.outcome for page in cases])
     packed = {f"case-{page.key}": page.parcel for page in cases} | packed_chapters
+    terms = _terms_of_pages(common["models"])
     lists = {
         "rows": templates.get_template("matrix_rows.html").render(matrix=matrix),
         "inputs": templates.get_template("input_rows.html").render(common),
-        "articles": _render_articles(templates, cases, packed=packed, names={}),
+        "articles": _render_articles(templates, cases, packed=packed, names={}, terms=terms),
     }
 
     # If the page is too long, the parcels become files.  If the lists alone are too long, they
@@ -103,7 +104,9 @@ def html_files(
     if is_apart:
         names = {name: f"{PAGES}/{name}.js" for name in packed}
         files = _parcel_files(packed, names)
-        lists["articles"] = _render_articles(templates, cases, packed=packed, names=names)
+        lists["articles"] = _render_articles(
+            templates, cases, packed=packed, names=names, terms=terms
+        )
     has_index = _is_too_long(lists)
     if has_index:
         strings = {name: json.dumps(text, ensure_ascii=False) for name, text in lists.items()}
@@ -114,13 +117,23 @@ def html_files(
         matrix=matrix,
         departures=departure_table([page.key for page in cases], results),
         coverage=table_coverage(results, tolerance_rows()),
-        more=[{"id": name} for name in packed_chapters],
+        more=[{"id": name} for name in packed_chapters if not name.startswith("models-")],
         apart=is_apart,
         index=INDEX if has_index else "",
         **{name: Markup(item) for name, item in lists.items()},
         **_static_texts(),
     )
     return {PAGE: text, **files}
+
+
+def _terms_of_pages(models: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return the terms of every page of models as in addresses, separated by blanks."""
+    if models is None:
+        return {}
+    terms = {}
+    for part in models["parts"]:
+        terms[part["id"]] = " ".join([item["term"].replace("/", "-") for item in part["terms"]])
+    return terms
 
 
 def _parcel_files(packed: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
@@ -159,6 +172,10 @@ def _pack_chapters(
     if chapters.compared:
         text = templates.get_template("models.html").render(common)
         packed["models"] = pack_page({"page": text})
+        # All terms on one page are 35 000 px high, so they have pages of their own.
+        template = templates.get_template("model_terms.html")
+        for part in common["models"]["parts"]:
+            packed[part["id"]] = pack_page({"page": template.render(common, part=part)})
     if chapters.identification:
         context, head, body = identification_page(chapters.identification)
         text = templates.get_template("identification.html").render(common, identification=context)
@@ -176,14 +193,21 @@ def _render_articles(
     cases: Sequence[PackedPage],
     packed: Mapping[str, str],
     names: Mapping[str, str],
+    terms: Mapping[str, str],
 ) -> str:
     """Return the articles of all cases and chapters.
 
     `names` holds the files of parcels that are apart.  The articles hold all other parcels.
+    `terms` holds the terms of the pages of models, so that a link to a term opens its page.
     """
     articles: dict[str, dict[str, Any]] = {}
     for name, parcel in packed.items():
-        articles[name] = {"id": name, "file": names.get(name, ""), "parcel": parcel}
+        articles[name] = {
+            "id": name,
+            "file": names.get(name, ""),
+            "parcel": parcel,
+            "terms": terms.get(name, ""),
+        }
     entries = []
     for page in cases:
         article = articles.pop(f"case-{page.key}")

@@ -31,7 +31,7 @@ from pom.cases.case_file import Signatures, case_schema, plain_signatures
 from pom.cases.drafting.draft import init_case
 from pom.checking.case_check import RecordCheck
 from pom.replaying.replay_case import files_by_name
-from pom.report.writer import write_report
+from pom.report.writer import SAMPLES, write_report
 from pom.result import results_name
 from pom.tolerances.editions import edition_of, titles_of_tests
 
@@ -177,6 +177,10 @@ def run_write_report(
         "command": command_line(),
         "date": date or archive.provenance.get("date", ""),
     }
+    places = archive.provenance.get("places", {})
+    if not any(Path(place).is_file() for place in places.values()):
+        # the inputs are on another machine, so the results are the newest file that is here
+        origin["places"] = {**places, **{str(path): str(_samples_file(path)) for path in results}}
     if signatures:
         # a new signature states the results that were signed
         name = results_name(archive.results)
@@ -201,6 +205,11 @@ def run_write_report(
             kept=archive.chapters,
         )
     click.echo(f"written: {report}")
+
+
+def _samples_file(path: Path) -> Path:
+    """Return the file of the samples of a report, which is given by its folder or by the file."""
+    return path / SAMPLES if path.is_dir() else path
 
 
 def verify_report(ctx: click.Context, folder: Path, as_json: bool) -> None:

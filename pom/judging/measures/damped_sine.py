@@ -127,6 +127,17 @@ def phase_at(t: np.ndarray, y: np.ndarray, *, sigma: float, wd: float) -> float:
     return math.atan2(-B, A)
 
 
+def fit_linear_part(
+    t: np.ndarray, y: np.ndarray, *, sigma: float, wd: float
+) -> tuple[float, float, float, float]:
+    """Return offset, slope, amplitude and phase [rad] of a trace at given (sigma, wd).
+
+    They are those of `DampedSine`, in the unit of the trace.
+    """
+    b, c, A, B = _project_trace(t, y, sigma, wd=wd).theta
+    return float(b), float(c), math.hypot(A, B), math.atan2(-B, A)
+
+
 @dataclass(frozen=True)
 class _Projection:
     """Least-squares fit of a trace at given (sigma, wd).

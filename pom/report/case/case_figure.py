@@ -22,7 +22,9 @@ from flightmech.support.figures import (
 )
 from pom.report.case.panel_drawing import (
     RESIDUAL,
+    Box,
     StripStyle,
+    clear_line,
     draw_exit_bars,
     draw_residual_strip,
     draw_tolerance,
@@ -111,6 +113,7 @@ def _draw_figure(
     bodies = sum(_panel_height(panel) - HEAD - GAP for panel in panels)
     scale = min(1.0, (PAGE - heads) / bodies)
     parts, top = [_draw_legend(panels, styles)], TOP
+    event_names, boxes = _name_events(time, events)
     for i, panel in enumerate(panels):
         body, top = _draw_panel(
             f"{name}-{i}",
@@ -120,9 +123,10 @@ def _draw_figure(
             top=top,
             scale=scale,
             last=i == len(panels) - 1,
+            names=[] if i else boxes,
         )
         parts.append(body)
-    parts.append(_draw_events(time, top - GAP, events))
+    parts += [_draw_events(time, top - GAP, events), event_names]
     middle = LEFT + (WIDTH - LEFT - RIGHT) / 2
     parts.append(draw_text(middle, top + 22, "time, s (clock of the record)", "caption", "middle"))
     description = " ".join([f"{panel_description(panel)}." for panel in panels])
@@ -153,19 +157,33 @@ def _draw_legend(panels: Sequence[CasePanel], styles: Mapping[str, str]) -> str:
 
 
 def _draw_events(time: np.ndarray, bottom: float, events: Mapping[str, float]) -> str:
-    """Return a line through all panels at every event, with its name at the top."""
-    limits = (float(time[0]), float(time[-1]))
-    height = bottom - TOP - HEAD
-    frame = Frame(LEFT, TOP + HEAD, WIDTH - LEFT - RIGHT, height, limits, (0.0, 1.0))
+    """Return a line through all panels at every event."""
+    frame = _all_panels(time, bottom)
     parts = []
-    for i, (name, instant) in enumerate(events.items()):
+    for instant in events.values():
         if time[0] < instant < time[-1]:
-            x, y = float(frame.px(instant)), frame.top + 9 + 11 * (i % 2)
-            parts += [
-                draw_line(x, frame.top, x, frame.bottom, "event"),
-                draw_text(x + 3, y, name.replace("_", " "), "tick halo"),
-            ]
+            x = float(frame.px(instant))
+            parts.append(draw_line(x, frame.top, x, frame.bottom, "event"))
     return "".join(parts)
+
+
+def _name_events(time: np.ndarray, events: Mapping[str, float]) -> tuple[str, list[Box]]:
+    """Return the names of the events at the top of the first panel, and their boxes."""
+    frame = _all_panels(time, TOP + HEAD + 1.0)
+    parts: list[str] = []
+    boxes: list[Box] = []
+    for name, instant in events.items():
+        if time[0] < instant < time[-1]:
+            x, text = float(frame.px(instant)) + 3, name.replace("_", " ")
+            y = clear_line(x, frame.top + 9, text, "start", inward=11.0, taken=boxes)
+            parts.append(draw_text(x, y, text, "tick halo"))
+    return "".join(parts), boxes
+
+
+def _all_panels(time: np.ndarray, bottom: float) -> Frame:
+    """Return a frame over all panels of a page."""
+    limits = (float(time[0]), float(time[-1]))
+    return Frame(LEFT, TOP + HEAD, WIDTH - LEFT - RIGHT, bottom - TOP - HEAD, limits, (0.0, 1.0))
 
 
 def _draw_panel(
@@ -176,6 +194,7 @@ def _draw_panel(
     top: float,
     scale: float,
     last: bool,
+    names: Sequence[Box],
 ) -> tuple[str, float]:
     """Return a panel with its strip of differences, and the upper edge of the next one."""
     height = (MAIN if panel.kind == "judged" else SMALL) * scale
@@ -187,7 +206,7 @@ def _draw_panel(
         _draw_heading(panel, top + 12),
         draw_axes(frame, x_labels=last and panel.half is None),
         clip_to_frame(frame, name, content),
-        mark_models_beyond_scale(frame, time, panel, styles),
+        mark_models_beyond_scale(frame, time, panel, styles, names),
     ]
     bottom = frame.bottom
     if panel.half is not None:

@@ -21,7 +21,13 @@ from pom.report.case.panels import (
     make_cross_plots,
 )
 from pom.report.case.plot_data import plot_data
-from pom.report.case.start import calibration_rows, condition_rows, drift_rows, trim_tables
+from pom.report.case.start import (
+    calibration_rows,
+    condition_rows,
+    drift_rows,
+    glance_text,
+    trim_tables,
+)
 from pom.report.models.diagnosis import cause_section
 from pom.report.presentation.page_templates import page_templates
 from pom.report.presentation.quantities import fixed_decimals
@@ -118,6 +124,7 @@ def case_page(
         "hashes": digest_rows(result, provenance),
         "source": remarks.data_source(result),
         "calibration": calibration_rows(result),
+        "glance": glance_text(result),
         "conditions": condition_rows(result.conditions, result.trim.index),
         "drive": describe_driving(result),
         "trim": trim_tables(result),

@@ -10,6 +10,14 @@ import numpy as np
 
 from flightmech.support.arrays import true_runs
 from pom.judging.signals import RunSignals, signals_of_run, traces_of
+from pom.report.case.panel_marks import (
+    FLOW_ANGLES,
+    JudgedValue,
+    ModeMark,
+    flight_mode,
+    is_too_slow,
+    judged_values,
+)
 from pom.report.presentation.quantities import QuantityLabel, fixed_decimals, quantity_label
 from pom.report.presentation.traces import STEPS_PER_HEIGHT, step_of
 from pom.result import PomResult
@@ -143,6 +151,10 @@ class CasePanel:
         attack at standstill does. [display unit]
     fans : dict of str to array (quantile, time)
         Run name to the quantiles of its draws, the lowest first. [display unit]
+    values : list of JudgedValue
+        Judged values of the flight with their half widths. [display unit]
+    mode : ModeMark or None
+        Fitted mode of the flight that a criterion judges.
     """
 
     kind: str
@@ -155,6 +167,8 @@ class CasePanel:
     limits: tuple[float, float]
     scale: tuple[float, float]
     fans: dict[str, np.ndarray] = field(default_factory=dict)
+    values: list[JudgedValue] = field(default_factory=list)
+    mode: ModeMark | None = None
 
     @property
     def channel(self) -> str:
@@ -189,7 +203,10 @@ def make_case_panels(result: PomResult) -> list[CasePanel]:
             panels.append(_make_input_panel(result, name))
     for name in channels:
         if name not in placed:
-            panels.append(_make_channel_panel(result, name, "shown"))
+            panel = _make_channel_panel(result, name, "shown")
+            # a flow angle of an aeroplane that stands for the whole record has no sample
+            if panel.traces or name not in FLOW_ANGLES:
+                panels.append(panel)
     return panels
 
 
@@ -234,11 +251,17 @@ def _make_channel_panel(result: PomResult, name: str, kind: str) -> CasePanel:
         if inside.any():
             window = (float(time[inside][0]), float(time[inside][-1]))
         exits = _list_exits(time, traces, half)
+    if name in FLOW_ANGLES:
+        traces = _hide_slow_samples(result, traces, half)
+    flight = traces.get("flight")
+    values = judged_values(rows, label, time, flight)
     fans = {}
     for run, samples in result.samples.items():
         if name in samples.fan:
             fans[run] = label.shown(samples.fan[name].values)
     limits = scale_limits(traces, half, label.least_span)
+    for mark in values:
+        limits = (min(limits[0], mark.centre - mark.half), max(limits[1], mark.centre + mark.half))
     return CasePanel(
         kind,
         label,
@@ -250,7 +273,26 @@ def _make_channel_panel(result: PomResult, name: str, kind: str) -> CasePanel:
         limits=limits,
         scale=_choose_scale(limits, traces, half, label.least_span),
         fans=fans,
+        values=values,
+        mode=flight_mode(result, label, time, flight) if rows else None,
     )
+
+
+def _hide_slow_samples(
+    result: PomResult, traces: Mapping[str, np.ndarray], half: np.ndarray | None
+) -> dict[str, np.ndarray]:
+    """Return the traces of a flow angle without the samples of a standing or slow aeroplane.
+
+    Judged samples stay.
+    """
+    slow, shown = is_too_slow(result), {}
+    judged = np.isfinite(half) if half is not None else False
+    for run, values in traces.items():
+        hidden = slow.get(run, np.zeros(len(values), bool)) & ~judged
+        kept = np.where(hidden, np.nan, values)
+        if np.isfinite(kept).any():
+            shown[run] = kept
+    return shown
 
 
 def _list_exits(

@@ -15,6 +15,7 @@ from pom.report.presentation.quantities import QuantityLabel
 from pom.report.presentation.traces import TIME_STEP, Pack, step_of
 from pom.report.presentation.verdict_text import (
     criterion_words,
+    plain_words,
 )
 from pom.result import (
     PomResult,
@@ -48,7 +49,7 @@ def plot_data(
     head = {
         "time": pack.add(result.signals["time"].values, TIME_STEP),
         "runs": [{"name": run, "style": style} for run, style in styles.items()],
-        "events": [[criterion_words(name), instant] for name, instant in events],
+        "events": [[plain_words(name), instant] for name, instant in events],
         "fraction": result.case.fraction,
         "rows": rows,
         "panels": [_pack_panel(panel, pack, rows) for panel in panels],
@@ -136,6 +137,8 @@ def _pack_panel(panel: CasePanel, pack: Pack, rows: Sequence[Mapping[str, Any]])
         "traces": traces,
         "half": half,
         "fans": fans,
+        "values": [list(mark) for mark in panel.values],
+        "mode": None if panel.mode is None else panel.mode._asdict(),
     }
 
 

@@ -24,7 +24,13 @@ from pom.report.presentation.quantities import (
     quantity_label,
     short_number,
 )
-from pom.report.presentation.verdict_text import MARKS, MODAL, criterion_words, remark_text
+from pom.report.presentation.verdict_text import (
+    MARKS,
+    MODAL,
+    criterion_words,
+    plain_words,
+    remark_text,
+)
 from pom.result import PomResult, spread_notice, to_records
 from pom.samples import SampledReplay
 from pom.tolerances.rows import tolerance_rows
@@ -278,7 +284,7 @@ def rationale_rows(result: PomResult) -> list[tuple[str, str]]:
     """Return the explanations of the case file: (criterion or channel, text)."""
     rows = []
     for name, text in result.case.rationale.items():
-        rows.append((quantity_label(name).words or criterion_words(name), text))
+        rows.append((criterion_words(name), text))
     return rows
 
 
@@ -294,7 +300,7 @@ def tick_rows(result: PomResult) -> list[dict[str, Any]]:
 
 def data_source(result: PomResult) -> list[tuple[str, str]]:
     """Return the source of the flight data and their sampling rate: (subject, words)."""
-    rows = [(criterion_words(key), text) for key, text in result.case.source.items()]
+    rows = [(plain_words(key), text) for key, text in result.case.source.items()]
     time = result.signals["time"].values
     rate = (len(time) - 1) / (time[-1] - time[0])
     rows.append(("samples", f"{len(time)} at {short_number(rate, 3)} per second"))

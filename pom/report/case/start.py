@@ -11,8 +11,8 @@ import numpy as np
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import SLOWEST
 from pom.replaying import run_remarks
-from pom.replaying.run_remarks import FLOW
 from pom.replaying.trim import CONTROLS, result_trim_limits
+from pom.report.case.panel_marks import FLOW_ANGLES
 from pom.report.presentation.quantities import (
     MINUS,
     MISSING,
@@ -56,6 +56,19 @@ _ATMOSPHERE = (
     "runway_elevation",
     "wind",
     "a_sound",
+)
+# Initial conditions in the line below the title of a case.
+_GLANCE = (
+    "mass",
+    "x_cg",
+    "x_cg_b",
+    "delta_f",
+    "gear",
+    "speedbrake",
+    "h",
+    "h_agl",
+    "delta_T",
+    "wind",
 )
 _WIND = QuantityLabel("wind", "W", "", "wind", "", "", 1.0, 0.0)
 # A slower vertical wind is not printed. [m/s]
@@ -103,6 +116,26 @@ def condition_rows(
     _sort_rows(parts["Configuration"], _CONFIGURATION)
     _sort_rows(parts["Atmosphere"], _ATMOSPHERE)
     return [(part, rows) for part, rows in parts.items() if rows]
+
+
+def glance_text(result: PomResult) -> str:
+    """Return the main initial conditions of a case in one line."""
+    texts: list[str] = []
+    table = result.trim
+    if "V_cas" in table.index:
+        # the table of the trim has the flight first
+        speed = float(table.iloc[:, 0]["V_cas"])
+        if math.isfinite(speed):
+            texts.append(f"{quantity_label('V_cas').words} {measured_text(speed, 'V_cas')}")
+    for _, rows in condition_rows(result.conditions, table.index):
+        for label, value in rows:
+            if label.name in _GLANCE:
+                texts.append(f"{label.words or label.name} {value}")
+    if "h" in table.index and math.isfinite(float(table.iloc[:, 0]["h"])):
+        height = measured_text(float(table.iloc[:, 0]["h"]), "h")
+        texts.append(f"{quantity_label('h').words} {height}")
+    # a height of record and state is printed once
+    return ";  ".join(dict.fromkeys(texts))
 
 
 def _stem(name: str) -> str:
@@ -160,7 +193,7 @@ def trim_tables(result: PomResult) -> dict[str, Any]:
         part = _trim_part(name)
         # A bias that no model has, and angles of flow at rest, carry no information.
         has_no_bias = part == _BIASES and not np.nan_to_num(values).any()
-        if has_no_bias or (is_standing and name in FLOW):
+        if has_no_bias or (is_standing and name in FLOW_ANGLES):
             continue
         stem = _stem(name)
         limit = math.inf

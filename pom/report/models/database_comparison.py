@@ -28,6 +28,11 @@ from pom.report.presentation.term_words import term_words
 # These terms are always drawn, since the others cannot be assessed without them.
 _ALWAYS = ("CL/basic", "CD/basic", "Cm/basic")
 
+# Height of the terms of a page, and of the heading and the sources of a term. [px]
+MOST_HEIGHT, TERM_HEIGHT = 4300.0, 110.0
+# Figures are 720 units wide and at most 880 px; margin above and below. [px]
+FIGURE_SCALE, FIGURE_MARGIN = 880.0 / 720.0, 16.0
+
 
 def models_page(found: Mapping[str, Any]) -> dict[str, Any]:
     """Return the data of the template ``models.html``.
@@ -40,13 +45,54 @@ def models_page(found: Mapping[str, Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        The same data with the figures as SVG text.
+        The same data with the figures as SVG text, and the ``parts``: pages of terms, each with
+        ``id``, ``title`` and ``terms``.
     """
-    content = []
-    for term in found["terms"]:
-        figures = [make_svg_figure(p.height, p.body, p.words) for p in term["figures"]]
-        content.append({**term, "figures": figures})
-    return {**found, "terms": content}
+    parts: list[dict[str, Any]] = []
+    for coefficient, terms_of_part in _group_terms(found["terms"]):
+        for number, page in enumerate(_split_by_height(terms_of_part), 1):
+            parts.append(
+                {
+                    # A page can be a file, and names of files that differ in case only, as those
+                    # of CL and Cl, are equal on some systems.  The number keeps them apart.
+                    "id": f"models-{len(parts) + 1}-{coefficient.replace('_', '-')}",
+                    "title": f"{coefficient}, continued" if number > 1 else coefficient,
+                    "terms": [_with_svg(term) for term in page],
+                }
+            )
+    return {**found, "parts": parts}
+
+
+def _with_svg(term: Mapping[str, Any]) -> dict[str, Any]:
+    figures = [make_svg_figure(p.height, p.body, p.words) for p in term["figures"]]
+    return {**term, "figures": figures}
+
+
+def _group_terms(terms_of_page: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[Any]]]:
+    """Return the terms of every coefficient, in their order."""
+    groups: dict[str, list[Any]] = {}
+    for term in terms_of_page:
+        groups.setdefault(term["term"].partition("/")[0], []).append(term)
+    return list(groups.items())
+
+
+def _split_by_height(terms_of_part: Sequence[Mapping[str, Any]]) -> list[list[Any]]:
+    """Return the terms of every page, which is at most `MOST_HEIGHT` high.
+
+    A single term that is higher has a page of its own.
+    """
+    pages: list[list[Any]] = []
+    room = 0.0
+    for term in terms_of_part:
+        need = TERM_HEIGHT
+        for figure in term["figures"]:
+            need += FIGURE_SCALE * figure.height + FIGURE_MARGIN
+        if not pages or need > room:
+            pages.append([])
+            room = MOST_HEIGHT
+        pages[-1].append(term)
+        room -= need
+    return pages
 
 
 def compare_for_report(

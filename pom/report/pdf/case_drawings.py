@@ -61,7 +61,7 @@ def panel_room(page: Mapping[str, Any], paper: str) -> tuple[float, float]:
             _count_lines(block["applied"], 20),
         )
     # Headings, lines of text and lines of the tables, in mm.
-    millimetres = 29.0 + 3.7 * lines + 3.15 * table_lines
+    millimetres = 32.5 + 3.7 * lines + 3.15 * table_lines
     return _COLUMN[paper] - millimetres / _UNIT, _COLUMN[paper]
 
 

@@ -18,7 +18,13 @@ from pom.cases.case_file import signature_rows
 from pom.report.case import remarks
 from pom.report.case.driving import describe_driving
 from pom.report.case.page import digest_rows, outcome_rows, run_line_classes
-from pom.report.case.start import calibration_rows, condition_rows, drift_rows, trim_tables
+from pom.report.case.start import (
+    calibration_rows,
+    condition_rows,
+    drift_rows,
+    glance_text,
+    trim_tables,
+)
 from pom.report.models.diagnosis import cause_sentences
 from pom.report.overview import (
     departure_table,
@@ -29,7 +35,7 @@ from pom.report.overview import (
 )
 from pom.report.pdf.case_drawings import draw_case, panel_room
 from pom.report.presentation.quantities import QuantityLabel
-from pom.report.presentation.verdict_text import Verdict, criterion_words, verdict_blocks
+from pom.report.presentation.verdict_text import Verdict, plain_words, verdict_blocks
 from pom.report.submodels.section import Section, SectionTable
 from pom.result import PomResult, results_name
 from pom.tolerances.rows import tolerance_rows
@@ -39,22 +45,6 @@ _REFERENCES = {
     "engineering": "model against an engineering simulator",
     "footprint": "footprint: no reference, no band, no verdict",
 }
-# Initial conditions in the summary of a case.
-_GLANCE = (
-    "mass",
-    "x_cg",
-    "x_cg_b",
-    "delta_f",
-    "gear",
-    "speedbrake",
-    "h",
-    "h_agl",
-    "delta_T",
-    "wind",
-    "V",
-    "V_cas",
-    "mach",
-)
 
 
 def front_content(
@@ -223,7 +213,7 @@ def _case_texts(case: PomCase) -> dict[str, Any]:
     ]
     events = []
     for name, instant in sorted(case.events.items(), key=lambda item: item[1]):
-        events.append((criterion_words(name), f"{instant:.2f} s"))
+        events.append((plain_words(name), f"{instant:.2f} s"))
     return {
         "id": case.id,
         "title": case.title,
@@ -240,13 +230,10 @@ def _case_texts(case: PomCase) -> dict[str, Any]:
 
 def _condition_content(result: PomResult) -> dict[str, Any]:
     """Return the initial conditions: all of them, and those of the summary in one line."""
-    conditions, glance = [], []
+    conditions = []
     for part, rows in condition_rows(result.conditions, result.trim.index):
         conditions.append((part, [(quantity_content(label), value) for label, value in rows]))
-        for label, value in rows:
-            if label.name in _GLANCE:
-                glance.append(f"{label.words or label.name} {value}")
-    return {"conditions": conditions, "glance": ";  ".join(glance)}
+    return {"conditions": conditions, "glance": glance_text(result)}
 
 
 def quantity_content(label: QuantityLabel) -> dict[str, Any]:

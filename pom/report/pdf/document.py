@@ -31,7 +31,7 @@ from pom.result import PomResult
 
 STANDARDS: Any = ["a-3b", "ua-1"]
 UNDATED = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
-"""Date in the metadata of a report without a date, which its cover states.
+"""Date in the metadata of a report without any date and without an input file.
 
 PDF/A requires a date, and the clock is not read.
 """
@@ -61,6 +61,8 @@ class DocumentContent:
     chapters : Chapters
     tunings : sequence of mapping
         Tunings of models, from `pom.report.models.tuning.tuning_context`.
+    created : datetime
+        Date in the metadata (`creation_date`).
     """
 
     title: str
@@ -70,6 +72,30 @@ class DocumentContent:
     attached: Mapping[str, bytes]
     chapters: Chapters
     tunings: Sequence[Mapping[str, Any]] = ()
+    created: datetime.datetime = UNDATED
+
+
+def creation_date(provenance: Mapping[str, Any]) -> datetime.datetime:
+    """Return the date in the metadata of a report.
+
+    It is the date of the results.  Without one it is the day on which the newest input file was
+    changed, so that the same files give the same report on any day.
+
+    Parameters
+    ----------
+    provenance : mapping
+        Provenance with the paths of the inputs.
+    """
+    stated = _parse_date(provenance.get("date", ""))
+    if stated is not None:
+        return stated
+    days = []
+    for place in provenance.get("places", {}).values():
+        path = Path(place)
+        if path.is_file():
+            changed = datetime.datetime.fromtimestamp(path.stat().st_mtime, datetime.UTC)
+            days.append(changed.replace(hour=0, minute=0, second=0, microsecond=0))
+    return max(days, default=UNDATED)
 
 
 def pdf_pages(
@@ -131,7 +157,7 @@ def pdf_pages(
     text = _CONTROL.sub("?", json.dumps(to_json_types(data), ensure_ascii=False))
     (folder / "data.json").write_text(text, encoding="utf-8", errors="replace")
     (folder / "report.typ").write_bytes((_HERE / "report.typ").read_bytes())
-    return _typeset(folder, _parse_date(content.provenance.get("date", "")))
+    return _typeset(folder, content.created)
 
 
 def _typeset(folder: Path, date: datetime.datetime) -> bytes:
@@ -183,12 +209,12 @@ def _replace_characters(folder: Path, missing: set[str]) -> None:
         path.write_text(text.translate(question_marks), encoding="utf-8")
 
 
-def _parse_date(text: str) -> datetime.datetime:
-    """Return the date of the results; `UNDATED` if the text is not an ISO 8601 date."""
+def _parse_date(text: str) -> datetime.datetime | None:
+    """Return the date of the results; None if the text is not an ISO 8601 date."""
     try:
         date = datetime.datetime.fromisoformat(text)
     except ValueError:
-        return UNDATED
+        return None
     if date.tzinfo:
         return date
     return date.replace(tzinfo=datetime.UTC)

@@ -16,7 +16,6 @@ from flightmech.support.figures import (
     Frame,
     clip_to_frame,
     draw_axes,
-    draw_curve,
     draw_line,
     draw_rectangle,
     draw_text,
@@ -24,7 +23,9 @@ from flightmech.support.figures import (
 )
 from pom.report.case.panel_drawing import (
     RESIDUAL,
+    Box,
     StripStyle,
+    clear_line,
     draw_exit_bars,
     draw_residual_strip,
     draw_tolerance,
@@ -33,7 +34,7 @@ from pom.report.case.panel_drawing import (
 )
 from pom.report.case.panels import CasePanel, panel_description, scale_limits
 from pom.report.pdf.style import HEAD, LEFT, RIGHT, SPACE, Drawing, svg_drawing, title_pieces
-from pom.report.presentation.quantities import fixed_decimals, pretty_unit
+from pom.report.presentation.quantities import fixed_decimals
 from pom.report.presentation.verdict_text import WORDS
 
 # Gap between panels, strip of differences, time axis at the foot of a page.
@@ -43,7 +44,6 @@ SQUEEZED = 2.0  # scale of the whole record over that of the window
 LEAST, MOST = 30.0, 160.0  # height of an input panel
 MOST_PANELS = 7  # on a page
 JUDGED = 2.0  # height of a judged panel, in heights of an input panel
-_INSTANTS = ("end_value", "steady")  # measures that judge one instant
 
 
 def arrange_panels(panels: Sequence[CasePanel], room: float) -> tuple[int, float]:
@@ -103,12 +103,13 @@ def draw_case_panel(
     width = WIDTH - LEFT - RIGHT
     frame = Frame(LEFT, HEAD, width, body_height, x_limits, scaled.limits)
     content = _draw_content(frame, time, scaled, styles)
+    event_lines, names = _draw_events(frame, time, events, named=first)
     parts = [
         _draw_heading(scaled),
         draw_axes(frame, x_labels=last and scaled.half is None, x_most=10),
         clip_to_frame(frame, name, content),
-        _draw_events(frame, time, events, named=first),
-        mark_models_beyond_scale(frame, time, panel, styles),
+        event_lines,
+        mark_models_beyond_scale(frame, time, panel, styles, names),
     ]
     bottom = frame.bottom
     if scaled.half is not None:
@@ -183,22 +184,22 @@ def _draw_heading(panel: CasePanel) -> str:
 def _draw_content(
     frame: Frame, time: np.ndarray, panel: CasePanel, styles: Mapping[str, str]
 ) -> str:
-    """Return band, exits, quantiles, judged instants, window and traces of a panel."""
-    parts = [
-        draw_tolerance(frame, time, panel, styles),
-        _draw_instants(frame, time, panel),
-        draw_window_and_traces(frame, time, panel, styles),
-    ]
-    flight = panel.traces.get("flight")
-    if flight is not None and len(panel.traces) > 1:
-        parts.append(draw_curve(frame, time, flight, "hair"))
-    return "".join(parts)
+    """Return band, exits, quantiles, judged values, window, traces and mode of a panel."""
+    return draw_tolerance(frame, time, panel, styles) + draw_window_and_traces(
+        frame, time, panel, styles
+    )
 
 
-def _draw_events(frame: Frame, time: np.ndarray, events: Mapping[str, float], named: bool) -> str:
-    """Return a line at every event inside the record, with its name on request."""
-    parts = []
-    for i, (name, instant) in enumerate(sorted(events.items(), key=lambda item: item[1])):
+def _draw_events(
+    frame: Frame, time: np.ndarray, events: Mapping[str, float], named: bool
+) -> tuple[str, list[Box]]:
+    """Return a line at every event inside the record, with its name on request.
+
+    The second value has the boxes of the names.
+    """
+    parts: list[str] = []
+    boxes: list[Box] = []
+    for name, instant in sorted(events.items(), key=lambda item: item[1]):
         if not time[0] < instant < time[-1]:
             continue
         x = float(frame.px(instant))
@@ -208,29 +209,11 @@ def _draw_events(frame: Frame, time: np.ndarray, events: Mapping[str, float], na
             anchor, shift = "start", 3
             if x > frame.left + 0.85 * frame.width:
                 anchor, shift = "end", -3
-            y = frame.top + 9 + 10 * (i % 2)
-            parts.append(draw_text(x + shift, y, name.replace("_", " "), "tick halo", anchor))
-    return "".join(parts)
-
-
-def _draw_instants(frame: Frame, time: np.ndarray, panel: CasePanel) -> str:
-    """Return a bar of the tolerance around the flight value at every judged instant."""
-    if "flight" not in panel.traces:
-        return ""
-    # Several models are judged at the same instant; its bar is drawn once.
-    instants = set()
-    for row in panel.rows:
-        if row["measure"] in _INSTANTS and pretty_unit(row["unit"]) == panel.label.unit:
-            instants.add((row["at"], row["width"]))
-    bars = []
-    for instant, half_width in instants:
-        if np.isfinite(instant) and np.isfinite(half_width):
-            x = float(frame.px(instant))
-            value = float(np.interp(instant, time, panel.traces["flight"]))
-            low = float(frame.py(value - half_width))
-            high = float(frame.py(value + half_width))
-            bars.append(draw_rectangle(x - 3.0, high, 6.0, low - high, "band"))
-    return "".join(sorted(bars))
+            text = name.replace("_", " ")
+            y = frame.top + 9
+            y = clear_line(x + shift, y, text, anchor, inward=10.0, taken=boxes)
+            parts.append(draw_text(x + shift, y, text, "tick halo", anchor))
+    return "".join(parts), boxes
 
 
 def draw_legend(styles: Mapping[str, str]) -> Drawing:

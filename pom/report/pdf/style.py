@@ -49,6 +49,7 @@ text{{font-family:"{FAMILY}";font-size:10.6px;fill:#000}}
 .trace{{fill:none;stroke-linejoin:round}}
 .fan{{stroke:none;fill-opacity:.24}}
 .hair{{fill:none;stroke:#000;stroke-width:.45;stroke-linejoin:round}}
+.envelope{{fill:none;stroke:{QUIET};stroke-width:.6;stroke-dasharray:3 2}}
 .lane{{stroke-width:2.4}}
 .error{{stroke:none;fill-opacity:.18}}
 .node{{fill:none;stroke-width:2.4;stroke-linecap:round}}

@@ -67,9 +67,21 @@ class Verdict:
         return cls(WORDS[verdict], SYMBOLS[verdict], f"is-{verdict}")
 
 
-def criterion_words(name: str) -> str:
-    """Return a criterion's name as words."""
+def plain_words(name: str) -> str:
+    """Return the name of an event or of a source as words."""
     return name.replace("_", " ")
+
+
+def criterion_words(name: str) -> str:
+    """Return a criterion's name as words; a symbol has the words of its signal.
+
+    Examples
+    --------
+    >>> criterion_words("r"), criterion_words("angle_of_attack")
+    ('body yaw rate', 'angle of attack')
+    """
+    label = quantity_label(name)
+    return label.words if label.words and not label.is_word else plain_words(name)
 
 
 def remark_text(remark: RowRemark) -> str:
@@ -115,7 +127,7 @@ def reason_text(remarks: Sequence[RowRemark]) -> str:
     """
     for remark in remarks:
         if remark.kind != "values":
-            return criterion_words(remark_text(remark))
+            return plain_words(remark_text(remark))
     return ""
 
 
@@ -189,7 +201,7 @@ def _verdict_block(
         "criterion": criterion_words(name),
         "joint": "",
         "label": quantity_label(first["channel"]) if first["channel"] else None,
-        "measure": _MEASURES.get(first["measure"], criterion_words(first["measure"])),
+        "measure": _MEASURES.get(first["measure"], plain_words(first["measure"])),
         "printed": first["tolerance_text"],
         "applied": first["applied_text"] or _applied_text(result, first),
         "window": f"{fixed_decimals(start, 2)} … {fixed_decimals(stop, 2)}",

@@ -1,6 +1,7 @@
 """The page of a case: outcomes, remarks, texts of the case, modes, trim, inputs."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from pom.report.case import page as case_data
 from pom.report.case import panels, remarks, start
 from pom.report.case import panels as cross_plots
 from pom.report.case import remarks as modal
-from pom.report.presentation import quantities, traces
+from pom.report.presentation import quantities, traces, verdict_text
 from pom.tolerances.bands import RowRemark
 
 
@@ -42,8 +43,6 @@ def test_a_sweep_is_drawn_force_over_position():
 
 
 def test_what_fails_without_a_number_is_named():
-    from dataclasses import replace
-
     result = fixture.roll_result()
     verdict = result.verdict.copy()
     remark = RowRemark("no_mode", "the model does not oscillate")
@@ -67,8 +66,6 @@ def test_what_fails_without_a_number_is_named():
 
 
 def test_an_invalid_run_states_why():
-    from dataclasses import replace
-
     result = fixture.roll_result()
     verdict = result.verdict.copy()
     beyond = (
@@ -110,8 +107,6 @@ def test_outcomes_are_those_of_the_result():
 
 
 def test_what_an_engineer_writes_is_printed():
-    from dataclasses import replace
-
     before = fixture.roll_result()
     changed = replace(
         before.case,
@@ -137,9 +132,35 @@ def test_what_an_engineer_writes_is_printed():
     )
 
 
-def test_an_engineering_reference_and_its_share_are_reported():
-    from dataclasses import replace
+def test_order_of_the_page_of_a_case():
+    before = fixture.roll_result()
+    html = page([replace(before, case=replace(before.case, notes="Flown in smooth air."))])
+    parts = (
+        "<h1 id=",
+        'class="plain outcome"',
+        'class="glance"',
+        "<dt>half width</dt>",
+        'class="panels"',
+        "<h2>Tolerances and verdicts</h2>",
+        "<h2>Notes</h2>",
+        "<h2>Rationale</h2>",
+        "<h2>Signatures</h2>",
+        "<h2>Initial condition and trim</h2>",
+    )
+    places = [html.index(part) for part in parts]
+    assert places == sorted(places)
 
+
+def test_a_criterion_named_after_a_signal_has_its_words():
+    assert verdict_text.criterion_words("r") == "body yaw rate"
+    # a name that is a word already stays
+    assert verdict_text.criterion_words("distance") == "distance"
+    assert verdict_text.criterion_words("angle_of_attack") == "angle of attack"
+    # an event keeps its own name
+    assert verdict_text.plain_words("gear") == "gear"
+
+
+def test_an_engineering_reference_and_its_share_are_reported():
     before = fixture.roll_result()
     html = page([replace(before, case=replace(before.case, reference="engineering", fraction=0.2))])
     assert "20 % of the tolerance applied" in html
@@ -150,8 +171,6 @@ def test_an_engineering_reference_and_its_share_are_reported():
 
 
 def test_what_the_case_sets_against_record_and_table_is_reported():
-    from dataclasses import replace
-
     before = fixture.roll_result()
     result = replace(
         before,
@@ -167,8 +186,6 @@ def test_what_the_case_sets_against_record_and_table_is_reported():
 
 
 def test_a_case_without_an_objective_states_what_its_entry_compares():
-    from dataclasses import replace
-
     result = fixture.roll_result()
     case_of = replace(result.case, objective="", description="Wheel left, then released.")
     text = remarks.case_objective(case_of)
@@ -188,8 +205,6 @@ def test_a_case_without_an_objective_states_what_its_entry_compares():
 
 
 def test_an_aeroplane_at_rest_has_no_flow_angles():
-    from dataclasses import replace
-
     result = fixture.roll_result()
     table = result.trim.copy()
     names = {row["label"].name for _, rows in start.trim_tables(result)["parts"] for row in rows}
@@ -204,8 +219,6 @@ def test_an_aeroplane_at_rest_has_no_flow_angles():
 
 
 def test_longest_runs_outside_are_one_note_per_model():
-    from dataclasses import replace
-
     result = fixture.roll_result()
     verdict = result.verdict.copy()
     set_rows(
@@ -228,8 +241,6 @@ def dutch_roll():
     """A case judged by its mode: the flight rings with 3 s and damping 0.08, one model lies close,
     one does not ring.
     """
-    from dataclasses import replace
-
     import xarray as xr
 
     base = fixture.roll_result()
@@ -300,14 +311,12 @@ def test_table_of_modes(tmp_path):
     )
     assert "<h2>Modes</h2>" in html
     assert (
-        "zeta 0.0" not in html[html.index("Notes and rationale") : html.index("Signatures")]
+        "zeta 0.0" not in html[html.index("<h2>Notes</h2>") : html.index("<h2>Modes</h2>")]
     )  # printed in the table, not again in the notes
     assert html.count("from memory") >= 2
 
 
 def test_biases_of_the_trim_are_marked_beyond_their_limit():
-    from dataclasses import replace
-
     table = fixture.trim(("datcom",))
     table.loc["trim.delta_e", "datcom"] = np.radians(-1.2)
     table.loc["trim.throttle"] = [np.nan, 0.0]

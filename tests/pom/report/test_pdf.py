@@ -1,6 +1,8 @@
 """The report on paper: a PDF/A-3 document with tags, fonts of our own, data attached; its drawings."""
 
+import datetime
 import io
+import os
 import re
 import sys
 import zlib
@@ -205,6 +207,21 @@ def test_the_figure_of_a_fit_and_a_published_one_without_samples(tmp_path):
 def test_the_date_is_that_of_the_results(date, printed):
     pdf = paper([fixture.roll_result()], provenance={"date": date})
     assert metadata(pdf, "xmp:CreateDate").replace("Z", "+00:00") == printed
+
+
+def test_a_report_without_a_date_has_that_of_its_newest_input(tmp_path):
+    places = {}
+    for name, day in (("record.nc", "2024-03-01"), ("case.toml", "2025-07-09"), ("gone.nc", "")):
+        places[name] = str(tmp_path / name)
+        if day:
+            (tmp_path / name).write_text(name)
+            noon = datetime.datetime.fromisoformat(f"{day}T12:00:00+00:00").timestamp()
+            os.utime(tmp_path / name, (noon, noon))
+    newest = document.creation_date({"date": "", "places": places})
+    assert newest.isoformat() == "2025-07-09T00:00:00+00:00"
+    # a stated date counts, whatever the files have
+    stated = document.creation_date({"date": "2026-11-21", "places": places})
+    assert stated.isoformat() == "2026-11-21T00:00:00+00:00"
 
 
 @pytest.mark.parametrize("form", ["a4", "letter"])

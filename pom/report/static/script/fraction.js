@@ -49,6 +49,7 @@ function applyFraction() {
   for (const cross of data.crosses) cross.half = scaled(cross.applied);
   for (const panel of data.panels) {
     panel.half = scaled(panel.applied);
+    panel.values = panel.stated.map(([start, stop, centre, half]) => [start, stop, centre, asked ? half * factor : half]);
     panel.exits = asked && panel.applied ? exitsOf(panel, data.time) : panel.counted;
   }
   all(".fraction button", page).forEach((button) => button.setAttribute("aria-pressed", String(Number(button.dataset.fraction) === share())));

@@ -32,14 +32,20 @@ function drawMarks(plot, panel, time) {
   const { ctx } = plot, box = plot.bbox, ratio = devicePixelRatio, x = (t) => plot.valToPos(t, "x", true);
   const [from, to] = view.span, bottom = box.top + box.height, inSpan = (t) => t >= from && t <= to;
   const upright = (t, dash) => { ctx.setLineDash(dash.map((d) => d * ratio)); ctx.beginPath(); ctx.moveTo(x(t), box.top); ctx.lineTo(x(t), bottom); ctx.stroke(); };
+  const taken = [];   // boxes of the texts in this panel
   ctx.save();
   ctx.strokeStyle = ctx.fillStyle = colour("quiet"); ctx.lineWidth = ratio; ctx.font = font(10.5 * ratio);
   for (const t of panel.window || []) if (inSpan(t)) upright(t, [2, 2]);
-  for (const [i, [name, t]] of view.data.events.entries()) if (inSpan(t)) {
+  for (const [name, t] of view.data.events) if (inSpan(t)) {
     upright(t, []);
-    if (panel === view.data.panels[0]) { ctx.textAlign = "left"; ctx.textBaseline = "top"; halo(ctx, name, x(t) + 4 * ratio, box.top + (3 + 12 * (i % 2)) * ratio, ratio); }
+    if (panel === view.data.panels[0]) { 
+      const width = ctx.measureText(name).width, end = box.left + box.width, left = x(t) + 4 * ratio + width > end ? x(t) - 4 * ratio - width : x(t) + 4 * ratio;
+      ctx.textAlign = "left"; ctx.textBaseline = "middle";
+      halo(ctx, name, left, clearLine(left, width, box.top + 8 * ratio, 12 * ratio, taken), ratio);
+    }
   }
   ctx.setLineDash([]);
+  if (panel.mode) drawMode(plot, panel.mode, taken);
   let lane = 0;
   for (const { name, style } of view.data.runs) {
     const exits = panel.exits[name] || [];
@@ -58,22 +64,61 @@ function drawMarks(plot, panel, time) {
     }
     lane++;
   }
-  for (const { name, style } of view.data.runs) if (name !== "flight" && !view.hidden.has(name) && panel.traces[name]) drawBeyond(plot, panel.traces[name], style, time, true, 4.5 * lane);
+  const models = view.data.runs.filter(({ name }) => name !== "flight" && !view.hidden.has(name) && panel.traces[name]);
+  // all arrows before the numbers, which keep clear of them
+  for (const withValue of [false, true]) for (const { name, style } of models) drawBeyond(plot, panel.traces[name], style, time, taken, withValue, 4.5 * lane);
   ctx.restore();
 }
-function drawBeyond(plot, values, style, time, withValue, lift = 0) {
+// The line of one period between two maxima of the fitted mode, and its numbers.
+function drawMode(plot, { start, peaks, words }, taken) {
+  const { ctx } = plot, ratio = devicePixelRatio, x = (t) => plot.valToPos(t, "x", true), y = plot.bbox.top + plot.bbox.height - 10 * ratio, [from, to] = view.span;
+  if (start > to || start < from) return;
+  const width = ctx.measureText(words).width, end = plot.bbox.left + plot.bbox.width;
+  let left = x(start) + 4 * ratio, line = y;
+  if (peaks.length && peaks[1] <= to) {
+    const [first, second] = peaks.map(x);
+    ctx.beginPath(); ctx.moveTo(first, y); ctx.lineTo(second, y);
+    for (const end of [first, second]) { ctx.moveTo(end, y - 4 * ratio); ctx.lineTo(end, y + 4 * ratio); }
+    ctx.stroke();
+    left = second + 5 * ratio;
+    if (left + width > end) [left, line] = [Math.max(first, plot.bbox.left) + 5 * ratio, y - 9 * ratio];   // above the line
+  }
+  ctx.textAlign = "left"; ctx.textBaseline = "middle";
+  halo(ctx, words, left, clearLine(left, width, line, -12 * ratio, taken), ratio);
+}
+// The bar of the tolerance around every judged value of the flight, below the traces.
+function drawValues(plot, panel) {
+  const { ctx } = plot, box = plot.bbox, ratio = devicePixelRatio;
+  if (!panel.values.length) return;
+  ctx.save();
+  ctx.beginPath(); ctx.rect(box.left, box.top, box.width, box.height); ctx.clip();
+  ctx.fillStyle = colour("band"); ctx.strokeStyle = colour("edge"); ctx.lineWidth = 0.8 * ratio;
+  for (const [start, stop, centre, half] of panel.values) {
+    const first = plot.valToPos(start, "x", true), last = plot.valToPos(stop, "x", true);
+    const a = Math.min(first, last - 5 * ratio), b = Math.max(last, first + 5 * ratio);
+    const top = plot.valToPos(centre + half, "y", true), bottom = plot.valToPos(centre - half, "y", true);
+    ctx.fillRect(a, top, b - a, bottom - top); ctx.strokeRect(a, top, b - a, bottom - top);
+  }
+  ctx.restore();
+}
+// Arrows, or with `withValue` the numbers, where a trace leaves the scale; `taken` has the boxes of what stands there.
+function drawBeyond(plot, values, style, time, taken, withValue, lift = 0) {
   const { ctx } = plot, box = plot.bbox, ratio = devicePixelRatio, { min, max } = plot.scales.y;
   for (const [i, up] of beyondScale(values, time, [min, max], view.span)) {
     const edge = up ? box.top : box.top + box.height - lift * ratio, inward = up ? 1 : -1;
     const x = Math.min(Math.max(plot.valToPos(time[i], "x", true), box.left + 6 * ratio), box.left + box.width - 6 * ratio);
     ctx.fillStyle = colour(style);
-    ctx.beginPath();
-    ctx.moveTo(x, edge + inward * ratio); ctx.lineTo(x - 4.5 * ratio, edge + inward * 8 * ratio); ctx.lineTo(x + 4.5 * ratio, edge + inward * 8 * ratio);
-    ctx.fill();
-    if (!withValue) continue;
+    if (!withValue) {
+      ctx.beginPath();
+      ctx.moveTo(x, edge + inward * ratio); ctx.lineTo(x - 4.5 * ratio, edge + inward * 8 * ratio); ctx.lineTo(x + 4.5 * ratio, edge + inward * 8 * ratio);
+      ctx.fill();
+      taken.push([x - 4.5 * ratio, edge + inward * 6 * ratio, x + 4.5 * ratio]);
+      continue;
+    }
     const right = x > box.left + box.width / 2;
-    ctx.font = font(10.5 * ratio); ctx.textAlign = right ? "right" : "left"; ctx.textBaseline = up ? "top" : "bottom";
-    halo(ctx, rough(values[i]), x + (right ? -8 : 8) * ratio, edge + inward * 2 * ratio, ratio);
+    ctx.font = font(10.5 * ratio); ctx.textAlign = right ? "right" : "left"; ctx.textBaseline = "middle";
+    const words = rough(values[i]), at = x + (right ? -8 : 8) * ratio, width = ctx.measureText(words).width;
+    halo(ctx, words, at, clearLine(right ? at - width : at, width, edge + inward * 7 * ratio, inward * 12 * ratio, taken), ratio);
   }
 }
 function halo(ctx, words, x, y, ratio) {

@@ -12,7 +12,7 @@ function remember() {
 }
 const ready = () => root.classList.contains("ready");
 // a term or a fit lies on a page that may still be packed
-const pageOf = (id) => (id.startsWith("term-") ? $("#models") : id.startsWith("fit-") ? $("#identification") : document.getElementById(id)?.closest("main > .page"));
+const pageOf = (id) => (id.startsWith("term-") ? pages.find(({ dataset }) => dataset.terms?.split(" ").includes(id.slice(5))) || $("#models") : id.startsWith("fit-") ? $("#identification") : document.getElementById(id)?.closest("main > .page"));
 async function route() {
   const { id, span, fraction: wanted } = address(), open = pages.find((candidate) => !candidate.hidden);
   const found = pageOf(id), page = found || (ready() ? open : pages[0]);   // "#main" of the skip link opens no page
@@ -25,7 +25,7 @@ async function route() {
   pages.forEach((other) => { other.hidden = other !== page; });
   root.classList.add("ready");
   root.classList.toggle("print-all", page.id === "overview");
-  all(".bar a").forEach((link) => (link.hash === `#${page.id}` ? link.setAttribute("aria-current", "page") : link.removeAttribute("aria-current")));
+  all(".bar a").forEach((link) => (link.hash === `#${page.id}` || page.id.startsWith(`${link.hash.slice(1)}-`) ? link.setAttribute("aria-current", "page") : link.removeAttribute("aria-current")));
   const at = cases.indexOf(page);
   $("#previous").disabled = at === 0 || !cases.length;
   $("#next").disabled = at === cases.length - 1;

@@ -1,5 +1,6 @@
 // ---- figures for paper and cross plots: SVG in the classes of the style sheet, from the data of the screen ---------------
-const SHEET = { width: 720, left: 54, right: 12, head: 17, foot: 30, top: 24, gap: 5, page: 960, case: 200, judged: 170, strip: 38, small: 66, lane: 4 };
+const SHEET = { width: 720, left: 54, right: 12, head: 17, foot: 30, top: 24, gap: 5, page: 960, case: 250, judged: 170, strip: 38, small: 66, lane: 4 };
+const CHARACTER = 5.6;   // width of a character of the numbers at the edges
 const SLACK = 0.35;   // a point is left out where the line stays this close to it
 
 const escaped = (text) => String(text).replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
@@ -74,13 +75,18 @@ function keyOf(runs, withBand, withOutside = withBand) {
   if (withOutside) body += rectangle(x + 96, 4, 26, 10, "exit") + textAt(x + 127, 12.5, "outside", "caption");
   return body;
 }
-function arrows(frame, time, values, style, lift, withValue) {
+// Arrows, or with `withValue` the numbers, where a trace leaves the scale; `taken` has the boxes of what stands there.
+function arrows(frame, time, values, style, lift, taken, withValue) {
   const bottom = frame.bottom - lift;
   return beyondScale(values, time, frame.y, frame.x).map(([i, up]) => {
     const x = Math.min(Math.max(frame.px(time[i]), frame.left + 6), frame.right - 6), [tip, foot] = up ? [frame.top + 1, frame.top + 7] : [bottom - 1, bottom - 7];
     const right = x > frame.left + frame.width / 2;
-    const value = withValue ? textAt(x + (right ? -7 : 7), up ? frame.top + 9 : bottom - 3, rough(values[i]), "tick halo", right ? "end" : "start") : "";
-    return `<path class="${style} arrow" d="M${tenth(x)} ${tenth(tip)}L${tenth(x - 4)} ${tenth(foot)}L${tenth(x + 4)} ${tenth(foot)}Z"/>${value}`;
+    if (!withValue) {
+      taken.push([x - 4, up ? frame.top + 9 : bottom - 3, x + 4]);
+      return `<path class="${style} arrow" d="M${tenth(x)} ${tenth(tip)}L${tenth(x - 4)} ${tenth(foot)}L${tenth(x + 4)} ${tenth(foot)}Z"/>`;
+    }
+    const words = rough(values[i]), edge = x + (right ? -7 : 7), width = CHARACTER * words.length;
+    return textAt(edge, clearLine(right ? edge - width : edge, width, up ? frame.top + 9 : bottom - 3, up ? 10.5 : -10.5, taken), words, "tick halo", right ? "end" : "start");
   }).join("");
 }
 function exitArea(frame, time, values, flight, half) {
@@ -90,16 +96,35 @@ function exitArea(frame, time, values, flight, half) {
   });
   return shapes.length ? `<path class="exit" d="${shapes.join("")}"/>` : "";
 }
-function sheetPanel(data, panel, top, scale, last) {
+// Line of one period between two maxima of the fitted mode, and its numbers.
+function modeOf(frame, { start, peaks, words }, taken) {
+  const y = frame.bottom - 10;
+  const width = CHARACTER * words.length;
+  let body = "", left = frame.px(start) + 4, line = y + 3.5;
+  if (peaks.length) {
+    const [first, second] = peaks.map(frame.px);
+    body = straight(first, y, second, y, "event") + [first, second].map((end) => straight(end, y - 4, end, y + 4, "event")).join("");
+    left = second + 5;
+    if (left + width > frame.right) [left, line] = [first + 5, y - 5];   // above the line
+  }
+  return body + textAt(left, clearLine(left, width, line, -10.5, taken), words, "tick halo");
+}
+function valueBar(frame, [start, stop, centre, half]) {
+  const a = frame.px(start), b = frame.px(stop), left = Math.min(a, b - 5), top = frame.py(centre + half);
+  return rectangle(left, top, Math.max(b, a + 5) - left, frame.py(centre - half) - top, "band");
+}
+function sheetPanel(data, panel, top, scale, last, taken) {
   const { time, runs } = data, { traces, half } = panel, flight = traces.flight, x = [time[0], time[time.length - 1]];
   const lines = [...runs, { name: "applied", style: "run-0" }].filter(({ name }) => traces[name]), models = lines.filter(({ name }) => name !== "flight" && name !== "applied");
   const height = (panel.kind === "judged" ? SHEET.judged : SHEET.small) * scale, banded = half && flight;
   const frame = frameOf(SHEET.left, top + SHEET.head, SHEET.width - SHEET.left - SHEET.right, height, x, limits(panel, new Set(), time, x));
-  let inside = "", marks = "", lane = 0;
+  let inside = panel.values.map((mark) => valueBar(frame, mark)).join(""), marks = "", lane = 0;
   if (banded) inside += areaBetween(frame, time, ...edges(flight, half), "band") + models.filter(({ name }) => panel.exits[name]).map(({ name }) => exitArea(frame, time, traces[name], flight, half)).join("");
   for (const { name, style } of models) if (`${name} 0` in panel.fans) inside += [[0, 4], [1, 3]].map(([low, high]) => areaBetween(frame, time, panel.fans[`${name} ${low}`], panel.fans[`${name} ${high}`], `fan ${style}-area`)).join("");
   for (const t of panel.window || []) inside += straight(frame.px(t), frame.top, frame.px(t), frame.bottom, "window");
   inside += lines.map(({ name, style }) => curve(frame, time, traces[name], `trace ${style}`)).join("");
+  if (flight && models.length) inside += curve(frame, time, flight, "hair");
+  if (panel.mode) inside += envelope(panel.mode, time).map((edge) => curve(frame, time, edge, "envelope")).join("") + modeOf(frame, panel.mode, taken);
   for (const { name, style } of models) {
     const exits = panel.exits[name] || [];
     if (!exits.length) continue;
@@ -110,13 +135,13 @@ function sheetPanel(data, panel, top, scale, last) {
   }
   const verdicts = panel.verdicts.map(atFraction).map(({ run, verdict, ratio }) => `${run} ${SYMBOLS[verdict]} ${ratio == null ? WORDS[verdict] : fixed(ratio, 2)}`).join("\u2003");
   let body = quantity(SHEET.left, top + 12, panel) + textAt(frame.right, top + 12, verdicts, "caption", "end") + axesOf(frame, last && !banded) + clipped(frame, inside) + marks;
-  body += models.map(({ name, style }) => arrows(frame, time, traces[name], style, SHEET.lane * lane, true)).join("");
+  for (const withValue of [false, true]) body += models.map(({ name, style }) => arrows(frame, time, traces[name], style, SHEET.lane * lane, taken, withValue)).join("");
   if (!banded) return [body, frame.bottom + SHEET.gap];
   const strip = frameOf(SHEET.left, frame.bottom + SHEET.gap, frame.width, SHEET.strip * scale, x, [-RESIDUAL, RESIDUAL]);
   const found = models.map(({ name, style }) => [style, ratios(traces[name], flight, half)]), ones = (sign) => half.map((h) => (h == null ? null : sign));
   body += axesOf(strip, last, [-1, 0, 1]) + textAt(6, strip.top + strip.height / 2 + 3.5, "e/t", "caption");
   body += clipped(strip, areaBetween(strip, time, ones(1), ones(-1), "band") + found.map(([style, values]) => curve(strip, time, values, `trace ${style}`)).join(""));
-  body += found.map(([style, values]) => arrows(strip, time, values, style, 0, false)).join("");
+  body += found.map(([style, values]) => arrows(strip, time, values, style, 0, [], false)).join("");
   return [body, strip.bottom + SHEET.gap];
 }
 const heightOf = (panel) => SHEET.head + SHEET.gap + (panel.kind === "judged" ? SHEET.judged : SHEET.small) + (panel.half ? SHEET.strip + SHEET.gap : 0);
@@ -124,15 +149,20 @@ function sheet(data, panels, room) {
   const heads = panels.length * (SHEET.head + SHEET.gap) + SHEET.foot + SHEET.top, bodies = panels.reduce((sum, panel) => sum + heightOf(panel) - SHEET.head - SHEET.gap, 0);
   const scale = Math.min(1, (room - heads) / bodies);
   let body = keyOf(data.runs.filter(({ name }) => panels.some((panel) => panel.traces[name])), panels.some((panel) => panel.half)), top = SHEET.top;
+  const { time } = data, shown = data.events.filter(([, t]) => t > time[0] && t < time[time.length - 1]);
+  // the names of the events stand in the first panel; the numbers there keep clear of them
+  const across = frameOf(SHEET.left, SHEET.top + SHEET.head, SHEET.width - SHEET.left - SHEET.right, 1, [time[0], time[time.length - 1]], [0, 1]), taken = [];
+  const names = shown.map(([name, t]) => {
+    const width = CHARACTER * name.length, x = across.px(t) + 3 + width > across.right ? across.px(t) - 3 - width : across.px(t) + 3;
+    return textAt(x, clearLine(x, width, across.top + 9, 11, taken), name, "tick halo");
+  }).join("");
   panels.forEach((panel, i) => {
-    const [drawn, next] = sheetPanel(data, panel, top, scale, i === panels.length - 1);
+    const [drawn, next] = sheetPanel(data, panel, top, scale, i === panels.length - 1, i ? [] : taken);
     body += drawn;
     top = next;
   });
-  const { time } = data, frame = frameOf(SHEET.left, SHEET.top + SHEET.head, SHEET.width - SHEET.left - SHEET.right, top - SHEET.gap - SHEET.top - SHEET.head, [time[0], time[time.length - 1]], [0, 1]);
-  data.events.forEach(([name, t], i) => {
-    if (t > time[0] && t < time[time.length - 1]) body += straight(frame.px(t), frame.top, frame.px(t), frame.bottom, "event") + textAt(frame.px(t) + 3, frame.top + 9 + 11 * (i % 2), name, "tick halo");
-  });
+  const frame = frameOf(SHEET.left, SHEET.top + SHEET.head, SHEET.width - SHEET.left - SHEET.right, top - SHEET.gap - SHEET.top - SHEET.head, [time[0], time[time.length - 1]], [0, 1]);
+  body += shown.map(([, t]) => straight(frame.px(t), frame.top, frame.px(t), frame.bottom, "event")).join("") + names;
   body += textAt(frame.left + frame.width / 2, top + 22, "time, s (clock of the record)", "caption", "middle");
   return svg(top + SHEET.foot, body, panels.map((panel) => `${panel.alt}.`).join(" "));
 }

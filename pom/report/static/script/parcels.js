@@ -51,7 +51,7 @@ function dataOf(page) {
   const { head, body } = opened.get(page);
   const panels = head.panels.map((panel) => {
     const half = panel.half && restore(panel.half, body);
-    return { ...panel, half, applied: half, counted: panel.exits, traces: restored(panel.traces, body), fans: restored(panel.fans, body) };
+    return { ...panel, half, applied: half, counted: panel.exits, stated: panel.values, traces: restored(panel.traces, body), fans: restored(panel.fans, body) };
   });
   const crosses = head.crosses.map((cross) => {
     const half = restore(cross.half, body);

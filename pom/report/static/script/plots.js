@@ -51,8 +51,11 @@ function drawPanel(panel, host, width, withTime) {
   for (const { name } of runs) if (`${name} 0` in panel.fans) drawFan(panel.fans, name, styles[name], data, series, bands);
   if (flight || applied) { data.push(flight || applied); series.push({ ...lineOf("run-0", WIDTH[panel.kind]), show: !flight || !view.hidden.has("flight") }); }
   for (const { name } of runs) if (name !== "flight" && panel.traces[name]) { data.push(panel.traces[name]); series.push({ ...lineOf(styles[name]), show: !view.hidden.has(name), run: name }); }
+  // a hair line of the flight on top, so that no model hides it
+  if (flight) { data.push(flight); series.push({ ...lineOf("run-0", 0.8), show: !view.hidden.has("flight") }); }
+  if (panel.mode) for (const edge of envelope(panel.mode, time)) { data.push(edge); series.push({ ...edgeLine(), stroke: () => colour("quiet"), dash: [3 * devicePixelRatio, 2 * devicePixelRatio] }); }
   const setting = options(width, HEIGHT[panel.kind], withTime && !half, series, bands, () => limits(panel, view.hidden, time, view.span));
-  setting.hooks = { ...hooks, drawAxes: [...hooks.drawAxes, (plot) => drawExceedance(plot, panel, time)], draw: [(plot) => drawMarks(plot, panel, time)] };
+  setting.hooks = { ...hooks, drawAxes: [...hooks.drawAxes, (plot) => { drawValues(plot, panel); drawExceedance(plot, panel, time); }], draw: [(plot) => drawMarks(plot, panel, time)] };
   view.plots.push(new uPlot(setting, data, host));
   if (half) view.plots.push(drawResidual(panel, host, width, withTime, styles));
 }
@@ -75,7 +78,7 @@ function drawResidual(panel, host, width, withTime, styles) {
   const label = { label: "e / t", labelSize: 14, labelGap: 0, labelFont: font(11), size: AXIS - 14 };
   Object.assign(setting.axes[1], label, { values: (_, splits) => splits.map((v) => fixed(v, 0)) });
   const lines = series.map((line, i) => [line, data[i + 1]]).filter(([line]) => line.run && line.show);
-  setting.hooks = { ...hooks, draw: [(plot) => lines.forEach(([line, values]) => drawBeyond(plot, values, styles[line.run], time, false))] };
+  setting.hooks = { ...hooks, draw: [(plot) => lines.forEach(([line, values]) => drawBeyond(plot, values, styles[line.run], time, [], false))] };
   return new uPlot(setting, data, host);
 }
 

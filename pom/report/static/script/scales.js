@@ -79,4 +79,16 @@ function* exceedances(values, flight, half) {
     }
   }
 }
+// The lower and the upper envelope of the fitted mode of the flight, null outside its window.
+function envelope({ start, stop, offset, slope, amplitude, sigma }, time) {
+  const of = (sign) => time.map((t) => (t < start || t > stop ? null : offset + slope * (t - start) + sign * amplitude * Math.exp(-sigma * (t - start))));
+  return [of(-1), of(1)];
+}
+// The base line of a text that meets no earlier one: it moves inward, at most eight lines, and its box joins `taken`.
+function clearLine(left, width, y, inward, taken) {
+  const line = Math.abs(inward);
+  for (let i = 0; i < 8 && taken.some((box) => left < box[2] && box[0] < left + width && Math.abs(box[1] - y) < line); i++) y += inward;
+  taken.push([left, y, left + width]);
+  return y;
+}
 const ratios = (values, flight, half) => values.map((v, i) => (v == null || flight[i] == null || !half[i] ? null : (v - flight[i]) / half[i]));
