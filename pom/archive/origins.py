@@ -65,7 +65,7 @@ def check_provenance(provenance: Mapping[str, Any]) -> None:
             raise UnknownName(key, ReportProvenance.__annotations__, "key of provenance")
 
 
-FILES = ("path", "record", "names", "aircraft", "law", "law_names")
+FILES = ("path", "record", "names", "aircraft", "law", "law_names", "tolerances")
 SOFTWARE = ("aeromatch", "fmpy", "numpy", "scipy", "typst", "xarray")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -13,9 +15,11 @@ from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import validate_content
 from pom.cases import resolve as parts
 from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, WIND, CaseFile, plain_signatures
+from pom.cases.own_table import find_own_table, table_excerpt
 from pom.cases.pilot import PilotLoop
 from pom.tolerances import rows
 from pom.tolerances.criteria import Criterion
+from pom.tolerances.own_tables import OwnTable
 
 PRIMARY = {"recorded": ("delta_e", "delta_a", "delta_r"), "cockpit": TRAVEL, "force": FORCES}
 """By level of drive: the recorded controls that drive pitch, roll and yaw."""
@@ -103,6 +107,10 @@ class PomCase:
         Test, standard and edition of the tolerance table.
     path, record, names, aircraft : str
         The case file, the flight record, its name map and the aircraft file.
+    tolerances : str
+        Tolerance table of the user from which the rows are; empty for ``tolerances.csv``.
+    table : dict of str to Any
+        What the report needs of this table (`OwnTable.excerpt`); empty without one.
     window : tuple of float
         Start and end of the replay on the clock of the record. [s]
     drive : CaseInputs
@@ -160,6 +168,8 @@ class PomCase:
     description: str = ""
     names: str = ""
     aircraft: str = ""
+    tolerances: str = ""
+    table: dict[str, Any] = field(default_factory=dict)
     drive: CaseInputs = CaseInputs()
     conditions: dict[str, float] = field(default_factory=dict)
     events: dict[str, float] = field(default_factory=dict)
@@ -188,10 +198,27 @@ class PomCase:
 
     def files(self) -> list[str]:
         """Return the case file and the files that it names."""
-        inputs = (self.path, self.record, self.names, self.aircraft)
+        inputs = (self.path, self.record, self.names, self.aircraft, self.tolerances)
         names = (*inputs, *self.models.values(), self.law, self.law_names)
         # a file that the case does not name is an empty text
         return [name for name in names if name]
+
+    def printed_rows(self) -> list[rows.Row]:
+        """Return the rows of the test in the table of the case.
+
+        Raises
+        ------
+        UnknownName
+            The table of this version has no such standard, edition or test.
+        """
+        return rows.rows_of_test(self.id, self.standard, self.edition, self.table.get("rows", ()))
+
+    @property
+    def edition_words(self) -> str:
+        """Edition as a report prints it, with the table of the user that holds it."""
+        if not self.table:
+            return self.edition
+        return f"{self.edition}, tolerances of {self.table['file']} ({self.table['sha256'][:12]})"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the case as plain data."""
@@ -226,7 +253,7 @@ def driven_quantities(case: PomCase) -> set[str]:
     return names - computed
 
 
-def read_case(path: str | Path) -> PomCase:
+def read_case(path: str | Path, table: OwnTable | None = None) -> PomCase:
     """Read a case file and resolve it against the tolerance table.
 
     Parameters
@@ -234,6 +261,9 @@ def read_case(path: str | Path) -> PomCase:
     path : str or Path
         TOML file; `docs/explanation/proof-of-match/cases.md` describes it.  Files that it names are
         relative to it.
+    table : OwnTable, optional
+        Tolerance table of the user (`read_own_table`).  It replaces the table that the case names.
+        A case whose standard and edition it does not hold keeps its own table.
 
     Raises
     ------
@@ -253,20 +283,22 @@ def read_case(path: str | Path) -> PomCase:
         if sound_part is None:
             others = _loose_problems(content)
         else:
-            others = _resolve_case(path, sound_part)[1]
+            others = _resolve_case(path, sound_part, table)[1]
         new = [text for text in others if text not in error.problems]
         raise SchemaError(error.what, [*error.problems, *new]) from None
-    case, problems = _resolve_case(path, file)
+    case, problems = _resolve_case(path, file, table)
     if problems:
         raise SchemaError(f"case {path}", problems)
     return case
 
 
-def _resolve_case(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
+def _resolve_case(path: Path, file: CaseFile, table: OwnTable | None) -> tuple[PomCase, list[str]]:
     """Return the case of a file and the problems of the file."""
     problems: list[str] = []
-    _check_case_names(file, problems)
-    criteria = parts.resolve_criteria(file, problems)
+    own = find_own_table(path, file, table, problems)
+    own_rows = own.rows if own is not None else ()
+    _check_case_names(file, own_rows, problems)
+    criteria = parts.resolve_criteria(file, problems, own_rows)
     _check_table_names(file, criteria, problems)
     largest, fraction = parts.resolve_ranges(file.ranges, problems), parts.tolerance_fraction(file)
     drive = _resolve_drive(file, criteria, problems)
@@ -274,6 +306,8 @@ def _resolve_case(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
         **{key: getattr(file.case, key) for key in _AS_WRITTEN},
         **_resolve_files(path, file, problems),
         path=str(path),
+        tolerances=os.path.normpath(own.path) if own is not None else "",
+        table=table_excerpt(own, file),
         drive=drive,
         conditions=parts.resolve_conditions(file.conditions, problems),
         events=dict(file.events),
@@ -291,14 +325,20 @@ def _resolve_case(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
     return case, problems
 
 
-def _check_case_names(file: CaseFile, problems: list[str]) -> None:
-    """Check the events, channels and features that a case file names."""
-    parts.check_events(file.events, problems)
+def _check_case_names(file: CaseFile, own_rows: Sequence[rows.Row], problems: list[str]) -> None:
+    """Check the events, channels, features and the share that a case file names."""
+    parts.check_events(file.events, problems, own_rows)
+    if math.isnan(parts.tolerance_fraction(file)):
+        problems.append(
+            f"case.fraction: missing; the share of the tolerance for a reference of an engineering "
+            f"simulator follows from the year of the edition, and {file.case.edition!r} does not "
+            f"begin with one"
+        )
     for name in file.case.show:
         parts.collect_case_problems(problems, "case.show", lookup, name)
     for feature in file.case.features:
-        if feature not in rows.claimable_features():
-            error = UnknownName(feature, rows.claimable_features(), "condition")
+        if feature not in rows.claimable_features(own_rows):
+            error = UnknownName(feature, rows.claimable_features(own_rows), "condition")
             problems.append(f"case.features: {error}")
 
 
@@ -417,5 +457,8 @@ def _loose_problems(content: dict[str, Any]) -> list[str]:
     if isinstance(conditions, dict):
         parts.resolve_conditions(conditions, problems)
     if isinstance(events, dict):
-        parts.check_events(events, problems)
+        # which table the case names is part of the wrong form: events are not checked here
+        own_names = isinstance(content.get("case"), dict) and "tolerances" in content["case"]
+        if not own_names:
+            parts.check_events(events, problems)
     return problems

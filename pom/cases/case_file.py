@@ -151,6 +151,12 @@ class CaseTable(Strict):
     id: str = Field(description="Test of the tolerance table, such as 2.c.10.")
     standard: str = Field(default=rows.STANDARD, description="Standard of the tolerance table.")
     edition: str = Field(default=rows.EDITION, description="Edition of the standard.")
+    tolerances: str = Field(
+        default="",
+        examples=["company.csv"],
+        description="Tolerance table of the user that holds standard and edition. Relative to this "
+        "file.",
+    )
     name: str = Field(description="Short name of the case, for files and links.")
     title: str = Field(description="Title for people.")
     description: str = Field(default="", description="What was flown.")

@@ -22,9 +22,11 @@ from pom.cli.report import (
     init_case_command,
     report_options,
     samples_options,
+    tolerances_option,
     verify_report_command,
     write_report_command,
 )
+from pom.cli.tolerances import list_tolerances_command
 from pom.cli.tune import tune_command
 
 
@@ -39,10 +41,12 @@ pom.add_command(diagnose_command)
 pom.add_command(write_report_command)
 pom.add_command(verify_report_command)
 pom.add_command(tune_command)
+pom.add_command(list_tolerances_command)
 
 
 @pom.command("check")
 @cases_argument
+@tolerances_option
 @json_option
 @performed_by("pom.cli.actions.group:check_cases")
 def check_cases_command() -> None:
@@ -92,6 +96,7 @@ def check_cases_command() -> None:
     help="Folder that keeps flights; what is there is not flown again.",
 )
 @biases_option
+@tolerances_option
 @click.option(
     "--evidence",
     type=InputFile(),

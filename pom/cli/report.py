@@ -26,6 +26,16 @@ cases_argument = click.argument(
 )
 
 
+tolerances_option = click.option(
+    "--tolerances",
+    "tolerances_file",
+    type=InputFile(),
+    metavar="FILE.csv",
+    help="Tolerance table with the columns of the shipped one, for the cases whose standard and "
+    "edition it holds.",
+)
+
+
 biases_option = click.option(
     "--biases",
     "biases_file",

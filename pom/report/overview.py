@@ -92,6 +92,16 @@ def shown_statuses(results: Sequence[PomResult]) -> list[str]:
     return [status for status in STATUSES if status not in rare or status in statuses]
 
 
+def own_tables_text(results: Sequence[PomResult]) -> str:
+    """Return the tolerance tables of the user in a report, with their hashes; empty without one."""
+    tables: dict[str, None] = {}
+    for result in results:
+        own = result.case.table
+        if own:
+            tables[f"{own['file']} (sha256 {own['sha256'][:12]})"] = None
+    return ", ".join(tables)
+
+
 def chapter_of_test(test: str) -> str:
     """Return the part of the tolerance table that holds a test.
 
@@ -124,13 +134,16 @@ def table_coverage(
     # Results by the standard and edition of their case, in the order of the first one.
     by_standard: dict[tuple[str, str], list[PomResult]] = {}
     for result in results:
-        by_standard.setdefault((result.case.standard, result.case.edition), []).append(result)
+        key = (result.case.standard, result.case.edition_words)
+        by_standard.setdefault(key, []).append(result)
     coverage = []
     for (standard, edition), standard_results in by_standard.items():
-        titles = {}
-        for row in table:
-            if (row["standard"], row["edition"]) == (standard, edition):
-                titles[row["test_id"]] = row["title"]
+        # a case of a table of the user keeps the titles of its tests
+        titles = dict(standard_results[0].case.table.get("tests", {}))
+        if not titles:
+            for row in table:
+                if (row["standard"], row["edition"]) == (standard, edition):
+                    titles[row["test_id"]] = row["title"]
         entries = []
         for test, title in titles.items():
             test_results = [result for result in standard_results if result.case.id == test]

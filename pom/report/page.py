@@ -20,7 +20,13 @@ from pom.report.chapters import Chapters
 from pom.report.models.database_comparison import models_page
 from pom.report.models.identification import identification_page
 from pom.report.models.tuning import NOTE
-from pom.report.overview import list_runs, provenance_page, table_coverage, verdict_matrix
+from pom.report.overview import (
+    list_runs,
+    own_tables_text,
+    provenance_page,
+    table_coverage,
+    verdict_matrix,
+)
 from pom.report.presentation.page_templates import page_templates
 from pom.report.presentation.traces import pack_page
 from pom.report.submodels.sections import submodels_context
@@ -75,6 +81,7 @@ def html_files(
     common = {
         "title": title,
         "revision": revision,
+        "tables": own_tables_text(results),
         "origin": provenance_page(provenance, results, chapters.roots),
         "count": len(results),
         "models": models_page(chapters.compared) if chapters.compared else None,

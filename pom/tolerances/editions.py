@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 from flightmech.errors import UnknownName
 from pom.tolerances import rows
 
@@ -59,3 +61,41 @@ def _select_one(name: str, fitting: set[str], allowed: set[str], *, what: str) -
         hint = "several have it in their name" if fitting else ""
         raise UnknownName(name, allowed, what=what, hint=hint)
     return fitting.pop()
+
+
+RESTS_ON = (
+    "group",
+    "measure",
+    "applies_from",
+    "applies_to",
+    "condition",
+    "flight_condition",
+)
+"""Columns of a row, in addition to its band, that change a judgement."""
+
+
+def different_rows(
+    old: Sequence[rows.Row], new: Sequence[rows.Row]
+) -> Iterator[tuple[str, tuple[str, str]]]:
+    """Yield name, old and new text of every row of a test that differs between two tables.
+
+    The text of a row that is missing is ``absent``.
+    """
+    by_name = [dict(zip(rows.names_of(list(table)), table, strict=True)) for table in (old, new)]
+    for name in dict.fromkeys([*by_name[0], *by_name[1]]):
+        found = [table.get(name) for table in by_name]
+        if found[0] is None or found[1] is None:
+            texts = ["absent" if row is None else rows.band_of(row).text for row in found]
+            yield name, (texts[0], texts[1])
+            continue
+        before, after = found
+        bands = rows.band_of(before), rows.band_of(after)
+        texts = [bands[0].text, bands[1].text]
+        # the rule and the base of a percentage are part of the band
+        others = [column for column in RESTS_ON if before[column] != after[column]]
+        if bands[0] == bands[1] and not others:
+            continue
+        for column in others:
+            texts[0] += f", {column} {before[column] or 'empty'}"
+            texts[1] += f", {column} {after[column] or 'empty'}"
+        yield name, (texts[0], texts[1])

@@ -23,6 +23,7 @@ from flightmech.support.kept_stages.sharing import demand_scheduler
 from pom.archive.archive import Custody
 from pom.archive.origins import ReportProvenance, provenance
 from pom.cases.case import PomCase, read_case
+from pom.cases.own_table import demand_use
 from pom.cases.reference_states import window_problem
 from pom.checking.batch_check import check_batch
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks
@@ -53,22 +54,26 @@ from pom.result import (
     trim_remarks,
 )
 from pom.tolerances.bands import remarks_text
+from pom.tolerances.own_tables import read_own_table
 
 
-def check_cases(cases: tuple[Path, ...], as_json: bool) -> None:
+def check_cases(cases: tuple[Path, ...], tolerances_file: str | None, as_json: bool) -> None:
     """Perform the command ``check``."""
+    table = read_own_table(tolerances_file) if tolerances_file else None
     checked: list[PomCase] = []
     problems: list[str] = []
     files = case_files(cases)
     with show_progress(f"read {count_text(len(files), 'case')} and their records"):
         for file in files:
             try:
-                case = read_case(file)
+                case = read_case(file, table)
             except AeromatchError as error:
                 problems.append(str(error))
                 continue
             checked.append(case)
             problems += _case_problems(case)
+    if not problems:
+        demand_use(table, [case.tolerances for case in checked])
     # one case is an object, several cases are an array
     if as_json and not problems:
         documents = [case.to_dict() for case in checked]
@@ -109,7 +114,7 @@ def _print_criteria(case: PomCase) -> None:
             reason_not_judged(case, criterion) or criterion.provenance,
         )
         rows.append(row)
-    title = f"{case.id}  {case.title}  ({case.standard}, {case.edition})"
+    title = f"{case.id}  {case.title}  ({case.standard}, {case.edition_words})"
     columns = ("criterion", "channel", "measure", "group", "tolerance", "window [s]", "remark")
     print_table(columns, rows, title)
 
@@ -162,6 +167,7 @@ def run_cases(
     scheduler: str | None,
     resume: Path | None,
     biases_file: str | None,
+    tolerances_file: str | None,
     evidence: str | None,
     samples: int,
     seed: int,
@@ -174,7 +180,13 @@ def run_cases(
     _demand_pairs(samples, databases, tunings=tunings, output=output)
     signatures = signatures_of(signed)
     batch = _read_batch(
-        cases, models, tables, databases=databases, tunings=tunings, others=(evidence, biases_file)
+        cases,
+        models,
+        tables,
+        databases=databases,
+        tunings=tunings,
+        tolerances=tolerances_file,
+        others=(evidence, biases_file),
     )
     checks = _check_batch(batch, jobs=jobs, scheduler=scheduler, resume=resume)
     options: dict[str, Any] = {
@@ -241,6 +253,7 @@ def _read_batch(
     *,
     databases: tuple[str, ...],
     tunings: tuple[str, ...],
+    tolerances: str | None,
     others: Sequence[str | None],
 ) -> _Batch:
     """Hash and read the cases and files of a batch."""
@@ -256,8 +269,12 @@ def _read_batch(
     # Every file is hashed before it is read, so that the hash belongs to the results.
     custody = Custody()
     custody.take([*paths, *runs.values()])
+    if tolerances:
+        custody.take([tolerances])
     with show_progress(f"read {count_text(len(paths), 'case')}"):
-        read = [read_case(path) for path in paths]
+        table = read_own_table(tolerances) if tolerances else None
+        read = [read_case(path, table) for path in paths]
+    demand_use(table, [case.tolerances for case in read])
     files: list[str] = []
     for case in read:
         files += case.files()

@@ -22,6 +22,7 @@ from pom.report.case.start import calibration_rows, condition_rows, drift_rows, 
 from pom.report.models.diagnosis import cause_sentences
 from pom.report.overview import (
     list_runs,
+    own_tables_text,
     provenance_page,
     shown_statuses,
     table_coverage,
@@ -85,7 +86,7 @@ def front_content(
     standards: dict[str, None] = {}
     kinds: dict[str, None] = {}
     for result in results:
-        standards[f"{result.case.standard}, edition {result.case.edition}"] = None
+        standards[f"{result.case.standard}, edition {result.case.edition_words}"] = None
         kinds[_REFERENCES.get(result.case.reference, result.case.reference)] = None
     airplanes: dict[str, None] = {}
     for db in databases.values():
@@ -105,6 +106,7 @@ def front_content(
         "index": _matrix_content(keys, results, outcomes),
         "no_evidence": origin["no_evidence"],
         "record_errors": origin["record_errors"],
+        "tables": own_tables_text(results),
         "coverage": table_coverage(results, tolerance_rows()),
         "references": _references_content(results, origin, databases),
         "glossary": [_glossary_entry(label) for label in origin["glossary"]],
@@ -226,7 +228,7 @@ def _case_texts(case: PomCase) -> dict[str, Any]:
         "id": case.id,
         "title": case.title,
         "name": case.name,
-        "standard": f"{case.standard}, edition {case.edition}",
+        "standard": f"{case.standard}, edition {case.edition_words}",
         "kind": f"{kind}, tolerances applied to {remarks.fraction_text(case.fraction)}",
         "objective": remarks.case_objective(case),
         "manoeuvre": case.description,
