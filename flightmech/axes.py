@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 
 class Euler(NamedTuple):
@@ -73,7 +73,7 @@ def quaternion_from_matrix(C: ArrayLike) -> np.ndarray:
     # SciPy rotates vectors, C rotates axes: one matrix is the transpose of the other. SciPy has the
     # scalar part last.
     transposed = np.swapaxes(C.reshape(-1, 3, 3), 1, 2)
-    scalar_last = Rotation.from_matrix(transposed).as_quat(canonical=True)
+    scalar_last = scipy.spatial.transform.Rotation.from_matrix(transposed).as_quat(canonical=True)
     return np.roll(scalar_last, 1, axis=-1).reshape(*C.shape[:-2], 4)
 
 
@@ -82,7 +82,7 @@ def matrix_from_quaternion(q: ArrayLike) -> np.ndarray:
     q = np.asarray(q, float)
     # conventions of SciPy: see quaternion_from_matrix
     scalar_last = np.roll(q.reshape(-1, 4), -1, axis=-1)
-    transposed = Rotation.from_quat(scalar_last).as_matrix()
+    transposed = scipy.spatial.transform.Rotation.from_quat(scalar_last).as_matrix()
     return np.swapaxes(transposed, 1, 2).reshape(*q.shape[:-1], 3, 3)
 
 

@@ -65,25 +65,25 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-DEPARTURES = ("departure", "trim_allowed")
+DEPARTURES = ("departure", "trim_allowed", "waived", "tables_left", "below_runway")
 """Kinds of remarks that make a pass a ``pass_with_departures``."""
 NOTICES = (
     *DEPARTURES,
+    "additional",
     "record",
+    "record_warning",
     "watch",
     "far_from_evidence",
     "edited_evidence",
-    "tables_left",
-    "below_runway",
-    "waived",
 )
 """Kinds of remarks that index, page and terminal show next to the verdict.
 
 ``departure`` is a departure of the case from the printed row (`pom.judging.departures`),
-``trim_allowed`` a trim beyond its limits that the case file allows, ``record`` an error of the
-flight record, ``watch`` a watched channel beyond its limit. ``far_from_evidence`` names terms far
-from their flight estimate, ``tables_left`` tables that the flight left, ``below_runway`` a model
-that sank through the runway.
+``trim_allowed`` a trim beyond its limits that the case file allows, ``waived`` inputs that the
+model does not have, ``tables_left`` tables that the flight left, ``below_runway`` a model that sank
+through the runway.  ``additional`` is a case in another configuration that states itself so,
+``record`` an error and ``record_warning`` a warning of the flight record, ``watch`` a watched
+channel beyond its limit, ``far_from_evidence`` terms far from their flight estimate.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
 STATUSES = (
@@ -362,6 +362,18 @@ def group_verdicts(case: PomCase, verdicts: Mapping[str, str]) -> dict[str, str]
     return groups
 
 
+def judged_groups(groups: Mapping[str, str]) -> dict[str, str]:
+    """Return the groups without those that are not tested, if another one is judged.
+
+    What a case does not test shows nothing about the terms of a model: a diagnosis and a tuning go
+    by the other groups.  The status of the case counts all groups.
+    """
+    judged = {name: verdict for name, verdict in groups.items() if verdict != "not_tested"}
+    if {"pass", "fail", "invalid"} & set(judged.values()):
+        return judged
+    return dict(groups)
+
+
 def status_of(
     groups: Mapping[str, str],
     limits_exceeded: bool = False,
@@ -475,6 +487,12 @@ def _collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[
             if remark.kind in kinds:
                 texts[remark.text] = None
     return list(texts)
+
+
+def is_additional(result: PomResult) -> bool:
+    """Return whether the case states itself as additional: in another configuration than its row."""
+    kinds = {remark.kind for row in result.rows for remark in row["remarks"]}
+    return "additional" in kinds
 
 
 def has_trim_remark(row: Mapping[Hashable, Any]) -> bool:

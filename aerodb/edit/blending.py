@@ -33,8 +33,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.stats import chi2 as chi2_distribution
 
 from aerodb.edit.table_edits import match_names
 from aerodb.store.grids import (
@@ -318,7 +318,7 @@ def _consistency_row(pair: _TermPair, rule: str) -> tuple[int, float, float, flo
     if observed.points:
         sizes = [len(axis_points) for axis_points in observed.points.values()]
         node = list(map(int, np.unravel_index(worst, sizes)))
-    probability = float(chi2_distribution.sf(chi2, count))
+    probability = float(scipy.stats.chi2.sf(chi2, count))
     return count, chi2, probability, float(in_errors[worst]), node_text(observed.points, node)
 
 

@@ -18,8 +18,8 @@ References
 from __future__ import annotations
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.optimize import brentq
 
 from aerodb.update.posterior import carry_covariance
 from flightmech import terms as _terms
@@ -217,7 +217,7 @@ def _breakpoint_ratio(exponent: float, tolerance: float) -> float:
     def excess(ratio: float) -> float:
         return _chord_error(exponent, ratio) - tolerance
 
-    return float(brentq(excess, 1.0 + 1e-6, _LARGEST_RATIO))
+    return float(scipy.optimize.brentq(excess, 1.0 + 1e-6, _LARGEST_RATIO))
 
 
 def _chord_error(s: float, ratio: float) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ from flightmech.plugins import (
     DATABASE_IMPORTERS,
     find_plugins,
     load_plugin,
+    read_by_plugin,
+    recognise_plugin,
 )
 
 # format: module and function
@@ -62,7 +65,7 @@ def find_importer(name: str) -> Callable[..., xr.DataTree]:
     """Return the function that reads a format which `recognise_format` returned."""
     if name in IMPORTERS:
         return _load_function(IMPORTERS[name])
-    return load_plugin(find_plugins(DATABASE_IMPORTERS, IMPORTERS)[name]).read
+    return partial(read_by_plugin, DATABASE_IMPORTERS, name)
 
 
 def recognise_format(path: Path) -> str:
@@ -74,30 +77,23 @@ def recognise_format(path: Path) -> str:
     ------
     ParseError
         Neither the product nor an entry point reads the file.
-    AeromatchError
-        An entry point cannot be loaded, or fails while it looks at the file.
+
+    Warns
+    -----
+    AeromatchWarning
+        An entry point cannot be loaded, or fails while it looks at the file; it is left out.
     """
     try:
         return recognise_own_format(path)
     except ParseError:
-        for name, point in find_plugins(DATABASE_IMPORTERS, IMPORTERS).items():
-            if _is_recognised(name, load_plugin(point), path):
-                return name
-        raise
-
-
-def _is_recognised(name: str, importer: Any, path: Path) -> bool:
-    head = b""
-    if path.is_file():
-        with path.open("rb") as file:
-            head = file.read(HEAD)
-    try:
-        return bool(importer.recognise(path, head))
-    except Exception as error:
-        raise AeromatchError(
-            f"the importer {name!r} of another package fails at {path}: "
-            f"{type(error).__name__}: {error}; repair or uninstall that package"
-        ) from error
+        head = b""
+        if path.is_file():
+            with path.open("rb") as file:
+                head = file.read(HEAD)
+        name = recognise_plugin(DATABASE_IMPORTERS, path, head, own=IMPORTERS)
+        if not name:
+            raise
+        return name
 
 
 def _load_function(place: tuple[str, str]) -> Callable[..., Any]:

@@ -193,7 +193,7 @@ def from_datcom(
     tree = _assemble_database(aircraft, leaves, reference=reference, sources=sources)
     tree, findings = note_plausibility(tree, aircraft)
     for finding in findings:
-        if finding.kind == "implausible":
+        if finding.kind in ("implausible", "unused"):
             warn_user(str(finding))
     return tree
 

@@ -14,7 +14,7 @@ Appendix B, Seckel, FAA-RD-71-6 (1971), and the model GTM T2 of NASA.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -23,6 +23,7 @@ import xarray as xr
 
 from aerodb.store.evaluation import evaluate_any
 from aerodb.store.schema import database_coefficients, terms
+from flightmech.errors import SchemaError
 from flightmech.names import VOCABULARY
 from flightmech.terms import list_model_variables, list_regressors
 from flightmech.units import DEGREE
@@ -100,7 +101,8 @@ class PlausibilityFinding:
     subject : str
         Quantity as it is acknowledged, such as ``Cm/qhat`` or ``static margin``.
     kind : str
-        ``implausible``, ``missing`` or ``not checked``.
+        ``implausible``, ``missing``, ``not checked``, or ``unused``: an acknowledgement of a
+        subject that no finding has.
     value, low, high : float
         Worst value and its range; NaN where there is none.
     place : str
@@ -159,23 +161,49 @@ def check_plausibility(
 
     Returns
     -------
-    list of Finding
-        One for each subject, with its worst Mach number.
+    list of PlausibilityFinding
+        One for each subject, with its worst Mach number, then one for each acknowledgement that
+        belongs to none of them.
+
+    Raises
+    ------
+    SchemaError
+        An acknowledgement without a reason.
     """
-    machs = _mach_numbers(db)
+    reasons = acknowledged or {}
+    problems = []
+    for subject, reason in reasons.items():
+        if not reason.strip():
+            problems.append(f"{subject}: no reason is given; state why the value is right")
+    if problems:
+        raise SchemaError("acknowledged", problems)
+    machs, state = _mach_numbers(db), _base_state(db)
     findings = [*_check_lengths(db), *_check_alphas(db)]
     # Without lift over several alphas no slope exists.
     if not findings or all(item.subject != "angles of attack" for item in findings):
-        findings += _merge(_check_slopes(db, machs, aircraft), machs)
-    findings += _merge(_check_derivatives(db, machs), machs)
-    findings += _find_missing(db, machs)
+        findings += _merge(_check_slopes(db, machs, state, aircraft=aircraft), machs)
+    findings += _merge(_check_derivatives(db, machs, state), machs)
+    findings += _find_missing(db, machs, state)
     if aircraft is not None:
         findings += _check_aircraft(aircraft)
     else:
         why = "it needs mass and centre of gravity of the aircraft: give the aircraft file"
         findings.append(PlausibilityFinding("manoeuvre margin", "not checked", source=why))
-    reasons = acknowledged or {}
-    return [replace(item, reason=reasons.get(item.subject, "")) for item in findings]
+    reasoned = [replace(item, reason=reasons.get(item.subject, "")) for item in findings]
+    return [*reasoned, *_find_unused(reasons, [item.subject for item in findings])]
+
+
+def _find_unused(
+    reasons: Mapping[str, str], subjects: Sequence[str]
+) -> Iterator[PlausibilityFinding]:
+    """Yield the acknowledgements whose subject is not one of `subjects`, which is often misspelt."""
+    listed = ", ".join(subjects) or "none"
+    for subject in reasons:
+        if subject not in subjects:
+            why = f"no finding of this database has the subject; its subjects are: {listed}; "
+            why += "correct it, or remove the line from [acknowledged] unless another database of "
+            why += "the aircraft needs it"
+            yield PlausibilityFinding(f"the acknowledgement of {subject!r}", "unused", source=why)
 
 
 def _mach_numbers(db: xr.DataTree) -> np.ndarray:
@@ -213,14 +241,14 @@ def _check_alphas(db: xr.DataTree) -> Iterator[PlausibilityFinding]:
 
 
 def _check_slopes(
-    db: xr.DataTree, machs: np.ndarray, aircraft: HasMass | None
+    db: xr.DataTree, machs: np.ndarray, base: Mapping[str, Any], aircraft: HasMass | None
 ) -> Iterator[tuple[PlausibilityFinding, float]]:
     """Yield lift slope, margins and drag outside their ranges, with the Mach number."""
     S, b, cbar = (float(db.attrs[name]) for name in ("S", "b", "cbar"))
     present = _present_coefficients(db)
     alpha = np.linspace(*_LINEAR, 11)
     for mach in machs:
-        state = _base_state(db) | {"mach": np.full(alpha.size, mach), "alpha": alpha}
+        state = {**base, "mach": np.full(alpha.size, mach), "alpha": alpha}
         CL, CD, Cm = (_evaluate(db, name, state) for name in _STATIC)
         CL_alpha = float(np.polyfit(alpha, CL, 1)[0])
         Cm_alpha = float(np.polyfit(alpha, Cm, 1)[0])
@@ -243,7 +271,7 @@ def _check_slopes(
             margin, point = margin + aircraft.cg[0] / cbar, "centre of gravity of the aircraft file"
         why = f"a stable aeroplane about the {point}; an unstable one is acknowledged"
         yield from _outside("static margin", margin, *_MARGIN, why, mach)
-        damping = _derivative(db, "Cm", "qhat", mach)
+        damping = _derivative(db, "Cm", "qhat", mach=mach, base=base)
         if aircraft is not None and damping is not None:
             # h_m = h_n - (rho S cbar / 4 m) Cm_qhat, at sea level.
             manoeuvre = margin - _RHO_0 * S * cbar / (4.0 * aircraft.mass) * damping
@@ -252,7 +280,7 @@ def _check_slopes(
 
 
 def _check_derivatives(
-    db: xr.DataTree, machs: np.ndarray
+    db: xr.DataTree, machs: np.ndarray, base: Mapping[str, Any]
 ) -> Iterator[tuple[PlausibilityFinding, float]]:
     """Yield derivatives outside the widened spread of published ones, with the Mach number."""
     for (coefficient, variable), (lowest, highest) in _SPREAD.items():
@@ -264,7 +292,7 @@ def _check_derivatives(
         for mach in machs:
             if variable == "alphadothat" and mach >= _SUPERSONIC:
                 continue
-            slope = _derivative(db, coefficient, variable, mach)
+            slope = _derivative(db, coefficient, variable, mach=mach, base=base)
             if slope is not None:
                 yield from _outside(f"{coefficient}/{variable}", slope, low, high, why, mach)
 
@@ -285,7 +313,9 @@ def _check_aircraft(aircraft: Any) -> Iterator[PlausibilityFinding]:
         yield PlausibilityFinding("x_ref_mac", "implausible", fraction, low, high, source=why)
 
 
-def _find_missing(db: xr.DataTree, machs: np.ndarray) -> Iterator[PlausibilityFinding]:
+def _find_missing(
+    db: xr.DataTree, machs: np.ndarray, base: Mapping[str, Any]
+) -> Iterator[PlausibilityFinding]:
     """Yield coefficients without a term, and essential derivatives without a source."""
     present = _present_coefficients(db)
     for coefficient in database_coefficients(db):
@@ -296,7 +326,9 @@ def _find_missing(db: xr.DataTree, machs: np.ndarray) -> Iterator[PlausibilityFi
                 coefficient, kind, source="no term: the simulation takes it as zero"
             )
     for coefficient, variable in _ESSENTIAL:
-        if coefficient in present and _derivative(db, coefficient, variable, machs[0]) is None:
+        if coefficient not in present:
+            continue
+        if _derivative(db, coefficient, variable, mach=machs[0], base=base) is None:
             why = "no term depends on it: the simulation takes it as zero"
             yield PlausibilityFinding(f"{coefficient}/{variable}", "missing", source=why)
 
@@ -384,9 +416,12 @@ def _base_state(db: xr.DataTree) -> dict[str, Any]:
     return state
 
 
-def _derivative(db: xr.DataTree, coefficient: str, variable: str, mach: float) -> float | None:
+def _derivative(
+    db: xr.DataTree, coefficient: str, variable: str, *, mach: float, base: Mapping[str, Any]
+) -> float | None:
     """Return a central difference at alpha = 2 deg, None if no term depends on the variable.
 
+    `base` is the result of `_base_state`, which takes longer than the difference.
     A table that begins at zero deflection gives a one-sided difference.
     """
     step = _STEP
@@ -399,7 +434,7 @@ def _derivative(db: xr.DataTree, coefficient: str, variable: str, mach: float) -
             low, high = max(low, points.min()), min(high, points.max())
     if high <= low:
         return None
-    state = _base_state(db) | {"mach": np.full(2, mach), "alpha": np.full(2, 2.0 * DEGREE)}
+    state = {**base, "mach": np.full(2, mach), "alpha": np.full(2, 2.0 * DEGREE)}
     state[variable] = np.array([low, high])
     ends = _evaluate(db, coefficient, state)
     slope = float((ends[1] - ends[0]) / (high - low))

@@ -39,8 +39,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.linalg import block_diag
 
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
 from aerodb.update.correlation import LENGTHS, PARTS, error_kinds, flown_distance, prior_parts
@@ -401,7 +401,7 @@ def _solve_stage(equations: _StageEquations, observed: Sequence[Observation]) ->
     for turn in range(_ROUNDS):
         measured = [fit.C / w for fit, w in zip(observed, weight)]
         common = [D[rows] @ D[rows].T / w for rows, w in zip(rows_of_fits, weight)]
-        noise, own_errors = block_diag(*measured), block_diag(*common)
+        noise, own_errors = scipy.linalg.block_diag(*measured), scipy.linalg.block_diag(*common)
         deviation = np.einsum("k,kij->ij", factors**2, equations.rough)
         size = factors[owner]
         # In the first half the factors converge.  A misfit that a larger a-priori error explains is

@@ -33,8 +33,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.optimize import nnls
 
 from flightmech.units import DEGREE
 
@@ -246,5 +246,5 @@ def _fit_error_kinds(v: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
     # Relative misfit of r^2 v^2 + a^2 = sd^2.  With the absolute misfit the few nodes with large
     # errors would decide.
     regressors = np.stack([v[uncertain] ** 2, ones], axis=1) / sd[uncertain, None] ** 2
-    (r2, a2), _ = nnls(regressors, ones)
+    (r2, a2), _ = scipy.optimize.nnls(regressors, ones)
     return float(r2), float(a2)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.linalg import block_diag
 
 from aerodb.store.schema import terms
 from aerodb.update.correlation import LENGTHS, PARTS, SHARES, prior_parts
@@ -172,8 +172,10 @@ class Expectation:
         blocks, expected = self._prior_blocks(coefficient, observed, H, requested=requested)
         # As in `aerodb.update.tabulation`: each fit has the common errors for itself in the gain.
         # Their covariance is replaced by that of errors that all fits share.
-        own_errors = block_diag(*[observation.D @ observation.D.T for observation in observed])
-        measured = block_diag(*[observation.C for observation in observed])
+        own_errors = scipy.linalg.block_diag(
+            *[observation.D @ observation.D.T for observation in observed]
+        )
+        measured = scipy.linalg.block_diag(*[observation.C for observation in observed])
         noise = self._inflation.get(coefficient, 1.0) ** 2 * measured + own_errors
         inverse = invert_covariance(expected + noise)
         errors = {}

@@ -29,9 +29,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.linalg import block_diag
-from scipy.sparse import hstack
 
 from aerodb.store.schema import terms
 from aerodb.update.cautions.unplaced_terms import (
@@ -241,7 +240,7 @@ def _observe_samples(
         z = z - bases[term] @ leaf["value"].values.ravel()
     g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     free_bases = [bases[term] for term in free]
-    B = hstack(free_bases, format="csr")
+    B = scipy.sparse.hstack(free_bases, format="csr")
     # Only nodes that the samples move: residual r = B F x with x ~ N(0, 1) a priori.
     touched, F = _prior_factor(free_bases, priors)
     product = _NodeProduct(B[:, touched], F)
@@ -284,7 +283,7 @@ def _prior_factor(
             factors.append(vectors[:, significant] * np.sqrt(eigenvalues[significant]))
             touched.append(first + nodes)
         first += B.shape[1]
-    return np.concatenate(touched), block_diag(*factors)
+    return np.concatenate(touched), scipy.linalg.block_diag(*factors)
 
 
 class _NodeProduct:

@@ -21,8 +21,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.optimize import nnls
 
 from aerodb.update.posterior import joint_covariance
 from flightmech.errors import IdentificationError, UnknownName
@@ -202,5 +202,5 @@ def _solve_multipliers(
         correlation = K[np.ix_(free, free)] / np.outer(scale, scale)
         L = np.linalg.cholesky(correlation + _JITTER * np.eye(len(scale)))
         target = -np.linalg.solve(L, slack[free] / scale)
-        m[free] = nnls(L.T, target, maxiter=100 * len(scale))[0] / scale
+        m[free] = scipy.optimize.nnls(L.T, target, maxiter=100 * len(scale))[0] / scale
     return m

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.sparse import csr_array
 
 from aerodb.store.schema import terms
 from aerodb.update.posterior import (
@@ -162,7 +162,7 @@ def standard_error(
     return spread_of_sum(parts).reshape(shape)
 
 
-def spread_of_sum(parts: Sequence[tuple[csr_array, xr.Dataset]]) -> np.ndarray:
+def spread_of_sum(parts: Sequence[tuple[scipy.sparse.csr_array, xr.Dataset]]) -> np.ndarray:
     """Return the standard errors of sums of contributions of several terms of one coefficient.
 
     Parameters
@@ -198,7 +198,7 @@ def _contribution_map(
     derivative: str | None,
     *,
     count: int,
-) -> csr_array:
+) -> scipy.sparse.csr_array:
     """Return the linear map from the nodes of a term to its contribution or derivative."""
     if derivative is None:
         return repeat_rows(_terms.basis(leaf, conditions, "clamp"), count)
@@ -209,14 +209,14 @@ def _contribution_map(
     return (ends[0] - ends[1]) / (2.0 * _STEP)
 
 
-def repeat_rows(B: csr_array, count: int) -> csr_array:
+def repeat_rows(B: scipy.sparse.csr_array, count: int) -> scipy.sparse.csr_array:
     """Return a map with a row for every condition; that of a term without variables has one row."""
     if B.shape[0] == count:
         return B
     return type(B)(np.repeat(B.toarray(), count, axis=0))
 
 
-def standard_errors(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
+def standard_errors(B: scipy.sparse.csr_array, leaf: xr.Dataset) -> np.ndarray:
     """Return the standard errors of linear combinations of the nodes of a term.
 
     Parameters
@@ -233,7 +233,7 @@ def standard_errors(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
     return spread_of_sum([(B, leaf)])
 
 
-def _own_variance(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
+def _own_variance(B: scipy.sparse.csr_array, leaf: xr.Dataset) -> np.ndarray:
     """Return diag(B P B') and the independent variance of an edit, (samples,)."""
     variance = np.zeros(B.shape[0])
     corners = np.diff(B.indptr)

@@ -48,8 +48,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.linalg import block_diag
 
 from aerodb.store.schema import terms
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
@@ -379,7 +379,7 @@ def _declared_chi2(
     """Return chi-squared of the estimates with the a-priori weights and the declared errors."""
     tables = len(expected) // len(SHARES)
     declared = np.einsum("k,kij->ij", np.tile(list(SHARES.values()), tables), expected)
-    measured = block_diag(*[observation.C for observation in observed])
+    measured = scipy.linalg.block_diag(*[observation.C for observation in observed])
     return float(y @ invert_covariance(declared + D @ D.T + measured) @ y)
 
 
@@ -407,4 +407,4 @@ def _rms_in_stderr(residual: np.ndarray, C: np.ndarray) -> float:
 
 def _weighted_blocks(blocks: Sequence[np.ndarray], weight: np.ndarray) -> np.ndarray:
     """Return the block-diagonal matrix of covariances of fits, each divided by its weight."""
-    return block_diag(*[block / w for block, w in zip(blocks, weight)])
+    return scipy.linalg.block_diag(*[block / w for block, w in zip(blocks, weight)])

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.stats import chi2 as chi2_distribution
 
 from aerodb.update.cautions.notices import incompatible_fits
 from aerodb.update.correlation import PARTS
@@ -255,7 +255,7 @@ def compatibility_row(coefficient: str, count: int, chi2: float, inflation: floa
     row = {
         "chi2": chi2,
         "count": count,
-        "probability": float(chi2_distribution.sf(chi2, count)),
+        "probability": float(scipy.stats.chi2.sf(chi2, count)),
         "inflation": inflation,
     }
     return pd.DataFrame(row, index=pd.Index([coefficient], name="coefficient"))

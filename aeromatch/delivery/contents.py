@@ -38,6 +38,8 @@ from flightmech.support.atomic_write import folder_written_atomically, written_a
 from flightmech.support.figures import make_template_environment
 from flightmech.support.input_files import file_sha256
 from flightmech.terms import power_factor
+from pom.report.overview import departure_table
+from pom.result import departure_remarks, run_notices
 
 MANIFEST = "manifest.json"
 FLOWN, STATES = "check_cases/flown", "check_cases/states.csv"
@@ -145,11 +147,14 @@ def _fill(
     for result in archive.results:
         statuses = [(run, result.status(run)) for run in result.runs]
         results.append((result.case.id, result.case.title, statuses))
+    keys = [result.case.name for result in archive.results]
     facts = {
         "title": project.title,
         "revision": wishes.revision,
         "version": version("aeromatch"),
         "results": results,
+        "departures": departure_table(keys, archive.results),
+        "notices": _notice_lines(archive.results),
         "refused": refused,
         "flown": [file.name for file in flown],
         "recordings": wishes.recordings,
@@ -166,6 +171,18 @@ def _fill(
     # The manifest is last, because it has the hashes of all other files.
     _write_text(folder / MANIFEST, manifest_text(folder, facts))
     return refused
+
+
+def _notice_lines(results: Sequence[pom.PomResult]) -> list[tuple[str, str, str]]:
+    """Return case, model and text of the notices that are not departures."""
+    lines = []
+    for result in results:
+        for run in result.runs:
+            departures = set(departure_remarks(result, run))
+            for text in run_notices(result, run):
+                if text not in departures:
+                    lines.append((result.case.name, run, text))
+    return lines
 
 
 def _copy_files(folder: Path, project: Project, match: Path, wishes: PackageOptions) -> None:

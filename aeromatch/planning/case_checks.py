@@ -78,7 +78,11 @@ class CaseChecks:
             label = _label(cases, number)
             states = windows[number]
             items[label] = case, states
-            case_inputs = {"case": case, "files": self._case_files(case), "states": states}
+            case_inputs = {
+                "case": case.without_texts(),
+                "files": self._case_files(case),
+                "states": states,
+            }
             inputs[label] = case_inputs | common
 
         def compute(missing: list[str], put: Callable[..., None]) -> None:

@@ -29,6 +29,7 @@ from flightmech.support.atomic_write import resolve_folder
 from flightmech.support.kept_stages.sharing import demand_scheduler
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases.case import PomCase
+from pom.cases.fact_agreement import contradictions
 
 
 @dataclass(frozen=True)
@@ -212,6 +213,7 @@ def make_plan(
     _check_folders(Path(folder), options, problems)
     cases = [run_collecting_problems(problems, "", pom.read_case, file) for file in project.cases]
     plan.cases += filter(None, cases)
+    problems += contradictions(plan.cases)
     problems += model_checks.name_problems(project)
     aircraft = run_collecting_problems(problems, "", flightmech.read_aircraft, project.aircraft)
     apriori: Aircraft | None = None

@@ -83,7 +83,7 @@ class LookTask:
         """Return the inputs of the stage besides the record; `aircraft` is that of the task."""
         return {
             "aircraft": aircraft,
-            "cases": self.cases,
+            "cases": [case.without_texts() for case in self.cases],
             "manoeuvres": self.table,
             "fits": self.fits,
             "submodels": self.submodels,

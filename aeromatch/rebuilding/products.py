@@ -106,7 +106,9 @@ def model_files(
     def make() -> dict[str, bytes]:
         tree, findings = note_plausibility(database.value, aircraft.value)
         for finding in findings:
-            if finding.kind == "implausible":
+            # The aircraft file is that of the final model; the others may lack its findings.
+            is_unused = finding.kind == "unused" and name == "final"
+            if finding.kind == "implausible" or is_unused:
                 warnings.warn(f"{name}: {finding}", AeromatchWarning, stacklevel=2)
         with TemporaryDirectory() as temporary:
             folder = Path(temporary)

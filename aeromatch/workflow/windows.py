@@ -249,15 +249,20 @@ def _manoeuvre_spans(
 ) -> list[tuple[float, float]]:
     """Return the windows of manoeuvres in one record: ``"3211 elevator"``, or a kind: ``"trim"``."""
     # A manoeuvre without a control, such as a trim, is named by its kind alone.
-    labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
+    kinds = table["manoeuvre"].tolist()
+    labels = []
+    for kind, control in zip(kinds, table["control"].fillna("").tolist(), strict=True):
+        labels.append(f"{kind} {control}".strip())
+    times = list(zip(table["start"].tolist(), table["end"].tolist(), strict=True))
     spans: list[tuple[float, float]] = []
     for name in manoeuvres:
-        rows = table[(labels == name) | (table["manoeuvre"] == name)]
-        if rows.empty:
+        selected = [i for i, kind in enumerate(kinds) if name in (kind, labels[i])]
+        if not selected:
             problems.append(
                 f"{position}, record {record}: {UnknownName(name, set(labels), 'manoeuvre')}"
             )
-        for start, end in zip(rows["start"], rows["end"], strict=True):
+        for i in selected:
+            start, end = times[i]
             spans.append((float(start), float(end)))
     return spans
 

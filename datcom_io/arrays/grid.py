@@ -191,19 +191,21 @@ def _concatenate(parts: list[xr.Dataset]) -> xr.Dataset:
 
 def _complete_first(parts: list[xr.Dataset]) -> xr.Dataset:
     """Return the first part, with fixed values that only other parts print."""
-    first = parts[0].copy()
+    first = parts[0]
+    completed: dict[str, xr.Variable] = {}
     for key in _fixed_variables(first):
         flag = f"{key}_flag"
-        if flag not in first:
+        # Without an absent value nothing is taken from another part.
+        if flag not in first or not (first[flag].values == ABSENT).any():
             continue
         values, flags = first[key].values.copy(), first[flag].values.copy()
         for part in parts[1:]:
             missing = flags == ABSENT
             values[missing] = part[key].values[missing]
             flags[missing] = part[flag].values[missing]
-        first[key] = first[key].copy(data=values)
-        first[flag] = first[flag].copy(data=flags)
-    return first
+        completed[key] = first.variables[key].copy(data=values)
+        completed[flag] = first.variables[flag].copy(data=flags)
+    return first.assign(completed)
 
 
 def to_grid(dataset: xr.Dataset) -> xr.Dataset:

@@ -64,7 +64,7 @@ def page() -> str:
         if (row["standard"], row["edition"]) == (rows.STANDARD, rows.EDITION)
     }
     entries = {row["entry"] for row in table}
-    beyond = {row["entry"] for row in table if row["status"] == "not_tested"}
+    beyond = {row["entry"] for row in table if row["status"] == "not_tested" and not row["judged"]}
     text = HEAD.format(entries=len(entries), judged=len(entries - beyond), beyond=len(beyond))
     for row in table:
         cells = (

@@ -46,7 +46,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import ConfigDict, Field, WithJsonSchema, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    StringConstraints,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
 from flightmech.aircraft.controls import (
     CONTROLS,
@@ -59,6 +66,7 @@ from flightmech.aircraft.controls import (
 )
 from flightmech.aircraft.engine import Engine, EngineTable, engine_of
 from flightmech.aircraft.engine_deck import DeckFiles
+from flightmech.aircraft.facts import AircraftFacts, FactsTable, fact_problems
 from flightmech.aircraft.fuel import Fuel, FuelSection, fuel_of
 from flightmech.aircraft.landing_gear import LandingGear
 from flightmech.aircraft.landing_gear_file import GearTable, gear_of
@@ -121,6 +129,8 @@ class Aircraft:
         Reasons for unusual values of the database by subject, such as ``static margin``.
     history : str
         Source of computed numbers, one line per step.
+    facts : AircraftFacts
+        Weights, speeds and kind of controls, ``[facts]`` in the file.
     """
 
     name: str
@@ -147,6 +157,7 @@ class Aircraft:
     earth_outputs: bool = False
     acknowledged: dict[str, str] = field(default_factory=dict)
     history: str = ""
+    facts: AircraftFacts = field(default_factory=AircraftFacts)
 
     def _repr_html_(self) -> str:
         """Return geometry, mass and equipment as a table for a notebook."""
@@ -202,6 +213,8 @@ def read_aircraft(path: str | Path) -> Aircraft:
     fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
     controls = {name: ControlGeometry(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)
+    facts = content.facts.facts()
+    problems += fact_problems(facts, content.mass, cbar=content.cbar, engines=len(engines))
     if problems:
         raise SchemaError(str(path), problems)
     parts: dict[str, Any] = {
@@ -210,6 +223,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
         "circuits": circuits,
         "gear": gear,
         "fuel": fuel,
+        "facts": facts,
     }
     # all other fields have the same name and type in the file
     for name in Aircraft.__dataclass_fields__:
@@ -218,8 +232,10 @@ def read_aircraft(path: str | Path) -> Aircraft:
     return Aircraft(**parts)
 
 
-# a reason that a reader can judge has more than a word
-Reason = Annotated[str, Field(min_length=15)]
+# a reason that a reader can judge has more than a word; blanks and dots are none
+Reason = Annotated[
+    str, StringConstraints(strip_whitespace=True, min_length=15, pattern=r"[^\W_]\W+[^\W_]")
+]
 _Length = Annotated[float, InUnits("m")]
 _Vector = tuple[_Length, _Length, _Length]
 # JSON schema of a quantity whose unit depends on the control
@@ -346,6 +362,7 @@ class _AircraftFile(_NumberOrText):
         description="Why unusual values of the database are right, by the subject that "
         "`aeromatch db check` prints; the report prints the reason.",
     )
+    facts: FactsTable = FactsTable()
     history: str = Field(
         default="",
         examples=["rescaled to a span of 11 m"],

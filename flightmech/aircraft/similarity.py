@@ -31,6 +31,7 @@ from flightmech.aircraft.aircraft import Aircraft, Vector
 from flightmech.aircraft.controls import ControlGeometry
 from flightmech.aircraft.engine import Engine
 from flightmech.aircraft.engine_deck import TARGETS, EngineDeck
+from flightmech.aircraft.facts import AircraftFacts
 from flightmech.aircraft.fuel import INERTIAS, MOMENTS, Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear
 from flightmech.errors import SchemaError, UnknownName
@@ -112,6 +113,7 @@ _DECK = {
     **dict.fromkeys(("n1_inertia", "n2_inertia"), "kg m2"),
     "inlet": "m",
 }
+_FACTS = {"mtow": "kg", "basic_operating_weight": "kg", "v1": "m s-1", "mean_chord": "m"}
 
 
 @dataclass(frozen=True)
@@ -369,7 +371,17 @@ def _scale_aircraft(
         instruments=instruments,
         controls=controls,
         history=_append_line(aircraft.history, line),
+        facts=_scale_facts(aircraft.facts, scale),
     )
+
+
+def _scale_facts(facts: AircraftFacts, scale: Scale) -> AircraftFacts:
+    scaled = {}
+    for name, units in _FACTS.items():
+        value = getattr(facts, name)
+        if value is not None:
+            scaled[name] = value * scale.of(units)
+    return replace(facts, **scaled)
 
 
 def _scale_vector(vector: Vector, factor: float) -> Vector:

@@ -64,6 +64,9 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
         lines += _write_fuel(aircraft.fuel, path)
     if aircraft.gear is not None:
         lines += _gear_lines(aircraft.gear)
+    facts = aircraft.facts.known()
+    if facts:
+        lines += ["", "[facts]", *_key_lines(facts)]
     if aircraft.acknowledged:
         lines += ["", "[acknowledged]", *_key_lines(aircraft.acknowledged)]
     if aircraft.limits:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from flightmech.flying_qualities.level_flight import (
     NO_ENGINES,
@@ -129,7 +129,7 @@ def find_zero(f: Callable[[float], float], low: float, high: float, xtol: float)
             return 0.0  # ends the search
         return y
 
-    x = float(brentq(value_or_zero, low, high, xtol=xtol))
+    x = float(scipy.optimize.brentq(value_or_zero, low, high, xtol=xtol))
     return np.nan if without_value else x
 
 

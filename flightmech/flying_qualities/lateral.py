@@ -9,8 +9,8 @@ References
 from __future__ import annotations
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.optimize import least_squares
 
 from flightmech.flying_qualities.control_forces import (
     COEFFICIENT,
@@ -259,7 +259,7 @@ def _control_share(flight: Point, failed: int) -> float:
         controls = {"beta": beta, "delta_a": delta_a, "delta_r": delta_r}
         return flight.body_coefficients(**power, **controls)[_LATERAL] + disturbance
 
-    search = least_squares(residual, np.zeros(3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    search = scipy.optimize.least_squares(residual, np.zeros(3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
     if np.abs(search.fun).max() > _SMALL:
         return float("inf")
     _, delta_a, delta_r = search.x

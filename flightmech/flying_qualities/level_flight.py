@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.optimize import minimize_scalar
 
 from flightmech.flying_qualities.performance import Stall, ambient_air
 from flightmech.names import quantity_attributes
@@ -196,7 +196,7 @@ def minimum_cost_speed(cost: Callable[[float], float], speeds: tuple[float, floa
         value = cost(float(V))
         return value if np.isfinite(value) else float(np.nanmax(costs))
 
-    search = minimize_scalar(
+    search = scipy.optimize.minimize_scalar(
         finite_cost, bounds=bounds, method="bounded", options={"xatol": TOLERANCE * bounds[0]}
     )
     return float(search.x)

@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import root_scalar
+import scipy
 
 from flightmech.flying_qualities.control_forces import column_force_slope
 from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
@@ -270,7 +270,7 @@ def _find_cg(point: Point, residual: Callable[[float], float]) -> float:
     does not converge, for example because the residual does not depend on the c.g.
     """
     craft = point.aircraft
-    search = root_scalar(
+    search = scipy.optimize.root_scalar(
         residual,
         x0=point.cg[0],
         x1=point.cg[0] - _CG_STEP * craft.cbar,

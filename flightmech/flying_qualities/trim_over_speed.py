@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.optimize import root_scalar
 
 from flightmech.flying_qualities.control_forces import force_factor, missing_for_force
 from flightmech.flying_qualities.longitudinal import NO_ELEVATOR, SMALL
@@ -109,7 +109,7 @@ def _neutral_point(point: Point) -> list[Characteristic]:
     def elevator_slope_at(x_cg_b: float) -> float:
         return _elevator_slope(point.retrim(mass__x_cg_b=x_cg_b))
 
-    search = root_scalar(
+    search = scipy.optimize.root_scalar(
         elevator_slope_at,
         x0=point.cg[0],
         x1=point.cg[0] - _CG_STEP * craft.cbar,

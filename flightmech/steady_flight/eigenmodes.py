@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.optimize import linear_sum_assignment
 
 PHUGOID = "phugoid"
 SHORT_PERIOD = "short period"
@@ -140,7 +140,7 @@ def _compute_eigenmodes(A: np.ndarray, names: list[str]) -> list[_Eigenmode]:
         displayed = participation
     # one state for each eigenvalue, so that the sum of participations is largest
     state_of_mode = {}
-    for state, mode in zip(*linear_sum_assignment(-participation), strict=True):
+    for state, mode in zip(*scipy.optimize.linear_sum_assignment(-participation), strict=True):
         state_of_mode[int(mode)] = names[state]
 
     eigenmodes = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from scipy.optimize import root_scalar
+import scipy
 
 from flightmech.errors import SimulationError
 from flightmech.steady_flight.compiled_aircraft import CompiledAircraft
@@ -27,7 +27,7 @@ def find_glide_angle(compiled: CompiledAircraft, parameters: Mapping[str, float]
         return compiled.trim_outputs({**parameters, "init.gamma": gamma})["trim.u_dot"]
 
     try:
-        search = root_scalar(
+        search = scipy.optimize.root_scalar(
             speed_gain,
             x0=_NO_GLIDE,
             x1=2.0 * _NO_GLIDE,
@@ -51,5 +51,7 @@ def _bracket_glide_angle(speed_gain: Callable[[float], float]) -> float:
     if not changes.size:
         return _NO_GLIDE
     bracket = grid[changes[0]], grid[changes[0] + 1]
-    search = root_scalar(speed_gain, bracket=bracket, method="brentq", xtol=_ANGLE_TOLERANCE)
+    search = scipy.optimize.root_scalar(
+        speed_gain, bracket=bracket, method="brentq", xtol=_ANGLE_TOLERANCE
+    )
     return float(search.root)

@@ -17,7 +17,7 @@ from pathlib import Path as File
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2
+import scipy
 
 from flightmech.support.figures import write_figure
 from flighttest.reconstruction.channel_signals import compatibility_figure
@@ -110,7 +110,7 @@ def ljung_box(residuals: np.ndarray, lags: int = LAGS) -> float:
         return float("nan")
     k = np.arange(1, lags + 1)
     rho = np.array([float(deviations[lag:] @ deviations[:-lag]) / power for lag in k])
-    return float(chi2.sf(N * (N + 2) * np.sum(rho**2 / (N - k)), lags))
+    return float(scipy.stats.chi2.sf(N * (N + 2) * np.sum(rho**2 / (N - k)), lags))
 
 
 def draw_compatibility(

@@ -184,11 +184,13 @@ def _recorded_channels(
         names = [str(name) for name in node.data_vars if name not in excluded]
         if not names:
             continue
-        inside = node[names].sel(time=slice(start, stop))
-        demand_numbers({leaf: inside}, "recorded inputs of a path")
-        clock = node["time"].values
-        for name in names:
-            values = node.variables[name].values
+        clock = node.variables["time"].values
+        samples = {name: node.variables[name].values for name in names}
+        if not all(np.isfinite(values).all() for values in samples.values()):
+            # NaN outside the path does not matter.
+            inside = node[names].sel(time=slice(start, stop))
+            demand_numbers({leaf: inside}, "recorded inputs of a path")
+        for name, values in samples.items():
             pieces = [resample_to_grid(clock, values, grid, name) for grid in grids]
             columns[name] = np.concatenate(pieces)
     return columns

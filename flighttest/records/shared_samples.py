@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from scipy.fft import irfft, next_fast_len, rfft
 
 INERTIAL = ("p", "q", "r", "ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 """Channels of gyros and accelerometers: noise and turbulence make them differ in every flight."""
@@ -168,9 +167,9 @@ def _sliding_correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     variance_a = overlap_mean(a * a, 0) - mean_a**2
     variance_b = overlap_mean(b * b, lags) - mean_b**2
     # sum over the overlap of a(t + lag) b(t), by the convolution theorem
-    size = next_fast_len(lags.size, real=True)
-    product = rfft(a, size) * rfft(b[:, ::-1], size)
-    covariance = irfft(product, size)[:, : lags.size] / count - mean_a * mean_b
+    size = 1 << lags.size.bit_length()
+    product = np.fft.rfft(a, size) * np.fft.rfft(b[:, ::-1], size)
+    covariance = np.fft.irfft(product, size)[:, : lags.size] / count - mean_a * mean_b
     # below a share of the variance of the whole series, the difference is rounding
     least = 1e-9 * np.maximum(a.var(axis=1), b.var(axis=1))[:, np.newaxis]
     is_valid = (count * STEP >= LEAST_OVERLAP) & (variance_a > least) & (variance_b > least)

@@ -15,7 +15,7 @@ from flightmech.support.console import to_json_types
 from pom.archive.archive import Archive, read_archive
 from pom.archive.origins import NAME, case_seen_from, dependency_path, read_report_manifest
 from pom.replaying.run_remarks import drift
-from pom.result import PomResult, to_records, to_split_dict
+from pom.result import PomResult, departure_remarks, to_records, to_split_dict
 
 
 @dataclass(frozen=True)
@@ -216,6 +216,7 @@ def _case_numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any
         "case": case_seen_from(result.case, folder).to_dict(),
         "conditions": result.conditions,
         "status": {run: result.status(run) for run in result.runs},
+        "departures": {run: departure_remarks(result, run) for run in result.runs},
         "attributes": dict(result.signals.attrs),
         "channels": [str(name) for name in result.signals.data_vars],
         "inputs": [str(name) for name in result.inputs.data_vars],

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup
+from flightmech.errors import SchemaError
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import validate_content
 from pom.cases import resolve as parts
-from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, WIND, CaseFile, plain_signatures
+from pom.cases.case_checks import check_case_names, check_table_names, loose_problems
+from pom.cases.case_facts import resolve_facts
+from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, CaseFile, plain_signatures
 from pom.cases.own_table import find_own_table, table_excerpt
 from pom.cases.pilot import PilotLoop
 from pom.tolerances import rows
@@ -28,6 +28,8 @@ _POWER = {"thrust": ("thrust",), "n1": ("n1",), "throttle": ("throttle", "pla")}
 """By drive of the engines: the quantities that it sets.  The angle of a lever is its position."""
 
 _MOST_ENGINES = 8
+# fields of a case that only its page prints
+_TEXTS = ("title", "description", "objective", "procedure", "manual", "evaluation", "notes")
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,13 @@ class PomCase:
         Instants that bound windows: ``input_end``, ``change_start`` ... [s]
     features : tuple of str
         Conditions of table rows that the aeroplane meets, for example ``reversible_controls``.
+    facts : dict of str to Any
+        Known facts of the aircraft, of its file and of the case
+        (`flightmech.aircraft.facts.AircraftFacts`). [SI]
+    additional : str
+        Why the case is flown in another configuration than its row asks; empty if it is not.
+    absent : tuple of str
+        Parameters of rows whose equipment the case file alone states as missing.
     shortened : str
         Reason for a window that is shorter than the table requires; empty if none is.
     show : tuple of str
@@ -174,6 +183,9 @@ class PomCase:
     conditions: dict[str, float] = field(default_factory=dict)
     events: dict[str, float] = field(default_factory=dict)
     features: tuple[str, ...] = ()
+    facts: dict[str, Any] = field(default_factory=dict)
+    additional: str = ""
+    absent: tuple[str, ...] = ()
     shortened: str = ""
     show: tuple[str, ...] = SHOWN
     criteria: tuple[Criterion, ...] = ()
@@ -220,6 +232,14 @@ class PomCase:
             return self.edition
         return f"{self.edition}, tolerances of {self.table['file']} ({self.table['sha256'][:12]})"
 
+    def without_texts(self) -> PomCase:
+        """Return the case without the texts that only its page prints.
+
+        Simulations and verdicts do not depend on them, so that a change of a title repeats none.
+        """
+        empty: dict[str, Any] = dict.fromkeys(_TEXTS, "")
+        return replace(self, source={}, signatures={}, **empty)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the case as plain data."""
         return asdict(self)
@@ -232,6 +252,7 @@ class PomCase:
         fields["window"] = (item["window"][0], item["window"][1])
         fields["drive"] = CaseInputs.from_dict(item["drive"])
         fields["features"] = tuple(item["features"])
+        fields["absent"] = tuple(item.get("absent", ()))
         fields["show"] = tuple(item["show"])
         fields["law_moves"] = tuple(item.get("law_moves", ()))
         fields["criteria"] = tuple(Criterion.from_dict(content) for content in item["criteria"])
@@ -281,7 +302,7 @@ def read_case(path: str | Path, table: OwnTable | None = None) -> PomCase:
         # Check the sound part of the file as well, so that all problems are reported at once.
         sound_part = parts.sound_rest(content)
         if sound_part is None:
-            others = _loose_problems(content)
+            others = loose_problems(content)
         else:
             others = _resolve_case(path, sound_part, table)[1]
         new = [text for text in others if text not in error.problems]
@@ -297,17 +318,24 @@ def _resolve_case(path: Path, file: CaseFile, table: OwnTable | None) -> tuple[P
     problems: list[str] = []
     own = find_own_table(path, file, table, problems)
     own_rows = own.rows if own is not None else ()
-    _check_case_names(file, own_rows, problems)
-    criteria = parts.resolve_criteria(file, problems, own_rows)
-    _check_table_names(file, criteria, problems)
+    check_case_names(file, own_rows, problems)
+    files = _resolve_files(path, file, problems)
+    facts, features = resolve_facts(file, files["aircraft"], problems)
+    missing = facts.get("without", ())
+    absent = tuple(name for name in file.case.absent if name not in missing)
+    file = _with_facts(file, features, absent=(*absent, *missing))
+    criteria = parts.resolve_criteria(file, problems, equipment=missing, own_rows=own_rows)
+    check_table_names(file, criteria, problems)
     largest, fraction = parts.resolve_ranges(file.ranges, problems), parts.tolerance_fraction(file)
     drive = _resolve_drive(file, criteria, problems)
     case = PomCase(
         **{key: getattr(file.case, key) for key in _AS_WRITTEN},
-        **_resolve_files(path, file, problems),
+        **files,
         path=str(path),
         tolerances=os.path.normpath(own.path) if own is not None else "",
         table=table_excerpt(own, file),
+        facts=facts,
+        absent=absent,
         drive=drive,
         conditions=parts.resolve_conditions(file.conditions, problems),
         events=dict(file.events),
@@ -325,51 +353,10 @@ def _resolve_case(path: Path, file: CaseFile, table: OwnTable | None) -> tuple[P
     return case, problems
 
 
-def _check_case_names(file: CaseFile, own_rows: Sequence[rows.Row], problems: list[str]) -> None:
-    """Check the events, channels, features and the share that a case file names."""
-    parts.check_events(file.events, problems, own_rows)
-    if math.isnan(parts.tolerance_fraction(file)):
-        problems.append(
-            f"case.fraction: missing; the share of the tolerance for a reference of an engineering "
-            f"simulator follows from the year of the edition, and {file.case.edition!r} does not "
-            f"begin with one"
-        )
-    for name in file.case.show:
-        parts.collect_case_problems(problems, "case.show", lookup, name)
-    for feature in file.case.features:
-        if feature not in rows.claimable_features(own_rows):
-            error = UnknownName(feature, rows.claimable_features(own_rows), "condition")
-            problems.append(f"case.features: {error}")
-
-
-def _check_table_names(file: CaseFile, criteria: Sequence[Criterion], problems: list[str]) -> None:
-    """Check the keys of tables by criterion, and the tables that contradict the drive."""
-    names = {criterion.name for criterion in criteria}
-    # a rationale may also be for a shown channel, or for the trim
-    channels = {criterion.channel for criterion in criteria} | set(file.case.show)
-    parameters = {criterion.parameter for criterion in criteria}
-    trim = {f"trim.{name}" for name in parts.LIMIT_UNITS}
-    parts.check_names("ticks", file.ticks, allowed=names, what="criterion", problems=problems)
-    parts.check_names(
-        "rationale",
-        file.rationale,
-        allowed=names | channels | trim,
-        what="criterion, channel or trim quantity",
-        problems=problems,
-    )
-    parts.check_names(
-        "certified", file.certified, allowed=parameters, what="parameter", problems=problems
-    )
-    for name in file.conditions:
-        if name in WIND and file.drive.wind == "none":
-            problems.append(
-                f'conditions.{name}: drive.wind is "none", calm air; give one of the two'
-            )
-    if file.control_law is not None and file.drive.surfaces != "recorded":
-        problems.append(
-            f"control_law: it drives surfaces, and drive.surfaces is "
-            f'"{file.drive.surfaces}"; make it "recorded"'
-        )
+def _with_facts(file: CaseFile, features: tuple[str, ...], *, absent: tuple[str, ...]) -> CaseFile:
+    """Return a case file with the features and the missing equipment that follow from facts."""
+    table = file.case.model_copy(update={"features": features, "absent": absent})
+    return file.model_copy(update={"case": table})
 
 
 def _resolve_files(path: Path, file: CaseFile, problems: list[str]) -> dict[str, Any]:
@@ -399,6 +386,7 @@ _AS_WRITTEN = (
     "description",
     "window",
     "features",
+    "additional",
     "shortened",
     "show",
     "reference",
@@ -448,17 +436,3 @@ def _resolve_drive(
             f'"{table.surfaces}", make it "force"'
         )
     return drive
-
-
-def _loose_problems(content: dict[str, Any]) -> list[str]:
-    """Return the problems of the free tables of a file whose form is wrong elsewhere."""
-    problems: list[str] = []
-    conditions, events = content.get("conditions"), content.get("events")
-    if isinstance(conditions, dict):
-        parts.resolve_conditions(conditions, problems)
-    if isinstance(events, dict):
-        # which table the case names is part of the wrong form: events are not checked here
-        own_names = isinstance(content.get("case"), dict) and "tolerances" in content["case"]
-        if not own_names:
-            parts.check_events(events, problems)
-    return problems

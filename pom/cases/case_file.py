@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 
 from pydantic import Field, StrictBool, field_validator
 
+from flightmech.aircraft.facts import FactsTable
 from flightmech.names import VOCABULARY, lookup
 from flightmech.support.toml_models import Strict, file_schema, part_schema
 from flightmech.support.toml_quantities import quantity_schema
@@ -179,13 +180,16 @@ class CaseTable(Strict):
     absent: tuple[str, ...] = Field(
         default=(),
         examples=[["spoiler", "epr"]],
-        description="Parameters of rows whose equipment the aeroplane does not have, such as "
-        "spoiler, epr, tiller_force.",
+        description="Parameters of rows whose equipment the aeroplane does not have.",
+    )
+    additional: str = Field(
+        default="",
+        examples=["flaps full and gear down: tables of both at their ends"],
+        description="Why the configuration is not that of the row: an additional case, not a test.",
     )
     shortened: str = Field(
         default="",
-        description="Why a window is shorter than the rows ask; without it a short window is an "
-        "error.",
+        description="Why a window is shorter than the rows ask; without it that is an error.",
     )
     show: tuple[str, ...] = Field(
         default=SHOWN, description="Channels to show in addition to the judged ones."
@@ -200,16 +204,14 @@ class CaseTable(Strict):
     )
     reference: Literal["flight", "engineering", "footprint"] = Field(
         default="flight",
-        description="flight; engineering: an engineering simulator; footprint: a recording "
-        "without reference, no verdict.",
+        description="flight; engineering: a simulator; footprint: no reference, no verdict.",
     )
     fraction: float | None = Field(
         default=None,
         gt=0.0,
         le=1.0,
         examples=[0.2],
-        description="Share of the tolerance that is applied. Default: 1 for flight; for "
-        "engineering 0.2 before 2016, 0.4 from then on.",
+        description="Share of the tolerance. Default 1; engineering 0.2 before 2016, then 0.4.",
     )
     objective: str = Field(
         default="", examples=["Phugoid without pilot"], description="What the test shows."
@@ -366,6 +368,7 @@ class CaseFile(Strict):
 
     case: CaseTable
     drive: DriveTable = DriveTable()
+    facts: FactsTable = FactsTable()
     control_law: ControlLawTable | None = Field(
         default=None, description="Control law between the recorded pilot and the model."
     )

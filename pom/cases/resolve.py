@@ -228,11 +228,15 @@ def resolve_named_file(path: Path, name: str, *, key: str, problems: list[str]) 
 
 
 def resolve_criteria(
-    file: CaseFile, problems: list[str], own_rows: Sequence[table.Row] = ()
+    file: CaseFile,
+    problems: list[str],
+    equipment: Iterable[str] = (),
+    own_rows: Sequence[table.Row] = (),
 ) -> list[Criterion]:
     """Return the rows of the test as criteria, with the bands of the case file applied.
 
-    `own_rows` are those of a table of the user, in place of ``tolerances.csv``.
+    `equipment` is missing by the facts of the aircraft, whose file serves all tests.  `own_rows`
+    are those of a table of the user, in place of ``tolerances.csv``.
     """
     case = file.case
     rows = collect_case_problems(
@@ -241,8 +245,11 @@ def resolve_criteria(
     # an unknown test has no rows
     rows = rows or []
     optional = sorted({row["parameter"] for row in rows} & EQUIPMENT)
+    for name in equipment:
+        if name not in EQUIPMENT:
+            problems.append(f"facts.without: {UnknownName(name, EQUIPMENT, 'equipment')}")
     for name in case.absent:
-        if name not in optional:
+        if name not in optional and name not in equipment:
             error = UnknownName(name, optional, "equipment of this test")
             problems.append(f"case.absent: {error}")
     criteria = []
@@ -278,7 +285,7 @@ def _make_criterion(row: table.Row, name: str, *, file: CaseFile, problems: list
         engine_parameter=case.engine_parameter,
     )
     if row["parameter"] in case.absent:
-        reason = f"the aeroplane has no {row['parameter']}: case.absent of the case file"
+        reason = f"the aeroplane has no {row['parameter']}"
         return replace(criterion, applies=False, reason=reason)
     return criterion
 

@@ -16,6 +16,7 @@ from flightmech.errors import AeromatchError, SchemaError
 from flightmech.support.atomic_write import write_text
 from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
+from pom.cases.fact_agreement import demand_agreement
 from pom.cases.reference_states import read_path_states
 from pom.checking.case_check import RecordCheck, RecordError, case_problems, check_key
 from pom.fmu.models import FmuModel, Models
@@ -41,8 +42,9 @@ class KeptChecks:
             return None
         try:
             item: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-            errors = [RecordError(**error) for error in item["errors"]]
-            return RecordCheck(item["record"], item["verdict"], tuple(errors))
+            errors = tuple(RecordError(**error) for error in item["errors"])
+            warnings = tuple(RecordError(**warning) for warning in item["warnings"])
+            return RecordCheck(item["record"], item["verdict"], errors, warnings)
         except (ValueError, KeyError, TypeError):
             # a damaged file is computed and written again
             return None
@@ -91,9 +93,11 @@ def check_batch(
     Raises
     ------
     SchemaError
-        With every problem of every case of a raw record (`case_problems`).  `pom.replay_all` checks
+        With every problem of every case of a raw record (`case_problems`), or every contradiction
+        between cases on facts of the aircraft.  `pom.replay_all` checks
         the cases of reconstructed paths itself.
     """
+    demand_agreement(cases)
     groups = _group_cases(cases)
     store = KeptChecks(Path(folder).resolve() if folder is not None else None)
     checks: dict[str, RecordCheck] = {}

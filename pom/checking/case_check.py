@@ -14,7 +14,7 @@ import flighttest
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, OutOfRange, SchemaError, SimulationError, UnknownName
 from flightmech.simulation.compiler import SimModel
-from pom.cases.case import PomCase
+from pom.cases.case import PomCase, driven_quantities
 from pom.fmu.models import FmuModel
 from pom.fmu.variable_map import Fmu, links_of
 from pom.replaying.kernel_replay import start_untrimmed
@@ -195,12 +195,13 @@ class RecordCheck:
         Name of the record.
     verdict : str
         The result in one line.
-    errors : tuple of RecordError
+    errors, warnings : tuple of RecordError
     """
 
     record: str
     verdict: str
     errors: tuple[RecordError, ...] = ()
+    warnings: tuple[RecordError, ...] = ()
 
     @classmethod
     def of(cls, name: str, record: xr.DataTree, aircraft: Aircraft | None) -> RecordCheck:
@@ -212,12 +213,13 @@ class RecordCheck:
             quality = flighttest.assess(record, aircraft)
         except AeromatchError as error:
             return cls(name, f"not checked: {error}")
-        errors = []
+        found: dict[str, list[RecordError]] = {"error": [], "warning": []}
         for item in quality.findings:
-            if item.severity == "error":
+            if item.severity in found:
                 text = _join_lines(item.text, item.remedy)
-                errors.append(RecordError(item.name, text, start=item.start, stop=item.stop))
-        return cls(name, quality.verdict, tuple(errors))
+                finding = RecordError(item.name, text, start=item.start, stop=item.stop)
+                found[item.severity].append(finding)
+        return cls(name, quality.verdict, tuple(found["error"]), tuple(found["warning"]))
 
     def lines(self) -> list[str]:
         """Return the errors, a line each."""
@@ -264,8 +266,10 @@ def with_record_checks(
     Returns
     -------
     list of PomResult
-        A result without an error in its window does not change.  In another result every row has a
-        remark of kind ``record``, so that a pass becomes ``record_error`` (`PomResult.status`).
+        A result without a finding in its window does not change.  In another result every row has a
+        remark of kind ``record`` for each error, so that a pass becomes ``record_error``
+        (`PomResult.status`), ``departure`` for a late control that drives the model, and
+        ``record_warning`` for each other warning.
     """
     return [_add_record_remarks(result, checks) for result in results]
 
@@ -281,6 +285,16 @@ def _add_record_remarks(result: PomResult, checks: Mapping[str, RecordCheck]) ->
         if error.concerns(case.window):
             text = f"error of the flight record: {error.name}: {error.text}"
             remarks.append(RowRemark("record", text, error.name))
+    driven = driven_quantities(case)
+    for warning in check.warnings:
+        if not warning.concerns(case.window):
+            continue
+        text = f"warning on the flight record: {warning.name}: {warning.text}"
+        kind, _, channels = warning.name.partition(":")
+        if kind == "lag" and driven.intersection(channels.split("+")):
+            remarks.append(RowRemark("departure", f"departure: {text}", warning.name))
+        else:
+            remarks.append(RowRemark("record_warning", text, warning.name))
     if not remarks:
         return result
     rows = [{**row, "remarks": (*row["remarks"], *remarks)} for row in result.rows]

@@ -211,10 +211,12 @@ class _StageInputs:
         start = {"a-priori database": prior, "a-priori aircraft": start_aircraft}
         self.diagnoses: dict[str, dict[str, Any]] = {}
         for case in sorted(cases, key=_estimate_duration, reverse=True):
-            self.diagnoses[case.name] = {"case": case, "record": paths[case.name], **models}
+            used = {"case": case.without_texts(), "record": paths[case.name]}
+            self.diagnoses[case.name] = used | models
         self.swaps: dict[str, dict[str, Any]] = {}
         for case in cases:
-            self.swaps[case.name] = {"case": case, "record": paths[case.name], **start}
+            used = {"case": case.without_texts(), "record": paths[case.name]}
+            self.swaps[case.name] = used | start
 
 
 def _make_bench(

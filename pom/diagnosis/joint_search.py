@@ -124,7 +124,9 @@ def _is_as_good(bench: SwapBench | LateBench, names: Collection[str]) -> bool:
 def _find_least_addition(bench: SwapBench | LateBench, terms: Collection[str]) -> list[str]:
     """Return further names, next to the terms of the model, of which none can be left out."""
     free = [name for name in bench.names if name not in terms]
-    screen_idle_terms(bench.whole)
+    # With idle terms the diagnosis has screened the bench, and its judgements are sufficient.
+    if not bench.idle:
+        screen_idle_terms(bench.whole)
     omissions = []
     for omitted in free:
         omissions.append([name for name in bench.names if name != omitted])

@@ -6,15 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from flightmech.units import DEGREE
 from pom.cases.case import PomCase, driven_quantities
 from pom.judging.measures.control_release import FreeMotion, measure_free_motion
 from pom.judging.signals import Raw, RunSignals, signals_of_run
 from pom.tolerances.bands import Invalid
-from pom.tolerances.channels import OTHERS, channel_value_text
+from pom.tolerances.channels import OTHERS, channel_value_text, plain_id
 from pom.tolerances.conditions import KINDS, satisfies_relation
 from pom.tolerances.criteria import PARTS, Criterion
 
 FOOTPRINT = "a footprint: a recording without a reference has no band and no verdict"
+BANK_LIMITED = "1.b.8"
+MOST_BANK = 30.0 * DEGREE
+"""The window of 1.b.8 ends 5 s after the failure, or at this bank. [rad]"""
 TRIMMED = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")
 """Quantities that the trim at the start solves for. A snapshot judges them although the record
 drives them afterwards."""
@@ -47,6 +51,8 @@ def settle_criterion(
     criterion = replace(criterion, fraction=case.fraction, largest=largest)
     if not criterion.applies:
         return criterion
+    if plain_id(case.id) == BANK_LIMITED and criterion.measure == "trace":
+        criterion = _end_at_bank(criterion, time, flight)
     for word in criterion.condition.split(";"):
         if word in PARTS:
             criterion = _restrict_window(case, criterion, word)
@@ -55,6 +61,19 @@ def settle_criterion(
         elif word.startswith("distance"):
             criterion = _check_distance(case, criterion, word, time=time, flight=flight)
     return criterion
+
+
+def _end_at_bank(criterion: Criterion, time: np.ndarray, flight: RunSignals) -> Criterion:
+    """Return the criterion in a window that ends at 30 deg of recorded bank, if that is earlier."""
+    if "phi" not in flight:
+        return criterion
+    start, stop = criterion.window
+    beyond = (time > start) & (np.abs(flight["phi"]) >= MOST_BANK)
+    if not beyond.any():
+        return criterion
+    # the last sample below the bank
+    last = float(time[max(0, int(np.argmax(beyond)) - 1)])
+    return replace(criterion, window=(start, min(stop, last)))
 
 
 def _select_channel(criterion: Criterion, flight: RunSignals) -> Criterion:

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from scipy.integrate import cumulative_trapezoid
 
 from aerodb.comparison.conditions import fill_missing_devices, select_covered_samples
 from aerodb.store.schema import HINGE, terms
@@ -278,8 +280,73 @@ def watch_channels(
         worst = int(np.argmax(np.where(counted, error, -1.0)))
         if error[worst] > band:
             remark = _watch_remark(name, float(error[worst]), band=band, time=float(time[worst]))
+            is_gross = counted & (error > GROSS * band)
+            if float(np.sum(np.gradient(time)[is_gross])) >= GROSS_TIME:
+                remark = replace(remark, kind="departure", text=f"departure: {remark.text}")
             remarks.append(remark)
     return tuple(remarks)
+
+
+GROUND_VELOCITY = ("vn", "ve")
+GROSS = 3.0  # times its band: a watched channel so far off is a departure; our choice
+GROSS_TIME = 0.5  # [s] for so long in all; the peak of a touchdown is shorter
+TRACK = 10.0 * FOOT
+"""Half width of the position across the flown track on the ground: the lateral deviation of the
+automatic landing, 2.e.5. [m]"""
+_MOVING = 1.0  # [m s-1] a slower motion over the ground has no direction
+
+
+def watch_track(
+    case: PomCase,
+    time: np.ndarray,
+    flight: Mapping[str, np.ndarray],
+    model: Mapping[str, np.ndarray],
+) -> tuple[RowRemark, ...]:
+    """Return the remark on a model that leaves the flown track on the ground.
+
+    The position is the integral of the velocity over the ground.  Across is square to the flown
+    direction of that instant.  Beyond `GROSS` bands the remark is a departure.
+
+    Parameters
+    ----------
+    case : PomCase
+        A case that starts on its wheels (``drive.trim = "ground"``) or lands.
+    time : array (time,)
+        [s]
+    flight, model : mapping of str to array (time,)
+        Signals by canonical name, with ``vn`` and ``ve``. [SI]
+    """
+    on_ground = case.drive.trim == "ground"
+    has_velocity = all(name in flight and name in model for name in GROUND_VELOCITY)
+    if case.reference == "footprint" or not on_ground or not has_velocity:
+        return ()
+    # the row of the lateral deviation is stricter
+    if any(item.channel == "y_runway" and _is_judged_trace(case, item) for item in case.criteria):
+        return ()
+    velocity = np.stack([flight["vn"], flight["ve"]])
+    offset = cumulative_trapezoid(
+        np.stack([model["vn"], model["ve"]]) - velocity, time, initial=0.0
+    )
+    moving = np.hypot(*velocity) > _MOVING
+    if not np.isfinite(offset).all() or not moving.any():
+        return ()
+    # before the first and after the last motion the nearest direction counts
+    course = np.unwrap(np.arctan2(velocity[1], velocity[0])[moving])
+    course = np.interp(time, time[moving], course)
+    across = offset[1] * np.cos(course) - offset[0] * np.sin(course)
+    worst = int(np.argmax(np.abs(across)))
+    error = float(abs(across[worst]))
+    if error <= TRACK:
+        return ()
+    side = "right" if across[worst] > 0.0 else "left"
+    text = (
+        f"the model is {error / FOOT:.0f} ft to the {side} of the flown track over the ground at "
+        f"{time[worst]:.1f} s, without a tolerance, watched within {TRACK / FOOT:.0f} ft"
+    )
+    values = {"off": error, "band": TRACK}
+    if error > GROSS * TRACK:
+        return (RowRemark("departure", f"departure: {text}", "y_runway", values, "m"),)
+    return (RowRemark("watch", text, "y_runway", values, "m"),)
 
 
 def _is_judged_trace(case: PomCase, criterion: Criterion) -> bool:

@@ -16,10 +16,11 @@ from flightmech.errors import AeromatchError, UnknownName
 from flightmech.names import lookup
 from flightmech.units import from_si
 from pom.cases.case import PomCase
-from pom.cases.case_file import INITIAL, MASS, WIND
+from pom.cases.case_file import FORCES, INITIAL, INPUTS, MASS, TRAVEL, WIND
 from pom.cases.pilot import shortest_error
 from pom.cases.reference_states import RECORD_SPAN
 from pom.cases.resolve import SEGMENTS
+from pom.judging.applicability import reason_not_judged
 from pom.tolerances import rows
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import limit_to_si_factor
@@ -30,7 +31,9 @@ SAME = 1e-3  # relative difference of a condition from the record that is roundi
 _LEAST = {"rad": 0.1, "rad s-1": 0.1, "m": 1.0, "m s-1": 1.0, "kg m2": 1.0}
 """By unit: sizes below which `SAME` is of this size, not of the recorded value. [SI]"""
 # latitude and longitude change no response
-_WATCHED = {*INITIAL, *MASS, *WIND} - {"lat", "lon"}
+# a held nose-wheel command lets pedals or tiller steer, as their calibration requires
+_WATCHED = {*INITIAL, *MASS, *WIND, *INPUTS, *TRAVEL, *FORCES} - {"lat", "lon", "delta_nw"}
+_HELD = {*INPUTS, *TRAVEL, *FORCES}
 SLACK = 0.5  # [s] a case may stop that much before the end of the record
 _ROUNDING = 1e-9  # relative: conversions of units round
 _SAME_TIME = 1e-9  # [s]
@@ -50,11 +53,41 @@ def case_departures(case: PomCase) -> tuple[RowRemark, ...]:
         is_own = criterion.provenance == "case file" and criterion.applies
         if row is not None and is_own:
             remarks += _row_departures(case, criterion, row)
-    return tuple(remarks)
+        if criterion.parameter in case.absent:
+            text = (
+                f"{criterion.name} is left out by case.absent; a fact of the aircraft belongs in "
+                f"[facts] without of its file"
+            )
+            remarks.append(_departure(text, criterion.name))
+    return (*remarks, *_driven_departures(case))
+
+
+def _driven_departures(case: PomCase) -> Iterator[RowRemark]:
+    """Yield the rows that are not judged because the record drives their quantity.
+
+    An alternative of such a row can pass, and the row would not be missed.
+    """
+    if case.reference == "footprint":
+        return
+    for criterion in case.criteria:
+        if not criterion.applies or not criterion.parameter:
+            continue
+        reason = reason_not_judged(case, criterion)
+        if "is driven by the record" in reason:
+            yield _departure(f"{criterion.name} is not judged: {reason}", criterion.name)
 
 
 def _departure(text: str, quantity: str) -> RowRemark:
     return RowRemark("departure", f"departure: {text}", quantity)
+
+
+def printed_texts(case: PomCase) -> dict[str, str]:
+    """Return the printed tolerance of every row with a band of the case file, by name."""
+    own = {c.name for c in case.criteria if c.provenance == "case file" and c.parameter}
+    if not own:
+        return {}
+    printed = _printed_criteria(case)
+    return {name: printed[name].band.text for name in own & printed.keys()}
 
 
 def _printed_criteria(case: PomCase) -> dict[str, Criterion]:
@@ -103,7 +136,8 @@ def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[R
     if not is_within(own, row.band):
         times = _width_ratio(own, row.band)
         ratio = "" if times is None else f", {times:.3g} times as wide"
-        text = f"tolerance of {own.name} {own.band.text}, printed {row.band.text}{ratio}"
+        printed = f"printed {row.band.text}" if row.band.limits else "its number was not read"
+        text = f"tolerance of {own.name} {own.band.text}, {printed}{ratio}"
         yield _departure(text, own.name)
     start, stop = _clip(_asked_window(case, own), case.window)
     if own.window[0] > start + _SAME_TIME or own.window[1] < stop - _SAME_TIME:
@@ -214,7 +248,21 @@ def record_departures(case: PomCase, states: xr.Dataset) -> tuple[RowRemark, ...
         Of `flight_states`, with the attribute `RECORD_SPAN`.
     """
     shortened = _shortened_departure(case, states.attrs.get(RECORD_SPAN))
-    return (*shortened, *_overrides(case, states))
+    return (*shortened, *_overrides(case, states), *_left_out_wind(case, states))
+
+
+def _left_out_wind(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
+    """Yield the wind of the record that a case in calm air leaves out."""
+    if case.wind != "none" or not {"wind_n", "wind_e"} <= set(states):
+        return
+    north, east = (np.nanmean(states[name].values) for name in ("wind_n", "wind_e"))
+    speed = float(np.hypot(north, east))
+    if speed > _LEAST["m s-1"]:
+        text = (
+            f"calm air by drive.wind, the record has a mean wind of "
+            f"{float(from_si(speed, 'kt')):.3g} kt"
+        )
+        yield _departure(text, "wind")
 
 
 def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
@@ -227,6 +275,9 @@ def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
             values = np.atleast_1d(states[name].values).astype(float)
             # the wind acts all the time, a state or a mass at the start
             recorded = float(np.nanmean(values) if name in WIND else values[0])
+            if name in _HELD:
+                # a held input replaces the whole record: its largest difference counts
+                recorded = float(values[np.nanargmax(np.abs(values - value))])
         elif name not in WIND:
             continue
         size = max(abs(recorded), _LEAST.get(lookup(name).units, 0.0))
@@ -242,7 +293,10 @@ def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
 
 
 def _shortened_departure(case: PomCase, span: Iterable[float] | None) -> Iterator[RowRemark]:
-    """Yield a departure if a record that is called short holds what the rows require."""
+    """Yield the departure of a window that is shorter than the rows require.
+
+    A record that is called short and is not has another text.
+    """
     if not case.shortened or span is None:
         return
     asked = [_asked_window(case, c) for c in case.criteria if c.applies]
@@ -251,7 +305,14 @@ def _shortened_departure(case: PomCase, span: Iterable[float] | None) -> Iterato
     start, stop = np.min(asked, axis=0)[0], np.max(asked, axis=0)[1]
     first, last = span
     held = max(start, first), min(stop, last)
+    if start >= case.window[0] - _SAME_TIME and stop <= case.window[1] + _SAME_TIME:
+        return
     if case.window[0] <= held[0] + SLACK and case.window[1] >= held[1] - SLACK:
+        text = (
+            f"the record holds {held[0]:.4g} ... {held[1]:.4g} s of the {start:.4g} ... "
+            f"{stop:.4g} s that the rows require ({case.shortened})"
+        )
+        yield _departure(text, "window")
         return
     text = (
         f"the window {case.window[0]:g} ... {case.window[1]:g} s is called short "

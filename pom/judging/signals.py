@@ -13,8 +13,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.integrate import cumulative_trapezoid
 
 from flightmech.names import lookup
 from flightmech.units import KNOT
@@ -113,7 +113,7 @@ def _run_index(signals: xr.Dataset, run: str) -> int:
 
 
 def _integral(rate: np.ndarray, time: np.ndarray) -> np.ndarray:
-    return cumulative_trapezoid(rate, time, initial=0.0)
+    return scipy.integrate.cumulative_trapezoid(rate, time, initial=0.0)
 
 
 def _deviation(signals: RunSignals) -> np.ndarray:

@@ -25,6 +25,7 @@ from flightmech.errors import SchemaError, SimulationError
 from flightmech.support.kept_stages.program import hash_installation
 from flightmech.support.kept_stages.sharing import open_cluster
 from pom.cases.case import PomCase
+from pom.cases.fact_agreement import demand_agreement
 from pom.cases.reference_states import read_path_states
 from pom.fmu.models import FmuModel, Models
 from pom.fmu.run_cache import KeptFlights, RunCache
@@ -209,6 +210,7 @@ def replay_all(
     settings = BatchExecution(**execution)
     models, paths = Models(runs, names), paths or {}
     # Report a wrong name table before records are reconstructed, which takes long.
+    demand_agreement(cases)
     for case in cases:
         models.of(case)
     records, store = KeptStates(settings.folder, biases), KeptResults(settings.folder)

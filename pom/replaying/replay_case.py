@@ -12,6 +12,7 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
 from pom.cases.case import PomCase
+from pom.cases.fact_agreement import check_record_facts
 from pom.cases.job import ReplayJob, job_of
 from pom.cases.reference_states import flight_states
 from pom.fmu.description import check_interface
@@ -19,7 +20,7 @@ from pom.fmu.models import FmuModel, Models
 from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
-from pom.judging.beyond_the_bands import Evidence, evidence_remarks
+from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
 from pom.replaying.replay_channels import (
     judged_channels,
     moved_controls,
@@ -104,6 +105,7 @@ def replay(
 def plan_of(case: PomCase, path: Any = None) -> ReplayPlan:
     """Return the plan for `perform_plan`; parameters and errors as `replay`."""
     states = flight_states(case, path)
+    check_record_facts(case, states)
     job = job_of(case, states)
     return ReplayPlan(settle_case(case, job.time, sampled_channels(states)), states, job)
 
@@ -157,7 +159,9 @@ def perform_plan(
         ranges = table_ranges(model.fmu.path, model.fmu.sha256)
         # The variables of the tables show where a run left them.
         axes = [item.variable for item in ranges]
-        requested = {*_output_names([*channels, *axes], model.links.outputs), *OBSERVED}
+        # The velocity over the ground shows the track, which no row judges.
+        names = [*channels, *axes, *GROUND_VELOCITY]
+        requested = {*_output_names(names, model.links.outputs), *OBSERVED}
         job, trim_remarks, refused = solve_trim_surfaces(
             plan.job,
             plan.case.drive.trim_surfaces,

@@ -14,8 +14,10 @@ from flightmech.support.console import to_json_types
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob, initial_configuration
 from pom.cases.reference_states import CALIBRATION
-from pom.judging.beyond_the_bands import watch_channels
+from pom.judging.beyond_the_bands import watch_channels, watch_track
 from pom.judging.departures import case_departures, record_departures
+from pom.judging.report_conditions import VALUES, report_values
+from pom.judging.row_conditions import condition_remarks
 from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
 from pom.judging.verdict import band_widths, formed_channels, judge_match, verdict_row
 from pom.replaying.replay_channels import (
@@ -60,6 +62,9 @@ def assemble_result(
     attributes: dict[str, Any] = {}
     if CALIBRATION in states.attrs:
         attributes[CALIBRATION] = states.attrs[CALIBRATION]
+    stated = report_values(case, flight)
+    if stated:
+        attributes[VALUES] = stated
     # The corrections of the math pilot are outputs less inputs, before the applied positions.
     if job.pilot:
         attributes[PILOT] = json.dumps(to_json_types(_pilot_rows(job, outputs_by_run)))
@@ -70,7 +75,11 @@ def assemble_result(
     signals = _join_signals(channels, flight, applied)
     # What depends on the flight alone is computed once for all models.
     match = Comparison(case, job.time, flight, flight)
-    departures = (*case_departures(case), *record_departures(case, states))
+    departures = (
+        *case_departures(case),
+        *record_departures(case, states),
+        *condition_remarks(case, flight),
+    )
     rows: list[dict[str, Any]] = []
     for name, outputs in applied.items():
         rows += _verdict_rows(
@@ -115,7 +124,10 @@ def _verdict_rows(
         watched: tuple[RowRemark, ...] = ()
     else:
         reasons = beyond_limits(limits, outputs, demanded=True)
-        watched = watch_channels(case, time, traces_of(signals, "flight"), traces_of(signals, run))
+        watched = (
+            *watch_channels(case, time, traces_of(signals, "flight"), traces_of(signals, run)),
+            *watch_track(case, time, match.flight, outputs),
+        )
     remarks = (*usual, *watched, *more)
     outcomes = judge_match(match.against(outputs))
     rows = []

@@ -13,7 +13,15 @@ from pom.cases.case_file import signature_rows
 from pom.report.case.page import run_line_classes
 from pom.report.presentation.quantities import quantity_label
 from pom.report.presentation.verdict_text import Verdict, criterion_words, reason_text
-from pom.result import NO_EVIDENCE, STATUSES, PomResult, lacks_evidence, results_name
+from pom.result import (
+    NO_EVIDENCE,
+    STATUSES,
+    PomResult,
+    departure_remarks,
+    is_additional,
+    lacks_evidence,
+    results_name,
+)
 
 # Statuses by which the reader may filter the table of verdicts.
 _FAILED = {"fail", "limits_exceeded", "record_error"}
@@ -69,6 +77,33 @@ def verdict_matrix(
         "order": [Verdict.of(status) for status in statuses],
         "chapters": sorted({chapter_of_test(result.case.id) for result in results}),
     }
+
+
+def departure_table(keys: Sequence[str], results: Sequence[PomResult]) -> list[dict[str, Any]]:
+    """Return the departures of a report, one entry per case that has any.
+
+    Returns
+    -------
+    list of dict
+        ``key``, ``id``, ``title`` and ``name`` of the case; ``rows``: models and text of each
+        departure.  A departure of all models of the case has the text ``all models``.
+    """
+    table = []
+    for key, result in zip(keys, results, strict=True):
+        runs_by_text: dict[str, list[str]] = {}
+        for run in result.runs:
+            for text in departure_remarks(result, run):
+                runs_by_text.setdefault(text, []).append(run)
+        rows = []
+        for text, runs in runs_by_text.items():
+            models = "all models" if runs == result.runs else ", ".join(runs)
+            rows.append((models, text.removeprefix("departure: ")))
+        if rows:
+            case = result.case
+            table.append(
+                {"key": key, "id": case.id, "title": case.title, "name": case.name, "rows": rows}
+            )
+    return table
 
 
 def list_runs(results: Sequence[PomResult]) -> list[str]:
@@ -146,7 +181,12 @@ def table_coverage(
                     titles[row["test_id"]] = row["title"]
         entries = []
         for test, title in titles.items():
-            test_results = [result for result in standard_results if result.case.id == test]
+            # an additional case is not the test
+            test_results = [
+                result
+                for result in standard_results
+                if result.case.id == test and not is_additional(result)
+            ]
             entries.append(_coverage_entry(test, title, test_results))
         run = [entry for entry in entries if entry["cases"]]
         coverage.append(

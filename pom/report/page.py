@@ -21,6 +21,7 @@ from pom.report.models.database_comparison import models_page
 from pom.report.models.identification import identification_page
 from pom.report.models.tuning import NOTE
 from pom.report.overview import (
+    departure_table,
     list_runs,
     own_tables_text,
     provenance_page,
@@ -113,6 +114,7 @@ def html_files(
     text = templates.get_template("report.html").render(
         common,
         matrix=matrix,
+        departures=departure_table([page.key for page in cases], results),
         coverage=table_coverage(results, tolerance_rows()),
         more=[{"id": name} for name in packed_chapters],
         apart=is_apart,

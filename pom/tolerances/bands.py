@@ -39,8 +39,9 @@ class RowRemark:
         without a tolerance beyond its band), ``evidence`` (distance of the model from the flight
         estimates), ``far_from_evidence`` (terms beyond three standard errors),
         ``edited_evidence`` (terms of the evidence that are edited), ``departure`` (from the printed
-        row), ``row`` (note of the
-        tolerance table), ``note`` (text of a report from before remarks had kinds).
+        row or from normal practice), ``not_checked`` (a condition of the row), ``additional`` (the
+        case is not the test of its row), ``record_warning`` (on the flight record), ``row`` (note
+        of the tolerance table), ``note`` (text of a report from before remarks had kinds).
     text : str
         The remark for a reader, with its numbers.
     quantity : str

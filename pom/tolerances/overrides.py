@@ -165,6 +165,8 @@ def _override_band(criterion: Criterion, entry: ToleranceOverride) -> Criterion:
         group=entry.group or criterion.group,
         window=entry.window or criterion.window,
         provenance="case file",
+        # a band of the case file supplies the number that was not read
+        reason=criterion.reason if criterion.band.limits else "",
     )
 
 

@@ -91,6 +91,9 @@ EDITION = "2014-01-01"
 DEMONSTRATION = (
     "a demonstration: recordings are shown and judged by pilots, the table gives no number"
 )
+NUMBER_NOT_READ = (
+    "the number of this row was not read in this edition; give the printed band in [tolerance]"
+)
 # By measure: the reason for a row without a channel; other rows are demonstrations.
 _UNCHANNELLED = dict.fromkeys(
     ("response_initial", "response_total"),
@@ -254,6 +257,8 @@ def make_criterion(
         reason = f"applies only with {', '.join(missing)}"
     elif not channel:
         reason = _UNCHANNELLED.get(measure, DEMONSTRATION)
+    elif row["quantity"] == "none" and measure == "trace":
+        reason = NUMBER_NOT_READ
     return Criterion(
         name=name,
         parameter=row["parameter"],

@@ -8,6 +8,38 @@ import aerodb
 import flightmech
 import pom
 
+MATCHED = ("pass", "pass_with_departures")
+EXPECTED = {
+    "short_period": "pass",
+    "roll_response": "not_tested",
+    "power_chop": "pass_with_departures",
+    "power_chop_lever": "pass_with_departures",
+    "power_slam": "pass_with_departures",
+    "normal_takeoff": "not_tested",
+    "phugoid": "pass",
+    "dutch_roll": "pass",
+    "spiral": "pass_with_departures",
+    "flap_change": "pass_with_departures",
+    "gear_change": "pass_with_departures",
+    "landing": "not_tested",
+    "rudder_response": "pass",
+    "stick_free_short_period": "pass",
+    "wheel_force": "pass",
+    "dutch_roll_pedals_free": "pass",
+    "stick_force_per_g": "pass",
+    "brake_stop": "pass_with_departures",
+    "taxi_turn": "invalid",
+}
+"""Status of the final model: pilot forces are not recorded in three cases, seven depart from their
+rows (configuration, length of the record, weight, brakes, track, one direction)."""
+
+
+@pytest.mark.slow
+def test_the_final_model_has_the_status_that_an_evaluator_gives(demo):
+    _, run = demo
+    cases = json.loads(run.stdout)["cases"]
+    assert {case["name"]: case["status"]["final"] for case in cases} == EXPECTED
+
 
 @pytest.mark.slow
 def test_the_demo_writes_what_it_promises(demo):
@@ -41,14 +73,14 @@ def test_flight_makes_the_model_better(demo):
     _, run = demo
     outcome = json.loads(run.stdout)
     passes = {
-        name: sum(case["status"][name] == "pass" for case in outcome["cases"])
+        name: sum(case["status"][name] in MATCHED for case in outcome["cases"])
         for name in ("datcom", "corrected", "final")
     }
     assert passes["datcom"] < min(passes["corrected"], passes["final"])
     assert all(
-        case["status"]["corrected"] == "pass"
+        case["status"]["corrected"] in MATCHED
         for case in outcome["cases"]
-        if case["status"]["final"] == "pass"
+        if case["status"]["final"] in MATCHED
     )
     assert len(outcome["corrected_terms"]) < 0.5 * outcome["differing"]  # found 31 of 99
     added = [name for names in outcome["joint_terms"].values() for name in names]
@@ -93,8 +125,9 @@ def test_the_final_model_flies_by_force(demo):
 def test_the_final_model_brakes_and_turns_on_the_runway(demo):
     folder, run = demo
     cases = {case["name"]: case["status"] for case in json.loads(run.stdout)["cases"]}
-    assert cases["brake_stop"]["final"] == "pass"
-    assert cases["brake_stop"]["datcom"] != "pass"
+    # it stops where the flight does, and off the flown track
+    assert cases["brake_stop"]["final"] == "pass_with_departures"
+    assert cases["brake_stop"]["datcom"] not in MATCHED
     # the rate of turn of the record is never steady: no band of the case file replaces the row
     assert set(cases["taxi_turn"].values()) == {"invalid"}
     gear = {

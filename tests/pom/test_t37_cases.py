@@ -35,6 +35,14 @@ ROWS = {
 }
 
 
+FORCES = {
+    "22_roll_response": "wheel_force",
+    "25_normal_takeoff": "column_force",
+    "31_landing": "column_force",
+}
+"""Cases without the pilot forces that their rows require, and the row."""
+
+
 def test_every_validation_run_has_its_case():
     assert {file.stem for file in FOLDER.glob("*.toml")} == set(ROWS)
     assert len({read_case(file).name for file in FOLDER.glob("*.toml")}) == len(ROWS)
@@ -47,7 +55,9 @@ def test_case_is_sound_and_inside_its_record(stem):
     assert Path(case.record).stem[4:6] == stem[:2]
     judged = [c for c in case.criteria if c.applies]
     assert judged
-    assert not any(reason_not_judged(case, c) for c in judged)
+    # the controls of the T-37 are reversible: where its surfaces drive, a row of forces is open
+    open_rows = {c.name for c in judged if reason_not_judged(case, c)}
+    assert open_rows == ({FORCES[stem]} if stem in FORCES else set())
     with xr.open_dataset(case.record, group="imu", engine="h5netcdf") as imu:
         assert imu["time"].values[0] <= case.window[0]
         assert imu["time"].values[-1] >= case.window[1]

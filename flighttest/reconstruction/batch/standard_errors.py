@@ -15,8 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.fft import irfft, next_fast_len, rfft
 
 from flightmech.errors import IdentificationError
 from flightmech.simulation.normal_sums import driven_series
@@ -249,15 +249,15 @@ def correlated_variance(S: np.ndarray, r: np.ndarray) -> np.ndarray:
     the spectrum of Rvv. The transforms are long enough that no product wraps around.
     """
     lags = tapered_autocorrelation(r)
-    size = next_fast_len(S.shape[1] + len(lags) - 1, real=True)
+    size = scipy.fft.next_fast_len(S.shape[1] + len(lags) - 1, real=True)
     # autocorrelation at positive and negative lags, the negative lags at the end
     symmetric = np.zeros(size)
     symmetric[: len(lags)] = lags
     symmetric[size - len(lags) + 1 :] = lags[:0:-1]
-    weight = rfft(symmetric).real / size
+    weight = scipy.fft.rfft(symmetric).real / size
     # Each positive frequency also represents its negative.
     weight[1 : (size + 1) // 2] *= 2.0
-    F = rfft(S, size, axis=1)
+    F = scipy.fft.rfft(S, size, axis=1)
     parts = np.concatenate([F.real, F.imag], axis=1)
     return (parts * np.concatenate([weight, weight])) @ parts.T
 
@@ -269,7 +269,7 @@ def tapered_autocorrelation(r: np.ndarray) -> np.ndarray:
     """
     N = len(r)
     window = max(1, round(WINDOW * N))
-    size = next_fast_len(N + window - 1, real=True)
-    products = irfft(np.abs(rfft(r, size)) ** 2, size)[:window]
+    size = scipy.fft.next_fast_len(N + window - 1, real=True)
+    products = scipy.fft.irfft(np.abs(scipy.fft.rfft(r, size)) ** 2, size)[:window]
     taper = 1.0 - np.arange(window) / window
     return products / N * taper

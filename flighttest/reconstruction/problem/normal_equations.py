@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+import scipy
 
 from flightmech.errors import IdentificationError
 from flightmech.simulation.driven_path import DrivenPath
@@ -177,14 +177,16 @@ class NormalEquations:
             # Scaled, because the units of the constants differ by powers of ten.
             scale = 1.0 / np.sqrt(np.diag(self.C)[movable])
             try:
-                root = cho_factor(schur[np.ix_(movable, movable)] * np.outer(scale, scale))
+                root = scipy.linalg.cho_factor(
+                    schur[np.ix_(movable, movable)] * np.outer(scale, scale)
+                )
             except np.linalg.LinAlgError as error:
                 raise IdentificationError(
                     "the constants are not determined: two of them do the same and have no "
                     "prior; give one a prior"
                 ) from error
             gradient = (self.gc - border[:-1, -1])[movable]
-            dc[movable] = -scale * cho_solve(root, scale * gradient)
+            dc[movable] = -scale * scipy.linalg.cho_solve(root, scale * gradient)
         # dx = -T^-1 (G dc + gx)
         right_side = -elimination.multiply_columns(np.append(dc, 1.0)[:, None])
         dx = elimination.substitute_back(right_side)

@@ -5,6 +5,7 @@ The checks run in order. Each check works on channels without the mistakes that 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ from flighttest.reconstruction.quality.checks.kinematic_consistency import (
     lag_findings,
 )
 from flighttest.reconstruction.quality.checks.mistake_search import find_mistakes
+from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
 from flighttest.reconstruction.quality.checks.relations import compare_all, not_checked
 from flighttest.reconstruction.quality.checks.samples import (
     channel_findings,
@@ -49,10 +51,18 @@ from flighttest.reconstruction.quality.checks.signals import (
     at_cg,
     resample_channels,
 )
-from flighttest.reconstruction.quality.declarations.air_temperature import temperature_findings
+from flighttest.reconstruction.quality.declarations.air_temperature import (
+    climb_findings,
+    temperature_findings,
+)
+from flighttest.reconstruction.quality.declarations.centre_of_gravity import centre_findings
 from flighttest.reconstruction.quality.declarations.columns import (
     column_findings,
     pressure_height_findings,
+)
+from flighttest.reconstruction.quality.declarations.engines import (
+    lever_findings,
+    thrust_findings,
 )
 from flighttest.reconstruction.quality.declarations.geometry import geometry_findings
 from flighttest.reconstruction.quality.declarations.headings import heading_findings, with_headings
@@ -60,8 +70,25 @@ from flighttest.reconstruction.quality.declarations.inertia import (
     inertia_findings,
     product_findings,
 )
+from flighttest.reconstruction.quality.declarations.inertia_scale import exchange_findings
 from flighttest.reconstruction.quality.declarations.weight import weight_findings
 from flighttest.reconstruction.quality.finding import Finding, by_severity, without_consequences
+from flighttest.reconstruction.quality.navigation.air_data_closure import (
+    closure_findings,
+    level_not_checked,
+)
+from flighttest.reconstruction.quality.navigation.airspeed_scale import airspeed_findings
+from flighttest.reconstruction.quality.navigation.heading_reference import (
+    compass_findings,
+    heading_reference_findings,
+)
+from flighttest.reconstruction.quality.navigation.inertial_motion import MotionFits, fit_motion
+from flighttest.reconstruction.quality.navigation.motion_delays import (
+    Unchecked,
+    delays_not_checked,
+    merge_delays,
+    motion_delays,
+)
 from flighttest.reconstruction.quality.record_notes import quality_remarks
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import manoeuvres
@@ -126,6 +153,7 @@ def assess(
     for explanation in explanations:
         mistaken += explanation.repair.channels
     findings += shared
+    findings += lever_findings(record, signals)
     findings += heading_findings(record, corrected, mistaken)
     findings += pressure_height_findings(corrected)
     findings += temperature_findings(corrected, record)
@@ -142,13 +170,22 @@ def assess(
         unchecked = _append_rows(unchecked, reasons)
     # accuracy, delays, controls
     kinematics = kinematic_table(corrected_at_cg)
-    delays = find_lags(corrected_at_cg, positions)
+    motion = fit_motion(corrected_at_cg)
+    usual_delays = find_lags(corrected_at_cg, positions)
+    delays = merge_delays(usual_delays, motion_delays(motion, positions))
     lags = lag_findings(delays, specification, record)
-    responses = control_responses(_undelayed(corrected_at_cg, delays, lags))
+    on_time = _undelayed(corrected_at_cg, delays, lags)
+    responses = control_responses(on_time)
     hands = pilot_to_surface(corrected)
     excitation, correlation = axis_excitation(corrected), input_correlations(corrected)
     findings += accuracy_findings(kinematics)
     findings += lags
+    references, reasons = _reference_findings(
+        motion, comparisons, on_time, record=record, late=_late_channels(lags), placed=positions
+    )
+    findings += references
+    unchecked = _append_rows(unchecked, reasons)
+    findings = _without_explained(findings)
     late = _late_channels(findings)
     findings += answer_findings(responses, hands, corrected_at_cg, record, late)
     purpose = str(record.attrs.get("purpose", ""))
@@ -175,6 +212,47 @@ def assess(
         signals=signals,
         not_checked=unchecked,
     )
+
+
+def _reference_findings(
+    motion: MotionFits,
+    comparisons: dict[str, RelationCheck],
+    signals: ResampledChannels,
+    *,
+    record: xr.DataTree,
+    late: set[str],
+    placed: Collection[str],
+) -> tuple[list[Finding], Unchecked]:
+    """Return findings on heading, airspeed and air data, and what of them was not checked.
+
+    Air data that do not follow from each other are reported before a scale of the airspeed, which
+    would be the same mistake once more.
+    """
+    heading, no_heading = heading_reference_findings(motion, signals)
+    closure = closure_findings(comparisons, signals, late)
+    airspeed, no_airspeed = airspeed_findings(motion, signals, record)
+    temperature, no_temperature = climb_findings(signals)
+    compass, no_compass = compass_findings(signals)
+    findings = [*heading, *compass, *closure, *airspeed, *temperature]
+    no_heading += no_compass
+    unchecked = (
+        delays_not_checked(motion, signals, placed) + no_heading + no_airspeed + no_temperature
+    )
+    return findings, unchecked + level_not_checked(comparisons, signals)
+
+
+def _without_explained(findings: list[Finding]) -> list[Finding]:
+    """Return the findings without relations that the unit of another finding explains."""
+    explained = set()
+    for finding in findings:
+        if finding.kind == "unit" and "relation" in finding.evidence:
+            explained.add(finding.evidence["relation"])
+    kept = []
+    for finding in findings:
+        unexplained = finding.evidence.get("relation") not in explained
+        if finding.kind != "inconsistent" or unexplained:
+            kept.append(finding)
+    return kept
 
 
 def _late_channels(findings: list[Finding]) -> set[str]:
@@ -208,7 +286,7 @@ def _aircraft_findings(
     aircraft: Aircraft,
     record: xr.DataTree,
     database: xr.DataTree | None,
-) -> tuple[list[Finding], list[tuple[str, str, tuple[()], str]]]:
+) -> tuple[list[Finding], Unchecked]:
     """Return findings on the aircraft file, and the checks of it that are not possible."""
     weight, no_weight = weight_findings(signals, aircraft, record, database)
     product, no_product = product_findings(signals, aircraft)
@@ -216,12 +294,17 @@ def _aircraft_findings(
     # The checks of the weight use S and b, which may be wrong.
     if any(finding.severity != "note" for finding in geometry):
         weight = []
-    unchecked: list[tuple[str, str, tuple[()], str]] = []
+    unchecked: Unchecked = []
     if no_weight:
         unchecked.append(("weight", "mass, and lift", (), no_weight))
     if no_product:
         unchecked.append(("Ixz", "sign of Ixz, and pitching in rolls", (), no_product))
-    return [*geometry, *inertia_findings(aircraft), *weight, *product], unchecked
+    findings = [*geometry, *inertia_findings(aircraft), *weight, *product]
+    for check in (exchange_findings, centre_findings, thrust_findings):
+        found, reasons = check(signals, aircraft)
+        findings += found
+        unchecked += reasons
+    return findings, unchecked
 
 
 def _append_rows(table: pd.DataFrame, rows: list[Any]) -> pd.DataFrame:

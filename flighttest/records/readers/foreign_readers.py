@@ -11,51 +11,17 @@ An entry point of the group ``aeromatch.record_readers`` names an object with tw
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flightmech.errors import AeromatchError, AeromatchWarning, ParseError
-from flightmech.plugins import RECORD_READERS, find_plugins, load_plugin
+from flightmech.errors import ParseError
+from flightmech.plugins import RECORD_READERS, read_by_plugin
 from flighttest.records.readers.recording import RecordedTable, Recording
 
 _CLOCK = "time"
-
-
-def recognise_foreign(path: str | Path, head: bytes, own: Mapping[str, Any]) -> str:
-    """Return the name of the first entry point that reads a file, empty without one.
-
-    Parameters
-    ----------
-    path : str or Path
-    head : bytes
-        First bytes of the file.
-    own : mapping
-        Formats of the product by name, which an entry point cannot replace.
-
-    Warns
-    -----
-    AeromatchWarning
-        An entry point cannot be loaded, or fails while it looks at the file. It is left out, so
-        that one broken package does not stop the reading of every recording.
-    """
-    for name, point in find_plugins(RECORD_READERS, own).items():
-        try:
-            is_recognised = bool(load_plugin(point).recognise(Path(path), head))
-        except AeromatchError as error:
-            warnings.warn(f"left out: {error}", AeromatchWarning, stacklevel=2)
-            continue
-        except Exception as error:
-            warnings.warn(
-                f"left out: {_failure(name, path, error)}", AeromatchWarning, stacklevel=2
-            )
-            continue
-        if is_recognised:
-            return name
-    return ""
 
 
 def read_foreign(path: Path, name: str) -> Recording:
@@ -68,11 +34,7 @@ def read_foreign(path: Path, name: str) -> Recording:
     ParseError
         It returns something else than data frames of numbers with a column ``time``.
     """
-    reader = load_plugin(find_plugins(RECORD_READERS)[name])
-    try:
-        frames = reader.read(path)
-    except Exception as error:
-        raise _failure(name, path, error) from error
+    frames = read_by_plugin(RECORD_READERS, name, path)
     if not isinstance(frames, Mapping) or not frames:
         raise ParseError(
             str(path),
@@ -98,10 +60,3 @@ def _table_of(frame: Any, key: str, name: str, path: Path) -> RecordedTable:
     time = np.asarray(arrays.pop(_CLOCK), float)
     units = {str(column): str(unit) for column, unit in frame.attrs.get("units", {}).items()}
     return RecordedTable(arrays, units, time)
-
-
-def _failure(name: str, path: str | Path, error: Exception) -> AeromatchError:
-    return AeromatchError(
-        f"the reader {name!r} of another package fails at {path}: {type(error).__name__}: "
-        f"{error}; repair or uninstall that package"
-    )

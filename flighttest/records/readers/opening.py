@@ -8,10 +8,11 @@ import struct
 from pathlib import Path
 
 from flightmech.errors import ParseError
+from flightmech.plugins import RECORD_READERS, recognise_plugin
 from flightmech.support.hdf5_seal import read_if_sealed
 from flightmech.support.input_files import demand_regular, file_kind, marked_encoding, packed_kind
 from flighttest.records.readers.columns import with_units_of_headings
-from flighttest.records.readers.foreign_readers import read_foreign, recognise_foreign
+from flighttest.records.readers.foreign_readers import read_foreign
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import Recording, decoding_errors, without_short_tables
 
@@ -89,7 +90,7 @@ def recognise_recording(path: str | Path) -> str:
     if not head:
         raise ParseError(str(path), 0, found="an empty file", expected="a recording")
     # Text may have a format of another package, so that it is asked before CSV.
-    if foreign := recognise_foreign(path, head, FORMATS):
+    if foreign := recognise_plugin(RECORD_READERS, path, head, own=FORMATS):
         return foreign
     if _is_text(head):
         _demand_record(path, "csv")

@@ -143,8 +143,9 @@ class MeasuredChannels:
     def _clean_channel(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         leaf = self.leaf[name]
         data = self.leaves[leaf]
-        demand_numbers({leaf: self._select_windows(data[[name]])}, self.title)
-        x, clock = data[name].values.astype(float), data["time"].values
+        x, clock = data.variables[name].values.astype(float), data.variables["time"].values
+        if not np.isfinite(x).all():
+            demand_numbers({leaf: self._select_windows(data[[name]])}, self.title)
         # A heading that passes its full turn has a step, which interpolation would smear.
         if name == "psi":
             x = np.unwrap(x)
@@ -157,7 +158,7 @@ class MeasuredChannels:
     def spikes(self, name: str) -> np.ndarray:
         """Return which samples of a channel are spikes."""
         if name not in self._spikes:
-            x = self.leaves[self.leaf[name]][name].values.astype(float)
+            x = self.leaves[self.leaf[name]].variables[name].values.astype(float)
             self._spikes[name] = find_spikes(x, name)
         return self._spikes[name]
 
@@ -167,7 +168,7 @@ class MeasuredChannels:
         for name in (*IMU, *MEASURED):
             if name not in self.recorded:
                 continue
-            clock = self.leaves[self.leaf[name]]["time"].values
+            clock = self.leaves[self.leaf[name]].variables["time"].values
             is_spike = self.spikes(name) & self._is_in_windows(clock)
             if is_spike.any():
                 remedy = "left out"

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.stats import chi2 as chi2_distribution
 
 from aerodb.update.observations import basis_at
 from aerodb.update.posterior import joint_covariance
@@ -172,7 +172,7 @@ def mix_with_prior(fit: Fit, prior: Prior) -> Mixed:
     estimates.attrs = {
         "chi2": statistic,
         "terms_with_prior": len(rows),
-        "probability": float(chi2_distribution.sf(statistic, max(len(rows), 1))),
+        "probability": float(scipy.stats.chi2.sf(statistic, max(len(rows), 1))),
     }
     return Mixed(fit, estimates)
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import norm, t
+import scipy
 
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error.transformed_stretches import (
@@ -290,4 +290,4 @@ def student_factor(free: float | np.ndarray) -> np.ndarray:
     free : float or array
         Degrees of freedom of the disturbance.
     """
-    return np.asarray(t.ppf(norm.cdf(2.0), free)) / 2.0
+    return np.asarray(scipy.stats.t.ppf(scipy.stats.norm.cdf(2.0), free)) / 2.0

@@ -15,7 +15,6 @@ from functools import cached_property
 
 import numpy as np
 import scipy
-from scipy.linalg import solve_triangular
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ class Disturbance:
         e = np.sqrt(self.variance) * rng.normal(size=max(size, p))
         first = later = e[:0]
         if p:
-            first = solve_triangular(self._whitening, e[:p], lower=True)
+            first = scipy.linalg.solve_triangular(self._whitening, e[:p], lower=True)
         if size > p:
             later = scipy.signal.lfilter([1.0], a, e[p:], zi=_filter_state(a, first))[0]
         return np.concatenate([first, later])[:size]

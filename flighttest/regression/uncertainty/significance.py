@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy import stats
 
 CONFIDENCE = 0.95
 LAGS = 20  # of the portmanteau statistic; fewer on short stretches, a fifth of the longest
@@ -98,19 +98,19 @@ def add_tests(
     theta = estimates["estimate"].values
     t = _t_ratio(theta, stderr)
     quantile = 0.5 + CONFIDENCE / 2.0
-    systematic = stats.norm.ppf(quantile) * estimates["stderr_systematic"].values
-    half_width = np.hypot(stats.t.ppf(quantile, dof) * stderr, systematic)
+    systematic = scipy.stats.norm.ppf(quantile) * estimates["stderr_systematic"].values
+    half_width = np.hypot(scipy.stats.t.ppf(quantile, dof) * stderr, systematic)
     correlation = estimates["correlation"].values[np.ix_(~fixed, ~fixed)]
     F, k, fewest = _wald_test(t[~fixed], correlation, dof[~fixed])
     probability = float("nan")
     if k:
-        probability = float(stats.f.sf(F, k, fewest))
+        probability = float(scipy.stats.f.sf(F, k, fewest))
     variables = {
         "dof": ("term", dof, {"long_name": "degrees of freedom of the standard error"}),
         "t": ("term", t),
         "p_value": (
             "term",
-            2.0 * stats.t.sf(np.abs(t), dof),
+            2.0 * scipy.stats.t.sf(np.abs(t), dof),
             {"long_name": "two-sided probability of so large a t by chance"},
         ),
         "low": ("term", theta - half_width, {"long_name": f"lower {_WITH_SYSTEMATIC}"}),
@@ -183,7 +183,7 @@ def residual_whiteness(
     return {
         "portmanteau": Q,
         "portmanteau_lags": lags,
-        "portmanteau_probability": float(stats.chi2.sf(Q, lags)),
+        "portmanteau_probability": float(scipy.stats.chi2.sf(Q, lags)),
         "correlation_time": step * (0.5 + float(positive.sum())),
     }
 

@@ -77,6 +77,8 @@ class Motion(PrintedResult):
         A fit that did not converge is not among them.
     unsettled : int
         Number of shorter windows whose fit did not converge.
+    compared : bool
+        Whether shorter windows were looked for.
     convergence : Convergence
         End of the search and of its rounds of weights. Its change is that of the root by a further
         round over half its standard error; infinite if the search itself reached its limit.
@@ -98,6 +100,7 @@ class Motion(PrintedResult):
     F_probability: float
     moved: tuple[MovedWindow, ...] = ()
     unsettled: int = 0
+    compared: bool = False
     convergence: Convergence = field(kw_only=True)
 
     @property
@@ -218,7 +221,7 @@ def fit_motion(
         return motion
     period = motion.values["period"][0]
     moved = fits_in_moved_windows(data, period, inputs=inputs, fit=fit_part)
-    return replace(motion, moved=moved, unsettled=unsettled)
+    return replace(motion, moved=moved, unsettled=unsettled, compared=True)
 
 
 def _fit_window(
@@ -333,7 +336,17 @@ def _convergence_remarks(motion: Motion) -> list[Remark]:
 
 
 def _unsettled_remarks(motion: Motion) -> list[Remark]:
-    """Return a remark on shorter windows whose fit did not converge; a note if others remain."""
+    """Return a remark on shorter windows whose fit did not converge; a note if others remain.
+
+    An oscillation that no shorter window confirms has a warning.
+    """
+    channels = " ".join(motion.channels)
+    if motion.compared and not motion.moved and not motion.unsettled:
+        text = (
+            "not checked: no shorter window is long enough for a fit, so nothing shows whether the "
+            "motion is alone: give a window of two periods and more that begins before the input"
+        )
+        return [Remark("window", text, channels, severity="warning")]
     if not motion.unsettled:
         return []
     count = motion.unsettled + len(motion.moved)
@@ -345,7 +358,6 @@ def _unsettled_remarks(motion: Motion) -> list[Remark]:
     if not motion.moved:
         text += "; no window shows whether the motion is alone: give a longer or a quieter one"
         severity = "warning"
-    channels = " ".join(motion.channels)
     return [Remark("window", text, channels, motion.unsettled, 0.0, severity)]
 
 

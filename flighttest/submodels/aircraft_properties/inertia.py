@@ -31,9 +31,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import xarray as xr
 from scipy.linalg import block_diag
-from scipy.stats import chi2 as chi2_distribution
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, UnknownName
@@ -351,7 +351,7 @@ def _moments_dataset(
     estimates.attrs = {
         "scale": scale,
         "chi2": chi2,
-        "probability": float(chi2_distribution.sf(chi2, _FREEDOM)),
+        "probability": float(scipy.stats.chi2.sf(chi2, _FREEDOM)),
         "units": "kg m2",
     }
     return estimates

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import scipy
 import xarray as xr
-from scipy.fft import dct, dst
 
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.submodels.control_loading.loading import FORCES, ControlLoading
@@ -285,13 +284,13 @@ def smooth_derivatives(
     count = len(x) - 1
     line = x[0] + (x[-1] - x[0]) / count * np.arange(count + 1)
     omega, weights = _series_weights(count, step, cutoff)
-    b = weights * dst((x - line)[1:-1], type=1) / count
+    b = weights * scipy.fft.dst((x - line)[1:-1], type=1) / count
     waves = np.zeros((3, count + 1))
-    waves[0, 1:-1] = dst(b, type=1) / 2.0
+    waves[0, 1:-1] = scipy.fft.dst(b, type=1) / 2.0
     # The derivative of a sine series is a cosine series.
     waves[1, 1:-1] = omega * b
-    waves[1] = dct(waves[1], type=1) / 2.0
-    waves[2, 1:-1] = dst(-(omega**2) * b, type=1) / 2.0
+    waves[1] = scipy.fft.dct(waves[1], type=1) / 2.0
+    waves[2, 1:-1] = scipy.fft.dst(-(omega**2) * b, type=1) / 2.0
     return line + waves[0], waves[1] + (x[-1] - x[0]) / (count * step), waves[2]
 
 

@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.stats import chi2, t
 
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error import least_squares
@@ -194,7 +194,7 @@ class TrimForces:
     def determined(self) -> dict[str, bool]:
         """Return whether every estimate differs from zero with 95 % confidence."""
         e = self.estimates
-        limit = float(t.ppf(_QUANTILE, e.attrs["points"] - e.sizes["term"]))
+        limit = float(scipy.stats.t.ppf(_QUANTILE, e.attrs["points"] - e.sizes["term"]))
         is_determined = {}
         for name, row in e.groupby("term"):
             is_determined[str(name)] = bool(abs(row["estimate"]) > limit * row["stderr"])
@@ -274,7 +274,7 @@ def trim_forces(loading: ControlLoading, points: xr.Dataset) -> TrimForces:
         {},
     )
     # Upper limit of the standard deviation by the chi-square of the residuals; R = 3^0.5 rms.
-    limit = float(np.sqrt(3.0 * (v @ v) / chi2.ppf(_LOWER_QUANTILE, spare)))
+    limit = float(np.sqrt(3.0 * (v @ v) / scipy.stats.chi2.ppf(_LOWER_QUANTILE, spare)))
     estimates = estimates.assign_attrs(
         rms=float(np.sqrt(v @ v / spare)), points=len(X), friction_limit=limit
     )

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
 from flightmech.errors import IdentificationError
 
@@ -50,7 +50,7 @@ def remove_lever_noise(record: xr.Dataset) -> xr.Dataset:
         The lever moves from the start.
     """
     step = float(np.median(np.diff(record["time"].values)))
-    throttle = median_filter(
+    throttle = scipy.ndimage.median_filter(
         record["throttle"].values.astype(float), 2 * round(0.5 * MEDIAN / step) + 1
     )
     count = max(round(FIRST / step), 1)
@@ -81,8 +81,8 @@ def find_lever_rest(record: xr.Dataset, still: float = STILL, same: float = SAME
     width = max(round(still / float(np.median(np.diff(time)))), 1)
     padded = np.concatenate([np.full(width, np.median(throttle[:5])), throttle])
     # Range of the throttle over the last `width` samples.
-    high = np.asarray(maximum_filter1d(padded, width + 1, origin=width // 2))
-    low = np.asarray(minimum_filter1d(padded, width + 1, origin=width // 2))
+    high = np.asarray(scipy.ndimage.maximum_filter1d(padded, width + 1, origin=width // 2))
+    low = np.asarray(scipy.ndimage.minimum_filter1d(padded, width + 1, origin=width // 2))
     return (high - low)[width:] < same
 
 

@@ -23,6 +23,7 @@ from flightmech.support.kept_stages.sharing import demand_scheduler
 from pom.archive.archive import Custody
 from pom.archive.origins import ReportProvenance, provenance
 from pom.cases.case import PomCase, read_case
+from pom.cases.fact_agreement import contradictions
 from pom.cases.own_table import demand_use
 from pom.cases.reference_states import window_problem
 from pom.checking.batch_check import check_batch
@@ -38,6 +39,7 @@ from pom.diagnosis.sampling.sampled_replay import replay_sampled
 from pom.fmu.description import demand_platform, read_fmu_interface
 from pom.fmu.models import Models
 from pom.judging.applicability import reason_not_judged
+from pom.judging.report_conditions import has_report_conditions, with_report_conditions
 from pom.replaying.batch import replay_all
 from pom.replaying.replay_case import files_by_name
 from pom.replaying.run_remarks import calibration, drift, pilot_activity
@@ -48,6 +50,7 @@ from pom.result import (
     NO_EVIDENCE,
     PASSED,
     PomResult,
+    departure_remarks,
     lacks_evidence,
     run_notices,
     status_text,
@@ -72,6 +75,7 @@ def check_cases(cases: tuple[Path, ...], tolerances_file: str | None, as_json: b
                 continue
             checked.append(case)
             problems += _case_problems(case)
+    problems += contradictions(checked)
     if not problems:
         demand_use(table, [case.tolerances for case in checked])
     # one case is an object, several cases are an array
@@ -201,6 +205,8 @@ def run_cases(
     # the printer gets every result as soon as it is complete
     printer = _ProgressPrinter(checks, list(batch.runs), verbose=verbose, silent=as_json)
     results = _replay_batch(batch, printer, samples=samples, seed=seed, options=options)
+    results = with_report_conditions(results)
+    printer.print_rest(results)
     results = with_record_checks(results, checks)
     # a file that changed during the batch does not belong to the results
     batch.custody.check()
@@ -328,6 +334,19 @@ class _ProgressPrinter:
 
     def print_result(self, result: PomResult) -> None:
         """Print the lines of one result."""
+        # cases of one test may have to show a condition together: they wait for the others
+        if has_report_conditions(result.case):
+            self.is_replayed = self.is_replayed or not result.failure
+            return
+        self._add(result)
+
+    def print_rest(self, results: Sequence[PomResult]) -> None:
+        """Print the lines of the results that waited for the others."""
+        for result in results:
+            if has_report_conditions(result.case):
+                self._add(result)
+
+    def _add(self, result: PomResult) -> None:
         (result,) = with_record_checks([result], self.checks)
         # a model that fails to run has an invalid case
         if not result.failure or any(result.status(run) != "invalid" for run in self.runs):
@@ -475,6 +494,7 @@ def _summary(result: PomResult) -> dict[str, Any]:
         "standard": result.case.standard,
         "edition": result.case.edition,
         "status": {run: result.status(run) for run in result.runs},
+        "departures": {run: departure_remarks(result, run) for run in result.runs},
         "failure": result.failure,
         "verdict": result.verdict_records(),
         "trim": result.trim,

@@ -22,7 +22,7 @@ from pom.replaying.kernel_replay import fly_once
 from pom.replaying.replay_case import ReplayPlan
 from pom.replaying.replay_channels import sampled_channels, shown_channels, unwrapped_near
 from pom.replaying.trim import OBSERVED, beyond_limits, trim_limits
-from pom.result import group_verdicts, status_of
+from pom.result import group_verdicts, judged_groups, status_of
 from pom.samples import QUANTILES
 from pom.tolerances.bands import Invalid, Judgement, NotJudged, unwrapped_difference
 from pom.tolerances.channels import WRAPPED, output_of
@@ -230,7 +230,7 @@ class SampledBench:
         for name, size in self.trim_sizes.items():
             if f"trim.{name}" in trim:
                 trim_ratios[name] = float(trim[f"trim.{name}"][0]) / size
-        status = status_of(group_verdicts(case, verdicts), exceeded)
+        status = status_of(judged_groups(group_verdicts(case, verdicts)), exceeded)
         return SampledRun(
             outputs={name: outputs[name] for name in self.tolerance if name in outputs},
             difference=difference,

@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.optimize import nnls
 
 import aerodb
 from aerodb.store.schema import HINGE
@@ -237,7 +237,7 @@ def least_distance(G: np.ndarray, h: np.ndarray) -> np.ndarray | None:
     # with the residual r = E u - f. A residual of zero means that the limits contradict.
     E = np.vstack([G.T, h])
     f = np.append(np.zeros(G.shape[1]), 1.0)
-    u, _ = nnls(E, f, maxiter=30 * E.shape[1])
+    u, _ = scipy.optimize.nnls(E, f, maxiter=30 * E.shape[1])
     r = E @ u - f
     if not abs(r[-1]) > _LEAST_NORM:
         return None

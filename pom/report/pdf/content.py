@@ -21,6 +21,7 @@ from pom.report.case.page import digest_rows, outcome_rows, run_line_classes
 from pom.report.case.start import calibration_rows, condition_rows, drift_rows, trim_tables
 from pom.report.models.diagnosis import cause_sentences
 from pom.report.overview import (
+    departure_table,
     list_runs,
     own_tables_text,
     provenance_page,
@@ -105,6 +106,7 @@ def front_content(
         "airplanes": list(airplanes),
         "index": _matrix_content(keys, results, outcomes),
         "no_evidence": origin["no_evidence"],
+        "departures": departure_table(keys, results),
         "record_errors": origin["record_errors"],
         "tables": own_tables_text(results),
         "coverage": table_coverage(results, tolerance_rows()),

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pom.judging.departures import printed_texts
 from pom.report.presentation.quantities import (
     MINUS,
     MISSING,
@@ -131,12 +132,18 @@ def verdict_blocks(result: PomResult) -> dict[str, Any]:
     # Number of criteria of every group that apply; several of them are alternatives.
     group_sizes = Counter(group_by_name.values())
     rows_by_criterion = _group_rows(result)
+    printed = printed_texts(result.case)
     judged: list[dict[str, Any]] = []
     left_out: list[dict[str, Any]] = []
     has_values = False
     begun_groups = set()
     for (group, name), rows in rows_by_criterion.items():
         block = _verdict_block(result, name, rows)
+        if name in printed:
+            # the printed row stands next to the one that the case file applies
+            own = f"{block['printed']} by the case file"
+            block["printed"] = printed[name] or "number not read"
+            block["applied"] = f"{own}: {block['applied']}"
         block["group"] = group
         if name not in group_by_name:
             block["left_out"] = reason_text(rows[0]["remarks"])

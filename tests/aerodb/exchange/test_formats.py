@@ -9,7 +9,7 @@ import aerodb
 from aerodb.cli.exchange import ExportFormat
 from aerodb.cli.group import db
 from aerodb.exchange.formats import EXPORTERS, find_exporter, recognise_format
-from flightmech.errors import AeromatchError, ParseError
+from flightmech.errors import AeromatchError, AeromatchWarning, ParseError
 from flightmech.plugins import DATABASE_EXPORTERS, DATABASE_IMPORTERS
 
 # A format that holds a netCDF file behind a line of its own.
@@ -75,9 +75,33 @@ def test_an_unknown_format_lists_all(add_distribution) -> None:
         find_exporter("zipped")
 
 
-def test_an_importer_that_fails_is_named(tmp_path: Path, add_distribution) -> None:
-    broken = PACKED.replace("return head.startswith(START)", "raise ValueError('no licence')")
-    add_distribution("packed-format", GROUPS, packed_format=broken)
-    (tmp_path / "x").write_bytes(b"something else\n")
-    with pytest.raises(AeromatchError, match=r"'packed' of another package fails .* no licence"):
-        recognise_format(tmp_path / "x")
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("return head.startswith(START)", "raise ValueError('no licence')", "no licence"),
+        ("return head.startswith(START)", "raise SystemExit('no licence')", "no licence"),
+        ("import aerodb", "import no_such_module", "ModuleNotFoundError"),
+    ],
+)
+def test_a_broken_importer_is_left_out(small, tmp_path, add_distribution, old, new, words) -> None:
+    """It has a name before that of the importer that reads the file."""
+    add_distribution(
+        "broken-format",
+        {DATABASE_IMPORTERS: {"broken": "broken_format:importer"}},
+        broken_format=PACKED.replace(old, new),
+    )
+    add_distribution("packed-format", GROUPS, packed_format=PACKED)
+    aerodb.save(small, tmp_path / "small.nc")
+    (tmp_path / "x").write_bytes(b"PACKED DATABASE\n" + (tmp_path / "small.nc").read_bytes())
+    with pytest.warns(AeromatchWarning, match=f"left out: .*'broken' .*{words}"):
+        assert recognise_format(tmp_path / "x") == "packed"
+    (tmp_path / "y").write_bytes(b"something else\n")
+    with pytest.warns(AeromatchWarning), pytest.raises(ParseError, match="something"):
+        recognise_format(tmp_path / "y")
+
+
+def test_an_importer_that_cannot_read_its_file_is_named(tmp_path, add_distribution) -> None:
+    add_distribution("packed-format", GROUPS, packed_format=PACKED.replace("inner.write", "no."))
+    (tmp_path / "x").write_bytes(b"PACKED DATABASE\n")
+    with pytest.raises(AeromatchError, match="the importer 'packed' of another package fails at"):
+        run("import", str(tmp_path / "x"), "-o", str(tmp_path / "x.nc"))

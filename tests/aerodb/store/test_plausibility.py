@@ -10,7 +10,7 @@ from click.testing import CliRunner
 import aerodb
 from aerodb.cli.group import db as group
 from aerodb.store.plausibility import check_plausibility
-from flightmech.errors import AeromatchWarning
+from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.terms import make_term
 from flightmech.units import DEGREE
 
@@ -182,6 +182,41 @@ def test_an_acknowledged_finding_keeps_its_reason(aeroplane, tmp_path) -> None:
     assert accepted.exit_code == 0
     assert "acknowledged: relaxed stability, stabilised by a computer" in accepted.stdout
     assert "acknowledged.static margin" in str(check("short.toml").exception)
+
+
+def test_an_acknowledgement_of_no_finding_is_reported(aeroplane) -> None:
+    aeroplane["Cm/qhat"]["value"][...] = -130.0
+    reason = "measured twice in free flight"
+    (finding, unused) = check_plausibility(
+        aeroplane, Mass(1200.0), {"Cm/qhat": reason, "static magrin": reason}
+    )
+    assert finding.reason == reason
+    assert unused.kind == "unused"
+    assert not unused.stops
+    assert "'static magrin'" in str(unused)
+    assert "subjects are: Cm/qhat;" in str(unused)
+
+
+@pytest.mark.parametrize("reason", ["", "   "])
+def test_an_acknowledgement_needs_a_reason(aeroplane, reason) -> None:
+    with pytest.raises(SchemaError, match="static margin: no reason is given"):
+        check_plausibility(aeroplane, Mass(1200.0), {"static margin": reason})
+
+
+def test_check_prints_an_acknowledgement_of_no_finding(aeroplane, tmp_path) -> None:
+    aerodb.save(aeroplane, tmp_path / "x.nc")
+    text = 'name = "x"\nS = 16.9\ncbar = 1.667\nb = 10.31\nmass = 1200.0\nIxx = 1.0\nIyy = 1.0\n'
+    text += 'Izz = 1.0\n[acknowledged]\n"Cm/qhatt" = "'
+    (tmp_path / "x.toml").write_text(text + 'measured twice in free flight"\n')
+    (tmp_path / "blank.toml").write_text(text + " " * 20 + '"\n')
+    (tmp_path / "dots.toml").write_text(text + "." * 20 + '"\n')
+    command = ["check", str(tmp_path / "x.nc"), "--aircraft"]
+    shown = CliRunner().invoke(group, [*command, str(tmp_path / "x.toml")])
+    assert shown.exit_code == 0
+    assert "the acknowledgement of 'Cm/qhatt' is unused" in shown.stdout
+    for name in ("blank.toml", "dots.toml"):
+        refused = CliRunner().invoke(group, [*command, str(tmp_path / name)])
+        assert "acknowledged.Cm/qhatt" in str(refused.exception)
 
 
 def test_a_body_axes_database_is_checked(aeroplane, root) -> None:

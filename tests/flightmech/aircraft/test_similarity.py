@@ -154,6 +154,7 @@ def test_every_field_has_been_thought_of():
         "fuel",
         "gear",
         "history",
+        "facts",
     }
     scaled |= {"Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"}
     kept = {"x_ref_mac", "limits", "earth_outputs", "acknowledged"}

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy
 from scipy.optimize import RootResults
 
 from flightmech.errors import SimulationError
@@ -23,7 +24,7 @@ def short_search(monkeypatch):
             root=x1, iterations=50, function_calls=52, flag="iteration limit", method="secant"
         )
 
-    monkeypatch.setattr(longitudinal, "root_scalar", stop)
+    monkeypatch.setattr(scipy.optimize, "root_scalar", stop)
 
 
 def test_a_point_without_convergence_is_absent(short_search, point):

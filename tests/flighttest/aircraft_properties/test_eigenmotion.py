@@ -9,7 +9,7 @@ from scipy.signal import lfilter, lsim
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.remarks import is_forbidden
-from flighttest.submodels.aircraft_properties import mode_response
+from flighttest.submodels.aircraft_properties import eigenmotion, mode_response
 from flighttest.submodels.aircraft_properties.eigenmotion import fit_motion
 
 SIGMA, OMEGA = 0.2, 2.0
@@ -230,6 +230,14 @@ def test_a_motion_that_grows_or_has_no_known_decay_is_remarked():
     )
     (remark,) = fit_motion(steady, ["r"]).remarks
     assert (remark.kind, remark.term, remark.severity) == ("not significant", "sigma", "warning")
+
+
+def test_an_oscillation_that_no_shorter_window_can_confirm_is_remarked(monkeypatch):
+    """Of a window that holds one period, a third cannot be left out."""
+    monkeypatch.setattr(eigenmotion, "fits_in_moved_windows", lambda *_, **__: ())
+    remarks = fit_motion(free(0.05), ["r", "p"]).remarks
+    assert [(r.kind, r.severity) for r in remarks] == [("window", "warning")]
+    assert remarks[0].text.startswith("not checked: no shorter window is long enough")
 
 
 def test_reversed_time_is_refused():

@@ -196,3 +196,17 @@ def test_batch_states_all_problems_of_raw_records_before_the_first_flight(spoilt
     ):
         assert part in texts
     assert "case roll_response" not in texts
+
+
+def test_a_warning_on_the_record_is_stated_and_a_late_control_is_a_departure(passed):
+    late = RecordError("lag:delta_e+q", "delta_e is recorded 211 ms after it acts on q_dot")
+    noise = RecordError("noise:q", "q has more noise than its instrument")
+    check = RecordCheck("r", "fit, with care", (), (late, noise))
+    (made,) = with_record_checks([passed], {passed.case.record: check})
+    assert made.status("final") == "pass_with_departures"
+    found = [text for text in run_notices(made, "final") if "flight record" in text]
+    assert found[0].startswith("departure: warning on the flight record: lag:delta_e+q")
+    assert found[1] == f"warning on the flight record: noise:q: {noise.text}"
+    # what does not drive the model is a notice
+    (made,) = with_record_checks([passed], {passed.case.record: RecordCheck("r", "", (), (noise,))})
+    assert made.status("final") == "pass"

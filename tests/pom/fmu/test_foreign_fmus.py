@@ -137,7 +137,8 @@ def test_a_simulator_with_names_of_its_own_replays(foreign, table, write_case, l
     case = read_case(write_case(case='show = ["theta", "q"]', more="trim = false"))
     result = replay(case, {"sim": foreign}, lag_states, names={"sim": table(LACKING)})
     assert result.failure == ""
-    assert result.passed("sim")
+    # inputs and parameters that the simulator does not have are waived: a departure
+    assert result.status("sim") == "pass_with_departures"
     # the middle of a step is held, an error of s h^2/(12 tau), and 5 ms steps of the fourth order
     assert (
         np.abs(result.signals["theta"][1] - result.signals["theta"][0]).max()

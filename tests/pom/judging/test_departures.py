@@ -91,7 +91,9 @@ def test_a_record_called_short_must_be_short(write_case):
         states = xr.Dataset(attrs={RECORD_SPAN: (first, last)})
         return [remark.text for remark in record_departures(case, states)]
 
-    assert found(*case.window) == []
+    (text,) = found(*case.window)
+    assert "the record holds" in text
+    assert "that the rows require (the record ends)" in text
     (text,) = found(0.0, 60.0)
     assert "is called short (the record ends), but the record holds" in text
 
@@ -141,3 +143,32 @@ def test_departures_are_weaker_than_a_pass_and_stronger_than_limits():
     assert status_of(groups, departures=True) == "pass_with_departures"
     assert status_of(groups, departures=True, limits_exceeded=True) == "limits_exceeded"
     assert status_of({"g": "fail"}, departures=True) == "fail"
+
+
+def test_the_wind_of_the_record_that_is_left_out_is_a_departure(write_case):
+    def found(speed, wind):
+        path = write_case(more=f'wind = "{wind}"')
+        states = xr.Dataset({name: ("time", [speed, speed]) for name in ("wind_n", "wind_e")})
+        return [remark.text for remark in record_departures(read_case(path), states)]
+
+    assert found(5.0, "record") == []
+    (text,) = found(5.0, "none")
+    assert "calm air by drive.wind, the record has a mean wind of 13.7 kt" in text
+    assert found(0.5, "none") == []
+
+
+def test_a_held_input_against_the_record_is_a_departure(write_case):
+    path = write_case(more='[conditions]\ndelta_f = "0 deg"\ndelta_nw = 0.0')
+    assert overrides(path, delta_f=0.0, delta_nw=0.1) == []
+    (text,) = overrides(path, delta_f=0.35, delta_nw=0.1)
+    assert "delta_f" in text
+    assert "the record has 20.054 deg" in text
+
+
+def test_a_row_left_out_by_the_case_is_a_departure(write_case):
+    case = 'absent = ["epr", "torque"]'
+    found = departures(write_case("1.d.3", case=case, more="[events]\ncapture = 8.0"))
+    assert [text.split(" is left out")[0] for text in found] == [
+        "departure: epr",
+        "departure: torque",
+    ]

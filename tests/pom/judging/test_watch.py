@@ -100,3 +100,15 @@ def test_what_cannot_be_compared_is_not():
         == ()
     )
     assert set(BANDS) == {"V_cas", "h", "theta", "phi", "psi", "alpha", "beta", "p", "q", "r", "nz"}
+
+
+@pytest.mark.parametrize(
+    ("size", "seconds", "kind"),
+    [(8.0, 20.0, "watch"), (16.0, 20.0, "departure"), (16.0, 0.4, "watch")],
+)
+def test_a_channel_far_off_for_half_a_second_is_a_departure(size, seconds, kind):
+    bank = np.where((TIME > 60.0) & (60.0 + seconds > TIME), size * DEG, 0.0)
+    model = phugoid() | {"phi": bank}
+    (remark,) = watch_channels(case("2.c.9"), TIME, phugoid(), model)
+    assert remark.kind == kind
+    assert remark.text.startswith("departure: ") == (kind == "departure")

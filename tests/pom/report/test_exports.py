@@ -16,8 +16,10 @@ import xarray as xr
 import pom
 from flightmech.errors import SchemaError
 from pom.archive import archive
+from pom.archive.results_document import case_results_text
 from pom.report import csv_lines, exports
 from pom.report.case.page import case_keys
+from pom.report.overview import departure_table
 from pom.tolerances.bands import RowRemark
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -173,6 +175,13 @@ def test_departures_are_a_skipped_test_of_their_own():
     (test,) = suite.findall("testsuite/testcase[@name='no departure from the printed row']")
     assert test.find("failure") is None
     assert test.find("skipped").get("message") == remark.text
+    # and one line of the page of the departures and of the document for programs
+    (entry,) = departure_table(["k"], [result])
+    assert entry["key"] == "k"
+    assert entry["rows"] == [("final", remark.text.removeprefix("departure: "))]
+    text = case_results_text(result, pd.DataFrame(), ".")
+    numbers = json.loads(text.numbers)
+    assert numbers["departures"]["final"] == [remark.text]
 
 
 def test_control_characters_do_not_break_the_xml():

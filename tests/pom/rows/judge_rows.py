@@ -20,7 +20,9 @@ from typing import Any
 import aerodb
 import flightmech
 from pom.cases.case import read_case
+from pom.judging.report_conditions import with_report_conditions
 from pom.replaying.batch import replay_all
+from pom.result import DEPARTURES
 
 HERE = Path(__file__).parent
 CASES = HERE / "cases"
@@ -67,7 +69,8 @@ def own_rows(demo: Path, names: Container[str] | None = None) -> list[dict[str, 
         models = {"": demo / "final.fmu", "steered": _steered(demo, Path(folder))}
         for kind, model in models.items():
             cases = [case for case in found if (case.id in PEDAL_STEERING) == (kind == "steered")]
-            for case, result in zip(cases, replay_all(cases, {"final": model}), strict=True):
+            results = with_report_conditions(replay_all(cases, {"final": model}))
+            for case, result in zip(cases, results, strict=True):
                 rows.append(
                     _row(
                         case.to_dict(),
@@ -91,21 +94,34 @@ def _steered(demo: Path, folder: Path) -> Path:
 def _row(
     case: Mapping[str, Any], status: str, verdicts: Iterable[Mapping[str, Any]]
 ) -> dict[str, str]:
+    verdicts = list(verdicts)
     counted = [row for row in verdicts if row["verdict"] in JUDGED]
-    absent = set() if counted else {text for row in verdicts for text in _reasons(row)}
+    stated: list[str] = []
+    if status == "not_tested":
+        applying = {item["name"] for item in case["criteria"] if item["applies"]}
+        missing = [row for row in verdicts if row["criterion"] in applying]
+        for row in missing:
+            stated += _texts(row, ("reason",)) if row["verdict"] == "not_tested" else []
+    elif status == "pass_with_departures":
+        for row in verdicts:
+            stated += _texts(row, DEPARTURES)
+    reasons = [text.removeprefix("departure: ") for text in dict.fromkeys(stated)]
+    notes = str(case["notes"])
+    if status != "pass" and notes:
+        reasons.append(notes)
     return {
         "entry": case["id"],
         "case": case["name"],
         "record": Path(case["record"]).stem,
         "status": status,
         "judged": "; ".join(f"{row['criterion']} {row['verdict']}" for row in counted),
-        "reason": "; ".join(sorted(absent)) or ("" if status == "pass" else str(case["notes"])),
+        "reason": "; ".join(reasons),
     }
 
 
-def _reasons(row: Mapping[str, Any]) -> list[str]:
+def _texts(row: Mapping[str, Any], kinds: Container[str]) -> list[str]:
     remarks = [item if isinstance(item, Mapping) else item.as_dict() for item in row["remarks"]]
-    return [item["text"] for item in remarks if item["kind"] == "reason"]
+    return [item["text"] for item in remarks if item["kind"] in kinds]
 
 
 def order(entry: str) -> list[str]:

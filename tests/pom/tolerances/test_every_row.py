@@ -25,7 +25,7 @@ SHOWN = {
     ("FAA 14 CFR Part 60 App A Table A2A", "2016-05-31 (Amdt 60-4)", "2.i", "demonstration"),
 }
 """Rows without a number and without a quantity: recordings that pilots judge.  All others can be judged."""
-ROWS_BY_PROVENANCE = {"verified": 268, "partial": 1, "memory": 51}
+ROWS_BY_PROVENANCE = {"verified": 268, "partial": 1, "memory": 53}
 """The only count of rows in the tests: a new row changes one number here."""
 
 START, MIDDLE, END = 10.0, 40.0, 70.0
@@ -208,6 +208,8 @@ def key(row):
 
 
 ROWS = [row for row in rows.tolerance_rows() if key(row) not in SHOWN]
+WITHOUT_NUMBER = {("2.a.10", "column_force"), ("2.c.8.a", "column_force")}
+"""Rows of the 2016 amendment whose number was not read."""
 
 
 def test_only_demonstrations_can_never_be_judged():
@@ -218,8 +220,10 @@ def test_only_demonstrations_can_never_be_judged():
         assert found.measure in MEASURES
         if found.reason:
             never[key(row)] = found.reason
-    assert set(never) == SHOWN
-    assert set(never.values()) == {rows.DEMONSTRATION}
+    unread = {name for name, reason in never.items() if reason == rows.NUMBER_NOT_READ}
+    assert {(test, parameter) for _, _, test, parameter in unread} == WITHOUT_NUMBER
+    assert set(never) - unread == SHOWN
+    assert {never[name] for name in SHOWN} == {rows.DEMONSTRATION}
 
 
 def test_a_right_model_passes_every_row():
@@ -229,6 +233,8 @@ def test_a_right_model_passes_every_row():
         flight = signals(found)
         got = judge_criterion(case, found, TIME, flight, dict(flight))
         expected = "advisory" if found.measure == "trend" else "pass"
+        if found.reason == rows.NUMBER_NOT_READ:
+            expected = "not_tested"
         # a long run is not judged by the row for short ones
         if remarks_text(got.remarks).startswith("applies only with distance"):
             expected = "not_tested"
@@ -239,7 +245,7 @@ def test_a_right_model_passes_every_row():
             remarks_text(got.remarks),
         )
         count[got.verdict] += 1
-    few = {"advisory": 7, "not_tested": 2}
+    few = {"advisory": 7, "not_tested": 4}
     assert count == {"pass": len(ROWS) - sum(few.values()), **few}
 
 

@@ -51,7 +51,7 @@ _PAIRS = {
 # Relations with the late channel on the second side.
 _REVERSED = {"force_z", "climb"}
 _VANES = ("alpha_vane", "beta_vane")
-_SLOW_CHANNELS = ("vn", "V", "h_gps", "h_baro", "q_c")
+_SLOW_CHANNELS = ("vn", "ve", "vd", "V", "V_cas", "V_eas", "mach", "h_gps", "h_baro", "q_c")
 
 
 def find_lags(signals: ResampledChannels, placed: Iterable[str] = ()) -> pd.DataFrame:
@@ -78,6 +78,9 @@ def find_lags(signals: ResampledChannels, placed: Iterable[str] = ()) -> pd.Data
         if relation.name not in _PAIRS or relation.missing(signals):
             continue
         channel, against = _PAIRS[relation.name]
+        # a formed airspeed has no entry in a name map; `fit_motion` times its source
+        if channel not in signals:
+            continue
         if channel in _VANES and not {channel, "ax_imu"} <= placed:
             continue
         mask = signals.mask(relation.channels(signals))
@@ -94,13 +97,21 @@ def find_lags(signals: ResampledChannels, placed: Iterable[str] = ()) -> pd.Data
 def lag_findings(
     table: pd.DataFrame, specification: Instruments | None, record: xr.DataTree
 ) -> list[Finding]:
-    """Return findings on delays longer than the aircraft file, or a common installation, allows."""
+    """Return findings on delays longer than the aircraft file, or a common installation, allows.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Result of `merge_delays`.
+    specification : Instruments or None
+    record : DataTree
+    """
     findings = []
     for row in iterate_rows(table):
         low, high, origin = _allowed_delays(row.channel, specification)
-        margin = _SIGMAS * row.stderr
-        if row.bound:
-            margin = 0.0
+        margin = row.margin
+        if not row.bound:
+            margin += _SIGMAS * row.stderr
         if not low - margin <= row.delay <= high + margin:
             allowed = f"{origin} allows {1e3 * low:.0f} to {1e3 * high:.0f} ms"
             findings.append(_lag_finding(row, allowed, record))

@@ -291,6 +291,7 @@ _UNITS: dict[str, tuple[tuple[str, str, float], ...]] = {
     "m s-2": (("g", "m/s2", G0), ("ft/s2", "m/s2", FOOT)),
     "m s-1": (
         ("kt", "m/s", KNOT),
+        ("mph", "m/s", 1609.344 / 3600.0),
         ("ft/s", "m/s", FOOT),
         ("km/h", "m/s", 1.0 / 3.6),
         ("ft/min", "m/s", FOOT / 60.0),

@@ -1,8 +1,11 @@
-"""Temperature of the air against that of the standard atmosphere at the pressure of the flight.
+"""Temperature of the air against the standard atmosphere, and against climbs and descents.
 
 Days are up to 35 K warmer and, over land in winter, up to 70 K colder than standard.  Fahrenheit
 taken as Celsius is warmer than that below 2000 m or so, and so is the total temperature of a fast
 jet.
+
+The barometric equation is sharper where a receiver records the height: air that is 1 % warmer is
+1 % less dense, and the same change of pressure is a 1 % larger change of height.
 """
 
 from __future__ import annotations
@@ -10,14 +13,23 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from flightmech.air import atmosphere, pressure_altitude
-from flighttest.reconstruction.quality.checks.signals import ResampledChannels
+from flightmech.air import R_AIR, atmosphere, pressure_altitude
+from flightmech.units import G0
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, lowpass_if_possible
 from flighttest.reconstruction.quality.finding import Finding, map_entry
 
 _POSSIBLE = (-75.0, 38.0)  # K
 _RESTORED = 25.0  # K within which a change of unit must bring it
 _ENOUGH = 5.0  # s
 _ZERO, _RATIO = 273.15, 1.8
+# Barometric equation
+_BAND, _CLOCK = 0.2, 0.5  # Hz of the signals; s between samples
+_SAMPLES, _BLOCKS = 60, 12  # fewest samples; blocks of the jackknife
+_SLOPE, _SIGMAS = 0.015, 4.0  # error of the temperature over itself that is reported
+_KNOWN = 0.0045  # standard error of the slope up to which the temperature counts as checked
+_SPEED = 100.0  # m/s, unit of the airspeed whose square is the position error
+_TITLE = "level of the temperature, by climbs and descents"
+_ROW = ("temperature_level", _TITLE)
 
 
 def temperature_findings(signals: ResampledChannels, record: xr.DataTree) -> list[Finding]:
@@ -59,3 +71,85 @@ def temperature_findings(signals: ResampledChannels, record: xr.DataTree) -> lis
         remedy = "check the columns of temperature and height in the name map"
     evidence = {"difference": apart}
     return [Finding("warning", "unit", ("temperature",), text, remedy, evidence=evidence)]
+
+
+def climb_findings(
+    signals: ResampledChannels,
+) -> tuple[list[Finding], list[tuple[str, str, tuple[str, ...], str]]]:
+    """Return the finding on a temperature that climbs and descents contradict, or why not checked.
+
+    Parameters
+    ----------
+    signals : ResampledChannels
+        Without mistakes.
+
+    Notes
+    -----
+    dh = -(R T/g0) dp/p along the path, with the recorded temperature, is regressed on the height of
+    the satellite receiver. Further regressors are the climb rate (delay between the two), time
+    (weather and drift of the receiver) and the square of the airspeed (error of the static port).
+    The slope is the true temperature over the recorded one, both in K.
+    """
+    if "temperature" not in signals:
+        return [], []
+    full = signals.completed(("p_static", "V"))
+    missing = tuple(name for name in ("h_gps", "p_static") if name not in full)
+    if missing:
+        return [], [(*_ROW, missing, f"not recorded: {'; '.join(missing)}")]
+    slope = _barometric_slope(full)
+    if slope is None or not slope[1] < _KNOWN:
+        return [], [(*_ROW, (), "too little climb and descent in steady air: 50 m or more show it")]
+    value, stderr = slope
+    if abs(value - 1.0) < _SLOPE + _SIGMAS * stderr:
+        return [], []
+    middle = float(np.median(full["temperature"][full.flying]))
+    error = middle * (1.0 - value)
+    text = (
+        f"temperature is about {error:+.0f} K wrong (standard error {middle * stderr:.0f} K): the "
+        f"height of the satellite receiver changes by {value:.3f} of what pressure and temperature "
+        f"give in climbs and descents"
+    )
+    remedy = (
+        "check unit and offset of the temperature, whether it is the total temperature, and the "
+        "units of the two heights"
+    )
+    evidence = {"slope": value, "stderr": stderr}
+    channels = ("temperature", "h_gps")
+    return [Finding("warning", "definition", channels, text, remedy, evidence=evidence)], []
+
+
+def _barometric_slope(full: ResampledChannels) -> tuple[float, float] | None:
+    """Return the slope of height over barometric height, and its standard error."""
+    needs = ("h_gps", "temperature", "p_static")
+    every = max(1, round(_CLOCK / full.step))
+    samples = np.flatnonzero(full.mask(needs))[::every]
+    if len(samples) < _SAMPLES:
+        return None
+    smooth = [lowpass_if_possible(full[name], full.step, _BAND) for name in needs]
+    height, temperature, p_static = smooth
+    logarithm = np.log(np.clip(p_static, 1e3, 2e5))
+    rise = -R_AIR / G0 * np.gradient(logarithm) * temperature
+    time = full.time[samples]
+    columns = [
+        np.cumsum(rise)[samples],
+        np.gradient(height, full.step)[samples],
+        np.ones_like(time),
+        (time - time.mean()) / np.ptp(time),
+    ]
+    if "V" in full:
+        speed = lowpass_if_possible(full["V"], full.step, _BAND)[samples]
+        columns.append((speed / _SPEED) ** 2)
+    X, y = np.stack(columns, axis=1), height[samples]
+    # columns of unit size, so that the condition number does not depend on their units
+    X = X / np.maximum(np.abs(X).max(axis=0), 1e-12)
+    size = np.abs(columns[0]).max()
+    if not size > 0.0 or not np.linalg.cond(X) < 1e8:
+        return None
+    blocks = np.array_split(np.arange(len(samples)), _BLOCKS)
+    left_out = [_first_coefficient(np.delete(X, b, axis=0), np.delete(y, b)) for b in blocks]
+    stderr = float(np.sqrt((_BLOCKS - 1) * np.var(left_out)))
+    return _first_coefficient(X, y) / size, stderr / size
+
+
+def _first_coefficient(X: np.ndarray, y: np.ndarray) -> float:
+    return float(np.linalg.lstsq(X, y, rcond=None)[0][0])

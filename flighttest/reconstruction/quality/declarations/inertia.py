@@ -25,7 +25,7 @@ _ROLL, _OTHERS = (0.08, 0.6), (0.09, 2.2)  # radii of gyration over half the spa
 # inclination of the principal axis from the body axis; aeroplanes have 0 to 6 deg, small ones up
 # to 16 deg
 _INCLINED = radians(25.0)
-_MAIN = ("Ixx", "Iyy", "Izz")
+MAIN = ("Ixx", "Iyy", "Izz")
 _INERTIA = (("lb ft2", "kg m2", POUND * FOOT**2), ("kg m2", "lb ft2", 1.0 / (POUND * FOOT**2)))
 # share by which the largest moment may exceed the sum of the others: moments are estimates
 _TRIANGLE, _TRIANGLE_CERTAIN = 0.01, 0.1
@@ -57,7 +57,7 @@ class _Coupling:
 def inertia_findings(aircraft: Aircraft) -> list[Finding]:
     """Return the findings on moments of inertia that no body of this mass and span has."""
     findings: list[Finding] = []
-    moments = {name: float(getattr(aircraft, name)) for name in _MAIN}
+    moments = {name: float(getattr(aircraft, name)) for name in MAIN}
     listed = ", ".join(f"{name} = {moment:.4g}" for name, moment in moments.items())
     remedy = "correct the moments of inertia in the aircraft file; a number without a unit is kg m2"
     odd = list(_odd_radii(aircraft, moments))
@@ -96,13 +96,13 @@ def _explain_excess(
     aircraft: Aircraft, moments: dict[str, float], excess: float
 ) -> tuple[tuple[str, ...], str]:
     """Return the moments at fault, and the excess with the units that explain it."""
-    largest, smallest = max(_MAIN, key=moments.__getitem__), min(_MAIN, key=moments.__getitem__)
+    largest, smallest = max(MAIN, key=moments.__getitem__), min(MAIN, key=moments.__getitem__)
     names: tuple[str, ...] = (largest, smallest)
     text = f"{largest} exceeds the sum of the two others by {excess:.1%}, which no body has"
     explained = False
-    for name in _MAIN:
+    for name in MAIN:
         for wrong, right, factor in _INERTIA:
-            if not _is_aeroplane(aircraft, moments | {name: factor * moments[name]}):
+            if not is_aeroplane(aircraft, moments | {name: factor * moments[name]}):
                 continue
             text += f"; as if {name} were in {wrong} and taken as {right}"
             # the first explanation names the moment at fault
@@ -112,9 +112,9 @@ def _explain_excess(
     return names, text
 
 
-def _is_aeroplane(aircraft: Aircraft, moments: dict[str, float]) -> bool:
+def is_aeroplane(aircraft: Aircraft, moments: dict[str, float]) -> bool:
     """Return whether moments of inertia are those of an aeroplane."""
-    Ixx, Iyy, Izz = (moments[name] for name in _MAIN)
+    Ixx, Iyy, Izz = (moments[name] for name in MAIN)
     if not _YAW * max(Ixx, Iyy) <= Izz <= (1.0 + _TRIANGLE) * (Ixx + Iyy):
         return False
     return not list(_odd_radii(aircraft, moments))
@@ -153,7 +153,7 @@ def product_findings(signals: ResampledChannels, aircraft: Aircraft) -> tuple[li
     missing = [name for name in _COUPLING_CHANNELS if name not in signals]
     if missing:
         return [], f"not recorded: {'; '.join(missing)}"
-    fit = _fit_coupling(signals, aircraft)
+    fit = fit_coupling(signals, aircraft)
     if fit is None:
         return [], "too little motion"
     reason = _reason_not_checked(fit, aircraft)
@@ -194,8 +194,10 @@ def _reason_not_checked(fit: _Coupling, aircraft: Aircraft) -> str:
     return ""
 
 
-def _fit_coupling(signals: ResampledChannels, aircraft: Aircraft) -> _Coupling | None:
+def fit_coupling(signals: ResampledChannels, aircraft: Aircraft) -> _Coupling | None:
     """Return the estimates of the pitch equation; None if they are not determined."""
+    if not set(_COUPLING_CHANNELS) <= set(signals.values):
+        return None
     signals = signals.completed(("V",))
     lateral = [name for name in _LATERAL if name in signals and np.ptp(signals[name]) > 0.0]
     mask = signals.mask((*_COUPLING_CHANNELS, *lateral))

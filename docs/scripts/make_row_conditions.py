@@ -1,0 +1,79 @@
+"""Write row-conditions.md, the conditions that rows of the tolerance table state for the flight:
+``python docs/scripts/make_row_conditions.py``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pom.tolerances import rows
+from pom.tolerances.channels import plain_id
+from pom.tolerances.stated_conditions import CONDITIONS, CONFIGURATIONS, STATED, StatedCondition
+
+PAGE = Path(__file__).parents[1] / "reference" / "row-conditions.md"
+HEAD = """# Conditions of the rows
+
+What the rows of `tolerances.csv` require of a flight, and how each condition is evaluated.
+`docs/scripts/make_row_conditions.py` writes the page.
+
+A condition that does not hold is a [departure](../explanation/proof-of-match/tolerances.md#verdicts).
+A condition that cannot be evaluated, because record or `[facts]` of the
+[aircraft file](project-keys.md#aircraft-file) lack what it needs, is stated as *not checked* on the page of the
+case. Bounds of windows (`brake_release` ... `200ft_agl`) are events of the case; a window that is
+shorter is a departure too. Three kinds of conditions make a case `invalid`: a precondition with a
+tolerance of its own (engine failure speed), too few cycles of a mode, a snapshot that is not steady.
+
+| tests | condition | how it is evaluated | over |
+|---|---|---|---|
+"""
+CONFIGURATION_HEAD = """
+## Configurations
+
+`clean`: flaps in, gear up. `extended`: flaps out. `landing`: flaps out, gear down. `takeoff`: flaps
+not full, gear down. `ground`: on the wheels. A gear that is not in the record is a fixed one. Of
+several configurations one is enough; the others are the coverage of the report.
+
+| flight condition of the row | evaluated as | tests |
+|---|---|---|
+"""
+CLAIM_HEAD = """
+## Conditions in the column `condition`
+
+| condition | evaluated from |
+|---|---|
+| `reversible_controls` | `[facts]` of the aircraft file; unknown: a departure that names the rows left out |
+| `groundspeed...`, `speed>...`, `distance...` | the record |
+| `underdamped`, `overdamped` | the free motion in the record |
+| `approach_to_stall`, `warning_to_stall`, `stall_break_and_recovery`, `before_g_break` | events of the case |
+| every other word | the case, in `features`; stated as *not checked* |
+"""
+
+
+def _tests_of(name: str) -> str:
+    if name == "configuration":
+        return "all"
+    return ", ".join(test for test, names in STATED.items() if name in names)
+
+
+def _line(item: StatedCondition) -> str:
+    how = item.how or "*not checked*"
+    return f"| {_tests_of(item.name)} | {item.text} | {how} | {item.over} |"
+
+
+def page() -> str:
+    """Return the text of the page."""
+    lines = [_line(item) for item in CONDITIONS.values()]
+    tests: dict[str, dict[str, None]] = {}
+    for row in rows.tolerance_rows():
+        tests.setdefault(row["flight_condition"], {})[plain_id(row["test_id"])] = None
+    configurations = []
+    for words, names in tests.items():
+        allowed = " or ".join(f"`{name}`" for name in CONFIGURATIONS.get(words, ()))
+        shown = words.replace("_", " ").replace(";", ", ")
+        configurations.append(f"| {shown} | {allowed or '*not checked*'} | {', '.join(names)} |")
+    body = "\n".join(lines) + "\n" + CONFIGURATION_HEAD + "\n".join(configurations) + "\n"
+    return HEAD + body + CLAIM_HEAD
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,219 @@
+"""Facts of an aircraft that decide which conditions of a flight test hold: weights, speeds, controls.
+
+They are the section ``[facts]`` of the aircraft file::
+
+    [facts]
+    reversible_controls = true
+    mtow = "6600 lb"
+    basic_operating_weight = "4300 lb"
+    v1 = "95 kt"
+    mean_chord = "5.47 ft"
+    engines = 2
+    without = ["spoiler"]
+
+A fact that is not given is unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, StrictBool, StrictInt, field_validator, model_validator
+
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.support.toml_quantities import InUnits
+
+
+@dataclass(frozen=True)
+class AircraftFacts:
+    """Facts of an aircraft, SI; None for an unknown one.
+
+    Parameters
+    ----------
+    reversible_controls : bool, optional
+        Whether air loads on the surfaces reach the pilot.
+    mtow, basic_operating_weight : float, optional
+        Largest take-off mass, and mass ready for flight without payload and usable fuel. [kg]
+    v1 : float, optional
+        Decision speed, calibrated. [m s-1]
+    mean_chord : float, optional
+        Mean aerodynamic chord. [m]
+    engines : int, optional
+        Number of engines.
+    without : tuple of str
+        Equipment that the aircraft does not have, as parameters of tolerance rows.
+    """
+
+    reversible_controls: bool | None = None
+    mtow: float | None = None
+    basic_operating_weight: float | None = None
+    v1: float | None = None
+    mean_chord: float | None = None
+    engines: int | None = None
+    without: tuple[str, ...] = ()
+
+    def known(self) -> dict[str, Any]:
+        """Return the known facts by name. [SI]"""
+        named = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {name: value for name, value in named.items() if value not in (None, ())}
+
+
+class FactsTable(Strict):
+    """Facts of the aircraft on which the conditions of tolerance rows depend."""
+
+    reversible_controls: StrictBool | None = Field(
+        default=None,
+        examples=[True],
+        description="Whether the air loads on the surfaces reach the pilot; decides on the rows of "
+        "pilot forces.",
+    )
+    mtow: Annotated[float, InUnits("kg")] | None = Field(
+        default=None, examples=["6600 lb"], description="Largest certificated take-off mass."
+    )
+    basic_operating_weight: Annotated[float, InUnits("kg")] | None = Field(
+        default=None,
+        examples=["4300 lb"],
+        description="Mass ready for flight, without payload and usable fuel.",
+    )
+    v1: Annotated[float, InUnits("m s-1")] | None = Field(
+        default=None,
+        examples=["95 kt"],
+        description="Decision speed, calibrated. A case may have its own.",
+    )
+    mean_chord: Annotated[float, InUnits("m")] | None = Field(
+        default=None,
+        examples=["5.47 ft"],
+        description="Mean aerodynamic chord; without it the reference chord stands for it.",
+    )
+    engines: StrictInt | None = Field(
+        default=None,
+        ge=0,
+        le=8,
+        examples=[2],
+        description="Number of engines; without it that of the engine tables.",
+    )
+    without: tuple[str, ...] = Field(
+        default=(),
+        examples=[["spoiler", "epr"]],
+        description="Equipment that the aircraft does not have, as parameters of tolerance rows.",
+    )
+
+    @field_validator("mtow", "basic_operating_weight", "v1", "mean_chord")
+    @classmethod
+    def _check_positive(cls, value: float | None) -> float | None:
+        # a comparison with NaN is false
+        if value is not None and not 0.0 < value < float("inf"):
+            raise ValueError("expected a positive number")
+        return value
+
+    @model_validator(mode="after")
+    def _check_weights(self) -> FactsTable:
+        empty, most = self.basic_operating_weight, self.mtow
+        if empty is not None and most is not None and not empty < most:
+            raise ValueError(
+                f"basic_operating_weight {empty:.5g} kg is not below mtow {most:.5g} kg"
+            )
+        return self
+
+    def facts(self) -> AircraftFacts:
+        """Return the facts."""
+        return AircraftFacts(**dict(self))
+
+
+MASS_ROUNDING = 2e-3  # relative: a mass is printed to three or four digits
+
+
+def fact_problems(facts: AircraftFacts, mass: float, *, cbar: float, engines: int) -> list[str]:
+    """Return the contradictions between the facts and the other parts of an aircraft file.
+
+    Parameters
+    ----------
+    facts : AircraftFacts
+    mass : float
+        Gross mass of the file. [kg]
+    cbar : float
+        Reference chord. [m]
+    engines : int
+        Number of engine tables.
+    """
+    problems = []
+    if facts.mtow is not None and mass > facts.mtow * (1.0 + MASS_ROUNDING):
+        problems.append(
+            f"facts.mtow: {facts.mtow:.5g} kg is below the gross mass {mass:.5g} kg of the file; "
+            f"correct one of the two"
+        )
+    if facts.engines is not None and engines and facts.engines != engines:
+        problems.append(
+            f"facts.engines: {facts.engines}, and the file has {engines} tables [[engine]]; "
+            f"correct one of the two"
+        )
+    # a reference chord of another definition differs by some percent, a wrong unit by 3.28
+    if facts.mean_chord is not None and not 0.5 < facts.mean_chord / cbar < 2.0:
+        problems.append(
+            f"facts.mean_chord: {facts.mean_chord:.4g} m, and the reference chord cbar is "
+            f"{cbar:.4g} m; check the units"
+        )
+    return problems
+
+
+@dataclass(frozen=True)
+class FileFacts:
+    """What an aircraft file states about a flight test, without its tables.
+
+    Attributes
+    ----------
+    name : str
+        Name of the aircraft; empty if the file has none.
+    facts : AircraftFacts
+        With the number of engine tables as the number of engines, if it is not given.
+    limits : mapping of str to Any
+        The section ``[limits]`` as written.
+    runway : str
+        State of the runway in ``[gear]``; empty if it is not given.
+    """
+
+    name: str
+    facts: AircraftFacts
+    limits: Mapping[str, Any]
+    runway: str
+
+
+def read_facts(path: str | Path) -> FileFacts:
+    """Read the facts of an aircraft file, without the tables of its engines.
+
+    Many cases of a report name one file, so the facts of an unchanged file are read once.
+
+    Raises
+    ------
+    ParseError
+        The text is not TOML.
+    SchemaError
+        The section ``[facts]`` is wrong.
+    """
+    path = Path(path).resolve()
+    state = path.stat()
+    return _read_facts(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=64)
+def _read_facts(path: Path, changed: int, size: int) -> FileFacts:
+    content = read_toml(path)
+    table = validate_content(FactsTable, content.get("facts", {}), f"{path}, [facts]")
+    facts = table.facts()
+    engines = content.get("engine", [])
+    if facts.engines is None and isinstance(engines, list) and engines:
+        facts = AircraftFacts(**{**facts.known(), "engines": len(engines)})
+    gear = content.get("gear", {})
+    runway = gear.get("condition", "") if isinstance(gear, dict) else ""
+    limits = content.get("limits", {})
+    return FileFacts(
+        str(content.get("name", "")),
+        facts,
+        limits if isinstance(limits, dict) else {},
+        str(runway),
+    )
