@@ -65,13 +65,17 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-DEPARTURES = ("departure", "trim_allowed", "waived", "tables_left", "below_runway")
+DEPARTURES = (
+    *("departure", "trim_allowed", "waived", "tables_left", "below_runway"),
+    "recurrent_beyond",
+)
 """Kinds of remarks that make a pass a ``pass_with_departures``."""
 NOTICES = (
     *DEPARTURES,
     "additional",
     "record",
     "record_warning",
+    "recurrent",
     "watch",
     "far_from_evidence",
     "edited_evidence",
@@ -83,7 +87,8 @@ NOTICES = (
 model does not have, ``tables_left`` tables that the flight left, ``below_runway`` a model that sank
 through the runway.  ``additional`` is a case in another configuration that states itself so,
 ``record`` an error and ``record_warning`` a warning of the flight record, ``watch`` a watched
-channel beyond its limit, ``far_from_evidence`` terms far from their flight estimate.
+channel beyond its limit, ``recurrent`` and ``recurrent_beyond`` the comparison of a run with its
+master (`pom.replaying.recorded_runs`), ``far_from_evidence`` terms far from their flight estimate.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
 STATUSES = (
@@ -450,6 +455,11 @@ def record_remarks(result: PomResult, run: str) -> list[str]:
     return _collect_texts(result, run, ("record",))
 
 
+def beyond_master_remarks(result: PomResult, run: str) -> list[str]:
+    """Return the remarks on a run beyond its criterion about the master."""
+    return _collect_texts(result, run, ("recurrent_beyond",))
+
+
 def departure_remarks(result: PomResult, run: str) -> list[str]:
     """Return the departures of a result from the printed row, each once."""
     return _collect_texts(result, run, DEPARTURES)
@@ -464,6 +474,12 @@ NO_EVIDENCE = (
     "no evidence given: a pass without evidence from flight does not exclude compensating errors"
 )
 """Notice on results of which `lacks_evidence` is true."""
+
+
+def is_beyond_master(result: PomResult) -> bool:
+    """Return whether a run of a result is beyond its criterion about the master."""
+    kinds = {remark.kind for row in result.rows for remark in row["remarks"]}
+    return "recurrent_beyond" in kinds
 
 
 def lacks_evidence(result: PomResult) -> bool:

@@ -16,7 +16,13 @@ import xarray as xr
 from flightmech.support.atomic_write import write_text
 from pom.report.case.page import case_keys
 from pom.report.csv_lines import csv_lines
-from pom.result import PomResult, departure_remarks, record_remarks, trim_remarks
+from pom.result import (
+    PomResult,
+    beyond_master_remarks,
+    departure_remarks,
+    record_remarks,
+    trim_remarks,
+)
 from pom.tolerances.bands import remarks_text
 
 # Verdict of a group to its element in JUnit.  A pass has no element.
@@ -66,6 +72,7 @@ def _add_tests(suite: ElementTree.Element, classname: str, result: PomResult, ru
     for name, outcome, remarks in (
         ("trim within its limits", "failure", trim_remarks(result, run)),
         ("flight record without errors", "failure", record_remarks(result, run)),
+        ("within the recurrent criterion", "failure", beyond_master_remarks(result, run)),
         ("no departure from the printed row", "skipped", departure_remarks(result, run)),
     ):
         if remarks:
