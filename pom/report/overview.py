@@ -10,6 +10,7 @@ from typing import Any
 import xarray as xr
 
 from pom.cases.case_file import signature_rows
+from pom.judging.condition_coverage import cover_conditions
 from pom.report.case.page import run_line_classes
 from pom.report.presentation.quantities import quantity_label
 from pom.report.presentation.verdict_text import Verdict, criterion_words, reason_text
@@ -164,7 +165,8 @@ def table_coverage(
     -------
     list of dict
         ``run`` and ``missing``: entries of the table with and without cases.  An entry has its
-        number of cases, the number of criteria that were judged, and the reasons for the others.
+        number of cases, the number of criteria that were judged, the reasons for the others, and
+        the flight conditions that its row wants and the cases show.
     """
     # Results by the standard and edition of their case, in the order of the first one.
     by_standard: dict[tuple[str, str], list[PomResult]] = {}
@@ -196,6 +198,7 @@ def table_coverage(
                 "total": len(entries),
                 "run": run,
                 "judged": sum(entry["judged"] > 0 for entry in run),
+                "partly": sum("missing" in entry["conditions"] for entry in run),
                 "missing": [entry for entry in entries if not entry["cases"]],
             }
         )
@@ -223,6 +226,7 @@ def _coverage_entry(test: str, title: str, results: Sequence[PomResult]) -> dict
         "cases": len(results),
         "judged": len(judged),
         "criteria": len(judged | set(reasons)),
+        "conditions": cover_conditions(results).text,
         "left": missing,
     }
 

@@ -46,6 +46,7 @@ from pom.report.page import PAGE, PAGES, html_files
 from pom.report.pdf.document import DocumentContent, pdf_pages
 from pom.report.submodels.sections import make_sections
 from pom.result import PomResult
+from pom.tolerances.editions import test_order
 
 PAPERS = ("a4", "letter")
 PDF, JSON, SAMPLES, JUNIT = "report.pdf", "results.json", "results.nc", "results.xml"
@@ -112,7 +113,7 @@ def write_report(
     Parameters
     ----------
     results : sequence of PomResult
-        Results in the order of the report.
+        Results; the report has the tests in the order of their numbers.
     folder : path
         Folder of the report; created if missing.  It is replaced as a whole: a reader sees the
         earlier report or the new one, never files of both.  Files that do not belong to a report
@@ -179,7 +180,9 @@ optional
     OSError
         The folder is read-only, a mount point, or the working directory of this process.
     """
-    results, diagnoses = list(results), dict(diagnoses or {})
+    # tests in the order of the table; cases of one test in the order given
+    results = sorted(results, key=lambda result: test_order(result.case.id))
+    diagnoses = dict(diagnoses or {})
     # The provenance with the paths of this machine is for the manifest only.
     located: dict[str, Any] = {**(provenance or {})}
     logs = {run: dict(log) for run, log in (tunings or {}).items()}

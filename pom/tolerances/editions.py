@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 
 from flightmech.errors import UnknownName
@@ -41,6 +42,18 @@ def edition_of(standard: str | None = None, edition: str | None = None) -> tuple
     if rows.EDITION in editions:
         return full_standard, rows.EDITION
     return full_standard, min(editions)
+
+
+def test_order(test_id: str) -> tuple[tuple[int, str], ...]:
+    """Return the key that sorts tests as the table prints them: 2.c.9 before 2.c.10.
+
+    Examples
+    --------
+    >>> sorted(["2.c.10", "2.c(9)", "1.e.1", "2.a.1.b"], key=test_order)
+    ['1.e.1', '2.a.1.b', '2.c(9)', '2.c.10']
+    """
+    parts = re.findall(r"\d+|[a-zA-Z]+", test_id)
+    return tuple((int(part), "") if part.isdigit() else (0, part.lower()) for part in parts)
 
 
 def titles_of_tests(standard: str, edition: str) -> dict[str, str]:
@@ -85,12 +98,14 @@ def different_rows(
     for name in dict.fromkeys([*by_name[0], *by_name[1]]):
         found = [table.get(name) for table in by_name]
         if found[0] is None or found[1] is None:
-            texts = ["absent" if row is None else rows.band_of(row).text for row in found]
+            texts = [
+                "absent" if row is None else rows.band_of(row).text or "no number" for row in found
+            ]
             yield name, (texts[0], texts[1])
             continue
         before, after = found
         bands = rows.band_of(before), rows.band_of(after)
-        texts = [bands[0].text, bands[1].text]
+        texts = [band.text or "no number" for band in bands]
         # the rule and the base of a percentage are part of the band
         others = [column for column in RESTS_ON if before[column] != after[column]]
         if bands[0] == bands[1] and not others:
