@@ -122,6 +122,11 @@ _OPTIONS = (
         show_default=True,
         help="Paper of report.pdf.",
     ),
+    click.option(
+        "--units",
+        type=click.Choice(["SI", "kt-ft-lb"]),
+        help="Units of pages and drawings.  [default: kt, ft, lbf as the tolerance table, kg]",
+    ),
     click.option("--no-pdf", is_flag=True, help="No report.pdf, which takes most of the time."),
     click.option(
         "--sign",

@@ -44,6 +44,7 @@ from pom.report.exports import junit_xml
 from pom.report.models.tuning import tuning_context
 from pom.report.page import PAGE, PAGES, html_files
 from pom.report.pdf.document import DocumentContent, pdf_pages
+from pom.report.presentation.unit_sets import SETS, shown_in
 from pom.report.submodels.sections import make_sections
 from pom.result import PomResult
 from pom.tolerances.editions import test_order
@@ -196,15 +197,16 @@ optional
     )
     sections = make_sections(submodels or {}, free_motion or {}, driven_motion)
     tuned = tuning_context(logs, results)
-    new_chapters = draw_chapters(
-        databases or {},
-        support or {},
-        fits=fits,
-        level_lines=level_lines or {},
-        submodels=sections,
-        diagnoses=diagnoses,
-        on_paper=chapters or (),
-    )
+    with shown_in(located.get("units", "")):
+        new_chapters = draw_chapters(
+            databases or {},
+            support or {},
+            fits=fits,
+            level_lines=level_lines or {},
+            submodels=sections,
+            diagnoses=diagnoses,
+            on_paper=chapters or (),
+        )
     all_chapters = _merge_chapters(new_chapters, kept, chapters)
     archive = Archive(
         results,
@@ -222,6 +224,7 @@ optional
     folder.parent.mkdir(parents=True, exist_ok=True)
     # A reader sees the earlier report until all files of the new one are complete.
     with (
+        shown_in(located.get("units", "")),
         folder_written_atomically(folder, PARTS.__contains__) as new,
         TemporaryDirectory() as drawings,
     ):
@@ -384,6 +387,8 @@ def _check_request(
         if chapter not in CHAPTERS:
             raise UnknownName(chapter, CHAPTERS, "chapter")
     check_provenance(provenance)
+    if provenance.get("units", "") not in SETS:
+        raise UnknownName(provenance["units"], SETS, "set of units")
     names = {result.case.name for result in results}
     for name in diagnoses:
         if name not in names:

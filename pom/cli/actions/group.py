@@ -185,6 +185,7 @@ def run_cases(
     revision: str,
     date: str,
     paper: str,
+    units: str | None,
     no_pdf: bool,
     signed: tuple[tuple[str, str, str], ...],
     junit: str | None,
@@ -238,6 +239,8 @@ def run_cases(
     report = None
     if output is not None:
         origin = _origin(batch, checks, date=date, signatures=signatures)
+        if units:
+            origin["units"] = units
         head: dict[str, Any] = {"title": title, "revision": revision, "provenance": origin}
         head["paper"] = None if no_pdf else paper
         with show_progress("write the report"):

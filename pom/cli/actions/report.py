@@ -164,6 +164,7 @@ def run_write_report(
     revision: str,
     date: str,
     paper: str,
+    units: str | None,
     no_pdf: bool,
     signed: tuple[tuple[str, str, str], ...],
 ) -> None:
@@ -177,6 +178,8 @@ def run_write_report(
         "command": command_line(),
         "date": date or archive.provenance.get("date", ""),
     }
+    if units:
+        origin["units"] = units
     if signatures:
         # a new signature states the results that were signed
         name = results_name(archive.results)
