@@ -154,6 +154,8 @@ class PomCase:
         By criterion or channel: reason for a deviation.
     source : dict of str to str
         Origin of the flight data: document, pages, flight, run, filters ...
+    compliance : dict of str to str
+        Statements of compliance by subject.
     signatures : dict of str to dict
         Signatures on the pages of the case by role: ``name``, ``date``, ``organisation``.
     models : dict of str to str
@@ -197,6 +199,7 @@ class PomCase:
     ticks: dict[str, str] = field(default_factory=dict)
     rationale: dict[str, str] = field(default_factory=dict)
     source: dict[str, str] = field(default_factory=dict)
+    compliance: dict[str, str] = field(default_factory=dict)
     signatures: dict[str, dict[str, str]] = field(default_factory=dict)
     models: dict[str, str] = field(default_factory=dict)
     law: str = ""
@@ -238,7 +241,7 @@ class PomCase:
         Simulations and verdicts do not depend on them, so that a change of a title repeats none.
         """
         empty: dict[str, Any] = dict.fromkeys(_TEXTS, "")
-        return replace(self, source={}, signatures={}, **empty)
+        return replace(self, source={}, compliance={}, signatures={}, **empty)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the case as plain data."""
@@ -347,6 +350,7 @@ def _resolve_case(path: Path, file: CaseFile, table: OwnTable | None) -> tuple[P
         ticks=dict(file.ticks),
         rationale=dict(file.rationale),
         source=dict(file.source),
+        compliance=dict(file.compliance),
         signatures=plain_signatures(file.signatures),
         law_moves=file.control_law.moves if file.control_law is not None else (),
     )

@@ -403,9 +403,14 @@ class CaseFile(Strict):
         theta="gust at 40 s",
     )
     source: Texts = _free_table(
-        "Where the flight data come from: document, pages, flight, run, filters ...",
+        "Where the flight data come from: document, revision, date, pages, flight, run, engine and "
+        "avionics standard ...",
         document="flight-test report",
         pages="12 to 15",
+    )
+    compliance: Texts = _free_table(
+        "Statements of compliance by subject.",
+        control_loading="forces are measured at the column, report 12",
     )
     signatures: dict[Role, Signature] = Field(
         default={}, description="Who signs the pages of the case, by role."

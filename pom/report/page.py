@@ -17,6 +17,7 @@ from markupsafe import Markup
 
 from pom.report.case.page import PackedPage, run_line_classes
 from pom.report.chapters import Chapters
+from pom.report.guide_texts import missing_texts
 from pom.report.models.database_comparison import models_page
 from pom.report.models.identification import identification_page
 from pom.report.models.tuning import NOTE
@@ -83,6 +84,7 @@ def html_files(
         "title": title,
         "revision": revision,
         "tables": own_tables_text(results),
+        "missing_texts": missing_texts(results),
         "origin": provenance_page(provenance, results, chapters.roots),
         "count": len(results),
         "models": models_page(chapters.compared) if chapters.compared else None,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from pom.report.case import remarks
 from pom.report.case.driving import describe_driving
 from pom.report.case.page import digest_rows, outcome_rows, run_line_classes
 from pom.report.case.start import calibration_rows, condition_rows, drift_rows, trim_tables
+from pom.report.guide_texts import missing_texts
 from pom.report.models.diagnosis import cause_sentences
 from pom.report.overview import (
     departure_table,
@@ -109,6 +111,7 @@ def front_content(
         "departures": departure_table(keys, results),
         "record_errors": origin["record_errors"],
         "tables": own_tables_text(results),
+        "missing_texts": [asdict(item) for item in missing_texts(results)],
         "coverage": table_coverage(results, tolerance_rows()),
         "references": _references_content(results, origin, databases),
         "glossary": [_glossary_entry(label) for label in origin["glossary"]],
@@ -221,6 +224,7 @@ def _case_texts(case: PomCase) -> dict[str, Any]:
     texts = [
         ("Procedure, automatic", case.procedure),
         ("Procedure, manual", case.manual),
+        ("Statement of compliance", "; ".join(case.compliance.values())),
         ("Method of evaluation", case.evaluation),
     ]
     events = []
