@@ -6,6 +6,7 @@ from . import checking as checking
 from . import diagnosis as diagnosis
 from . import fmu as fmu
 from . import judging as judging
+from . import probing as probing
 from . import replaying as replaying
 from . import report as report
 from . import tolerances as tolerances

@@ -65,16 +65,17 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-DEPARTURES = (
-    *("departure", "trim_allowed", "waived", "tables_left", "below_runway"),
-    "recurrent_beyond",
-)
+BEYOND = "recurrent_beyond"
+"""Kind of the remark on a run beyond its criterion about the master."""
+DEPARTURES = ("departure", "trim_allowed", "waived", "tables_left", "below_runway", BEYOND)
 """Kinds of remarks that make a pass a ``pass_with_departures``."""
 NOTICES = (
     *DEPARTURES,
     "additional",
     "record",
     "record_warning",
+    "leak",
+    "not_driven",
     "recurrent",
     "watch",
     "far_from_evidence",
@@ -86,9 +87,11 @@ NOTICES = (
 ``trim_allowed`` a trim beyond its limits that the case file allows, ``waived`` inputs that the
 model does not have, ``tables_left`` tables that the flight left, ``below_runway`` a model that sank
 through the runway.  ``additional`` is a case in another configuration that states itself so,
-``record`` an error and ``record_warning`` a warning of the flight record, ``watch`` a watched
-channel beyond its limit, ``recurrent`` and ``recurrent_beyond`` the comparison of a run with its
-master (`pom.replaying.recorded_runs`), ``far_from_evidence`` terms far from their flight estimate.
+``record`` an error and ``record_warning`` a warning of the flight record, ``leak`` samples of the
+record that identified the model, ``not_driven`` an answer that the inputs do not drive
+(`pom.probing`), ``watch`` a watched channel beyond its limit, ``recurrent`` and
+``recurrent_beyond`` the comparison of a run with its master (`pom.replaying.recorded_runs`),
+``far_from_evidence`` terms far from their flight estimate.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
 STATUSES = (
@@ -96,6 +99,8 @@ STATUSES = (
     "pass_with_departures",
     "limits_exceeded",
     "record_error",
+    "leak",
+    "not_driven",
     "fail",
     "invalid",
     "not_tested",
@@ -104,10 +109,11 @@ STATUSES = (
 
 ``pass_with_departures`` is a pass of a case that departs from the printed row.
 ``limits_exceeded`` is a pass with a trim beyond its limits.  ``record_error`` is a pass against a
-flight record in which a check found an error.
+flight record in which a check found an error.  ``leak`` is a pass against a record whose samples
+identified the model.  ``not_driven`` is a pass of a model whose answer the inputs do not drive.
 """
 
-PASSED = STATUSES[:4]
+PASSED = STATUSES[:6]
 """Statuses of a case in which every criterion passes."""
 
 
@@ -213,7 +219,9 @@ class PomResult:
         the case departs from the printed row or from normal practice.  ``limits_exceeded``: as ``pass``, but the
         trim of the model is beyond its limits and the case file does not state why that is
         allowed.  ``record_error``: as ``pass``, but the flight record has an error
-        (`pom.checking.with_record_checks`).  A group of advisory rows only (correct trend) waits
+        (`pom.checking.with_record_checks`).  ``leak``: as ``pass``, but samples of the record
+        identified the model.  ``not_driven``: as ``pass``, but the answer of the model does not
+        follow its inputs (`pom.probing`).  A group of advisory rows only (correct trend) waits
         for an engineer's tick and does not count.  A case without any passing group is never a
         pass.
         """
@@ -223,6 +231,8 @@ class PomResult:
             limits_exceeded=any(map(has_trim_remark, rows)),
             record_error=any(map(is_on_faulty_record, rows)),
             departures=any(map(has_departure, rows)),
+            leak=any(has_remark(row, "leak") for row in rows),
+            not_driven=any(has_remark(row, "not_driven") for row in rows),
         )
 
     def passed(self, run: str) -> bool:
@@ -384,6 +394,8 @@ def status_of(
     limits_exceeded: bool = False,
     record_error: bool = False,
     departures: bool = False,
+    leak: bool = False,
+    not_driven: bool = False,
 ) -> str:
     """Return the status of a case as `PomResult.status` defines it.
 
@@ -397,6 +409,10 @@ def status_of(
         The flight record has an error.
     departures : bool
         The case departs from the printed row.
+    leak : bool
+        Samples of the record identified the model.
+    not_driven : bool
+        The inputs do not drive the answer of the model.
     """
     verdicts = set(groups.values())
     # the worst verdict of a group decides
@@ -405,6 +421,10 @@ def status_of(
             return verdict
     if "pass" not in verdicts:
         return "not_tested"
+    if not_driven:
+        return "not_driven"
+    if leak:
+        return "leak"
     if record_error:
         return "record_error"
     if limits_exceeded:
@@ -441,33 +461,39 @@ def status_text(status: str) -> str:
         "pass_with_departures": "pass with departures",
         "limits_exceeded": "LIMITS",
         "record_error": "RECORD",
+        "leak": "LEAK",
+        "not_driven": "NOT DRIVEN",
     }
     return short_texts.get(status, status.upper())
 
 
 def trim_remarks(result: PomResult, run: str) -> list[str]:
     """Return the remarks on a trim beyond its limits, each once."""
-    return _collect_texts(result, run, ("trim",))
+    return collect_texts(result, run, ("trim",))
 
 
 def record_remarks(result: PomResult, run: str) -> list[str]:
     """Return the errors of the flight record of a result, each once."""
-    return _collect_texts(result, run, ("record",))
-
-
-def beyond_master_remarks(result: PomResult, run: str) -> list[str]:
-    """Return the remarks on a run beyond its criterion about the master."""
-    return _collect_texts(result, run, ("recurrent_beyond",))
+    return collect_texts(result, run, ("record",))
 
 
 def departure_remarks(result: PomResult, run: str) -> list[str]:
     """Return the departures of a result from the printed row, each once."""
-    return _collect_texts(result, run, DEPARTURES)
+    return collect_texts(result, run, DEPARTURES)
 
 
 def run_notices(result: PomResult, run: str) -> list[str]:
     """Return the remarks of the kinds `NOTICES`, which no criterion judges, each once."""
-    return _collect_texts(result, run, NOTICES)
+    return collect_texts(result, run, NOTICES)
+
+
+def spread_notice(result: PomResult, run: str) -> str:
+    """Return `SampledReplay.unexplained` of the draws of a model; empty without draws."""
+    samples, worst = result.samples.get(run), result.worst(run)
+    if samples is None or worst is None:
+        return ""
+    ratios = {row["criterion"]: row["worst_ratio"] for row in result.rows if row["run"] == run}
+    return samples.unexplained(ratios, worst["criterion"])
 
 
 NO_EVIDENCE = (
@@ -478,8 +504,7 @@ NO_EVIDENCE = (
 
 def is_beyond_master(result: PomResult) -> bool:
     """Return whether a run of a result is beyond its criterion about the master."""
-    kinds = {remark.kind for row in result.rows for remark in row["remarks"]}
-    return "recurrent_beyond" in kinds
+    return any(has_remark(row, BEYOND) for row in result.rows)
 
 
 def lacks_evidence(result: PomResult) -> bool:
@@ -493,7 +518,8 @@ def lacks_evidence(result: PomResult) -> bool:
     return False
 
 
-def _collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
+def collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
+    """Return the remarks of some kinds on a run, each once."""
     # a dictionary keeps the order of the remarks and drops repeated texts
     texts: dict[str, None] = {}
     for row in result.rows:
@@ -523,7 +549,12 @@ def has_departure(row: Mapping[Hashable, Any]) -> bool:
 
 def is_on_faulty_record(row: Mapping[Hashable, Any]) -> bool:
     """Return whether a row of the verdict table has an error of the flight record."""
-    return any(remark.kind == "record" for remark in row["remarks"])
+    return has_remark(row, "record")
+
+
+def has_remark(row: Mapping[Hashable, Any], kind: str) -> bool:
+    """Return whether a row of the verdict table has a remark of a kind."""
+    return any(remark.kind == kind for remark in row["remarks"])
 
 
 def make_verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:

@@ -21,6 +21,7 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 # Agresti and Coull's interval at 95 % adds two passes and two failures (z^2 = 1.96^2, about 4).
 _ADDED_DRAWS, _ADDED_PASSES = 4.0, 2.0
+_ROUNDING = 0.005  # of a ratio: a smaller excess is not visible in two decimals
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,41 @@ class SampledReplay:
             return np.nan, np.nan, np.nan
         low, middle, high = np.quantile(values, (QUANTILES[0], 0.5, QUANTILES[-1]))
         return float(low), float(middle), float(high)
+
+    def unexplained(self, ratios: Mapping[str, float], deciding: str) -> str:
+        """Return that the flight lies outside the spread of the draws; empty if it does not.
+
+        The probability counts draws that take the place of the aeroplane. It is not that of the
+        flight if the flight is farther from the model than the draws are.
+
+        Parameters
+        ----------
+        ratios : mapping of str to float
+            Ratio of the model to the flight, by criterion. [1]
+        deciding : str
+            The criterion that decides. Its ratio is compared with the 95 % quantile of the draws,
+            that of another one with all draws, because one of twenty criteria is above its 95 %
+            quantile by chance.
+        """
+        outside = []
+        for criterion, ratio in ratios.items():
+            drawn = criterion if criterion in self.ratio else ""
+            if drawn != criterion and criterion != deciding:
+                continue
+            low, _, high = self.spread(drawn)
+            limit = high
+            if criterion != deciding:
+                limit = float(np.fmax.reduce(self.ratio[criterion].to_numpy(float)))
+            # The comparison is false for NaN: nothing to compare.
+            if ratio - limit > _ROUNDING:
+                outside.append(f"{criterion} {ratio:.2f} ({low:.2f} to {high:.2f})")
+        if not outside:
+            return ""
+        return (
+            f"the spread of the model does not explain the flight, whose ratio is outside the 5 to "
+            f"95 % band of the draws: {', '.join(outside)}; the probability of a pass holds for "
+            f"aeroplanes like the draws, and not for this flight"
+        )
 
     def passing(self, criterion: str) -> float:
         """Return the share of the draws whose ratio of a criterion is within the tolerance."""

@@ -76,6 +76,7 @@ ORDER = {
         "result",
         "fmu",
         "judging",
+        "probing",
         "replaying",
         "checking",
         "archive",

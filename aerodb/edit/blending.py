@@ -53,6 +53,7 @@ from aerodb.store.undo_history import add_history_line, note_suffix, record_edit
 from aerodb.update.correlation import prior_covariance
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
+from flightmech.support.flown_samples import with_flown_samples
 
 RULES = ("inverse_variance", "correlated")
 # Probability of chi-square below which two tables disagree by more than their errors.
@@ -144,7 +145,9 @@ def blend(
         warnings.warn(text, AeromatchWarning, stacklevel=2)
     title = str(other.attrs["title"])
     summary = f"{' '.join(pairs)} with {title!r}, {rule}"
-    return record_edit(db, leaves, "blend", summary=summary, note=note)
+    # the blend rests on the flights of both
+    attributes = with_flown_samples(db.attrs, other.attrs)
+    return record_edit(db, leaves, "blend", summary=summary, note=note, attributes=attributes)
 
 
 def consistency(

@@ -37,6 +37,7 @@ from aerodb.update.cautions.notices import with_notices
 from aerodb.update.posterior import carry_covariance, without_posterior
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, OutOfRange, SchemaError, UnknownName
+from flightmech.support.flown_samples import FLOWN_SAMPLES, with_flown_samples
 
 # Difference from a breakpoint, relative to the axis, that is rounding of degrees or feet.
 _POINT_ROUNDING = 1e-6
@@ -72,7 +73,11 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
     summary = [f"{verb} {' '.join(names)}" for verb, names in changes.items() if names]
     # Only a `Tabulation` has notices.
     notices = list(getattr(new, "notices", ()))
-    attributes = {**update_absent(db, without=new), **with_notices(db.attrs, notices)}
+    attributes = {
+        **update_absent(db, without=new),
+        **with_notices(db.attrs, notices),
+        **with_flown_samples(db.attrs, {FLOWN_SAMPLES: getattr(new, "flown_samples", "")}),
+    }
     return record_edit(
         db,
         leaves,

@@ -15,16 +15,26 @@ import xarray as xr
 
 from aerodb.prior import control_devices as devices
 from aerodb.prior import ground_increments, increments
+from aerodb.prior.damping import with_tail_arm
 from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
 from aerodb.prior.power import power_effect, with_idle_engines, with_power_in_it
+from aerodb.prior.print_remarks import list_missing_numbers
 from aerodb.prior.prior_errors import errors_with
-from aerodb.prior.reference_quantities import Point, find_reference_point, refer_to_aircraft
+from aerodb.prior.reference_quantities import (
+    Point,
+    find_reference_point,
+    refer_to_aircraft,
+    warn_of_other_place,
+)
 from aerodb.prior.roles import advise_on_misfit, describe_misfit
 from aerodb.prior.sources import Source, collect_source, split_powered, warn_user
 from aerodb.store.effects import Effect
+from aerodb.store.plausible_ranges import CANARD, REAR_WING
 from aerodb.store.schema import SCHEME, make_database
 from aerodb.update.cautions.notices import note_plausibility
 from datcom_io.decks.aircraft_rules import ROUNDED_SPAN
+from datcom_io.decks.planforms import measure_main_wing, measure_wing
+from datcom_io.decks.rules_reference import describe_reference_quantities
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 
@@ -145,10 +155,11 @@ def from_datcom(
     AeromatchWarning
         The reference point is that of the cards, the clean listing has no dynamic page, powered
         pages are used, reference quantities differ by more than 1 % (coefficients are
-        re-referenced), D(CM) comes from a loop over several conditions, ground pages with elevator
-        are given, a value is extended into another speed regime, a spoiler of zero height has a
-        moment, each Mach number has its own altitude, a term of a given listing is absent, a suspect
-        number was replaced, or a value is implausible (`aerodb.store.plausibility`).
+        re-referenced), the planform cards give another ``x_ref_mac``, D(CM) comes from a loop over
+        several conditions, ground pages with elevator are given, a value is extended into
+        another speed regime, a spoiler of zero height has a moment, each Mach number has its
+        own altitude, a term of a given listing is absent, a suspect number was replaced, or a
+        value is implausible (`aerodb.store.plausibility`).
     """
     listings = {
         "clean": clean,
@@ -176,12 +187,17 @@ def from_datcom(
             f"damping (qhat, phat, rhat): "
             "run the deck with a card DAMP"
         )
+    for remark in _list_reference_remarks(clean_source):
+        warn_user(f"clean: {remark}")
     if clean_source.powered:
         prior = with_power_in_it(prior, clean_source)
     if clean_source.idle:
         prior = with_idle_engines(prior, clean_source)
     reference = find_reference_point(aircraft, sources, move_reference)
+    warn_of_other_place(aircraft, sources, reference)
     h_ref = _reference_altitude(clean_source, altitude)
+    for remark in list_missing_numbers(clean_source, h_ref):
+        warn_user(f"clean: {remark}")
     # All effects in the axes and with the reference of the program, then of the aircraft.
     program_effects = _collect_effects(sources, h_ref, b=aircraft.b, z_ref=reference[2])
     effects = refer_to_aircraft(program_effects, sources, aircraft, reference=reference)
@@ -274,6 +290,7 @@ def _assemble_database(
         y_ref=y_ref,
         z_ref=z_ref,
         force_axes="stability",
+        configuration=_describe_configuration(sources["clean"]),
         source="Digital DATCOM",
         references="AFFDL-TR-79-3032; LR-743",
         history=f"from_datcom: {'; '.join(origins)}",
@@ -281,6 +298,27 @@ def _assemble_database(
         "at the nodes",
         absent=" ".join(name for name in SCHEME if name not in leaves),
     )
+
+
+def _list_reference_remarks(clean: Source) -> list[str]:
+    """Return a clause for each reference quantity that does not belong to the planform, once."""
+    remarks: dict[str, None] = {}
+    for deck in clean.decks:
+        remarks.update(dict.fromkeys(describe_reference_quantities(deck).values()))
+    return list(remarks)
+
+
+def _describe_configuration(clean: Source) -> str:
+    """Return the surfaces of the clean pages, with a mark of a surface ahead of the wing."""
+    for deck in clean.decks:
+        x_tail, x_wing = deck.value("SYNTHS", "XH"), deck.value("SYNTHS", "XW")
+        if "HTPLNF" not in deck.namelists or x_tail is None or x_wing is None:
+            continue
+        if x_tail < x_wing:
+            return f"{clean.configuration} {CANARD}"
+        if measure_main_wing(deck) != measure_wing(deck):
+            return f"{clean.configuration} {REAR_WING}"
+    return clean.configuration
 
 
 def _collect_effects(
@@ -298,7 +336,8 @@ def _collect_effects(
         for effect in increments.flap_effects(sources["flaps"], h_ref):
             effects.append(("flaps", effect))
     if "elevator" in sources:
-        effects.append(("elevator", _elevator_effect(sources["elevator"], h_ref)))
+        elevator = _elevator_effect(sources["elevator"], h_ref)
+        effects.append(("elevator", with_tail_arm(elevator, clean, h_ref)))
     for role, make_effect in _ROLL_CONTROLS.items():
         if role in sources:
             effects.append((role, make_effect(sources[role], h_ref)))
@@ -343,8 +382,15 @@ def _hinge_effects(sources: Mapping[str, Source], h_ref: float) -> list[Effect]:
 
 def _require_tail(clean: Source) -> None:
     """Raise if the pages are those of a wing-body, a wing or a body."""
-    # Only parts without a tail are refused; other configurations may be complete.
+    # Only parts without a tail are refused; a wing with a fin may be a complete aeroplane.
     configuration = clean.configuration
+    has_tail = "HORIZONTAL" in configuration or "WING" not in configuration
+    if not has_tail and configuration not in _PARTS:
+        warn_user(
+            f"{clean.role}: the pages of {clean.file} are those of {configuration}, which has no "
+            f"horizontal tail; state `tailless` (--tailless) if the aircraft has none, else give "
+            f"the case with HTPLNF"
+        )
     if configuration in _PARTS:
         raise SchemaError(
             clean.role,

@@ -6,6 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from aerodb.prior.clean_cases import (
+    alphas_of,
+    case_label,
+    comparable_cards,
+    describe_other_aircraft,
+    require_one_aircraft,
+)
 from datcom_io.arrays.conditions import control_surface
 from datcom_io.decks.aircraft_rules import (
     describe_chord_beyond_surface,
@@ -15,8 +22,8 @@ from datcom_io.decks.aircraft_rules import (
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.namelists import COUNTS
 from datcom_io.listing import Case
-from flightmech.errors import SchemaError
 
+_PLAIN = 1  # FTYPE of SYMFLP
 _SPOILERS, _AILERON, _DIFFERENTIAL_TAIL = (1, 2, 3), 4, 5  # STYPE of ASYFLP
 # Roles in which the program carries results from condition to condition and from deflection to
 # deflection.  Their shortest runs are the most accurate.
@@ -29,7 +36,6 @@ _ASYMMETRIC_PAGES = {
     "spoiler_slot",
     "spoiler_supersonic",
 }
-_RUN_NAMELISTS = ("FLTCON", "GRNDEF")  # namelists that do not change the aircraft or a device
 # Part of the semispan by which the device of a careless deck may pass the tip of its own surface.
 # The elevator of a public deck passes it by 0.05 %, an aileron by 1.8 %; a flap of the wing that the
 # program computes on the tail passes it by half the span and more.
@@ -39,7 +45,7 @@ _FLAP_ON_TAIL = (
     "of a wing without HTPLNF"
 )
 _WRONG_CARDS = "correct the stations and chords of the device"
-_DEVICE_NAMELISTS = ("SYMFLP", "CONTAB", "JETPWR", "PROPWR")
+_NO_HEIGHT = "give DELTAS, XSOC and HSOC, or STYPE=4.0 for an aileron with DELTAL and DELTAR"
 
 
 def _deflection_variables() -> tuple[str, ...]:
@@ -86,13 +92,17 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
         In the order of the cases.  The whole aeroplane is the configuration with the most
         components.  If several cases have the same conditions in one role, the first is used; with
         SYMFLP that of the shortest run.  A device beyond the tip of its surface, or with a larger
-        chord, has no role.  If every case of the whole aeroplane has a deflection, the static
-        pages of the elevator cases are the clean ones: the program prints them without deflection.
+        chord, has no role.  Neither has a spoiler without height, nor the flap of a wing that the
+        program computes on the tail: its FTYPE, the cards of another case, or its name and
+        deflections show it.  If every case of the whole
+        aeroplane has a device, the static pages of these cases, those of the elevator first, are
+        the clean ones: the program prints them without deflection.
 
     Raises
     ------
     SchemaError
-        Cases of the whole aeroplane differ in their geometry: several aircraft.
+        Cases of the whole aeroplane differ in their geometry: several aircraft.  The case of a
+        device on another wing or tail than theirs has no role.
     """
     cases: list[Case] = []
     for item in given:
@@ -100,17 +110,24 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
     aeroplane = max(map(_fullest_configuration, cases), key=_count_components, default="")
     # Span stations of the ailerons: a SYMFLP at the same stations gives their hinge moments.
     hinges = {_span_stations(case, "ASYFLP") for case in cases if _style(case) == _AILERON}
+    wing_flaps = []
+    for case in cases:
+        if "SYMFLP" in case.deck.namelists and control_surface(case.deck) == "wing":
+            wing_flaps.append(_device_cards(case, "SYMFLP"))
     assigned = []
     for case in cases:
-        misfit = describe_misfit(case.deck)
+        misfit = describe_misfit(case.deck) or _describe_wing_flap(case, wing_flaps)
         roles, reason = _find_roles(case, aeroplane, hinges)
         # Pages with power effects, and without a table of the device, do not contain it.
         if misfit and "power" not in roles:
-            roles, reason = (), f"not used: {misfit}; {advise_on_misfit(case.deck)}"
+            roles, reason = (), f"device not used: {misfit}; {advise_on_misfit(case.deck)}"
         assigned.append(CaseRole(case, roles, reason))
     if not _cases_of_role(assigned, "clean"):
         assigned = _assign_clean(assigned, aeroplane)
-    _require_one_aircraft([item.case for item in _cases_of_role(assigned, "clean")])
+    clean = [item.case for item in _cases_of_role(assigned, "clean")]
+    require_one_aircraft(clean)
+    if clean:
+        assigned = [_without_other_aircraft(item, clean[0]) for item in assigned]
     # Roles in order of appearance, each once.
     present: dict[str, None] = {}
     for item in assigned:
@@ -143,27 +160,61 @@ def describe_misfit(deck: Deck, tolerance: float = _CARELESS_SPAN) -> str:
         surface by which its chord may be larger.
     """
     name, surface = "ASYFLP", "WGPLNF"
+    style = round(deck.value("ASYFLP", "STYPE") or 0.0)
+    if style in _SPOILERS and not any(deck.values("ASYFLP", "DELTAS")):
+        return f"$ASYFLP: STYPE={style} is a spoiler, and no height DELTAS is given"
     if "SYMFLP" in deck.namelists:
         name = "SYMFLP"
         if control_surface(deck) == "tail":
             surface = "HTPLNF"
-    elif round(deck.value(name, "STYPE") or 0.0) == _DIFFERENTIAL_TAIL:
+    elif style == _DIFFERENTIAL_TAIL:
         return ""
     return describe_span_beyond_tip(
         deck, name, surface, tolerance
     ) or describe_chord_beyond_surface(deck, name, surface, tolerance)
 
 
+def _describe_wing_flap(case: Case, wing_flaps: list[dict[str, Any]]) -> str:
+    """Return why a SYMFLP that the program computes on the tail is the flap of the wing.
+
+    It may fit inside the tail. Slots, Fowler flaps and slats are not elevators, the cards may be
+    those of a flap on the wing, and a device that moves down only and is named a flap is one.
+    """
+    deck = case.deck
+    if "SYMFLP" not in deck.namelists or control_surface(deck) != "tail":
+        return ""
+    kind = round(deck.value("SYMFLP", "FTYPE") or 1.0)
+    if kind != _PLAIN:
+        return f"$SYMFLP: FTYPE={kind} is a high-lift device of a wing, an elevator has FTYPE=1"
+    if _device_cards(case, "SYMFLP") in wing_flaps:
+        return "the cards of SYMFLP are those of a case without horizontal tail"
+    name, angles = case.name.upper(), deck.schedule("SYMFLP", "DELTA", "NDELTA")
+    if "FLAP" in name and "ELEV" not in name and angles and min(angles) >= 0.0:
+        return f"the case is named {case.name!r}, and all deflections point down"
+    return ""
+
+
 def advise_on_misfit(deck: Deck) -> str:
     """Return what to do about a device that does not fit its surface."""
     if "SYMFLP" in deck.namelists and control_surface(deck) == "tail":
         return _FLAP_ON_TAIL
+    if round(deck.value("ASYFLP", "STYPE") or 0.0) in _SPOILERS:
+        return _NO_HEIGHT
     return _WRONG_CARDS
 
 
 def _cases_of_role(assigned: Iterable[CaseRole], role: str) -> list[CaseRole]:
     """Return the cases with a role."""
     return [item for item in assigned if role in item.roles]
+
+
+def _without_other_aircraft(item: CaseRole, clean: Case) -> CaseRole:
+    """Return a case without roles if its surfaces are not those of the clean aeroplane."""
+    other = describe_other_aircraft(item.case.deck, clean.deck)
+    if not item.roles or not other:
+        return item
+    reason = f"{item.reason}; not used: another aircraft than {case_label(clean)}, {other}"
+    return replace(item, roles=(), reason=reason)
 
 
 def _find_roles(
@@ -248,57 +299,41 @@ def _find_flap_roles(
 
 
 def _assign_clean(assigned: list[CaseRole], aeroplane: str) -> list[CaseRole]:
-    """Use the elevator cases, or else the powered cases, of the aeroplane as the clean ones."""
-    for role, reason in (
-        ("elevator", "its static pages, without deflection"),
-        ("power", "no case without power"),
+    """Use cases of the aeroplane with a device, or else with power, as the clean ones.
+
+    The static pages of a device are those without deflection. An elevator comes first: the deck
+    that has one is that of the whole aeroplane in its usual state.
+    """
+    for is_candidate, reason in (
+        (lambda item: "elevator" in item.roles, "its static pages, without deflection"),
+        (_has_device_only, "its static pages, without deflection"),
+        (lambda item: "power" in item.roles, "no case without power"),
     ):
         changed, is_changed = [], False
         for item in assigned:
-            if role in item.roles and _fullest_configuration(item.case) == aeroplane:
-                item = _also_clean(item, role, reason)
+            if is_candidate(item) and _fullest_configuration(item.case) == aeroplane:
+                item = _also_clean(item, reason)
                 is_changed = True
             changed.append(item)
-        if is_changed:
+        if is_changed and aeroplane:
             return changed
     return assigned
 
 
-def _also_clean(item: CaseRole, role: str, reason: str) -> CaseRole:
+def _has_device_only(item: CaseRole) -> bool:
+    """Return whether a case has a device, and neither power nor ground effect."""
+    names = item.case.deck.namelists.keys()
+    return bool(names & {"SYMFLP", "ASYFLP"}) and not (
+        "GRNDEF" in names or has_thrust(item.case.deck)
+    )
+
+
+def _also_clean(item: CaseRole, reason: str) -> CaseRole:
     """Return a case that is also clean; a powered one is clean only."""
     roles: tuple[str, ...] = ("clean",)
-    if role == "elevator":
+    if "power" not in item.roles:
         roles = ("clean", *item.roles)
     return replace(item, roles=roles, reason=f"{item.reason}; clean: {reason}")
-
-
-def _require_one_aircraft(clean: list[Case]) -> None:
-    """Raise if the clean cases differ in their geometry."""
-    for case in clean[1:]:
-        differences = _geometry_differences(clean[0], case)
-        if differences:
-            raise SchemaError(
-                "clean",
-                [
-                    f"several aircraft: {_case_label(clean[0])} {clean[0].name!r} and "
-                    f"{_case_label(case)} {case.name!r} differ in "
-                    f"{', '.join(differences)}; give one with --clean FILE:CASE, or listings "
-                    f"of one aircraft only"
-                ],
-            )
-
-
-def _geometry_differences(first: Case, second: Case) -> list[str]:
-    """Return the namelists of the geometry in which two cases differ."""
-    # Flight conditions and devices may differ between cases of one aircraft.
-    first_cards, second_cards = _comparable_cards(first), _comparable_cards(second)
-    differences = []
-    for name in dict.fromkeys([*first_cards, *second_cards]):
-        if name in (*_RUN_NAMELISTS, *_DEVICE_NAMELISTS):
-            continue
-        if first_cards.get(name) != second_cards.get(name):
-            differences.append(name)
-    return differences
 
 
 def _without_repetitions(assigned: list[CaseRole], role: str) -> list[CaseRole]:
@@ -323,10 +358,12 @@ def _without_repetitions(assigned: list[CaseRole], role: str) -> list[CaseRole]:
     reasons: dict[int, str] = {}
     for item in candidates:
         repeated = _first_overlap(item.case, used, role)
+        if repeated is not None and role == "clean" and _has_other_angles(item.case, used):
+            repeated = None
         if role != "clean" and _device_cards(item.case, device) != cards:
-            reasons[id(item)] = f"another {device} than in {_case_label(first)}"
+            reasons[id(item)] = f"another {device} than in {case_label(first)}"
         elif repeated is not None:
-            reasons[id(item)] = f"conditions of {_case_label(repeated)}"
+            reasons[id(item)] = f"conditions of {case_label(repeated)}"
         else:
             used.append(item.case)
     result = []
@@ -347,23 +384,22 @@ def _first_overlap(case: Case, used: Iterable[Case], role: str) -> Case | None:
     return None
 
 
-def _case_label(case: Case) -> str:
-    """Return file and number of a case, such as ``plus.out:2``."""
-    return f"{case.file}:{case.ordinal}"
-
-
-def _comparable_cards(case: Case) -> dict[str, Any]:
-    """Return the namelists of a case and its airfoil sections in comparable form."""
-    # Cards by value: the order and the format of numbers in the deck do not count.
-    meaning = case.deck.meaning()
-    namelists: Any = meaning["namelists"]
-    return {**namelists, "NACA": meaning["sections"]}
+def _has_other_angles(case: Case, used: Iterable[Case]) -> bool:
+    """Return whether a case continues the used ones of its conditions in angle of attack."""
+    known: set[float] = set()
+    for earlier in used:
+        shared = _conditions(earlier, "clean") & _conditions(case, "clean")
+        if shared:
+            if _conditions(earlier, "clean") != _conditions(case, "clean"):
+                return False
+            known |= alphas_of(earlier)
+    return not alphas_of(case) <= known
 
 
 def _device_cards(case: Case, device: str) -> dict[str, Any]:
     """Return the cards of a device without its deflections."""
     cards = {}
-    for name, values in (_comparable_cards(case).get(device) or {}).items():
+    for name, values in (comparable_cards(case).get(device) or {}).items():
         if device != "SYMFLP" or name not in _DEFLECTION_VARIABLES:
             cards[name] = values
     return cards

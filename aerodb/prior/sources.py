@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 import datcom_io
+from aerodb.prior.clean_cases import join_chains, require_one_reynolds_number
 from aerodb.prior.prior_errors import STMACH, TSMACH
 from datcom_io.decks.aircraft_rules import has_thrust
 from datcom_io.decks.deck import Deck
@@ -25,7 +26,7 @@ _WITHOUT_POWER = (
     "these pages with the thrust taken off and wider standard errors"
 )
 _MOST_DIFFERENCES = 3  # differences of cases that a message lists
-# Coordinates of a grid that are not axes and are needed later.
+# Coordinates of a grid that are needed later.
 _PAIR_COORDINATES = ("delta_left", "delta_right")
 
 
@@ -156,6 +157,7 @@ class Source:
             )
         # Mach number and altitude become axes of the grid.
         dataset = self._fullest_configuration(leaf)
+        require_one_reynolds_number(self.role, dataset)
         if leaf == "static":
             dataset = self._select_power(dataset)
         elif "power" in dataset.dims:
@@ -237,14 +239,15 @@ def collect_source(role: str, given: Any, powered: bool = False) -> Source:
             ],
         )
     _require_reference_quantities(role, trees)
+    if role == "clean":
+        trees = join_chains(trees)
     joined = _join_trees(role, trees)
-    # Leaves that one run computed for several conditions: some results drift along them.
+    # Leaves of several conditions of one run: some results drift along them.
     looped: set[str] = set()
     for tree in trees:
         for name, leaf in tree.children.items():
             if leaf.sizes.get("condition", 1) > 1:
                 looped.add(name)
-    # The basic tables of the database come from this source: doubts are reported.
     if role == "clean" and "static" in joined.children:
         _warn_of_pairs(role, joined.children["static"].to_dataset(inherit=False))
         _warn_of_suspects(role, joined)
@@ -308,7 +311,7 @@ def _require_reference_quantities(role: str, trees: Iterable[xr.DataTree]) -> No
 
 
 def _join_trees(role: str, trees: list[xr.DataTree]) -> xr.DataTree:
-    """Return the joined cases; raise with advice if they do not fit each other."""
+    """Return the joined cases; raise with advice if they do not fit."""
     try:
         return datcom_io.join(trees)
     except SchemaError as error:

@@ -6,10 +6,10 @@ configuration at every Mach number of the tables and compares the derivatives wi
 states its source. A finding of an unusual aeroplane is acknowledged in its aircraft file with a
 reason.
 
-Most ranges are the spread of published derivatives of nine aeroplanes, from a light single to a jet
-fighter, widened three times towards either side with the sign kept. The numbers come from Teper,
-NASA CR-96008 (1969), Heffley and Jewell, NASA CR-2144 (1972), Roskam, Airplane Flight Dynamics,
-Appendix B, Seckel, FAA-RD-71-6 (1971), and the model GTM T2 of NASA.
+The ranges of derivatives (`aerodb.store.plausible_ranges`) rest on Teper, NASA CR-96008 (1969),
+Heffley and Jewell, NASA CR-2144 (1972), Roskam, Airplane Flight Dynamics, Appendix B, Seckel,
+FAA-RD-71-6 (1971), and the model GTM T2 of NASA. They depend on the configuration that a database
+of Digital DATCOM names.
 """
 
 from __future__ import annotations
@@ -22,32 +22,13 @@ import numpy as np
 import xarray as xr
 
 from aerodb.store.evaluation import evaluate_any
+from aerodb.store.plausible_ranges import derivative_ranges
 from aerodb.store.schema import database_coefficients, terms
 from flightmech.errors import SchemaError
 from flightmech.names import VOCABULARY
 from flightmech.terms import list_model_variables, list_regressors
 from flightmech.units import DEGREE
 
-_PUBLISHED = "three times the spread of nine published aeroplanes"
-# Published lowest and highest value by coefficient and variable, signs of this product (delta_a
-# positive rolls left). [1/rad; rates by pb/2V, qc/2V, rb/2V]
-_SPREAD = {
-    ("CL", "qhat"): (3.8, 24.97),
-    ("Cm", "qhat"): (-41.63, -3.708),
-    ("Cm", "alphadothat"): (-11.4, -1.0988),
-    ("CY", "beta"): (-1.0107, -0.393),
-    ("Cl", "beta"): (-0.142, -0.067),
-    ("Cn", "beta"): (0.049, 0.2176),
-    ("Cl", "phat"): (-0.57, -0.3076),
-    ("Cl", "rhat"): (0.069, 0.28),
-    ("Cn", "rhat"): (-0.383, -0.088),
-    ("CL", "delta_e"): (0.34, 0.77),
-    ("Cm", "delta_e"): (-2.16, -0.5343),
-    ("Cl", "delta_a"): (-0.229, -0.057),
-    ("CY", "delta_r"): (0.157, 0.338),
-    ("Cn", "delta_r"): (-0.1694, -0.0717),
-}
-_WIDENED = 3.0
 # Derivatives whose absence a reader must know, in addition to the three static coefficients.
 _ESSENTIAL = (
     ("Cm", "qhat"),
@@ -65,7 +46,9 @@ _STATIC = ("CL", "CD", "Cm")
 _LINEAR = (-4.0 * DEGREE, 6.0 * DEGREE)
 _STEP = 2.0 * DEGREE  # of sideslip and controls, central difference [rad]
 _RATE_STEP = 0.01  # of the reduced rates
-_CHORD = (0.8, 1.8)  # mean aerodynamic over geometric mean chord
+# Mean aerodynamic over geometric mean chord: 4/3 of a pointed wing, and a tenth for a cranked one.
+# A root chord in place of the mean one gives 1.5 at a taper ratio of 0.34.
+_CHORD = (0.8, 1.45)
 _DRAG = (0.005, 0.2)
 _MARGIN = (0.0, 1.0)  # chords
 _SLOPE = (0.5, 1.35)  # of the slope of a straight wing
@@ -75,6 +58,13 @@ _REFERENCE = (-0.5, 1.5)  # chords
 # From here on the lag of a wing itself, of either sign, adds to that of its downwash.
 _SUPERSONIC = 1.0
 _RHO_0 = 1.225  # sea level [kg/m3]
+# Least range of angles in which a slope is taken. [rad]
+_SHORTEST = 1.5 * DEGREE
+# Difference of the Mach numbers at which static coefficients end. [1]
+_SAME_END = 0.05
+# Ratio of the pitch damping at neighbouring Mach numbers, up to this distance and beyond it. Sound
+# listings have at most 1.8 through the speed of sound.
+_STEP_OF_DAMPING, _NEIGHBOUR, _FAR_STEP = 3.0, 0.5, 6.0
 _HIGH = 1000.0  # height above ground without ground effect, where no table ends [m]
 COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 _LEAST = 1e-9  # below it a derivative is absent
@@ -178,11 +168,12 @@ def check_plausibility(
     if problems:
         raise SchemaError("acknowledged", problems)
     machs, state = _mach_numbers(db), _base_state(db)
-    findings = [*_check_lengths(db), *_check_alphas(db)]
+    findings = [*_check_lengths(db), *_check_alphas(db), *_check_mach_ends(db)]
     # Without lift over several alphas no slope exists.
     if not findings or all(item.subject != "angles of attack" for item in findings):
         findings += _merge(_check_slopes(db, machs, state, aircraft=aircraft), machs)
     findings += _merge(_check_derivatives(db, machs, state), machs)
+    findings += _merge(_check_steps_of_damping(db, machs, state), machs)
     findings += _find_missing(db, machs, state)
     if aircraft is not None:
         findings += _check_aircraft(aircraft)
@@ -240,13 +231,52 @@ def _check_alphas(db: xr.DataTree) -> Iterator[PlausibilityFinding]:
         )
 
 
+def _check_mach_ends(db: xr.DataTree) -> Iterator[PlausibilityFinding]:
+    """Yield a static coefficient whose tables end at a lower Mach number than those of others."""
+    ends: dict[str, float] = {}
+    for name, leaf in terms(db).items():
+        coefficient = name.split("/")[0]
+        is_static = coefficient in (*_STATIC, "CX", "CZ") and not list_regressors(leaf)
+        if is_static and "mach" in leaf.dims:
+            ends[coefficient] = max(ends.get(coefficient, 0.0), float(leaf["mach"].max()))
+    last = max(ends.values(), default=0.0)
+    for coefficient, end in ends.items():
+        if end < last - _SAME_END:
+            why = f"its tables end there, those of other static coefficients at Mach {last:g}"
+            yield PlausibilityFinding(
+                f"{coefficient}/mach", "implausible", end, last, np.inf, source=why
+            )
+
+
+def _check_steps_of_damping(
+    db: xr.DataTree, machs: np.ndarray, base: Mapping[str, Any]
+) -> Iterator[tuple[PlausibilityFinding, float]]:
+    """Yield a pitch damping that jumps from one Mach number to the next."""
+    values = [_derivative(db, "Cm", "qhat", mach=mach, base=base) for mach in machs]
+    for k in range(1, machs.size):
+        before, here = values[k - 1], values[k]
+        if not before or not here or before > 0.0 or here > 0.0:
+            continue
+        largest = _STEP_OF_DAMPING
+        if machs[k] - machs[k - 1] > _NEIGHBOUR:
+            largest = _FAR_STEP
+        ratio = max(before / here, here / before)
+        why = f"ratio of {before:.4g} at Mach {machs[k - 1]:g} and {here:.4g}: one of both is wrong"
+        yield from _outside("Cm/qhat over Mach", ratio, 0.0, largest, why, machs[k])
+
+
 def _check_slopes(
     db: xr.DataTree, machs: np.ndarray, base: Mapping[str, Any], aircraft: HasMass | None
 ) -> Iterator[tuple[PlausibilityFinding, float]]:
     """Yield lift slope, margins and drag outside their ranges, with the Mach number."""
     S, b, cbar = (float(db.attrs[name]) for name in ("S", "b", "cbar"))
     present = _present_coefficients(db)
-    alpha = np.linspace(*_LINEAR, 11)
+    low_alpha, high_alpha = _linear_range(db)
+    if high_alpha - low_alpha < _SHORTEST:
+        why = "its tables have no angles of attached flow, -4 to 6 deg"
+        yield PlausibilityFinding("CL/alpha", "not checked", source=why), machs[0]
+        return
+    alpha = np.linspace(low_alpha, high_alpha, 11)
     for mach in machs:
         state = {**base, "mach": np.full(alpha.size, mach), "alpha": alpha}
         CL, CD, Cm = (_evaluate(db, name, state) for name in _STATIC)
@@ -279,22 +309,30 @@ def _check_slopes(
             yield from _outside("manoeuvre margin", manoeuvre, 0.0, 5.0, why, mach)
 
 
+def _linear_range(db: xr.DataTree) -> tuple[float, float]:
+    """Return the part of the range of attached flow that the tables of the lift cover. [rad]"""
+    low, high = _LINEAR
+    for name, leaf in terms(db).items():
+        is_lift = name.split("/")[0] in ("CL", "CZ") and not list_regressors(leaf)
+        if is_lift and leaf.sizes.get("alpha", 1) > 1:
+            low = max(low, float(leaf["alpha"].min()))
+            high = min(high, float(leaf["alpha"].max()))
+    return low, high
+
+
 def _check_derivatives(
     db: xr.DataTree, machs: np.ndarray, base: Mapping[str, Any]
 ) -> Iterator[tuple[PlausibilityFinding, float]]:
     """Yield derivatives outside the widened spread of published ones, with the Mach number."""
-    for (coefficient, variable), (lowest, highest) in _SPREAD.items():
-        low, high = _widen(lowest, highest)
-        why = f"{_PUBLISHED}, {lowest:g} to {highest:g} per radian"
-        if coefficient in ("Cm", "CL") and variable == "qhat":
-            why += "; a value far outside means a wrong chord or reference point; an aeroplane "
-            why += "without tail damps less, and its value is acknowledged"
+    configuration = str(db.attrs.get("configuration", ""))
+    for (coefficient, variable), item in derivative_ranges(configuration).items():
         for mach in machs:
             if variable == "alphadothat" and mach >= _SUPERSONIC:
                 continue
             slope = _derivative(db, coefficient, variable, mach=mach, base=base)
             if slope is not None:
-                yield from _outside(f"{coefficient}/{variable}", slope, low, high, why, mach)
+                subject = f"{coefficient}/{variable}"
+                yield from _outside(subject, slope, item.low, item.high, item.source, mach)
 
 
 def _check_aircraft(aircraft: Any) -> Iterator[PlausibilityFinding]:
@@ -370,13 +408,6 @@ def _excess(finding: PlausibilityFinding) -> float:
     if np.isnan(finding.value):
         return np.inf
     return max(finding.low - finding.value, finding.value - finding.high)
-
-
-def _widen(lowest: float, highest: float) -> tuple[float, float]:
-    """Return a range three times as wide towards either side; its sign stays."""
-    if lowest < 0.0:
-        return lowest * _WIDENED, highest / _WIDENED
-    return lowest / _WIDENED, highest * _WIDENED
 
 
 def _straight_wing_slope(aspect_ratio: float, mach: float) -> float:

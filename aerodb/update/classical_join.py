@@ -130,7 +130,8 @@ def join_submodels(
     tabulations = []
     for coefficient_terms, observed in observe_fits(fits, prior, held):
         tabulations.append(_join_coefficient(coefficient_terms, observed, lengths))
-    return add_cautions(merge_tabulations(tabulations), without_place, notices)
+    samples = [(str(fit.estimates.attrs.get("name", "")), fit.data) for fit in fits]
+    return add_cautions(merge_tabulations(tabulations), without_place, notices, samples)
 
 
 @dataclass(frozen=True)

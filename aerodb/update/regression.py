@@ -149,7 +149,9 @@ def regress_tables(
     with_rows = [table for table in without_place if len(table)]
     table = pd.concat(with_rows or without_place[:1])
     notices = demand_places(table, unplaced)
-    return add_cautions(merge_tabulations(tabulations), table, notices)
+    named = [(str(item.attrs.get("name", "")), item) for item in samples]
+    named += [(str(fit.estimates.attrs.get("name", "")), fit.data) for fit in fits]
+    return add_cautions(merge_tabulations(tabulations), table, notices, named)
 
 
 def _unplaced_controls(

@@ -168,7 +168,8 @@ def tabulate(
     tabulations = []
     for coefficient_terms, observed in observe_fits(fits, prior, held):
         tabulations.append(join_observations(coefficient_terms, observed, lengths, shapes=shapes))
-    return add_cautions(merge_tabulations(tabulations), without_place, notices)
+    samples = [(str(fit.estimates.attrs.get("name", "")), fit.data) for fit in fits]
+    return add_cautions(merge_tabulations(tabulations), without_place, notices, samples)
 
 
 @dataclass(frozen=True)

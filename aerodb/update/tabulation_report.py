@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,12 +12,19 @@ import pandas as pd
 import scipy
 import xarray as xr
 
+from aerodb.store.identified_terms import stamp_identified
 from aerodb.update.cautions.notices import incompatible_fits
 from aerodb.update.correlation import PARTS
 from aerodb.update.observations import Observation, samples_outside
 from aerodb.update.term_decisions import CORRECTED, REPLACED
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning
+from flightmech.support.flown_samples import (
+    CHANNELS,
+    FlownWindow,
+    cut_windows,
+    pack_windows,
+)
 
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
 _FLIGHT = _terms.SOURCES.index("flight")
@@ -63,6 +70,9 @@ class Tabulation(Mapping[str, Any]):
     notices : tuple of str
         Warnings, one line each; `aerodb.replace_terms` writes them into the history of the
         database.
+    flown_samples : str
+        The samples of the fits in short form (`flightmech.support.flown_samples`), which
+        `aerodb.replace_terms` writes into the database.
     """
 
     terms: dict[str, xr.Dataset]
@@ -71,6 +81,7 @@ class Tabulation(Mapping[str, Any]):
     compatibility: pd.DataFrame
     unplaced: pd.DataFrame = field(default_factory=pd.DataFrame)
     notices: tuple[str, ...] = ()
+    flown_samples: str = ""
 
     def __getitem__(self, name: str) -> xr.Dataset:
         return self.terms[name]
@@ -96,9 +107,15 @@ def merge_tabulations(tabulations: Sequence[Tabulation]) -> Tabulation:
 
 
 def add_cautions(
-    tabulation: Tabulation, unplaced: pd.DataFrame, notices: Sequence[str]
+    tabulation: Tabulation,
+    unplaced: pd.DataFrame,
+    notices: Sequence[str],
+    samples: Iterable[tuple[str, xr.Dataset]],
 ) -> Tabulation:
-    """Return a tabulation with its terms without a place and all notices; warn of each notice."""
+    """Return a tabulation with its terms without a place, all notices and the flown samples.
+
+    It warns of each notice.  `samples` are name and data (sample,) of each fit.
+    """
     without_place = [
         f"no place in the database, the estimate is left out: {line}" for line in notices
     ]
@@ -106,7 +123,26 @@ def add_cautions(
     for text in texts:
         # The warning belongs to the line that calls the public function, two frames up.
         warnings.warn(text, AeromatchWarning, stacklevel=3)
-    return replace(tabulation, unplaced=unplaced, notices=texts)
+    return replace(
+        tabulation,
+        terms={name: stamp_identified(leaf) for name, leaf in tabulation.terms.items()},
+        unplaced=unplaced,
+        notices=texts,
+        flown_samples=pack_flown_samples(samples),
+    )
+
+
+def pack_flown_samples(samples: Iterable[tuple[str, xr.Dataset]]) -> str:
+    """Return the samples of fits in short form (`flightmech.support.flown_samples`).
+
+    Published fits have no samples.
+    """
+    windows: list[FlownWindow] = []
+    for name, data in samples:
+        if "time" in data:
+            channels = {key: data[key].values for key in CHANNELS if key in data}
+            windows += cut_windows(name, data["time"].values.astype(float), channels)
+    return pack_windows(windows)
 
 
 def new_leaf(

@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.prior.roles import CaseRole, assign_roles
+from aerodb.prior.roles import CaseRole, assign_roles, describe_misfit
 from datcom_io.arrays.conditions import control_surface
 from datcom_io.decks.aircraft_rules import has_thrust
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import read_deck
+from datcom_io.decks.planforms import measure_main_wing
 from datcom_io.listing import Case
 from datcom_io.reading.reader import read
 from flightmech.units import to_si
 
 _LENGTHS = {"FT": "ft", "IN": "in", "M": "m", "CM": "cm"}
-# Points of the integrals over the half span.
-_STATIONS = 2001
+_AILERON = 4  # STYPE of ASYFLP
 # By namelist: number of engines; longitudinal, lateral and vertical position.
 _ENGINE_VARIABLES = {
     "JETPWR": ("NENGSJ", "JEALOC", "JELLOC", "JEVLOC"),
@@ -146,7 +146,8 @@ def _reference_quantities(deck: Deck, printed: dict[str, Any]) -> dict[str, Any]
     ):
         card = deck.value("OPTINS", variable)
         value = card * unit if card else wing.get(name)
-        quantities[name] = printed.get(name) or value
+        found = printed.get(name)
+        quantities[name] = found if found and np.isfinite(found) else value
     x, z = deck.value("SYNTHS", "XCG"), deck.value("SYNTHS", "ZCG")
     if x is None:
         return quantities
@@ -169,44 +170,18 @@ def _length_unit(deck: Deck) -> float:
 def _wing_planform(deck: Deck) -> dict[str, float]:
     """Return area, mean chord, span and leading edge of the mean chord of the wing. [m2, m]
 
-    The leading edge is measured from the drawing datum.
-
-    Notes
-    -----
-    The wing is straight or cranked. Chords are linear between root, break and tip; the mean chord
-    is that of the integral of c^2.
+    The leading edge is measured from the drawing datum. Of a wing behind a canard it is that of
+    HTPLNF.
     """
-    names = ("CHRDR", "CHRDTP", "SSPN", "SAVSI", "CHSTAT")
-    root, tip, half, sweep, station = (deck.value("WGPLNF", name) for name in names)
-    apex = deck.value("SYNTHS", "XW")
-    if root is None or tip is None or half is None or sweep is None or apex is None:
+    wing = measure_main_wing(deck)
+    if wing is None or deck.value("SYNTHS", "XW") is None:
         return {}
-    outer = deck.value("WGPLNF", "SSPNOP") or 0.0
-    middle = deck.value("WGPLNF", "CHRDBP")
-    y, c, sweeps = [0.0, half], [root, tip], [sweep]
-    if outer > 0.0 and middle is not None:
-        y = [0.0, half - outer, half]
-        c = [root, middle, tip]
-        sweeps = [sweep, deck.value("WGPLNF", "SAVSO") or sweep]
-    edge = [apex]
-    # The sweep is that of the line at the fraction CHSTAT of the chord, so that the leading edge
-    # moves forward by this fraction of the change of chord.
-    for k, angle in enumerate(sweeps):
-        span = y[k + 1] - y[k]
-        edge.append(
-            edge[-1] + span * np.tan(np.radians(angle)) - (station or 0.0) * (c[k + 1] - c[k])
-        )
-    stations = np.linspace(0.0, half, _STATIONS)
-    chord, lead = np.interp(stations, y, c), np.interp(stations, y, edge)
-    area = np.trapezoid(chord, stations)
-    mean = float(np.trapezoid(chord**2, stations) / area)
-    leading_edge = float(np.trapezoid(chord * lead, stations) / area)
     unit = _length_unit(deck)
     return {
-        "S": 2.0 * float(area) * unit**2,
-        "cbar": mean * unit,
-        "b": 2.0 * half * unit,
-        "leading_edge": leading_edge * unit,
+        "S": wing.area * unit**2,
+        "cbar": wing.mean_chord * unit,
+        "b": wing.span * unit,
+        "leading_edge": wing.leading_edge * unit,
     }
 
 
@@ -241,6 +216,11 @@ def _hinged_surfaces(cards: Sequence[Deck]) -> dict[str, tuple[float, float]]:
             if name in surfaces or None in values:
                 continue
             if name == "delta_e" and not _is_on_tail(deck):
+                continue
+            if name == "delta_a" and round(deck.value("ASYFLP", "STYPE") or 0.0) != _AILERON:
+                continue
+            # The flap of a wing that the program computes on the tail is not an elevator.
+            if describe_misfit(deck):
                 continue
             inner, outer, start, end = (float(value) for value in values if value is not None)
             unit = _length_unit(deck)

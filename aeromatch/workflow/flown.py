@@ -14,6 +14,7 @@ from aeromatch.workflow.submodels import Submodels
 from aeromatch.workflow.windows import Spans, select_spans
 from flightmech.names import VOCABULARY
 from flightmech.names import quantity_attributes as attributes
+from flighttest.submodels.ground_effect.tables import ONE_FACTOR, SEPARATE
 from pom.report.submodels.sections import make_sections
 
 # Samples per second of the stored data. Loops of lift over angle of attack stay round.
@@ -166,17 +167,23 @@ def _estimate_rows(fit: Any) -> list[dict[str, Any]]:
 
 
 def _ground_rows(ground_effect: Any) -> list[dict[str, Any]]:
-    """Return table 2 of [LR743]: k and s of every identified term, and a note for the others."""
+    """Return table 2 of [LR743]: k and s of every identified term, and a note for the others.
+
+    The law is a column: s is the exponent of a power law, and h0 [m] of another law.
+    """
     values = ("y_inf", "k", "k_stderr", "s", "s_stderr", "correlation")
     rows: list[dict[str, Any]] = []
     for name, identified in ground_effect.coefficients.items():
-        common = identified.form == "k h^s, one s"
-        for term in identified.ground:
-            row = {"coefficient": name, **identified.row(term, common)._asdict()}
-            rows.append({**row, "note": f"form taken: {identified.form}"})
+        taken = f"form taken: {identified.form}"
+        if identified.form in (ONE_FACTOR, SEPARATE):
+            # The row is a law, and a table flies.
+            taken += "; the row is the best law, which is not taken"
+        note = "; ".join([taken, *identified.warnings])
+        for row in identified.rows():
+            rows.append({"coefficient": name, **row._asdict(), "note": note})
         for term, reason in identified.not_identified.items():
             row = {"coefficient": name, "term": term, **dict.fromkeys(values, np.nan)}
-            rows.append({**row, "note": reason})
+            rows.append({**row, "law": "", "note": reason})
     return rows
 
 

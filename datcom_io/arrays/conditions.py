@@ -19,7 +19,7 @@ from datcom_io.printout.content import Page, PrintedCase
 from datcom_io.printout.tables import PrintedTable
 from flightmech.units import FOOT, INCH, POUND_FORCE
 
-_LENGTH = {"FT": FOOT, "IN": INCH, "M": 1.0, "CM": 0.01}
+LENGTH_UNITS = {"FT": FOOT, "IN": INCH, "M": 1.0, "CM": 0.01}
 # With DIM CM the program prints N/m2 under the label N/CM**2.
 _PRESSURE = {
     "FT": POUND_FORCE / FOOT**2,
@@ -41,7 +41,7 @@ _HALF_UNIT = {
 def si_factor(units: str, dim: str) -> float:
     """Return the factor from a printed quantity to SI for the unit of length of the print."""
     is_english = dim in _ENGLISH
-    length = _LENGTH.get(dim, math.nan)
+    length = LENGTH_UNITS.get(dim, math.nan)
     factors = {
         "length": length,
         "speed": length,
@@ -137,7 +137,7 @@ def order_conditions(case: PrintedCase) -> tuple[list[PrintedCondition], dict[in
     order: dict[tuple[Group, int], int] = {}
     for first in sorted(keys):
         order.setdefault(keys[first], len(order))
-    unit = _LENGTH[case.deck.dim]
+    unit = LENGTH_UNITS[case.deck.dim]
     heights = [height * unit for height in case.deck.schedule("GRNDEF", "GRDHT", "NGH")]
     spots = {}
     for page in case.pages:

@@ -14,13 +14,14 @@ from datcom_io.decks import aircraft_rules as aircraft
 from datcom_io.decks import rules_cards as cards
 from datcom_io.decks import rules_devices as devices
 from datcom_io.decks import rules_flight as flight
+from datcom_io.decks import rules_reference as reference
 from datcom_io.decks.cards import WARNING, DeckFinding
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import DeckFile, read_deck
 
 # Cases with such a namelist are not the clean aeroplane.
 _DEVICES = {"SYMFLP", "ASYFLP", "GRNDEF", "JETPWR", "PROPWR", "CONTAB"}
-_RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES, *devices.RULES)
+_RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES, *devices.RULES, *reference.RULES)
 
 
 def check_deck(

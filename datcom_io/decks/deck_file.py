@@ -20,7 +20,13 @@ from datcom_io.decks.deck import Deck, assignments_of, parse_cards
 from datcom_io.decks.namelists import CARD_COLUMNS, CASEID_COLUMNS, VARIABLES, format_namelist_value
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support.atomic_write import write_text
-from flightmech.support.input_files import file_kind, marked_encoding, read_bytes, with_line_feeds
+from flightmech.support.input_files import (
+    MISSILE_FILE,
+    file_kind,
+    marked_encoding,
+    read_bytes,
+    with_line_feeds,
+)
 
 _REPEATED_CARDS = ("DAMP", "PART")  # by DATCOM+, in cases that SAVE continues
 _DECK = "an input deck (unit 5): namelists $NAME ... $ and control cards"
@@ -90,7 +96,8 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     if isinstance(source, str | os.PathLike):
         file, kind = os.path.basename(os.fspath(source)), file_kind(source)
     # The content decides: a listing echoes the whole deck too.
-    if not kind.startswith(("an input deck", "a text", "a file", "an empty")):
+    is_readable = kind.startswith(("an input deck", "a text", "a file", "an empty"))
+    if kind == MISSILE_FILE or not is_readable:
         raise ParseError(file, 0, kind, _DECK)
     text = _DeckText()
     cases: list[Deck] = []

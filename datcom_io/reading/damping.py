@@ -2,11 +2,12 @@
 
 The tail sees a pitch rate as a change of incidence, and a rate of incidence as a downwash that
 arrives late. Both act with the same slope and the same arm, so that the tail's share of CMQ is
-CMAD / (d epsilon / d alpha), and likewise CLQ and CLAD [DATCOM 7.4.1.2, 7.4.4.2]. On 40 listings of
-aeroplanes with a tail CMQ differs from that share by at most 3 %. The wing-body share of CMQ has a
-pole over the position of the centre of gravity, near which the printed CMQ of the aeroplane is
-wrong in size and sign: an own light aircraft of two engines prints -27 to +101 per radian over 0.8 chord of XCG, where the
-tail's share goes from -28 to -22.
+CMAD / (d epsilon / d alpha), and likewise CLQ and CLAD [DATCOM 7.4.1.2, 7.4.4.2]. The share of the
+wing follows from its planform (`datcom_io.reading.wing_damping`); it is small unless the wing is
+far from the moment centre. Both together give CMQ within 0.9 per radian on nearly all listings. The
+program's method of the wing-body has a pole over the position of the centre of gravity, near which
+the printed CMQ of the aeroplane is wrong in size and sign: an own light aircraft of two engines
+prints -27 to +101 per radian over 0.8 chord of XCG, where the shares give -28 to -22.
 
 At supersonic Mach numbers a wing has CLAD and CMAD of its own, of either sign, and the page prints
 the sum. Neither the share of the tail nor a sign follows from them there.
@@ -24,6 +25,7 @@ from datcom_io.listing import Case
 from datcom_io.printout.content import ListingMessage, Page
 from datcom_io.printout.tables import PrintedTable
 from datcom_io.reading.suspects import with_suspects
+from datcom_io.reading.wing_damping import estimate_wing_share
 
 # Range in which the signs of attached flow hold. [deg]
 _LINEAR = 6.0
@@ -31,10 +33,15 @@ _LINEAR = 6.0
 _SUPERSONIC = 1.0
 # Least slope of the downwash that can divide.
 _LEAST_SLOPE = 0.05
-# Wing-body share of CMQ and CLQ: part of the tail's share, and amount per radian. A wing-body has
-# no positive pitch damping; 10 % leave room for the rounding of the print.
+# Wing-body share of CMQ and CLQ where the cards give no planform: part of the tail's share, and
+# amount per radian. A wing-body has no positive pitch damping; 10 % leave room for the rounding of
+# the print.
 _MOMENT_ABOVE, _MOMENT_BELOW, _MOMENT_AMOUNT = 0.10, 0.25, 2.5
 _LIFT_PART, _LIFT_AMOUNT = 1.0, 5.0
+# Difference of the print from the shares of tail and wing: part of the tail's, part of the wing's,
+# and amount per radian. The largest seen are 0.05, 0.16 and 0.9; a body adds damping.
+_OFF_TAIL, _OFF_WING = 0.10, 0.35
+_OFF_ABOVE, _OFF_BELOW, _OFF_LIFT = 0.3, 1.5, 1.5
 # Lift from which the rolling moment due to yaw has the sign of the lift, but for the share of a
 # vertical tail.
 _LIFTING, _TAIL_CLR = 0.2, 0.2
@@ -50,6 +57,7 @@ LARGEST = {
     "Cn_rhat": 3.0,
     "Cl_rhat": 2.0,
     "Cn_phat": 1.5,
+    "CY_phat": 3.0,
 }
 # Sign in attached flow: damping opposes its rate; a late downwash lifts the tail down.
 _SIGNS = {
@@ -116,6 +124,8 @@ def find_inconsistent(
     lift: np.ndarray,
     downwash_slope: np.ndarray,
     mach: float,
+    wing: Mapping[str, float] | None = None,
+    has_tail: bool | None = None,
 ) -> dict[str, np.ndarray]:
     """Return masks of the numbers that contradict their sign, their size or each other.
 
@@ -123,7 +133,8 @@ def find_inconsistent(
     ----------
     derivatives : mapping of str to array (alpha,)
         ``CL_qhat``, ``Cm_qhat``, ``CL_alphadothat``, ``Cm_alphadothat``, ``Cl_phat``, ``Cn_phat``,
-        ``Cn_rhat``, ``Cl_rhat``, NaN where nothing is printed. [1/rad]
+        ``Cn_rhat``, ``Cl_rhat``, and ``CY_phat`` if it is at hand, NaN where nothing is printed.
+        [1/rad]
     alpha : array (alpha,)
         Angle of attack. [deg]
     lift : array (alpha,)
@@ -132,6 +143,11 @@ def find_inconsistent(
         d epsilon / d alpha, NaN without a tail behind the wing.
     mach : float
         Mach number of the page.
+    wing : mapping of str to float, optional
+        ``CL_qhat`` and ``Cm_qhat`` of the wing (`estimate_wing_share`). [1/rad]
+    has_tail : bool, optional
+        Whether the page is that of an aeroplane with a second surface; by default, whether a
+        downwash is printed.
 
     Returns
     -------
@@ -139,13 +155,16 @@ def find_inconsistent(
         By derivative; only those with a number that is inconsistent.
     """
     is_linear = np.abs(alpha) <= _LINEAR
-    has_tail = bool(np.isfinite(downwash_slope).any())
+    has_downwash = bool(np.isfinite(downwash_slope).any())
+    if has_tail is None:
+        has_tail = has_downwash
     wrong = {}
     for name, largest in LARGEST.items():
-        wrong[name] = np.abs(derivatives[name]) > largest
+        if name in derivatives:
+            wrong[name] = np.abs(derivatives[name]) > largest
     for name, sign in _SIGNS.items():
         # Without a tail, or with the share of a supersonic wing, the lag has no sign of its own.
-        if name.endswith("alphadothat") and (not has_tail or mach >= _SUPERSONIC):
+        if name.endswith("alphadothat") and (not has_downwash or mach >= _SUPERSONIC):
             continue
         # CMQ and CLQ are printed once, in the first row, for all angles.
         rows = is_linear | (name == "Cm_qhat")
@@ -160,15 +179,27 @@ def find_inconsistent(
     # The yaw of a rolling aeroplane is a part of its roll damping, but for the share of the fin.
     largest_Cn_p = np.abs(derivatives["Cl_phat"]) + _FIN_CNP * fin
     wrong["Cn_phat"] |= is_linear & (np.abs(derivatives["Cn_phat"]) > largest_Cn_p)
-    for name, share in estimate_tail_share(derivatives, alpha, downwash_slope, mach).items():
-        rest = derivatives[name] - share
-        if name == "Cm_qhat":
-            below = _MOMENT_BELOW * abs(share) + _MOMENT_AMOUNT
-            is_off = (rest > _MOMENT_ABOVE * abs(share)) | (rest < -below)
-        else:
-            is_off = np.abs(rest) > _LIFT_PART * abs(share) + _LIFT_AMOUNT
-        wrong[name] = wrong[name] | is_off
+    shares = estimate_tail_share(derivatives, alpha, downwash_slope, mach)
+    for name in ("CL_qhat", "Cm_qhat"):
+        # A tail without downwash, such as that behind a canard, leaves its share unknown.
+        if name in shares or (wing and not has_tail):
+            low, high = _expected_rates(name, shares.get(name, 0.0), (wing or {}).get(name))
+            wrong[name] = wrong[name] | (derivatives[name] < low) | (derivatives[name] > high)
     return {name: mask for name, mask in wrong.items() if mask.any()}
+
+
+def _expected_rates(name: str, tail: float, wing: float | None) -> tuple[float, float]:
+    """Return the lowest and highest CLQ or CMQ that fits the shares of tail and wing. [1/rad]"""
+    part = abs(tail)
+    if wing is not None:
+        room = _OFF_TAIL * part + _OFF_WING * abs(wing)
+        if name == "CL_qhat":
+            return tail + wing - room - _OFF_LIFT, tail + wing + room + _OFF_LIFT
+        return tail + wing - room - _OFF_BELOW, tail + wing + room + _OFF_ABOVE
+    if name == "CL_qhat":
+        room = _LIFT_PART * part + _LIFT_AMOUNT
+        return tail - room, tail + room
+    return tail - _MOMENT_BELOW * part - _MOMENT_AMOUNT, tail + _MOMENT_ABOVE * part
 
 
 def flag_damping(case: Case) -> None:
@@ -194,7 +225,11 @@ def flag_damping(case: Case) -> None:
         lift = _column_of_page(static, "static", "CL", alpha)
         slope = _column_of_page(static, "downwash", "epsilon_alpha", alpha)
         mach = page.condition("mach")
-        wrong = find_inconsistent(derivatives, alpha, lift, slope, mach)
+        wing = estimate_wing_share(case.deck, mach)
+        has_tail = "HORIZONTAL" in page.configuration
+        wrong = find_inconsistent(
+            derivatives, alpha, lift, slope, mach, wing=wing, has_tail=has_tail
+        )
         shares = estimate_tail_share(derivatives, alpha, slope, mach)
         for name, mask in wrong.items():
             page = with_suspects(page, "dynamic", (name,), mask)
@@ -203,6 +238,8 @@ def flag_damping(case: Case) -> None:
             if name in shares:
                 text += ", where the derivatives of alpha-dot and the downwash of the page give "
                 text += f"{shares[name]:.4g} for the tail alone"
+            if name in wing and (name in shares or not has_tail):
+                text += f", and the planform gives {wing[name]:.4g} for the wing"
             _, _, machs = reports.setdefault(
                 (page.configuration, name), (table.lines[row], text, [])
             )

@@ -8,6 +8,7 @@ itself.  All ways are tried in this order.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -34,6 +35,8 @@ _PLOTS = {"for013": ("for013.dat", "fort.13"), "for014": ("for014.dat", "fort.14
 # The program begins every run with this line.
 _SIGN = b"CONERR - INPUT ERROR CHECKING"
 _MOST_OUTPUT = 300  # characters of the output of a failed program in a message
+# What the libraries of gfortran and of Intel print above a list of addresses.
+_RUNTIME_ERROR = re.compile(r"runtime error|^forrtl:|Program received signal", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -287,7 +290,7 @@ def _run_program(
             fatal=True,
             broken=True,
         )
-    tail = " ".join(output.decode("latin-1").split())[-_MOST_OUTPUT:]
+    tail = _describe_output(output.decode("latin-1"))
     if tail:
         tail = f"; its output: {tail}"
     # A negative code is the number of a signal.
@@ -297,6 +300,15 @@ def _run_program(
     if process.returncode:
         return _Attempt(output, f"it ended with code {process.returncode}{tail}", broken=True)
     return _Attempt(output, f"it ended without a print of unit 6{tail}")
+
+
+def _describe_output(text: str) -> str:
+    """Return what a program printed last, or the error of its runtime library without addresses."""
+    lines = [" ".join(line.split()) for line in text.splitlines()]
+    for k, line in enumerate(lines):
+        if _RUNTIME_ERROR.search(line):
+            return " ".join(lines[max(0, k - 1) : k + 1])[-_MOST_OUTPUT:]
+    return " ".join(" ".join(lines).split())[-_MOST_OUTPUT:]
 
 
 def _kill_process(process: subprocess.Popen[bytes]) -> None:

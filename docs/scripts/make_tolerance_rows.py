@@ -20,6 +20,8 @@ SHOWN = {
     "pass_with_departures": "pass with departures",
     "limits_exceeded": "pass with limits exceeded",
     "record_error": "pass on a record with errors",
+    "leak": "LEAK: the record identified the model",
+    "not_driven": "NOT DRIVEN by the inputs",
 }
 HEAD = """# Which entry is judged on which record
 

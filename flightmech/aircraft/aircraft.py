@@ -86,6 +86,13 @@ from flightmech.units import parse_quantity
 Vector = tuple[float, float, float]
 
 
+class DefaultNumber(float):
+    """A default value: equal to the same number in a file, of another type."""
+
+
+X_REF_MAC = DefaultNumber(0.25)
+
+
 @dataclass(frozen=True)
 class Aircraft:
     """Geometry, mass and equipment of an aircraft, SI.
@@ -145,7 +152,7 @@ class Aircraft:
     Ixz: float = 0.0
     Iyz: float = 0.0
     reference: Vector | None = None
-    x_ref_mac: float = 0.25
+    x_ref_mac: float = X_REF_MAC
     cg: Vector = (0.0, 0.0, 0.0)
     engines: tuple[Engine, ...] = ()
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -294,7 +301,7 @@ class _AircraftFile(_NumberOrText):
         "that of the database.",
     )
     x_ref_mac: Annotated[float, InUnits("1")] = Field(
-        default=0.25,
+        default=X_REF_MAC,
         description="Place of the reference point behind the leading edge of the mean chord, in "
         "chords.",
     )

@@ -20,6 +20,7 @@ from flightmech.simulation.kernel import (
     list_name_groups,
 )
 from flightmech.support.figures import make_template_environment
+from flightmech.support.flown_samples import FLOWN_SAMPLES
 from flightmech.units import from_si
 
 # Description of each group of names.
@@ -156,6 +157,8 @@ def _make_provenance_table(meta: Mapping[str, Any]) -> PageTable:
     """Return the texts of the model, then the attributes of its database."""
     texts = {key: item for key, item in meta.items() if key not in ("database", "terms")}
     texts |= meta.get("database", {})
+    # numbers of the flights, no text
+    texts.pop(FLOWN_SAMPLES, None)
     return PageTable(("attribute", "value"), [(key, str(item)) for key, item in texts.items()])
 
 

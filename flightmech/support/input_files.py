@@ -243,6 +243,8 @@ MISSILE_FILE = (
     "a file of Missile DATCOM, another program than Digital DATCOM, which aeromatch does not read"
 )
 _MISSILE = re.compile(rb"MISSILE DATCOM", re.I)
+# namelists of its decks that Digital DATCOM does not have
+_MISSILE_DECK = re.compile(rb"^ ?\$ *(?:REFQ|AXIBOD|ELLBOD|FINSET\d|DEFLCT)\b", re.I | re.M)
 _LISTING = re.compile(
     rb"STABILITY AND CONTROL +(?:METHODS|DIGITAL DATCOM)|CONFIGURATION AUXILIARY|INPUT DATA CARDS"
 )
@@ -285,7 +287,7 @@ def file_kind(path: str | os.PathLike[str]) -> str:
         head = _to_utf8(head)
     if b"\0" in head:
         return f"bytes that begin with {head[:8]!r}"
-    if _MISSILE.search(head):
+    if _MISSILE.search(head) or _MISSILE_DECK.search(head):
         return MISSILE_FILE
     if _LISTING.search(head):
         return (

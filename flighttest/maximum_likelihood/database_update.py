@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 import aerodb
+from aerodb.store.identified_terms import stamp_identified
 from aerodb.store.schema import terms
 from flightmech.errors import UnknownName
 from flightmech.names import COEFFICIENTS
@@ -75,6 +76,7 @@ def updated_database(db: xr.DataTree, fit: OutputError) -> tuple[xr.DataTree, li
     if not leaves:
         return db, unplaced
     note = f"{e.attrs['method']}, {e.attrs['manoeuvres']} manoeuvres"
+    leaves = {name: stamp_identified(leaf) for name, leaf in leaves.items()}
     return aerodb.replace_terms(db, leaves, note=note), unplaced
 
 

@@ -12,6 +12,14 @@ import xarray as xr
 import aerodb
 from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.support.console import to_json_types
+from flightmech.support.flown_samples import (
+    CHANNELS,
+    FLOWN_SAMPLES,
+    FlownWindow,
+    cut_windows,
+    pack_windows,
+    with_flown_samples,
+)
 from flighttest.maximum_likelihood.database_update import updated_database
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.specification import Specification
@@ -134,6 +142,13 @@ class FitJobResult(PrintedResult):
         """Write the database with the estimates; return the parameters that it cannot contain."""
         database = aerodb.open(self.specification.database)
         updated, unplaced = updated_database(database, self.fit)
+        windows: list[FlownWindow] = []
+        for record in self.records:
+            channels = {name: record[name].values for name in CHANNELS if name in record}
+            time = record["time"].values.astype(float)
+            windows += cut_windows(str(record.attrs["record"]), time, channels)
+        flown = {FLOWN_SAMPLES: pack_windows(windows)}
+        updated.attrs |= with_flown_samples(database.attrs, flown)
         aerodb.save(updated, path)
         return unplaced
 

@@ -48,7 +48,7 @@ class OutputError(PrintedResult):
         ``information`` (Fisher, prior included), ``start``, ``prior_stderr``, ``low``, ``high`` and
         ``active``: at a bound, without a standard error. Attributes: ``method``, ``cost``,
         ``iterations``, ``converged``, ``stop`` (why the search ended: ``converged``, ``stalled``
-        or ``iterations``), ``samples``, ``manoeuvres``.
+        or ``iterations``), ``remaining_step`` (in standard errors), ``samples``, ``manoeuvres``.
     residuals : tuple of Dataset
         Per manoeuvre measured minus predicted outputs over ``time``, or over ``frequency`` as
         complex numbers.
@@ -165,6 +165,7 @@ def estimates_dataset(
         "iterations": maximum.iterations,
         "converged": int(maximum.converged),
         "stop": maximum.stop,
+        "remaining_step": maximum.remaining,
         "samples": sum(len(v) for v in maximum.residuals),
         "manoeuvres": len(maximum.residuals),
     }
@@ -232,8 +233,9 @@ def _list_remarks(fit: OutputError) -> list[Remark]:
         text = f"not converged after {e.attrs['iterations']} iterations"
         if e.attrs.get("stop") == STALLED:
             text = (
-                f"stalled after {e.attrs['iterations']} iterations: no step lowers the cost "
-                f"although its gradient is not zero; start from other values"
+                f"stalled after {e.attrs['iterations']} iterations: no step lowers the cost, "
+                f"although its slope calls for a step of {e.attrs['remaining_step']:.2g} standard "
+                f"errors; start from other values"
             )
         remarks.append(Remark("convergence", text, severity="error"))
     for name, is_active, value in zip(names, e["active"].values, e["estimate"].values):

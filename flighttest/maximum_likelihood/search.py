@@ -95,6 +95,8 @@ class LikelihoodMaximum:
     iterations : int
     stop : str
         Why the search ended: `CONVERGED`, `STALLED` or `EXHAUSTED`.
+    remaining : float
+        Largest element of the step without damping at the end, in standard errors.
     """
 
     theta: np.ndarray
@@ -106,6 +108,7 @@ class LikelihoodMaximum:
     cost: float
     iterations: int
     stop: str
+    remaining: float = np.nan
 
     @property
     def converged(self) -> bool:
@@ -306,6 +309,7 @@ class _Search:
         self.last_was_first = True  # the last accepted step was the first trial
         # Of the last step: it was small; no step lowered J, now and in the step before.
         self.is_near = self.is_stuck = self.was_stuck = False
+        self.remaining = np.nan  # step without damping, in standard errors
 
     def simulate_start(self) -> None:
         """Simulate the start values and their slopes."""
@@ -365,8 +369,9 @@ class _Search:
         was possible.
         """
         if self.is_near or self.is_stuck:
-            remaining = self._undamped_step()
-            if remaining < CLOSE or (self.is_stuck and remaining < ROUNDED):
+            self.remaining = self._undamped_step()
+            is_rounded = self.is_stuck and self.remaining < ROUNDED
+            if self.remaining < CLOSE or is_rounded:
                 self.stop = CONVERGED
             elif self.is_stuck and self.was_stuck:
                 self.stop = STALLED
@@ -402,6 +407,7 @@ class _Search:
             cost=self.cost,
             iterations=self.count,
             stop=self.stop,
+            remaining=self.remaining,
         )
 
 

@@ -10,19 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from flightmech.support.flown_samples import (
+    ALIKE,
+    LEAST_CHANNELS,
+    LEAST_OVERLAP,
+    SMOOTHED,
+    STEP,
+    sliding_correlation,
+)
+
 INERTIAL = ("p", "q", "r", "ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
 """Channels of gyros and accelerometers: noise and turbulence make them differ in every flight."""
-LEAST_CHANNELS = 3
 LEAST_SAMPLES = 100  # equal instants that are no coincidence
-STEP = 0.2  # [s] of the common clock
-SMOOTHED = 0.4  # [s] mean over it, so that a clock between the samples does not matter
-LEAST_OVERLAP = 5.0  # [s]
-ALIKE = 0.985
-"""Median correlation of the channels at one shift of the clocks, from which on samples are shared.
-
-Our number: copies at a higher rate have 1.00.  Of the 1081 pairs of the 47 records of the T-37, the
-two most alike have 0.903; two Dutch rolls of the C182 flown alike have 0.963.  A copy at a lower rate, interpolated, may stay below.
-"""
 
 
 @dataclass(frozen=True)
@@ -119,7 +118,7 @@ def _find_shift(one: Channels, other: Channels, names: list[str]) -> SharedSampl
     (start_a, a), (start_b, b) = _smooth(one, names), _smooth(other, names)
     if min(a.shape[1], b.shape[1]) * STEP < LEAST_OVERLAP:
         return None
-    joint = np.median(_sliding_correlation(a, b), axis=0)
+    joint = np.median(sliding_correlation(a, b), axis=0)
     best = int(np.argmax(joint))
     if not joint[best] > ALIKE:
         return None
@@ -146,32 +145,3 @@ def _smooth(channels: Channels, names: list[str]) -> tuple[float, np.ndarray]:
         late = np.interp(instants + SMOOTHED, time, integral)
         rows.append((late - np.interp(instants, time, integral)) / SMOOTHED)
     return float(start), np.array(rows)
-
-
-def _sliding_correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the correlation of rows over their overlap, at every lag of b in a (name, lag).
-
-    Lags run from 1 - size of b; an overlap shorter than `LEAST_OVERLAP` has correlation -1.
-    """
-    a, b = a - a.mean(axis=1, keepdims=True), b - b.mean(axis=1, keepdims=True)
-    # the overlap at each lag, on the samples of a and on those of b
-    lags = np.arange(1 - b.shape[1], a.shape[1])
-    first, last = np.maximum(lags, 0), np.minimum(lags + b.shape[1], a.shape[1])
-    count = last - first
-
-    def overlap_mean(rows: np.ndarray, shift: np.ndarray | int) -> np.ndarray:
-        total = np.pad(np.cumsum(rows, axis=1), ((0, 0), (1, 0)))
-        return (total[:, last - shift] - total[:, first - shift]) / count
-
-    mean_a, mean_b = overlap_mean(a, 0), overlap_mean(b, lags)
-    variance_a = overlap_mean(a * a, 0) - mean_a**2
-    variance_b = overlap_mean(b * b, lags) - mean_b**2
-    # sum over the overlap of a(t + lag) b(t), by the convolution theorem
-    size = 1 << lags.size.bit_length()
-    product = np.fft.rfft(a, size) * np.fft.rfft(b[:, ::-1], size)
-    covariance = np.fft.irfft(product, size)[:, : lags.size] / count - mean_a * mean_b
-    # below a share of the variance of the whole series, the difference is rounding
-    least = 1e-9 * np.maximum(a.var(axis=1), b.var(axis=1))[:, np.newaxis]
-    is_valid = (count * STEP >= LEAST_OVERLAP) & (variance_a > least) & (variance_b > least)
-    scale = np.sqrt(np.where(is_valid, variance_a * variance_b, 1.0))
-    return np.where(is_valid, covariance / scale, -1.0)

@@ -20,6 +20,7 @@ from urllib.parse import quote, unquote
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.support.console import to_json_types
 from flightmech.support.input_files import file_sha256, json_content
+from pom.archive.program_files import list_program, program_digests
 from pom.cases.case import PomCase
 from pom.result import PomResult
 
@@ -35,7 +36,7 @@ class ModelFile(TypedDict, total=False):
 class ReportProvenance(TypedDict, total=False):
     """Origin of a report; every key may be absent.
 
-    ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs``
+    ``program`` (tolerance table and package to SHA-256), ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs``
     (file to SHA-256), ``places`` (input to path), ``models`` (run to file, SHA-256 and path),
     ``units`` (set of units that the pages show, `pom.report.presentation.unit_sets`),
     ``records`` (part of the model or case to the names of its flight records), ``record_errors``
@@ -46,6 +47,7 @@ class ReportProvenance(TypedDict, total=False):
     command: str
     units: str
     versions: Mapping[str, str]
+    program: Mapping[str, str]
     inputs: Mapping[str, str]
     places: Mapping[str, str]
     models: Mapping[str, ModelFile]
@@ -97,7 +99,7 @@ def provenance(
     Returns
     -------
     dict
-        ``command``, ``date``, ``versions``, ``inputs`` with their SHA-256, ``places`` with their
+        ``command``, ``date``, ``versions``, ``program``, ``inputs`` with their SHA-256, ``places`` with their
         paths, ``models`` with file, SHA-256 and path.
     """
     # Names relative to the common folder are unique and do not disclose the folders above.
@@ -119,6 +121,7 @@ def provenance(
         "command": command,
         "date": date,
         "versions": _read_versions(),
+        "program": program_digests(),
         "inputs": {name: digest(file) for file, name in names.items()},
         "places": {name: str(file) for file, name in names.items()},
         "models": model_files,
@@ -224,6 +227,10 @@ def report_manifest_text(
     }
     cases = [case_seen_from(result.case, folder).to_dict() for result in results]
     # the keys of in-toto Statement v1 and of SLSA provenance v1
+    builder: dict[str, Any] = {"id": BUILD, "version": dict(provenance.get("versions", {}))}
+    program = list_program(provenance)
+    if program:
+        builder["builderDependencies"] = program
     predicate = {
         "buildDefinition": {
             "buildType": BUILD,
@@ -231,7 +238,7 @@ def report_manifest_text(
             "internalParameters": {"cases": cases},
             "resolvedDependencies": _list_dependencies(provenance, Path(folder)),
         },
-        "runDetails": {"builder": {"id": BUILD, "version": dict(provenance.get("versions", {}))}},
+        "runDetails": {"builder": builder},
     }
     return statement_text(
         {

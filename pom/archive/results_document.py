@@ -15,7 +15,13 @@ from flightmech.support.console import to_json_types
 from pom.archive.archive import Archive, read_archive
 from pom.archive.origins import NAME, case_seen_from, dependency_path, read_report_manifest
 from pom.replaying.run_remarks import drift
-from pom.result import PomResult, departure_remarks, to_records, to_split_dict
+from pom.result import (
+    PomResult,
+    departure_remarks,
+    spread_notice,
+    to_records,
+    to_split_dict,
+)
 
 
 @dataclass(frozen=True)
@@ -228,7 +234,10 @@ def _case_numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any
     }
     # With draws, the key holds their numbers in place of the number of time samples.
     if result.samples:
-        numbers["samples"] = {run: replay.numbers() for run, replay in result.samples.items()}
+        numbers["samples"] = {
+            run: {**replay.numbers(), "unexplained": spread_notice(result, run)}
+            for run, replay in result.samples.items()
+        }
     return to_json_types(numbers)
 
 

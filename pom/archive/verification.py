@@ -16,16 +16,18 @@ from flightmech.errors import AeromatchError
 from flightmech.support.input_files import file_sha256
 from pom.archive.archive import read_archive
 from pom.archive.origins import dependency_path, read_report_manifest
+from pom.archive.program_files import compare_program
 from pom.archive.statements import CLOSE, compare_statements, run_of
 from pom.judging.beyond_the_bands import watch_channels
 from pom.judging.departures import case_departures
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all, verdict_row
+from pom.probing.scatter_probe import measure_scatter
 from pom.replaying.trim import beyond_limits, result_trim_limits
-from pom.result import NUMBERS, PomResult
+from pom.result import NUMBERS, PASSED, PomResult
 from pom.tolerances.bands import RowRemark
 
-KINDS = ("output", "input", "model", "statement", "tolerance", "verdict")
+KINDS = ("output", "input", "model", "program file", "statement", "tolerance", "verdict")
 
 # The channel without samples is either missing or empty.  The archive does not show which.
 _EMPTY = {"invalid", "not_tested"}
@@ -35,7 +37,8 @@ _EMPTY = {"invalid", "not_tested"}
 class VerificationResult:
     """Result of one check.
 
-    ``kind`` is one of `KINDS`.  ``state`` is ``same``, ``changed`` or ``missing``.  ``detail``
+    ``kind`` is one of `KINDS`.  ``state`` is ``same``, ``changed``, ``missing``, or ``unknown`` for
+    the program of another version or of a manifest that does not state it.  ``detail``
     states what exactly changed.
     """
 
@@ -48,7 +51,8 @@ class VerificationResult:
 def verify(folder: str | os.PathLike) -> list[VerificationResult]:
     """Check a report: its files, its statements, its tolerances and its verdicts.
 
-    All outputs and inputs are hashed again.  Every field of ``manifest.json`` and ``results.json``
+    All outputs and inputs are hashed again, and the tolerance table and the files of the program are
+    compared with those of this installation.  Every field of ``manifest.json`` and ``results.json``
     is compared with ``results.nc``.  The criteria of every case are compared with the rows of the
     table of its standard and edition, except for bands of the case file.  All verdicts are judged
     again from ``results.nc``.  Not covered: the author of the report, and the content of page and
@@ -62,7 +66,7 @@ def verify(folder: str | os.PathLike) -> list[VerificationResult]:
     Returns
     -------
     list of VerificationResult
-        Results of all checks.  The report is valid if every state is ``same``.
+        Results of all checks.  The report is valid if every state is ``same`` or ``unknown``.
 
     Raises
     ------
@@ -83,6 +87,8 @@ def verify(folder: str | os.PathLike) -> list[VerificationResult]:
             kind, name = "model", f"{run}: {item['name']}"
         path = dependency_path(item, folder)
         checks.append(_check_hash(kind, name, path, item["digest"]["sha256"]))
+    for name, state, detail in compare_program(statement):
+        checks.append(VerificationResult("program file", name, state, detail))
     for kind, name, detail in compare_statements(folder, statement):
         checks.append(_make_result(kind, name, detail))
     checks.extend(_check_verdicts(folder))
@@ -187,6 +193,9 @@ def _find_missing_remarks(result: PomResult, run: str) -> Iterator[str]:
         *_trim_remarks(result, run, demanded=False),
         *watch_channels(result.case, result.signals["time"].values, flight, model),
     )
+    if result.status(run) in PASSED and result.case.reference == "flight":
+        copied = [item for item in measure_scatter(result.signals, run) if item.kind != "probe"]
+        expected = (*expected, *copied)
     for remark in expected:
         if remark.text not in stated:
             yield f"{remark.text}: not stated"

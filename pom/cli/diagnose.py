@@ -28,6 +28,12 @@ _FILE = InputFile()
     help="Aircraft file of the a-priori model, when engines, gear or circuits are others.",
 )
 @click.option(
+    "--evidence",
+    type=_FILE,
+    help="Identified database with standard errors, from which distances are counted; --final "
+    "without it.",
+)
+@click.option(
     "--group",
     "groups",
     multiple=True,
@@ -67,4 +73,7 @@ _FILE = InputFile()
 def diagnose_command() -> None:
     """Swap terms between two databases and rank how much of the mismatch of CASES each explains
     (files, or folders of them).
+
+    A last table ranks the wrong terms over all cases together, by their effect and their distance
+    from the evidence.
     """

@@ -1,5 +1,6 @@
 """Public names of `pom.diagnosis`."""
 
+from . import culprits as culprits
 from .corrected_model import corrected_aircraft as corrected_aircraft
 from .corrected_model import corrected_database as corrected_database
 from .corrected_model import corrected_terms as corrected_terms

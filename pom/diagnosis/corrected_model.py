@@ -11,6 +11,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.parts import different_parts, swap_parts
+from flightmech.support.flown_samples import with_flown_samples
 from pom.diagnosis.term_swaps import swap_terms
 
 
@@ -68,6 +69,10 @@ def correction_reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
         alone = _explained_by_term(table, "single")
         share = _explained_by_term(table, "share")
         for name in _terms_of_stage(table, "sequence"):
+            # Without a gap between the models there is no share of it.
+            if not np.isfinite(alone[name]):
+                needs.setdefault(name, []).append(case)
+                continue
             text = f"{case} (alone {100.0 * alone[name]:.0f} % of the gap"
             if name in share:
                 text += f", share {100.0 * share[name]:.0f} %"
@@ -109,6 +114,7 @@ def corrected_database(
     title = str(final.attrs.get("title", "the final database"))
     reasons = _history_lines(diagnoses, source or title)
     corrected = swap_terms(prior, final, reasons, why=reasons)
+    corrected.attrs |= with_flown_samples(prior.attrs, final.attrs)
     corrected.attrs["title"] = (
         f"{prior.attrs['aircraft']}: a-priori database with the terms that the diagnosis needs"
     )

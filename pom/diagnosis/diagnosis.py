@@ -25,16 +25,22 @@ from flightmech.aircraft.aircraft import Aircraft
 from pom.cases.case import PomCase
 from pom.diagnosis.screening import screen_idle_terms
 from pom.diagnosis.shapley import shapley_shares
-from pom.diagnosis.swap_judgement import Judged, nearest_choice
+from pom.diagnosis.swap_judgement import (
+    LEAST_GAP,
+    DiagnosisRows,
+    Judged,
+    effect_correlation,
+    effect_products,
+    nearest_choice,
+)
 from pom.diagnosis.swap_models import SwapModels
 from pom.diagnosis.swap_runs import SwapBench
 from pom.diagnosis.term_swaps import groups_of
 from pom.diagnosis.waterfall_steps import OTHERS
 
 LEAST_SHARE = 0.02  # of the gap: an addition that explains less is not worth a correction
-# [half widths] A criterion whose mismatch differs by less between the two models has no meaningful
-# shares.
-LEAST_GAP = 0.05
+# A share below the negative of it, or as far above 1, is stated with the effect that opposes it.
+LEAST_OPPOSED = 0.1
 LEAST_FELT = 0.005  # of the gap: a term that changes less alone counts among the others
 # Single swaps with the largest changes, better or worse. Every round of the sequence tries them.
 CANDIDATES = 16
@@ -84,13 +90,13 @@ def diagnose(
     Returns
     -------
     DataFrame
-        Columns ``stage term explained stderr interaction bound verdict mismatch`` and, for every
-        judged criterion, its ``mismatch`` (rms of difference over half width for a time history,
+        Columns ``stage term explained stderr interaction correlation partner bound verdict
+        mismatch`` and, for every judged criterion, its ``mismatch`` (rms of difference over half width for a time history,
         the ratio itself for a scalar), ``ratio`` (largest), ``explained`` and ``stderr``.
         ``explained`` is the share of the gap between the mismatches of `prior` and `final`; the
         total mismatch is the root mean square over the groups, of each group the best alternative,
-        at most `CEILING`.  NaN when `final` is no better, for a criterion when it is better by less
-        than `LEAST_GAP`.  Stages:
+        at most `CEILING`.  NaN when `final` is not better by `LEAST_GAP`, of a criterion likewise.
+        Stages:
 
         - ``prior`` and ``final``;
         - ``single``, one row per term that was flown alone, best first; ``group``, best first;
@@ -98,17 +104,20 @@ def diagnose(
           empty; ``bound``: how far that moves the judged outputs, as a share of their mismatch),
           then a row for each, with the ``bound`` of what it moves, the largest first;
         - ``pair``, terms ``A + B`` of those that change most, best first; ``interaction`` is what
-          both explain beyond the sum of each;
+          both explain beyond the sum of each, ``correlation`` that of their effects on the judged
+          outputs: near -1 they compensate each other;
         - ``sequence``, terms added one after the other, each row with all before it;
         - ``without``, the final model without one of the terms with a share of their own or a
           group, the worst first;
         - ``share``, the Shapley shares with their standard errors (zero when exact): first those
           that add to the mismatch, then those that reduce it, the largest first.  Their
           ``mismatch`` is the level after this share and those above it, from that of `prior` to
-          that of `final`.
+          that of `final`.  A share that is negative or above 1 by more than `LEAST_OPPOSED` has the
+          ``partner`` whose effect opposes it most, and the ``correlation`` of both effects.
 
         The last four stages are not there when `prior` is within tolerance or `final` is no better,
-        nor when `final` fails as well and is better by less than `LEAST_GAP`.
+        nor when `final` fails as well and is better by less than `LEAST_GAP`.  The shares are not
+        there whenever it is better by less.
     """
     models = SwapModels.of(prior, final, (apriori or aircraft, aircraft))
     bench = SwapBench.of(case, models, path)
@@ -164,7 +173,8 @@ def diagnose_bench(
     omissions: dict[str, Sequence[str]] = {name: (name,) for name in separate}
     omissions |= members
     _add_omissions(bench, table, omissions)
-    _add_shares(bench, table, separate, replays=replays, seed=seed)
+    if table.has_gap:
+        _add_shares(bench, table, separate, replays=replays, seed=seed)
     return pd.DataFrame(table.rows)
 
 
@@ -173,109 +183,6 @@ def _judge_singles(bench: SwapBench) -> list[tuple[str, Judged]]:
     names = [name for name in bench.names if name not in bench.idle]
     runs = zip(names, bench.judged([name] for name in names), strict=True)
     return sorted(runs, key=lambda run: _rank_total(run[1]))
-
-
-class DiagnosisRows:
-    """Rows of a diagnosis, and the gaps between the two models.
-
-    The first element of every array is the total mismatch. The criteria follow.
-    """
-
-    def __init__(self, start: Judged, end: Judged):
-        self.rows: list[dict[str, Any]] = []
-        self.criteria = list(start.mismatch)
-        self.start, self.end = start.counted(self.criteria), end.counted(self.criteria)
-        self.gap = start.total - end.total
-        self._nan = np.full(len(self.criteria) + 1, np.nan)
-
-    def explained(self, change: np.ndarray) -> np.ndarray:
-        """Return changes of the mismatches as shares of their gaps; NaN without a gap."""
-        gap = self.start - self.end
-        gap[1:][gap[1:] < LEAST_GAP] = np.nan
-        gap[0] = np.nan
-        if self.gap > 0.0:
-            gap[0] = self.gap
-        return change / gap
-
-    def add(
-        self,
-        stage: str,
-        term: str,
-        judged: Judged,
-        interaction: float = np.nan,
-        bound: float = np.nan,
-    ) -> None:
-        """Append a row of a judged choice."""
-        mismatch = [judged.mismatch.get(name, np.nan) for name in self.criteria]
-        ratio = [judged.ratio.get(name, np.nan) for name in self.criteria]
-        self._append(
-            {"stage": stage, "term": term, "verdict": judged.verdict},
-            explained=self.explained(self.start - judged.counted(self.criteria)),
-            mismatch=[judged.total, *mismatch],
-            ratio=ratio,
-            interaction=interaction,
-            bound=bound,
-        )
-
-    def add_idle(self, term: str, bound: float) -> None:
-        """Append a term that was not flown alone, with the bound of its effect."""
-        self._append({"stage": "idle", "term": term, "verdict": "not_tested"}, bound=bound)
-
-    def add_share(
-        self, term: str, change: np.ndarray, stderr: np.ndarray, level: np.ndarray
-    ) -> None:
-        """Append a Shapley share.
-
-        Parameters
-        ----------
-        term : str
-        change, stderr : array (1 + criterion,)
-            Changes of the mismatches, and their standard errors. [half widths]
-        level : array (1 + criterion,)
-            Mismatches after this share and those before it. [half widths]
-        """
-        self._append(
-            {"stage": "share", "term": term, "verdict": "not_tested"},
-            explained=self.explained(-change),
-            stderr=np.abs(self.explained(stderr)),
-            mismatch=level.tolist(),
-        )
-
-    def _append(
-        self,
-        labels: Mapping[str, str],
-        *,
-        explained: Sequence[float] | np.ndarray | None = None,
-        stderr: Sequence[float] | np.ndarray | None = None,
-        mismatch: Sequence[float] | None = None,
-        ratio: Sequence[float] | None = None,
-        interaction: float = np.nan,
-        bound: float = np.nan,
-    ) -> None:
-        """Append a row; numbers that are not given are NaN."""
-        if explained is None:
-            explained = self._nan
-        if stderr is None:
-            stderr = self._nan
-        if mismatch is None:
-            mismatch = self._nan.tolist()
-        if ratio is None:
-            ratio = self._nan[1:].tolist()
-        # The order of the keys is that of the columns.
-        row = {
-            "stage": labels["stage"],
-            "term": labels["term"],
-            "explained": explained[0],
-            "stderr": stderr[0],
-            "interaction": interaction,
-            "bound": bound,
-            "verdict": labels["verdict"],
-            "mismatch": mismatch[0],
-        }
-        for k, name in enumerate(self.criteria):
-            row |= {f"{name} mismatch": mismatch[k + 1], f"{name} ratio": ratio[k]}
-            row |= {f"{name} explained": explained[k + 1], f"{name} stderr": stderr[k + 1]}
-        self.rows.append(row)
 
 
 def _rank_total(judged: Judged) -> float:
@@ -294,9 +201,22 @@ def _add_pairs(bench: SwapBench, table: DiagnosisRows, names: Sequence[str]) -> 
     pairs = list(combinations(names, 2))
     runs = zip(pairs, bench.judged(pairs), strict=True)
     for (first, second), judged in sorted(runs, key=lambda run: _rank_total(run[1])):
-        both = (table.start[0] - judged.total) / table.gap
-        interaction = both - alone[first] - alone[second]
-        table.add("pair", f"{first}{AND}{second}", judged, interaction=interaction)
+        both = np.nan
+        if table.has_gap:
+            both = (table.start[0] - judged.total) / table.gap
+        table.add(
+            "pair",
+            f"{first}{AND}{second}",
+            judged,
+            interaction=both - alone[first] - alone[second],
+            correlation=_correlate_effects(bench, [first], [second]),
+        )
+
+
+def _correlate_effects(bench: SwapBench, first: Sequence[str], second: Sequence[str]) -> float:
+    """Return the correlation of the effects of two choices on the judged outputs."""
+    one, other, both = bench.judged([first, second, [*first, *second]])
+    return effect_correlation(effect_products(one, other, both, bench.sizes))
 
 
 def _find_needed_terms(bench: SwapBench, strongest: list[str], gap: float) -> list[str]:
@@ -414,6 +334,30 @@ def _add_shares(
     )
     levels = table.start + np.cumsum(shares.share[order], axis=0)
     for level, player in zip(levels, order, strict=True):
+        opposed = ("", np.nan)
+        explained = table.explained(-shares.share[player])[0]
+        if explained < -LEAST_OPPOSED or explained > 1.0 + LEAST_OPPOSED:
+            opposed = _find_opposing(bench, players, player, labels=labels)
         table.add_share(
-            labels[player], shares.share[player], stderr=shares.stderr[player], level=level
+            labels[player],
+            shares.share[player],
+            stderr=shares.stderr[player],
+            level=level,
+            opposed=opposed,
         )
+
+
+def _find_opposing(
+    bench: SwapBench, players: Sequence[Sequence[str]], player: int, *, labels: Sequence[str]
+) -> tuple[str, float]:
+    """Return the player whose effect opposes that of `player` most, and the correlation."""
+    lowest = ("", 0.0)
+    for other in range(len(players)):
+        if other == player:
+            continue
+        correlation = _correlate_effects(bench, players[player], players[other])
+        if correlation < lowest[1]:
+            lowest = (labels[other], correlation)
+    if not lowest[0]:
+        return "", np.nan
+    return lowest

@@ -22,10 +22,9 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from pom.diagnosis.corrected_model import corrected_terms
-from pom.diagnosis.diagnosis import DiagnosisRows
 from pom.diagnosis.kept_diagnosis import LateBench
 from pom.diagnosis.screening import screen_idle_terms
-from pom.diagnosis.swap_judgement import MATCHED
+from pom.diagnosis.swap_judgement import MATCHED, DiagnosisRows
 from pom.diagnosis.swap_runs import SwapBench
 
 

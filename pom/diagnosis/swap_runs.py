@@ -152,6 +152,11 @@ class SwapBench:
         return (*self.terms, *self.parts)
 
     @property
+    def sizes(self) -> dict[str, float]:
+        """Scale of every judged output, as `Judged.moved` uses it. [SI]"""
+        return self._size
+
+    @property
     def whole(self) -> SwapBench:
         """The bench itself; counterpart of `LateBench.whole`."""
         return self
@@ -229,6 +234,11 @@ class SwapBench:
                 if name in run:
                     sizes.append(rms(_difference(name, values, run[name])))
             self._start[name], self._size[name] = values, float(np.fmax.reduce(sizes))
+        # The final model was judged before the scales were known; its change follows from them.
+        if np.isfinite(final.moved):
+            changes = self._rms_changes(end)
+            moved = self._scaled_change(changes)
+            self.known[frozenset(self.names)] = replace(final, change=changes, moved=moved)
 
     def _search_long_steps(self) -> list[tuple[Outputs, Judged]]:
         """Return `_fly_ends` with the longest steps that judge both models alike.

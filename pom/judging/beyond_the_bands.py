@@ -18,6 +18,7 @@ import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 
 from aerodb.comparison.conditions import fill_missing_devices, select_covered_samples
+from aerodb.store.identified_terms import is_changed
 from aerodb.store.schema import HINGE, terms
 from aerodb.update.standard_errors import standard_errors
 from flightmech import terms as _terms
@@ -26,6 +27,7 @@ from flightmech.names import lookup
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import Simulation
 from flightmech.support.arrays import rms
+from flightmech.support.flown_samples import FLOWN_SAMPLES
 from flightmech.units import DEGREE, FOOT, KNOT, from_si
 from pom.cases.case import PomCase
 from pom.judging.applicability import reason_not_judged
@@ -42,6 +44,8 @@ BLOCK = "resources/model.bin"
 EDITS = ("scale:", "shift:", "set_nodes:", "pom tune")
 """Starts of the lines of a term's history that state an edit by hand or by a tuning."""
 IDENTIFIED = "identified from flight"
+JOINED = ("tabulate:", "regress_tables:", "join_submodels:")
+"""Starts of the lines of a term's history that state fits of flights."""
 
 
 class Evidence:
@@ -66,13 +70,17 @@ class Evidence:
     edited : tuple of str
         Terms that the case uses and that the database has from a judgement or an edit: they are no
         evidence, and a model with the same numbers shows no distance from them.
+    unstamped : bool
+        The database is from before terms had a stamp (`aerodb.store.identified_terms`): edits that
+        its history does not state are not found.
     """
 
     def __init__(self, database: xr.DataTree, states: xr.Dataset, hinges: bool = True):
         leaves = {}
+        is_stamped = FLOWN_SAMPLES in database.attrs
         for name, leaf in terms(database).items():
             is_hinge = name.split("/")[0] in HINGE
-            has_evidence = _from_flight(leaf).any() or _is_edited(leaf)
+            has_evidence = nodes_from_flight(leaf).any() or _is_edited(name, leaf, is_stamped)
             if has_evidence and (hinges or not is_hinge):
                 leaves[name] = leaf
         # every n-th state, so that at least SAMPLES remain of a longer record
@@ -84,13 +92,14 @@ class Evidence:
         self.estimates: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         edited = []
         for name, leaf in leaves.items():
-            if _from_flight(leaf).any():
+            if nodes_from_flight(leaf).any():
                 self.estimates[name] = self._estimate(leaf)
             value = np.asarray(_terms.evaluate_term(leaf, self.samples, "clamp"))
             is_used = rms(value) >= LEAST.get(name.split("/")[0], LEAST_MOMENT)
-            if is_used and _is_edited(leaf):
+            if is_used and _is_edited(name, leaf, is_stamped):
                 edited.append(name)
         self.edited = tuple(edited)
+        self.unstamped = not is_stamped and any(_was_joined(leaf) for leaf in leaves.values())
 
     def _estimate(self, leaf: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return contribution, standard error and flight mask of a term (samples,)."""
@@ -100,7 +109,7 @@ class Evidence:
         value = np.broadcast_to(_terms.evaluate_term(leaf, self.samples, "clamp"), count)
         sigma, weights = standard_errors(B, leaf), abs(B)
         # A sample is from flight if more than half the weight of its nodes is.
-        flight_weight = weights @ _from_flight(leaf).ravel()
+        flight_weight = weights @ nodes_from_flight(leaf).ravel()
         is_flight = flight_weight > 0.5 * np.asarray(weights.sum(axis=1)).ravel()
         return value, np.broadcast_to(sigma, count), np.broadcast_to(is_flight, count)
 
@@ -147,7 +156,11 @@ def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ..
         model = flown_model(fmu)
         if model is None:
             return _not_compared("the FMU holds no tables of this program")
-        return (*distance_remarks(evidence.distances(model)), *_edited_remarks(evidence.edited))
+        return (
+            *distance_remarks(evidence.distances(model)),
+            *_edited_remarks(evidence.edited),
+            *_unstamped_remarks(evidence.unstamped),
+        )
     except AeromatchError as error:
         return _not_compared(str(error))
 
@@ -159,6 +172,17 @@ def _edited_remarks(edited: tuple[str, ...]) -> tuple[RowRemark, ...]:
     text = (
         f"no evidence for {', '.join(edited)}: edited after the identification; give the database "
         f"as identified, or a pass does not exclude compensating errors"
+    )
+    return (RowRemark("edited_evidence", text),)
+
+
+def _unstamped_remarks(unstamped: bool) -> tuple[RowRemark, ...]:
+    """Return the remark on evidence whose edits cannot be found; empty if they can."""
+    if not unstamped:
+        return ()
+    text = (
+        "the evidence is from before terms had a stamp of their identification: edits by hand are "
+        "not found; identify it again"
     )
     return (RowRemark("edited_evidence", text),)
 
@@ -197,25 +221,44 @@ def flown_model(fmu: str | Path) -> SimModel | None:
         return SimModel(archive.read(BLOCK))
 
 
-def _from_flight(leaf: xr.Dataset) -> np.ndarray:
+def nodes_from_flight(leaf: xr.Dataset) -> np.ndarray:
     """Return the mask of the nodes from flight; false for a term without standard errors."""
     if not {"source", "stderr"} <= set(leaf):
         return np.zeros(leaf["value"].shape, bool)
     return leaf["source"].values == _terms.SOURCES.index("flight")
 
 
-def _is_edited(leaf: xr.Dataset) -> bool:
-    """Return whether a term was scaled, shifted, set or tuned after its last identification.
+def _is_edited(name: str, leaf: xr.Dataset, is_stamped: bool) -> bool:
+    """Return whether a term was scaled, shifted, set, tuned or changed after its identification.
 
-    The history shows it even if the source of the edit is stated as flight.
+    `is_stamped`: the identifications of the database are of a version that stamps terms.
     """
+    changed = is_changed(leaf)
+    if changed is not None:
+        return changed
+    # The stamp was removed.  Hinge moments and ground effect are identified without one.
+    coefficient, _, contribution = name.partition("/")
+    has_none = coefficient in HINGE or contribution.startswith("ground")
+    if is_stamped and not has_none and nodes_from_flight(leaf).any():
+        return True
+    # The history shows an edit even if its source is stated as flight.
     lines = str(leaf.attrs.get("history", "")).splitlines()
-    found = [number for number, line in enumerate(lines) if IDENTIFIED in line]
+    found = []
+    for number, line in enumerate(lines):
+        # the note of an edit may say anything
+        if IDENTIFIED in line and not line.startswith(EDITS):
+            found.append(number)
     # a term that was never identified claims no evidence
     if not found:
         return False
     later = lines[found[-1] + 1 :]
     return any(line.startswith(EDITS) for line in later)
+
+
+def _was_joined(leaf: xr.Dataset) -> bool:
+    """Return whether the table of a term is from fits of flights, by its history or its sources."""
+    lines = str(leaf.attrs.get("history", "")).splitlines()
+    return any(line.startswith(JOINED) for line in lines) and bool(nodes_from_flight(leaf).any())
 
 
 BANDS = {

@@ -21,6 +21,9 @@ from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
+from pom.probing.input_probe import SIZES
+from pom.probing.model_probes import with_probes
+from pom.probing.record_leak import find_leaks
 from pom.replaying.replay_channels import (
     judged_channels,
     moved_controls,
@@ -152,6 +155,7 @@ def perform_plan(
 ) -> PomResult:
     """Fly a checked plan by every model and judge it; parameters as `replay` and `fly_job`."""
     outputs_by_run: dict[str, dict[str, np.ndarray]] = {}
+    jobs: dict[str, ReplayJob] = {}
     failures: dict[str, str] = {}
     remarks: dict[str, tuple[RowRemark, ...]] = {}
     channels = shown_channels(plan.case, plan.states)
@@ -161,7 +165,7 @@ def perform_plan(
         axes = [item.variable for item in ranges]
         # The velocity over the ground shows the track, which no row judges.
         names = [*channels, *axes, *GROUND_VELOCITY]
-        requested = {*_output_names(names, model.links.outputs), *OBSERVED}
+        requested = {*_output_names(names, model.links.outputs), *OBSERVED, *SIZES}
         job, trim_remarks, refused = solve_trim_surfaces(
             plan.job,
             plan.case.drive.trim_surfaces,
@@ -170,18 +174,19 @@ def perform_plan(
             store=store,
         )
         outputs, failure = fly_job(model, job, requested, timeout=timeout, store=store)
-        outputs_by_run[name] = outputs
+        outputs_by_run[name], jobs[name] = outputs, job
         failures[name] = refused or failure
         remarks[name] = (
             *trim_remarks,
             *tables_left(plan.job.time, outputs, ranges),
             *below_runway(plan.job.time, outputs, job.parameters),
+            *find_leaks(plan.case, plan.states, model.fmu.path, model.fmu.sha256),
         )
     distances = _compare_with_evidence(evidence, plan, models)
     # Further remarks follow those of the run.
     for name, model in models.items():
         remarks[name] += (*distances.get(name, ()), *_waiver_remarks(plan.job, model))
-    return assemble_result(
+    result = assemble_result(
         plan.case,
         plan.states,
         job=plan.job,
@@ -189,6 +194,15 @@ def perform_plan(
         failures=failures,
         attrs=_describe_models(models),
         more=remarks,
+    )
+    return with_probes(
+        result,
+        models,
+        jobs,
+        outputs=outputs_by_run,
+        states=plan.states,
+        timeout=timeout,
+        store=store,
     )
 
 

@@ -17,8 +17,9 @@ from flightmech.support.atomic_write import write_text
 from pom.report.case.page import case_keys
 from pom.report.csv_lines import csv_lines
 from pom.result import (
+    BEYOND,
     PomResult,
-    beyond_master_remarks,
+    collect_texts,
     departure_remarks,
     record_remarks,
     trim_remarks,
@@ -72,7 +73,9 @@ def _add_tests(suite: ElementTree.Element, classname: str, result: PomResult, ru
     for name, outcome, remarks in (
         ("trim within its limits", "failure", trim_remarks(result, run)),
         ("flight record without errors", "failure", record_remarks(result, run)),
-        ("within the recurrent criterion", "failure", beyond_master_remarks(result, run)),
+        ("record that did not identify", "failure", collect_texts(result, run, ("leak",))),
+        ("driven by the inputs", "failure", collect_texts(result, run, ("not_driven",))),
+        ("within the recurrent criterion", "failure", collect_texts(result, run, (BEYOND,))),
         ("no departure from the printed row", "skipped", departure_remarks(result, run)),
     ):
         if remarks:

@@ -25,7 +25,7 @@ from pom.result import (
 )
 
 # Statuses by which the reader may filter the table of verdicts.
-_FAILED = {"fail", "limits_exceeded", "record_error"}
+_FAILED = {"fail", "limits_exceeded", "record_error", "leak", "not_driven"}
 _NOT_JUDGED = {"invalid", "not_tested"}
 
 
@@ -118,13 +118,14 @@ def list_runs(results: Sequence[PomResult]) -> list[str]:
 def shown_statuses(results: Sequence[PomResult]) -> list[str]:
     """Return the statuses that have a column in the counts of a report.
 
-    ``record_error`` and ``pass_with_departures`` have one only if a case has this status.
+    ``record_error``, ``leak``, ``not_driven`` and ``pass_with_departures`` have one only if a case
+    has this status.
     """
     statuses: set[str] = set()
     for result in results:
         statuses.update(result.status(run) for run in result.runs)
     # A report without faulty records or departures does not need a column for them.
-    rare = {"record_error", "pass_with_departures"}
+    rare = {"record_error", "pass_with_departures", "leak", "not_driven"}
     return [status for status in STATUSES if status not in rare or status in statuses]
 
 

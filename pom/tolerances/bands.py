@@ -40,10 +40,11 @@ class RowRemark:
         estimates), ``far_from_evidence`` (terms beyond three standard errors),
         ``edited_evidence`` (terms of the evidence that are edited), ``departure`` (from the printed
         row or from normal practice), ``not_checked`` (a condition of the row), ``additional`` (the
-        case is not the test of its row), ``record_warning`` (on the flight record), ``device``
-        (recording of a device and its inputs), ``recurrent`` and ``recurrent_beyond`` (comparison
-        with a master run), ``row`` (note
-        of the tolerance table), ``note`` (text of a report from before remarks had kinds).
+        case is not the test of its row), ``record_warning`` (on the flight record), ``probe``
+        (answer of the model to changed inputs, and its scatter), ``not_driven`` (an answer that
+        the inputs do not drive), ``leak`` (samples of the record identified the model),
+        ``device`` (recording of a device and its inputs), ``recurrent`` and ``recurrent_beyond``
+        (comparison with a master run), ``row`` (note of the tolerance table), ``note`` (text of a report from before remarks had kinds).
     text : str
         The remark for a reader, with its numbers.
     quantity : str

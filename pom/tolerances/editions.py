@@ -96,16 +96,12 @@ def different_rows(
     """
     by_name = [dict(zip(rows.names_of(list(table)), table, strict=True)) for table in (old, new)]
     for name in dict.fromkeys([*by_name[0], *by_name[1]]):
-        found = [table.get(name) for table in by_name]
-        if found[0] is None or found[1] is None:
-            texts = [
-                "absent" if row is None else rows.band_of(row).text or "no number" for row in found
-            ]
-            yield name, (texts[0], texts[1])
+        before, after = by_name[0].get(name), by_name[1].get(name)
+        if before is None or after is None:
+            yield name, (_width_text(before), _width_text(after))
             continue
-        before, after = found
         bands = rows.band_of(before), rows.band_of(after)
-        texts = [band.text or "no number" for band in bands]
+        texts = [_width_text(before), _width_text(after)]
         # the rule and the base of a percentage are part of the band
         others = [column for column in RESTS_ON if before[column] != after[column]]
         if bands[0] == bands[1] and not others:
@@ -114,3 +110,10 @@ def different_rows(
             texts[0] += f", {column} {before[column] or 'empty'}"
             texts[1] += f", {column} {after[column] or 'empty'}"
         yield name, (texts[0], texts[1])
+
+
+def _width_text(row: rows.Row | None) -> str:
+    """Return the tolerance of a row as text; ``absent`` without a row."""
+    if row is None:
+        return "absent"
+    return rows.band_of(row).text or "no number"

@@ -11,7 +11,7 @@ import hashlib
 import io
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -153,7 +153,7 @@ def read_own_table(path: str | Path) -> OwnTable:
     return OwnTable(str(path), hashlib.sha256(content).hexdigest(), tuple(rows))
 
 
-def _column_problems(columns: list[str] | tuple[str, ...]) -> Iterator[str]:
+def _column_problems(columns: Sequence[str]) -> Iterator[str]:
     """Yield the problems of the head of a table."""
     allowed = list(shipped.tolerance_rows()[0])
     if len(columns) == 1 and (";" in columns[0] or "\t" in columns[0]):

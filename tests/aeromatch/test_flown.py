@@ -11,6 +11,7 @@ import aerodb
 import flighttest
 from aeromatch.workflow.flown import flown_tree
 from aeromatch.workflow.submodels import Submodels
+from flighttest.submodels.ground_effect.result import GroundTerm
 
 
 @pytest.fixture(scope="module")
@@ -39,19 +40,13 @@ def tree(record):
     table = pd.DataFrame(
         {"manoeuvre": ["doublet"], "control": ["elevator"], "start": [5.0], "end": [10.0]}
     )
-    rows = {"1": (0.8, 0.6, 0.02, -1.4, 0.1, -0.9)}
     coefficient = SimpleNamespace(
         form="k h^s",
-        ground=("1",),
+        warnings=["CL: the form k h^s does not fit"],
         not_identified={"qhat": "1.3 standard errors from zero, 3 are needed"},
-        row=lambda term, common: SimpleNamespace(
-            _asdict=lambda: dict(
-                zip(
-                    ("term", "y_inf", "k", "k_stderr", "s", "s_stderr", "correlation"),
-                    (term, *rows[term]),
-                )
-            )
-        ),
+        rows=lambda: [
+            GroundTerm("1", 0.8, 0.6, k_stderr=0.02, s=-1.4, s_stderr=0.1, correlation=-0.9)
+        ],
     )
     found = SimpleNamespace(coefficients={"CL": coefficient})
     submodels = SimpleNamespace(**{**vars(Submodels()), "ground_effect": found, "found": {}})
@@ -88,6 +83,8 @@ def test_estimates_and_table_2_are_what_was_found(tree):
     np.testing.assert_allclose(rows.loc["alpha", "mach"], 0.3)
     ground = tree["ground"].to_dataset().to_dataframe().set_index("term")
     assert tuple(ground.loc["1", ["y_inf", "k", "s"]]) == (0.8, 0.6, -1.4)
+    assert ground.loc["1", "law"] == "k h^s"
+    assert ground.loc["1", "note"].endswith("; CL: the form k h^s does not fit")
     assert ground.loc["qhat", "note"] == "1.3 standard errors from zero, 3 are needed"
     assert np.isnan(ground.loc["qhat", "k"])
 

@@ -28,6 +28,7 @@ from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvre
 
 T37 = Path(__file__).parents[2] / "data" / "t37"
 CLEAN = T37 / "datcom" / "t37_clean.out"
+LISTINGS = Path(__file__).parents[1] / "aerodb" / "listings"
 MASS = StatedFacts(values={"mass": "2150 kg", "Ixx": "10826", "Iyy": "8135 kg m2", "Izz": "15162"})
 COLUMNS = {  # column of the recorder: canonical name, what one of the recorder is in SI
     "RollRate": ("p", DEGREE),
@@ -127,6 +128,12 @@ def test_units_follow_from_the_size_of_the_values():
         {"theta": 0.07 + 0.02 * np.sin(time), "p": 0.1 * np.sin(time), "az_imu": -9.8 + 0.0 * time}
     )
     assert [unit for unit, _ in radians.values()] == ["rad", "rad/s", "m/s2"]
+
+
+def test_a_device_of_no_control_has_no_hinge():
+    """A spoiler is not the aileron, and a flap beyond the tip of the tail is not the elevator."""
+    assert geometry_of([LISTINGS / "inherited.out"], []).surfaces == {}
+    assert set(geometry_of([LISTINGS / "plus.out"], []).surfaces) == {"delta_a", "delta_e"}
 
 
 def test_geometry_of_cards_and_of_a_deck_alone():

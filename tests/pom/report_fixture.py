@@ -280,7 +280,7 @@ def tuning(results, run="final"):
         "nodes": 12,
         "at": "mach 0.2, alpha 4 deg",
     }
-    near = {"moved": 0.02, "from_evidence": 0.02, "share": 0.07, "nodes": 1, "at": ""}
+    near = {"moved": 0.02, "from_evidence": 0.02, "share": 0.004, "nodes": 1, "at": ""}
     moves = [
         {"term": "Cm/elevator", "rationale": "horn <worn>", **far},
         {"term": "Cm/qhat", "rationale": "", **near},

@@ -181,7 +181,9 @@ def check_database(file: str, aircraft: str | None, as_json: bool) -> None:
         print_json({"file": file, "terms": count, "problems": [], "plausibility": rows})
     else:
         verdict = "implausible" if is_implausible else "sound"
-        click.echo(f"{file}: {verdict}, {count} terms")
+        missing = sum(finding.kind == "missing" for finding in findings)
+        lack = f", {missing} missing" if missing else ""
+        click.echo(f"{file}: {verdict}, {count} terms{lack}")
         for finding in findings:
             click.echo(f"  {finding}")
     if is_implausible:

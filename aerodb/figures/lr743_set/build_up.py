@@ -16,7 +16,12 @@ from aerodb.figures.lr743_set.combinations import (
     remove_moving_devices,
     span_of,
 )
-from aerodb.figures.lr743_set.flown import FlightData, is_clean, is_free
+from aerodb.figures.lr743_set.flown import (
+    FlightData,
+    is_clean,
+    is_free,
+    required_slopes,
+)
 from aerodb.figures.lr743_set.lift_curves import (
     MOST_CURVES,
     Databases,
@@ -123,7 +128,7 @@ def elevator_chart(databases: Databases, flown: FlightData | None, stem: str, fi
         span = half_chord(db, "delta_e", _CONTROL)
         return _derivative_by_flap(db, "delta_e", span, fixed=mach), fixed_text(mach)
 
-    points = _estimates_by_flap(flown, "delta_e", databases)
+    points = _slopes_by_flap(flown, ("delta_e",), databases)
     note = (
         f"Derivative: chord from {-_CONTROL / DEGREE:g} to {_CONTROL / DEGREE:g} deg of elevator."
     )
@@ -136,7 +141,7 @@ def elevator_chart(databases: Databases, flown: FlightData | None, stem: str, fi
         y_label=r"$C_{L_{\delta_e}}$ [1/rad]",
         by="delta_f",
         points=points,
-        notes=(note, *_estimate_notes(points)),
+        notes=(note, *_point_notes(points)),
     )
 
 
@@ -148,7 +153,7 @@ def pitch_rate(databases: Databases, flown: FlightData | None) -> Chart:
         lines = _derivative_by_flap(db, "qhat", _RATE, fixed=mach, along=("alphadothat",))
         return lines, fixed_text(mach)
 
-    points = _estimates_by_flap(flown, "qhat", databases)
+    points = _slopes_by_flap(flown, ("qhat", "alphadothat"), databases)
     note = (
         "Per unit of q cbar/2V (LR-743: q cbar/V, half of it). The effect of the rate of "
         "angle of attack is in it: in the manoeuvres both "
@@ -163,7 +168,7 @@ def pitch_rate(databases: Databases, flown: FlightData | None) -> Chart:
         y_label=r"$C_{L_{\hat{q}}}$ [1]",
         by="delta_f",
         points=points,
-        notes=(note, *_estimate_notes(points)),
+        notes=(note, *_point_notes(points)),
     )
 
 
@@ -269,18 +274,19 @@ def _clean_estimates(flown: FlightData | None, term: str, over: str) -> list[Fli
     return [FlightPoints(label, to_printed_unit(over, x), y, stderr=stderr, kind="estimate")]
 
 
-def _estimates_by_flap(
-    flown: FlightData | None, term: str, databases: Databases
+def _slopes_by_flap(
+    flown: FlightData | None, moved: Sequence[str], databases: Databases
 ) -> list[FlightPoints]:
-    """Return the local estimates of a term of lift in free air, by the nearest flap setting."""
+    """Return the derivatives that manoeuvres in free air require, by the nearest flap setting."""
     if flown is None:
         return []
-    estimates = flown.estimates
-    is_term = (estimates["coefficient"] == "CL") & (estimates["term"] == term)
-    table = estimates[is_term]
+    db = list(databases.values())[-1]
+    table = required_slopes(db, flown, "CL", moved)
+    if not len(table):
+        return []
     table = table[is_free(table)]
     points = []
-    for i, flap in enumerate(flap_settings(list(databases.values())[-1])):
+    for i, flap in enumerate(flap_settings(db)):
         part = table[(table["delta_f"] - flap).abs() < _NEAR]
         if not len(part):
             continue
@@ -288,7 +294,7 @@ def _estimates_by_flap(
         setting = number_text(float(to_printed_unit("delta_f", flap)))
         points.append(
             FlightPoints(
-                f"local estimate, flaps {setting} deg",
+                f"manoeuvre, flaps {setting} deg",
                 to_printed_unit("alpha", x),
                 y,
                 stderr=stderr,
@@ -299,7 +305,12 @@ def _estimates_by_flap(
     return points
 
 
-def _estimate_notes(points: Sequence[FlightPoints]) -> tuple[str, ...]:
+def _point_notes(points: Sequence[FlightPoints]) -> tuple[str, ...]:
     if not points:
         return ()
-    return ("Estimates at their own Mach numbers; bars: one standard error.",)
+    return (
+        "Points: slope of the measured lift of a manoeuvre less all other terms of the database, "
+        "at its own Mach number; bars: one standard error, without errors of the other terms. "
+        "Local models divide the same lift between elevator, rate and angle of attack in other "
+        "ways: their single estimates do not belong in this figure.",
+    )

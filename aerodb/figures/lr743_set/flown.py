@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -181,6 +182,8 @@ def height_text(h: float) -> str:
 _LEAST = 8  # samples of a manoeuvre
 # Share of the largest rms excitation of the term. A manoeuvre with less contains no information.
 _EXCITED = 0.1
+# The same of a derivative with a constant. A manoeuvre with less shows errors of the other terms.
+_MOVED = 0.3
 # Upper limit of the correlation of neighbours, which short manoeuvres estimate poorly.
 _MOST_RHO = 0.95
 _LEAST_SQUARE = 1e-300  # avoids a division by zero if the residual vanishes
@@ -246,6 +249,62 @@ def partial_residuals(db: xr.DataTree, flown: FlightData, name: str) -> pd.DataF
             continue
         manoeuvre_row = flown.manoeuvres.loc[[manoeuvre]].iloc[0]
         rows.append(_residual_row(manoeuvre_row, samples[selected], x[selected], y[selected]))
+    return pd.DataFrame(rows)
+
+
+def required_slopes(
+    db: xr.DataTree, flown: FlightData, coefficient: str, moved: Sequence[str]
+) -> pd.DataFrame:
+    """Return the derivative that each manoeuvre requires, less all other terms of a database.
+
+    Parameters
+    ----------
+    db : DataTree
+        Database with the other terms.
+    flown : FlightData
+        Samples of the manoeuvres.
+    coefficient : str
+        Such as ``CL``.
+    moved : sequence of str
+        The variable of the derivative, and variables that move together with it, such as ``qhat
+        alphadothat``.
+
+    Returns
+    -------
+    DataFrame
+        As of `partial_residuals`, with one row per manoeuvre that moves the variable.
+
+    Notes
+    -----
+    It is the slope of C - O over the variable, with the coefficient O of the database at the
+    samples and all of `moved` at zero. A constant is estimated along: an error of O at trim is not
+    part of the derivative. The local models divide the same lift between elevator, pitch rate and
+    angle of attack in other ways, and can be compared as a whole only.
+    """
+    samples = flown.samples
+    conditions = _sample_conditions(db, samples)
+    needed: set[str] = set()
+    for name, leaf in terms(db).items():
+        if name.startswith(f"{coefficient}/"):
+            needed |= set(_terms.list_model_variables(leaf))
+    if coefficient not in samples or needed - set(conditions) or moved[0] not in conditions:
+        return pd.DataFrame()
+    x = conditions[moved[0]]
+    at_zero = {**conditions, **{name: np.zeros(len(samples)) for name in moved}}
+    other_terms = sum(contributions(db, coefficient, at_zero, "clamp").values())
+    y = samples[coefficient].to_numpy(float) - other_terms
+
+    manoeuvres = samples["manoeuvre"].to_numpy()
+    is_finite = np.isfinite(x) & np.isfinite(y)
+    excitation = pd.Series(x[is_finite]).groupby(manoeuvres[is_finite]).std()
+    rows = []
+    for manoeuvre, size in excitation.items():
+        selected = is_finite & (manoeuvres == manoeuvre)
+        if selected.sum() < _LEAST or not size > _MOVED * excitation.max():
+            continue
+        row = flown.manoeuvres.loc[[manoeuvre]].iloc[0]
+        about_mean = [value[selected] - value[selected].mean() for value in (x, y)]
+        rows.append(_residual_row(row, samples[selected], *about_mean))
     return pd.DataFrame(rows)
 
 

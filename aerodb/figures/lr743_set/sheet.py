@@ -30,8 +30,10 @@ from aerodb.figures.lr743_set.chart import BOUNDARY, Chart, ChartLine, ChartPane
 _TOP, _KEY, _PANEL, _ALONE, _AXIS, _TITLE = 0.52, 0.17, 2.1, 3.6, 0.4, 0.2  # heights [in]
 _LABELS = 0.62  # right of a panel, for the labels of its curves [in]
 _GAP = 0.25  # between two panels, in addition to the labels [in]
-# Share of the range of lines and points by which bands extend the axis. Wider bands are cut.
-_BEYOND = 0.2
+# Bands extend the axis by this multiple of the range of lines and points, or by the median width of
+# a band. Wider parts, such as the ends of a table that was not flown, are cut.
+_BEYOND = 2.0
+_CUT = "Bands or bars that end at the edge of the axes go on beyond it."
 _COLUMNS, _KEYS = 2, 4  # panels and entries of the legend next to each other
 _BLACK, _GREY = "#000000", "#8c8c8c"
 # Colours of members that are not a scale, such as heights and configurations. They are colours of
@@ -58,7 +60,8 @@ def draw_chart(chart: Chart, aircraft: str, notes: Sequence[str] = ()) -> Figure
     Lines and points have their labels.
     """
     with drawing_style():
-        return _draw_sheet(chart, aircraft, foot_lines((*chart.notes, *notes)))
+        cut = [_CUT] if _is_cut(chart) else []
+        return _draw_sheet(chart, aircraft, foot_lines((*chart.notes, *cut, *notes)))
 
 
 def _draw_sheet(chart: Chart, aircraft: str, notes: list[str]) -> Figure:
@@ -322,23 +325,42 @@ def _points_handle(chart: Chart, points: FlightPoints) -> Line2D:
 
 def _chart_limits(chart: Chart) -> Limits:
     """Return limits that show all lines and points, and bands as far as `_BEYOND`."""
-    lines = _all_lines(chart)
-    points = [item for item in _all_points(chart) if len(item.x)]
-    curves: list[ChartLine | FlightPoints] = [*lines, *points]
+    curves: list[ChartLine | FlightPoints] = _all_curves(chart)
     low_x, high_x = axis_limits([item.x for item in curves], zero=chart.x_zero)
-    # A horizontal band does not extend the ordinate.
-    bands = []
-    for line in lines:
-        stderr = line.stderr * (not line.is_across)
-        bands += [line.y - stderr, line.y + stderr]
-    for item in points:
-        bands += [item.y - item.stderr, item.y + item.stderr]
     inner = axis_limits([item.y for item in curves], zero=chart.y_zero)
-    outer = axis_limits(bands, zero=chart.y_zero)
-    margin = _BEYOND * (inner[1] - inner[0])
+    outer = axis_limits(_band_edges(curves), zero=chart.y_zero)
+    # A flat line has no range of its own: the median width of its band is shown at least.
+    widths = [float(np.median(_upright_stderr(item))) for item in curves]
+    margin = max(_BEYOND * (inner[1] - inner[0]), *widths)
     low_y, high_y = max(outer[0], inner[0] - margin), min(outer[1], inner[1] + margin)
     if chart.x_zero:
         low_x = max(low_x, 0.0)
     if chart.y_zero:
         low_y = max(low_y, 0.0)
     return (low_x, high_x), (low_y, high_y)
+
+
+def _all_curves(chart: Chart) -> list[ChartLine | FlightPoints]:
+    """Return all lines, and the points that are not empty."""
+    return [*_all_lines(chart), *(item for item in _all_points(chart) if len(item.x))]
+
+
+def _upright_stderr(item: ChartLine | FlightPoints) -> np.ndarray:
+    """Return the standard error in the ordinate; that of a horizontal band is zero."""
+    return item.stderr * (not getattr(item, "is_across", False))
+
+
+def _band_edges(curves: Sequence[ChartLine | FlightPoints]) -> list[np.ndarray]:
+    """Return the ends of all bands and bars in the ordinate."""
+    edges = []
+    for item in curves:
+        stderr = _upright_stderr(item)
+        edges += [item.y - stderr, item.y + stderr]
+    return edges
+
+
+def _is_cut(chart: Chart) -> bool:
+    """Return whether a band or bar ends beyond the axes."""
+    _, (low, high) = _chart_limits(chart)
+    edges = np.concatenate([np.zeros(0), *map(np.ravel, _band_edges(_all_curves(chart)))])
+    return bool(((edges < low) | (edges > high)).any())

@@ -361,6 +361,10 @@ def _summary(outcome: Any) -> dict[str, Any]:
         more += f", {beyond} more with a trim beyond its limits (LIMITS)" if beyond else ""
         faulty = statuses.count("record_error")
         more += f", {faulty} more on a record with errors (RECORD)" if faulty else ""
+        leaks = statuses.count("leak")
+        more += f", {leaks} on a record that identified the model (LEAK)" if leaks else ""
+        given = statuses.count("not_driven")
+        more += f", {given} not driven by the inputs (NOT DRIVEN)" if given else ""
         lines.append(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")
     for result in outcome.results:
         for run in result.samples:

@@ -45,6 +45,29 @@ def hash_installation() -> str:
     return " ".join([digest.hexdigest(), *versions, sys.platform, machine()])
 
 
+# Files that are the same in a checkout and in a wheel of any platform.
+_SOURCES = (".py", ".csv", ".toml", ".html", ".css", ".js", ".json", ".typ", ".txt", ".svg")
+_EXAMPLES = "aeromatch/data/"  # only in a wheel
+
+
+@cache
+def hash_sources() -> dict[str, str]:
+    """Return the hash of the sources, tables and templates of each of our packages, by name.
+
+    Compiled libraries differ between platforms and are not among them.
+    """
+    digests = {}
+    for name in PACKAGES:
+        folder = os.path.dirname(str(find_spec(name).origin))  # type: ignore[union-attr]
+        digest = hashlib.sha256()
+        for file in sorted(_list_files(folder)):
+            path = f"{name}/{file[len(folder) + 1 :]}".replace(os.sep, "/")
+            if path.endswith(_SOURCES) and not path.startswith(_EXAMPLES):
+                digest.update(path.encode() + b"\0" + Path(file).read_bytes() + b"\0")
+        digests[name] = digest.hexdigest()
+    return digests
+
+
 @cache
 def hash_arithmetic() -> str:
     """Return the hash of the settings that change the sums of the linear algebra.

@@ -259,6 +259,22 @@ def regress_separable(
     return fit
 
 
+def minimum_residual(model: SeparableModel, data: xr.Dataset | Sequence[xr.Dataset]) -> np.ndarray:
+    """Return the residual of `regress_separable` for one model, without any standard error.
+
+    It costs a third less, for comparisons of many models.
+    """
+    samples = stack_samples(model.target, model.variables, data, purpose=model)
+    problem = SeparableProblem([model], [samples])
+    minimum = WeightedMinimum(problem)
+    s = minimum.search(np.zeros(len(problem.names)))
+    projection = problem.project(s, np.zeros(len(problem.names)))
+    if projection is None:
+        raise IdentificationError(f"the coefficients of {model} are not determined")
+    (residual,) = problem.residuals(s, [np.asarray(c) for c in projection.coefficients])
+    return residual
+
+
 def _tabulate_estimates(problem: SeparableProblem, solution: SeparableSolution) -> xr.Dataset:
     """Return estimates as a Dataset; a parameter at a bound has no standard error."""
     names: list[str] = []

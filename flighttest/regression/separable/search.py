@@ -251,15 +251,20 @@ class WeightedMinimum:
 
     def solve(self, prior: np.ndarray, starts: np.ndarray, lag: float | None) -> SeparableSolution:
         """Return the minimum for given weights, from the best of the starts (starts, m)."""
-        s = np.zeros(0)
-        if self.problem.names:
-            s = minimise_projection(
-                lambda trial: self.problem.project(trial, prior),
-                self.low,
-                high=self.high,
-                starts=starts,
-            )
-        return self.evaluate_covariance(s, prior, lag)
+        return self.evaluate_covariance(self.search(prior, starts), prior, lag)
+
+    def search(self, prior: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
+        """Return the shape parameters of the minimum, (m,); by default from spread starts."""
+        if not self.problem.names:
+            return np.zeros(0)
+        if starts is None:
+            starts = spread_starts(self.low, self.high, self.start)
+        return minimise_projection(
+            lambda trial: self.problem.project(trial, prior),
+            self.low,
+            high=self.high,
+            starts=starts,
+        )
 
     def equivalent_noise_variance(self, solution: SeparableSolution) -> np.ndarray:
         """Return the white-noise variance that reproduces the standard error of each shape, (m,).

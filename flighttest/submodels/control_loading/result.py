@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.edit.table_edits import delete_terms, replace_terms
+from aerodb.store.identified_terms import stamp_identified
 from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.aircraft.aircraft import Aircraft
@@ -419,6 +420,7 @@ def replace_hinge_moments(database: xr.DataTree, found: IdentifiedLoading) -> xr
         for name in terms(database)
         if name.startswith(f"{found.loading.model.coefficient}/") and name not in new
     ]
+    new = {name: stamp_identified(leaf) for name, leaf in new.items()}
     return replace_terms(delete_terms(database, old, note) if old else database, new, note)
 
 

@@ -14,33 +14,30 @@ from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import SOURCES, list_model_variables
 from flighttest.regression.equation_error.model import RegressionModel, term_regressors
 from flighttest.regression.equation_error.samples import RegressionSamples, stack_samples
-from flighttest.regression.separable.fit import SeparableFit, regress_separable
 from flighttest.regression.uncertainty.collinearity import RANK
+from flighttest.submodels.ground_effect.evidence import (
+    RichestForm,
+    fit_richest_form,
+    misfit_of,
+    rank_forms,
+    schwarz_criterion,
+)
+from flighttest.submodels.ground_effect.law_search import ClosedForm, LawSearch
+from flighttest.submodels.ground_effect.laws import EXPONENTS, HEIGHT, LAWS, POWER, HeightLaw
 from flighttest.submodels.ground_effect.result import (
     CoefficientOverGround,
     GroundEffect,
     form_by_evidence,
 )
 from flighttest.submodels.ground_effect.structure import (
-    EXPONENTS,
-    HEIGHT,
-    HeightTable,
-    exponent_name,
     ground_terms,
     height_breakpoints,
-    height_table,
-    independent_samples,
-    model_over_ground,
-    rank_forms,
-    schwarz_criterion,
-    times_height_power,
     with_heights,
 )
+from flighttest.submodels.ground_effect.tables import HeightTable, TableSearch, table_regressors
 
 # Variables of the database that are zero if the records do not contain them.
 AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake", "delta_f")
-# Standard errors from zero that k of an identified term must have.
-_SIGNIFICANT = 2.0
 # Share of a term in a vanishing combination above which it takes part in it.
 _SHARE = 1e-6
 
@@ -56,7 +53,8 @@ def identify_ground_effect(
 ) -> GroundEffect:
     """Identify the ground effect of coefficients.
 
-    The form is C_free (1 + k h^s) for each derivative, and k h^s (CL phi) for Cl.
+    The form is C_free (1 + K(h)) for each derivative, and K(h) (CL phi) for Cl, with K = k h^s or
+    one of the other laws of `laws`, or a table.
 
     Parameters
     ----------
@@ -165,71 +163,79 @@ class _CoefficientIdentification:
 
     def identify(self) -> CoefficientOverGround:
         """Return identified terms, terms without information, and the form of best evidence."""
-        name = self.model.coefficient
-        fit, identified, deleted = self.delete_terms()
-        common = None
-        if len(identified) > 1:
-            common = self.fit(identified, common=True)
-        samples = stack_samples(name, self.variables, self.records, self.model)
+        samples = stack_samples(self.model.coefficient, self.variables, self.records, self.model)
         h = samples.data[HEIGHT].values
-        forms = self.closed_forms(samples, fit, common)
-        n = independent_samples(forms["k h^s" if fit else "none"][0], samples)
-        table = self.table(samples, identified, residual=forms["none"][0], n=n)
-        if table is not None:
-            forms["table"] = table.residual, table.parameters
-        evidence = rank_forms(forms, n)
-        tabled = table.terms if table is not None else ()
+        lowest = float(h.min())
+        searches = self.full_searches(lowest)
+        richest = self.richest_form(samples, [full for _, full in searches])
+        forms = self.linear_forms(samples)
+        none, free_terms = forms["none"][0], self.free_air_regressors(samples).shape[1]
+        closed: dict[str, ClosedForm] = {}
+        deleted: dict[HeightLaw, dict[str, str]] = {}
+        for search, full in searches:
+            found, deleted[search.law] = search.delete_terms(full, none, free_terms, richest.n)
+            if found is None:
+                continue
+            closed[found.name] = found
+            if len(found.terms) > 1:
+                starts = search.first_values(found.terms)
+                common = search.fit(found.terms, common=True, starts=starts)
+                closed[common.name] = common
+        for form, fit in closed.items():
+            forms[form] = fit.residual, fit.parameters
+        tables = self.tables(samples, none, richest.n)
+        for name, table in tables.items():
+            forms[name] = table.residual, table.parameters
+        evidence = rank_forms(forms, richest.n)
+        form = form_by_evidence(evidence)
+        residual, _ = forms[form]
+        best = _best_closed(closed, form, richest.n)
+        law = best.law if best else POWER
+        identified = best.terms if best else ()
+        taken = {*(t for f in closed.values() for t in f.terms)}
+        taken.update(*(table.terms for table in tables.values()))
         return CoefficientOverGround(
             model=self.model,
             ground=identified,
-            not_identified=deleted,
-            fit=fit,
-            common=common,
-            references=self.references({*identified, *tabled}),
-            table=table,
-            form=form_by_evidence(evidence),
-            heights=(float(h.min()), float(height_breakpoints(h)[-1])),
+            not_identified=deleted[law],
+            closed=closed,
+            best=best.name if best else "",
+            references=self.references(taken),
+            tables=tables,
+            form=form,
+            heights=(lowest, float(height_breakpoints(h)[-1])),
             evidence=evidence,
+            misfit=misfit_of(form, residual, int(evidence["parameters"][form]), richest),
         )
 
-    def fit(
-        self, ground: Sequence[str], common: bool = False, starts: Mapping[str, float] | None = None
-    ) -> SeparableFit:
-        """Return the fit of one form of the model."""
-        separable = model_over_ground(
-            self.model,
-            ground,
-            held=self.hold,
-            common=common,
-            exponents=self.exponents,
-            starts=starts,
-        )
-        return regress_separable(
-            separable, self.records, f"{self.model.coefficient} over the ground"
-        )
+    def full_searches(self, lowest: float) -> list[tuple[LawSearch, ClosedForm]]:
+        """Return the search by each law with the fit of all ground terms.
 
-    def delete_terms(self) -> tuple[SeparableFit | None, tuple[str, ...], dict[str, str]]:
-        """Return fit, identified terms, and deleted terms with the reason.
-
-        Terms without information are deleted one by one, the least significant first.
+        `lowest` is the lowest height of the records [m]. A law other than the power law is left out
+        where the data do not determine its fit.
         """
-        ground = self.ground
-        deleted: dict[str, str] = {}
-        starts: dict[str, float] = {}
-        while ground:
-            fit = self.fit(ground, starts=starts)
-            reasons = {term: _reason(fit, term) for term in ground}
-            unidentified = [term for term in ground if reasons[term]]
-            if not unidentified:
-                return fit, ground, deleted
-            t = fit.estimates["t"]
-            least = min(unidentified, key=lambda term: float(t.sel(term=times_height_power(term))))
-            deleted[least] = reasons[least]
-            ground = tuple(term for term in ground if term != least)
-            # The next search starts from the exponents of this fit.
-            exponents = [exponent_name(term) for term in ground]
-            starts = {name: fit.value(name)[0] for name in exponents}
-        return None, ground, deleted
+        searches = []
+        for law in LAWS:
+            bounds = law.bounds(lowest, self.exponents)
+            search = LawSearch(law, bounds, self.model, self.records, self.hold, lowest)
+            try:
+                full = search.fit(self.ground, starts=search.first_values(self.ground))
+            except IdentificationError:
+                if law is POWER:
+                    raise
+                continue
+            searches.append((search, full))
+        return searches
+
+    def richest_form(self, samples: RegressionSamples, full: Sequence[ClosedForm]) -> RichestForm:
+        """Return the fit of tables of all ground terms, together with the fits by all laws."""
+        h = samples.data[HEIGHT].values
+        ground = term_regressors(self.ground, samples.data).T
+        tables = table_regressors(ground, h, height_breakpoints(h))
+        X = np.hstack(
+            [self.free_air_regressors(samples), tables, *(one.design(samples.data) for one in full)]
+        )
+        return fit_richest_form(X, samples.data[self.model.coefficient].values, samples)
 
     @property
     def variables(self) -> list[str]:
@@ -243,17 +249,12 @@ class _CoefficientIdentification:
             return np.zeros((samples.data.sizes["sample"], 0))
         return self.model.design(samples.data)
 
-    def closed_forms(
-        self, samples: RegressionSamples, fit: SeparableFit | None, common: SeparableFit | None
-    ) -> dict[str, tuple[np.ndarray, int | None]]:
-        """Return residual and number of parameters of each form except the table."""
+    def linear_forms(self, samples: RegressionSamples) -> dict[str, tuple[np.ndarray, int | None]]:
+        """Return residual and number of parameters without ground effect and of the database."""
         name, X = self.model.coefficient, self.free_air_regressors(samples)
         forms: dict[str, tuple[np.ndarray, int | None]] = {
             "none": (_residual(X, samples.data[name].values), X.shape[1])
         }
-        for form, closed in (("k h^s", fit), ("k h^s, one s", common)):
-            if closed is not None:
-                forms[form] = closed.residuals[name], closed.estimates.sizes["term"]
         if self.database is not None:
             parts = _subtract_parts(self.records, name, self.database.over_ground)
             z = stack_samples(name, self.variables, parts, self.model).data[name].values
@@ -262,44 +263,31 @@ class _CoefficientIdentification:
             forms["database"] = _residual(X, z), count
         return forms
 
-    def table(
-        self,
-        samples: RegressionSamples,
-        identified: Sequence[str],
-        residual: np.ndarray,
-        n: float,
-    ) -> HeightTable | None:
-        """Return tables over the height of identified terms, and of terms that lower the criterion.
+    def tables(
+        self, samples: RegressionSamples, none: np.ndarray, n: float
+    ) -> dict[str, HeightTable]:
+        """Return the tables over the height by form; none where they lower no criterion.
 
-        Without such terms return None. `residual` is that of the model without ground effect, and
-        `n` the number of independent samples.
+        `none` is the residual without ground effect, and `n` the number of independent samples.
         """
-        X = self.free_air_regressors(samples)
-        h, z = samples.data[HEIGHT].values, samples.data[self.model.coefficient].values
-        best, least = None, schwarz_criterion(residual, X.shape[1], n)
-        extensions = [tuple(identified)]
-        extensions += [(*identified, term) for term in self.ground if term not in identified]
-        for extension in extensions:
-            accepted = best.terms if best else ()
-            candidate = tuple(dict.fromkeys((*accepted, *extension)))
-            if not candidate:
-                continue
-            try:
-                trial = height_table(
-                    X,
-                    candidate,
-                    ground=term_regressors(candidate, samples.data).T,
-                    h=h,
-                    z=z,
-                    samples=samples,
-                    heights=height_breakpoints(h),
-                )
-            except IdentificationError:
-                continue
-            criterion = schwarz_criterion(trial.residual, trial.parameters, n)
-            if criterion < least:
-                best, least = trial, criterion
-        return best
+        X, h = self.free_air_regressors(samples), samples.data[HEIGHT].values
+        values, ambiguous = self.held_coefficients()
+        held = {term: y for term, y in values.items() if term not in ambiguous}
+        search = TableSearch(
+            X,
+            self.model.terms,
+            ground=self.ground,
+            regressors=term_regressors(self.ground, samples.data).T,
+            samples=samples,
+            h=h,
+            z=samples.data[self.model.coefficient].values,
+            heights=height_breakpoints(h),
+            n=n,
+            held=held,
+        )
+        separate = search.separate(schwarz_criterion(none, X.shape[1], n))
+        found = (search.one_factor(), separate)
+        return {table.form: table for table in found if table is not None}
 
     def references(self, ground: Collection[str]) -> dict[str, float]:
         """Return the free-air coefficients of fixed terms, from the database along the records.
@@ -309,23 +297,32 @@ class _CoefficientIdentification:
         IdentificationError
             The records do not determine the coefficient of a term of `ground`.
         """
+        values, undetermined = self.held_coefficients()
+        ambiguous = sorted(undetermined & set(ground))
+        if ambiguous:
+            raise IdentificationError(
+                f"{self.model.coefficient}: the records do not determine the free-air coefficient "
+                f"of {', '.join(ambiguous)}, to which the ground effect is a ratio; add a record "
+                f"that moves the free-air terms apart, or leave one out"
+            )
+        return values
+
+    def held_coefficients(self) -> tuple[dict[str, float], set[str]]:
+        """Return the free-air coefficients of fixed terms, and those that are not determined.
+
+        They come from the database along the records. Estimated terms have none.
+        """
         if not self.hold or self.database is None:
-            return {}
+            return {}, set()
         name = self.model.coefficient
         records = []
         for record, part in zip(self.records, self.database.free):
             records.append(record.assign({name: ("time", part)}))
         samples = stack_samples(name, self.model.variables, records, self.model)
         X = self.model.design(samples.data)
-        ambiguous = sorted(_undetermined_terms(X, self.model.terms) & set(ground))
-        if ambiguous:
-            raise IdentificationError(
-                f"{name}: the records do not determine the free-air coefficient of "
-                f"{', '.join(ambiguous)}, to which the ground effect is a ratio; add a record that "
-                f"moves the free-air terms apart, or leave one out"
-            )
         theta = np.linalg.lstsq(X, samples.data[name].values, rcond=None)[0]
-        return dict(zip(self.model.terms, map(float, theta)))
+        coefficients = dict(zip(self.model.terms, map(float, theta)))
+        return coefficients, _undetermined_terms(X, self.model.terms)
 
 
 def _undetermined_terms(X: np.ndarray, terms: Sequence[str]) -> set[str]:
@@ -347,16 +344,11 @@ def _residual(X: np.ndarray, z: np.ndarray) -> np.ndarray:
     return z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
 
 
-def _reason(fit: SeparableFit, term: str) -> str:
-    """Return why a ground term is not identified, or an empty text."""
-    for name in (times_height_power(term), exponent_name(term)):
-        reason = str(fit.estimates["why"].sel(term=name).values)
-        if reason:
-            return reason
-    value, stderr = fit.value(times_height_power(term))
-    if abs(value) > _SIGNIFICANT * stderr:
-        return ""
-    return f"k is {abs(value) / stderr:.1f} standard errors from zero, {_SIGNIFICANT:g} are needed"
+def _best_closed(closed: Mapping[str, ClosedForm], form: str, n: float) -> ClosedForm | None:
+    """Return the closed form that is taken, or the one with the least criterion."""
+    if not closed:
+        return None
+    return closed.get(form) or min(closed.values(), key=lambda one: one.criterion(n))
 
 
 def _subtract_parts(

@@ -3,6 +3,7 @@
 References
 ----------
 .. [LR743] Report LR-743, 1993, section 4.5.1, eq. (11), (13), (14), table 2.
+.. [Kass1995] Kass, Raftery, Bayes factors, J. American Statistical Association 90, 1995.
 """
 
 from __future__ import annotations
@@ -17,17 +18,21 @@ import xarray as xr
 
 from flightmech.errors import UnknownName
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.separable.fit import SeparableFit
-from flighttest.submodels.ground_effect.structure import (
-    HEIGHT,
-    HeightTable,
-    exponent_name,
-    select_form,
-    separable_spelling,
-    times_height_power,
-)
+from flighttest.submodels.ground_effect.evidence import NEAR, Misfit, select_form
+from flighttest.submodels.ground_effect.law_search import ClosedForm
+from flighttest.submodels.ground_effect.laws import HEIGHT, LAWS, POWER, separable_spelling
+from flighttest.submodels.ground_effect.tables import ONE_FACTOR, SEPARATE, HeightTable
 
-ORDER = ("none", "database", "k h^s, one s", "k h^s", "table")
+ORDER = (
+    "none",
+    "database",
+    *(law.common_form() for law in LAWS),
+    *(law.name for law in LAWS),
+    ONE_FACTOR,
+    SEPARATE,
+)
+# Difference of Schwarz's criterion from which on a law is refused, strong evidence in [Kass1995].
+_REFUSED = 6.0
 # Default heights of a report, over the lowest height of the records.
 _HEIGHTS = (1.0, 2.0, 5.0)
 
@@ -35,7 +40,7 @@ _HEIGHTS = (1.0, 2.0, 5.0)
 class GroundTerm(NamedTuple):
     """One row of table 2: y = k y_inf h^s with h in metres.
 
-    The rolling moment has y = k h^s; its y_inf is NaN.
+    The rolling moment has y = k h^s; its y_inf is NaN. Of the other laws `s` is h0 [m].
     """
 
     term: str
@@ -45,6 +50,7 @@ class GroundTerm(NamedTuple):
     s: float
     s_stderr: float
     correlation: float
+    law: str = POWER.name
 
 
 @dataclass(frozen=True)
@@ -56,52 +62,81 @@ class CoefficientOverGround:
     model : Model
         Terms in free air.
     ground : tuple of str
-        Terms whose ground effect is identified.
+        Terms whose ground effect is identified by the best closed form.
     not_identified : dict of str to str
         Terms whose ground effect is not identified, and the reason.
-    fit : SeparableFit or None
-        k h^s with an exponent for each term; None if no term is identified.
-    common : SeparableFit or None
-        k h^s with one exponent for all terms, [LR743] eq. (11).
+    closed : dict of str to ClosedForm
+        Fits by the laws over the height with a shape parameter for each term, and with one for all
+        terms as in [LR743] eq. (11). A law by which no term is identified is missing.
+    best : str
+        The closed form that is taken, or the one with the least criterion; empty without one.
     references : dict of str to float
         Free-air coefficients if these were fixed; empty if the fit contains them.
-    table : HeightTable or None
-        Tables over the height: of identified terms, and of others that lower the criterion.
+    tables : dict of str to HeightTable
+        Tables over the height by form. A table of which no node is determined is missing.
     form : str
-        The form with the best evidence: one of ``none``, ``database``, ``k h^s, one s``, ``k h^s``,
-        ``table``.
+        The form with the best evidence: one of ``none``, ``database``, `closed`, `tables`.
     heights : (float, float)
         Lowest height of the records, and the height up to which the ground was searched. [m]
     evidence : DataFrame
         Index form; ``parameters``, ``rms``, ``BIC``.
+    misfit : Misfit or None
+        What the form leaves beyond the noise; None where the samples do not show it.
     """
 
     model: RegressionModel
     ground: tuple[str, ...]
     not_identified: Mapping[str, str]
-    fit: SeparableFit | None
-    common: SeparableFit | None
+    closed: Mapping[str, ClosedForm]
+    best: str
     references: Mapping[str, float]
-    table: HeightTable | None
+    tables: Mapping[str, HeightTable]
     form: str
     heights: tuple[float, float]
     evidence: pd.DataFrame
+    misfit: Misfit | None = None
 
-    def rows(self, common: bool = False) -> list[GroundTerm]:
-        """Return table 2: one row per identified term."""
-        return [self.row(term, common) for term in self.ground]
+    @property
+    def table(self) -> HeightTable | None:
+        """Table over the height if it is taken, else None."""
+        return self.tables.get(self.form)
 
-    def row(self, term: str, common: bool = False) -> GroundTerm:
-        """Return k and s of a term.
+    @property
+    def taken_terms(self) -> tuple[str, ...]:
+        """Terms of the form that is taken; those of a database are not among them."""
+        if self.table is not None:
+            return self.table.terms
+        return self.closed[self.form].terms if self.form in self.closed else ()
+
+    @property
+    def refuses_database(self) -> bool:
+        """Whether the criterion of the database is worse than that of no ground effect."""
+        criteria = self.evidence["BIC"]
+        return "database" in criteria and criteria["database"] > criteria["none"] + NEAR
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is wrong with the form that is taken."""
+        if self.misfit is None or not self.misfit.is_significant:
+            return []
+        return [f"{self.model.coefficient}: {self.misfit.describe()}"]
+
+    def rows(self, form: str = "") -> list[GroundTerm]:
+        """Return table 2: one row per term of a closed form, by default the best one."""
+        name = form or self.best
+        return [self.row(term, name) for term in self.closed[name].terms] if name else []
+
+    def row(self, term: str, form: str = "") -> GroundTerm:
+        """Return k and s of a term by a closed form, by default the best one.
 
         Raises
         ------
         UnknownName
-            A term that is not identified.
+            A term that is not identified, or a form that is not in `closed`.
         """
-        fit, name = self._fit_of(term, common)
-        ratio, y_inf = self._ratio_expression(fit, term, common)
-        values, C = fit.derived(ratio, name)
+        one = self._closed_form(term, form)
+        _, y_inf = self._ratio_expression(one, term)
+        values, C = self._estimate(one, term)
         k_stderr, s_stderr = map(float, np.sqrt(np.diag(C)))
         return GroundTerm(
             term=term,
@@ -111,10 +146,11 @@ class CoefficientOverGround:
             s=float(values[1]),
             s_stderr=s_stderr,
             correlation=float(C[0, 1] / (k_stderr * s_stderr)),
+            law=one.law.name,
         )
 
-    def factor(self, term: str, h, common: bool = False) -> xr.Dataset:
-        """Return K(h) = k h^s of a term with its standard error.
+    def factor(self, term: str, h, form: str = "") -> xr.Dataset:
+        """Return K(h) of a term by a closed form with its standard error.
 
         Parameters
         ----------
@@ -122,26 +158,33 @@ class CoefficientOverGround:
             An identified term.
         h : array (h_agl,)
             Heights. Below the lowest height of the records the factor is constant. [m]
-        common : bool
-            Whether all terms have one exponent.
+        form : str
+            One of `closed`; by default the best one.
 
         Returns
         -------
         Dataset (h_agl,)
             ``K``, ``stderr``.
         """
-        fit, name = self._fit_of(term, common)
-        ratio, _ = self._ratio_expression(fit, term, common)
+        one = self._closed_form(term, form)
         h = np.asarray(h, float)
-        expressions = [
-            f"({ratio})*{max(height, self.heights[0])!r}^{name}" for height in h.tolist()
-        ]
-        values, C = fit.derived(*expressions)
-        factors = xr.Dataset(
-            {"K": (HEIGHT, values), "stderr": (HEIGHT, np.sqrt(np.diag(C)))}, {HEIGHT: h}
-        )
-        factors[HEIGHT].attrs = {"units": "m"}
-        return factors
+        heights = np.maximum(h, self.heights[0]).tolist()
+        values, C = self._estimate(one, term, heights)
+        law_error = self._law_error(one, term, values, heights)
+        stderr = np.hypot(np.sqrt(np.diag(C)), law_error)
+        if one.common and one.law.name in self.closed:
+            # An assumption does not make a factor more certain.
+            apart = self.factor(term, h, one.law.name)
+            stderr = np.maximum(stderr, apart["stderr"].values)
+        return _make_factors(h, values, stderr)
+
+    def taken_factor(self, term: str, h) -> xr.Dataset:
+        """Return K(h) of a term by the form that is taken, as `factor`."""
+        if self.table is None:
+            return self.factor(term, h, self.form)
+        h = np.asarray(h, float)
+        heights, K, stderr = self.tabled(term)
+        return _make_factors(h, np.interp(h, heights, K), np.interp(h, heights, stderr))
 
     def tabled(self, term: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return heights [m], K and its standard error of a term in the table over the height.
@@ -149,7 +192,7 @@ class CoefficientOverGround:
         Raises
         ------
         UnknownName
-            A term that is not identified, or no table that the heights of the records determine.
+            A term that is not identified, or a form that is not a table.
         """
         terms = self.table.terms if self.table else ()
         if self.table is None or term not in terms:
@@ -169,24 +212,64 @@ class CoefficientOverGround:
             self.table.stderr[row] / abs(scale),
         )
 
-    def _fit_of(self, term: str, common: bool) -> tuple[SeparableFit, str]:
-        """Return the fit that contains a term, and the name of the exponent."""
-        fit = self.common if common else self.fit
-        if term not in self.ground or fit is None:
+    def _closed_form(self, term: str, form: str) -> ClosedForm:
+        """Return the closed form that contains a term."""
+        name = form or self.best
+        if name and name not in self.closed:
+            raise UnknownName(name, self.closed, "closed form", self.model.coefficient)
+        known = self.closed[name].terms if name else ()
+        if term not in known:
             raise UnknownName(
-                term, self.ground, "ground term", f"{self.model.coefficient}: it is not identified"
+                term, known, "ground term", f"{self.model.coefficient}: it is not identified"
             )
-        return fit, "s" if common else exponent_name(term)
+        return self.closed[name]
 
-    def _ratio_expression(self, fit: SeparableFit, term: str, common: bool) -> tuple[str, float]:
+    def _estimate(
+        self, one: ClosedForm, term: str, heights: Sequence[float] = ()
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return K at heights, or k and the shape parameter, of a term with their covariance."""
+        ratio, _ = self._ratio_expression(one, term)
+        shape = one.shape_name(term)
+        expressions = [one.law.at(ratio, shape, height) for height in heights] or [ratio, shape]
+        values, C = one.fit.derived(*expressions)
+        if one.common and one.law.name in self.closed:
+            # One shape parameter is an assumption, whose error the fit does not contain: terms that
+            # differ by a sixth keep it, and are then 4.7 standard errors wrong.
+            apart, _ = self._estimate(self.closed[one.law.name], term, heights)
+            C = C + np.outer(values - apart, values - apart)
+        return values, C
+
+    def _law_error(self, one: ClosedForm, term: str, K: np.ndarray, heights: list) -> np.ndarray:
+        """Return the standard error of K(h) by the choice of the law.
+
+        It is the largest difference from a law that the samples do not refuse.
+        """
+        differences = [np.zeros(len(K))]
+        for law in LAWS:
+            names = [name for name in (law.name, law.common_form()) if name in self.closed]
+            if law is one.law or not names or term not in self.closed[names[0]].terms:
+                continue
+            other = min(names, key=lambda name: self.evidence["BIC"][name])
+            if self.evidence["BIC"][other] - self.evidence["BIC"][one.name] < _REFUSED:
+                differences.append(self._estimate(self.closed[other], term, heights)[0] - K)
+        return np.abs(differences).max(axis=0)
+
+    def _ratio_expression(self, one: ClosedForm, term: str) -> tuple[str, float]:
         """Return k as an expression of the estimates, and the free-air coefficient."""
-        product = f"[{times_height_power(term, 's' if common else None)}]"
+        product = f"[{one.regressor(term)}]"
         if term in self.references:
             return f"{product}/({self.references[term]!r})", self.references[term]
         if term in self.model.terms:
             spelling = separable_spelling(term)
-            return f"{product}/[{spelling}]", fit.value(spelling)[0]
+            return f"{product}/[{spelling}]", one.fit.value(spelling)[0]
         return product, float("nan")
+
+
+def _make_factors(h: np.ndarray, K: np.ndarray, stderr: np.ndarray) -> xr.Dataset:
+    """Return factors over the height with their standard errors."""
+    factors = xr.Dataset({"K": (HEIGHT, K), "stderr": (HEIGHT, stderr)}, {HEIGHT: h})
+    factors[HEIGHT].attrs = {"units": "m"}
+    return factors
 
 
 @dataclass(frozen=True)
@@ -227,12 +310,22 @@ class GroundEffect:
                 "heights": result.heights,
                 "terms": [row._asdict() for row in result.rows()],
                 "evidence": result.evidence.to_dict("index"),
+                "misfit": vars(result.misfit) if result.misfit else None,
+                "warnings": result.warnings,
             }
         return {
             "held": self.held,
             "not_identified": self.not_identified,
             "coefficients": coefficients,
         }
+
+    @property
+    def warnings(self) -> list[str]:
+        """Forms that leave more than the noise, by coefficient."""
+        warnings = []
+        for result in self.coefficients.values():
+            warnings += result.warnings
+        return warnings
 
     def report(self, heights: Sequence[float] = ()) -> str:
         """Return table 2 of [LR743], K(h), terms without information, and compared forms as text.
@@ -245,9 +338,11 @@ class GroundEffect:
         """
         free_air = "held at the database" if self.held else "estimated along"
         lines = [
-            "Ground effect, y = k y_inf h^s; y = k h^s where there is no y_inf; h in metres",
+            "Ground effect y = y_inf K(h); y = K(h) where there is no y_inf; K by the law of the "
+            "row, h in metres",
             f"free-air terms {free_air}",
-            f"{'':<14}{'y_inf':>10}{'k':>10}{'stderr':>9}{'s':>9}{'stderr':>9}{'corr.':>8}   K(h)",
+            f"{'':<14}{'law':<15}{'y_inf':>10}{'k':>10}{'stderr':>9}{'s, h0':>9}{'stderr':>9}"
+            f"{'corr.':>8}   K(h)",
         ]
         for name, result in self.coefficients.items():
             lines += _term_lines(name, result, heights)
@@ -268,31 +363,44 @@ def _term_lines(name: str, result: CoefficientOverGround, heights: Sequence[floa
     """Return the rows of table 2 of one coefficient with K(h) as lines of text."""
     lines = []
     at_heights = list(heights) or [result.heights[0] * multiple for multiple in _HEIGHTS]
-    for row in result.rows():
-        K = result.factor(row.term, at_heights)
-        cells = []
-        for h, k, stderr in zip(at_heights, K["K"].values, K["stderr"].values):
-            cells.append(f"{h:.3g} m {k:.3f} ({stderr:.2g})")
+    if result.table is not None:
+        for term in result.taken_terms:
+            K = _factor_cells(result.taken_factor(term, at_heights))
+            form = f"{result.form}, 0 from {result.table.end(term):.3g} m on"
+            lines.append(f"{name + ':' + term:<14}{form:<70}{K}")
+    for row in result.rows() if result.table is None else ():
+        K = _factor_cells(result.factor(row.term, at_heights))
         y_inf = "-" if np.isnan(row.y_inf) else f"{row.y_inf:.4g}"
         numbers = (
             f"{row.k:>10.4g}{row.k_stderr:>9.2g}{row.s:>9.3f}{row.s_stderr:>9.2g}"
             f"{row.correlation:>8.2f}"
         )
-        lines.append(f"{name + ':' + row.term:<14}{y_inf:>10}{numbers}   {'  '.join(cells)}")
+        lines.append(f"{name + ':' + row.term:<14}{row.law:<15}{y_inf:>10}{numbers}   {K}")
     for term, reason in result.not_identified.items():
-        lines.append(f"{name + ':' + term:<14}k and s not identified: {reason}")
+        if term not in result.taken_terms:
+            lines.append(f"{name + ':' + term:<14}k and s not identified: {reason}")
+    for warning in result.warnings:
+        lines.append(f"! {warning}")
     return lines
+
+
+def _factor_cells(factors: xr.Dataset) -> str:
+    """Return K with its standard error at each height as text."""
+    cells = []
+    for h, k, stderr in zip(*(factors[key].values for key in (HEIGHT, "K", "stderr"))):
+        cells.append(f"{h:.3g} m {k:.3f} ({stderr:.2g})")
+    return "  ".join(cells)
 
 
 def _evidence_lines(name: str, result: CoefficientOverGround) -> list[str]:
     """Return the comparison of the forms of one coefficient as lines of text."""
-    lines = [f"{name}: {'form':<16}{'parameters':>12}{'rms':>11}{'BIC':>10}"]
+    lines = [f"{name}: {'form':<24}{'parameters':>12}{'rms':>11}{'BIC':>10}"]
     indent = " " * (len(name) + 2)
     for form, row in result.evidence.iterrows():
         numbers = f"{int(row['parameters']):>12}{row['rms']:>11.4g}{row['BIC']:>10.1f}"
-        lines.append(f"{indent}{form!s:<16}{numbers}")
+        lines.append(f"{indent}{form!s:<24}{numbers}")
     terms = ""
-    if result.table is not None and result.form == "table":
+    if result.table is not None:
         terms = f" of {', '.join(result.table.terms)}"
     taken = f"taken: {result.form}{terms}, the simplest within 2 of the least criterion"
     return [*lines, f"{indent}{taken}"]

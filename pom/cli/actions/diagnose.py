@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pandas as pd
 import xarray as xr
 
@@ -23,8 +24,11 @@ from pom.cases.reference_states import recorded_states
 from pom.checking.batch_check import check_batch
 from pom.cli.actions.report import case_files, print_record_errors, read_biases
 from pom.diagnosis.corrected_model import corrected_aircraft, corrected_database, joint_terms
+from pom.diagnosis.culprits.ranking import order_corrections, rank_culprits
+from pom.diagnosis.culprits.sentences import describe_culprits
 from pom.diagnosis.joint_correction import rank_all, swap_models
 from pom.diagnosis.joint_search import join_tables
+from pom.diagnosis.swap_judgement import LEAST_GAP
 from pom.diagnosis.term_swaps import differing_terms
 from pom.diagnosis.waterfall_steps import criteria_of
 from pom.report.models.diagnosis import cause_sentences
@@ -38,6 +42,7 @@ def run_diagnose(
     prior: str,
     final: str,
     apriori: str | None,
+    evidence: str | None,
     groups: tuple[str, ...],
     players: int,
     replays: int,
@@ -55,6 +60,7 @@ def run_diagnose(
         )
     members = _parse_groups(groups)
     before, after = aerodb.open(prior), aerodb.open(final)
+    estimates = aerodb.open(evidence) if evidence else after
     old = read_aircraft(apriori) if apriori else None
     biases, read = read_biases(biases_file), _read_cases(cases)
     with show_progress("check the cases and their records"):
@@ -73,6 +79,11 @@ def run_diagnose(
     if not as_json:
         for case in read:
             _print_swaps(case, tables[case.name])
+    with show_progress("rank the terms over all cases"):
+        culprits = rank_culprits(benches, estimates, jobs=jobs)
+        corrections = order_corrections(benches, culprits)
+    if not as_json:
+        _print_culprits(culprits, corrections)
     if output or aircraft_output:
         with show_progress("join what the cases need"):
             tables = join_tables(tables, benches, jobs)
@@ -85,17 +96,46 @@ def run_diagnose(
         _write_aircraft(aircraft_output, old, aircraft, tables=tables)
         lines.append(f"written: {aircraft_output}")
     if as_json:
-        _print_rows_as_json(tables)
+        _print_rows_as_json(tables, culprits, corrections)
         return
     for line in lines:
         click.echo(line)
 
 
-def _print_rows_as_json(tables: Mapping[str, pd.DataFrame]) -> None:
+def _print_rows_as_json(
+    tables: Mapping[str, pd.DataFrame], culprits: pd.DataFrame, corrections: pd.DataFrame
+) -> None:
+    """Print the rows of all cases; rows over all cases have an empty ``case``."""
     rows = []
     for name, table in tables.items():
         rows += [{"case": name, **row} for row in table.to_dict("records")]
+    for stage, table in (("culprit", culprits), ("correction", corrections)):
+        joint = table.rename(columns={"case": "largest in"})
+        rows += [{"case": "", "stage": stage, **row} for row in joint.to_dict("records")]
     print_json(rows)
+
+
+def _print_culprits(culprits: pd.DataFrame, corrections: pd.DataFrame) -> None:
+    """Print the terms of the sequence of corrections, with the state after each of them."""
+    rows = []
+    numbers = culprits.set_index("term")
+    for step in corrections.to_dict("records"):
+        cells = ["a priori", "", "", "", ""]
+        if step["term"] in numbers.index:
+            row = numbers.loc[step["term"]]
+            distance = "" if math.isnan(row["distance"]) else f"{row['distance']:.1f}"
+            cells = [step["term"], f"{row['effect']:.2f}", row["case"], str(row["felt"]), distance]
+        elif step["term"]:
+            cells = ["final model", "", "", "", ""]
+        rows.append([*cells, f"{step['mismatch']:.2f}", f"{step['matched']} of {step['cases']}"])
+    columns = ["term", "effect", "largest in", "cases", "from evidence", "mismatch", "matched"]
+    title = (
+        "all cases together: terms wrong in the a-priori model, corrected one after the other "
+        "(half widths, standard errors)"
+    )
+    print_table(columns, rows, title, right=[columns[1], *columns[3:]])
+    for sentence in describe_culprits(culprits, corrections):
+        click.echo(sentence)
 
 
 def _read_cases(paths: tuple[Path, ...]) -> list[PomCase]:
@@ -174,10 +214,17 @@ def _print_swaps(case: PomCase, ranked: pd.DataFrame) -> None:
     # Alone, an idle swap explains nothing; without it, the others still explain all.
     idle = ranked["stage"].isin(["single", "group"]) & (ranked["explained"].abs() < _IDLE)
     idle |= (ranked["stage"] == "without") & ((ranked["explained"] - 1.0).abs() < _IDLE)
+    unit = f"{_IDLE:g} of the gap"
+    if ranked["explained"].isna().all():
+        # Without a gap there are no shares: the change of the mismatch counts.
+        mismatch = ranked["mismatch"].to_numpy(float)
+        is_felt = np.abs(mismatch - mismatch[0]) >= LEAST_GAP
+        idle = ranked["stage"].isin(["single", "group"]) & ~is_felt
+        unit = f"{LEAST_GAP:g} half widths"
     pairs = ranked[ranked["stage"] == "pair"]
     strongest = pairs["interaction"].abs().nlargest(_INTERACTING).index
     weak_pairs = pairs.index.difference(strongest)
-    columns = ["stage", "term", "explained", "verdict", "interaction"]
+    columns = ["stage", "term", "explained", "verdict", "interaction", "correlation"]
     for name in criteria:
         columns += [f"{name} explained", f"{name} ratio"]
     # stage `idle`: terms with a bound so small that the kernel did not replay them
@@ -195,7 +242,7 @@ def _print_swaps(case: PomCase, ranked: pd.DataFrame) -> None:
             f"{100.0 * joint:.2g} %; --json has them all"
         )
     if idle.any():
-        text = f"{int(idle.sum())} swaps that change less than {_IDLE:g} of the gap"
+        text = f"{int(idle.sum())} swaps that change less than {unit}"
         if len(weak_pairs):
             text += f" and {len(weak_pairs)} pairs that interact less"
         click.echo(f"{text} are left out; --json has them all\n")
@@ -218,6 +265,7 @@ def _cells(row: dict[Any, Any], criteria: list[str]) -> list[str]:
         _percent(row["explained"], row["stderr"]),
         "" if is_share else row["verdict"],
         _percent(row["interaction"]),
+        "" if math.isnan(row["correlation"]) else f"{row['correlation']:.2f}",
     ]
     for name in criteria:
         ratio = "" if is_share else f"{row[f'{name} ratio']:.2f}"

@@ -62,6 +62,7 @@ from pom.result import (
     is_beyond_master,
     lacks_evidence,
     run_notices,
+    spread_notice,
     status_text,
     trim_remarks,
 )
@@ -504,6 +505,10 @@ def _result_lines(result: PomResult, verbose: bool = False) -> list[str]:
             lines += [f"{indent}notice {text}" for text in run_notices(result, run)]
         if run in result.samples:
             lines.append(f"{indent}{sampled_line(result, run)}")
+            unexplained = spread_notice(result, run)
+            # A failed case needs it too: its probability may be that of a pass.
+            if unexplained:
+                lines.append(f"{indent}notice {unexplained}")
         if verbose:
             lines += [f"{indent}{text}" for text in run_notes(result, run)]
     return lines
@@ -521,7 +526,7 @@ def _verdict_text(result: PomResult, run: str) -> str:
             f"  {worst['worst_ratio']:.2f} x tolerance  {worst['criterion']} "
             f"{worst['worst']:+.3g}{unit}{instant} ({worst['tolerance_text']})"
         )
-        if status in ("limits_exceeded", "record_error"):
+        if status in ("limits_exceeded", "record_error", "leak", "not_driven"):
             text += "".join(f"; {remark}" for remark in trim_remarks(result, run))
         elif status in ("invalid", "not_tested"):
             # the ratio is that of another row than the one that has no judgement
@@ -560,5 +565,8 @@ def _summary(result: PomResult) -> dict[str, Any]:
         "pilot": pilot_activity(result),
         "drift": drift(result),
         "calibration": calibration(result),
-        "samples": {run: replay.numbers() for run, replay in result.samples.items()},
+        "samples": {
+            run: {**replay.numbers(), "unexplained": spread_notice(result, run)}
+            for run, replay in result.samples.items()
+        },
     }

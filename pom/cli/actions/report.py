@@ -210,12 +210,15 @@ def verify_report(ctx: click.Context, folder: Path, as_json: bool) -> None:
     """Perform the command ``verify``."""
     with show_progress("hash all files, judge all verdicts again"):
         items = verify(folder)
-    different = [item for item in items if item.state != "same"]
+    different = [item for item in items if item.state not in ("same", "unknown")]
     if as_json:
         print_json([asdict(item) for item in items])
     else:
         _print_verification(items, different)
         click.echo(f"SHA-256 of {NAME}, to be signed: {file_sha256(folder / NAME)}")
+        for item in items:
+            if item.state == "unknown":
+                click.echo(f"not checked: {item.kind} {item.name}: {item.detail}")
         click.echo("not covered: who wrote the report, and page and PDF but for their hashes")
     ctx.exit(1 if different else 0)
 

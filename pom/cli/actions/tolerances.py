@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -17,6 +18,7 @@ from pom.tolerances import rows
 from pom.tolerances.channels import plain_id
 from pom.tolerances.editions import different_rows
 from pom.tolerances.own_tables import read_own_table
+from pom.tolerances.rows import Row
 
 SHIPPED = "aeromatch"
 _SHIPPED_FILE = Path(rows.__file__).with_name("tolerances.csv")
@@ -30,15 +32,15 @@ class _Edition:
     sha256: str
     standard: str
     edition: str
-    rows: tuple[rows.Row, ...]
+    rows: tuple[Row, ...]
 
     @property
     def name(self) -> str:
         return f"{self.table}: {self.standard}, {self.edition}"
 
-    def tests(self) -> dict[str, list[rows.Row]]:
+    def tests(self) -> dict[str, list[Row]]:
         """Return the rows by test; numbers as the FAA writes them, so that standards compare."""
-        tests: dict[str, list[rows.Row]] = {}
+        tests: dict[str, list[Row]] = {}
         for row in self.rows:
             tests.setdefault(plain_id(row["test_id"]), []).append(row)
         return tests
@@ -70,9 +72,9 @@ def list_tolerances(
         click.echo(f"written: {copy}")
 
 
-def _editions_of(table: str, sha256: str, all_rows: Sequence[rows.Row]) -> Iterator[_Edition]:
+def _editions_of(table: str, sha256: str, all_rows: Sequence[Row]) -> Iterator[_Edition]:
     """Yield the editions of a table in the order of their first rows."""
-    by_edition: dict[tuple[str, str], list[rows.Row]] = {}
+    by_edition: dict[tuple[str, str], list[Row]] = {}
     for row in all_rows:
         by_edition.setdefault((row["standard"], row["edition"]), []).append(row)
     for (standard, edition), members in by_edition.items():
@@ -90,7 +92,7 @@ def _select(editions: Sequence[_Edition], text: str) -> _Edition:
 
 
 def _print_editions(editions: Sequence[_Edition], *, as_json: bool) -> None:
-    documents = []
+    documents: list[dict[str, Any]] = []
     for item in editions:
         counts = Counter(row["provenance"] for row in item.rows)
         documents.append(
@@ -125,8 +127,8 @@ def _print_comparison(old: _Edition, new: _Edition, *, as_json: bool) -> None:
             texts = [_test_text(members.get(test)) for members in tests]
             lines.append({"test": test, "criterion": "all", "old": texts[0], "new": texts[1]})
             continue
-        for name, texts in different_rows(tests[0][test], tests[1][test]):
-            lines.append({"test": test, "criterion": name, "old": texts[0], "new": texts[1]})
+        for name, (before, after) in different_rows(tests[0][test], tests[1][test]):
+            lines.append({"test": test, "criterion": name, "old": before, "new": after})
     if as_json:
         print_json({"old": old.name, "new": new.name, "differences": lines})
         return
@@ -141,6 +143,6 @@ def _print_comparison(old: _Edition, new: _Edition, *, as_json: bool) -> None:
     )
 
 
-def _test_text(members: Sequence[rows.Row] | None) -> str:
+def _test_text(members: Sequence[Row] | None) -> str:
     """Return what an edition has of a test."""
     return "absent" if members is None else count_text(len(members), "row")

@@ -20,7 +20,10 @@ from pom.result import status_text
 KIND = "log of aeromatch pom tune, 1"
 BASES = ("database", "aircraft", "evidence", "rationale", "biases")
 MISSING = "\N{EN DASH}"
-LEAST = 0.05  # standard errors: a term that moved less is counted in the text, not listed
+# A term is listed if it has so much of the squared distance, moved by so many standard errors, or has
+# a rationale. The others are counted in the text.
+LEAST_SHARE = 0.01
+LEAST_MOVE = 0.5  # standard errors, of the model or from the evidence
 _NEEDED = {"kind", "refusal", "bound", "distance", "model", "files", "moves", "rows"}
 _OF_MOVES = {"term", "moved", "from_evidence", "share", "nodes", "at", "rationale"}
 _OF_ROWS = {
@@ -129,19 +132,38 @@ NUMBERS = ("moved", "from evidence", "share", "nodes", "ratio before", "ratio af
 
 
 def moves_of(log: Mapping[str, Any]) -> tuple[list[tuple[str, ...]], str]:
-    """Return the cells of `MOVES` for every term that moved by more than `LEAST`.
+    """Return the cells of `MOVES` for every term that a reader has to judge.
 
-    The second result is a sentence on the other terms, empty if there are none.
+    These have at least `LEAST_SHARE` of the distance, a move of at least `LEAST_MOVE`, or a
+    rationale. The largest move is always listed. The second result is a sentence on the other
+    terms, empty if there are none.
     """
+    largest = max((move["moved"] for move in log["moves"]), default=0.0)
     rows: list[tuple[str, ...]] = []
+    others: list[Mapping[str, Any]] = []
     for move in log["moves"]:
-        if move["moved"] >= LEAST:
+        if _is_listed(move) or move["moved"] == largest:
             rows.append(_move_cells(move))
-    count = len(log["moves"]) - len(rows)
-    if not count:
+        else:
+            others.append(move)
+    if not others:
         return rows, ""
-    terms = "terms" if count > 1 else "term"
-    return rows, f"{count} further {terms} by less than {LEAST:g} standard errors"
+    terms = "terms" if len(others) > 1 else "term"
+    each = "each " if len(others) > 1 else ""
+    most = max(others, key=lambda move: move["moved"])
+    share = sum(move["share"] for move in others)
+    return rows, (
+        f"{len(others)} further {terms}, {each}with less than {100.0 * LEAST_SHARE:g} % of the "
+        f"distance and less than {LEAST_MOVE:g} standard errors: the largest move is "
+        f"{most['moved']:.2f} standard errors ({most['term']}), together they have "
+        f"{100.0 * share:.1f} % of the distance"
+    )
+
+
+def _is_listed(move: Mapping[str, Any]) -> bool:
+    """Return whether a move is large enough for a row, or has a rationale."""
+    size = max(move["moved"], move["from_evidence"])
+    return abs(move["share"]) >= LEAST_SHARE or size >= LEAST_MOVE or bool(move["rationale"])
 
 
 def _move_cells(move: Mapping[str, Any]) -> tuple[str, ...]:
@@ -149,11 +171,18 @@ def _move_cells(move: Mapping[str, Any]) -> tuple[str, ...]:
         move["term"],
         f"{move['moved']:.2f}",
         f"{move['from_evidence']:.2f}",
-        f"{round(100.0 * move['share'])} %",
+        _share_text(move["share"]),
         str(move["nodes"]),
         move["at"],
         move["rationale"],
     )
+
+
+def _share_text(share: float) -> str:
+    """Return a share in percent; a small one is not printed as zero."""
+    if abs(share) < LEAST_SHARE:
+        return f"<{100.0 * LEAST_SHARE:g} %"
+    return f"{round(100.0 * share)} %"
 
 
 def log_rows(log: Mapping[str, Any]) -> list[tuple[str, ...]]:

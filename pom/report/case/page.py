@@ -38,6 +38,7 @@ from pom.result import (
     PomResult,
     results_name,
     run_notices,
+    spread_notice,
 )
 
 # The line code of LR-743 Figs. 18 to 21.  Any further model gets the next free style.
@@ -161,6 +162,10 @@ def outcome_rows(result: PomResult, styles: Mapping[str, str]) -> list[dict[str,
         ratio = worst.get("worst_ratio", math.nan)
         # A mode is of the whole window, not of an instant.
         instant = math.nan if worst.get("measure") in MODAL else worst.get("at", math.nan)
+        notices = run_notices(result, run)
+        unexplained = spread_notice(result, run)
+        if unexplained:
+            notices.append(unexplained)
         rows.append(
             {
                 "run": run,
@@ -171,7 +176,7 @@ def outcome_rows(result: PomResult, styles: Mapping[str, str]) -> list[dict[str,
                 "ratio_text": fixed_decimals(ratio, 2),
                 "criterion": criterion_words(worst.get("criterion", "")),
                 "why": "" if math.isfinite(ratio) else reason_text(worst.get("remarks", ())),
-                "notices": run_notices(result, run),
+                "notices": notices,
                 "at": instant,
                 "at_text": fixed_decimals(instant, 2),
             }
@@ -290,7 +295,7 @@ class PackedPage:
     def fail(self) -> bool:
         """Whether a model failed, or passed with limits exceeded."""
         statuses = {cell["status"] for cell in self.outcome}
-        return bool(statuses & {"fail", "limits_exceeded", "record_error"})
+        return bool(statuses & {"fail", "limits_exceeded", "record_error", "leak", "not_driven"})
 
 
 def packed_page(

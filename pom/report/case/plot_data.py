@@ -19,6 +19,7 @@ from pom.report.presentation.verdict_text import (
 from pom.result import (
     PomResult,
     has_departure,
+    has_remark,
     has_trim_remark,
     is_on_faulty_record,
 )
@@ -75,12 +76,21 @@ def _verdict_rows(result: PomResult) -> list[dict[str, Any]]:
                 "verdict": row["verdict"],
                 "exceeds": has_trim_remark(row),
                 "faulty": is_on_faulty_record(row),
+                "refused": _refusal(row),
                 "departs": has_departure(row),
                 "ratio": ratio if math.isfinite(ratio) else None,
                 "fraction": fraction if math.isfinite(fraction) else 1.0,
             }
         )
     return rows
+
+
+def _refusal(row: Mapping[Any, Any]) -> str:
+    """Return the status that takes a pass from a row at any share of the tolerance; or empty."""
+    for status in ("not_driven", "leak"):
+        if has_remark(row, status):
+            return status
+    return ""
 
 
 def _describe_quantity(label: QuantityLabel) -> dict[str, str]:

@@ -25,7 +25,7 @@ from pom.report.presentation.quantities import (
     short_number,
 )
 from pom.report.presentation.verdict_text import MARKS, MODAL, criterion_words, remark_text
-from pom.result import PomResult, to_records
+from pom.result import PomResult, spread_notice, to_records
 from pom.samples import SampledReplay
 from pom.tolerances.rows import tolerance_rows
 
@@ -100,6 +100,7 @@ def probability_table(result: PomResult) -> list[dict[str, Any]]:
             "database": samples.database,
             "probability": probability_text(samples),
             "ratio": spread_text(samples),
+            "unexplained": spread_notice(result, run),
             "rows": [_probability_row(samples, str(name)) for name in samples.ratio.columns],
         }
         blocks.append(block)

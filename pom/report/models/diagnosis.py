@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from pom.diagnosis.swap_judgement import MATCHED
+from pom.diagnosis.swap_judgement import LEAST_GAP, MATCHED
 from pom.diagnosis.waterfall_steps import OTHERS, criteria_of
 from pom.report.models.waterfall_figure import cause_figure
 from pom.report.presentation.quantities import MISSING, fixed_decimals
@@ -22,6 +22,7 @@ from pom.result import PomResult
 
 # Share of the gap below which a single term is only counted, and a group is left out.
 LEAST_SHOWN = 0.01
+LEAST_WORSE = 0.005  # half widths: a step that raises the mismatch by less is not mentioned
 # Share of the gap below which the interaction of a pair is not mentioned in the text.
 LEAST_INTERACTION = 0.1
 _TITLES = {
@@ -147,23 +148,99 @@ def cause_sentences(table: pd.DataFrame) -> str:
     if verdict == "not_tested":
         return "No criterion of this case carries a verdict, so there is no mismatch to explain."
     joint = _describe_joint(stages["joint"])
+    level = ""
+    if stages["single"]:
+        level = _describe_small_gap(stages["prior"], stages["final"])
     if verdict in MATCHED:
         sentence = (
             "The a-priori model is within tolerance; no term has to be taken from the final model."
         )
-        return f"{sentence} {joint}".rstrip()
+        return " ".join(filter(None, (sentence, level, joint)))
 
     state = "could not be judged" if verdict == "invalid" else "is out of tolerance"
-    sentences = [f"The a-priori model {state}.", _describe_singles(stages["single"])]
+    sentences = [f"The a-priori model {state}."]
+    sentences.append(level or _describe_singles(stages["single"]))
     if stages["sequence"]:
         sentences.append(_describe_sequence(stages["sequence"]))
+        start = stages["prior"][0]["mismatch"]
+        sentences += _describe_worse_steps(stages["sequence"], start, stages["pair"])
     if joint:
         sentences.append(joint)
     pairs = stages["pair"]
     if pairs and abs(pairs[0]["interaction"]) >= LEAST_INTERACTION:
         alone = {row["term"]: row["explained"] for row in stages["single"]}
         sentences.append(_describe_interaction(pairs[0], alone))
+    sentences += _describe_opposed_shares(stages["share"])
     return " ".join(sentences)
+
+
+def _describe_small_gap(prior: Sequence[_Row], final: Sequence[_Row]) -> str:
+    """Return why no shares are stated if both mismatches are nearly the same; else empty."""
+    if not prior or not final:
+        return ""
+    start, stop = prior[0]["mismatch"], final[0]["mismatch"]
+    if not abs(start - stop) < LEAST_GAP:
+        return ""
+    subject = "The final model is not clearly better"
+    if prior[0]["verdict"] in MATCHED and final[0]["verdict"] in MATCHED:
+        subject = "Both models match the flight"
+    return (
+        f"{subject}: the mismatches of {fixed_decimals(start, 2)} and {fixed_decimals(stop, 2)} "
+        f"half widths differ by less than {LEAST_GAP:g}, so shares of the gap are not stated."
+    )
+
+
+def _describe_worse_steps(rows: Sequence[_Row], start: float, pairs: Sequence[_Row]) -> list[str]:
+    """Return a sentence on every step of the sequence that makes the mismatch larger."""
+    sentences = []
+    for row in rows:
+        # A rounding error is not a step back.
+        if row["mismatch"] - start > LEAST_WORSE:
+            text = (
+                f"The sequence makes the match worse on the way: {row['term']} raises the mismatch "
+                f"from {fixed_decimals(start, 2)} to {fixed_decimals(row['mismatch'], 2)} half "
+                f"widths"
+            )
+            sentences.append(f"{text}{_describe_opposing_pair(str(row['term']), pairs)}.")
+        start = row["mismatch"]
+    return sentences
+
+
+def _describe_opposing_pair(term: str, pairs: Sequence[_Row]) -> str:
+    """Return the term whose effect opposes that of `term` most, with the correlation."""
+    opposing: dict[str, float] = {}
+    for row in pairs:
+        names = str(row["term"]).split(" + ")
+        correlation = row.get("correlation", math.nan)
+        if term in names and correlation < 0.0:
+            names.remove(term)
+            opposing[names[0]] = correlation
+    if not opposing:
+        return ""
+    partner = min(opposing, key=lambda name: opposing[name])
+    return (
+        f", because it and {partner} compensate each other (correlation of their effects on the "
+        f"judged outputs {fixed_decimals(opposing[partner], 2)})"
+    )
+
+
+def _describe_opposed_shares(rows: Sequence[_Row]) -> list[str]:
+    """Return a sentence on shares below 0 or above 100 %, with the effects that oppose."""
+    shares = {row["term"]: row["explained"] for row in rows}
+    sentences, named = [], set()
+    for row in rows:
+        partner = row.get("partner") or ""
+        key = frozenset((row["term"], partner))
+        if not partner or key in named:
+            continue
+        named.add(key)
+        sentences.append(
+            f"The shares of {row['term']} ({_format_share(row['explained'])}) and {partner} "
+            f"({_format_share(shares[partner])}) belong together: their effects on the judged "
+            f"outputs oppose each other (correlation {fixed_decimals(row['correlation'], 2)}), so "
+            f"neither share alone states how wrong its term is."
+        )
+    return sentences
 
 
 def _describe_singles(rows: Sequence[_Row]) -> str:

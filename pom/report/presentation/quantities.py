@@ -26,6 +26,8 @@ SYMBOLS = {
     "pass_with_departures": "✓*",
     "limits_exceeded": "✓!",
     "record_error": "✓?",
+    "leak": "✗=",
+    "not_driven": "✗~",
     "fail": "✗",
     "invalid": "!",
     "not_tested": "–",

@@ -29,6 +29,8 @@ WORDS = {
     "pass_with_departures": "pass with departures",
     "limits_exceeded": "pass with limits exceeded",
     "record_error": "pass on a record with errors",
+    "leak": "LEAK: the record identified the model",
+    "not_driven": "NOT DRIVEN by the inputs",
     "fail": "FAIL",
     "invalid": "invalid",
     "not_tested": "not tested",

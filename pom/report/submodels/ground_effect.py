@@ -36,7 +36,7 @@ def ground_effect_section(name: str, effect: GroundEffect) -> Section:
     for coefficient, fit in effect.coefficients.items():
         rms = f"rms {format_number(fit.evidence['rms'][fit.form], 3)}"
         techniques.append((f"{coefficient}, {fit.form}", EQUATION_ERROR, rms))
-    remarks = []
+    remarks = effect.warnings
     for term, why in effect.not_identified.items():
         remarks.append(f"{term}: k and s not identified: {why}")
     return Section(
@@ -68,6 +68,7 @@ def _factor_table(effect: GroundEffect) -> SectionTable:
             rows.append(
                 (
                     f"{coefficient}: {row.term}",
+                    row.law,
                     y_inf,
                     *estimate_cells(row.k, row.k_stderr),
                     *estimate_cells(row.s, row.s_stderr),
@@ -77,15 +78,16 @@ def _factor_table(effect: GroundEffect) -> SectionTable:
             )
     free_air = "held at the database" if effect.held else "estimated along"
     caption = (
-        f"y = k y_inf h^s, and y = k h^s where there is no y_inf (LR-743 table 2); h in "
-        f"metres; free-air terms {free_air}"
+        f"y = y_inf K(h), and y = K(h) where there is no y_inf (LR-743 table 2); K by the law of "
+        f"the row, h in metres; free-air terms {free_air}"
     )
     head = (
         "term",
+        "law",
         "y_inf",
         "k",
         "standard error",
-        "s",
+        "s, h0",
         "standard error",
         "correlation",
         *("K(h)",) * len(HEIGHTS),
@@ -117,12 +119,12 @@ def _draw_factors(name: str, effect: GroundEffect) -> tuple[Picture, ...]:
     """Draw the factor K of every term over the height, with one standard error."""
     panels, terms = [], []
     for coefficient, fit in effect.coefficients.items():
-        # Heights are spaced by equal ratios, since K falls by a power of the height.
+        # Heights are spaced by equal ratios, since K falls fast near the ground.
         heights = np.geomspace(fit.heights[0], SHOWN * fit.heights[0], POINTS)
         for term in fit.ground:
             factor = fit.factor(term, heights)
             curves = [SectionLine(heights, factor["K"].values, "run-3", factor["stderr"].values)]
-            if fit.form == "table" and fit.table is not None and term in fit.table.terms:
+            if fit.table is not None and term in fit.table.terms:
                 nodes, values, stderr = fit.tabled(term)
                 curves.append(SectionLine(nodes, values, "run-2", stderr))
             terms.append(f"{coefficient}: {term}")
@@ -134,5 +136,5 @@ def _draw_factors(name: str, effect: GroundEffect) -> tuple[Picture, ...]:
     if not panels:
         return ()
     description = f"Factor K over the height of {', '.join(terms)}, with one standard error"
-    key = (("run-3", "k h^s"), ("run-2", "table"))
+    key = (("run-3", "best law"), ("run-2", "table"))
     return (make_picture(name.replace(" ", "-"), panels, key=key, words=description),)

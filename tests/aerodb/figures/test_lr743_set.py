@@ -2,6 +2,7 @@
 records.
 """
 
+import dataclasses
 import json
 
 import numpy as np
@@ -13,11 +14,15 @@ from click.testing import CliRunner
 import aerodb
 import flightmech
 from aerodb.cli.group import db as group
-from aerodb.figures.lr743_set import build_up, ground_effect, polars
+from aerodb.figures.lr743_set import build_up, ground_effect, polars, sheet
 from aerodb.figures.lr743_set import envelope as trimmed
 from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints, NotDrawn
-from aerodb.figures.lr743_set.combinations import combine_coefficients
-from aerodb.figures.lr743_set.flown import configuration_text, group_heights
+from aerodb.figures.lr743_set.combinations import combine_coefficients, remove_moving_devices
+from aerodb.figures.lr743_set.flown import (
+    _sample_conditions,
+    configuration_text,
+    group_heights,
+)
 from aerodb.figures.lr743_set.sheet import draw_chart
 from aerodb.update.correlation import covariance_between
 from flightmech import terms
@@ -270,9 +275,48 @@ def test_figures_3_and_4_follow_flaps_and_angle_of_attack(rich, flown):
     line = lines(chart)[r"$\delta_{f}$ = 20 deg"]
     np.testing.assert_allclose(line.y, 0.5 + 0.1 * FLAP[1] + 0.2 * np.radians(line.x))
     np.testing.assert_allclose(line.stderr[[0, -1]], 0.03)
-    (estimate,) = chart.panels[0].points
-    assert (estimate.member, float(estimate.y[0])) == (1, 0.55)
-    np.testing.assert_allclose(estimate.x, np.degrees(0.07))
+    # The elevator rests in all manoeuvres: none requires a derivative.
+    assert not chart.panels[0].points
+
+
+def test_points_of_figure_14_are_flight_less_all_other_terms(rich, flown):
+    """A local model that gives a part of the elevator's lift to alpha has the wrong derivative: the
+    points of the figure are those of the whole coefficient, 0.06 above the database here.
+    """
+    samples = flown.samples.copy()
+    step = samples.groupby("manoeuvre").cumcount().to_numpy()
+    samples["delta_e"] = np.where(samples["manoeuvre"] < 2, 0.05 * np.sin(0.9 * step), 0.0)
+    samples["qhat"], samples["time"] = 0.0, 0.2 * step
+    conditions = _sample_conditions(rich, samples)
+    database = aerodb.evaluate(
+        rich, "CL", "clamp", **{**remove_moving_devices(rich, "CL"), **conditions}
+    )
+    samples["CL"] = database + 0.3 + 0.06 * samples["delta_e"]
+    moved = dataclasses.replace(flown, samples=samples)
+    chart = build_up.elevator_chart({"final": rich}, moved, "figure-14", "Fig. 14")
+    clean, flaps = chart.panels[0].points
+    assert (clean.member, flaps.member) == (0, 1)
+    slope = 0.5 + 0.2 * np.average(samples["alpha"][:20], weights=samples["delta_e"][:20] ** 2)
+    np.testing.assert_allclose(clean.y, slope + 0.06, atol=2e-3)
+    assert any("less all other terms" in note for note in chart.notes)
+
+
+def test_a_band_is_whole_in_its_axes_or_the_figure_states_it():
+    """The band of a flat line was cut on both sides: it has no range of its own."""
+    x = np.linspace(0.0, 1.0, 11)
+    flat = ChartLine("flat", x, np.full(11, 0.7), np.full(11, 0.1))
+    wild = ChartLine("wild", x, x, np.where(x < 0.95, 0.02, 40.0))
+
+    def chart(line):
+        panel = ChartPanel("", [line])
+        return Chart("x", "Fig. 4", "t", "l", "x", "y", panels=[panel])
+
+    _, (low, high) = sheet._chart_limits(chart(flat))
+    assert low < 0.6 < 0.8 < high
+    assert not sheet._is_cut(chart(flat))
+    _, (low, high) = sheet._chart_limits(chart(wild))
+    assert -4.0 < low < 0.0 < 1.0 < high < 4.0
+    assert sheet._is_cut(chart(wild))
 
 
 def test_figure_15_holds_both_rates_and_one_line_where_flaps_change_nothing(rich):

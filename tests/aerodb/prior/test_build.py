@@ -281,7 +281,7 @@ def flapped(case, surface, deltas, machs=(0.2,)):
     delta, machs = np.radians(deltas), np.array(machs)
     tables = {
         "dCL": 0.5 * delta,
-        "dCm": 0.002 - 0.1 * delta,
+        "dCm": 0.002 - 1.6 * delta,
         "dCDmin": 0.05 * np.abs(delta),
         "CL_alpha_delta": np.nan * delta,
     }
@@ -306,7 +306,7 @@ def test_increments_are_zero_without_deflection(craft, make_case):
         craft, clean=make_case(), elevator=flapped(make_case(), "tail", [-20, 0, 10])
     )
     Cm = db["Cm/elevator"]["value"].sel(mach=0.2)
-    np.testing.assert_allclose(Cm, -0.1 * np.radians([-20, 0, 10]), atol=1e-16)
+    np.testing.assert_allclose(Cm, -1.6 * np.radians([-20, 0, 10]), atol=1e-16)
     assert (db["Cm/elevator"]["stderr"].sel(delta_e=0.0) == 0).all()
 
 
@@ -357,4 +357,4 @@ def test_increments_follow_the_moment_reference_too(craft, make_case):
         .sel(delta_e=np.radians(10), alpha=0.0, method="nearest")
     )
     # 0.4 m of arm ahead of the new point, lift up: nose up by CL d/cbar at alpha 0
-    np.testing.assert_allclose(node, np.radians(10) * (-0.1 + 0.5 * 0.4 / 1.6), rtol=1e-12)
+    np.testing.assert_allclose(node, np.radians(10) * (-1.6 + 0.5 * 0.4 / 1.6), rtol=1e-12)

@@ -9,6 +9,9 @@ import pytest
 
 import aerodb
 import datcom_io
+from aerodb.prior.damping import with_tail_arm
+from aerodb.prior.increments import elevator_effect
+from aerodb.prior.sources import collect_source
 from flightmech.errors import AeromatchWarning
 from flightmech.terms import SOURCES
 from flightmech.units import FOOT
@@ -65,7 +68,7 @@ def test_a_positive_pitch_damping_is_replaced_by_the_share_of_the_tail(read_with
     assert np.allclose(leaf["stderr"] / np.abs(leaf["value"]), 0.5)
     assert (leaf["source"] == SOURCES.index("judgement")).all()
     assert "suspect in sign or size (14.34 per radian)" in warning
-    assert "takes its place with twice the standard error" in warning
+    assert "take its place with twice the standard error" in warning
     assert "suspect" in leaf.attrs["comment"]
 
 
@@ -78,3 +81,30 @@ def test_the_cells_of_the_reader_have_the_flag(read_with) -> None:
     (message,) = [item.text for item in listing.messages if "Cm_qhat" in item.text]
     assert "14.34 per radian" in message
     assert "for the tail alone" in message
+
+
+def test_a_column_of_infinity_is_named(read_with, light) -> None:
+    """A public deck prints -Infinity for CLP at every angle, without a word."""
+    listing = read_with("NaN")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", AeromatchWarning)
+        db = aerodb.from_datcom(light, clean=listing[0])
+    texts = [str(item.message) for item in caught]
+    (text,) = [text for text in texts if "NaN or infinity" in text]
+    assert "prints NaN or infinity for Cm_qhat (all cells)" in text
+    assert "Cm/qhat" not in aerodb.terms(db)
+
+
+def test_a_moment_of_the_elevator_off_the_arm_of_the_tail_is_replaced() -> None:
+    """A public listing prints a quarter of it, because its run computed flaps before."""
+    cases = {case.name.split(":")[0]: case for case in datcom_io.read(LISTING)}
+    clean = collect_source("clean", cases["TOTAL"])
+    effect = elevator_effect(collect_source("elevator", cases["Elevator"]), 1524.0)
+    (h_ref,) = clean.grid("dynamic")["h"].values
+    assert with_tail_arm(effect, clean, h_ref) is effect
+    Cm = effect.tables["Cm"]
+    carried = dataclasses.replace(effect, tables={**effect.tables, "Cm": 0.25 * Cm})
+    with pytest.warns(AeromatchWarning, match="takes its place with twice the standard error"):
+        repaired = with_tail_arm(carried, clean, h_ref)
+    np.testing.assert_allclose(repaired.tables["Cm"], Cm, rtol=0.2, atol=1e-3)
+    assert bool(repaired.judged["Cm"].all())

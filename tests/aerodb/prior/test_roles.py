@@ -17,6 +17,7 @@ from aerodb.cli.group import db as group
 from aerodb.prior.build import require_device_on_surface
 from aerodb.prior.roles import assign_roles, by_role
 from aerodb.prior.sources import collect_source
+from datcom_io.decks.deck_file import deck_text
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.units import DEGREE, FOOT
 
@@ -95,11 +96,50 @@ def test_without_a_clean_case_the_elevator_case_gives_its_static_pages(read, lig
         np.testing.assert_array_equal(leaf["value"], clean[term]["value"], err_msg=term)
 
 
+def test_a_device_inherited_by_save_leaves_the_static_pages_clean(read, light):
+    """An ASYFLP saved for the next case, and no case of the whole aeroplane without a device."""
+    found = assign_roles(read("inherited"))
+    assert [item.roles for item in found] == [(), ("clean",)]
+    assert "STYPE=1 is a spoiler, and no height DELTAS is given" in found[1].reason
+    saved = aerodb.from_datcom(light, **by_role(found))
+    clean = aerodb.from_datcom(light, clean=read("multi")[0])
+    for term in ("CL/basic", "Cm/qhat", "Cn/beta"):
+        np.testing.assert_array_equal(saved[term]["value"], clean[term]["value"], err_msg=term)
+
+
+def test_further_angles_of_attack_continue_a_case(read, light):
+    """The program takes 20 angles a case: longer schedules are chains of cases."""
+    found = assign_roles(read("angles"))
+    assert [item.roles for item in found] == [("clean",), ("clean",)]
+    db = aerodb.from_datcom(light, **by_role(found))
+    first, second = (aerodb.from_datcom(light, clean=case) for case in read("angles"))
+    for term in ("CL/basic", "Cm/basic", "Cl/phat"):
+        leaf = values(db, term)
+        assert np.degrees(leaf["alpha"].values) == pytest.approx([-4.0, 0.0, 4.0, 8.0, 12.0])
+        # 4 deg is in both cases; the first has it
+        np.testing.assert_array_equal(leaf[:3], values(first, term), err_msg=term)
+        np.testing.assert_array_equal(leaf[3:], values(second, term)[1:], err_msg=term)
+
+
+def test_the_device_of_another_aircraft_has_no_role(read):
+    """A folder with listings of two aircraft: the second has a wing of another span."""
+    flaps = read("multi")["flaps"]
+    other = dataclasses.replace(flaps, deck=read("two_aircraft")[1].deck)
+    found = assign_roles([read("multi")["TOTAL"], flaps, other])
+    assert [item.roles for item in found] == [("clean",), ("flaps",), ()]
+    assert "another aircraft than multi.out:1, the area of its wing is" in found[2].reason
+
+
+def test_the_same_angles_again_do_not_continue_a_case(read):
+    case = read("angles")[0]
+    assert [item.roles for item in assign_roles([case, case])] == [("clean",), ()]
+
+
 def test_several_aircraft_are_refused(read):
     with pytest.raises(
         SchemaError,
-        match=r"two_aircraft\.out:1 'LIGHT SINGLE A' and two_aircraft\.out:2 .* differ in WGPLNF; "
-        r"give one with",
+        match=r"two_aircraft\.out:1 'LIGHT SINGLE A' and two_aircraft\.out:2 .* differ in "
+        r"WGPLNF \(SSPN SSPNE\); give one with",
     ):
         assign_roles(read("two_aircraft"))
 
@@ -164,9 +204,8 @@ def test_what_a_folder_lacks_is_reported(aircraft, tmp_path):
     output = tmp_path / "db.nc"
     with pytest.raises(FileNotFoundError, match="no listing of Digital DATCOM in this folder"):
         build(aircraft, tmp_path, "-o", output)
-    flaps = build(aircraft, f"{LISTINGS / 'multi.out'}:flaps:", "-o", output)
-    assert flaps.exit_code == 2
-    assert "no case of the whole aeroplane (clean); give one with --clean FILE:CASE" in flaps.output
+    with pytest.raises(SchemaError, match=r"those of WING-BODY, .* or state `tailless`"):
+        build(aircraft, f"{LISTINGS / 'multi.out'}:flaps:", "-o", output)
     (tmp_path / "empty").mkdir()
     assert "no aircraft.toml in the folder" in build(tmp_path / "empty", "-o", output).output
     assert not output.exists()
@@ -373,6 +412,54 @@ def test_an_elevator_that_moves_down_only_is_reported(read, deltas: str, warned:
     texts = [str(item.message) for item in caught]
     assert len(texts) == warned
     assert all("elevator: all deflections of SYMFLP point down (0 10 20 deg)" in x for x in texts)
+
+
+# Cards of a SYMFLP that fits inside the tail of 5.4 ft, and names of its case.
+@pytest.mark.parametrize(
+    ("cards", "name", "reason"),
+    [
+        ("FTYPE=2.0,DELTA(1)=-20.0,0.0,20.0", "Elevator", "FTYPE=2 is a high-lift device"),
+        ("FTYPE=1.0,DELTA(1)=0.0,10.0,20.0", "FLAPS", "all deflections point down"),
+        ("FTYPE=1.0,DELTA(1)=0.0,10.0,20.0", "Total", ""),
+        ("FTYPE=1.0,DELTA(1)=-20.0,0.0,20.0", "FLAPS", ""),
+        ("FTYPE=1.0,DELTA(1)=0.0,10.0,20.0", "Elevator by flap setting", ""),
+    ],
+)
+def test_the_flap_of_a_wing_inside_the_tail_is_not_an_elevator(read, cards, name, reason) -> None:
+    elevator = read("multi")["Elevator"]
+    symflp = f" $SYMFLP {cards},NDELTA=3.0,CHRDFI=0.9,CHRDFO=0.9,SPANFI=0.5,SPANFO=5.0$"
+    (deck,) = datcom_io.read_deck([*deck_text([elevator.deck]).splitlines()[:-1], symflp])
+    found = assign_roles([read("multi")["TOTAL"], renamed(elevator, deck, name)])
+    assert [item.roles for item in found] == [("clean",), () if reason else ("elevator",)]
+    assert reason in found[1].reason
+
+
+def test_the_cards_of_a_wing_flap_on_the_tail_are_not_an_elevator(read) -> None:
+    """One case without and one with HTPLNF have the same SYMFLP."""
+    symflp = " $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=-9.0,9.0,TC=0.1$"
+    span = " $SYMFLP CHRDFI=0.9,CHRDFO=0.9,SPANFI=2.0,SPANFO=5.0$"
+    cases = []
+    for name in ("flaps", "Elevator"):
+        case = read("multi")[name]
+        lines = [*deck_text([case.deck]).splitlines()[:-1], symflp, span]
+        (deck,) = datcom_io.read_deck(lines)
+        cases.append(renamed(case, deck, name))
+    found = assign_roles([read("multi")["TOTAL"], *cases])
+    assert [item.roles for item in found] == [("clean",), ("flaps",), ()]
+    assert "are those of a case without horizontal tail" in found[2].reason
+
+
+def renamed(case, deck, name):
+    """Return a case with another deck and another name."""
+    return dataclasses.replace(case, deck=deck, name=name)
+
+
+def test_one_mach_number_at_two_reynolds_numbers_is_refused_with_the_way_out(read, light) -> None:
+    pages = 2 * [read("reynolds")[0]]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AeromatchWarning)
+        with pytest.raises(SchemaError, match="several Reynolds numbers, and no altitude; give"):
+            aerodb.from_datcom(light, clean=pages, move_reference=True)
 
 
 def test_of_several_devices_the_one_that_fits_is_used(listing_with_span, read):

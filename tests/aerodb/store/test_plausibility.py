@@ -237,3 +237,91 @@ def test_build_warns_of_an_implausible_database(make_case, craft) -> None:
         tree = aerodb.from_datcom(aircraft, clean=make_case(Cm=0.05 + 1.0 * alpha))
     assert "static margin = -0.2 is implausible" in tree.attrs["notices"]
     assert np.isclose(alpha[1] - alpha[0], 2.0 * DEGREE)
+
+
+def over_mach(values: list[float], machs: list[float], **more) -> xr.DataTree:
+    table = np.outer(values, np.ones(4))
+    return xr.DataTree(make_term(table, {"mach": machs, "alpha": ALPHA}, stderr=0.1, **more))
+
+
+def test_a_lift_that_ends_below_the_other_coefficients_is_named(aeroplane) -> None:
+    """Tables to Mach 5 for Cm, and a print that has lift up to 0.6 only."""
+    table = aeroplane["Cm/basic"].to_dataset().assign_coords(mach=[0.2, 5.0])
+    aeroplane["Cm/basic"] = xr.DataTree(table)
+    found = subjects(check_plausibility(aeroplane))
+    assert {"CL/mach", "CD/mach"} <= found
+    assert "Cm/mach" not in found
+
+
+def test_a_pitch_damping_that_jumps_is_named(aeroplane) -> None:
+    aeroplane["Cm/qhat"] = over_mach([-15.0, -40.0], MACH, regressors=["qhat"])
+    assert "Cm/qhat over Mach" not in subjects(check_plausibility(aeroplane))
+    aeroplane["Cm/qhat"] = over_mach([-10.0, -40.0], MACH, regressors=["qhat"])
+    assert subjects(check_plausibility(aeroplane)) == {"Cm/qhat over Mach"}
+
+
+def test_slopes_are_taken_where_the_tables_are(aeroplane) -> None:
+    """Tables from 0 to 16 deg: from -4 deg on the slope would contain held values."""
+    for name in ("CL/basic", "CD/basic", "Cm/basic"):
+        leaf = aeroplane[name].to_dataset().isel(alpha=slice(1, None))
+        aeroplane[name] = xr.DataTree(leaf)
+    assert subjects(check_plausibility(aeroplane)) == set()
+    for name in ("CL/basic", "CD/basic", "Cm/basic"):
+        leaf = aeroplane[name].to_dataset().isel(alpha=slice(1, None))
+        aeroplane[name] = xr.DataTree(leaf)
+    found = {item.subject: item.kind for item in check_plausibility(aeroplane)}
+    assert found["CL/alpha"] == "not checked"
+
+
+def test_a_root_chord_in_place_of_the_mean_one_is_named(aeroplane) -> None:
+    """Of a wing of taper ratio 0.34 it is 1.49 times the area over the span."""
+    S, b = (float(aeroplane.attrs[name]) for name in ("S", "b"))
+    aeroplane.attrs["cbar"] = 1.33 * S / b
+    assert subjects(check_plausibility(aeroplane)) == set()
+    aeroplane.attrs["cbar"] = 1.49 * S / b
+    assert "reference lengths" in subjects(check_plausibility(aeroplane))
+
+
+# Configurations of Digital DATCOM and values that are right for them alone.
+@pytest.mark.parametrize(
+    ("configuration", "values"),
+    [
+        ("WING-BODY-VERTICAL TAIL", {"Cm/qhat": -0.9, "CL/qhat": 0.8, "Cm/elevator": -0.15}),
+        ("WING-BODY-HORIZONTAL TAIL", {"Cn/beta": 0.0016, "CY/beta": -0.04, "Cn/rhat": -0.001}),
+        ("WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL (canard)", {"CL/qhat": -2.0, "Cm/elevator": 1.2}),
+        ("WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL (rear wing)", {"CL/qhat": 0.1}),
+    ],
+)
+def test_ranges_follow_the_configuration(aeroplane, configuration: str, values) -> None:
+    for name, value in values.items():
+        leaf = make_term(value, regressors=[name.split("/")[1].replace("elevator", "delta_e")])
+        aeroplane[name] = xr.DataTree(leaf)
+    assert subjects(check_plausibility(aeroplane)) == {
+        name.replace("elevator", "delta_e") for name in values
+    }
+    aeroplane.attrs["configuration"] = configuration
+    assert subjects(check_plausibility(aeroplane)) == set()
+
+
+@pytest.mark.parametrize(
+    ("configuration", "name", "value"),
+    [
+        ("WING-BODY-VERTICAL TAIL", "Cm/qhat", 0.5),
+        ("WING-BODY-HORIZONTAL TAIL", "Cn/beta", -0.02),
+        ("WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL (canard)", "Cm/delta_e", -1.2),
+    ],
+)
+def test_a_wrong_sign_of_an_unusual_configuration(aeroplane, configuration, name, value) -> None:
+    coefficient, variable = name.split("/")
+    aeroplane[f"{coefficient}/{variable.replace('delta_e', 'elevator')}"] = xr.DataTree(
+        make_term(value, regressors=[variable])
+    )
+    aeroplane.attrs["configuration"] = configuration
+    assert name in subjects(check_plausibility(aeroplane))
+
+
+def test_roll_due_to_sideslip_of_a_low_wing_is_about_zero(aeroplane) -> None:
+    aeroplane["Cl/beta"] = xr.DataTree(make_term(0.01, regressors=["beta"]))
+    assert subjects(check_plausibility(aeroplane)) == set()
+    aeroplane["Cl/beta"] = xr.DataTree(make_term(0.1, regressors=["beta"]))
+    assert subjects(check_plausibility(aeroplane)) == {"Cl/beta"}

@@ -318,7 +318,13 @@ def test_devices():
         SYMFLP=FLAP.replace("SPANFO=3.0", "SPANFO=9.0"),
         FLTCON=ONE_CONDITION,
     )
-    assert found(ASYFLP="STYPE=5.0", FLTCON=ONE_CONDITION) == []
+    # the only finding: none on the span
+    one(
+        "STYPE=5 deflects the halves of",
+        severity="warning",
+        ASYFLP="STYPE=5.0",
+        FLTCON=ONE_CONDITION,
+    )
     tail = {"HTPLNF": TAIL, **flap}
     one(
         "with a wing and a horizontal tail the program puts the device on the tail",
@@ -327,7 +333,7 @@ def test_devices():
         **tail,
     )
     one("TRIM without device", "TRIM", severity="warning")
-    one("TRIM with $ASYFLP", "TRIM", severity="warning", ASYFLP="STYPE=5.0")
+    one("TRIM with $ASYFLP", "TRIM", severity="warning", ASYFLP="STYPE=4.0,SPANFI=1.0,SPANFO=2.0")
     assert found("TRIM", **flap) == []
     one("at 2 flight conditions of one run", severity="warning", SYMFLP=FLAP)
     twice = [*cards(**flap)[:-1], f" $SYMFLP {FLAP}$", "NEXT CASE"]

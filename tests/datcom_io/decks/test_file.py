@@ -354,3 +354,14 @@ def test_names_of_cards_in_comments_are_no_cards():
     ]
     (case,) = datcom_io.read_deck(lines)
     assert (case.caseid, [card.name for card in case.cards]) == ("ONE", ["CASEID"])
+
+
+@pytest.mark.parametrize(
+    "name", ["$REFQ SREF=0.0127", " $AXIBOD TNOSE=OGIVE", " $FINSET1 NPANEL=4."]
+)
+def test_a_deck_of_missile_datcom_is_named(name, tmp_path):
+    """Its FLTCON is that of Digital DATCOM, its other namelists are not."""
+    file = tmp_path / "for005.dat"
+    file.write_text(f"CASEID ROCKET\n $FLTCON NMACH=1.,MACH=0.1$\n{name}$\nNEXT CASE\n")
+    with pytest.raises(ParseError, match="a file of Missile DATCOM, another program"):
+        datcom_io.read_deck(file)

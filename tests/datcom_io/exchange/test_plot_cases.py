@@ -245,3 +245,13 @@ def test_cases_that_the_program_did_not_compute(capsys):
     assert [place and place.name for place in places] == [None, "case 1", "case 2"]
     plot_file(str(LISTINGS / "aborted.for013"), str(LISTINGS / "aborted.out"), None, False)
     assert capsys.readouterr().out.count("2 of 2 numbers") == 10
+
+
+def test_a_plot_file_without_angles_refines_nothing():
+    """A deck without ALSCHD prints a row of no angle, and its plot file has no point."""
+    case = datcom_io.read(LISTINGS / "speeds.out")[0].to_datatree()
+    tree = datcom_io.exchange.read_plot(LISTINGS / "speeds.for013")["case 1"]
+    empty = tree.copy()
+    empty["static"] = tree["static"].isel(alpha=slice(0, 0))
+    fine = datcom_io.exchange.refine(case, empty)
+    assert fine["static"].to_dataset().identical(case["static"].to_dataset())

@@ -134,6 +134,7 @@ def test_split_run_and_build(run, parts):
         cbar=2.022,
         b=13.36,
         reference=(-6.3, 0.0, 0.15),
+        x_ref_mac=0.298,
     )
     elevator = [listing for name, listing in listings.items() if name.startswith("elevator")]
     assert len(elevator) == 3
@@ -207,6 +208,7 @@ def test_slopes_are_those_of_the_coefficients(run, parts, deriv):
         cbar=2.022,
         b=13.36,
         reference=(-6.3, 0.0, 0.15),
+        x_ref_mac=0.298,
     )
     db = aerodb.from_datcom(aircraft, clean=listing, altitude=0.0)
     for name, slope, unit in (("CL", "CL_alpha", 1e-3), ("Cm", "Cm_alpha", 1e-4)):

@@ -63,6 +63,7 @@ def test_a_wing_without_tail_is_judged_by_signs() -> None:
         ("CL_alphadothat", [-2.9, 3.0, 3.1, 3.0, 1.0]),
         ("Cn_phat", [0.6, -0.012, -0.04, -0.07, -0.1]),
         ("CL_qhat", [60.0, *4 * [np.nan]]),
+        ("CY_phat", [-1173.0, 0.1, 0.1, 0.1, 0.1]),
     ],
 )
 def test_a_sign_or_size_of_its_own_is_flagged_in_its_row(name: str, row: list[float]) -> None:

@@ -144,6 +144,11 @@ FAILURES = {
         'print("no licence"); sys.exit(3)',
         "it ended with code 3; its output: no licence; nothing was written",
     ),
+    "names the error of its library": (
+        'print("At line 7 (unit = 9)\\nFortran runtime error: End of file\\n#0 0x55 in ???"); '
+        "sys.exit(2)",
+        r"its output: At line 7 \(unit = 9\) Fortran runtime error: End of file; nothing",
+    ),
     "crashes at once": (
         "os.kill(os.getpid(), signal.SIGSEGV)",
         "it crashed with signal SIGSEGV; nothing was written",

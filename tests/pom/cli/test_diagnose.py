@@ -61,7 +61,10 @@ def test_the_ranking_and_the_corrected_database(aeromatch, files, tmp_path):
 def test_json_holds_every_row_with_its_case(aeromatch, files):
     done = aeromatch(*files, "--json", "--players", 1)
     rows = json.loads(done.stdout)
-    assert {row["case"] for row in rows} == {"a_case"}
+    joint = [row for row in rows if row["stage"] in ("culprit", "correction")]
+    assert {row["case"] for row in rows if row not in joint} == {"a_case"}
+    assert {row["case"] for row in joint} == {""}  # over all cases
+    assert next(row["term"] for row in joint if row["stage"] == "culprit") == "Cm/elevator"
     assert [row["term"] for row in rows if row["stage"] == "single"][-1] == "Cl/phat"
     share = [row for row in rows if row["stage"] == "share"]
     assert sum(row["explained"] for row in share) == pytest.approx(1.0)

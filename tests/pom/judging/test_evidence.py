@@ -6,7 +6,9 @@ import xarray as xr
 
 import aerodb
 import flightmech
+from aerodb.store.identified_terms import stamp_identified
 from flightmech import terms
+from flightmech.support.flown_samples import FLOWN_SAMPLES
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks
 
 SHARE = 0.05  # standard error of every term of the evidence, of its value
@@ -140,3 +142,66 @@ def test_a_foreign_fmu_is_not_compared_with_the_reason_stated(compared, toy):
         remark.text
         == "not compared with the flight evidence: the FMU holds no tables of this program"
     )
+
+
+@pytest.fixture
+def stamped(evidence):
+    """Return the evidence as a tabulation writes it: every term with its stamp."""
+    leaves = {}
+    for name, leaf in aerodb.terms(evidence).items():
+        lines = "tabulate: joined with 3 fits\nreplace_terms: replaced (identified from flight)"
+        leaves[name] = stamp_identified(leaf.assign_attrs(history=lines))
+    db = aerodb.replace_terms(evidence, leaves)
+    db.attrs[FLOWN_SAMPLES] = "of the fits"
+    return db
+
+
+def changed_by_hand(db, *dropped, history=None):
+    """Return a database with 0.4 of Cm/qhat, changed without the program."""
+    leaf = aerodb.terms(db)["Cm/qhat"].copy(deep=True)
+    leaf["value"] = 0.4 * leaf["value"]
+    for key in dropped:
+        del leaf.attrs[key]
+    if history is not None:
+        leaf.attrs["history"] = history
+    nodes = {**db.to_dict(), "/Cm/qhat": leaf}
+    return xr.DataTree.from_dict(nodes)
+
+
+EDITED = {
+    "db edit": lambda db: aerodb.edit.scale(db, "Cm/qhat", 0.4, source="flight"),
+    "a note that lies": lambda db: aerodb.edit.scale(
+        db, "Cm/qhat", 0.4, note="identified from flight", source="flight"
+    ),
+    "in xarray": changed_by_hand,
+    "without its history": lambda db: changed_by_hand(db, history=""),
+    "without its stamp": lambda db: changed_by_hand(db, "identified"),
+    "without both": lambda db: changed_by_hand(db, "identified", history=""),
+    "replaced by itself": lambda db: aerodb.replace_terms(
+        db,
+        {"Cm/qhat": aerodb.terms(changed_by_hand(db))["Cm/qhat"]},
+        note="identified from flight",
+    ),
+}
+
+
+@pytest.mark.parametrize("way", EDITED)
+def test_an_edit_by_any_way_is_no_evidence(stamped, states, way, tmp_path):
+    aerodb.save(stamped, tmp_path / "a.nc")
+    as_identified = Evidence(aerodb.open(tmp_path / "a.nc"), states)
+    assert as_identified.edited == ()
+    assert not as_identified.unstamped
+    aerodb.save(EDITED[way](stamped), tmp_path / "b.nc")
+    assert Evidence(aerodb.open(tmp_path / "b.nc"), states).edited == ("Cm/qhat",)
+
+
+def test_evidence_from_before_the_stamps_is_named(stamped, states):
+    leaves = {}
+    for name, leaf in aerodb.terms(stamped).items():
+        attrs = {key: text for key, text in leaf.attrs.items() if key != "identified"}
+        leaves[name] = leaf.copy().drop_attrs().assign_attrs(attrs)
+    old = aerodb.replace_terms(stamped, leaves)
+    del old.attrs[FLOWN_SAMPLES]
+    found = Evidence(old, states)
+    assert found.edited == ()
+    assert found.unstamped

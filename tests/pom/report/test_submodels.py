@@ -110,7 +110,7 @@ def test_every_estimate_stands_with_its_standard_error(results):
     assert {row[0] for row in column.grids[1].rows} == {"Ch_e: 1", "Ch_e: delta_e"}
     (row,) = ground.grids[0].rows
     k, s = results["ground effect"]["CL"].row("1").k, results["ground effect"]["CL"].row("1").s
-    assert (row[0], float(row[2]), float(row[4].replace("\N{MINUS SIGN}", "-"))) == (
+    assert (row[0], float(row[3]), float(row[5].replace("\N{MINUS SIGN}", "-"))) == (
         "CL: 1",
         pytest.approx(k, rel=1e-3),
         pytest.approx(s, rel=1e-3),

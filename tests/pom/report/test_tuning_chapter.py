@@ -37,7 +37,7 @@ def test_the_log_is_a_chapter_and_kept(tmp_path):
         "93 %",
         "mach 0.2, alpha 4 deg",
         "horn &lt;worn&gt;",
-        "1 further term by less than 0.05",
+        "1 further term, with less than 1 % of the distance and less than 0.5 standard errors",
         "old.nc (abab",
     ):
         assert cell in chapter

@@ -18,7 +18,7 @@ function statusAt(rows) {
     if (!before || ORDER.indexOf(verdict) < ORDER.indexOf(before)) groups[row.group] = verdict;
   }
   const found = Object.values(groups);
-  const passed = rows.some((r) => r.faulty) ? "record_error" : rows.some((r) => r.exceeds) ? "limits_exceeded" : rows.some((r) => r.departs) ? "pass_with_departures" : "pass";
+  const passed = rows.map((r) => r.refused).find(Boolean) || (rows.some((r) => r.faulty) ? "record_error" : rows.some((r) => r.exceeds) ? "limits_exceeded" : rows.some((r) => r.departs) ? "pass_with_departures" : "pass");
   return ["invalid", "fail", "not_tested"].find((word) => found.includes(word)) || (found.includes("pass") ? passed : "not_tested");
 }
 // The row that decides: of the alternatives the best, of the groups the worst.

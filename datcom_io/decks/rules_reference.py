@@ -1,0 +1,78 @@
+"""Reference quantities of a deck against its planform, and devices of another kind than meant.
+
+The program divides by SREF, CBARR and BLREF as they are given. A root chord in CBARR, a semispan in
+BLREF or half an area in SREF make every moment wrong, and nothing in the print shows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from datcom_io.decks.cards import WARNING, DeckFinding
+from datcom_io.decks.deck import Deck
+from datcom_io.decks.planforms import measure_main_wing
+
+# Ratio of a reference quantity to that of the planform cards. Of 25 public and own aeroplanes the
+# sound ones have 0.86 to 1.2 of the area, 0.86 to 1.08 of the chord and 0.94 to 1.06 of the span.
+_RANGES = {"SREF": (0.7, 1.4), "CBARR": (0.75, 1.3), "BLREF": (0.85, 1.2)}
+_WHAT = {
+    "SREF": "the area of the planform",
+    "CBARR": "the mean aerodynamic chord of the planform",
+    "BLREF": "the span of the planform",
+}
+# A reference quantity this near to another number of the planform is that number.
+_EQUAL = 0.02
+_SPOILERS, _DIFFERENTIAL_TAIL = (1, 2, 3), 5  # STYPE of ASYFLP
+
+
+def describe_reference_quantities(deck: Deck) -> dict[str, str]:
+    """Return a clause for each reference quantity that is not that of the planform, by variable."""
+    wing = measure_main_wing(deck)
+    if wing is None:
+        return {}
+    planform = {"SREF": wing.area, "CBARR": wing.mean_chord, "BLREF": wing.span}
+    others = {
+        "SREF": {"half of it": 0.5 * wing.area, "twice that": 2.0 * wing.area},
+        "CBARR": {"the root chord": wing.root_chord},
+        "BLREF": {"the semispan": 0.5 * wing.span, "the mean chord": wing.mean_chord},
+    }
+    clauses = {}
+    for name, measured in planform.items():
+        given = deck.value("OPTINS", name)
+        low, high = _RANGES[name]
+        if given is None or low * measured <= given <= high * measured:
+            continue
+        text = f"$OPTINS: {name}={given:g} is {given / measured:.3g} times {_WHAT[name]}"
+        text += f", {measured:.4g}"
+        for what, value in others[name].items():
+            if abs(given / value - 1.0) <= _EQUAL:
+                text += f" (it is {what})"
+        clauses[name] = f"{text}; all coefficients are divided by it, so check it"
+    return clauses
+
+
+def check_reference_planform(deck: Deck) -> Iterator[DeckFinding]:
+    """Yield reference quantities that are not those of the planform."""
+    for name, text in describe_reference_quantities(deck).items():
+        yield DeckFinding(deck.line_of("OPTINS", name), WARNING, text)
+
+
+def check_device_style(deck: Deck) -> Iterator[DeckFinding]:
+    """Yield an ASYFLP whose STYPE needs numbers or a surface that the deck does not have."""
+    if "ASYFLP" not in deck.namelists:
+        return
+    style = round(deck.value("ASYFLP", "STYPE") or 0.0)
+    line = deck.line_of("ASYFLP", "STYPE")
+    if style in _SPOILERS and not any(deck.values("ASYFLP", "DELTAS")):
+        text = f"$ASYFLP: STYPE={style} is a spoiler, and no height DELTAS is given: the program "
+        text += "prints one moment for no spoiler at all; give DELTAS, XSOC and HSOC, or STYPE=4.0 "
+        yield DeckFinding(line, WARNING, f"{text}for an aileron with DELTAL and DELTAR")
+    if style == _DIFFERENTIAL_TAIL and "HTPLNF" not in deck.namelists:
+        text = (
+            "$ASYFLP: STYPE=5 deflects the halves of a horizontal tail, and there is no $HTPLNF: "
+        )
+        text += "the program prints moments of zero"
+        yield DeckFinding(line, WARNING, f"{text}; give it, or STYPE=4.0 for an aileron")
+
+
+RULES = (check_reference_planform, check_device_style)

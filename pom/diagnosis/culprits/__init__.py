@@ -1,0 +1,5 @@
+"""Ranking of the wrong terms of a model over all cases of a project together."""
+
+from flightmech.support.imports import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,80 @@
+"""The joint ranking of wrong terms in sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Mapping
+from typing import Any
+
+import pandas as pd
+
+from pom.diagnosis.culprits.ranking import LEAST_WORSE
+from pom.diagnosis.swap_judgement import LEAST_GAP
+from pom.judging.beyond_the_bands import FAR
+
+FIRST = 3  # terms that the sentence names
+
+
+def describe_culprits(ranked: pd.DataFrame, corrections: pd.DataFrame) -> list[str]:
+    """Return what the joint ranking states about the a-priori model.
+
+    Parameters
+    ----------
+    ranked : DataFrame
+        Of `rank_culprits`.
+    corrections : DataFrame
+        Of `order_corrections`.
+    """
+    rows = corrections.to_dict("records")
+    if not rows or not rows[0]["cases"]:
+        return ["No case carries a verdict, so no term is ranked."]
+    start, *steps, end = rows
+    if not steps:
+        return [
+            f"No term is named: no case is off by {LEAST_GAP:g} half widths more when one term of "
+            f"the final model is put back as it was a priori."
+        ]
+    named = [str(row["term"]) for row in steps]
+    near = list(ranked.loc[ranked["term"].isin(named) & (ranked["distance"] < FAR), "term"])
+    refuted = [name for name in named if name not in near][:FIRST]
+    first = f"Over all cases the a-priori model is most likely wrong in {', '.join(refuted)}."
+    if not refuted:
+        first = "Over all cases the evidence refutes none of the terms that the flights feel."
+    sentences = [
+        first,
+        f"With {len(steps)} corrected, {steps[-1]['matched']} of {end['cases']} cases are within "
+        f"tolerance (a priori {start['matched']}, final model {end['matched']}) and the mismatch "
+        f"over all cases is {steps[-1]['mismatch']:.2f} half widths (a priori "
+        f"{start['mismatch']:.2f}, final model {end['mismatch']:.2f}).",
+    ]
+    if near:
+        sentences.append(
+            f"Within {FAR:g} standard errors of the evidence, so not refuted by it: "
+            f"{', '.join(near)}."
+        )
+    unknown = ranked[ranked["term"].isin(named) & ranked["distance"].isna()]
+    if len(unknown):
+        sentences.append(f"Without evidence from flight: {', '.join(unknown['term'])}.")
+    for before, row in zip(rows, steps, strict=False):
+        if row["mismatch"] - before["mismatch"] > LEAST_WORSE:
+            sentences.append(_describe_worse_step(before, row))
+    if end["mismatch"] >= start["mismatch"]:
+        sentences.append(
+            "Over all cases the final model is no better than the a-priori model; the ranking "
+            "takes it as right."
+        )
+    return sentences
+
+
+def _describe_worse_step(before: Mapping[Hashable, Any], row: Mapping[Hashable, Any]) -> str:
+    """Return the sentence on a correction that makes the mismatch larger."""
+    text = (
+        f"The correction of {row['term']} makes the match worse on the way, from "
+        f"{before['mismatch']:.2f} to {row['mismatch']:.2f} half widths"
+    )
+    if row["partner"] and math.isfinite(row["correlation"]):
+        text += (
+            f": its error and that of {row['partner']} compensate each other (correlation of "
+            f"their effects on the judged outputs {row['correlation']:.2f})"
+        )
+    return f"{text}."

@@ -1,0 +1,227 @@
+"""One more flight of a model with changed inputs: an answer that does not follow is not driven by them.
+
+An FMU that reads the flight from a file, holds it as a table, or follows it by a controller can be
+within every tolerance.  Its answer to other inputs shows it.  All deviations of the inputs from
+their first values are multiplied by `SCALE`.  For small changes an aeroplane is linear, so its
+answer changes by the share 1 - `SCALE` of its response, with or without dampers.  A table does not
+change, and a controller removes most of the change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flightmech.names import lookup
+from flightmech.support.arrays import rms
+from flightmech.units import DEGREE
+from pom.cases.case_file import WIND
+from pom.cases.job import ReplayJob
+from pom.tolerances.bands import RowRemark
+
+SCALE = 0.9
+"""Factor on the deviations of the inputs; smaller deviations stay inside the tables."""
+SIZES = {
+    **dict.fromkeys(("p", "q", "r"), 1.0 * DEGREE),
+    **dict.fromkeys(("phi", "theta", "psi"), 1.0 * DEGREE),
+    **dict.fromkeys(("alpha", "beta"), 0.5 * DEGREE),
+    "V": 0.5,
+    "h": 3.0,
+    "nz": 0.03,
+}
+"""Channels of the probe, and the rms of a response that is judged. [SI]  Our numbers."""
+LEAST_CHANGE = 1e-4
+"""Change below which an answer counts as unchanged, in units of `SIZES`.
+
+Of the 24 cases of the T-37 and the C182 the least driven channel changes by 1.2e-2.
+"""
+LEAST_SHARE = 0.5
+"""Least share of the expected change: the middle one of the judged channels, of two the larger.
+
+Honest models of the T-37 and the C182 have 0.73 (turn of the nose wheel on the ground) to 5.0, most
+of them 0.8 to 1.1.  A controller that holds the short period of the T-37 with time constants of
+0.2 s and 0.05 s has 0.19 and 0.06.
+"""
+LEAST_LEFT = 0.05
+"""Least part of a displacement after a pulse that remains at the end, of the best channel."""
+# Deviation of a control that counts as moved; recorded ones at rest have half of it. [SI]
+_MOVED = {"rad": 0.6 * DEGREE, "N": 10.0, "N m": 2.0, "m": 0.005}
+_MOVED_SHARE = 0.05  # of the largest value, for levers, thrust and devices
+_SMOOTHED = 0.3  # [s] mean over it, so that noise of a pick-up is not a movement
+# Pulse on a control if none is moved; small against travel and force. [SI]
+_PULSES = {
+    **dict.fromkeys(("delta_e", "delta_a", "delta_r"), 0.5 * DEGREE),
+    **dict.fromkeys(("F_column", "F_pedal"), 10.0),
+    "F_wheel": 2.0,
+    **dict.fromkeys(("column", "pedal"), 0.003),
+    "wheel": 2.0 * DEGREE,
+}
+_PULSE = (0.1, 1.0)  # start [share of the window] and length [s]
+_LAST = 0.2  # share of the window in which the remaining displacement is measured
+_INTEGRALS = ("phi", "theta", "psi", "V", "h")  # displaced for good by a pulse
+
+Traces = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class ChangedJob:
+    """Job of the probe.
+
+    Attributes
+    ----------
+    job : ReplayJob
+        Without math pilot and control law: the controls that they moved are inputs.
+    moved : bool
+        Whether a control moves.  If none does, the primary controls have a pulse.
+    """
+
+    job: ReplayJob
+    moved: bool
+
+
+def changed_job(job: ReplayJob, outputs: Traces) -> ChangedJob:
+    """Return the job of a probe.
+
+    Parameters
+    ----------
+    job : ReplayJob
+    outputs : mapping of str to array (time,)
+        Of the flight of the model.  Controls that math pilot or control law moved are among them.
+    """
+    followed = {loop.control for loop in job.pilot}
+    if job.law is not None:
+        followed.update(job.law.moves)
+    inputs: dict[str, np.ndarray] = {}
+    is_moved = False
+    for name, recorded in job.inputs.items():
+        values = outputs.get(name, recorded) if name in followed else recorded
+        if name in WIND or not np.isfinite(values).all():
+            inputs[name] = recorded
+            continue
+        deviation = values - values[0]
+        is_moved |= _is_moved(name, job.time, values)
+        inputs[name] = values[0] + SCALE * deviation
+    if not is_moved:
+        pulse = _pulse_shape(job.time)
+        for name, size in _PULSES.items():
+            if name in inputs:
+                inputs[name] = inputs[name] + size * pulse
+    return ChangedJob(replace(job, inputs=inputs, pilot=(), targets={}, law=None), is_moved)
+
+
+def _is_moved(name: str, time: np.ndarray, values: np.ndarray) -> bool:
+    """Return whether a control leaves its first position by more than its noise."""
+    quantity = name.replace("thrust_drive", "thrust")
+    least = _MOVED.get(lookup(quantity).units, 0.0)
+    if quantity.endswith("thrust") or not least:
+        least = _MOVED_SHARE * max(1.0, float(np.max(np.abs(values))))
+    step = float(np.median(np.diff(time)))
+    count = max(1, min(values.size, round(_SMOOTHED / step)))
+    smooth = np.convolve(values, np.ones(count) / count, mode="valid")
+    return float(np.max(np.abs(smooth - values[0]))) > least
+
+
+def _pulse_shape(time: np.ndarray) -> np.ndarray:
+    """Return a half sine of unit size near the start of the window (time,)."""
+    start = time[0] + _PULSE[0] * (time[-1] - time[0])
+    phase = (time - start) / _PULSE[1]
+    return np.where((phase > 0.0) & (phase < 1.0), np.sin(np.pi * phase), 0.0)
+
+
+def judge_change(
+    time: np.ndarray, before: Traces, after: Traces, judged: Collection[str], *, moved: bool
+) -> tuple[RowRemark, ...]:
+    """Return the remarks on a probe: the change, and ``not_driven`` if the inputs do not drive it.
+
+    Parameters
+    ----------
+    time : array (time,)
+        [s]
+    before, after : mapping of str to array (time,)
+        Outputs of the flight as recorded, and of the probe. [SI]
+    judged : collection of str
+        Channels with a judged time history.
+    moved : bool
+        As in `ChangedJob`.
+    """
+    changes: dict[str, float] = {}  # rms of the change, in units of `SIZES`
+    shares: dict[str, float] = {}  # of the expected change
+    for name, size in SIZES.items():
+        if name not in before or name not in after:
+            continue
+        response, change = before[name] - before[name][0], after[name] - before[name]
+        is_finite = np.isfinite(response) & np.isfinite(change)
+        if is_finite.sum() < 2:
+            continue
+        changes[name] = rms(change[is_finite]) / size
+        extent = rms(response[is_finite])
+        if extent > size:
+            shares[name] = changes[name] * size / ((1.0 - SCALE) * extent)
+    if not changes:
+        return (_probe_remark("no motion among the outputs of the model", {}),)
+    still = [name for name, change in changes.items() if change < LEAST_CHANGE]
+    is_still = len(still) == len(changes)
+    # a channel that responds but does not change is given, whatever the others do
+    given = [name for name in still if name in shares]
+    if moved and (given or is_still):
+        return (_unchanged_remark(given or still, f"inputs scaled by {SCALE:g}", changes),)
+    if not moved:
+        if is_still:
+            return (_unchanged_remark(still, "a pulse on the controls", changes),)
+        return _judge_pulse(time, before, after)
+    return _judge_shares(shares, judged)
+
+
+def _judge_shares(shares: Mapping[str, float], judged: Collection[str]) -> tuple[RowRemark, ...]:
+    """Return the remarks on the shares of the expected change, of channels that respond."""
+    considered = {name: share for name, share in shares.items() if name in judged} or shares
+    if not considered:
+        return (_probe_remark("no channel responds enough to be judged", {}),)
+    middle = sorted(considered.values())[len(considered) // 2]
+    listed = ", ".join(f"{name} {share:.2f}" for name, share in considered.items())
+    text = (
+        f"with inputs scaled by {SCALE:g} the answer changes by this share of what the inputs "
+        f"explain: {listed} (1 for an aeroplane that is linear)"
+    )
+    if middle >= LEAST_SHARE:
+        return (_probe_remark(text, considered),)
+    reason = (
+        f"not driven by the inputs: {text}; the middle one is below {LEAST_SHARE:g}. The "
+        f"model follows the record by other means, such as a controller"
+    )
+    return (RowRemark("not_driven", reason, values=dict(considered), unit="1"),)
+
+
+def _judge_pulse(time: np.ndarray, before: Traces, after: Traces) -> tuple[RowRemark, ...]:
+    """Return the remarks on the displacement that a pulse leaves."""
+    is_last = time > time[-1] - _LAST * (time[-1] - time[0])
+    left: dict[str, float] = {}
+    for name in _INTEGRALS:
+        if name not in before or name not in after:
+            continue
+        change = np.nan_to_num(np.abs(after[name] - before[name]))
+        if change.max() > LEAST_CHANGE * SIZES[name]:
+            left[name] = float(rms(change[is_last]) / change.max())
+    listed = ", ".join(f"{name} {share:.2f}" for name, share in left.items())
+    text = f"no control moves; after a pulse on the controls this part remains: {listed}"
+    if not left or max(left.values()) >= LEAST_LEFT:
+        return (_probe_remark(text, left),)
+    reason = f"not driven by the inputs: {text}; the model returns to the record by other means"
+    return (RowRemark("not_driven", reason, values=left, unit="1"),)
+
+
+def _unchanged_remark(
+    names: Collection[str], means: str, changes: Mapping[str, float]
+) -> RowRemark:
+    text = (
+        f"not driven by the inputs: {', '.join(names)} do not change with {means}; the answer is "
+        f"stored in the model or read by it"
+    )
+    values = {name: changes[name] for name in names}
+    return RowRemark("not_driven", text, values=values, unit="1")
+
+
+def _probe_remark(text: str, values: Mapping[str, float]) -> RowRemark:
+    return RowRemark("probe", text, values=dict(values), unit="1" if values else "")

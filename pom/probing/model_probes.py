@@ -1,0 +1,111 @@
+"""Both probes of every model of a case that passes, as remarks of its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import AeromatchError
+from pom.cases.job import ReplayJob
+from pom.fmu.models import FmuModel
+from pom.fmu.run_cache import KeptFlights
+from pom.fmu.simulate import fly_job
+from pom.judging.beyond_the_bands import flown_model
+from pom.probing.flight_consistency import compare_inputs, compare_lift
+from pom.probing.input_probe import SIZES, changed_job, judge_change
+from pom.probing.scatter_probe import measure_scatter
+from pom.result import PASSED, PomResult, make_verdict_table
+from pom.tolerances.bands import RowRemark
+
+
+def with_probes(
+    result: PomResult,
+    models: Mapping[str, FmuModel],
+    jobs: Mapping[str, ReplayJob],
+    outputs: Mapping[str, Mapping[str, np.ndarray]],
+    states: xr.Dataset,
+    timeout: float,
+    store: KeptFlights | None = None,
+) -> PomResult:
+    """Return a result with the remarks of the probes on every model that passes.
+
+    A model that does not pass proves nothing, so it is not flown again.
+
+    Parameters
+    ----------
+    result : PomResult
+    models, jobs, outputs : mapping by model
+        The model, its job, and its outputs (time,) by name.
+    states : Dataset (time)
+        Of the flight.
+    timeout, store
+        As `pom.fmu.simulate.fly_job`.
+    """
+    found: dict[str, tuple[RowRemark, ...]] = {}
+    for run, model in models.items():
+        if result.status(run) not in PASSED or result.case.reference == "footprint":
+            continue
+        judged = {criterion.channel for criterion in result.case.criteria if criterion.applies}
+        # true and calibrated airspeed respond alike
+        judged |= {"V"} if "V_cas" in judged else set()
+        changed = changed_job(jobs[run], outputs[run])
+        # without the law of the case: the controls that it moved are inputs
+        after, failure = fly_job(
+            replace(model, law=None), changed.job, [*SIZES], timeout=timeout, store=store
+        )
+        if failure:
+            remarks = _failure_remarks(failure, closed=jobs[run].law is not None)
+        else:
+            time = jobs[run].time
+            remarks = judge_change(time, outputs[run], after, judged, moved=changed.moved)
+            is_compared = changed.moved and all(item.kind == "probe" for item in remarks)
+            if is_compared and result.case.reference == "flight":
+                surfaces = result.case.drive.level == "recorded"
+                remarks += compare_inputs(
+                    time, outputs[run], after, flight_traces(states), surfaces=surfaces
+                )
+        if result.case.reference == "flight":
+            remarks += (*measure_scatter(result.signals, run), *_lift_remarks(model, states))
+        found[run] = remarks
+    return with_run_remarks(result, found)
+
+
+def flight_traces(states: xr.Dataset) -> dict[str, np.ndarray]:
+    """Return the channels of a flight that have a value per sample (time,). [SI]"""
+    traces = {}
+    for name, item in states.data_vars.items():
+        if item.dims == ("time",) and item.dtype.kind == "f":
+            traces[str(name)] = item.values.astype(float)
+    return traces
+
+
+def _lift_remarks(model: FmuModel, states: xr.Dataset) -> tuple[RowRemark, ...]:
+    """Return the remark on the lift of a model; empty for an FMU of another program."""
+    try:
+        tables = flown_model(model.fmu.path)
+    except AeromatchError:
+        return ()
+    if tables is None:
+        return ()
+    return compare_lift(tables, states)
+
+
+def _failure_remarks(failure: str, *, closed: bool) -> tuple[RowRemark, ...]:
+    """Return the remark on a probe that failed; `closed`: the aeroplane has a control law."""
+    text = f"not probed, the flight with changed inputs failed: {failure}"
+    # An unstable aeroplane may not fly without its law.
+    kind = "probe" if closed else "departure"
+    return (RowRemark(kind, text),)
+
+
+def with_run_remarks(result: PomResult, remarks: Mapping[str, tuple[RowRemark, ...]]) -> PomResult:
+    """Return a result with further remarks on the rows of some models."""
+    if not any(remarks.values()):
+        return result
+    rows = []
+    for row in result.rows:
+        rows.append({**row, "remarks": (*row["remarks"], *remarks.get(row["run"], ()))})
+    return replace(result, verdict=make_verdict_table(rows))  # type: ignore[arg-type]

@@ -1,0 +1,91 @@
+"""Scatter of a model's answer against that of the record: an answer does not hold its noise.
+
+The third differences of a channel hold its scatter from sample to sample.  That of a flight is
+mostly noise of instruments, which no simulation can know.  An answer whose scatter is that of the
+record, sample by sample, was made from the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from pom.judging.signals import traces_of
+from pom.tolerances.bands import RowRemark
+
+CHANNELS = ("p", "q", "r", "nz", "ny", "nx", "theta", "phi", "psi", "alpha", "beta", "V_cas", "h")
+LEAST_CHANNELS = 3
+LEAST_SAMPLES = 50
+NOISE = 0.5
+"""Largest correlation of successive third differences of a channel whose scatter is noise.
+
+White noise has -0.75, the records of the T-37 and the C182 -0.78 to 0.3 in rates and accelerations;
+a smooth motion at 50 samples per second has nearly 1.
+"""
+COPIED = 0.5
+"""Median correlation of the scatter of answer and record from which on it is a copy.
+
+Copies have 1.00, a controller that follows the record 0.76 and 0.85; honest models of the T-37 and
+the C182 have at most 0.12.
+"""
+_CUT = 4.0  # medians of the scatter, so that steps of the inputs do not decide
+
+
+def measure_scatter(signals: xr.Dataset, run: str) -> tuple[RowRemark, ...]:
+    """Return the remark on the scatter of a model; empty if the record has no noise.
+
+    Parameters
+    ----------
+    signals : Dataset (run, time)
+        Of a result.
+    run : str
+
+    Returns
+    -------
+    tuple of RowRemark
+        Of kind ``probe``, or ``not_driven`` if the scatter is that of the record.
+    """
+    flight, model = traces_of(signals, "flight"), traces_of(signals, run)
+    return judge_scatter(flight, model)
+
+
+def judge_scatter(
+    flight: Mapping[str, np.ndarray], model: Mapping[str, np.ndarray]
+) -> tuple[RowRemark, ...]:
+    """Return the remark of `measure_scatter` for the traces of flight and model (time,)."""
+    ratios, correlations = {}, {}
+    for name in CHANNELS:
+        if name not in flight or name not in model:
+            continue
+        recorded, answer = np.diff(flight[name], 3), np.diff(model[name], 3)
+        is_finite = np.isfinite(recorded) & np.isfinite(answer)
+        recorded, answer = _cut_steps(recorded[is_finite]), _cut_steps(answer[is_finite])
+        if recorded.size < LEAST_SAMPLES or not recorded.std() or not answer.std():
+            continue
+        if np.corrcoef(recorded[1:], recorded[:-1])[0, 1] > NOISE:
+            continue
+        ratios[name] = float(answer.std() / recorded.std())
+        correlations[name] = float(np.corrcoef(recorded, answer)[0, 1])
+    if len(ratios) < LEAST_CHANNELS:
+        return ()
+    ratio = float(np.median([*ratios.values()]))
+    correlation = float(np.median([*correlations.values()]))
+    text = (
+        f"scatter from sample to sample {ratio:.2g} of the record's, correlation with it "
+        f"{correlation:.2f} (median of {len(ratios)} channels)"
+    )
+    values = {"ratio": ratio, "correlation": correlation}
+    if correlation < COPIED:
+        return (RowRemark("probe", text, values=values, unit="1"),)
+    reason = f"not driven by the inputs: {text}; the answer holds the noise of the record"
+    return (RowRemark("not_driven", reason, values=values, unit="1"),)
+
+
+def _cut_steps(differences: np.ndarray) -> np.ndarray:
+    """Return differences without the sizes of single steps."""
+    if not differences.size:
+        return differences
+    limit = _CUT * float(np.median(np.abs(differences)))
+    return np.clip(differences, -limit, limit)

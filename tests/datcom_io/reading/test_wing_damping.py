@@ -1,0 +1,95 @@
+"""Tests of the pitch damping of a wing by its planform against prints of the program."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import datcom_io
+from datcom_io.decks.deck_file import read_deck
+from datcom_io.reading.damping import estimate_tail_share, find_inconsistent
+from datcom_io.reading.wing_damping import estimate_wing_share
+
+T37 = Path(__file__).parents[3] / "data" / "t37" / "datcom"
+# A transport of aspect ratio 15 whose centre of gravity lies ahead of the wing, in feet. The
+# program prints CLQ 16.72 and CMQ -20.67 per radian at Mach 0.2, 18.20 and -22.46 at 0.6.
+FORWARD = """\
+ $FLTCON NMACH=1.0,MACH(1)=0.2$
+ $OPTINS SREF=3455.0,CBARR=16.3,BLREF=233.0$
+ $SYNTHS XCG=49.0,ZCG=-0.47,XW=42.6,ZW=-2.12,XH=70.5,ZH=0.78$
+ $WGPLNF CHRDR=21.3,CHRDTP=9.5,SSPN=111.4,SSPNE=106.8,
+  SAVSI=18.0,CHSTAT=0.25,TYPE=1.0$
+ $HTPLNF CHRDR=22.96,CHRDTP=10.2,SSPN=32.2,SSPNE=30.0,SAVSI=28.2,CHSTAT=0.25,TYPE=1.0$
+"""
+# Printed with them: alpha-dot derivatives over the slope of the downwash.
+TAIL = {"CL_qhat": 5.24, "Cm_qhat": -11.45}
+
+
+def deck(text: str):
+    (case,) = read_deck(text.splitlines())
+    return case
+
+
+@pytest.mark.parametrize(("name", "printed"), [("CL_qhat", 16.72), ("Cm_qhat", -20.67)])
+def test_tail_and_wing_together_are_the_print(name: str, printed: float) -> None:
+    wing = estimate_wing_share(deck(FORWARD), 0.2)
+    assert TAIL[name] + wing[name] == pytest.approx(printed, rel=0.09)
+
+
+def test_a_wing_body_of_the_t37_is_the_planform() -> None:
+    """CLQ 2.11 and CMQ -0.50 per radian are printed at Mach 0.2."""
+    case = datcom_io.read(T37 / "t37_build.out")[0]
+    wing = estimate_wing_share(case.deck, 0.2)
+    assert wing["CL_qhat"] == pytest.approx(2.11, abs=0.1)
+    assert wing["Cm_qhat"] == pytest.approx(-0.50, abs=0.05)
+
+
+def test_the_method_ends_below_the_speed_of_sound() -> None:
+    assert estimate_wing_share(deck(FORWARD), 0.95) == {}
+    assert estimate_wing_share(deck(FORWARD), float("nan")) == {}
+
+
+def page(Cm_qhat: float, CL_qhat: float = 16.72) -> dict[str, np.ndarray]:
+    """Return the derivatives of the transport; alpha-dot over 0.35 is the share of the tail."""
+    first = np.array([1.0, np.nan, np.nan])
+    every = np.ones(3)
+    return {
+        "CL_qhat": CL_qhat * first,
+        "Cm_qhat": Cm_qhat * first,
+        "CL_alphadothat": 0.35 * TAIL["CL_qhat"] * every,
+        "Cm_alphadothat": 0.35 * TAIL["Cm_qhat"] * every,
+        "Cl_phat": -0.45 * every,
+        "Cn_phat": -0.05 * every,
+        "Cn_rhat": -0.05 * every,
+        "Cl_rhat": 0.1 * every,
+    }
+
+
+def judge(derivatives: dict[str, np.ndarray], slope: float = 0.35, **more) -> list[str]:
+    alpha, lift = np.array([-2.0, 0.0, 2.0]), np.array([0.1, 0.3, 0.5])
+    return list(find_inconsistent(derivatives, alpha, lift, np.full(3, slope), 0.2, **more))
+
+
+def test_a_wing_far_behind_the_centre_of_gravity_damps_as_much_as_the_tail() -> None:
+    wing = estimate_wing_share(deck(FORWARD), 0.2)
+    assert judge(page(-20.67), wing=wing) == []
+    # Without the planform the whole counts as that of the tail.
+    assert judge(page(-20.67)) == ["CL_qhat", "Cm_qhat"]
+    alpha = np.array([-2.0, 0.0, 2.0])
+    shares = estimate_tail_share(page(-20.67), alpha, np.full(3, 0.35), 0.2)
+    assert shares == {name: pytest.approx(value) for name, value in TAIL.items()}
+
+
+@pytest.mark.parametrize("Cm_qhat", [-11.0, -31.0, 5.0])
+def test_a_print_off_tail_and_wing_is_inconsistent(Cm_qhat: float) -> None:
+    wing = estimate_wing_share(deck(FORWARD), 0.2)
+    assert judge(page(Cm_qhat), wing=wing) == ["Cm_qhat"]
+
+
+@pytest.mark.parametrize(("Cm_qhat", "expected"), [(-10.0, []), (-41.0, ["Cm_qhat"])])
+def test_a_wing_without_tail_is_judged_by_its_planform(Cm_qhat: float, expected: list[str]) -> None:
+    wing = estimate_wing_share(deck(FORWARD), 0.2)
+    derivatives = page(Cm_qhat, CL_qhat=12.0)
+    assert judge(derivatives, slope=np.nan, wing=wing, has_tail=False) == expected
+    # The share of a tail without downwash, as behind a canard, is not known.
+    assert judge(derivatives, slope=np.nan, wing=wing, has_tail=True) == []

@@ -1,0 +1,186 @@
+"""Probes: models that simulate follow changed inputs; stored and steered answers do not.
+
+Wrong gain and time of inputs, and a wrong mass, are named by their form; noise is not.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from pom.cases.job import ReplayJob
+from pom.probing import (
+    changed_job,
+    compare_inputs,
+    compare_lift,
+    flight_consistency,
+    judge_change,
+)
+from pom.probing.input_probe import SCALE
+from pom.probing.scatter_probe import judge_scatter
+
+STEP = 0.02  # [s]
+TIME = np.arange(0.0, 12.0, STEP)
+
+
+def elevator():
+    """Return a doublet of 3 deg (time,)."""
+    return np.radians(3.0) * (((TIME > 2) & (TIME < 3)) * 1.0 - ((TIME > 3) & (TIME < 4)) * 1.0)
+
+
+def job_of(**inputs):
+    return ReplayJob(TIME, inputs, {}, (), ())
+
+
+def short_period(delta_e, flight=None, gain=0.0):
+    """Return the answer of a short period; a controller of this gain holds it at a flight."""
+    alpha, q, theta = np.zeros((3, TIME.size))
+    for k in range(TIME.size - 1):
+        q_dot = -8.0 * alpha[k] - 2.0 * q[k] - 9.0 * delta_e[k]
+        rates = np.array([q[k] - 1.2 * alpha[k], q_dot, q[k]])
+        now = np.array([alpha[k], q[k], theta[k]])
+        if flight is not None:
+            pulled = [flight[name][k] for name in ("alpha", "q", "theta")]
+            rates += gain * (np.array(pulled) - now)
+        alpha[k + 1], q[k + 1], theta[k + 1] = now + STEP * rates
+    return {"alpha": alpha, "q": q, "theta": theta}
+
+
+def probe(fly, **inputs):
+    """Return the remarks on a model, a function of the elevator."""
+    changed = changed_job(job_of(**inputs), {})
+    before, after = fly(inputs["delta_e"]), fly(changed.job.inputs["delta_e"])
+    return judge_change(TIME, before, after, {"q", "theta"}, moved=changed.moved)
+
+
+def test_a_linear_aeroplane_changes_by_its_whole_response():
+    (remark,) = probe(short_period, delta_e=elevator())
+    assert remark.kind == "probe"
+    # linear: the change is exactly the share of the inputs
+    assert remark.values["q"] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_stored_answer_is_named():
+    stored = short_period(elevator())
+    (remark,) = probe(lambda delta_e: stored, delta_e=elevator())
+    assert remark.kind == "not_driven"
+    assert "q" in remark.text
+    assert "stored" in remark.text
+
+
+def test_a_stored_answer_in_one_channel_is_named():
+    stored = short_period(elevator())
+    (remark,) = probe(lambda d: {**short_period(d), "q": stored["q"]}, delta_e=elevator())
+    assert remark.kind == "not_driven"
+    assert [*remark.values] == ["q"]
+
+
+@pytest.mark.parametrize("gain", [10.0, 40.0])
+def test_a_controller_that_follows_the_flight_is_named(gain):
+    flight = short_period(0.8 * elevator())
+    (remark,) = probe(lambda d: short_period(d, flight, gain), delta_e=elevator())
+    assert remark.kind == "not_driven"
+
+
+def test_a_pulse_displaces_an_aeroplane_whose_controls_rest():
+    rest = np.zeros(TIME.size)
+    assert not changed_job(job_of(delta_e=rest), {}).moved
+    (remark,) = probe(short_period, delta_e=rest)
+    assert remark.kind == "probe"
+    assert remark.values["theta"] > 0.5
+    flight = short_period(rest)
+    (remark,) = probe(lambda d: short_period(d, flight, 10.0), delta_e=rest)
+    assert remark.kind == "not_driven"
+    (remark,) = probe(lambda d: flight, delta_e=rest)
+    assert remark.kind == "not_driven"
+
+
+def test_wind_is_not_scaled_and_the_start_stays():
+    gust = np.sin(TIME)
+    inputs = changed_job(job_of(delta_e=0.1 + elevator(), wind_d=gust), {}).job.inputs
+    assert np.array_equal(inputs["wind_d"], gust)
+    assert inputs["delta_e"][0] == 0.1
+    assert np.ptp(inputs["delta_e"]) == pytest.approx(0.9 * np.ptp(elevator()))
+
+
+def test_the_noise_of_the_record_in_an_answer_is_named():
+    generator = np.random.default_rng(5)
+    truth = short_period(elevator())
+    flight, own = {}, {}
+    for name, values in truth.items():
+        flight[name] = values + 1e-3 * generator.standard_normal(TIME.size)
+        own[name] = values + 1e-3 * generator.standard_normal(TIME.size)
+    (remark,) = judge_scatter(flight, own)
+    assert remark.kind == "probe"
+    assert abs(remark.values["correlation"]) < 0.2
+    (remark,) = judge_scatter(flight, {name: 1.01 * flight[name] for name in flight})
+    assert remark.kind == "not_driven"
+    assert remark.values["correlation"] > 0.99
+    # a record without noise, such as that of a simulator, shows nothing
+    assert judge_scatter(truth, truth) == ()
+
+
+def compare(flown, **kind):
+    """Return the remark on a flight, with an honest model of the elevator of `elevator`."""
+    generator = np.random.default_rng(2)
+    flight = {}
+    for name, values in short_period(flown).items():
+        flight[name] = values + 2e-4 * generator.standard_normal(TIME.size)
+    before, after = short_period(elevator()), short_period(SCALE * elevator())
+    (remark,) = compare_inputs(TIME, before, after, flight, **{"surfaces": True, **kind})
+    return remark
+
+
+def test_a_true_record_is_no_departure():
+    assert compare(elevator()).kind == "probe"
+    # three percent are within what models from flight have
+    assert compare(1.03 * elevator()).kind == "probe"
+
+
+def test_a_wrong_gain_is_measured():
+    # the record shows 15 % more than the elevator moved
+    remark = compare(elevator() / 1.15)
+    assert remark.kind == "departure"
+    assert remark.values["gain"] == pytest.approx(1 / 1.15, abs=0.005)
+    # friction of the circuits changes forces by as much
+    assert compare(elevator() / 1.15, surfaces=False).kind == "probe"
+    assert compare(elevator() / 1.25, surfaces=False).kind == "departure"
+
+
+def test_a_delay_is_measured():
+    remark = compare(np.interp(TIME + 0.2, TIME, elevator()))
+    assert remark.kind == "departure"
+    assert "earlier" in remark.text
+
+
+def test_another_error_of_the_model_is_not_taken_for_the_inputs():
+    generator = np.random.default_rng(3)
+    gust = np.convolve(generator.standard_normal(TIME.size), np.ones(20) / 20, mode="same")
+    assert compare(elevator() + 0.02 * gust).kind == "probe"
+
+
+def flight_at(mass):
+    """Return a steady flight whose lift coefficient is 0.5 at a mass of 1000 kg."""
+    count = 200
+    zero = np.zeros(count)
+    lift = 0.5 * 2000.0 * 10.0
+    values = {"V": zero + 60.0, "qbar": zero + 2000.0, "alpha": zero, "mass": zero + mass}
+    values |= {"ax": zero, "az": zero - lift / 1000.0, "wow_left": zero}
+    data = {name: ("time", item) for name, item in values.items()}
+    return xr.Dataset(data, coords={"time": 0.02 * np.arange(count)})
+
+
+def test_a_mass_ten_percent_off_needs_more_lift(monkeypatch):
+    """The tables of this model have a lift coefficient of 0.5 everywhere."""
+    parts = {"evaluate": lambda columns: (None, np.full((len(columns), 1), 0.5))}
+    monkeypatch.setattr(flight_consistency, "Simulation", lambda model: SimpleNamespace(**parts))
+    sim = SimpleNamespace(
+        terms=("CL/basic",), variables=("alpha",), meta={"database": {"S": 10.0}}, model=None
+    )
+    assert compare_lift(sim, flight_at(1000.0))[0].kind == "probe"
+    (remark,) = compare_lift(sim, flight_at(1100.0))
+    assert remark.kind == "departure"
+    assert remark.values["ratio"] == pytest.approx(1.1)
+    on_wheels = flight_at(1100.0).assign(wow_left=("time", np.ones(200)))
+    assert compare_lift(sim, on_wheels) == ()

@@ -1,0 +1,77 @@
+"""A flight that identified the model of a case is named, whatever its file is called."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from flightmech.support.flown_samples import FLOWN_SAMPLES, cut_windows, pack_windows
+from pom.cases.case import read_case
+from pom.probing import record_leak
+from pom.result import status_of
+
+
+def flight(seed):
+    generator = np.random.default_rng(seed)
+    time = np.arange(0.0, 20.0, 0.02)
+    walks = {}
+    for name in ("p", "q", "r", "nz"):
+        walks[name] = ("time", np.cumsum(generator.normal(size=time.size)))
+    return xr.Dataset(walks, coords={"time": time})
+
+
+def windows_of(states):
+    channels = {str(name): item.values for name, item in states.data_vars.items()}
+    return pack_windows(cut_windows("run_7: pitch", states["time"].values, channels))
+
+
+@pytest.fixture
+def remark(write_case, monkeypatch, tmp_path):
+    """Return the remark on a flight and a model with these attributes of its database."""
+    case = read_case(write_case())
+
+    def find(states, attributes):
+        model = None if attributes is None else SimpleNamespace(meta={"database": attributes})
+        monkeypatch.setattr(record_leak, "flown_model", lambda fmu: model)
+        record_leak._read_windows.cache_clear()
+        (found,) = record_leak.find_leaks(case, states, tmp_path / "m.fmu", "hash")
+        return found
+
+    return find
+
+
+def test_the_flight_that_identified_is_a_leak(remark):
+    found = remark(flight(1).isel(time=slice(100, 800)), {FLOWN_SAMPLES: windows_of(flight(1))})
+    assert found.kind == "leak"
+    assert "run_7: pitch" in found.text
+    assert "a_case" in found.text
+
+
+def test_another_flight_is_not(remark):
+    found = remark(flight(2), {FLOWN_SAMPLES: windows_of(flight(1))})
+    assert found.kind == "probe"
+    assert "no samples shared" in found.text
+
+
+@pytest.mark.parametrize(
+    ("attributes", "words"),
+    [
+        (None, "not compared"),
+        ({"history": "from_datcom: clean"}, "not from flight"),
+        # a database from before the samples were kept
+        ({"history": "replace_terms: (identified from flight)"}, "not compared"),
+        ({"history": "identified from flight", FLOWN_SAMPLES: "damaged"}, "not compared"),
+    ],
+)
+def test_what_was_not_compared_is_stated(remark, attributes, words):
+    found = remark(flight(1), attributes)
+    assert found.kind == "probe"
+    assert words in found.text
+
+
+def test_the_statuses_have_an_order():
+    groups = {"g": "pass"}
+    assert status_of(groups, leak=True, record_error=True, departures=True) == "leak"
+    assert status_of(groups, leak=True, not_driven=True) == "not_driven"
+    assert status_of({"g": "fail"}, leak=True, not_driven=True) == "fail"
