@@ -1,5 +1,6 @@
 """The data package of a small project: made twice, verified, harmed, compared."""
 
+import csv
 import json
 import shutil
 import zipfile
@@ -216,7 +217,7 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
     recordings = inside["recordings.csv"].decode().splitlines()
     assert recordings[0] == "file,sha256,proves,identifies"
     # no recording does both, and each of the two kinds is there
-    used = [line.split(",")[2:] for line in recordings[1:]]
+    used = [row[2:] for row in csv.reader(recordings[1:])]
     assert all(not (proves and identifies) for proves, identifies in used)
     assert any(proves for proves, _ in used)
     assert any(identifies for _, identifies in used)
