@@ -65,7 +65,9 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-DEPARTURES = ("departure", "trim_allowed", "waived", "tables_left", "below_runway")
+BEYOND = "recurrent_beyond"
+"""Kind of the remark on a run beyond its criterion about the master."""
+DEPARTURES = ("departure", "trim_allowed", "waived", "tables_left", "below_runway", BEYOND)
 """Kinds of remarks that make a pass a ``pass_with_departures``."""
 NOTICES = (
     *DEPARTURES,
@@ -74,6 +76,7 @@ NOTICES = (
     "record_warning",
     "leak",
     "not_driven",
+    "recurrent",
     "watch",
     "far_from_evidence",
     "edited_evidence",
@@ -87,8 +90,10 @@ model does not have, ``tables_left`` tables that the flight left, ``below_runway
 through the runway.  ``additional`` is a case in another configuration that states itself so,
 ``record`` an error and ``record_warning`` a warning of the flight record, ``leak`` samples of the
 record that identified the model, ``not_driven`` an answer that the inputs do not drive
-(`pom.probing`), ``watch`` a watched channel beyond its limit, ``far_from_evidence`` terms far from
-their flight estimate, ``no_evidence`` a model without terms to compare with it.
+(`pom.probing`), ``watch`` a watched channel beyond its limit, ``recurrent`` and
+``recurrent_beyond`` the comparison of a run with its master (`pom.replaying.recorded_runs`),
+``far_from_evidence`` terms far from their flight estimate, ``no_evidence`` a model without terms to
+compare with it.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
 STATUSES = (
@@ -497,6 +502,11 @@ NO_EVIDENCE = (
     "no evidence given: a pass without evidence from flight does not exclude compensating errors"
 )
 """Notice on results of which `lacks_evidence` is true."""
+
+
+def is_beyond_master(result: PomResult) -> bool:
+    """Return whether a run of a result is beyond its criterion about the master."""
+    return any(has_remark(row, BEYOND) for row in result.rows)
 
 
 def lacks_evidence(result: PomResult) -> bool:

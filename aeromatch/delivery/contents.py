@@ -32,7 +32,7 @@ from aeromatch.delivery.flown_checks import conditions_of, write_flown_checks
 from aeromatch.project.project import OWN_MODELS, Project
 from aeromatch.workflow.steps import REPORT
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.errors import AeromatchError, SchemaError
+from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 from flightmech.support.figures import make_template_environment
@@ -142,7 +142,7 @@ def _fill(
     if not flown:
         refused[FLOWN] = "no case starts from a trimmed flight in the air"
     _write_text(folder / "roadmap.csv", format_roadmap(archive.results))
-    _write_text(folder / "recordings.csv", _recordings_text(project, archive.results))
+    _write_text(folder / "recordings.csv", _recordings_text(project, archive))
     results = []
     for result in archive.results:
         statuses = [(run, result.status(run)) for run in result.runs]
@@ -264,6 +264,11 @@ def format_roadmap(results: Sequence[Any]) -> str:
         "mass [kg]",
         "h [m]",
         "V [m/s]",
+        "c.g. [% MAC]",
+        "flight condition of the row",
+        "source of data",
+        *_SOURCE_COLUMNS,
+        "departures",
     )
     verdicts = [f"{run}: verdict" for run in runs]
     ratios = [f"{run}: worst ratio" for run in runs]
@@ -273,8 +278,24 @@ def format_roadmap(results: Sequence[Any]) -> str:
     return target.getvalue()
 
 
+_SOURCES = {
+    "flight": "flight test",
+    "engineering": "engineering simulator",
+    "footprint": "footprint of the device",
+}
+_SOURCE_COLUMNS = {
+    "document": "document",
+    "pages": "pages",
+    "revision": "revision",
+    "date": "date",
+    "engine standard": "engine",
+    "avionics standard": "avionics",
+}
+"""By column of the roadmap: key of ``[source]`` of a case."""
+
+
 def _case_cells(result: Any) -> list[str]:
-    """Return the cells of a case in the roadmap: its row, record, window and condition."""
+    """Return the cells of a case in the roadmap: its row, record, window, condition and source."""
     case, condition = result.case, dict(result.conditions)
     cells = [case.id, case.title, case.standard, case.edition, case.name, Path(case.record).name]
     cells += [f"{time:g}" for time in case.window]
@@ -283,7 +304,24 @@ def _case_cells(result: Any) -> list[str]:
     cells.append(f"flaps {flaps:.1f} deg; gear {gear}")
     for name in ("mass", "h", "V"):
         cells.append(f"{condition[name]:.1f}" if name in condition else "")
+    cells.append(f"{100.0 * condition['x_cg']:.1f}" if "x_cg" in condition else "")
+    cells.append(_row_condition(case))
+    cells.append(_SOURCES.get(case.reference, case.reference))
+    cells += [case.source.get(key, "") for key in _SOURCE_COLUMNS.values()]
+    # what all models share is printed once
+    departures: dict[str, None] = {}
+    for run in result.runs:
+        departures |= dict.fromkeys(departure_remarks(result, run))
+    cells.append("; ".join(text.removeprefix("departure: ") for text in departures))
     return cells
+
+
+def _row_condition(case: Any) -> str:
+    """Return the flight condition of the row of a case; empty for a test of another table."""
+    try:
+        return case.printed_rows()[0]["flight_condition"].replace("_", " ")
+    except UnknownName:
+        return ""
 
 
 def _verdict_cells(result: Any, runs: Iterable[str]) -> list[str]:
@@ -298,13 +336,24 @@ def _verdict_cells(result: Any, runs: Iterable[str]) -> list[str]:
     return verdicts + ratios
 
 
-def _recordings_text(project: Project, results: Sequence[Any]) -> str:
-    """Return the list of the recordings as CSV, with the case that each proves."""
-    cases = {Path(result.case.record).stem: result.case.name for result in results}
-    lines = ["file,sha256,proves"]
+def _recordings_text(project: Project, archive: Any) -> str:
+    """Return the list of the recordings as CSV: what each identifies, and the cases it proves."""
+    proves: dict[str, list[str]] = {}
+    for result in archive.results:
+        proves.setdefault(Path(result.case.record).stem, []).append(result.case.name)
+    identifies: dict[str, list[str]] = {}
+    for part, names in archive.provenance.get("records", {}).items():
+        if part.startswith("case "):
+            continue
+        for name in filter(None, names.split(", ")):
+            identifies.setdefault(name, []).append(part)
+    target = io.StringIO()
+    rows = csv.writer(target, lineterminator="\n")
+    rows.writerow(("file", "sha256", "proves", "identifies"))
     for name, file in project.flights.items():
-        lines.append(f"{file.name},{file_sha256(file)},{cases.get(name, '')}")
-    return "\n".join([*lines, ""])
+        used = ["; ".join(table.get(name, ())) for table in (proves, identifies)]
+        rows.writerow((file.name, file_sha256(file), *used))
+    return target.getvalue()
 
 
 def list_fmu_platforms(fmu: Path) -> list[str]:

@@ -24,9 +24,11 @@ from typing import Annotated, Any
 
 from pydantic import Field, StrictBool, StrictInt, field_validator, model_validator
 
+from flightmech.errors import UnitError
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
+from flightmech.units import parse_quantity
 
 
 @dataclass(frozen=True)
@@ -175,12 +177,31 @@ class FileFacts:
         The section ``[limits]`` as written.
     runway : str
         State of the runway in ``[gear]``; empty if it is not given.
+    cbar : float or None
+        Reference chord; None if it is not a length. [m]
+    x_ref_mac : float or None
+        Moment reference point behind the leading edge of the mean chord, in chords; None if the
+        file does not state it. [1]
     """
 
     name: str
     facts: AircraftFacts
     limits: Mapping[str, Any]
     runway: str
+    cbar: float | None = None
+    x_ref_mac: float | None = None
+
+    def chord_position(self, x_cg_b: float) -> float | None:
+        """Return a centre of gravity in chords behind the leading edge; None if it is not known.
+
+        Parameters
+        ----------
+        x_cg_b : float
+            Forward of the moment reference point. [m]
+        """
+        if self.cbar is None or self.x_ref_mac is None:
+            return None
+        return self.x_ref_mac - x_cg_b / self.cbar
 
 
 def read_facts(path: str | Path) -> FileFacts:
@@ -216,4 +237,15 @@ def _read_facts(path: Path, changed: int, size: int) -> FileFacts:
         facts,
         limits if isinstance(limits, dict) else {},
         str(runway),
+        cbar=_stated_number(content, "cbar", "m"),
+        x_ref_mac=_stated_number(content, "x_ref_mac", "1"),
     )
+
+
+def _stated_number(content: Mapping[str, Any], key: str, unit: str) -> float | None:
+    """Return a number of an aircraft file [SI]; None if it is missing or wrong there."""
+    try:
+        return parse_quantity(content[key], unit)
+    except (KeyError, UnitError, TypeError):
+        # the reader of the whole file reports a wrong one
+        return None

@@ -38,12 +38,14 @@ class ReportProvenance(TypedDict, total=False):
 
     ``program`` (tolerance table and package to SHA-256), ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs``
     (file to SHA-256), ``places`` (input to path), ``models`` (run to file, SHA-256 and path),
+    ``units`` (set of units that the pages show, `pom.report.presentation.unit_sets`),
     ``records`` (part of the model or case to the names of its flight records), ``record_errors``
     (name of a flight record to its errors), ``signatures`` (role to name, date, organisation).
     """
 
     date: str
     command: str
+    units: str
     versions: Mapping[str, str]
     program: Mapping[str, str]
     inputs: Mapping[str, str]
@@ -67,7 +69,7 @@ def check_provenance(provenance: Mapping[str, Any]) -> None:
             raise UnknownName(key, ReportProvenance.__annotations__, "key of provenance")
 
 
-FILES = ("path", "record", "names", "aircraft", "law", "law_names")
+FILES = ("path", "record", "names", "aircraft", "law", "law_names", "tolerances")
 SOFTWARE = ("aeromatch", "fmpy", "numpy", "scipy", "typst", "xarray")
 
 

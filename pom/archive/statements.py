@@ -287,7 +287,7 @@ def differences_from_table(case: PomCase) -> Iterator[str]:
     compared.
     """
     try:
-        table_rows = rows.rows_of_test(case.id, case.standard, case.edition)
+        table_rows = case.printed_rows()
     except UnknownName as error:
         yield str(error)
         return

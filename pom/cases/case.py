@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup
+from flightmech.errors import SchemaError
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import validate_content
 from pom.cases import resolve as parts
+from pom.cases.case_checks import check_case_names, check_table_names, loose_problems
 from pom.cases.case_facts import resolve_facts
-from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, WIND, CaseFile, plain_signatures
+from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, CaseFile, plain_signatures
+from pom.cases.own_table import find_own_table, table_excerpt
 from pom.cases.pilot import PilotLoop
 from pom.tolerances import rows
 from pom.tolerances.criteria import Criterion
+from pom.tolerances.own_tables import OwnTable
 
 PRIMARY = {"recorded": ("delta_e", "delta_a", "delta_r"), "cockpit": TRAVEL, "force": FORCES}
 """By level of drive: the recorded controls that drive pitch, roll and yaw."""
@@ -106,6 +109,10 @@ class PomCase:
         Test, standard and edition of the tolerance table.
     path, record, names, aircraft : str
         The case file, the flight record, its name map and the aircraft file.
+    tolerances : str
+        Tolerance table of the user from which the rows are; empty for ``tolerances.csv``.
+    table : dict of str to Any
+        What the report needs of this table (`OwnTable.excerpt`); empty without one.
     window : tuple of float
         Start and end of the replay on the clock of the record. [s]
     drive : CaseInputs
@@ -147,6 +154,8 @@ class PomCase:
         By criterion or channel: reason for a deviation.
     source : dict of str to str
         Origin of the flight data: document, pages, flight, run, filters ...
+    compliance : dict of str to str
+        Statements of compliance by subject.
     signatures : dict of str to dict
         Signatures on the pages of the case by role: ``name``, ``date``, ``organisation``.
     models : dict of str to str
@@ -170,6 +179,8 @@ class PomCase:
     description: str = ""
     names: str = ""
     aircraft: str = ""
+    tolerances: str = ""
+    table: dict[str, Any] = field(default_factory=dict)
     drive: CaseInputs = CaseInputs()
     conditions: dict[str, float] = field(default_factory=dict)
     events: dict[str, float] = field(default_factory=dict)
@@ -188,6 +199,7 @@ class PomCase:
     ticks: dict[str, str] = field(default_factory=dict)
     rationale: dict[str, str] = field(default_factory=dict)
     source: dict[str, str] = field(default_factory=dict)
+    compliance: dict[str, str] = field(default_factory=dict)
     signatures: dict[str, dict[str, str]] = field(default_factory=dict)
     models: dict[str, str] = field(default_factory=dict)
     law: str = ""
@@ -201,10 +213,27 @@ class PomCase:
 
     def files(self) -> list[str]:
         """Return the case file and the files that it names."""
-        inputs = (self.path, self.record, self.names, self.aircraft)
+        inputs = (self.path, self.record, self.names, self.aircraft, self.tolerances)
         names = (*inputs, *self.models.values(), self.law, self.law_names)
         # a file that the case does not name is an empty text
         return [name for name in names if name]
+
+    def printed_rows(self) -> list[rows.Row]:
+        """Return the rows of the test in the table of the case.
+
+        Raises
+        ------
+        UnknownName
+            The table of this version has no such standard, edition or test.
+        """
+        return rows.rows_of_test(self.id, self.standard, self.edition, self.table.get("rows", ()))
+
+    @property
+    def edition_words(self) -> str:
+        """Edition as a report prints it, with the table of the user that holds it."""
+        if not self.table:
+            return self.edition
+        return f"{self.edition}, tolerances of {self.table['file']} ({self.table['sha256'][:12]})"
 
     def without_texts(self) -> PomCase:
         """Return the case without the texts that only its page prints.
@@ -212,7 +241,7 @@ class PomCase:
         Simulations and verdicts do not depend on them, so that a change of a title repeats none.
         """
         empty: dict[str, Any] = dict.fromkeys(_TEXTS, "")
-        return replace(self, source={}, signatures={}, **empty)
+        return replace(self, source={}, compliance={}, signatures={}, **empty)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the case as plain data."""
@@ -248,7 +277,7 @@ def driven_quantities(case: PomCase) -> set[str]:
     return names - computed
 
 
-def read_case(path: str | Path) -> PomCase:
+def read_case(path: str | Path, table: OwnTable | None = None) -> PomCase:
     """Read a case file and resolve it against the tolerance table.
 
     Parameters
@@ -256,6 +285,9 @@ def read_case(path: str | Path) -> PomCase:
     path : str or Path
         TOML file; `docs/explanation/proof-of-match/cases.md` describes it.  Files that it names are
         relative to it.
+    table : OwnTable, optional
+        Tolerance table of the user (`read_own_table`).  It replaces the table that the case names.
+        A case whose standard and edition it does not hold keeps its own table.
 
     Raises
     ------
@@ -273,34 +305,38 @@ def read_case(path: str | Path) -> PomCase:
         # Check the sound part of the file as well, so that all problems are reported at once.
         sound_part = parts.sound_rest(content)
         if sound_part is None:
-            others = _loose_problems(content)
+            others = loose_problems(content)
         else:
-            others = _resolve_case(path, sound_part)[1]
+            others = _resolve_case(path, sound_part, table)[1]
         new = [text for text in others if text not in error.problems]
         raise SchemaError(error.what, [*error.problems, *new]) from None
-    case, problems = _resolve_case(path, file)
+    case, problems = _resolve_case(path, file, table)
     if problems:
         raise SchemaError(f"case {path}", problems)
     return case
 
 
-def _resolve_case(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
+def _resolve_case(path: Path, file: CaseFile, table: OwnTable | None) -> tuple[PomCase, list[str]]:
     """Return the case of a file and the problems of the file."""
     problems: list[str] = []
-    _check_case_names(file, problems)
+    own = find_own_table(path, file, table, problems)
+    own_rows = own.rows if own is not None else ()
+    check_case_names(file, own_rows, problems)
     files = _resolve_files(path, file, problems)
     facts, features = resolve_facts(file, files["aircraft"], problems)
     missing = facts.get("without", ())
     absent = tuple(name for name in file.case.absent if name not in missing)
     file = _with_facts(file, features, absent=(*absent, *missing))
-    criteria = parts.resolve_criteria(file, problems, equipment=missing)
-    _check_table_names(file, criteria, problems)
+    criteria = parts.resolve_criteria(file, problems, equipment=missing, own_rows=own_rows)
+    check_table_names(file, criteria, problems)
     largest, fraction = parts.resolve_ranges(file.ranges, problems), parts.tolerance_fraction(file)
     drive = _resolve_drive(file, criteria, problems)
     case = PomCase(
         **{key: getattr(file.case, key) for key in _AS_WRITTEN},
         **files,
         path=str(path),
+        tolerances=os.path.normpath(own.path) if own is not None else "",
+        table=table_excerpt(own, file),
         facts=facts,
         absent=absent,
         drive=drive,
@@ -314,6 +350,7 @@ def _resolve_case(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
         ticks=dict(file.ticks),
         rationale=dict(file.rationale),
         source=dict(file.source),
+        compliance=dict(file.compliance),
         signatures=plain_signatures(file.signatures),
         law_moves=file.control_law.moves if file.control_law is not None else (),
     )
@@ -324,47 +361,6 @@ def _with_facts(file: CaseFile, features: tuple[str, ...], *, absent: tuple[str,
     """Return a case file with the features and the missing equipment that follow from facts."""
     table = file.case.model_copy(update={"features": features, "absent": absent})
     return file.model_copy(update={"case": table})
-
-
-def _check_case_names(file: CaseFile, problems: list[str]) -> None:
-    """Check the events, channels and features that a case file names."""
-    parts.check_events(file.events, problems)
-    for name in file.case.show:
-        parts.collect_case_problems(problems, "case.show", lookup, name)
-    for feature in file.case.features:
-        if feature not in rows.claimable_features():
-            error = UnknownName(feature, rows.claimable_features(), "condition")
-            problems.append(f"case.features: {error}")
-
-
-def _check_table_names(file: CaseFile, criteria: Sequence[Criterion], problems: list[str]) -> None:
-    """Check the keys of tables by criterion, and the tables that contradict the drive."""
-    names = {criterion.name for criterion in criteria}
-    # a rationale may also be for a shown channel, or for the trim
-    channels = {criterion.channel for criterion in criteria} | set(file.case.show)
-    parameters = {criterion.parameter for criterion in criteria}
-    trim = {f"trim.{name}" for name in parts.LIMIT_UNITS}
-    parts.check_names("ticks", file.ticks, allowed=names, what="criterion", problems=problems)
-    parts.check_names(
-        "rationale",
-        file.rationale,
-        allowed=names | channels | trim,
-        what="criterion, channel or trim quantity",
-        problems=problems,
-    )
-    parts.check_names(
-        "certified", file.certified, allowed=parameters, what="parameter", problems=problems
-    )
-    for name in file.conditions:
-        if name in WIND and file.drive.wind == "none":
-            problems.append(
-                f'conditions.{name}: drive.wind is "none", calm air; give one of the two'
-            )
-    if file.control_law is not None and file.drive.surfaces != "recorded":
-        problems.append(
-            f"control_law: it drives surfaces, and drive.surfaces is "
-            f'"{file.drive.surfaces}"; make it "recorded"'
-        )
 
 
 def _resolve_files(path: Path, file: CaseFile, problems: list[str]) -> dict[str, Any]:
@@ -444,14 +440,3 @@ def _resolve_drive(
             f'"{table.surfaces}", make it "force"'
         )
     return drive
-
-
-def _loose_problems(content: dict[str, Any]) -> list[str]:
-    """Return the problems of the free tables of a file whose form is wrong elsewhere."""
-    problems: list[str] = []
-    conditions, events = content.get("conditions"), content.get("events")
-    if isinstance(conditions, dict):
-        parts.resolve_conditions(conditions, problems)
-    if isinstance(events, dict):
-        parts.check_events(events, problems)
-    return problems

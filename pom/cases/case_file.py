@@ -152,6 +152,12 @@ class CaseTable(Strict):
     id: str = Field(description="Test of the tolerance table, such as 2.c.10.")
     standard: str = Field(default=rows.STANDARD, description="Standard of the tolerance table.")
     edition: str = Field(default=rows.EDITION, description="Edition of the standard.")
+    tolerances: str = Field(
+        default="",
+        examples=["company.csv"],
+        description="Tolerance table of the user that holds standard and edition. Relative to this "
+        "file.",
+    )
     name: str = Field(description="Short name of the case, for files and links.")
     title: str = Field(description="Title for people.")
     description: str = Field(default="", description="What was flown.")
@@ -397,9 +403,14 @@ class CaseFile(Strict):
         theta="gust at 40 s",
     )
     source: Texts = _free_table(
-        "Where the flight data come from: document, pages, flight, run, filters ...",
+        "Where the flight data come from: document, revision, date, pages, flight, run, engine and "
+        "avionics standard ...",
         document="flight-test report",
         pages="12 to 15",
+    )
+    compliance: Texts = _free_table(
+        "Statements of compliance by subject.",
+        control_loading="forces are measured at the column, report 12",
     )
     signatures: dict[Role, Signature] = Field(
         default={}, description="Who signs the pages of the case, by role."

@@ -21,7 +21,6 @@ from pom.cases.case_facts import (
     missing_engine_text,
     overweight_text,
 )
-from pom.tolerances.rows import rows_of_test
 
 
 def check_record_facts(case: PomCase, states: xr.Dataset) -> None:
@@ -81,7 +80,7 @@ def _key(case: PomCase) -> tuple[tuple[str, str], ...]:
 def _is_asked(case: PomCase) -> bool:
     """Return whether rows of the test depend on reversible controls."""
     try:
-        rows = rows_of_test(case.id, case.standard, case.edition)
+        rows = case.printed_rows()
     except UnknownName:
         return False
     return any(REVERSIBLE in row["condition"].split(";") for row in rows)

@@ -13,6 +13,7 @@ from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import OutOfRange, UnknownName
 from flightmech.units import DEGREE
 from pom.cases.case import PRIMARY, PomCase
+from pom.cases.case_facts import file_facts
 from pom.cases.case_file import BRAKES, FORCES, INPUTS, TRAVEL, WIND
 from pom.cases.pilot import PilotLoop
 from pom.cases.start_conditions import initial_state, line_at_start, mass_and_air
@@ -345,4 +346,9 @@ def initial_configuration(case: PomCase, job: ReplayJob) -> Mapping[str, float]:
     for name, value in conditions.items():
         if not name.startswith(internal_prefixes) and not name.endswith(internal_suffixes):
             flight_conditions[name] = value
+    stated = file_facts(case.aircraft)
+    if stated is not None and "x_cg_b" in flight_conditions:
+        position = stated.chord_position(flight_conditions["x_cg_b"])
+        if position is not None:
+            flight_conditions["x_cg"] = position
     return flight_conditions

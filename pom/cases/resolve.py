@@ -24,6 +24,7 @@ from pom.tolerances import rows as table
 from pom.tolerances.conditions import missing_claims
 from pom.tolerances.criteria import Criterion
 from pom.tolerances.overrides import apply_override, replaced_rows
+from pom.tolerances.own_tables import needs_mode_channel
 from pom.tolerances.rows import required_signals
 
 T = TypeVar("T")
@@ -197,11 +198,14 @@ def resolve_ranges(entries: Mapping[str, Any], problems: list[str]) -> dict[str,
     return resolve_quantities("ranges", named, units=units, what="channel", problems=problems)
 
 
-def check_events(events: Mapping[str, Any], problems: list[str]) -> None:
-    """Check the names of ``[events]``."""
+def check_events(
+    events: Mapping[str, Any], problems: list[str], own_rows: Sequence[table.Row] = ()
+) -> None:
+    """Check the names of ``[events]``; `own_rows` are those of a table of the user."""
+    allowed = table.window_events(own_rows)
     for name in events:
-        if name not in table.window_events():
-            problems.append(f"events: {UnknownName(name, table.window_events(), 'event')}")
+        if name not in allowed:
+            problems.append(f"events: {UnknownName(name, allowed, 'event')}")
 
 
 def check_names(
@@ -224,15 +228,19 @@ def resolve_named_file(path: Path, name: str, *, key: str, problems: list[str]) 
 
 
 def resolve_criteria(
-    file: CaseFile, problems: list[str], equipment: Iterable[str] = ()
+    file: CaseFile,
+    problems: list[str],
+    equipment: Iterable[str] = (),
+    own_rows: Sequence[table.Row] = (),
 ) -> list[Criterion]:
     """Return the rows of the test as criteria, with the bands of the case file applied.
 
-    `equipment` is missing by the facts of the aircraft, whose file serves all tests.
+    `equipment` is missing by the facts of the aircraft, whose file serves all tests.  `own_rows`
+    are those of a table of the user, in place of ``tolerances.csv``.
     """
     case = file.case
     rows = collect_case_problems(
-        problems, "case.id", table.rows_of_test, case.id, case.standard, case.edition
+        problems, "case.id", table.rows_of_test, case.id, case.standard, case.edition, own_rows
     )
     # an unknown test has no rows
     rows = rows or []
@@ -248,6 +256,11 @@ def resolve_criteria(
     for row, name in zip(rows, table.names_of(rows), strict=True):
         criterion = _make_criterion(row, name, file=file, problems=problems)
         _check_criterion(criterion, name, file=file, problems=problems)
+        if own_rows and criterion.applies and needs_mode_channel(row) and not criterion.channel:
+            problems.append(
+                f"case.mode_channel: missing; row {name} of the own table needs the channel on "
+                f"which the mode is measured, such as V_cas or r"
+            )
         criteria.append(criterion)
     # An entry with a problem leaves the criteria as they are, so that the others are checked.
     for key, override in file.tolerance.items():

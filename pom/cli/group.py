@@ -22,9 +22,11 @@ from pom.cli.report import (
     init_case_command,
     report_options,
     samples_options,
+    tolerances_option,
     verify_report_command,
     write_report_command,
 )
+from pom.cli.tolerances import list_tolerances_command
 from pom.cli.tune import tune_command
 
 
@@ -39,10 +41,12 @@ pom.add_command(diagnose_command)
 pom.add_command(write_report_command)
 pom.add_command(verify_report_command)
 pom.add_command(tune_command)
+pom.add_command(list_tolerances_command)
 
 
 @pom.command("check")
 @cases_argument
+@tolerances_option
 @json_option
 @performed_by("pom.cli.actions.group:check_cases")
 def check_cases_command() -> None:
@@ -59,8 +63,30 @@ def check_cases_command() -> None:
     "models",
     multiple=True,
     required=True,
-    metavar="NAME=FILE.fmu",
-    help="A model; as often as wanted.",
+    metavar="NAME=FILE",
+    help="A model, as often as wanted: an FMU, or the recording of a device (a folder of them: one "
+    "for each case, named after it).",
+)
+@click.option(
+    "--start",
+    "starts",
+    multiple=True,
+    metavar="NAME=SECONDS",
+    help="Instant of the recordings of a device at the start of the window.  [default: the clock of "
+    "the flight record]",
+)
+@click.option(
+    "--master",
+    "masters",
+    multiple=True,
+    metavar="NAME=REPORT",
+    help="Earlier report (folder or results.nc) with which the run NAME is compared: a recurrent "
+    "test.",
+)
+@click.option(
+    "--recurrent-share",
+    type=click.FloatRange(0.0, 1.0, min_open=True),
+    help="Criterion of --master: share of each tolerance.  [default: 0.2 before 2016, then 0.4]",
 )
 @click.option(
     "-o", "--output", type=NewFolder(), help="Folder for the report: pages, numbers, manifest."
@@ -75,7 +101,7 @@ def check_cases_command() -> None:
     "tables",
     multiple=True,
     metavar="NAME=FILE.toml",
-    help="Table of names, units and signs of a model.",
+    help="Table of names, units and signs of a model; for a recording its name map.",
 )
 @click.option(
     "--timeout", default=60.0, show_default=True, help="Wall time per model and case. [s]"
@@ -92,6 +118,7 @@ def check_cases_command() -> None:
     help="Folder that keeps flights; what is there is not flown again.",
 )
 @biases_option
+@tolerances_option
 @click.option(
     "--evidence",
     type=InputFile(),

@@ -26,6 +26,16 @@ cases_argument = click.argument(
 )
 
 
+tolerances_option = click.option(
+    "--tolerances",
+    "tolerances_file",
+    type=InputFile(),
+    metavar="FILE.csv",
+    help="Tolerance table with the columns of the shipped one, for the cases whose standard and "
+    "edition it holds.",
+)
+
+
 biases_option = click.option(
     "--biases",
     "biases_file",
@@ -111,6 +121,11 @@ _OPTIONS = (
         default="a4",
         show_default=True,
         help="Paper of report.pdf.",
+    ),
+    click.option(
+        "--units",
+        type=click.Choice(["SI", "kt-ft-lb"]),
+        help="Units of pages and drawings.  [default: kt, ft, lbf as the tolerance table, kg]",
     ),
     click.option("--no-pdf", is_flag=True, help="No report.pdf, which takes most of the time."),
     click.option(

@@ -27,6 +27,7 @@ from pom.tolerances import rows
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import limit_to_si_factor
 from pom.tolerances.criteria import PARTS, Band, Criterion, Limit
+from pom.tolerances.editions import RESTS_ON, different_rows
 
 SAME = 1e-3  # relative difference of a condition from the record that is rounding
 _LEAST = {"rad": 0.1, "rad s-1": 0.1, "m": 1.0, "m s-1": 1.0, "kg m2": 1.0}
@@ -49,6 +50,7 @@ def case_departures(case: PomCase) -> tuple[RowRemark, ...]:
     if case.fraction > usual:
         text = f"{case.fraction:g} of the tolerance is applied, the rule has {usual:g}"
         remarks.append(_departure(text, "fraction"))
+    remarks += _own_table_departures(case)
     printed = _printed_criteria(case)
     for criterion in case.criteria:
         row = printed.get(criterion.name)
@@ -107,13 +109,42 @@ def printed_texts(case: PomCase) -> dict[str, str]:
 def _printed_criteria(case: PomCase) -> dict[str, Criterion]:
     """Return the rows of the table as criteria with the printed window, by name."""
     try:
-        table_rows = rows.rows_of_test(case.id, case.standard, case.edition)
+        table_rows = case.printed_rows()
     except UnknownName:
         return {}
     printed = {}
     for row, name in zip(table_rows, rows.names_of(table_rows), strict=True):
         printed[name] = rows.make_criterion(row, name, case.window, case.features)
     return printed
+
+
+def _own_table_departures(case: PomCase) -> Iterator[RowRemark]:
+    """Yield the departures of a table of the user from the shipped table of the same edition.
+
+    A company table has a name of its own and departs from nothing.  A table under the name of a
+    regulation has its rows; where it does not, the reader must see both.
+    """
+    if not case.table:
+        return
+    try:
+        shipped = rows.rows_of_test(case.id, case.standard, case.edition)
+    except UnknownName:
+        return
+    own = case.printed_rows()
+    file = case.table["file"]
+    printed = dict(zip(rows.names_of(shipped), shipped, strict=True))
+    applied = dict(zip(rows.names_of(own), own, strict=True))
+    for name, texts in different_rows(shipped, own):
+        old, new = texts
+        if name in printed and name in applied:
+            row, own_row = printed[name], applied[name]
+            criterion = rows.make_criterion(own_row, name, case.window, case.features)
+            # a narrower band of an otherwise equal row is stricter, so it needs no word
+            same_rest = all(row[key] == own_row[key] for key in RESTS_ON)
+            if same_rest and is_within(criterion, rows.band_of(row)):
+                continue
+        text = f"{name} {new} in {file}, {old} in the table of this edition that aeromatch has"
+        yield _departure(text, name)
 
 
 def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[RowRemark]:

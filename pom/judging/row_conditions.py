@@ -16,7 +16,6 @@ from pom.cases.case_facts import REVERSIBLE
 from pom.judging.condition_checks import CHECKS, CONFIGURATION_CHECKS, FlownCase, NotChecked
 from pom.judging.measures.control_release import measure_free_motion
 from pom.judging.signals import RunSignals
-from pom.tolerances import rows
 from pom.tolerances.bands import Invalid, RowRemark
 from pom.tolerances.conditions import KINDS
 from pom.tolerances.criteria import Criterion
@@ -124,7 +123,7 @@ def _check_configuration(flown: FlownCase) -> str:
     """Return why the configuration at the start is none of those of the row; empty if it is."""
     case = flown.case
     try:
-        words = rows.rows_of_test(case.id, case.standard, case.edition)[0]["flight_condition"]
+        words = case.printed_rows()[0]["flight_condition"]
     except UnknownName:
         raise NotChecked("the table has no such test") from None
     allowed = CONFIGURATIONS.get(words, ())

@@ -22,6 +22,7 @@ from joblib import Parallel, delayed, effective_n_jobs
 from joblib.externals.loky import ProcessPoolExecutor
 
 from flightmech.errors import SchemaError, SimulationError
+from flightmech.support.kept_stages.content_hashes import content_hash
 from flightmech.support.kept_stages.program import hash_installation
 from flightmech.support.kept_stages.sharing import open_cluster
 from pom.cases.case import PomCase
@@ -31,6 +32,7 @@ from pom.fmu.models import FmuModel, Models
 from pom.fmu.run_cache import KeptFlights, RunCache
 from pom.judging.measures.modal import mode_table
 from pom.replaying.caches import KeptResults, KeptStates, ResultKeys
+from pom.replaying.recorded_runs import RecordedRuns, add_recorded_runs
 from pom.replaying.replay_case import ReplayPlan, check_plan, perform_plan, plan_of
 from pom.result import PomResult
 
@@ -168,6 +170,7 @@ def replay_all(
     names: Mapping[str, str | Path] | None = None,
     biases: xr.Dataset | None = None,
     evidence: xr.DataTree | None = None,
+    recorded: Mapping[str, RecordedRuns] | None = None,
     **execution: Any,
 ) -> list[PomResult]:
     """Replay every case by every model and judge it.
@@ -186,6 +189,8 @@ def replay_all(
         Constants of the instruments for records that are reconstructed (`recorded_states`).
     evidence : DataTree, optional
         Database identified from flight (`replay`).
+    recorded : mapping of str to RecordedRuns, optional
+        By name of a case: recordings of devices, and master runs (`pom.replaying.recorded_runs`).
     **execution
         Attributes of `BatchExecution`: ``jobs``, ``scheduler``, ``resume``, ``flights``,
         ``timeout`` and ``progress``.
@@ -215,6 +220,10 @@ def replay_all(
         models.of(case)
     records, store = KeptStates(settings.folder, biases), KeptResults(settings.folder)
     result_keys, keys = _make_keys(cases, paths, models=models, records=records, evidence=evidence)
+    for k, case in enumerate(cases):
+        runs = (recorded or {}).get(case.name)
+        if runs is not None and keys[k]:
+            keys[k] = content_hash(keys[k], runs)
     stored = [store.read(key) for key in keys]
     new = [k for k, result in enumerate(stored) if result is None]
     jobs = settings.jobs
@@ -231,7 +240,10 @@ def replay_all(
         flight_store = settings.flight_store
         # A generator: a plan is removed from memory when its result is complete.
         calls = (
-            (plan, models.of(plan.case), settings.timeout, flight_store, evidence, store, key)
+            (
+                *(plan, models.of(plan.case), settings.timeout, flight_store, evidence),
+                *(store, key, (recorded or {}).get(plan.case.name)),
+            )
             for plan, key in zip(_pop_in_order(plans), new_keys, strict=True)
         )
         performed = _perform_calls(calls, settings, pool)
@@ -340,9 +352,11 @@ def _perform(
     evidence: xr.DataTree | None,
     store: KeptResults,
     key: str,
+    recorded: RecordedRuns | None = None,
 ) -> PomResult:
     """Return the result of a plan; store it if no model failed."""
     result = perform_plan(plan, models, timeout, flight_store, evidence)
+    result = add_recorded_runs(result, plan.states, plan.job, recorded)
     # A report needs the fitted modes. This process has them from the judgement.
     mode_table(result)
     if not result.failure:

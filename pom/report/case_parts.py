@@ -22,6 +22,7 @@ from pom.judging.measures.modal import mode_table
 from pom.report.case.page import CommonHeading, PackedPage, packed_page, provenance_of
 from pom.report.exports import case_csv
 from pom.report.pdf.content import case_on_paper
+from pom.report.presentation.unit_sets import shown_in
 from pom.result import PomResult
 
 CSV = "csv"
@@ -118,6 +119,23 @@ def case_parts(
     report : Path, optional
         Files are named relative to this folder.  The default is ``paths.folder``.
     """
+    with shown_in(heading.provenance.get("units", "")):
+        return _make_case_parts(
+            position, key, result, heading=heading, diagnosis=diagnosis, paths=paths, report=report
+        )
+
+
+def _make_case_parts(
+    position: int,
+    key: str,
+    result: PomResult,
+    *,
+    heading: CommonHeading,
+    diagnosis: pd.DataFrame | None,
+    paths: CasePaths,
+    report: Path | None,
+) -> CaseParts:
+    """Return the parts of one case in the units of the report."""
     # Page, PDF and JSON print the same fitted modes, so the fit is made once.
     modes = mode_table(result)
     with _csv_path(paths, key).open("w", encoding="utf-8", newline="\n") as file:

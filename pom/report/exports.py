@@ -17,6 +17,7 @@ from flightmech.support.atomic_write import write_text
 from pom.report.case.page import case_keys
 from pom.report.csv_lines import csv_lines
 from pom.result import (
+    BEYOND,
     PomResult,
     collect_texts,
     departure_remarks,
@@ -74,6 +75,7 @@ def _add_tests(suite: ElementTree.Element, classname: str, result: PomResult, ru
         ("flight record without errors", "failure", record_remarks(result, run)),
         ("record that did not identify", "failure", collect_texts(result, run, ("leak",))),
         ("driven by the inputs", "failure", collect_texts(result, run, ("not_driven",))),
+        ("within the recurrent criterion", "failure", collect_texts(result, run, (BEYOND,))),
         ("no departure from the printed row", "skipped", departure_remarks(result, run)),
     ):
         if remarks:

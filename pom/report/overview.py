@@ -10,6 +10,7 @@ from typing import Any
 import xarray as xr
 
 from pom.cases.case_file import signature_rows
+from pom.judging.condition_coverage import cover_conditions
 from pom.report.case.page import run_line_classes
 from pom.report.presentation.quantities import quantity_label
 from pom.report.presentation.verdict_text import Verdict, criterion_words, reason_text
@@ -128,6 +129,16 @@ def shown_statuses(results: Sequence[PomResult]) -> list[str]:
     return [status for status in STATUSES if status not in rare or status in statuses]
 
 
+def own_tables_text(results: Sequence[PomResult]) -> str:
+    """Return the tolerance tables of the user in a report, with their hashes; empty without one."""
+    tables: dict[str, None] = {}
+    for result in results:
+        own = result.case.table
+        if own:
+            tables[f"{own['file']} (sha256 {own['sha256'][:12]})"] = None
+    return ", ".join(tables)
+
+
 def chapter_of_test(test: str) -> str:
     """Return the part of the tolerance table that holds a test.
 
@@ -155,18 +166,22 @@ def table_coverage(
     -------
     list of dict
         ``run`` and ``missing``: entries of the table with and without cases.  An entry has its
-        number of cases, the number of criteria that were judged, and the reasons for the others.
+        number of cases, the number of criteria that were judged, the reasons for the others, and
+        the flight conditions that its row wants and the cases show.
     """
     # Results by the standard and edition of their case, in the order of the first one.
     by_standard: dict[tuple[str, str], list[PomResult]] = {}
     for result in results:
-        by_standard.setdefault((result.case.standard, result.case.edition), []).append(result)
+        key = (result.case.standard, result.case.edition_words)
+        by_standard.setdefault(key, []).append(result)
     coverage = []
     for (standard, edition), standard_results in by_standard.items():
-        titles = {}
-        for row in table:
-            if (row["standard"], row["edition"]) == (standard, edition):
-                titles[row["test_id"]] = row["title"]
+        # a case of a table of the user keeps the titles of its tests
+        titles = dict(standard_results[0].case.table.get("tests", {}))
+        if not titles:
+            for row in table:
+                if (row["standard"], row["edition"]) == (standard, edition):
+                    titles[row["test_id"]] = row["title"]
         entries = []
         for test, title in titles.items():
             # an additional case is not the test
@@ -184,6 +199,7 @@ def table_coverage(
                 "total": len(entries),
                 "run": run,
                 "judged": sum(entry["judged"] > 0 for entry in run),
+                "partly": sum("missing" in entry["conditions"] for entry in run),
                 "missing": [entry for entry in entries if not entry["cases"]],
             }
         )
@@ -211,6 +227,7 @@ def _coverage_entry(test: str, title: str, results: Sequence[PomResult]) -> dict
         "cases": len(results),
         "judged": len(judged),
         "criteria": len(judged | set(reasons)),
+        "conditions": cover_conditions(results).text,
         "left": missing,
     }
 

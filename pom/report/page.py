@@ -17,12 +17,14 @@ from markupsafe import Markup
 
 from pom.report.case.page import PackedPage, run_line_classes
 from pom.report.chapters import Chapters
+from pom.report.guide_texts import missing_texts
 from pom.report.models.database_comparison import models_page
 from pom.report.models.identification import identification_page
 from pom.report.models.tuning import NOTE
 from pom.report.overview import (
     departure_table,
     list_runs,
+    own_tables_text,
     provenance_page,
     table_coverage,
     verdict_matrix,
@@ -81,6 +83,8 @@ def html_files(
     common = {
         "title": title,
         "revision": revision,
+        "tables": own_tables_text(results),
+        "missing_texts": missing_texts(results),
         "origin": provenance_page(provenance, results, chapters.roots),
         "count": len(results),
         "models": models_page(chapters.compared) if chapters.compared else None,

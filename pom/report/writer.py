@@ -44,8 +44,10 @@ from pom.report.exports import junit_xml
 from pom.report.models.tuning import tuning_context
 from pom.report.page import PAGE, PAGES, html_files
 from pom.report.pdf.document import DocumentContent, creation_date, pdf_pages
+from pom.report.presentation.unit_sets import SETS, shown_in
 from pom.report.submodels.sections import make_sections
 from pom.result import PomResult
+from pom.tolerances.editions import test_order
 
 PAPERS = ("a4", "letter")
 PDF, JSON, SAMPLES, JUNIT = "report.pdf", "results.json", "results.nc", "results.xml"
@@ -112,7 +114,7 @@ def write_report(
     Parameters
     ----------
     results : sequence of PomResult
-        Results in the order of the report.
+        Results; the report has the tests in the order of their numbers.
     folder : path
         Folder of the report; created if missing.  It is replaced as a whole: a reader sees the
         earlier report or the new one, never files of both.  Files that do not belong to a report
@@ -179,7 +181,9 @@ optional
     OSError
         The folder is read-only, a mount point, or the working directory of this process.
     """
-    results, diagnoses = list(results), dict(diagnoses or {})
+    # tests in the order of the table; cases of one test in the order given
+    results = sorted(results, key=lambda result: test_order(result.case.id))
+    diagnoses = dict(diagnoses or {})
     # The provenance with the paths of this machine is for the manifest only.
     located: dict[str, Any] = {**(provenance or {})}
     logs = {run: dict(log) for run, log in (tunings or {}).items()}
@@ -193,15 +197,16 @@ optional
     )
     sections = make_sections(submodels or {}, free_motion or {}, driven_motion)
     tuned = tuning_context(logs, results)
-    new_chapters = draw_chapters(
-        databases or {},
-        support or {},
-        fits=fits,
-        level_lines=level_lines or {},
-        submodels=sections,
-        diagnoses=diagnoses,
-        on_paper=chapters or (),
-    )
+    with shown_in(located.get("units", "")):
+        new_chapters = draw_chapters(
+            databases or {},
+            support or {},
+            fits=fits,
+            level_lines=level_lines or {},
+            submodels=sections,
+            diagnoses=diagnoses,
+            on_paper=chapters or (),
+        )
     all_chapters = _merge_chapters(new_chapters, kept, chapters)
     archive = Archive(
         results,
@@ -219,6 +224,7 @@ optional
     folder.parent.mkdir(parents=True, exist_ok=True)
     # A reader sees the earlier report until all files of the new one are complete.
     with (
+        shown_in(located.get("units", "")),
         folder_written_atomically(folder, PARTS.__contains__) as new,
         TemporaryDirectory() as drawings,
     ):
@@ -383,6 +389,8 @@ def _check_request(
         if chapter not in CHAPTERS:
             raise UnknownName(chapter, CHAPTERS, "chapter")
     check_provenance(provenance)
+    if provenance.get("units", "") not in SETS:
+        raise UnknownName(provenance["units"], SETS, "set of units")
     names = {result.case.name for result in results}
     for name in diagnoses:
         if name not in names:

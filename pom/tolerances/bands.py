@@ -43,8 +43,9 @@ class RowRemark:
         row or from normal practice), ``not_checked`` (a condition of the row), ``additional`` (the
         case is not the test of its row), ``record_warning`` (on the flight record), ``probe``
         (answer of the model to changed inputs, and its scatter), ``not_driven`` (an answer that
-        the inputs do not drive), ``leak`` (samples of the record identified the model), ``row``
-        (note of the tolerance table), ``note`` (text of a report from before remarks had kinds).
+        the inputs do not drive), ``leak`` (samples of the record identified the model),
+        ``device`` (recording of a device and its inputs), ``recurrent`` and ``recurrent_beyond``
+        (comparison with a master run), ``row`` (note of the tolerance table), ``note`` (text of a report from before remarks had kinds).
     text : str
         The remark for a reader, with its numbers.
     quantity : str

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -115,17 +116,22 @@ def tolerance_rows() -> tuple[Row, ...]:
         return tuple(csv.DictReader(file))
 
 
-def rows_of_test(id: str, standard: str = STANDARD, edition: str = EDITION) -> list[Row]:
+def rows_of_test(
+    id: str, standard: str = STANDARD, edition: str = EDITION, table: Sequence[Row] = ()
+) -> list[Row]:
     """Return the rows of one test.
+
+    `table` holds the rows of a table of the user; empty for ``tolerances.csv``.
 
     Raises
     ------
     UnknownName
         The table has no such standard, edition or test; with similar names.
     """
-    of_standard = [row for row in tolerance_rows() if row["standard"] == standard]
+    table = table or tolerance_rows()
+    of_standard = [row for row in table if row["standard"] == standard]
     if not of_standard:
-        raise UnknownName(standard, {row["standard"] for row in tolerance_rows()}, "standard")
+        raise UnknownName(standard, {row["standard"] for row in table}, "standard")
     editions = {row["edition"] for row in of_standard}
     if edition not in editions:
         raise UnknownName(edition, editions, f"edition of {standard!r}")
@@ -137,24 +143,27 @@ def rows_of_test(id: str, standard: str = STANDARD, edition: str = EDITION) -> l
     return rows
 
 
-def claimable_features() -> set[str]:
-    """Return every word that a case can claim.
+def claimable_features(table: Sequence[Row] = ()) -> set[str]:
+    """Return every word that a case can claim, with those of a further table.
 
     The record shows the other conditions. The record also shows the kinds of damping, but a case
     may claim them.
     """
     features = set()
-    for row in tolerance_rows():
+    for row in (*tolerance_rows(), *table):
         for word in row["condition"].split(";"):
             if word and (is_claim(word) or word in KINDS):
                 features.add(word)
     return features
 
 
-def window_events() -> set[str]:
-    """Return every event that bounds a window; ``capture`` is the instant of a snapshot."""
+def window_events(table: Sequence[Row] = ()) -> set[str]:
+    """Return every event that bounds a window, with those of a further table.
+
+    ``capture`` is the instant of a snapshot.
+    """
     events = set(MEASURED)
-    for row in tolerance_rows():
+    for row in (*tolerance_rows(), *table):
         for bound in (row["applies_from"], row["applies_to"]):
             if bound:
                 events.add(_split_bound(bound)[0])
@@ -162,9 +171,14 @@ def window_events() -> set[str]:
 
 
 def usual_fraction(reference: str, edition: str) -> float:
-    """Return the share of the tolerance that the rule applies to a reference (rule R9)."""
+    """Return the share of the tolerance that the rule applies to a reference (rule R9).
+
+    NaN for an edition whose name does not begin with its year: the case has to state the share.
+    """
     if reference != "engineering":
         return 1.0
+    if not edition[:4].isdigit():
+        return math.nan
     # R9: 20 % in editions before 2016, 40 % from then on
     if edition[:4] < "2016":
         return 0.2
@@ -263,6 +277,13 @@ def make_criterion(
         bounds=(row["applies_from"], row["applies_to"]),
         abscissa=_abscissa_of(row, measure, travel),
     )
+
+
+def channel_of_row(row: Row) -> str:
+    """Return the channel of a row without a choice of the case; empty if the case has to choose."""
+    travel = TRAVEL.get(plain_id(row["test_id"]), "")
+    measure = _measure_of(row)
+    return _channel_of(row, measure, travel=travel, mode_channel="", engine_parameter="")
 
 
 def _measure_of(row: Row) -> str:

@@ -196,6 +196,9 @@ class Channel(_Table):
                 f'column {self.columns[0]!r} has no unit in the file; give unit = "..." for '
                 f"{name} in the name map (expected {units})"
             )
+        # A load factor counts in g, and has no dimension.
+        if name == "nz" and unit == "g":
+            unit = units
         # A unit such as degC has a zero point besides its factor.
         unit = fitted_unit(unit, units)
         zero = float(to_si(0.0, unit, units))

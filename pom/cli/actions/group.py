@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 import aerodb
-from flightmech.errors import AeromatchError, SchemaError, SimulationError
+from flightmech.errors import AeromatchError, SchemaError, SimulationError, UnknownName
 from flightmech.support.console import (
     InputFile,
     command_line,
@@ -24,9 +24,17 @@ from pom.archive.archive import Custody
 from pom.archive.origins import ReportProvenance, provenance
 from pom.cases.case import PomCase, read_case
 from pom.cases.fact_agreement import contradictions
+from pom.cases.own_table import demand_use
 from pom.cases.reference_states import window_problem
 from pom.checking.batch_check import check_batch
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks
+from pom.cli.actions.recordings import (
+    RecordingFiles,
+    is_recording,
+    parse_starts,
+    read_recorded_runs,
+    recording_files,
+)
 from pom.cli.actions.report import (
     case_files,
     print_record_errors,
@@ -40,6 +48,7 @@ from pom.fmu.models import Models
 from pom.judging.applicability import reason_not_judged
 from pom.judging.report_conditions import has_report_conditions, with_report_conditions
 from pom.replaying.batch import replay_all
+from pom.replaying.recorded_runs import RecordedRuns
 from pom.replaying.replay_case import files_by_name
 from pom.replaying.run_remarks import calibration, drift, pilot_activity
 from pom.report.case.remarks import run_notes, sampled_line
@@ -50,6 +59,7 @@ from pom.result import (
     PASSED,
     PomResult,
     departure_remarks,
+    is_beyond_master,
     lacks_evidence,
     run_notices,
     spread_notice,
@@ -57,23 +67,27 @@ from pom.result import (
     trim_remarks,
 )
 from pom.tolerances.bands import remarks_text
+from pom.tolerances.own_tables import read_own_table
 
 
-def check_cases(cases: tuple[Path, ...], as_json: bool) -> None:
+def check_cases(cases: tuple[Path, ...], tolerances_file: str | None, as_json: bool) -> None:
     """Perform the command ``check``."""
+    table = read_own_table(tolerances_file) if tolerances_file else None
     checked: list[PomCase] = []
     problems: list[str] = []
     files = case_files(cases)
     with show_progress(f"read {count_text(len(files), 'case')} and their records"):
         for file in files:
             try:
-                case = read_case(file)
+                case = read_case(file, table)
             except AeromatchError as error:
                 problems.append(str(error))
                 continue
             checked.append(case)
             problems += _case_problems(case)
     problems += contradictions(checked)
+    if not problems:
+        demand_use(table, [case.tolerances for case in checked])
     # one case is an object, several cases are an array
     if as_json and not problems:
         documents = [case.to_dict() for case in checked]
@@ -114,7 +128,7 @@ def _print_criteria(case: PomCase) -> None:
             reason_not_judged(case, criterion) or criterion.provenance,
         )
         rows.append(row)
-    title = f"{case.id}  {case.title}  ({case.standard}, {case.edition})"
+    title = f"{case.id}  {case.title}  ({case.standard}, {case.edition_words})"
     columns = ("criterion", "channel", "measure", "group", "tolerance", "window [s]", "remark")
     print_table(columns, rows, title)
 
@@ -132,6 +146,10 @@ class _Batch:
     cases : list of PomCase
     runs, names, databases : dict of str to Path
         By model: its FMU, its table of names, and the database of its draws.
+    recordings : RecordingFiles
+        Recordings of devices and masters.
+    recorded : dict of str to RecordedRuns
+        By case: what they hold.
     logs : dict of str to dict
         By model: the log of its tuning.
     files : list of str
@@ -143,21 +161,32 @@ class _Batch:
     cases: list[PomCase]
     runs: dict[str, Path]
     names: dict[str, Path]
+    recordings: RecordingFiles
+    recorded: dict[str, RecordedRuns]
     databases: dict[str, Path]
     logs: dict[str, dict[str, Any]]
     files: list[str]
     custody: Custody
+
+    @property
+    def models(self) -> list[str]:
+        """Models that are judged: FMUs and recordings, without the masters."""
+        return [*self.runs, *self.recordings.runs]
 
 
 def run_cases(
     ctx: click.Context,
     cases: tuple[Path, ...],
     models: tuple[str, ...],
+    starts: tuple[str, ...],
+    masters: tuple[str, ...],
+    recurrent_share: float | None,
     output: Path | None,
     title: str,
     revision: str,
     date: str,
     paper: str,
+    units: str | None,
     no_pdf: bool,
     signed: tuple[tuple[str, str, str], ...],
     junit: str | None,
@@ -167,6 +196,7 @@ def run_cases(
     scheduler: str | None,
     resume: Path | None,
     biases_file: str | None,
+    tolerances_file: str | None,
     evidence: str | None,
     samples: int,
     seed: int,
@@ -179,7 +209,14 @@ def run_cases(
     _demand_pairs(samples, databases, tunings=tunings, output=output)
     signatures = signatures_of(signed)
     batch = _read_batch(
-        cases, models, tables, databases=databases, tunings=tunings, others=(evidence, biases_file)
+        cases,
+        models,
+        tables,
+        databases=databases,
+        tunings=tunings,
+        tolerances=tolerances_file,
+        recorded=(starts, masters, recurrent_share),
+        others=(evidence, biases_file),
     )
     checks = _check_batch(batch, jobs=jobs, scheduler=scheduler, resume=resume)
     options: dict[str, Any] = {
@@ -190,9 +227,10 @@ def run_cases(
         "scheduler": scheduler,
         "resume": resume,
         "evidence": aerodb.store.open(evidence) if evidence else None,
+        "recorded": batch.recorded,
     }
     # the printer gets every result as soon as it is complete
-    printer = _ProgressPrinter(checks, list(batch.runs), verbose=verbose, silent=as_json)
+    printer = _ProgressPrinter(checks, batch.models, verbose=verbose, silent=as_json)
     results = _replay_batch(batch, printer, samples=samples, seed=seed, options=options)
     results = with_report_conditions(results)
     printer.print_rest(results)
@@ -202,6 +240,8 @@ def run_cases(
     report = None
     if output is not None:
         origin = _origin(batch, checks, date=date, signatures=signatures)
+        if units:
+            origin["units"] = units
         head: dict[str, Any] = {"title": title, "revision": revision, "provenance": origin}
         head["paper"] = None if no_pdf else paper
         with show_progress("write the report"):
@@ -211,7 +251,8 @@ def run_cases(
     _print_results(batch, results, report=report, as_json=as_json)
     # a departure is stated, not a failure: every row passes
     passed = {"pass", "pass_with_departures"}
-    ctx.exit(int(not set(_statuses(batch, results)) <= passed))
+    is_recurring = not any(map(is_beyond_master, results))
+    ctx.exit(int(not (is_recurring and set(_statuses(batch, results)) <= passed)))
 
 
 def _demand_pairs(
@@ -248,37 +289,67 @@ def _read_batch(
     *,
     databases: tuple[str, ...],
     tunings: tuple[str, ...],
+    tolerances: str | None,
+    recorded: tuple[tuple[str, ...], tuple[str, ...], float | None],
     others: Sequence[str | None],
 ) -> _Batch:
     """Hash and read the cases and files of a batch."""
-    runs = files_by_name("--model", models, "final=out/final.fmu")
+    given = files_by_name("--model", models, "final=out/final.fmu")
+    runs = {name: file for name, file in given.items() if not is_recording(file)}
+    recordings = _recordings_of(given, runs, recorded)
     names = files_by_name("--names", tables, "simulator=names.toml")
     sources = files_by_name("--database", databases, "final=out/final.nc")
     log_files = files_by_name("--tuning", tunings, "tuned=out/tuning.json")
     paths = case_files(cases)
     named = [*names.values(), *sources.values(), *log_files.values()]
-    for file in (*runs.values(), *named):
+    for file in (*runs.values(), *named, *recordings.runs.values(), *recordings.masters.values()):
         # raises if the file is missing
-        InputFile().convert(file, None, None)
+        if not file.is_dir() or file in (*runs.values(), *named):
+            InputFile().convert(file, None, None)
     # Every file is hashed before it is read, so that the hash belongs to the results.
     custody = Custody()
     custody.take([*paths, *runs.values()])
+    if tolerances:
+        custody.take([tolerances])
     with show_progress(f"read {count_text(len(paths), 'case')}"):
-        read = [read_case(path) for path in paths]
+        table = read_own_table(tolerances) if tolerances else None
+        read = [read_case(path, table) for path in paths]
+    demand_use(table, [case.tolerances for case in read])
     files: list[str] = []
     for case in read:
         files += case.files()
     files += [*map(str, named), *filter(None, others)]
+    files += [str(file) for file in recording_files(recordings, read)]
     custody.take(files)
+    recorded_runs = read_recorded_runs(recordings, names, read)
     return _Batch(
         cases=read,
         runs=runs,
-        names=names,
+        names={name: table for name, table in names.items() if name not in recordings.runs},
+        recordings=recordings,
+        recorded=recorded_runs,
         databases=sources,
         logs=tuning_logs(log_files, runs),
         files=files,
         custody=custody,
     )
+
+
+def _recordings_of(
+    given: Mapping[str, Path],
+    runs: Mapping[str, Path],
+    options: tuple[tuple[str, ...], tuple[str, ...], float | None],
+) -> RecordingFiles:
+    """Return the recordings among the models, with the masters of all models."""
+    starts, masters, share = options
+    recordings = {name: file for name, file in given.items() if name not in runs}
+    reports = files_by_name("--master", masters, "device=master/results.nc")
+    for name in reports:
+        if name not in given:
+            raise UnknownName(name, given, "model", "--master names a run of --model")
+    if share is not None and not reports:
+        raise click.UsageError("--recurrent-share needs --master: the report to compare with")
+    return RecordingFiles(recordings, parse_starts(starts, recordings), reports, share)
 
 
 def _check_batch(
@@ -380,7 +451,7 @@ def _origin(
     """Return the provenance of the report of a batch."""
     origin = provenance(
         batch.files,
-        batch.runs,
+        {**batch.runs, **_single_recordings(batch)},
         command=command_line(),
         date=date,
         digest=batch.custody.sha256,
@@ -393,16 +464,21 @@ def _origin(
     return origin
 
 
+def _single_recordings(batch: _Batch) -> dict[str, Path]:
+    """Return the recordings of one file; those of a folder are among the inputs alone."""
+    return {name: file for name, file in batch.recordings.runs.items() if not file.is_dir()}
+
+
 def _size_texts(batch: _Batch) -> tuple[str, str]:
     """Return the number of models and of cases as texts."""
-    return count_text(len(batch.runs), "model"), count_text(len(batch.cases), "case")
+    return count_text(len(batch.models), "model"), count_text(len(batch.cases), "case")
 
 
 def _statuses(batch: _Batch, results: Sequence[PomResult]) -> list[str]:
     """Return the status of every result and model."""
     statuses: list[str] = []
     for result in results:
-        statuses += [result.status(run) for run in batch.runs]
+        statuses += [result.status(run) for run in batch.models]
     return statuses
 
 

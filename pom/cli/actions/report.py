@@ -164,6 +164,7 @@ def run_write_report(
     revision: str,
     date: str,
     paper: str,
+    units: str | None,
     no_pdf: bool,
     signed: tuple[tuple[str, str, str], ...],
 ) -> None:
@@ -181,6 +182,8 @@ def run_write_report(
     if not any(Path(place).is_file() for place in places.values()):
         # the inputs are on another machine, so the results are the newest file that is here
         origin["places"] = {**places, **{str(path): str(_samples_file(path)) for path in results}}
+    if units:
+        origin["units"] = units
     if signatures:
         # a new signature states the results that were signed
         name = results_name(archive.results)

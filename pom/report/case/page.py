@@ -222,6 +222,7 @@ def provenance_of(result: PomResult, provenance: Mapping[str, Any]) -> dict[str,
             models[run] = model
     return {
         "date": provenance.get("date", ""),
+        "units": provenance.get("units", ""),
         "versions": provenance.get("versions", {}),
         "inputs": inputs,
         "models": models,

@@ -209,7 +209,7 @@ def case_objective(case: PomCase) -> str:
 
 def _row_title(case: PomCase) -> str:
     """Return the title of a case in the tolerance table, or in its file if the table has none."""
-    for row in tolerance_rows():
+    for row in case.table.get("rows", tolerance_rows()):
         if (row["standard"], row["test_id"]) == (case.standard, case.id):
             return row["title"]
     return case.title

@@ -71,10 +71,8 @@ _GLANCE = (
     "wind",
 )
 _WIND = QuantityLabel("wind", "W", "", "wind", "", "", 1.0, 0.0)
-# A slower vertical wind is not printed. [m/s]
+# A slower wind is calm, a slower vertical wind is not printed. [m/s]
 _CALM = 0.05
-# A horizontal wind below this speed is printed as calm. [kt]
-_CALM_KNOTS = 0.05
 # Small errors of force add up in a run of at least this length. [s]
 _LONG = 20.0
 
@@ -168,12 +166,14 @@ def wind_text(north: float, east: float, down: float = 0.0) -> str:
     >>> wind_text(-5.0, 0.0)
     'from 360° true at 9.7 kt'
     """
-    knots = float(quantity_label("V").shown(math.hypot(north, east)))
-    if knots < _CALM_KNOTS:
+    label, speed = quantity_label("V"), math.hypot(north, east)
+    if speed < _CALM:
         return "calm"
     # The bearing is opposite to the velocity.  North is 360 degrees, not 0.
     bearing = round(math.degrees(math.atan2(-east, -north))) % 360 or 360
-    text = f"from {bearing:03d}° true at {fixed_decimals(knots, 1)} kt"
+    text = (
+        f"from {bearing:03d}° true at {fixed_decimals(float(label.shown(speed)), 1)} {label.unit}"
+    )
     if abs(down) < _CALM:
         return text
     direction = "down" if down > 0 else "up"

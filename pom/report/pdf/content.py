@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,12 @@ from pom.report.case.start import (
     glance_text,
     trim_tables,
 )
+from pom.report.guide_texts import missing_texts
 from pom.report.models.diagnosis import cause_sentences
 from pom.report.overview import (
     departure_table,
     list_runs,
+    own_tables_text,
     provenance_page,
     shown_statuses,
     table_coverage,
@@ -76,7 +79,7 @@ def front_content(
     standards: dict[str, None] = {}
     kinds: dict[str, None] = {}
     for result in results:
-        standards[f"{result.case.standard}, edition {result.case.edition}"] = None
+        standards[f"{result.case.standard}, edition {result.case.edition_words}"] = None
         kinds[_REFERENCES.get(result.case.reference, result.case.reference)] = None
     airplanes: dict[str, None] = {}
     for db in databases.values():
@@ -97,6 +100,8 @@ def front_content(
         "no_evidence": origin["no_evidence"],
         "departures": departure_table(keys, results),
         "record_errors": origin["record_errors"],
+        "tables": own_tables_text(results),
+        "missing_texts": [asdict(item) for item in missing_texts(results)],
         "coverage": table_coverage(results, tolerance_rows()),
         "references": _references_content(results, origin, databases),
         "glossary": [_glossary_entry(label) for label in origin["glossary"]],
@@ -209,6 +214,7 @@ def _case_texts(case: PomCase) -> dict[str, Any]:
     texts = [
         ("Procedure, automatic", case.procedure),
         ("Procedure, manual", case.manual),
+        ("Statement of compliance", "; ".join(case.compliance.values())),
         ("Method of evaluation", case.evaluation),
     ]
     events = []
@@ -218,7 +224,7 @@ def _case_texts(case: PomCase) -> dict[str, Any]:
         "id": case.id,
         "title": case.title,
         "name": case.name,
-        "standard": f"{case.standard}, edition {case.edition}",
+        "standard": f"{case.standard}, edition {case.edition_words}",
         "kind": f"{kind}, tolerances applied to {remarks.fraction_text(case.fraction)}",
         "objective": remarks.case_objective(case),
         "manoeuvre": case.description,

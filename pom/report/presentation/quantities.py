@@ -18,6 +18,7 @@ from flightmech import units
 from flightmech.errors import UnknownName
 from flightmech.names import SIGNS, lookup
 from flightmech.support.figures import MINUS
+from pom.report.presentation.unit_sets import current_units, display_unit_of
 
 MISSING = "\N{EN DASH}"
 SYMBOLS = {
@@ -125,11 +126,17 @@ _DECIMALS = {
     "m/s": 1,
     "%": 1,
     "kg": 0,
+    "lb": 0,
+    "N": 0,
+    "in": 2,
+    "kg m²": 0,
+    "slug ft²": 0,
     "°C": 1,
     "K": 1,
     "hPa": 1,
     "m": 3,
 }
+_HIGH = 100.0  # [m] from here on a length has one decimal
 # Load factors are drawn in g, as the tolerance table prints them.  The number is the same.
 _IN_G = {"nz", "dnz"}
 # Words of the prefixes of the simulation's names.
@@ -258,13 +265,17 @@ def symbol_parts(name: str) -> tuple[str, str]:
     return _GREEK.get(stem, stem), tail
 
 
-@cache
 def quantity_label(name: str) -> QuantityLabel:
-    """Return the display of a quantity.
+    """Return the display of a quantity in the units of the report (`unit_sets.shown_in`).
 
     A name outside the vocabulary keeps its text and its SI value.  Prefixes of the simulation's
     names (``engine1.``, ``trim.``, ``residual.`` ...) become words.
     """
+    return _make_label(name, current_units())
+
+
+@cache
+def _make_label(name: str, unit_set: str) -> QuantityLabel:
     *prefixes, stem = name.split(".")
     if prefixes and prefixes[0] == "term":
         return QuantityLabel(name, name, "", "scale of the term", "", "", 1.0, 0.0)
@@ -281,6 +292,9 @@ def quantity_label(name: str) -> QuantityLabel:
     else:
         words, si_unit, display_unit = row.long_name, row.units, row.display_units
         sign = row.sign
+    # a load factor is shown in g by every set
+    if stem not in _IN_G:
+        display_unit = display_unit_of(si_unit, display_unit, unit_set)
     base, sub = symbol_parts(stem)
     notes, engines = _prefix_notes(prefixes)
     factor, offset = _display_conversion(display_unit)
@@ -418,6 +432,9 @@ def has_ends(name: str) -> bool:
 
 def plain_measured_text(value: float, unit: str) -> str:
     """Return a measured value with the decimals of its display unit, with trailing zeros."""
+    # millimetres of a centre of gravity, not of a height
+    if unit == "m" and abs(value) >= _HIGH:
+        return fixed_decimals(value, 1)
     if unit in _DECIMALS:
         return fixed_decimals(value, _DECIMALS[unit])
     return format_number(value)

@@ -1,5 +1,6 @@
 """The data package of a small project: made twice, verified, harmed, compared."""
 
+import csv
 import json
 import shutil
 import zipfile
@@ -211,7 +212,15 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
     } <= set(inside)
     roadmap = inside["roadmap.csv"].decode().splitlines()
     assert roadmap[0].startswith("row,title,standard,edition,case,record")
+    assert "source of data,document,pages,revision,date,engine standard" in roadmap[0]
     assert len(roadmap) == 1 + 2
+    recordings = inside["recordings.csv"].decode().splitlines()
+    assert recordings[0] == "file,sha256,proves,identifies"
+    # no recording does both, and each of the two kinds is there
+    used = [row[2:] for row in csv.reader(recordings[1:])]
+    assert all(not (proves and identifies) for proves, identifies in used)
+    assert any(proves for proves, _ in used)
+    assert any(identifies for _, identifies in used)
     done = run("verify", tmp_path / "one.zip", "--json")
     found = json.loads(done.output)
     assert (done.exit_code, found["holds"]) == (0, True)

@@ -21,6 +21,7 @@ from pom.report import csv_lines, exports
 from pom.report.case.page import case_keys
 from pom.report.overview import departure_table
 from pom.tolerances.bands import RowRemark
+from pom.tolerances.editions import test_order as order_of_test
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
@@ -107,7 +108,8 @@ def test_what_is_no_archive_is_refused(tmp_path, content):
 def test_json_holds_every_number_and_no_samples(folder):
     document = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     assert document["samples"] == "results.nc"
-    for item, result in zip(document["results"], fixture.results(), strict=True):
+    ordered = sorted(fixture.results(), key=lambda result: order_of_test(result.case.id))
+    for item, result in zip(document["results"], ordered, strict=True):
         assert not {"signals", "tolerance"} & set(item)
         assert item["status"] == {run: result.status(run) for run in result.runs}
         assert [row["verdict"] for row in item["verdict"]] == list(result.verdict["verdict"])

@@ -1,0 +1,134 @@
+"""Flight conditions that a row wants, and which of them the cases of a report show.
+
+Some tests are flown in several conditions, such as the Dutch roll in cruise and in approach or
+landing.  One case covers one condition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flightmech.errors import UnknownName
+from pom.judging.condition_checks import CONFIGURATION_CHECKS, FlownCase, NotChecked
+from pom.judging.signals import RunSignals, traces_of
+from pom.result import PomResult
+
+WANTED: dict[str, tuple[tuple[str, str], ...]] = {
+    "ground_and_approach": (("ground", "ground"), ("approach", "extended")),
+    "takeoff_cruise_landing": (("takeoff", "takeoff"), ("cruise", "clean"), ("landing", "landing")),
+    "cruise_approach_landing": (
+        ("cruise", "clean"),
+        ("approach", "extended"),
+        ("landing", "landing"),
+    ),
+    "second_segment_and_approach_or_landing": (
+        ("second segment climb", "gear_up"),
+        ("approach or landing", "extended"),
+    ),
+    "second_segment_climb;approach_or_landing": (
+        ("second segment climb", "gear_up"),
+        ("approach or landing", "extended"),
+    ),
+    "cruise_and_approach_or_landing": (
+        ("cruise", "clean"),
+        ("approach or landing", "extended"),
+    ),
+    "second_segment_cruise_approach_or_landing": (
+        ("second segment climb", "gear_up"),
+        ("cruise", "clean"),
+        ("approach or landing", "extended"),
+    ),
+    "takeoff;cruise;approach_or_landing": (
+        ("takeoff", "takeoff"),
+        ("cruise", "clean"),
+        ("approach or landing", "extended"),
+    ),
+    "takeoff;cruise": (("takeoff", "takeoff"), ("cruise", "clean")),
+    "cruise;approach": (("cruise", "clean"), ("approach", "extended")),
+    "takeoff_and_landing": (("takeoff", "takeoff"), ("landing", "landing")),
+}
+"""By flight condition of a row that wants several: their words, and the configuration of each
+(`pom.judging.condition_checks.CONFIGURATION_CHECKS`).  Other rows want one condition.
+"""
+
+
+@dataclass(frozen=True)
+class ConditionCoverage:
+    """Conditions of a test: those that a case shows, and those that none shows, in words."""
+
+    covered: tuple[str, ...]
+    missing: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The coverage as a report prints it; empty for a test that wants one condition."""
+        count = len(self.covered) + len(self.missing)
+        if not count:
+            return ""
+        text = f"{len(self.covered)} of {count}"
+        return f"{text}; missing: {', '.join(self.missing)}" if self.missing else text
+
+
+def cover_conditions(results: Sequence[PomResult]) -> ConditionCoverage:
+    """Return the coverage of the conditions of one test by its cases.
+
+    Parameters
+    ----------
+    results : sequence of PomResult
+        Of one test.  A case counts for one condition; a case that states itself as additional
+        counts for none, and neither does a case without any judged row.
+    """
+    wanted = WANTED.get(_flight_condition(results[0]), ()) if results else ()
+    if not wanted:
+        return ConditionCoverage((), ())
+    counting = [result for result in results if not result.case.additional and _is_judged(result)]
+    shows = [_shown_conditions(result, [name for _, name in wanted]) for result in counting]
+    # condition -> case, by augmenting paths: one case may fit several conditions
+    taken: dict[int, int] = {}
+
+    def find_place(k: int, seen: set[int]) -> bool:
+        for place in shows[k]:
+            if place in seen:
+                continue
+            seen.add(place)
+            if place not in taken or find_place(taken[place], seen):
+                taken[place] = k
+                return True
+        return False
+
+    for k in range(len(shows)):
+        find_place(k, set())
+    covered = tuple(words for place, (words, _) in enumerate(wanted) if place in taken)
+    missing = tuple(words for place, (words, _) in enumerate(wanted) if place not in taken)
+    return ConditionCoverage(covered, missing)
+
+
+def _flight_condition(result: PomResult) -> str:
+    try:
+        return result.case.printed_rows()[0]["flight_condition"]
+    except UnknownName:
+        return ""
+
+
+def _is_judged(result: PomResult) -> bool:
+    return any(row["verdict"] in ("pass", "fail", "advisory") for row in result.rows)
+
+
+def _shown_conditions(result: PomResult, names: Sequence[str]) -> list[int]:
+    """Return the places of the configurations in which a case was flown."""
+    time = result.signals["time"].values
+    signals = traces_of(result.signals, "flight")
+    for name, item in result.inputs.data_vars.items():
+        signals.setdefault(str(name), np.asarray(item.values, float))
+    flown = FlownCase(result.case, RunSignals(signals, time))
+    places = []
+    for place, name in enumerate(names):
+        try:
+            if not CONFIGURATION_CHECKS[name](flown):
+                places.append(place)
+        except NotChecked:
+            continue
+    return places

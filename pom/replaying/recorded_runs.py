@@ -1,0 +1,356 @@
+"""Runs that are recorded, not flown: results of a device, and runs of an earlier report.
+
+A qualification test guide holds the results of the device.  Its host records a run that is driven by
+the inputs of the flight; the recording is judged as the output of a model is.  Recurrent tests
+compare a run with the same run of the first report, the master.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import flighttest
+from flightmech.errors import OutOfRange, SchemaError
+from flightmech.names import lookup
+from flightmech.support.input_files import file_sha256
+from flightmech.units import from_si
+from pom.cases.case import PomCase
+from pom.cases.case_file import WIND
+from pom.cases.job import ReplayJob
+from pom.judging.signals import traces_of
+from pom.judging.verdict import judge_all
+from pom.replaying.replay_channels import judged_channels
+from pom.replaying.result_assembly import assemble_result
+from pom.result import PomResult, make_verdict_table
+from pom.tolerances.bands import RowRemark
+from pom.tolerances.channels import WRAPPED, output_of
+
+MOST_DELAY = 0.1  # [s] between the inputs of device and flight; larger ones are a departure
+MOST_DIFFERENCE = 0.08
+"""Largest rms difference of an input of the device, as a share of the movement of the input."""
+LEAST_MOVED = {"rad": 0.0175, "1": 0.02, "m": 0.005, "N": 5.0}
+"""By unit: movement below which an input counts as held.  Others: 2 % of the largest size. [SI]"""
+GAP = 0.25  # [s] a longer gap of a recording is not bridged
+_LAGS = np.arange(-1.0, 1.001, 0.02)  # [s]
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """One recorded run of a case.
+
+    Attributes
+    ----------
+    channels : dict of str to tuple of array (time,)
+        Clock and values by canonical name, on the clock of the flight record. [s, SI]
+    origin : str
+        File and hash, as in the attributes of a result.
+    source : str
+        What the run is, for its page: file, rate and shift of the clock.
+    has_inputs : bool
+        Whether the recording should hold the inputs that drove it: a run of an earlier report
+        has none.
+    """
+
+    channels: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    origin: str
+    source: str
+    has_inputs: bool = True
+
+
+@dataclass(frozen=True)
+class MasterRun:
+    """The run of an earlier report with which a run is compared.
+
+    Attributes
+    ----------
+    name : str
+        Name of the line.
+    run : RecordedRun
+    share : float
+        Criterion: share of each tolerance, about the master. [1]
+    remarks : tuple of str
+        What is different between the two reports.
+    """
+
+    name: str
+    run: RecordedRun
+    share: float
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class RecordedRuns:
+    """Recorded runs of one case by name, and the masters by the run that they are compared with."""
+
+    runs: Mapping[str, RecordedRun] = field(default_factory=dict)
+    masters: Mapping[str, MasterRun] = field(default_factory=dict)
+
+
+def read_recording(
+    path: str | Path,
+    case: PomCase,
+    names: str | Path | None = None,
+    start: float | None = None,
+) -> RecordedRun:
+    """Read the recording of a device for one case.
+
+    Parameters
+    ----------
+    path : path
+        File of any format of `flighttest.read`, with outputs at the centre of gravity.
+    case : PomCase
+    names : path, optional
+        Name map of the recording (`flighttest.read`).
+    start : float, optional
+        Instant of the recording at the start of the window of the case.  Default: both clocks are
+        one. [s]
+
+    Raises
+    ------
+    ParseError, UnknownName, UnitError, SchemaError
+        As `flighttest.read`, or the recording has none of the judged channels.
+    OutOfRange
+        The recording does not cover the window of the case.
+    """
+    digest = file_sha256(path)
+    record = flighttest.read(path, names)
+    shift = 0.0 if start is None else case.window[0] - start
+    channels: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for node in record.children.values():
+        time = node["time"].values.astype(float) + shift
+        for name, item in node.data_vars.items():
+            if item.dims == ("time",):
+                channels[str(name)] = (time, item.values.astype(float))
+    judged = judged_channels(case)
+    if not any(output_of(name, channels) in channels for name in judged):
+        raise SchemaError(
+            f"recording {path}",
+            [
+                f"none of the judged channels of case {case.name} ({', '.join(judged)}) is among "
+                f"{', '.join(sorted(channels)) or 'its channels'}; map their columns in the table "
+                f"of names"
+            ],
+        )
+    clocks = [time for time, _ in channels.values()]
+    first, last = max(time[0] for time in clocks), min(time[-1] for time in clocks)
+    step = max(float(np.median(np.diff(time))) for time in clocks if time.size > 1)
+    if first > case.window[0] + step or last < case.window[1] - step:
+        raise OutOfRange(
+            f"recording {path}: its channels cover {first:.4g} ... {last:.4g} s on the clock of "
+            f"the flight record, case {case.name} has {case.window[0]:g} ... {case.window[1]:g} s; "
+            f"give the instant of the recording at the start of the window (--start NAME=SECONDS), "
+            f"or a longer recording"
+        )
+    name = Path(path).name
+    source = f"recording of a device, {name}, {1.0 / step:.4g} Hz"
+    if shift:
+        source += f", its clock {shift:+.4g} s is that of the flight record"
+    return RecordedRun(channels, f"{name}, recording, sha256 {digest}", source)
+
+
+def resample(run: RecordedRun, time: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the channels of a run at other instants (time,), NaN in gaps and beyond the ends."""
+    sampled = {}
+    for name, (clock, recorded) in run.channels.items():
+        good = np.isfinite(recorded)
+        if good.sum() < 2:
+            continue
+        clock, values = clock[good], recorded[good]
+        if name in WRAPPED:
+            values = np.unwrap(values)
+        step = float(np.median(np.diff(clock)))
+        result = np.interp(time, clock, values)
+        after = np.clip(np.searchsorted(clock, time), 1, clock.size - 1)
+        is_gap = clock[after] - clock[after - 1] > max(GAP, 1.5 * step)
+        # a sample of the recording itself needs no bridge
+        is_gap &= np.abs(time - clock[after]) > 1e-9
+        is_gap &= np.abs(time - clock[after - 1]) > 1e-9
+        is_out = (time < clock[0] - step) | (time > clock[-1] + step)
+        sampled[name] = np.where(is_gap | is_out, np.nan, result)
+    return sampled
+
+
+def add_recorded_runs(
+    result: PomResult, states: xr.Dataset, job: ReplayJob, recorded: RecordedRuns | None
+) -> PomResult:
+    """Return a result with its recorded runs judged, and compared with their masters.
+
+    Parameters
+    ----------
+    result : PomResult
+        Of the models that were flown; it may have none.
+    states, job
+        As in `pom.replaying.replay_case.ReplayPlan`.
+    recorded : RecordedRuns or None
+    """
+    if recorded is None:
+        return result
+    outputs: dict[str, dict[str, np.ndarray]] = {}
+    remarks: dict[str, tuple[RowRemark, ...]] = {}
+    runs = dict(recorded.runs)
+    for master in recorded.masters.values():
+        runs[master.name] = master.run
+    for name, run in runs.items():
+        outputs[name] = resample(run, job.time)
+        remarks[name] = (RowRemark("device", run.source),)
+        if run.has_inputs:
+            remarks[name] += tuple(_compare_inputs(job, outputs[name]))
+    added = assemble_result(
+        result.case,
+        states,
+        job=job,
+        outputs_by_run=outputs,
+        failures={},
+        attrs={f"model.{name}": run.origin for name, run in runs.items()},
+        more=remarks,
+    )
+    joined = _join_results(result, added)
+    found = {}
+    for name, master in recorded.masters.items():
+        if name in joined.runs:
+            found[name] = recurrent_remarks(joined, name, master)
+    return _with_remarks(joined, found)
+
+
+def _join_results(first: PomResult, second: PomResult) -> PomResult:
+    """Return the runs of two results of one case as one result."""
+    if not first.runs:
+        return second
+    others = second.signals.isel(run=slice(1, None))
+    signals = xr.concat([first.signals, others], "run", join="exact", combine_attrs="override")
+    trim = first.trim.join(second.trim.drop(columns="flight"), how="outer")
+    index = [
+        *first.trim.index,
+        *(name for name in second.trim.index if name not in first.trim.index),
+    ]
+    rows = [dict(row) for row in (*first.rows, *second.rows)]
+    return replace(
+        first,
+        signals=signals.assign_attrs({**second.signals.attrs, **first.signals.attrs}),
+        trim=trim.loc[index].rename_axis("quantity"),
+        verdict=make_verdict_table(rows),  # type: ignore[arg-type]
+        failure="; ".join(filter(None, (first.failure, second.failure))),
+    )
+
+
+def _with_remarks(result: PomResult, remarks: Mapping[str, tuple[RowRemark, ...]]) -> PomResult:
+    """Return a result with further remarks on the rows of some runs."""
+    if not any(remarks.values()):
+        return result
+    rows: list[dict[str, Any]] = []
+    for row in result.rows:
+        more = remarks.get(row["run"], ())
+        rows.append({**row, "remarks": (*row["remarks"], *more)})  # type: ignore[dict-item]
+    return replace(result, verdict=make_verdict_table(rows))
+
+
+def _compare_inputs(job: ReplayJob, outputs: Mapping[str, np.ndarray]) -> Iterator[RowRemark]:
+    """Yield the remarks on the inputs that drove a device, compared with those of the flight.
+
+    A device that was driven otherwise proves nothing, and a clock that is off looks like a delay.
+    """
+    missing, held, compared = [], [], []
+    for name in job.needed_inputs:
+        if name in WIND:
+            continue
+        values = job.inputs[name]
+        # the drive of an engine is recorded as the quantity itself
+        quantity = name.removesuffix("_drive")
+        source = output_of(quantity, outputs)
+        if source not in outputs:
+            is_moved = np.ptp(values) > _least_moved(quantity, values)
+            (missing if is_moved else held).append(quantity)
+            continue
+        size = max(float(np.ptp(values)), _least_moved(quantity, values))
+        difference = outputs[source] - values
+        rms = float(np.sqrt(np.nanmean(difference**2)))
+        unit = lookup(quantity.rpartition(".")[2] or quantity).display_units
+        shown = f"{float(from_si(rms, unit)):.3g} {unit}".replace(" 1", "")
+        text = f"{quantity} {shown} rms, {100.0 * rms / size:.3g} % of its movement"
+        delay = None
+        if np.ptp(values) > _least_moved(quantity, values):
+            delay = _delay(job.time, values, outputs[source])
+            text += f", {delay:+.2f} s"
+        compared.append(text)
+        is_late = delay is not None and abs(delay) > MOST_DELAY
+        if rms > MOST_DIFFERENCE * size or is_late:
+            yield RowRemark(
+                "departure",
+                f"departure: the inputs of the device are not those of the flight: {text}",
+            )
+    if compared:
+        yield RowRemark(
+            "device", f"inputs of the device from those of the flight: {'; '.join(compared)}"
+        )
+    if held:
+        text = f"not checked: {', '.join(held)} of the device, held in flight (not recorded)"
+        yield RowRemark("not_checked", text)
+    if missing:
+        yield RowRemark(
+            "departure",
+            f"departure: the recording has no {', '.join(missing)}, so nothing shows that the "
+            f"inputs of the flight drove the device",
+        )
+
+
+def _least_moved(quantity: str, values: np.ndarray) -> float:
+    unit = lookup(quantity.rpartition(".")[2] or quantity).units
+    return LEAST_MOVED.get(unit, 0.02 * float(np.max(np.abs(values))) or 1.0)
+
+
+def _delay(time: np.ndarray, flight: np.ndarray, device: np.ndarray) -> float:
+    """Return the delay of the input of a device after that of the flight. [s]"""
+    good = np.isfinite(device)
+    if good.sum() < 2:
+        return 0.0
+    sums = []
+    for lag in _LAGS:
+        inside = (time + lag >= time[good][0]) & (time + lag <= time[good][-1])
+        shifted = np.interp(time[inside] + lag, time[good], device[good])
+        difference = shifted - flight[inside]
+        sums.append(float(np.var(difference)))
+    return float(_LAGS[int(np.argmin(sums))])
+
+
+def recurrent_remarks(result: PomResult, run: str, master: MasterRun) -> tuple[RowRemark, ...]:
+    """Return the remarks on a run compared with its master, the criterion stated.
+
+    Every row of the case is judged with the master in the place of the flight, and with a share of
+    its tolerance.
+    """
+    case, time = result.case, result.signals["time"].values
+    criteria = [replace(c, fraction=c.fraction * master.share) for c in case.criteria]
+    narrow = replace(case, criteria=tuple(criteria), fraction=case.fraction * master.share)
+    outcomes = judge_all(
+        narrow, time, traces_of(result.signals, master.name), traces_of(result.signals, run)
+    )
+    judged, skipped = {}, []
+    for criterion in case.criteria:
+        outcome = outcomes[criterion.name]
+        if not criterion.applies:
+            continue
+        if outcome.verdict in ("pass", "fail") and np.isfinite(outcome.worst_ratio):
+            judged[criterion.name] = float(outcome.worst_ratio)
+        else:
+            skipped.append(criterion.name)
+    stated = f"each row within {100.0 * master.share:g} % of its tolerance about {master.name}"
+    differences = [RowRemark("departure", f"departure: {text}") for text in master.remarks]
+    if not judged:
+        text = f"recurrent: not compared with {master.name}, no row has a value in both runs"
+        return (RowRemark("recurrent_beyond", text), *differences)
+    name = max(judged, key=judged.__getitem__)
+    # a change of a single row counts, whether the flight has an alternative for it or not
+    is_beyond = judged[name] > 1.0
+    word = "beyond" if is_beyond else "within"
+    text = f"recurrent: {word} the criterion ({stated}), largest {judged[name]:.2f} of it in {name}"
+    if skipped:
+        text += f"; not compared: {', '.join(skipped)}"
+    kind = "recurrent_beyond" if is_beyond else "recurrent"
+    values = {"ratio": judged[name], "share": master.share}
+    return (RowRemark(kind, text, values=values, unit="1"), *differences)

@@ -1,0 +1,64 @@
+"""Flight conditions that a row wants: two cases in one condition cover one."""
+
+from dataclasses import replace
+
+import pytest
+import report_fixture as fixture
+
+from flightmech.units import DEGREE
+from pom.judging.condition_checks import CONFIGURATION_CHECKS
+from pom.judging.condition_coverage import WANTED, cover_conditions
+from pom.tolerances.editions import test_order as order_of_test
+
+
+def flown(flaps=0.0, gear=0.0, test="2.d.2", **more):
+    """A roll response (cruise, and approach or landing) with flaps [deg] and gear."""
+    result = fixture.roll_result()
+    time = result.inputs["time"]
+    inputs = result.inputs.assign(
+        delta_f=("time", 0.0 * time.values + flaps * DEGREE),
+        gear=("time", 0.0 * time.values + gear),
+    )
+    return replace(result, case=replace(result.case, id=test, **more), inputs=inputs)
+
+
+@pytest.mark.parametrize(
+    ("cases", "text"),
+    [
+        ([{}], "1 of 2; missing: approach or landing"),
+        ([{}, {}], "1 of 2; missing: approach or landing"),
+        ([{"flaps": 20.0}], "1 of 2; missing: cruise"),
+        ([{"flaps": 20.0, "gear": 1.0}, {}], "2 of 2"),
+        # flaps in and gear down is none of the two
+        ([{"gear": 1.0}], "0 of 2; missing: cruise, approach or landing"),
+        (
+            [{}, {"flaps": 20.0, "additional": "a check of the model"}],
+            "1 of 2; missing: approach or landing",
+        ),
+        # one condition is enough
+        ([{"test": "2.c.10"}], ""),
+    ],
+)
+def test_conditions_are_covered_by_cases_that_show_them(cases, text):
+    assert cover_conditions([flown(**case) for case in cases]).text == text
+
+
+def test_a_case_that_fits_two_conditions_gives_way_to_the_other():
+    # flaps out and gear down is approach and landing; flaps out and gear up is approach only
+    both, approach = {"flaps": 30.0, "gear": 1.0}, {"flaps": 20.0}
+    for cases in ([both, approach], [approach, both]):
+        found = cover_conditions([flown(test="2.c.5", **case) for case in cases])
+        assert found.covered == ("approach", "landing")
+        assert found.missing == ("cruise",)
+
+
+def test_every_wanted_condition_has_a_check():
+    for wanted in WANTED.values():
+        assert {name for _, name in wanted} <= set(CONFIGURATION_CHECKS)
+
+
+def test_tests_are_in_the_order_of_their_numbers(tmp_path):
+    ids = ["2.c.10", "1.e.1", "2.c.9", "2.a.1.b", "2.a.1.a", "10.a"]
+    assert sorted(ids, key=order_of_test) == [
+        *("1.e.1", "2.a.1.a", "2.a.1.b", "2.c.9", "2.c.10", "10.a"),
+    ]

@@ -1,0 +1,67 @@
+"""Pages in one set of units: the number and its unit change together."""
+
+import pytest
+import report_fixture as fixture
+
+import pom
+from flightmech.errors import UnknownName
+from flightmech.names import VOCABULARY
+from flightmech.units import parse_unit
+from pom.report.case.start import condition_rows, wind_text
+from pom.report.presentation.quantities import measured_text, quantity_label
+from pom.report.presentation.unit_sets import SETS, shown_in
+
+
+@pytest.mark.parametrize(
+    ("units", "texts"),
+    [
+        ("", {"mass": "2100 kg", "h": "3281 ft", "fuel": "441 lb", "engine1.thrust": "1000.0 lbf"}),
+        ("SI", {"mass": "2100 kg", "h": "1000.0 m", "fuel": "200 kg", "engine1.thrust": "4448 N"}),
+        (
+            "kt-ft-lb",
+            {"mass": "4630 lb", "h": "3281 ft", "fuel": "441 lb", "engine1.thrust": "1000.0 lbf"},
+        ),
+    ],
+)
+def test_masses_and_forces_are_in_one_system(units, texts):
+    values = {"mass": 2100.0, "h": 1000.0, "fuel": 200.0, "engine1.thrust": 4448.2216}
+    with shown_in(units):
+        found = {name: measured_text(value, name) for name, value in values.items()}
+    assert {name: text.replace("\N{NO-BREAK SPACE}", " ") for name, text in found.items()} == texts
+
+
+def test_wind_has_the_unit_of_its_number():
+    assert wind_text(-10.0, 0.0) == "from 360° true at 19.4 kt"
+    with shown_in("SI"):
+        assert wind_text(-10.0, 0.0) == "from 360° true at 10.0 m/s"
+
+
+@pytest.mark.parametrize("units", [name for name in SETS if name])
+def test_every_quantity_keeps_its_dimension(units):
+    for name, row in VOCABULARY.items():
+        with shown_in(units):
+            label = quantity_label(name)
+        # the number goes back to SI by the unit that is printed
+        if label.unit and label.unit not in ("g", "°C"):
+            unit = label.unit.replace("²", "2").replace("³", "3")
+            dimension, factor, _ = parse_unit(unit)
+            assert dimension == parse_unit(row.units)[0], name
+            assert label.factor * factor == pytest.approx(1.0), name
+
+
+def test_a_report_keeps_its_units_and_refuses_an_unknown_set(tmp_path):
+    results = [fixture.roll_result()]
+    given = {"title": "T", "paper": None, "provenance": {"units": "kt-ft-lb"}}
+    pom.write_report(results, tmp_path / "report", **given)
+    assert pom.read_archive(tmp_path / "report").provenance["units"] == "kt-ft-lb"
+    with pytest.raises(UnknownName, match="set of units"):
+        pom.write_report(results, tmp_path / "other", **given | {"provenance": {"units": "cgs"}})
+
+
+def test_the_centre_of_gravity_is_in_percent_of_the_chord():
+    conditions = {"mass": 2000.0, "x_cg_b": 0.05, "x_cg": 0.24}
+    ((_, rows),) = condition_rows(conditions, ())
+    assert [(label.name, text.replace("\N{NO-BREAK SPACE}", " ")) for label, text in rows][:2] == [
+        ("mass", "2000 kg"),
+        ("x_cg", "24.0 %"),
+    ]
