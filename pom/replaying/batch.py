@@ -221,9 +221,9 @@ def replay_all(
     records, store = KeptStates(settings.folder, biases), KeptResults(settings.folder)
     result_keys, keys = _make_keys(cases, paths, models=models, records=records, evidence=evidence)
     for k, case in enumerate(cases):
-        runs = (recorded or {}).get(case.name)
-        if runs is not None and keys[k]:
-            keys[k] = content_hash(keys[k], runs)
+        recordings = (recorded or {}).get(case.name)
+        if recordings is not None and keys[k]:
+            keys[k] = content_hash(keys[k], recordings)
     stored = [store.read(key) for key in keys]
     new = [k for k, result in enumerate(stored) if result is None]
     jobs = settings.jobs

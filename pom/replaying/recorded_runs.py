@@ -122,7 +122,7 @@ def read_recording(
     record = flighttest.read(path, names)
     shift = 0.0 if start is None else case.window[0] - start
     channels: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    for node in record.children.values():
+    for node in map(xr.DataTree.to_dataset, record.children.values()):
         time = node["time"].values.astype(float) + shift
         for name, item in node.data_vars.items():
             if item.dims == ("time",):
@@ -255,7 +255,9 @@ def _compare_inputs(job: ReplayJob, outputs: Mapping[str, np.ndarray]) -> Iterat
 
     A device that was driven otherwise proves nothing, and a clock that is off looks like a delay.
     """
-    missing, held, compared = [], [], []
+    missing: list[str] = []
+    held: list[str] = []
+    compared: list[str] = []
     for name in job.needed_inputs:
         if name in WIND:
             continue

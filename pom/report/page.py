@@ -80,7 +80,7 @@ def html_files(
         Result of `pom.report.models.tuning.tuning_context`.
     """
     templates = page_templates()
-    common = {
+    common: dict[str, Any] = {
         "title": title,
         "revision": revision,
         "tables": own_tables_text(results),
