@@ -117,7 +117,7 @@ class ForeignProcess:
 
     def describe_end(self) -> str:
         """Return the exit code or the signal of the ended process as a text."""
-        return describe_exit(self.process.wait(_PATIENCE), self.is_sandboxed)
+        return describe_exit(exit_code(self.process.wait(_PATIENCE), self.is_sandboxed))
 
     def printed_text(self) -> str:
         """Return the end of the text on standard error in one line, as a part of a failure."""
@@ -149,6 +149,13 @@ class ForeignProcess:
                     if pipe is not None:
                         pipe.close()
         self._printed.close()
+
+    def limit_time(self, seconds: float) -> threading.Timer:
+        """Kill the process after a time, unless the timer is cancelled before."""
+        timer = threading.Timer(seconds, self.kill)
+        timer.daemon = True
+        timer.start()
+        return timer
 
     def converse(self, talk: Callable[[], None], timeout: float) -> threading.Thread:
         """Run a conversation over the pipes until its end, that of the process, or of the time.
@@ -183,12 +190,15 @@ class ForeignRun:
     failure : str
         Empty if it ended by itself with exit code 0.
     timed_out : bool
+    code : int
+        Exit code; negative: a signal.
     """
 
     output: bytes
     printed: str
     failure: str
     timed_out: bool = False
+    code: int = 0
 
 
 def run_foreign(
@@ -249,10 +259,10 @@ def run_foreign(
         except subprocess.TimeoutExpired:
             failure = f"it did not end within {timeout:g} s"
             return ForeignRun(bytes(output), process.printed_text(), failure, timed_out=True)
-        failure = ""
-        if process.process.returncode:
-            failure = f"it ended with {process.describe_end()}"
-        return ForeignRun(bytes(output), process.printed_text(), failure)
+        code, failure = exit_code(process.process.returncode, process.is_sandboxed), ""
+        if code:
+            failure = f"it ended with {describe_exit(code)}"
+        return ForeignRun(bytes(output), process.printed_text(), failure, code=code)
     finally:
         process.close(reader)
 
@@ -271,13 +281,18 @@ def sandbox_for(
     return sandbox_words(readable, writable)
 
 
-def describe_exit(code: int, is_sandboxed: bool = False) -> str:
-    """Return the exit code of a process as a text; a negative code is a signal.
+def exit_code(code: int, is_sandboxed: bool) -> int:
+    """Return the exit code of a process; negative: a signal.
 
     Bubblewrap ends with 128 and the number of the signal.
     """
-    if is_sandboxed and 128 < code < 128 + 65:
-        code = 128 - code
+    if is_sandboxed and 128 < code <= 128 + 64:
+        return 128 - code
+    return code
+
+
+def describe_exit(code: int) -> str:
+    """Return an exit code as a text; a negative code is a signal."""
     if code >= 0:
         return f"exit code {code}"
     try:
@@ -292,7 +307,7 @@ def printable(text: str) -> str:
 
 
 def _child_environment() -> dict[str, str]:
-    packages = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    packages = [str(ROOT), *filter(None, sys.path)]
     # Each thread of the linear algebra reserves address space.
     return {
         **os.environ,
