@@ -181,6 +181,12 @@ def _read_help(program: str) -> str:
     return output.decode("utf-8", "replace")
 
 
+def name_sandbox() -> str:
+    """Return the name of the sandbox of code of others on this system; ``none`` with the reason."""
+    text = describe_sandbox()
+    return "bubblewrap" if text.startswith("in ") else text.replace("without a sandbox", "none")
+
+
 def describe_sandbox(mode: str | None = None) -> str:
     """Return in which sandbox code of others runs on this system, for a report."""
     mode = mode or read_sandbox_mode()
