@@ -51,7 +51,7 @@ def fly_in_child(
         Files that the child reads; they are its arguments.
     """
     content = io.BytesIO()
-    arrays = {}
+    arrays: Job = {}
     for i, job in enumerate(jobs):
         arrays |= {f"{i} {name}": values for name, values in job.items()}
     np.savez(content, count=len(jobs), **arrays)

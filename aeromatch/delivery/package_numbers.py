@@ -1,6 +1,6 @@
 """Numbers of a data package: verdicts of the report, states in every format, flights by the kernel.
 
-The readers of a received package can crash on its files or never end, so they run in a child process.
+The readers of a received package can crash on its files or never end. They run in a child process.
 This module is also the program of the child: ``python -m aeromatch.delivery.package_numbers
 FOLDER``. It writes the checks to standard output, as JSON after a line with a mark and the length.
 """

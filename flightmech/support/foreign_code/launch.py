@@ -44,7 +44,7 @@ _SYSTEMS = {
 }
 
 
-def set_limits(limits: dict) -> None:
+def set_limits(limits: dict[str, int]) -> None:
     """Limit this process and all that it starts.
 
     Parameters

@@ -64,7 +64,7 @@ def sandbox_words(
             words += ["--ro-bind-try", path, path]
     for path in _LINKER:
         words += ["--ro-bind-try", path, path]
-    for path in [*_interpreter_paths(), *map(os.fspath, readable)]:
+    for path in [*_interpreter_paths(), *(os.fspath(item) for item in readable)]:
         words += ["--ro-bind", path, path]
     if writable:
         words += ["--bind", writable, writable]

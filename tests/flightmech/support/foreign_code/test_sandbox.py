@@ -191,7 +191,10 @@ def test_the_sandbox_holds_for_another_user(tmp_path):
     for path in own:
         at = words.index(path) - 1
         del words[at : at + 3]
-    script = f"id -u; grep CapEff /proc/self/status; echo x > {tmp_path}/x; echo x > /x; mount -o remount,rw /; ls /proc"
+    script = (
+        f"id -u; grep CapEff /proc/self/status; echo x > {tmp_path}/x; echo x > /x; "
+        f"mount -o remount,rw /"
+    )
     done = subprocess.run(
         ["setpriv", "--reuid", "65534", "--regid", "65534", "--clear-groups", *words]
         + ["/bin/sh", "-c", script],
