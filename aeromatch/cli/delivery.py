@@ -1,4 +1,4 @@
-"""``aeromatch package make | verify | diff``: the data package of a project."""
+"""``aeromatch package make | key | verify | diff``: the data package of a project."""
 
 from __future__ import annotations
 
@@ -36,6 +36,11 @@ def package() -> None:
 )
 @click.option("--licence", type=InputFile(path_type=Path), help="Text of the licence.")
 @click.option("--revision", default="", help="Revision of the package.")
+@click.option(
+    "--sign",
+    type=InputFile(path_type=Path),
+    help="Private key that signs the package (aeromatch package key).",
+)
 @json_option
 @performed_by("aeromatch.cli.actions.delivery:make_package")
 def make_package_command() -> None:
@@ -44,14 +49,37 @@ def make_package_command() -> None:
     """
 
 
+@package.command("key")
+@click.argument("path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
+@json_option
+@performed_by("aeromatch.cli.actions.delivery:write_key")
+def write_key_command() -> None:
+    """Write a new private key to FILE and its public key to FILE.pub, to sign packages with."""
+
+
 @package.command("verify")
 @click.argument("package_file", metavar="PACKAGE", type=_PACKAGE)
+@click.option(
+    "--trusted-key",
+    "trusted_keys",
+    type=InputFile(path_type=Path),
+    multiple=True,
+    help="Public key of a known maker; the package must be signed by one of them.",
+)
+@click.option(
+    "--fly-foreign",
+    is_flag=True,
+    help="Fly the FMU too if its code is not that of this installation.",
+)
 @json_option
 @click.pass_context
 @performed_by("aeromatch.cli.actions.delivery:run_verify_package")
 def verify_package_command() -> None:
-    """Verify a PACKAGE (folder or zip): hashes, verdicts judged again, check cases through every
-    format; exit code 1 on a difference.
+    """Verify a PACKAGE (folder or zip) in stages: structure, signature, hashes, verdicts judged
+    again, check cases through every format; exit code 1 on a difference.
+
+    A package with a changed file is not read further. Its files are read, and its models flown, in
+    child processes with limits, and in a sandbox where bubblewrap is installed.
     """
 
 

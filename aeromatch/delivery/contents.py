@@ -29,6 +29,7 @@ from aerodb.exchange.tables.csv_checks import export_checkcases
 from aerodb.exchange.tables.csv_terms import export_csv
 from aerodb.exchange.tables.matlab import export_matlab
 from aeromatch.delivery.flown_checks import conditions_of, write_flown_checks
+from aeromatch.delivery.signing import MANIFEST, SIGNATURE, read_private_key, signature_text
 from aeromatch.project.project import OWN_MODELS, Project
 from aeromatch.workflow.steps import REPORT
 from flightmech.aircraft.aircraft import Aircraft
@@ -41,7 +42,6 @@ from flightmech.terms import power_factor
 from pom.report.overview import departure_table
 from pom.result import departure_remarks, run_notices
 
-MANIFEST = "manifest.json"
 FLOWN, STATES = "check_cases/flown", "check_cases/states.csv"
 # Greatest height of the tables that replace formulas of the ground effect. [m]
 _HIGHEST = 1000.0
@@ -67,11 +67,14 @@ class PackageOptions:
         Text of the licence. Without it the package states that no licence is given.
     revision : str
         Revision of the package.
+    sign : Path or None
+        Private key that signs the manifest (`aeromatch.delivery.signing`).
     """
 
     recordings: bool = False
     licence: Path | None = None
     revision: str = ""
+    sign: Path | None = None
 
 
 def write_package(
@@ -102,6 +105,9 @@ def write_package(
         The folder is not the output of a complete match.
     """
     problems = []
+    if wishes.sign:
+        # A wrong key is reported before the work.
+        read_private_key(wishes.sign)
     for name in ("final.nc", "final.toml", "final.fmu", f"{REPORT}/manifest.json"):
         if not (match / name).is_file():
             problems.append(f"no {name}; give the folder that `aeromatch match` wrote")
@@ -169,7 +175,11 @@ def _fill(
         licence = pages.get_template("LICENCE.md.j2").render(facts)
     _write_text(folder / "LICENCE.md", licence)
     # The manifest is last, because it has the hashes of all other files.
-    _write_text(folder / MANIFEST, manifest_text(folder, facts))
+    manifest = manifest_text(folder, facts)
+    _write_text(folder / MANIFEST, manifest)
+    if wishes.sign:
+        key = read_private_key(wishes.sign)
+        _write_text(folder / SIGNATURE, signature_text(manifest.encode(), key))
     return refused
 
 
@@ -372,7 +382,7 @@ def manifest_text(folder: Path, about: dict[str, Any]) -> str:
     files: dict[str, str] = {}
     for file in sorted(folder.rglob("*")):
         name = file.relative_to(folder).as_posix()
-        if file.is_file() and name != MANIFEST:
+        if file.is_file() and name not in (MANIFEST, SIGNATURE):
             files[name] = file_sha256(file)
     keys = ("title", "revision", "version", "refused", "platforms")
     content = {"content": "aeromatch data package, format 1", "files": files}

@@ -8,8 +8,6 @@ first row of the outputs is the initial condition.
 
 from __future__ import annotations
 
-import contextlib
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -202,7 +200,7 @@ def _to_parameters(facts: Mapping[str, float]) -> dict[str, float]:
     return parameters
 
 
-def _inputs_and_parameters(
+def inputs_and_parameters(
     case: xr.Dataset, facts: Mapping[str, float]
 ) -> tuple[xr.Dataset, dict[str, float]]:
     """Return the inputs and parameters that repeat a case, from the content of its file."""
@@ -234,7 +232,7 @@ def _tolerances(
 def _write_case(
     file: Path, title: str, case: xr.Dataset, sim: Any, facts: Mapping[str, float]
 ) -> None:
-    inputs, parameters = _inputs_and_parameters(case, facts)
+    inputs, parameters = inputs_and_parameters(case, facts)
     tolerances = _tolerances(case, sim, inputs, parameters)
     head: dict[str, str | float] = {
         "case": title,
@@ -285,35 +283,11 @@ def compare_outputs(
 
 def fly_by_kernel(sim: Any, case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, np.ndarray]:
     """Return the outputs of a check case, simulated by the kernel from the content of its file."""
-    inputs, parameters = _inputs_and_parameters(case, facts)
+    inputs, parameters = inputs_and_parameters(case, facts)
     response = flightmech.simulate(
         sim, inputs, parameters, hold="zero", step=_STEP, outputs=OUTPUTS
     )
     return {name: response[name].values for name in OUTPUTS}
-
-
-def fly_by_fmu(fmu: Path, case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """Return the outputs of a check case, simulated by an FMU in FMPy, an independent importer."""
-    import fmpy
-
-    inputs, parameters = _inputs_and_parameters(case, facts)
-    time = case["time"].values
-    fields = [("time", float)] + [(str(name), float) for name in inputs.data_vars]
-    signals = np.zeros(time.size, fields)
-    signals["time"] = time
-    for name, item in inputs.data_vars.items():
-        signals[str(name)] = item.values
-    # FMPy prints a warning for every input without a signal.
-    with contextlib.redirect_stdout(io.StringIO()):
-        response = fmpy.simulate_fmu(
-            str(fmu),
-            stop_time=float(time[-1]),
-            output_interval=1.0 / RATE,
-            start_values=parameters,
-            input=signals,
-            output=list(OUTPUTS),
-        )
-    return {name: np.asarray(response[name], float) for name in OUTPUTS}
 
 
 def read_flown_check(path: str | Path) -> tuple[xr.Dataset, dict[str, float], dict[str, float]]:

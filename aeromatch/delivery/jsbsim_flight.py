@@ -6,17 +6,18 @@ inertial space (7e-5 rad/s). Inputs act one frame later, and load factor and lif
 previous step. The tolerance is therefore a twentieth of the bands of 14 CFR Part 60, Table A2A. No
 proof of match depends on a smaller difference.
 
-JSBSim ends the whole process if it cannot read a file, so it runs in a separate process.
+JSBSim ends the whole process if it cannot read a file, and its files can write to any place, so it
+runs in a child process (`aeromatch.delivery.foreign_flight`). Of the file of a package only the
+elements are kept that our exporter writes.
 """
 
 from __future__ import annotations
 
 import contextlib
 import importlib.util
-import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -24,6 +25,8 @@ import numpy as np
 import xarray as xr
 
 from aerodb.exchange.jsbsim.properties import AXIS, PSF, thrust_property
+from aerodb.exchange.jsbsim.written_elements import keep_written_elements
+from aeromatch.delivery.foreign_flight import Case, Job, answer_jobs, demand_flight, fly_in_child
 from flightmech.axes import matrix_from_euler
 from flightmech.errors import SimulationError
 from flightmech.units import DEGREE, FOOT, INCH, POUND, POUND_FORCE
@@ -89,41 +92,73 @@ def fly_by_jsbsim(
     SimulationError
         JSBSim does not load the file, or its run ends early; with its message.
     """
-    tree = ET.parse(model)
-    root = tree.getroot()
-    _set_mass_and_thrust(root, facts)
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        (folder / "model").mkdir()
-        tree.write(folder / "model" / "model.xml")
+    (flight,) = fly_cases_by_jsbsim(model, [(case, facts)])
+    return jsbsim_outputs(flight, case, model.name)
+
+
+def foreign_elements(model: Path) -> list[str]:
+    """Return the elements of a file that our exporter does not write, as ``parent/element``.
+
+    Raises
+    ------
+    SimulationError
+        The file is not XML.
+    """
+    return keep_written_elements(_read_model(model))
+
+
+def _read_model(model: Path) -> ET.Element:
+    try:
+        return ET.parse(model).getroot()
+    except (ET.ParseError, ValueError) as error:
+        raise SimulationError(f"{model.name} is not XML: {error}") from None
+
+
+def fly_cases_by_jsbsim(model: Path, cases: Sequence[Case]) -> list[np.ndarray | str]:
+    """Return the outputs of check cases (time, output) in the units of JSBSim, or a failure.
+
+    Raises
+    ------
+    SimulationError
+        The file is not a model that aeromatch exported.
+    """
+    jobs, shapes = [], []
+    for case, facts in cases:
+        root = _read_model(model)
+        keep_written_elements(root)
+        _set_mass_and_thrust(root, facts)
         time = case["time"].values
         start = _initial_condition(case, facts)
         signals = dict(_commands(root, case))
-        np.savez(
-            folder / "job.npz",
-            dt=(time[1] - time[0]) / _FRAMES,
-            start_names=np.array([*start]),
-            start=np.array([*start.values()]),
-            names=np.array([*signals]),
-            signals=np.column_stack([*signals.values()]),
-            outputs=np.array([name for name, _ in _OUTPUTS.values()]),
+        jobs.append(
+            {
+                "model": np.frombuffer(ET.tostring(root), np.uint8),
+                "dt": np.array((time[1] - time[0]) / _FRAMES),
+                "start_names": np.array([*start]),
+                "start": np.array([*start.values()]),
+                "names": np.array([*signals]),
+                "signals": np.column_stack([*signals.values()]),
+                "outputs": np.array([name for name, _ in _OUTPUTS.values()]),
+            }
         )
-        process = subprocess.run(
-            [sys.executable, "-m", __name__, str(folder)],
-            capture_output=True,
-            text=True,
-            errors="replace",
+        shapes.append((len(time), len(_OUTPUTS)))
+    return fly_in_child(__name__, jobs, shapes, [])
+
+
+def jsbsim_outputs(flight: np.ndarray | str, case: xr.Dataset, model: str) -> dict[str, np.ndarray]:
+    """Return the outputs of a flight by name. [SI]
+
+    Raises
+    ------
+    SimulationError
+        The flight failed.
+    """
+    if isinstance(flight, str):
+        flight = (
+            f"no check case is simulated with {model}: {flight}. Export the model again, and check "
+            f"it with JSBSim alone."
         )
-        if process.returncode:
-            output = process.stderr.strip() or process.stdout.strip()
-            # The last lines have the error.
-            message = " ".join(output.splitlines()[-3:])
-            message = message or f"it ended with code {process.returncode}"
-            raise SimulationError(
-                f"JSBSim simulates no check case with {model.name}: {message}. Export the model "
-                f"again, and check it with JSBSim alone."
-            )
-        rows = np.load(folder / "flown.npy")
+    rows = demand_flight(flight, "JSBSim")
     outputs = {}
     for column, (name, (_, factor)) in enumerate(_OUTPUTS.items()):
         outputs[name] = rows[:, column] * factor
@@ -212,15 +247,21 @@ def _commands(root: ET.Element, case: xr.Dataset) -> Iterator[tuple[str, np.ndar
             yield thrust_property(number), case[name].values / POUND_FORCE
 
 
-def _run_job(folder: Path) -> None:
-    """Simulate the job of a folder, in a separate process."""
+def _fly_job(job: Job) -> np.ndarray:
+    """Simulate a job in this process, and return the outputs (time, output)."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        return _fly_model(job, Path(folder))
+
+
+def _fly_model(job: Job, folder: Path) -> np.ndarray:
     import jsbsim
 
-    job = np.load(folder / "job.npz")
+    (folder / "model").mkdir()
+    (folder / "model" / "model.xml").write_bytes(job["model"].tobytes())
     program = jsbsim.FGFDMExec(None)
     program.set_debug_level(0)
     if not program.load_model_with_paths("model", str(folder), str(folder), str(folder), True):
-        sys.exit("it does not load the file")
+        raise SimulationError("it does not load the file")
     program.set_dt(float(job["dt"]))
     names, signals, outputs = job["names"].tolist(), job["signals"], job["outputs"].tolist()
 
@@ -244,9 +285,9 @@ def _run_job(folder: Path) -> None:
         rows[row, load_factor] = program[_OUTPUTS["nz"][0]]
         for _ in range(_FRAMES - 1):
             program.run()
-    np.save(folder / "flown.npy", rows)
+    return rows
 
 
 if __name__ == "__main__":
     with contextlib.redirect_stdout(sys.stderr):
-        _run_job(Path(sys.argv[1]))
+        answer_jobs(_fly_job)

@@ -12,7 +12,7 @@ import aerodb
 import flightmech
 import pom
 from aeromatch.delivery.flown_checks import conditions_of
-from aeromatch.delivery.verification import read_package_manifest
+from aeromatch.delivery.package_files import read_package_manifest
 from flightmech.aircraft.parts import different_parts
 from flightmech.errors import AeromatchError
 from flightmech.units import from_si

@@ -10,8 +10,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import signal
-import subprocess
 import tempfile
 import time
 from collections import Counter
@@ -26,6 +24,13 @@ from datcom_io.printout.content import ListingMessage
 from datcom_io.reading.reader import read
 from flightmech.errors import AeromatchError, ParseError, SchemaError, SimulationError
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.foreign_code.process import (
+    RunLimits,
+    describe_exit,
+    run_foreign,
+    sandbox_for,
+)
+from flightmech.support.foreign_code.sandbox import read_sandbox_mode
 from flightmech.support.input_files import file_kind, marked_encoding
 
 _DECK_NAME = "for005.dat"
@@ -34,6 +39,10 @@ _PRINTS = ("for006.dat", "datcom.out", "output.dat", "fort.6")
 _PLOTS = {"for013": ("for013.dat", "fort.13"), "for014": ("for014.dat", "fort.14")}
 # The program begins every run with this line.
 _SIGN = b"CONERR - INPUT ERROR CHECKING"
+# The program is the user's own, often a script or under wine: it may start processes, and its
+# memory is not limited. [byte]
+_LIMITS = RunLimits(memory=0, written=1_000_000_000, files=0, processes=True, network=True)
+_LARGEST_OUTPUT = 256_000_000
 _MOST_OUTPUT = 300  # characters of the output of a failed program in a message
 # What the libraries of gfortran and of Intel print above a list of addresses.
 _RUNTIME_ERROR = re.compile(r"runtime error|^forrtl:|Program received signal", re.IGNORECASE)
@@ -270,19 +279,17 @@ def _run_program(
 ) -> _Attempt:
     """Run the program in the scratch folder, with the deck in it."""
     (scratch / _DECK_NAME).write_bytes(content)
-    # A session of its own lets a timeout kill the child processes too.
-    process = subprocess.Popen(
+    done = run_foreign(
         command,
+        standard_input,
+        timeout=timeout,
+        limits=_LIMITS,
+        most=_LARGEST_OUTPUT,
+        sandbox=sandbox_for(read_sandbox_mode() == "bwrap", [command[0]], str(scratch)),
         cwd=scratch,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        start_new_session=os.name == "posix",
+        joined=True,
     )
-    try:
-        output, _ = process.communicate(standard_input, timeout=timeout)
-    except subprocess.TimeoutExpired:
-        _kill_process(process)
+    if done.timed_out:
         return _Attempt(
             b"",
             f"it did not end within {timeout:g} s (a deck with VINF and a NACA card hangs "
@@ -290,16 +297,19 @@ def _run_program(
             fatal=True,
             broken=True,
         )
-    tail = _describe_output(output.decode("latin-1"))
+    tail = _describe_output(done.output.decode("latin-1"))
     if tail:
         tail = f"; its output: {tail}"
     # A negative code is the number of a signal.
-    if process.returncode < 0:
-        name = signal.Signals(-process.returncode).name
-        return _Attempt(output, f"it crashed with signal {name}{tail}", broken=True)
-    if process.returncode:
-        return _Attempt(output, f"it ended with code {process.returncode}{tail}", broken=True)
-    return _Attempt(output, f"it ended without a print of unit 6{tail}")
+    if done.code < 0:
+        return _Attempt(
+            done.output, f"it crashed with {describe_exit(done.code)}{tail}", broken=True
+        )
+    if done.code:
+        return _Attempt(done.output, f"it ended with code {done.code}{tail}", broken=True)
+    if done.failure:
+        return _Attempt(b"", done.failure, fatal=True, broken=True)
+    return _Attempt(done.output, f"it ended without a print of unit 6{tail}")
 
 
 def _describe_output(text: str) -> str:
@@ -309,15 +319,6 @@ def _describe_output(text: str) -> str:
         if _RUNTIME_ERROR.search(line):
             return " ".join(lines[max(0, k - 1) : k + 1])[-_MOST_OUTPUT:]
     return " ".join(" ".join(lines).split())[-_MOST_OUTPUT:]
-
-
-def _kill_process(process: subprocess.Popen[bytes]) -> None:
-    """Kill a program and its child processes."""
-    if os.name == "posix":
-        os.killpg(process.pid, signal.SIGKILL)
-    else:
-        process.kill()
-    process.communicate()
 
 
 def _collect_files(scratch: Path, attempt: _Attempt) -> dict[str, bytes] | None:

@@ -1,11 +1,12 @@
 """Reader of MATLAB files up to version 7 with SciPy in a child process.
 
 SciPy can crash on damaged bytes (SIGSEGV). The child process protects the calling process from the
-crash. It has the rights of the user and is not a sandbox.
+crash (`flightmech.support.foreign_code`).
 
 This module is also the program of the child. It gets a MAT file on standard input, and the options
 as JSON in its argument. It writes a pickle to standard output: a pair of an empty text and the
-content, or of the type and the text of an error.
+content, or of the type and the text of an error. The pickle is not trusted: only arrays and plain
+values are read of it.
 """
 
 from __future__ import annotations
@@ -14,16 +15,27 @@ import io
 import json
 import os
 import pickle
-import signal
-import subprocess
 import sys
 from typing import Any
 
 from flightmech.errors import ParseError
+from flightmech.support.foreign_code.process import (
+    RunLimits,
+    describe_exit,
+    module_command,
+    run_foreign,
+    sandbox_for,
+)
+from flightmech.support.foreign_code.sandbox import read_sandbox_mode, uses_sandbox
 
 # Time limit: start of the child [s], and rate of reading [byte s-1]. A file of sounds takes about
 # 1 s, and another second per 100 MB.
 _SECONDS, _RATE = 60.0, 5e6
+# Address space of the child, and its output. [byte]
+_MEMORY = 16_000_000_000
+# Names of NumPy and SciPy in the pickle of an array.
+_ARRAY_NAMES = ("_reconstruct", "ndarray", "dtype", "scalar", "_frombuffer")
+_MATLAB_NAMES = ("MatlabFunction", "MatlabObject", "MatlabOpaque", "mat_struct")
 
 
 def load_mat(
@@ -72,27 +84,46 @@ def decode_mat(raw: bytes, options: dict[str, Any]) -> tuple[str, Any]:
 
 def _decode_in_child(raw: bytes, options: dict[str, Any]) -> tuple[str, Any]:
     """Return the result of `decode_mat` in a child process, or a crash or time limit as error."""
-    command = [sys.executable, "-m", __name__, json.dumps(options)]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     limit = _SECONDS + len(raw) / _RATE
-    try:
-        child = subprocess.run(
-            command,
-            input=raw,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env=environment,
-            timeout=limit,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
+    done = run_foreign(
+        module_command(__name__, json.dumps(options)),
+        raw,
+        timeout=limit,
+        limits=RunLimits(memory=_MEMORY),
+        most=_MEMORY,
+        sandbox=sandbox_for(uses_sandbox(read_sandbox_mode())),
+    )
+    if done.timed_out:
         return "time limit", f"SciPy did not read it in {limit:.0f} s"
-    if child.returncode:
-        # the code of a process that a signal ended is negative
-        names = {-item.value: item.name for item in signal.Signals}
-        end = names.get(child.returncode, f"exit code {child.returncode}")
+    if done.code:
+        end = describe_exit(done.code).removeprefix("signal ")
         return "crash", f"SciPy ended with {end}"
-    return pickle.loads(child.stdout)
+    if done.failure:
+        return "size limit", done.failure
+    try:
+        kind, content = _ArrayUnpickler(io.BytesIO(done.output)).load()
+    except Exception as error:
+        # Bytes of a damaged process lead to errors of any type.
+        return "crash", f"SciPy gave no content ({type(error).__name__})"
+    return str(kind), content
+
+
+class _ArrayUnpickler(pickle.Unpickler):
+    """Reader of a pickle of arrays, numbers and texts, which runs no other function."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return one of the functions that build arrays and scalars.
+
+        Raises
+        ------
+        UnpicklingError
+            Another function.
+        """
+        is_array = module.split(".")[0] == "numpy" and name in _ARRAY_NAMES
+        is_matlab = module.startswith("scipy.io.") and name in _MATLAB_NAMES
+        if not (is_array or is_matlab):
+            raise pickle.UnpicklingError(f"{module}.{name} is not an array")
+        return super().find_class(module, name)
 
 
 def _run_child() -> None:

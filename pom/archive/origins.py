@@ -19,6 +19,7 @@ from urllib.parse import quote, unquote
 
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.support.console import to_json_types
+from flightmech.support.foreign_code.sandbox import name_sandbox
 from flightmech.support.input_files import file_sha256, json_content
 from pom.archive.program_files import list_program, program_digests
 from pom.cases.case import PomCase
@@ -99,7 +100,8 @@ def provenance(
     Returns
     -------
     dict
-        ``command``, ``date``, ``versions``, ``program``, ``inputs`` with their SHA-256, ``places`` with their
+        ``command``, ``date``, ``versions`` and the sandbox of the FMUs, ``program``, ``inputs``
+        with their SHA-256, ``places`` with their
         paths, ``models`` with file, SHA-256 and path.
     """
     # Names relative to the common folder are unique and do not disclose the folders above.
@@ -117,10 +119,13 @@ def provenance(
             "sha256": digest(model),
             "path": str(path.resolve()),
         }
+    versions = _read_versions()
+    if model_files:
+        versions["sandbox of the FMUs"] = name_sandbox()
     return {
         "command": command,
         "date": date,
-        "versions": _read_versions(),
+        "versions": versions,
         "program": program_digests(),
         "inputs": {name: digest(file) for file, name in names.items()},
         "places": {name: str(file) for file, name in names.items()},

@@ -12,11 +12,18 @@ import click
 
 from aeromatch.delivery.contents import PackageOptions, write_package
 from aeromatch.delivery.package_difference import package_difference
-from aeromatch.delivery.verification import unpack_package, verify_package
+from aeromatch.delivery.package_files import unpack_package
+from aeromatch.delivery.signing import check_signature, make_key
+from aeromatch.delivery.verification import (
+    check_package_signature,
+    describe_verdict,
+    verify_package,
+)
 from aeromatch.project.project import read_project
 from aeromatch.workbench.opened import OpenProject
 from flightmech.errors import AeromatchError
 from flightmech.support.console import print_json, print_table, timed_step
+from flightmech.support.foreign_code.sandbox import describe_sandbox
 from flightmech.units import DEGREE, FOOT, KNOT
 from pom.report.presentation.term_words import term_words
 
@@ -28,6 +35,7 @@ def make_package(
     recordings: bool,
     licence: Path | None,
     revision: str,
+    sign: Path | None,
     as_json: bool,
 ) -> None:
     """Perform the command ``make``."""
@@ -35,7 +43,7 @@ def make_package(
         read_project(project),
         match.resolve(),
         output,
-        PackageOptions(recordings, licence, revision),
+        PackageOptions(recordings, licence, revision, sign),
         timed_step,
     )
     if as_json:
@@ -46,17 +54,51 @@ def make_package(
     click.echo(f"written: {output}")
 
 
-def run_verify_package(ctx: click.Context, package_file: Path, as_json: bool) -> None:
+def write_key(path: Path, as_json: bool) -> None:
+    """Perform the command ``key``."""
+    public, fingerprint = make_key(path)
+    if as_json:
+        print_json({"private": str(path), "public": str(public), "fingerprint": fingerprint})
+        return
+    click.echo(f"written: {path}, which signs: keep it secret")
+    click.echo(f"written: {public}, which your customers give to --trusted-key")
+    click.echo(f"fingerprint: {fingerprint}")
+
+
+def run_verify_package(
+    ctx: click.Context,
+    package_file: Path,
+    trusted_keys: tuple[Path, ...],
+    fly_foreign: bool,
+    as_json: bool,
+) -> None:
     """Perform the command ``verify``."""
     with unpack_package(package_file) as folder:
-        found = list(verify_package(folder))
+        signature = check_signature(folder, trusted_keys)
+        found = [*check_package_signature(signature, bool(trusted_keys))]
+        found += verify_package(folder, fly_foreign)
     bad = [item for item in found if not item.good]
+    verdict = describe_verdict(found, signature)
     if as_json:
-        print_json({"holds": not bad, "findings": [vars(item) for item in found]})
+        print_json(
+            {
+                "holds": not bad,
+                "verdict": verdict,
+                "signature": signature.state,
+                "isolation": describe_sandbox(),
+                "findings": [vars(item) for item in found],
+            }
+        )
     else:
+        click.echo(verdict)
         for kind in dict.fromkeys(item.kind for item in found):
             own = [item for item in found if item.kind == kind]
-            click.echo(f"{kind:>8}: {sum(item.good for item in own)} of {len(own)} hold")
+            click.echo(f"{kind:>9}: {sum(item.good for item in own)} of {len(own)} hold")
+        stages = {item.kind for item in found}
+        if "flown" not in stages:
+            click.echo("not computed: numbers and flights, because an earlier stage does not hold")
+        else:
+            click.echo(f"read and flown in child processes {describe_sandbox()}")
         shown = bad + [item for item in found if item.good and item.kind in ("states", "flown")]
         print_table(
             ["", "what", "found"],

@@ -13,20 +13,15 @@ import signal
 import sys
 import threading
 import time
-from contextlib import suppress
 
 import numpy as np
 
+from flightmech.support.foreign_code.launch import set_limit
 from pom.fmu.worker import UnpackedFmu, replay_job
 from pom.fmu.worker.messages import reply_bytes, reply_columns
 
-if sys.platform != "win32":
-    import resource
 
-
-def answer_jobs(
-    path: str, folder: str, parent: str, memory: str, written: str, unpacked: str
-) -> None:
+def answer_jobs(path: str, folder: str, parent: str, written: str, unpacked: str) -> None:
     """Answer jobs until stdin or the process `parent` ends.
 
     Parameters
@@ -35,21 +30,20 @@ def answer_jobs(
         The FMU, and the folder for its files.
     parent : str
         Number of the parent process; 0: another program ends this one with its parent.
-    memory, written, unpacked : str
-        As in `pom.fmu.process.WorkerLimits`. [byte]
+    written, unpacked : str
+        As in `pom.fmu.limits.WorkerLimits`. [byte]
     """
     if int(parent):
         threading.Thread(target=_end_with, args=(int(parent), folder), daemon=True).start()
     # The FMU can print to stdout, which is therefore redirected to stderr.
     replies = os.dup(1)
     os.dup2(2, 1)
-    _limit("RLIMIT_AS", int(memory))
-    _limit("RLIMIT_CORE", 1)
     try:
         model, fault = UnpackedFmu(path, folder, int(unpacked)), ""
     except Exception as error:
         model, fault = None, f"loading failed: {error}"
-    _limit("RLIMIT_FSIZE", int(written))
+    if int(written):
+        set_limit("RLIMIT_FSIZE", int(written))
     while True:
         try:
             job = pickle.load(sys.stdin.buffer)  # of the parent
@@ -69,19 +63,6 @@ def _send(handle: int, content: bytes) -> None:
         unsent = unsent[os.write(handle, unsent) :]
 
 
-def _limit(kind: str, size: int) -> None:
-    """Set a limit of the process if the system supports it; 0: no limit. [byte]"""
-    if sys.platform != "win32" and size and hasattr(resource, kind):
-        limit = getattr(resource, kind)
-        # A process cannot raise its hard limit.
-        hard = resource.getrlimit(limit)[1]
-        if hard != resource.RLIM_INFINITY:
-            size = min(size, hard)
-        # macOS does not limit the address space.
-        with suppress(ValueError, OSError):
-            resource.setrlimit(limit, (size, size))
-
-
 def _end_with(parent: int, folder: str) -> None:
     """End this process and all processes of the FMU when the parent ends.
 
@@ -96,4 +77,4 @@ def _end_with(parent: int, folder: str) -> None:
 
 
 if __name__ == "__main__":
-    answer_jobs(*sys.argv[1:7])
+    answer_jobs(*sys.argv[1:6])

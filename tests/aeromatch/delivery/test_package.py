@@ -17,9 +17,12 @@ import pom
 from aerodb.exchange.jsbsim.write import export_jsbsim
 from aeromatch.cli.delivery import package
 from aeromatch.delivery import flown_checks
+from aeromatch.delivery.fmu_flight import fly_by_fmu
 from aeromatch.delivery.jsbsim_flight import BANDS, PART, fly_by_jsbsim
-from aeromatch.delivery.verification import unpack_package, verify_package
+from aeromatch.delivery.package_files import unpack_package
+from aeromatch.delivery.verification import verify_package
 from flightmech.errors import ParseError, SchemaError, SimulationError
+from flightmech.support.input_files import file_sha256
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
 pytestmark = pytest.mark.filterwarnings(
@@ -62,6 +65,18 @@ def checks(model, tmp_path_factory):
     )
 
 
+def correct_manifest(folder):
+    """Write the hashes of the files of a package as they are, as a forger does."""
+    path = folder / "manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest["files"] = {
+        file.relative_to(folder).as_posix(): file_sha256(file)
+        for file in sorted(folder.rglob("*"))
+        if file.is_file() and file not in (path, folder / "manifest.sig")
+    }
+    path.write_text(json.dumps(manifest))
+
+
 @pytest.mark.slow
 def test_flown_checks_are_flown_again_from_their_file_alone(checks, tmp_path):
     files, db, aircraft = checks
@@ -75,7 +90,7 @@ def test_flown_checks_are_flown_again_from_their_file_alone(checks, tmp_path):
         assert facts["mass"] == 2600.0
         for found in (
             flown_checks.fly_by_kernel(sim, case, facts),
-            flown_checks.fly_by_fmu(fmu, case, facts),
+            fly_by_fmu(fmu, case, facts),
         ):
             ratio, worst = flown_checks.compare_outputs(case, found, tolerance)
             assert ratio < 0.01, worst
@@ -224,7 +239,9 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
     done = run("verify", tmp_path / "one.zip", "--json")
     found = json.loads(done.output)
     assert (done.exit_code, found["holds"]) == (0, True)
-    assert {item["kind"] for item in found["findings"]} == {"hash", "report", "states", "flown"}
+    kinds = {"structure", "hash", "report", "states", "flown"}
+    assert {item["kind"] for item in found["findings"]} == kinds
+    assert found["verdict"] == "consistent with itself; not signed, so anyone can have made it"
 
     harmed = tmp_path / "folder" / "check_cases" / "flown"
     (file,) = [item for item in sorted(harmed.iterdir())][:1]
@@ -234,10 +251,16 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
     (tmp_path / "folder" / "more.txt").write_text("x")
     with unpack_package(tmp_path / "folder") as folder:
         bad = [item for item in verify_package(folder) if not item.good]
-    assert {(item.kind, item.name.split("/")[-1].split(" ")[0]) for item in bad} >= {
+    assert {(item.kind, item.name.split("/")[-1].split(" ")[0]) for item in bad} == {
         ("hash", file.name),
         ("hash", "more.txt"),
-        ("flown", file.name),
+    }
+    # With true hashes the numbers are computed, and the flight does not agree.
+    correct_manifest(tmp_path / "folder")
+    with unpack_package(tmp_path / "folder") as folder:
+        bad = [item for item in verify_package(folder) if not item.good]
+    assert {(item.kind, item.name) for item in bad} == {
+        ("flown", f"{file.name} by {program}") for program in ("kernel", "FMU")
     }
 
     same = json.loads(run("diff", tmp_path / "one.zip", tmp_path / "two.zip", "--json").output)

@@ -27,3 +27,16 @@ def test_inputs_are_named_from_their_common_folder(tmp_path):
     }
     assert found["command"] == "aeromatch pom run"
     assert set(found["versions"]) >= {"aeromatch", "numpy"}
+
+
+def test_a_report_states_the_sandbox_of_its_fmus(tmp_path, monkeypatch):
+    fmu = tmp_path / "model.fmu"
+    fmu.write_bytes(b"zip")
+    monkeypatch.setenv("AEROMATCH_FMU_SANDBOX", "none")
+    stated = pom.provenance([], {"final": fmu})["versions"]["sandbox of the FMUs"]
+    assert stated == "none (AEROMATCH_FMU_SANDBOX is 'none')"
+    monkeypatch.delenv("AEROMATCH_FMU_SANDBOX")
+    monkeypatch.setenv("PATH", "")
+    stated = pom.provenance([], {"final": fmu})["versions"]["sandbox of the FMUs"]
+    assert stated == "none (there is no program bwrap)"
+    assert "sandbox of the FMUs" not in pom.provenance([], {})["versions"]

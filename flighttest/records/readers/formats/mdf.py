@@ -9,9 +9,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import os
-import subprocess
-import sys
 from functools import partial
 from pathlib import Path
 from typing import IO, Any
@@ -19,6 +16,13 @@ from typing import IO, Any
 import numpy as np
 
 from flightmech.errors import ParseError
+from flightmech.support.foreign_code.process import (
+    ForeignProcess,
+    RunLimits,
+    module_command,
+    sandbox_for,
+)
+from flightmech.support.foreign_code.sandbox import read_sandbox_mode, uses_sandbox
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import (
     Columns,
@@ -28,6 +32,9 @@ from flighttest.records.readers.recording import (
     missing_package,
 )
 
+# Limits of the decoder: time of its start [s], rate of reading [byte s-1], address space [byte].
+_SECONDS, _RATE, _MEMORY = 60.0, 2e6, 16_000_000_000
+_PART, _LONGEST_HEAD = 1 << 24, 1 << 26  # bytes that are read at once, and of the head
 _EXPECTED = "a whole MDF file"
 _REMEDY = "map a channel of numbers in a group with a time master"
 
@@ -47,28 +54,25 @@ def read(path: Path, names: NameMap) -> Recording:
     """
     if importlib.util.find_spec("asammdf") is None:
         raise missing_package("asammdf", "flight", path)
-    command = [
-        sys.executable,
-        "-m",
-        f"{__package__}.mdf_child",
-        str(path),
-        json.dumps(_requested_channels(names)),
-    ]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
-    ) as child:
-        assert child.stdout is not None
-        try:
-            head, tables = _receive_tables(child.stdout, path)
-        except (ValueError, EOFError, KeyError) as error:
-            child.kill()
-            raise ParseError(
-                str(path),
-                0,
-                found="bytes on which the decoder asammdf broke down",
-                expected=_EXPECTED,
-            ) from error
+    file = str(path.resolve())
+    child = ForeignProcess(
+        module_command(f"{__package__}.mdf_child", file, json.dumps(_requested_channels(names))),
+        RunLimits(memory=_MEMORY),
+        sandbox=sandbox_for(uses_sandbox(read_sandbox_mode()), [file]),
+    )
+    timer = child.limit_time(_SECONDS + path.stat().st_size / _RATE)
+    try:
+        head, tables = _receive_tables(child.stdout, path)
+    except (ValueError, EOFError, KeyError, TypeError, AttributeError) as error:
+        raise ParseError(
+            str(path),
+            0,
+            found="bytes on which the decoder asammdf broke down",
+            expected=_EXPECTED,
+        ) from error
+    finally:
+        timer.cancel()
+        child.close()
     if head["fault"]:
         raise ParseError(str(path), 0, found=head["fault"], expected=_EXPECTED)
     if not tables:
@@ -97,7 +101,7 @@ def _receive_tables(
     stream: IO[bytes], path: Path
 ) -> tuple[dict[str, Any], dict[str, RecordedTable]]:
     """Return the head and the tables of the decoder, which sends a line of JSON and the arrays."""
-    head = json.loads(stream.readline())
+    head = json.loads(stream.readline(_LONGEST_HEAD))
     tables = {}
     for group in head["groups"]:
         # The order of the arrays in the stream is the stamps, then the decoded channels.
@@ -117,9 +121,16 @@ def _receive_tables(
 def _read_array(stream: IO[bytes], kind: str, length: int) -> np.ndarray:
     """Return the next array of the stream."""
     dtype = np.dtype(kind)
-    raw = stream.read(dtype.itemsize * length)
-    if len(raw) < dtype.itemsize * length:
-        raise EOFError("the decoder ended early")
+    if dtype.kind not in "fiub" or length < 0:
+        raise ValueError(f"no array of numbers: {kind}, {length}")
+    size = dtype.itemsize * length
+    raw = bytearray()
+    # A pipe returns what it has.
+    while len(raw) < size:
+        part = stream.read(min(size - len(raw), _PART))
+        if not part:
+            raise EOFError("the decoder ended early")
+        raw += part
     return np.frombuffer(raw, dtype)
 
 

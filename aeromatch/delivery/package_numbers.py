@@ -1,0 +1,216 @@
+"""Numbers of a data package: verdicts of the report, states in every format, flights by the kernel.
+
+The readers of a received package can crash on its files or never end. They run in a child process.
+This module is also the program of the child: ``python -m aeromatch.delivery.package_numbers
+FOLDER``. It writes the checks to standard output, as JSON after a line with a mark and the length.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+import aerodb
+import flightmech
+import pom
+from aerodb.exchange.daveml.importer import import_daveml
+from aerodb.exchange.jsbsim.read import import_jsbsim
+from aerodb.exchange.tables.csv_checks import run_checkcases
+from aerodb.exchange.tables.csv_terms import import_csv
+from aerodb.exchange.tables.matlab import import_matlab
+from aeromatch.delivery.contents import FLOWN, STATES
+from aeromatch.delivery.flown_checks import compare_outputs, fly_by_kernel, read_flown_check
+from aeromatch.delivery.package_files import PackageCheck
+from flightmech.errors import AeromatchError
+from flightmech.support.foreign_code.process import (
+    RunLimits,
+    module_command,
+    printable,
+    run_foreign,
+    sandbox_for,
+)
+from flightmech.support.foreign_code.sandbox import read_sandbox_mode, uses_sandbox
+
+# Kinds of checks of a report that do not concern its inputs.
+_PROVED = ("program file", "output", "statement", "tolerance", "verdict")
+# Tolerance of a check case of the database, as a fraction of the largest magnitude of its output.
+_EXACT = 1e-9
+# The same if tables replace the formulas over the height.
+_TABLES = 2e-3
+_READERS: dict[str, tuple[Callable[[Path], xr.DataTree], float]] = {
+    "database/final.nc": (aerodb.open, _EXACT),
+    "database/final.mat": (import_matlab, _EXACT),
+    "database/final_csv": (import_csv, _EXACT),
+    "database/final.dml": (import_daveml, _TABLES),
+    "database/final_jsbsim.xml": (import_jsbsim, _TABLES),
+}
+_MARK = b"aeromatch checks"
+# Limits of the child: wall time [s], address space and output [byte].
+_TIME, _MEMORY, _OUTPUT = 900.0, 8_000_000_000, 64_000_000
+# A check of the child that is not about a file.
+_CHILD = "the readers of the package"
+
+
+def check_numbers(folder: Path) -> list[PackageCheck]:
+    """Check the numbers of a package in a child process with limits and, if possible, a sandbox."""
+    folder = folder.resolve()
+    done = run_foreign(
+        module_command(__name__, str(folder)),
+        b"",
+        timeout=_TIME,
+        # The reader of MATLAB files starts a process of its own.
+        limits=RunLimits(memory=_MEMORY, processes=True),
+        most=_OUTPUT,
+        sandbox=sandbox_for(uses_sandbox(read_sandbox_mode()), [folder]),
+    )
+    checks: list[PackageCheck] = []
+    if not done.failure:
+        with suppress(ValueError, KeyError, TypeError):
+            checks = _parse_checks(done.output)
+    found = {(check.kind, check.name) for check in checks}
+    # A reply without a check of each file is not a result.
+    if not checks or not _expected_checks(folder) <= found:
+        text = done.failure or "it gave no complete result"
+        if done.printed:
+            text += f"; it printed: {done.printed}"
+        checks.append(PackageCheck("states", _CHILD, good=False, detail=text))
+    return checks
+
+
+def _expected_checks(folder: Path) -> set[tuple[str, str]]:
+    """Return kind and name of the checks that a package with these files has."""
+    expected = {("states", name) for name in _READERS if (folder / name).exists()}
+    for file in (folder / FLOWN).glob("*.csv"):
+        expected.add(("flown", f"{file.name} by kernel"))
+    return expected
+
+
+def _parse_checks(output: bytes) -> list[PackageCheck]:
+    """Return the checks in the output of the child.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError
+        It is not the output of the child.
+    """
+    head, _, content = output.partition(b"\n")
+    if head != b"%s %d" % (_MARK, len(content)):
+        raise ValueError("no checks")
+    checks = []
+    for row in json.loads(content):
+        if row["kind"] not in ("report", "states", "flown"):
+            raise ValueError(row["kind"])
+        name, detail = printable(str(row["name"])), printable(str(row["detail"]))
+        checks.append(PackageCheck(row["kind"], name, good=row["good"] is True, detail=detail))
+    return checks
+
+
+def compute_checks(folder: Path) -> Iterator[PackageCheck]:
+    """Yield the checks of the numbers of a package, computed in this process."""
+    for item in pom.verify(folder / "report"):
+        if item.kind in _PROVED:
+            detail = item.detail or item.state
+            # A file of another version of the program cannot be compared here.
+            is_other = item.kind == "program file" and item.state == "unknown"
+            is_same = item.state == "same" or is_other
+            yield PackageCheck("report", f"{item.kind}: {item.name}", good=is_same, detail=detail)
+    yield from _check_states(folder)
+    yield from _check_kernel_flights(folder)
+
+
+def _check_states(folder: Path) -> Iterator[PackageCheck]:
+    for name, (read, allowed) in _READERS.items():
+        if not (folder / name).exists():
+            continue
+        try:
+            outputs = run_checkcases(read(folder / name), folder / STATES)
+        except AeromatchError as error:
+            yield PackageCheck("states", name, good=False, detail=str(error))
+            continue
+        # Only coefficients are compared, because formulas become tables term by term.
+        is_coefficient = ["/" not in str(output) for output in outputs.index]
+        coefficients = outputs[is_coefficient]
+        ratio = coefficients["largest_difference"].abs() / coefficients["tolerance"]
+        worst = str(ratio.idxmax())
+        # The ratio is in tolerances of `_EXACT`.
+        limit = 1.0
+        if allowed != _EXACT:
+            limit = allowed / _EXACT
+        yield PackageCheck(
+            "states",
+            name,
+            good=bool((ratio <= limit).all()),
+            detail=f"largest difference {ratio[worst] * _EXACT:.2g} of the largest {worst}",
+        )
+
+
+def _check_kernel_flights(folder: Path) -> Iterator[PackageCheck]:
+    files = sorted((folder / FLOWN).glob("*.csv"))
+    if not files:
+        return
+    sim = flightmech.compile(
+        flightmech.read_aircraft(folder / "aircraft/final.toml"),
+        aerodb.open(folder / "database/final.nc"),
+    )
+    for file in files:
+        yield check_flight(file, "kernel", lambda case, facts: fly_by_kernel(sim, case, facts))
+
+
+def check_flight(
+    file: Path,
+    program: str,
+    fly: Callable[..., Any],
+    tolerance: dict[str, float] | None = None,
+    unit: str = "its tolerance",
+) -> PackageCheck:
+    """Return the check of one flown check case by one program.
+
+    Parameters
+    ----------
+    file : Path
+    program : str
+    fly : callable
+        Returns the outputs of a case from the case and its facts.
+    tolerance : dict, optional
+        Default: the tolerance of the file.
+    unit : str
+        Name of the tolerance.
+    """
+    name = f"{file.name} by {program}"
+    try:
+        case, facts, stated_tolerance = read_flown_check(file)
+        ratio, worst = compare_outputs(case, fly(case, facts), tolerance or stated_tolerance)
+    except Exception as error:
+        # A model may lack a library for this platform, or a simulation may fail. This is a failed
+        # check, and the other checks go on.
+        return PackageCheck("flown", name, good=False, detail=printable(str(error)))
+    detail = f"largest difference {ratio:.2g} of {unit}, in {worst}"
+    return PackageCheck("flown", name, good=ratio <= 1.0, detail=detail)
+
+
+def _run_child() -> None:
+    """Write the checks of a folder to standard output."""
+    # What the libraries print must not come between the bytes of the reply.
+    replies = os.dup(1)
+    os.dup2(2, 1)
+    checks = []
+    try:
+        for check in compute_checks(Path(sys.argv[1])):
+            checks.append(check)
+    except AeromatchError as error:
+        checks.append(PackageCheck("states", _CHILD, good=False, detail=str(error)))
+    rows = [vars(check) for check in checks]
+    content = json.dumps(rows).encode()
+    with os.fdopen(replies, "wb") as stream:
+        stream.write(b"%s %d\n" % (_MARK, len(content)) + content)
+
+
+if __name__ == "__main__":
+    _run_child()
