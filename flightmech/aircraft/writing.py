@@ -19,6 +19,7 @@ from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import CONDITIONS, LandingGear
 from flightmech.aircraft.landing_gear_file import ORDERS
 from flightmech.support.atomic_write import write_text, written_atomically
+from flightmech.support.netcdf_writing import write_netcdf
 
 # keys before the first section of the file
 _MAIN_KEYS = (
@@ -108,7 +109,7 @@ def _write_engine_tables(engines: tuple[Engine, ...], path: Path) -> list[str]:
         files.append(f"{path.stem}_engine{i + 1}.nc")
         with written_atomically(path.with_name(files[-1])) as part:
             if engine.thrust is not None:
-                engine.thrust.to_netcdf(part, engine="h5netcdf")
+                write_netcdf(engine.thrust, part)
             elif engine.deck is not None:
                 write_tables(engine.deck.tables, part)
     return files
