@@ -23,6 +23,8 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
+from flightmech.errors import SchemaError
+
 if sys.platform != "win32":
     import fcntl
 
@@ -179,13 +181,53 @@ def _disk_error_number(error: OSError) -> int | None:
     return None
 
 
-def write_text(path: str | os.PathLike[str], text: str, encoding: str = "utf-8") -> None:
+def write_text(
+    path: str | os.PathLike[str],
+    text: str,
+    encoding: str = "utf-8",
+    before: Callable[[Path], None] | None = None,
+) -> None:
     """Write a text file atomically, without a change of its line ends.
 
-    The errors are those of `written_atomically`.
+    The parameter `before` and the errors are those of `written_atomically`.
     """
-    with written_atomically(path) as part:
+    with written_atomically(path, before) as part:
         part.write_text(text, encoding=encoding, newline="")
+
+
+class ContentAsRead:
+    """Content of a file that a command reads, changes and writes again.
+
+    Its method `demand_unchanged` is the parameter `before` of `written_atomically`. Of two commands
+    that change a file at the same time, the second one to write it is refused: it would write the
+    file without the change of the first one.
+
+    Parameters
+    ----------
+    path : path
+        The file; it need not exist.
+
+    Attributes
+    ----------
+    content : bytes or None
+        None without a file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.content = _content_of(Path(path))
+
+    def demand_unchanged(self, path: Path) -> None:
+        """Raise `SchemaError` if the file is not what was read."""
+        if _content_of(path) != self.content:
+            text = "was changed by another program after it was read here; repeat the command"
+            raise SchemaError(str(path), [text])
+
+
+def _content_of(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
 
 
 def resolve_file(path: str | os.PathLike[str]) -> Path:
