@@ -21,7 +21,7 @@ from pathlib import Path
 import xarray as xr
 
 import flighttest
-from aeromatch.workbench.actions import ActionError
+from aeromatch.workbench.allowed_actions import ActionError
 from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.processes import WorkbenchJob
 from flightmech.aircraft.aircraft import read_aircraft

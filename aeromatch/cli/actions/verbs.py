@@ -173,19 +173,12 @@ def _replayed(project: Path, output: Path, log: Path) -> bool:
     is one of them.
     """
     # a match without a change loads nothing that computes
-    from aeromatch.workbench.actions import (
-        PlaceholderFolders,
-        carry_out,
-        last_match,
-        read_action_log,
-        to_do,
-    )
+    from aeromatch.workbench.actions import carry_out, last_match, read_action_log, to_do
+    from aeromatch.workbench.allowed_actions import PlaceholderFolders
 
     output.mkdir(parents=True, exist_ok=True)
-    places, entries = (
-        PlaceholderFolders(project.resolve().parent, output.resolve()),
-        read_action_log(log),
-    )
+    places = PlaceholderFolders(project.resolve().parent, output.resolve())
+    entries = read_action_log(log, places)
     left = to_do(entries, places)
     for text in carry_out(left, places, timed_step):
         print_remark(text)
