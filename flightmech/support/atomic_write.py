@@ -143,21 +143,28 @@ def written_atomically(
             yield part
             if durable:
                 _flush_to_disk(part)
-        with _locked(path.parent):
-            if before is not None:
-                before(path)
-            _copy_mode(path, part)
-            os.replace(part, path)
+            with _locked(path.parent):
+                if before is not None:
+                    before(path)
+                _copy_mode(path, part)
+                os.replace(part, path)
         # the new name of the file is a change of the folder
         if durable:
-            _flush_to_disk(path.parent)
+            with _name_disk_errors(path, _AFTER_RENAMING):
+                _flush_to_disk(path.parent)
     finally:
-        part.unlink(missing_ok=True)
+        # an error of the removal would hide that of the block; the next writing removes the rest
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+_BEFORE_RENAMING = "not written: {}; make room or name another place"
+_AFTER_RENAMING = "written, but a power failure may lose it: {}; write it again"
 
 
 @contextmanager
-def _name_disk_errors(path: Path) -> Iterator[None]:
-    """Add the path to an error of the disk.
+def _name_disk_errors(path: Path, text: str = _BEFORE_RENAMING) -> Iterator[None]:
+    """Add the path to an error of the disk, with a text about the state of the file.
 
     Errors of `write` have no file name, and errors of HDF5 have no errno.
     """
@@ -167,8 +174,7 @@ def _name_disk_errors(path: Path) -> Iterator[None]:
         number = _disk_error_number(error)
         if number is None:
             raise
-        text = f"not written: {os.strerror(number)}; make room or name another place"
-        raise OSError(number, text, str(path)) from error
+        raise OSError(number, text.format(os.strerror(number)), str(path)) from error
 
 
 def _disk_error_number(error: OSError) -> int | None:
@@ -303,25 +309,26 @@ def folder_written_atomically(
     """
     path = resolve_folder(path)
     part = _make_temporary_path(path)
-    part.mkdir()
     try:
         with _name_disk_errors(path):
+            part.mkdir()
             yield part
             # a disk flushes many files in parallel in the time of a few
             with ThreadPoolExecutor(_PARALLEL_FLUSHES) as pool:
                 list(pool.map(_flush_to_disk, part.rglob("*")))
-        if own is not None and path.is_dir():
-            _link_foreign_items(path, part, own)
-        _flush_to_disk(part)
-        if path.exists():
-            part.chmod(stat.S_IMODE(path.stat().st_mode))
-            _exchange(part, path)
-        else:
-            os.replace(part, path)
-        # items that were added to the older folder in the meantime
-        if own is not None and part.is_dir():
-            _link_foreign_items(part, path, own)
-        _flush_to_disk(path.parent)
+            if own is not None and path.is_dir():
+                _link_foreign_items(path, part, own)
+            _flush_to_disk(part)
+            if path.exists():
+                part.chmod(stat.S_IMODE(path.stat().st_mode))
+                _exchange(part, path)
+            else:
+                os.replace(part, path)
+        with _name_disk_errors(path, _AFTER_RENAMING):
+            # items that were added to the older folder in the meantime
+            if own is not None and part.is_dir():
+                _link_foreign_items(part, path, own)
+            _flush_to_disk(path.parent)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
