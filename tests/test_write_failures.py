@@ -76,9 +76,9 @@ VERBS = {
     "datcom export": Verb("datcom export datcom/aileron.out -o a.mat", "c182", "a.mat"),
     "build": Verb("db build aircraft.toml datcom/clean.out -o db.nc", "c182", "db.nc"),
     "edit": Verb("db edit db.nc scale CL/basic --by 1.1 -o db.nc", "db.nc", "db.nc"),
-    "export a folder": Verb("db export db.nc -o tables --format csv", "db.nc", "tables"),
-    "export daveml": Verb("db export db.nc -o db.dml", "db.nc", "db.dml"),
-    "export matlab": Verb("db export db.nc -o db.mat", "db.nc", "db.mat"),
+    "export a folder": Verb("db export db.nc -o tables --to csv", "db.nc", "tables"),
+    "export daveml": Verb("db export db.nc -o db.dml --to daveml", "db.nc", "db.dml"),
+    "export matlab": Verb("db export db.nc -o db.mat --to matlab", "db.nc", "db.mat"),
     "plot a database": Verb("db plot db.nc -o db.svg", "db.nc", "db.svg"),
     "fmu": Verb("fmu write aircraft.toml db.nc -o m.fmu", "db.nc", "m.fmu"),
     "pom init": Verb(
