@@ -56,9 +56,9 @@ VERBS = {
     "convert": Verb(f"flight convert {FLIGHT} --names names.toml -o r.nc", "c182", "r.nc"),
     "cut": Verb("flight cut r.nc 2 5 -o cut.nc", "r.nc", "cut.nc"),
     "manoeuvres": Verb(
-        f"flight manoeuvres {FLIGHT} --names names.toml --find -o m.csv --figure m.svg",
+        f"flight manoeuvres {FLIGHT} --names names.toml --find -o m.csv --figure m.png",
         "c182",
-        "m.csv m.svg",
+        "m.csv m.png",
     ),
     "reconstruct": Verb("flight reconstruct r.nc --aircraft aircraft.toml -o p.nc", "r.nc", "p.nc"),
     "identify": Verb("flight identify p.nc --model CY=1+beta -o fit.nc", "p.nc", "fit.nc"),
@@ -70,7 +70,7 @@ VERBS = {
         "c182",
         "q.html",
     ),
-    "plot a record": Verb("flight plot r.nc -o r.svg", "r.nc", "r.svg"),
+    "plot a record": Verb("flight plot r.nc -o r.png", "r.nc", "r.png"),
     "datcom cells": Verb("datcom cells datcom/aileron.out -o c.csv", "c182", "c.csv"),
     "datcom convert": Verb("datcom convert datcom/aileron.out -o a.nc", "c182", "a.nc"),
     "datcom export": Verb("datcom export datcom/aileron.out -o a.mat", "c182", "a.mat"),
@@ -79,7 +79,6 @@ VERBS = {
     "export a folder": Verb("db export db.nc -o tables --to csv", "db.nc", "tables"),
     "export daveml": Verb("db export db.nc -o db.dml --to daveml", "db.nc", "db.dml"),
     "export matlab": Verb("db export db.nc -o db.mat --to matlab", "db.nc", "db.mat"),
-    "plot a database": Verb("db plot db.nc -o db.svg", "db.nc", "db.svg"),
     "fmu": Verb("fmu write aircraft.toml db.nc -o m.fmu", "db.nc", "m.fmu"),
     "pom init": Verb(
         f"pom init {FLIGHT} --test 2.d.7 --names names.toml --aircraft aircraft.toml -o c.toml",
