@@ -61,9 +61,15 @@ VERBS = {
         "m.csv m.png",
     ),
     "reconstruct": Verb("flight reconstruct r.nc --aircraft aircraft.toml -o p.nc", "r.nc", "p.nc"),
-    "identify": Verb("flight identify p.nc --model CY=1+beta -o fit.nc", "p.nc", "fit.nc"),
+    "identify": Verb(
+        "flight identify p.nc --aircraft aircraft.toml --model CY=1+beta -o fit.nc",
+        "p.nc",
+        "fit.nc",
+    ),
     "select": Verb(
-        "flight select p.nc --coefficient CY --variables beta,phat,rhat -o s.nc", "p.nc", "s.nc"
+        "flight select p.nc --aircraft aircraft.toml --coefficient CY --variables beta,phat,rhat -o s.nc",
+        "p.nc",
+        "s.nc",
     ),
     "check": Verb(
         f"flight check {FLIGHT} --names names.toml --aircraft aircraft.toml -o q.html",
@@ -73,7 +79,6 @@ VERBS = {
     "plot a record": Verb("flight plot r.nc -o r.png", "r.nc", "r.png"),
     "datcom cells": Verb("datcom cells datcom/aileron.out -o c.csv", "c182", "c.csv"),
     "datcom convert": Verb("datcom convert datcom/aileron.out -o a.nc", "c182", "a.nc"),
-    "datcom export": Verb("datcom export datcom/aileron.out -o a.mat", "c182", "a.mat"),
     "build": Verb("db build aircraft.toml datcom/clean.out -o db.nc", "c182", "db.nc"),
     "edit": Verb("db edit db.nc scale CL/basic --by 1.1 -o db.nc", "db.nc", "db.nc"),
     "export a folder": Verb("db export db.nc -o tables --to csv", "db.nc", "tables"),
