@@ -13,6 +13,7 @@ import hashlib
 import json
 import os
 import random
+import shlex
 import shutil
 import sys
 from dataclasses import dataclass
@@ -38,7 +39,7 @@ class Verb:
     targets: str
 
     def command(self) -> list[str]:
-        return self.words.split()
+        return shlex.split(self.words)
 
 
 VERBS = {
@@ -67,7 +68,7 @@ VERBS = {
         "fit.nc",
     ),
     "select": Verb(
-        "flight select p.nc --aircraft aircraft.toml --coefficient CY --variables beta,phat,rhat -o s.nc",
+        "flight select p.nc --aircraft aircraft.toml --coefficient CY --variables 'beta phat rhat' -o s.nc",
         "p.nc",
         "s.nc",
     ),
