@@ -1,7 +1,9 @@
-/* Kills the process at one of its calls that change a file or folder below a given folder.
+/* Kills the process at one of its calls that change a file or folder below a given folder, or lets
+   this call fail.
    Loaded in front of the C library with LD_PRELOAD; tests/write_calls.py sets folder and call. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
+#include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -14,44 +16,64 @@
 static char watched[4096]; /* absolute path of the folder; empty: nothing is watched */
 static long last_call;     /* number of the call that is not performed */
 static long calls;
+static int error_number;   /* errno of the failed call; 0: the process is killed */
+static int stays;          /* all later calls fail too */
 
 void kill_at_call(const char *folder, long number) {
     snprintf(watched, sizeof watched, "%s", folder);
     last_call = number;
     calls = 0;
+    error_number = 0;
 }
 
-/* Count a call for the file or folder `path`. The process ends here when the count is reached. */
-static void count_path(const char *path) {
+/* As `kill_at_call`, but the call fails with `error`; with `later` all calls after it as well.
+   Without a call of this number, calls are counted only. */
+void fail_at_call(const char *folder, long number, int error, int later) {
+    kill_at_call(folder, number);
+    error_number = error;
+    stays = later;
+}
+
+long count_of_calls(void) { return calls; }
+
+/* Count a call for the file or folder `path`, and return the errno of a call that must fail, or 0.
+   The process ends here when the count is reached and no error is given. */
+static int count_path(const char *path) {
     char full[8192];
-    if (!watched[0]) return;
+    if (!watched[0]) return 0;
     if (path[0] != '/') {
         char here[4096];
-        if (!getcwd(here, sizeof here)) return;
+        if (!getcwd(here, sizeof here)) return 0;
         snprintf(full, sizeof full, "%s/%.4000s", here, path);
         path = full;
     }
-    if (strncmp(path, watched, strlen(watched)) != 0) return;
-    if (__sync_add_and_fetch(&calls, 1) == last_call) kill(getpid(), SIGKILL);
+    if (strncmp(path, watched, strlen(watched)) != 0) return 0;
+    long number = __sync_add_and_fetch(&calls, 1);
+    if (number == last_call && !error_number) kill(getpid(), SIGKILL);
+    return number == last_call || (stays && last_call && number > last_call) ? error_number : 0;
 }
 
 /* Count a call for an open file, whose path the kernel states in /proc. */
-static void count_file(int file) {
+static int count_file(int file) {
     char link[64], path[4096];
-    if (!watched[0]) return;
+    if (!watched[0]) return 0;
     snprintf(link, sizeof link, "/proc/self/fd/%d", file);
     ssize_t length = readlink(link, path, sizeof path - 1);
-    if (length < 0) return;
+    if (length < 0) return 0;
     path[length] = 0;
-    count_path(path);
+    return count_path(path);
 }
 
-/* Each wrapper counts the call and passes it on to the function of the C library. */
+/* Each wrapper counts the call and passes it on to the function of the C library, or fails. */
 #define WRAP(type, name, parameters, arguments, count)            \
     type name parameters {                                        \
         static type(*next) parameters;                            \
         if (!next) next = (type(*) parameters)dlsym(RTLD_NEXT, #name); \
-        count;                                                    \
+        int error = count;                                        \
+        if (error) {                                              \
+            errno = error;                                        \
+            return -1;                                            \
+        }                                                         \
         return next arguments;                                    \
     }
 
@@ -67,6 +89,7 @@ WRAP(int, link, (const char *from, const char *to), (from, to), count_path(to))
 WRAP(int, unlink, (const char *path), (path), count_path(path))
 WRAP(int, mkdir, (const char *path, mode_t mode), (path, mode), count_path(path))
 WRAP(int, rmdir, (const char *path), (path), count_path(path))
+WRAP(int, chmod, (const char *path, mode_t mode), (path, mode), count_path(path))
 
 #define WRAP_OPEN(name)                                                       \
     int name(const char *path, int flags, ...) {                              \
@@ -76,7 +99,12 @@ WRAP(int, rmdir, (const char *path), (path), count_path(path))
         va_start(rest, flags);                                                \
         mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(rest, mode_t) : 0; \
         va_end(rest);                                                         \
-        if (flags & (O_WRONLY | O_RDWR | O_CREAT)) count_path(path);          \
+        int error = 0;                                                        \
+        if (flags & (O_WRONLY | O_RDWR | O_CREAT)) error = count_path(path);  \
+        if (error) {                                                          \
+            errno = error;                                                    \
+            return -1;                                                        \
+        }                                                                     \
         return next(path, flags, mode);                                       \
     }
 

@@ -1,8 +1,9 @@
-"""Kill a process at each of its calls that write, one call after the other; no clock decides.
+"""Kill a process at each of its calls that write, or let this call fail; no clock decides.
 
 A test calls `run_preloaded` with a function of its own module.  That function runs in a new
 process, in front of whose C library ``write_calls.c`` counts the calls.  There it repeats its work
-with `each_call` and looks at the files after each kill.
+with `each_call` and looks at the files after each kill; ``test_write_failures.py`` runs verbs of
+the command line.
 """
 
 from __future__ import annotations
@@ -79,6 +80,8 @@ def main() -> None:
     assert specification is not None
     assert specification.loader is not None
     test_module = importlib.util.module_from_spec(specification)
+    # dataclasses look their module up by its name
+    sys.modules[specification.name] = test_module
     specification.loader.exec_module(test_module)
     getattr(test_module, function)(Path(folder))
 

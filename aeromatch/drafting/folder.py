@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ from aeromatch.drafting.recordings import (
 )
 from aeromatch.drafting.sources import Sources, quote, source_folders, sources_of
 from aeromatch.project.project import read_project
-from flightmech.support.atomic_write import write_text
+from flightmech.support.atomic_write import write_text, written_atomically
 from flightmech.support.toml_quantities import UNFILLED
 from flighttest.records.manoeuvre_table import write_manoeuvres
 
@@ -255,13 +255,18 @@ def _all_or_none(folder: Path, targets: Sequence[Path]) -> Iterator[None]:
     try:
         yield
     except BaseException:
+        # On a defective disk a file may stay that is complete and new. No older file is emptied, and
+        # the first error is raised.
         for file in targets:
-            if file in before:
-                file.write_bytes(before[file])
-            else:
-                file.unlink(missing_ok=True)
+            with suppress(OSError):
+                if file in before:
+                    with written_atomically(file) as part:
+                        part.write_bytes(before[file])
+                else:
+                    file.unlink(missing_ok=True)
         for new_folder in new_folders:
-            new_folder.rmdir()
+            with suppress(OSError):
+                new_folder.rmdir()
         raise
 
 

@@ -18,7 +18,7 @@ from tomlkit.exceptions import TOMLKitError
 from aeromatch.project.project import read_project
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.atomic_write import ContentAsRead, written_atomically
 from flightmech.support.console import InputFile, NewFile, json_option, print_json
 from flightmech.support.input_files import file_kind, read_toml
 from flighttest.records.readers.name_map_reading import read_names
@@ -66,9 +66,11 @@ def set_key(path: str | Path, key: str, value: str | None) -> Any:
         The file has no such key, or the file with the change has problems.  The file is unchanged.
     """
     path = Path(path)
+    # read before the document: a change in between is refused, and not lost
+    as_read = ContentAsRead(path)
     document = _read_document(path)
     item = _change_document(document, path, key, value)
-    _write_document(document, path, path)
+    _write_document(document, path, path, as_read.demand_unchanged)
     return item.unwrap() if hasattr(item, "unwrap") else item
 
 
@@ -212,8 +214,13 @@ def _is_index(part: str, items: Sequence[Any]) -> bool:
     return part.isdigit() and int(part) < len(items)
 
 
-def _write_document(document: Any, path: Path, output: Path) -> None:
-    """Write a changed document of the kind of `path`, if it can be read."""
+def _write_document(
+    document: Any, path: Path, output: Path, before: Callable[[Path], None] | None = None
+) -> None:
+    """Write a changed document of the kind of `path`, if it can be read.
+
+    `before` is that of `written_atomically`.
+    """
     text = tomlkit.dumps(document)
     # Some changes cannot be expressed between dotted keys, and would be lost.
     if tomlkit.parse(text).unwrap() != document.unwrap():
@@ -222,7 +229,7 @@ def _write_document(document: Any, path: Path, output: Path) -> None:
         )
         raise SchemaError(str(path), [problem])
     read = _reader_of(path)
-    with written_atomically(output) as part:
+    with written_atomically(output, before) as part:
         part.write_text(text, encoding="utf-8", newline="")
         _check_file(read, part, output)
 

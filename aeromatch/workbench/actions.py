@@ -8,123 +8,39 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
-import shlex
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flightmech.errors import AeromatchError, ParseError
+from aeromatch.workbench.allowed_actions import (
+    PROJECT,
+    WORK,
+    ActionError,
+    PlaceholderFolders,
+    demand_allowed,
+    is_inside_folders,
+    named_paths,
+)
+from flightmech.errors import ParseError
+from flightmech.support.atomic_write import write_text
 from flightmech.support.input_files import file_sha256
 
-PROJECT, WORK = "{project}", "{work}"
-"""Placeholders of the folder of the project file and of the working folder, in commands and log."""
-
-VERBS: tuple[tuple[str, ...], ...] = (
-    ("set",),
-    ("flight", "mark"),
-    ("flight", "manoeuvres"),
-    ("flight", "reconstruct"),
-    ("flight", "identify"),
-    ("flight", "select"),
-    ("flight", "report"),
-    ("db", "edit"),
-    ("db", "previous"),
-    ("db", "compare"),
-    ("pom", "init"),
-    ("pom", "run"),
-    ("pom", "diagnose"),
-    ("pom", "tune"),
-    ("fmu", "write"),
-    ("match",),
-)
-"""Verbs that the page may call."""
-
-# A word, or the value of NAME=VALUE, that begins with a placeholder.
-_PLACEHOLDER = re.compile(r"(?:^|=)(\{project\}|\{work\})(/[^=]*)?$")
-_DRIVE = re.compile(r"[A-Za-z]:[\\/]")
 _LOG_KEYS = {"number", "words", "code", "files"}
-
-
-class ActionError(AeromatchError):
-    """A command that the workbench does not carry out, or a log that does not fit the project."""
-
-
-def demand_allowed(words: Sequence[str]) -> None:
-    """Raise if a command is not one of `VERBS`, or names a path outside of the folders.
-
-    Raises
-    ------
-    ActionError
-    """
-    if not words or not all(isinstance(word, str) for word in words):
-        raise ActionError("an action is a list of words, such as ['flight', 'mark', ...]")
-    if not any(tuple(words[: len(verb)]) == verb for verb in VERBS):
-        allowed = ", ".join(map(" ".join, VERBS))
-        raise ActionError(f"no action {' '.join(words[:2])!r}; there are: {allowed}")
-    for word in words:
-        if _leaves_folders(word.rpartition("=")[2]):
-            raise ActionError(
-                f"{word!r} leads out of the project; begin it with {PROJECT}/ or {WORK}/"
-            )
-
-
-def _leaves_folders(path: str) -> bool:
-    """Return whether a path is absolute, begins with a home folder, or goes upward."""
-    if path.startswith(("/", "\\", "~")) or _DRIVE.match(path):
-        return True
-    return ".." in re.split(r"[\\/]", path)
-
-
-@dataclass(frozen=True)
-class PlaceholderFolders:
-    """Folders of the placeholders.
-
-    Attributes
-    ----------
-    project, work : Path
-    """
-
-    project: Path
-    work: Path
-
-    def real(self, words: Sequence[str]) -> list[str]:
-        """Return the words of a command with the folders in place of the placeholders."""
-        project, work = str(self.project), str(self.work)
-        return [word.replace(PROJECT, project).replace(WORK, work) for word in words]
-
-    def named(self, path: str | Path) -> str:
-        """Return a path with the placeholder in place of its folder."""
-        path = Path(path)
-        # The working folder may be inside the folder of the project, so it is tried first.
-        for placeholder, folder in ((WORK, self.work), (PROJECT, self.project)):
-            if path.is_relative_to(folder):
-                return f"{placeholder}/{path.relative_to(folder).as_posix()}"
-        return str(path)
-
-    def command(self, words: Sequence[str]) -> str:
-        """Return a command as a user can type it in the folder of the project."""
-        typed = ["aeromatch"]
-        for word in words:
-            # Paths of the project are relative to its folder.
-            relative = word.replace(f"{PROJECT}/", "").replace(PROJECT, ".")
-            typed.append(relative.replace(WORK, str(self.work)))
-        return shlex.join(typed)
+_EXPECTED = f"JSON with the keys {', '.join(sorted(_LOG_KEYS))}"
+# Errors of a line that is not an entry.
+_FAULTS = (ValueError, TypeError, AttributeError, KeyError, RecursionError)
 
 
 def make_folders(words: Sequence[str], places: PlaceholderFolders) -> None:
     """Make the folders inside the working folder in which a command writes."""
-    for word in words:
-        if word.startswith(f"{WORK}/"):
-            _real_path(word, places).parent.mkdir(parents=True, exist_ok=True)
-
-
-def _real_path(name: str, places: PlaceholderFolders) -> Path:
-    return Path(places.real([name])[0])
+    for path in named_paths(words):
+        if path.text.startswith(f"{WORK}/"):
+            places.real_path(path.text).parent.mkdir(parents=True, exist_ok=True)
 
 
 def hash_named_files(words: Sequence[str], places: PlaceholderFolders) -> dict[str, str]:
@@ -133,13 +49,10 @@ def hash_named_files(words: Sequence[str], places: PlaceholderFolders) -> dict[s
     The keys are paths with placeholders.  A missing file has an empty digest.
     """
     digests: dict[str, str] = {}
-    for word in words:
-        match = _PLACEHOLDER.search(word)
-        if match is None:
-            continue
-        name = match[1] + (match[2] or "")
-        if name not in digests:
-            digests[name] = _hash_path(_real_path(name, places))
+    for path in named_paths(words):
+        name = path.text.rstrip("/")
+        if name.startswith((PROJECT, WORK)) and name not in digests:
+            digests[name] = _hash_path(places.real_path(name))
     return digests
 
 
@@ -207,16 +120,52 @@ def changed_files(before: dict[str, str], after: dict[str, str]) -> dict[str, tu
 def append_action(
     log: Path, words: Sequence[str], code: int, files: dict[str, tuple[str, str]]
 ) -> LoggedAction:
-    """Append an action to the log and return its entry."""
-    number = len(read_action_log(log)) + 1 if log.exists() else 1
+    """Append an action to the log and return its entry.
+
+    The entry is on the disk when this function returns. A last line that a power failure has torn
+    is cut off.
+    """
+    lines = _whole_lines(log) if log.exists() else []
+    number = len(_parse_lines(lines, log, None)) + 1
     entry = LoggedAction(number, tuple(words), code=code, files=files)
-    with log.open("a", encoding="utf-8", newline="\n") as target:
-        target.write(entry.line() + "\n")
+    whole = "".join(f"{line}\n" for line in lines).encode()
+    if log.exists() and log.stat().st_size != len(whole):
+        write_text(log, whole.decode())
+    _append_line(log, entry.line())
     return entry
 
 
-def read_action_log(path: str | Path) -> list[LoggedAction]:
-    """Return the actions of a log.
+# Former name, for programs that write a log.
+append = append_action
+
+
+def _append_line(log: Path, line: str) -> None:
+    """Append a line to the log, on the disk; after an error the log is as before."""
+    size = log.stat().st_size if log.exists() else 0
+    # without a buffer: an error is raised here, and not when the file is closed
+    with log.open("ab", buffering=0) as target:
+        try:
+            rest = f"{line}\n".encode()
+            while rest:
+                rest = rest[target.write(rest) :]
+            os.fsync(target.fileno())
+        except OSError as error:
+            with suppress(OSError):
+                target.truncate(size)
+            text = f"not written: {error.strerror}; the action is done and not in the log"
+            raise OSError(error.errno, text, str(log)) from error
+
+
+def read_action_log(
+    path: str | Path, places: PlaceholderFolders | None = None
+) -> list[LoggedAction]:
+    """Return the actions of a log; a torn last line is left out.
+
+    Parameters
+    ----------
+    path : path
+    places : PlaceholderFolders, optional
+        As in `demand_allowed`.
 
     Raises
     ------
@@ -225,16 +174,54 @@ def read_action_log(path: str | Path) -> list[LoggedAction]:
     ActionError
         An entry is not an action of the workbench.
     """
+    return _parse_lines(_whole_lines(Path(path)), path, places)
+
+
+def _whole_lines(path: Path) -> list[str]:
+    """Return the lines of a log without a torn last one.
+
+    A whole line ends with a line end, and is without a zero byte, which a power failure may leave
+    in place of content that was not yet on the disk.
+    """
+    content = path.read_bytes()
+    *lines, last = content.split(b"\n")
+    if last and _is_entry(last):
+        # the last line of a log that an editor has written
+        lines.append(last)
+    while lines and b"\0" in lines[-1]:
+        del lines[-1]
+    text = b"\n".join(lines)
+    try:
+        return text.decode().split("\n") if lines else []
+    except UnicodeDecodeError as error:
+        number = text[: error.start].count(b"\n") + 1
+        raise ParseError(str(path), number, "bytes that are not UTF-8", _EXPECTED) from error
+
+
+def _is_entry(line: bytes) -> bool:
+    try:
+        _parse_entry(line.decode())
+    except _FAULTS:
+        return False
+    return True
+
+
+def _parse_lines(
+    lines: Sequence[str], path: str | Path, places: PlaceholderFolders | None
+) -> list[LoggedAction]:
+    """Return the entries of the lines of a log."""
     entries = []
-    for number, line in enumerate(Path(path).read_text(encoding="utf-8").splitlines(), start=1):
+    for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         try:
             entry = _parse_entry(line)
-        except (ValueError, TypeError, AttributeError) as error:
-            expected = f"JSON with the keys {', '.join(sorted(_LOG_KEYS))}"
-            raise ParseError(str(path), number, line[:60], expected) from error
-        demand_allowed(entry.words)
+        except _FAULTS as error:
+            raise ParseError(str(path), number, line[:60], _EXPECTED) from error
+        demand_allowed(entry.words, places)
+        for name in entry.files:
+            if not is_inside_folders(name):
+                raise ActionError(f"action {entry.number}: {name!r} leads out of the project")
         entries.append(entry)
     return entries
 
@@ -286,7 +273,7 @@ def _last_done_action(
     name: str, states: Sequence[tuple[int, str, str]], places: PlaceholderFolders
 ) -> int:
     """Return the last action that left a file as it is now; 0 if all actions are to be done."""
-    present = _hash_path(_real_path(name, places))
+    present = _hash_path(places.real_path(name))
     done = [number for number, _, after in states if after == present]
     if done:
         return done[-1]

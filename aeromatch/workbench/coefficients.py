@@ -21,13 +21,14 @@ from pathlib import Path
 import xarray as xr
 
 import flighttest
-from aeromatch.workbench.actions import ActionError
+from aeromatch.workbench.allowed_actions import ActionError
 from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.processes import WorkbenchJob
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import remove_leftovers, written_atomically
 from flightmech.support.input_files import file_sha256
+from flightmech.support.netcdf_writing import write_netcdf
 from pom.replaying.caches import reconstruction_digest
 
 FOLDER = "coefficients"
@@ -196,7 +197,7 @@ def write_coefficients(
     coefficients = flighttest.coefficients(path, read_aircraft(aircraft), dict(errors), cutoff)
     target.parent.mkdir(parents=True, exist_ok=True)
     with written_atomically(target) as part:
-        coefficients.to_netcdf(part, engine="h5netcdf")
+        write_netcdf(coefficients, part)
 
 
 def _hash_inputs(

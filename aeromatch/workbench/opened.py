@@ -14,7 +14,7 @@ import xarray as xr
 
 import flighttest
 from aeromatch.project.project import Project, read_project
-from aeromatch.workbench.actions import PlaceholderFolders
+from aeromatch.workbench.allowed_actions import PlaceholderFolders
 from aeromatch.workbench.processes import WorkbenchJob
 from flightmech.aircraft.aircraft import Aircraft, read_aircraft
 from flightmech.errors import UnknownName

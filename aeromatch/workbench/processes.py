@@ -215,8 +215,10 @@ class Jobs:
             job.state = "done" if is_done else "failed"
         # An error of the server is reported by the job, and the queue continues.
         except Exception as error:
-            job.err.write_text(f"error: {error}\n", encoding="utf-8")
             job.state = "failed"
+            # The disk may be full.
+            with contextlib.suppress(OSError):
+                job.err.write_text(f"error: {error}\n", encoding="utf-8", errors="backslashreplace")
 
     def _start_process(
         self, arguments: Sequence[str], out: BinaryIO, err: BinaryIO

@@ -6,13 +6,15 @@ import contextlib
 import hashlib
 import hmac
 import json
+import math
 import mimetypes
 import secrets
 import socket
 import threading
+import traceback
 from collections.abc import Callable, Mapping
 from contextlib import asynccontextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from starlette.applications import Starlette
@@ -23,10 +25,13 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from aeromatch.workbench import actions, databases, identification, matching, records
+from aeromatch.workbench.allowed_actions import ActionError, demand_allowed, is_writable_text
 from aeromatch.workbench.opened import MATCH, OpenProject
 from aeromatch.workbench.processes import Jobs, WorkbenchJob
 from flightmech.errors import AeromatchError
+from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import to_json_types
+from pom.report.writer import PARTS
 
 TOKEN_HEADER = "x-aeromatch-token"
 _SOURCES = (
@@ -66,10 +71,11 @@ def kept_token(file: Path) -> str:
     if len(token) >= _TOKEN_LENGTH:
         return token
     token = secrets.token_urlsafe(32)
-    # The mode is set before the file has a content.
     file.unlink(missing_ok=True)
-    file.touch(mode=0o600)
-    file.write_text(token + "\n", encoding="ascii")
+    with written_atomically(file) as part:
+        # The mode is set before the file has a content.
+        part.touch(mode=0o600)
+        part.write_text(token + "\n", encoding="ascii")
     return token
 
 
@@ -171,6 +177,8 @@ _UPLOT = Path(__file__).parents[2] / "pom" / "report" / "static" / "uplot"
 _MOST_BODY = 1_000_000
 # Greatest time that a request waits for the end of its job. [s]
 _MOST_WAIT = 60.0
+# Greatest number of digits of the number of a job.
+_MOST_DIGITS = 9
 
 
 class Workbench:
@@ -271,17 +279,24 @@ class Workbench:
                 if text is None:
                     return _refuse_request(f"more than {_MOST_BODY} bytes", 413)
                 try:
-                    body = json.loads(text or b"null")
-                except ValueError:
-                    return _refuse_request("the body is not a JSON", 400)
+                    body = _parse_body(text)
+                except (ValueError, RecursionError) as error:
+                    return _refuse_request(f"the body is not a JSON of the page: {error}", 400)
             query = dict(request.query_params)
+            if not all(map(is_writable_text, (*query, *query.values()))):
+                return _refuse_request("a zero byte in the query", 400)
             try:
                 content = await run_in_threadpool(function, self.opened, query, body)
+                if isinstance(content, bytes):
+                    return Response(content, media_type="application/octet-stream")
+                return AsciiJson(to_json_types(content))
             except (AeromatchError, OSError) as error:
                 return _describe_error(error)
-            if isinstance(content, bytes):
-                return Response(content, media_type="application/octet-stream")
-            return JSONResponse(to_json_types(content))
+            # Values of another type than the page sends, in places that no check names.
+            except Exception as error:
+                traceback.print_exc()
+                reason = f"the request cannot be answered ({type(error).__name__}: {error})"
+                return _refuse_request(f"{reason}; the terminal of the server has details", 422)
 
         return respond
 
@@ -290,11 +305,11 @@ class Workbench:
         words = body.get("words") if isinstance(body, dict) else None
         if not isinstance(words, list):
             words = []
-        actions.demand_allowed(words)
+        wait = _parse_wait(body)
+        demand_allowed(words, opened.places)
         job = self.jobs.add(words)
-        wait = body.get("wait", 0.0)
-        if wait:
-            job = self.jobs.wait(job.number, min(float(wait), _MOST_WAIT))
+        if wait > 0.0:
+            job = self.jobs.wait(job.number, min(wait, _MOST_WAIT))
         return self._describe_job(job)
 
     def _describe_job(self, job: WorkbenchJob) -> dict[str, Any]:
@@ -314,7 +329,8 @@ class Workbench:
     def _output(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         """Return a job with its output."""
         number = query.get("number", "")
-        job = self._find_job(int(number) if number.isdigit() else None)
+        is_number = number.isdecimal() and len(number) <= _MOST_DIGITS
+        job = self._find_job(int(number) if is_number else None)
         return {
             **self._describe_job(job),
             "out": actions.read_command_output(job.out),
@@ -322,8 +338,9 @@ class Workbench:
         }
 
     def _find_job(self, number: Any) -> WorkbenchJob:
-        if number not in self.jobs.jobs:
-            raise actions.ActionError(f"no job {number}; there are {len(self.jobs.jobs)}")
+        # True is an int of Python
+        if type(number) is not int or number not in self.jobs.jobs:
+            raise ActionError(f"no job {number}; there are {len(self.jobs.jobs)}")
         return self.jobs.jobs[number]
 
     def _actions(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
@@ -359,7 +376,20 @@ class Workbench:
     async def _report(self, request: Request) -> Response:
         if not _is_same_secret(request.path_params["ticket"], self.ticket):
             return Response("wrong ticket", 403)
-        return _send_file(self.opened.work, request.path_params["name"])
+        return self._send_report_file(request.path_params["name"])
+
+    def _send_report_file(self, name: str) -> Response:
+        """Return a file of the report of the match or of a trial; no other file is served.
+
+        The working folder also has the token and the log.
+        """
+        for place in (f"{MATCH}/report", f"{matching.RUNS}/*"):
+            parts = name.split("/")
+            folder, inner = parts[:2], parts[2:]
+            if not inner or not PurePosixPath(*folder).match(place) or inner[0] not in PARTS:
+                continue
+            return _send_file(self.opened.work.joinpath(*folder), "/".join(inner))
+        return Response("not found", 404)
 
     async def _static(self, request: Request) -> Response:
         name = request.path_params.get("name", "") or "index.html"
@@ -378,21 +408,51 @@ async def _read_body(request: Request) -> bytes | None:
     return body
 
 
+class AsciiJson(JSONResponse):
+    """A JSON whose other characters are escaped: a file name may have half a surrogate pair."""
+
+    def render(self, content: Any) -> bytes:
+        """Return the bytes of a content."""
+        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
+
+
+def _parse_body(text: bytes) -> Any:
+    """Return the content of a body; raise ValueError for texts that a file cannot have."""
+    body = json.loads(text or b"null")
+    # the texts of a JSON, without their escape sequences
+    if not is_writable_text(json.dumps(body, ensure_ascii=False).replace("\\u0000", "\0")):
+        raise ValueError("a text with a zero byte or half a surrogate pair")
+    return body
+
+
+def _parse_wait(body: Any) -> float:
+    """Return the time that a request waits for the end of its job. [s]"""
+    wait = body.get("wait", 0.0) if isinstance(body, dict) else 0.0
+    if isinstance(wait, bool) or not isinstance(wait, int | float) or not 0.0 <= wait < math.inf:
+        raise ActionError(f"wait is {wait!r}; it is a time of 0 s or more")
+    return float(min(wait, _MOST_WAIT))
+
+
 def _refuse_request(text: str, status: int) -> Response:
-    return JSONResponse({"error": "request", "text": text}, status)
+    return AsciiJson({"error": "request", "text": text}, status)
 
 
 def _describe_error(error: Exception) -> Response:
     """Return an error with all its problems as a response."""
     problems = list(getattr(error, "problems", ()))
     content = {"error": type(error).__name__, "text": str(error), "problems": problems}
-    return JSONResponse(content, 400)
+    return AsciiJson(content, 400)
 
 
 def _send_file(folder: Path, name: str) -> Response:
     """Return a file of a folder as a response; files outside of the folder are not found."""
-    file = (folder / name).resolve()
-    if not file.is_relative_to(folder.resolve()) or not file.is_file():
+    try:
+        file = (folder / name).resolve()
+        if not file.is_relative_to(folder.resolve()) or not file.is_file():
+            return Response("not found", 404)
+        content = file.read_bytes()
+    # a zero byte, a name that is too long, a circle of links, a file without permission
+    except (OSError, ValueError, RuntimeError):
         return Response("not found", 404)
     media_type = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
-    return Response(file.read_bytes(), media_type=media_type)
+    return Response(content, media_type=media_type)

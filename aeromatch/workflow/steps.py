@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import aerodb
@@ -30,6 +29,7 @@ from flightmech.aircraft.parts import different_parts
 from flightmech.support.atomic_write import folder_written_atomically, resolve_folder
 from flightmech.support.kept_stages.sharing import open_cluster
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
+from flightmech.support.netcdf_writing import encode_netcdf
 from pom.archive.origins import ReportProvenance
 from pom.cases.case_file import plain_signatures
 from pom.checking.case_check import checks_text, with_record_checks
@@ -231,11 +231,8 @@ def _make_evidence(result: Identified, stages: Stages) -> Kept[tuple[bytes, Any]
         )
         # The lines are drawn at the flight conditions of the manoeuvres.
         conditions = tree["manoeuvres"].to_dataset().to_dataframe()
-        with TemporaryDirectory() as folder:
-            file = Path(folder) / FLOWN
-            tree.to_netcdf(file, engine="h5netcdf")
-            lines, _ = aerodb.figures.one_g_lines(final.value, aircraft.value, conditions)
-            return file.read_bytes(), lines
+        lines, _ = aerodb.figures.one_g_lines(final.value, aircraft.value, conditions)
+        return encode_netcdf(tree), lines
 
     inputs = {
         "title": result.project.title,

@@ -22,6 +22,7 @@ from datcom_io.printout.layouts import BY_NAME
 from datcom_io.printout.rows import PrintedColumn
 from datcom_io.printout.tables import PrintedTable, PrintedValues
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.netcdf_writing import write_netcdf
 
 COLUMNS = (*FIRST_COLUMNS, *AXES, *RARE_AXES, *LAST_COLUMNS)
 """All columns that a frame of cells may have.
@@ -170,7 +171,7 @@ def write_tree(tree: xr.DataTree, path: str | os.PathLike[str]) -> None:
         File to write; its folder must exist.
     """
     with written_atomically(path) as part:
-        tree.to_netcdf(part, engine="h5netcdf")
+        write_netcdf(tree, part)
 
 
 def write_cells(cases: Iterable[PrintedCase], path: str | os.PathLike[str]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections import Counter
 from typing import Any, NamedTuple
@@ -73,15 +74,18 @@ def write_matlab(
         f"written from {listing.file} by aeromatch; constant columns stand in every row; left out:"
     )
     history = "\n".join([title, *left_out])
+    # SciPy hides the error of a file that cannot be opened
+    content = io.BytesIO()
+    savemat(
+        content,
+        {"aero": structures, "history": history},
+        appendmat=False,
+        format="5",
+        long_field_names=True,
+        oned_as="row",
+    )
     with written_atomically(path) as part:
-        savemat(
-            part,
-            {"aero": structures, "history": history},
-            appendmat=False,
-            format="5",
-            long_field_names=True,
-            oned_as="row",
-        )
+        part.write_bytes(content.getvalue())
     return left_out
 
 

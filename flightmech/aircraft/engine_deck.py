@@ -33,6 +33,7 @@ from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.support.netcdf_trees import read_netcdf_tree
+from flightmech.support.netcdf_writing import write_netcdf
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import check_term, make_term
@@ -360,7 +361,7 @@ def write_tables(tables: Mapping[str, xr.Dataset], path: Path, **attributes: str
     """Write the leaves of a deck to a netCDF file, one group per target."""
     tree = xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in tables.items()})
     tree.attrs.update(attributes)
-    tree.to_netcdf(path, engine="h5netcdf")
+    write_netcdf(tree, path)
 
 
 def _check_tables(tables: Mapping[str, xr.Dataset]) -> Iterator[str]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,8 @@ from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import CONDITIONS, LandingGear
 from flightmech.aircraft.landing_gear_file import ORDERS
-from flightmech.support.atomic_write import write_text, written_atomically
+from flightmech.support.atomic_write import written_atomically
+from flightmech.support.netcdf_writing import write_netcdf
 
 # keys before the first section of the file
 _MAIN_KEYS = (
@@ -55,13 +57,26 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
         The TOML file.
     """
     path = Path(path)
-    # before the other files, so that an error in a table leaves an older TOML file unchanged
-    files = _write_engine_tables(aircraft.engines, path)
+    # All files are complete under temporary names before the first one is renamed: otherwise an
+    # older TOML file would stay with new tables after a failed write.
+    with ExitStack() as parts:
+        lines = _write_all_tables(aircraft, path, parts)
+        part = parts.enter_context(written_atomically(path))
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="")
+    return path
+
+
+def _write_all_tables(aircraft: Aircraft, path: Path, parts: ExitStack) -> list[str]:
+    """Write the tables to temporary files, and return the lines of the TOML file.
+
+    The files get their names at the end of `parts`.
+    """
+    files = _write_engine_tables(aircraft.engines, path, parts)
     lines = _main_lines(aircraft)
     for engine, file in zip(aircraft.engines, files, strict=True):
         lines += _engine_lines(engine, file)
     if aircraft.fuel is not None:
-        lines += _write_fuel(aircraft.fuel, path)
+        lines += _write_fuel(aircraft.fuel, path, parts)
     if aircraft.gear is not None:
         lines += _gear_lines(aircraft.gear)
     facts = aircraft.facts.known()
@@ -79,8 +94,7 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
         lines += ["", f"[circuit.{name}]", *_field_lines(circuit, changed)]
     for name, table in aircraft.instruments.items():
         lines += ["", f"[instruments.{name}]", *_key_lines(table)]
-    write_text(path, "\n".join(lines) + "\n")
-    return path
+    return lines
 
 
 def _main_lines(aircraft: Aircraft) -> list[str]:
@@ -93,7 +107,7 @@ def _main_lines(aircraft: Aircraft) -> list[str]:
     return lines
 
 
-def _write_engine_tables(engines: tuple[Engine, ...], path: Path) -> list[str]:
+def _write_engine_tables(engines: tuple[Engine, ...], path: Path, parts: ExitStack) -> list[str]:
     """Write the tables of the engines, and return the name of the file of each engine.
 
     Engines with the same tables share a file. The name of an engine without tables is empty.
@@ -109,11 +123,11 @@ def _write_engine_tables(engines: tuple[Engine, ...], path: Path) -> list[str]:
             files.append(shared[0])
             continue
         files.append(f"{path.stem}_engine{i + 1}.nc")
-        with written_atomically(path.with_name(files[-1])) as part:
-            if engine.thrust is not None:
-                engine.thrust.to_netcdf(part, engine="h5netcdf")
-            elif engine.deck is not None:
-                write_tables(engine.deck.tables, part)
+        part = parts.enter_context(written_atomically(path.with_name(files[-1])))
+        if engine.thrust is not None:
+            write_netcdf(engine.thrust, part)
+        elif engine.deck is not None:
+            write_tables(engine.deck.tables, part)
     return files
 
 
@@ -169,14 +183,13 @@ def _gear_lines(gear: LandingGear) -> list[str]:
     return lines
 
 
-def _write_fuel(fuel: Fuel, path: Path) -> list[str]:
+def _write_fuel(fuel: Fuel, path: Path, parts: ExitStack) -> list[str]:
     """Write the tables of the fuel, and return the lines of its section."""
     lines = ["", "[fuel]", *_field_lines(fuel, ("mass", "position"))]
     if not fuel.tables:
         return lines
     file = f"{path.stem}_fuel.nc"
-    with written_atomically(path.with_name(file)) as part:
-        write_tables(fuel.tables, part)
+    write_tables(fuel.tables, parts.enter_context(written_atomically(path.with_name(file))))
     return [*lines, f"file = {_to_toml(file)}"]
 
 

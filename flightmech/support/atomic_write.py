@@ -23,6 +23,8 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
+from flightmech.errors import SchemaError
+
 if sys.platform != "win32":
     import fcntl
 
@@ -141,21 +143,28 @@ def written_atomically(
             yield part
             if durable:
                 _flush_to_disk(part)
-        with _locked(path.parent):
-            if before is not None:
-                before(path)
-            _copy_mode(path, part)
-            os.replace(part, path)
+            with _locked(path.parent):
+                if before is not None:
+                    before(path)
+                _copy_mode(path, part)
+                os.replace(part, path)
         # the new name of the file is a change of the folder
         if durable:
-            _flush_to_disk(path.parent)
+            with _name_disk_errors(path, _AFTER_RENAMING):
+                _flush_to_disk(path.parent)
     finally:
-        part.unlink(missing_ok=True)
+        # an error of the removal would hide that of the block; the next writing removes the rest
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+_BEFORE_RENAMING = "not written: {}; make room or name another place"
+_AFTER_RENAMING = "written, but a power failure may lose it: {}; write it again"
 
 
 @contextmanager
-def _name_disk_errors(path: Path) -> Iterator[None]:
-    """Add the path to an error of the disk.
+def _name_disk_errors(path: Path, text: str = _BEFORE_RENAMING) -> Iterator[None]:
+    """Add the path to an error of the disk, with a text about the state of the file.
 
     Errors of `write` have no file name, and errors of HDF5 have no errno.
     """
@@ -165,8 +174,7 @@ def _name_disk_errors(path: Path) -> Iterator[None]:
         number = _disk_error_number(error)
         if number is None:
             raise
-        text = f"not written: {os.strerror(number)}; make room or name another place"
-        raise OSError(number, text, str(path)) from error
+        raise OSError(number, text.format(os.strerror(number)), str(path)) from error
 
 
 def _disk_error_number(error: OSError) -> int | None:
@@ -179,13 +187,53 @@ def _disk_error_number(error: OSError) -> int | None:
     return None
 
 
-def write_text(path: str | os.PathLike[str], text: str, encoding: str = "utf-8") -> None:
+def write_text(
+    path: str | os.PathLike[str],
+    text: str,
+    encoding: str = "utf-8",
+    before: Callable[[Path], None] | None = None,
+) -> None:
     """Write a text file atomically, without a change of its line ends.
 
-    The errors are those of `written_atomically`.
+    The parameter `before` and the errors are those of `written_atomically`.
     """
-    with written_atomically(path) as part:
+    with written_atomically(path, before) as part:
         part.write_text(text, encoding=encoding, newline="")
+
+
+class ContentAsRead:
+    """Content of a file that a command reads, changes and writes again.
+
+    Its method `demand_unchanged` is the parameter `before` of `written_atomically`. Of two commands
+    that change a file at the same time, the second one to write it is refused: it would write the
+    file without the change of the first one.
+
+    Parameters
+    ----------
+    path : path
+        The file; it need not exist.
+
+    Attributes
+    ----------
+    content : bytes or None
+        None without a file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.content = _content_of(Path(path))
+
+    def demand_unchanged(self, path: Path) -> None:
+        """Raise `SchemaError` if the file is not what was read."""
+        if _content_of(path) != self.content:
+            text = "was changed by another program after it was read here; repeat the command"
+            raise SchemaError(str(path), [text])
+
+
+def _content_of(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
 
 
 def resolve_file(path: str | os.PathLike[str]) -> Path:
@@ -261,25 +309,26 @@ def folder_written_atomically(
     """
     path = resolve_folder(path)
     part = _make_temporary_path(path)
-    part.mkdir()
     try:
         with _name_disk_errors(path):
+            part.mkdir()
             yield part
             # a disk flushes many files in parallel in the time of a few
             with ThreadPoolExecutor(_PARALLEL_FLUSHES) as pool:
                 list(pool.map(_flush_to_disk, part.rglob("*")))
-        if own is not None and path.is_dir():
-            _link_foreign_items(path, part, own)
-        _flush_to_disk(part)
-        if path.exists():
-            part.chmod(stat.S_IMODE(path.stat().st_mode))
-            _exchange(part, path)
-        else:
-            os.replace(part, path)
-        # items that were added to the older folder in the meantime
-        if own is not None and part.is_dir():
-            _link_foreign_items(part, path, own)
-        _flush_to_disk(path.parent)
+            if own is not None and path.is_dir():
+                _link_foreign_items(path, part, own)
+            _flush_to_disk(part)
+            if path.exists():
+                part.chmod(stat.S_IMODE(path.stat().st_mode))
+                _exchange(part, path)
+            else:
+                os.replace(part, path)
+        with _name_disk_errors(path, _AFTER_RENAMING):
+            # items that were added to the older folder in the meantime
+            if own is not None and part.is_dir():
+                _link_foreign_items(part, path, own)
+            _flush_to_disk(path.parent)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 

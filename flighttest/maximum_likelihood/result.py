@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.netcdf_writing import write_netcdf
 from flighttest.maximum_likelihood.residual_covariance import ResidualNoise, innovation_coupling
 from flighttest.maximum_likelihood.search import (
     CONVERGED,
@@ -320,7 +321,7 @@ def save_output_error(fit: OutputError, path: str | os.PathLike) -> None:
     for number, residual in enumerate(fit.residuals, start=1):
         groups[f"/residuals/{number}"] = residual
     with written_atomically(Path(path)) as part:
-        xr.DataTree.from_dict(groups).to_netcdf(part, engine="h5netcdf", mode="w")
+        write_netcdf(groups, part)
 
 
 def open_output_error(path: str | os.PathLike) -> OutputError:

@@ -15,6 +15,7 @@ import xarray as xr
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.hdf5_seal import write_seal
+from flightmech.support.netcdf_writing import write_netcdf
 from flighttest.records.readers.clocks import Clocks, TableClock
 from flighttest.records.readers.columns import clear_unit
 from flighttest.records.readers.formats.chapter10.packets import index_packets
@@ -179,29 +180,20 @@ def save_record(record: xr.DataTree, path: str | Path) -> None:
 
 def _save_sealed(groups: Mapping[str, xr.Dataset], target: Path) -> None:
     with written_atomically(target) as part:
-        _write_netcdf(groups, part)
+        write_netcdf(groups, part, _compress_histories)
         write_seal(part)
 
 
 def write_groups(groups: Mapping[str, xr.Dataset], target: Path) -> None:
     """Write groups of a netCDF file atomically; time histories are compressed."""
     with written_atomically(target) as part:
-        _write_netcdf(groups, part)
+        write_netcdf(groups, part, _compress_histories)
 
 
-def _write_netcdf(groups: Mapping[str, xr.Dataset], part: Path) -> None:
-    mode: Any = "w"
-    for group, data in groups.items():
-        encoding: dict[str, Any] = {}
-        for name, variable in data.data_vars.items():
-            if variable.dims[-1:] == ("time",) and variable.dtype.kind == "f":
-                encoding[str(name)] = {"zlib": True, "complevel": 4}
-        data.to_netcdf(
-            part,
-            mode=mode,
-            group=None if group == "/" else group.strip("/"),
-            engine="h5netcdf",
-            encoding=encoding,
-        )
-        # Further groups join the file of the first one.
-        mode = "a"
+def _compress_histories(data: xr.Dataset) -> dict[str, Any]:
+    """Return the encoding of a group: time histories of numbers are compressed."""
+    encoding: dict[str, Any] = {}
+    for name, variable in data.data_vars.items():
+        if variable.dims[-1:] == ("time",) and variable.dtype.kind == "f":
+            encoding[str(name)] = {"zlib": True, "complevel": 4}
+    return encoding

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +20,7 @@ import xarray as xr
 from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import ParseError, SchemaError, UnitError
-from flightmech.support.atomic_write import write_text
+from flightmech.support.atomic_write import ContentAsRead, write_text
 from flightmech.support.input_files import WESTERN, csv_rows, read_text, read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity
@@ -178,7 +179,11 @@ def _check_columns(names: list[str], path: Path) -> None:
         raise SchemaError(str(path), [f"{problem}; {allowed}" for problem in problems])
 
 
-def write_manoeuvres(tables: dict[str, pd.DataFrame], path: str | Path) -> None:
+def write_manoeuvres(
+    tables: dict[str, pd.DataFrame],
+    path: str | Path,
+    before: Callable[[Path], None] | None = None,
+) -> None:
     """Write manoeuvres as a CSV table that `read_manoeuvres` reads.
 
     Parameters
@@ -187,6 +192,8 @@ def write_manoeuvres(tables: dict[str, pd.DataFrame], path: str | Path) -> None:
         By record, with the columns of `flighttest.manoeuvres`, and ``confidence`` where known.
     path : path
         Written atomically.
+    before : callable, optional
+        As in `flightmech.support.atomic_write.written_atomically`.
     """
     target = io.StringIO()
     writer = csv.writer(target, lineterminator="\n")
@@ -199,7 +206,7 @@ def write_manoeuvres(tables: dict[str, pd.DataFrame], path: str | Path) -> None:
                 confidence = f"{confidence:.2f}"
             note = row.get("note", "")
             writer.writerow([record, row["manoeuvre"], row["control"], *times, confidence, note])
-    write_text(path, target.getvalue())
+    write_text(path, target.getvalue(), before=before)
 
 
 def with_manoeuvres(record: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
@@ -248,11 +255,12 @@ def edit_manoeuvres(
     ------
     SchemaError
         The table is TOML, or has no such row.  A manoeuvre has no kind or time, or ends before it
-        starts.
+        starts.  Another program changed the table in the meantime.
     """
     path = Path(path)
     if path.suffix.lower() == ".toml":
         raise SchemaError(str(path), ["a table in TOML is edited by hand; name a CSV file"])
+    as_read = ContentAsRead(path)
     tables = _read_rows(path) if path.exists() else {}
     rows = tables.get(record)
     if rows is None:
@@ -266,7 +274,8 @@ def edit_manoeuvres(
         rows.append(_change_row(old, change, record, path))
     rows.sort(key=lambda item: item["start"])
     tables[record] = rows
-    write_manoeuvres({name: pd.DataFrame(items) for name, items in tables.items() if items}, path)
+    marked = {name: pd.DataFrame(items) for name, items in tables.items() if items}
+    write_manoeuvres(marked, path, as_read.demand_unchanged)
     return pd.DataFrame(rows, columns=_RECORD_COLUMNS)
 
 

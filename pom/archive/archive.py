@@ -28,6 +28,7 @@ from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
 from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.support.input_files import file_sha256
+from flightmech.support.netcdf_writing import encode_hdf5
 from pom.archive.origins import case_found_from, case_seen_from
 from pom.cases.case import PomCase
 from pom.fmu.run_cache import FileState
@@ -91,7 +92,8 @@ def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]
     }
     if archive.tunings:
         head["tunings"] = to_json_types(archive.tunings)
-    with h5py.File(path, "w") as file:
+
+    def fill(file: h5py.File) -> None:
         _write_document(file, head)
         if archive.chapters:
             file.create_dataset(
@@ -102,6 +104,8 @@ def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]
             )
         for key, result in zip(keys, archive.results, strict=True):
             _write_result(file.create_group(key), result, Path(path).parent)
+
+    Path(path).write_bytes(encode_hdf5(fill))
 
 
 def read_archive(path: str | os.PathLike) -> Archive:

@@ -25,6 +25,7 @@ import flightmech
 import flighttest
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.kept_stages.content_hashes import content_hash
+from flightmech.support.netcdf_writing import write_netcdf
 from flighttest.records.stored_groups import plain_group
 from pom.cases.case import PomCase
 from pom.cases.reference_states import recorded_states
@@ -76,7 +77,7 @@ class KeptStates:
         if file is not None:
             file.parent.mkdir(parents=True, exist_ok=True)
             with written_atomically(file) as part:
-                states.to_netcdf(part, engine="h5netcdf")
+                write_netcdf(states, part)
         return states
 
     def identity(self, case: PomCase) -> str:

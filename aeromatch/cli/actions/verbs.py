@@ -16,6 +16,7 @@ import click
 from aeromatch.cli.actions.plan import print_plan
 from aeromatch.rebuilding.finished import Finished, Watched
 from flightmech.errors import AeromatchWarning, SchemaError
+from flightmech.support.atomic_write import folder_written_atomically
 from flightmech.support.console import (
     command_line,
     print_json,
@@ -77,22 +78,28 @@ def copy_example(name: str, folder: Path, inputs_only: bool = False) -> list[Pat
             "example", [f"{folder} exists and is not an empty folder; name a new one"]
         )
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
-        made = Path(scratch) / name
-        made.mkdir()
-        for item in sorted(source.iterdir()):
-            if item.name == "__pycache__" or (inputs_only and item.name not in INPUTS):
-                continue
-            if item.is_dir():
-                shutil.copytree(item, made / item.name)
-            else:
-                shutil.copy(item, made / item.name)
-        if folder.exists():  # and is empty; it may be the current one, which must stay
+    if folder.exists() and folder.resolve() in (Path.cwd(), *Path.cwd().parents):
+        # the current folder must stay
+        with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
+            made = Path(scratch)
+            _copy_items(source, made, inputs_only)
             for item in list(made.iterdir()):
                 os.replace(item, folder / item.name)
-        else:
-            os.replace(made, folder)
+    else:
+        with folder_written_atomically(folder) as made:
+            _copy_items(source, made, inputs_only)
     return sorted(file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
+
+
+def _copy_items(source: Path, folder: Path, inputs_only: bool) -> None:
+    """Copy the files of an example into a folder."""
+    for item in sorted(source.iterdir()):
+        if item.name == "__pycache__" or (inputs_only and item.name not in INPUTS):
+            continue
+        if item.is_dir():
+            shutil.copytree(item, folder / item.name)
+        else:
+            shutil.copy(item, folder / item.name)
 
 
 def run_example(name: str, folder: Path, inputs_only: bool, as_json: bool) -> None:
@@ -173,19 +180,12 @@ def _replayed(project: Path, output: Path, log: Path) -> bool:
     is one of them.
     """
     # a match without a change loads nothing that computes
-    from aeromatch.workbench.actions import (
-        PlaceholderFolders,
-        carry_out,
-        last_match,
-        read_action_log,
-        to_do,
-    )
+    from aeromatch.workbench.actions import carry_out, last_match, read_action_log, to_do
+    from aeromatch.workbench.allowed_actions import PlaceholderFolders
 
     output.mkdir(parents=True, exist_ok=True)
-    places, entries = (
-        PlaceholderFolders(project.resolve().parent, output.resolve()),
-        read_action_log(log),
-    )
+    places = PlaceholderFolders(project.resolve().parent, output.resolve())
+    entries = read_action_log(log, places)
     left = to_do(entries, places)
     for text in carry_out(left, places, timed_step):
         print_remark(text)

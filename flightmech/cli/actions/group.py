@@ -27,6 +27,7 @@ from flightmech.support.console import (
     show_progress,
 )
 from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.netcdf_writing import write_netcdf
 from flightmech.units import from_si, parse_quantity, to_si
 
 _DIGITS = 9  # behind the point: less than that is rounding
@@ -265,7 +266,7 @@ def _write(found: xr.Dataset, output: str) -> None:
         if Path(output).suffix == ".csv":
             found.to_dataframe().to_csv(part)
         else:
-            found.to_netcdf(part, engine="h5netcdf")
+            write_netcdf(found, part)
 
 
 def run_write(aircraft: str, database: str, output: str, version: str, as_json: bool) -> None:

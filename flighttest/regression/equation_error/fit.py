@@ -25,6 +25,7 @@ from flightmech.names import quantity_attributes
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.figures import html_table
 from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.netcdf_writing import write_netcdf
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit_remarks import FitData, fit_figure, remarks_of
 from flighttest.regression.equation_error.model import RegressionModel, term_regressors
@@ -335,7 +336,7 @@ def save_fit(fit: Fit, path: str | os.PathLike) -> None:
         }
     )
     with written_atomically(path) as part:
-        tree.to_netcdf(part, engine="h5netcdf", mode="w")
+        write_netcdf(tree, part)
 
 
 def open_fit(path: str | os.PathLike) -> Fit:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -110,3 +112,32 @@ def test_the_t37_with_deck_gear_fuel_and_circuits(tmp_path):
     found = flightmech.read_aircraft(flightmech.write_aircraft(changed, tmp_path / "a.toml"))
     assert flightmech.aircraft.different_parts(found, changed) == []
     assert flightmech.aircraft.different_parts(found, known) == ["gear/nose", "gear/runway"]
+
+
+def test_tables_and_file_of_an_aircraft_are_replaced_together(tmp_path, monkeypatch):
+    """A TOML file of before with the tables of now would be another aircraft."""
+    aircraft = craft()
+    target = flightmech.write_aircraft(aircraft, tmp_path / "a.toml")
+    before = {item.name: item.read_bytes() for item in tmp_path.iterdir()}
+    assert len(before) > 1
+    engines = []
+    for engine in aircraft.engines:
+        if engine.thrust is not None:
+            thrust = engine.thrust.assign(value=1.1 * engine.thrust["value"])
+            engine = dataclasses.replace(engine, thrust=thrust)
+        engines.append(engine)
+    changed = dataclasses.replace(aircraft, engines=tuple(engines), name="other")
+
+    def fail(*arguments, **options):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        # the tables are written with write_bytes
+        patch.setattr(Path, "write_text", fail)
+        with pytest.raises(OSError, match="not written"):
+            flightmech.write_aircraft(changed, target)
+    assert {item.name: item.read_bytes() for item in tmp_path.iterdir()} == before
+    flightmech.write_aircraft(changed, target)
+    now = {item.name: item.read_bytes() for item in tmp_path.iterdir()}
+    assert now["a.toml"] != before["a.toml"]
+    assert now["a_engine1.nc"] != before["a_engine1.nc"]

@@ -1,0 +1,274 @@
+"""Verbs of the command line whose calls that write fail, one call after the other.
+
+Each call fails once (no space on the disk), or with all later ones (defective disk), or the process
+is killed there. Each file or folder must then be as before the verb or as after it. A verb that
+did not write has exit code 2 and one line with the name of the file.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import hashlib
+import json
+import os
+import random
+import shlex
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import write_calls
+
+C182 = Path(__file__).parents[1] / "data" / "c182"
+# errno of the failed call, 0 for a kill; whether all later calls fail too
+KINDS = {"full disk": (errno.ENOSPC, 0), "defective disk": (errno.EIO, 1), "killed": (0, 0)}
+# Greatest number of failed calls of a verb and kind: in .ci/run, and in .ci/nightly.
+FEW, MANY = 3, 40
+FLIGHT = "flight/check_roll.csv"
+
+
+@dataclass(frozen=True)
+class Verb:
+    """A command in a folder with inputs, and the files or folders that it writes."""
+
+    words: str
+    inputs: str
+    targets: str
+
+    def command(self) -> list[str]:
+        return shlex.split(self.words)
+
+
+VERBS = {
+    "set": Verb("set aeromatch.toml title Hallo", "c182", "aeromatch.toml"),
+    "trial": Verb(
+        "set cases/dutch_roll.toml case.window.0 4.5 --trial cases/trial.toml",
+        "c182",
+        "cases/trial.toml",
+    ),
+    "mark": Verb(
+        "flight mark manoeuvres.csv cruise --kind doublet --control elevator --span 1 2",
+        "c182",
+        "manoeuvres.csv",
+    ),
+    "convert": Verb(f"flight convert {FLIGHT} --names names.toml -o r.nc", "c182", "r.nc"),
+    "cut": Verb("flight cut r.nc 2 5 -o cut.nc", "r.nc", "cut.nc"),
+    "manoeuvres": Verb(
+        f"flight manoeuvres {FLIGHT} --names names.toml --find -o m.csv --figure m.png",
+        "c182",
+        "m.csv m.png",
+    ),
+    "reconstruct": Verb("flight reconstruct r.nc --aircraft aircraft.toml -o p.nc", "r.nc", "p.nc"),
+    "identify": Verb(
+        "flight identify p.nc --aircraft aircraft.toml --model CY=1+beta -o fit.nc",
+        "p.nc",
+        "fit.nc",
+    ),
+    "select": Verb(
+        "flight select p.nc --aircraft aircraft.toml --coefficient CY --variables 'beta phat rhat' -o s.nc",
+        "p.nc",
+        "s.nc",
+    ),
+    "check": Verb(
+        f"flight check {FLIGHT} --names names.toml --aircraft aircraft.toml -o q.html",
+        "c182",
+        "q.html",
+    ),
+    "plot a record": Verb("flight plot r.nc -o r.png", "r.nc", "r.png"),
+    "datcom cells": Verb("datcom cells datcom/aileron.out -o c.csv", "c182", "c.csv"),
+    "datcom convert": Verb("datcom convert datcom/aileron.out -o a.nc", "c182", "a.nc"),
+    "build": Verb("db build aircraft.toml datcom/clean.out -o db.nc", "c182", "db.nc"),
+    "edit": Verb("db edit db.nc scale CL/basic --by 1.1 -o db.nc", "db.nc", "db.nc"),
+    "export a folder": Verb("db export db.nc -o tables --to csv", "db.nc", "tables"),
+    "export daveml": Verb("db export db.nc -o db.dml --to daveml", "db.nc", "db.dml"),
+    "export matlab": Verb("db export db.nc -o db.mat --to matlab", "db.nc", "db.mat"),
+    "fmu": Verb("fmu write aircraft.toml db.nc -o m.fmu", "db.nc", "m.fmu"),
+    "pom init": Verb(
+        f"pom init {FLIGHT} --test 2.d.7 --names names.toml --aircraft aircraft.toml -o c.toml",
+        "c182",
+        "c.toml",
+    ),
+    "pom run": Verb(
+        "pom run cases/dutch_roll.toml --model m=m.fmu --no-pdf -o rep -j1", "m.fmu", "rep"
+    ),
+    "pom report": Verb("pom report rep -o again --no-pdf", "rep", "again"),
+    "pom schema": Verb("pom schema -o s.json", "c182", "s.json"),
+    "schema": Verb("schema project -o p.json", "c182", "p.json"),
+    "example": Verb("example c182 new --inputs-only", "c182", "new"),
+}
+# Verbs that make the inputs of others.
+MAKERS = {
+    "r.nc": "convert",
+    "p.nc": "reconstruct",
+    "db.nc": "build",
+    "m.fmu": "fmu",
+    "rep": "pom run",
+}
+
+
+def run_verb(words: list[str]) -> int:
+    """Run the command line in this process, and return its exit code."""
+    from aeromatch.cli import main
+
+    sys.argv = ["aeromatch", *words]
+    try:
+        main()
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(bool(end.code))
+    return 0
+
+
+def make_inputs(name: str, folder: Path) -> None:
+    """Fill a folder with the inputs of a verb."""
+    shutil.copytree(C182, folder, dirs_exist_ok=True)
+    # A folder with the name of the input: the makers run there, one after the other.
+    if name in MAKERS:
+        verb = VERBS[MAKERS[name]]
+        make_inputs(verb.inputs, folder)
+        os.chdir(folder)
+        assert run_verb(verb.command()) in (0, 1), name
+
+
+def state_of(path: Path) -> object:
+    """Return what a file or folder holds; None without one."""
+    if path.is_dir():
+        files = sorted(item for item in path.rglob("*") if item.is_file())
+        return [(str(file.relative_to(path)), state_of(file)) for file in files]
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else None
+
+
+class Trials:
+    """Runs of one verb in children of this process, each in a fresh folder with the inputs."""
+
+    def __init__(self, verb: Verb, folder: Path) -> None:
+        self.verb, self.log = verb, folder / "log"
+        self.inputs, self.work = folder / "inputs", folder / "run"
+        self.library = ctypes.CDLL(os.environ["LD_PRELOAD"])
+        self.library.count_of_calls.restype = ctypes.c_long
+        make_inputs(verb.inputs, self.inputs)
+
+    def refresh(self) -> list[object]:
+        """Make a fresh folder, and return the states of the targets."""
+        os.chdir(self.inputs)
+        shutil.rmtree(self.work, ignore_errors=True)
+        # links: a verb that changes a file in place would change the inputs, which is a fault too
+        shutil.copytree(self.inputs, self.work, copy_function=os.link)
+        return self.states()
+
+    def states(self) -> list[object]:
+        return [state_of(self.work / name) for name in self.verb.targets.split()]
+
+    def run(self, number: int = 0, error: int = 0, stays: int = 0) -> tuple[int, str, int]:
+        """Run the verb in a child, and return its exit code, its output and its calls."""
+        child = os.fork()
+        if child == 0:
+            log = os.open(self.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(log, 1)
+            os.dup2(log, 2)
+            os.chdir(self.work)
+            folder, call = str(self.work).encode(), ctypes.c_long(number)
+            if number and not error:
+                self.library.kill_at_call(folder, call)
+            else:
+                self.library.fail_at_call(folder, call, error or errno.EIO, stays)
+            code = run_verb(self.verb.command())
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os.write(log, b"\n@@%d" % self.library.count_of_calls())
+            os._exit(code)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        output, _, calls = self.log.read_text(errors="replace").partition("\n@@")
+        return code, output, int(calls or 0)
+
+    def find_faults(self, most: int) -> list[str]:
+        """Return what is wrong after failed calls."""
+        assert run_verb_quietly(self, self.verb) in (0, 1)
+        old = self.refresh()
+        code, output, calls = self.run()
+        assert code in (0, 1), output
+        new = self.states()
+        assert old != new, "the verb writes nothing"
+        assert calls > 2
+        numbers = list(range(1, calls + 1))
+        if calls > most:
+            # the first and the last calls are those of files, folders and renamings
+            inner = random.Random(1).sample(numbers[1:-1], most - 2)
+            numbers = [1, *sorted(inner), calls]
+        faults = []
+        for kind in KINDS:
+            for number in numbers:
+                self.refresh()
+                found = self.judge(kind, number, old=old, new=new)
+                faults += [f"{kind}, call {number} of {calls}: {text}" for text in found]
+        print(f"{self.verb.words}: {calls} calls, {len(numbers) * len(KINDS)} trials", flush=True)
+        return faults
+
+    def judge(self, kind: str, number: int, old: list[object], new: list[object]) -> list[str]:
+        """Let one call fail, and return what is wrong afterwards."""
+        code, output, _ = self.run(number, *KINDS[kind])
+        now, faults = self.states(), []
+        names = self.verb.targets.split()
+        for name, is_, was, will_be in zip(names, now, old, new, strict=True):
+            if is_ not in (was, will_be):
+                faults.append(f"{name} is neither old nor new (exit code {code})")
+        if kind != "killed":
+            if code in (0, 1) and now != new:
+                faults.append(f"exit code {code} without the new files")
+            if code not in (0, 1, 2):
+                faults.append(f"exit code {code}: {output[-300:]}")
+            lines = [line for line in output.splitlines() if line.startswith("error:")]
+            is_named = any(Path(name).name in line for line in lines for name in names)
+            if code == 2 and (len(lines) != 1 or not is_named):
+                faults.append(f"not one line with the name of the file: {output[-300:]}")
+        if "Traceback" in output:
+            faults.append("a traceback")
+        if now == new:
+            # some verbs do not write over their own file
+            return faults
+        again, output, _ = self.run()
+        if again not in (0, 1):
+            faults.append(f"the next run ends with {again}: {output[-300:]}")
+        left = [path.name for path in self.work.rglob("*.part")]
+        return faults + [f"{name} is left after the next run" for name in left]
+
+
+def run_verb_quietly(trials: Trials, verb: Verb) -> int:
+    """Run a verb once in this process, so that its modules are loaded in all children."""
+    trials.refresh()
+    os.chdir(trials.work)
+    return run_verb(verb.command())
+
+
+def find_faults_of_verbs(folder: Path) -> None:
+    """Try the verbs of the environment; this function runs in a process of `run_preloaded`."""
+    names, most = json.loads(os.environ["AEROMATCH_FAILED_WRITES"])
+    faults = []
+    for number, name in enumerate(names):
+        place = folder / str(number)
+        place.mkdir()
+        faults += [f"{name}: {text}" for text in Trials(VERBS[name], place).find_faults(most)]
+    assert not faults, "\n".join([f"{len(faults)} faults", *faults[:20]])
+
+
+def try_verbs(names: list[str], most: int, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AEROMATCH_FAILED_WRITES", json.dumps([names, most]))
+    write_calls.run_preloaded(find_faults_of_verbs, folder)
+
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="a library in front of the C one")
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_failed_writes_of_common_verbs(tmp_path, monkeypatch):
+    try_verbs(["set", "convert"], FEW, tmp_path, monkeypatch)
+
+
+@pytest.mark.nightly
+@pytest.mark.serial
+@pytest.mark.parametrize("name", VERBS)
+def test_failed_writes(name, tmp_path, monkeypatch):
+    try_verbs([name], MANY, tmp_path, monkeypatch)
