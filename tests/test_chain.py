@@ -25,6 +25,7 @@ ORDER = {
         "plugins",
         "axes",
         "air",
+        "flown_samples",
         "support",
         "term_checks",
         "terms",

@@ -53,7 +53,7 @@ from aerodb.store.undo_history import add_history_line, note_suffix, record_edit
 from aerodb.update.correlation import prior_covariance
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
-from flightmech.support.flown_samples import with_flown_samples
+from flightmech.flown_samples import with_flown_samples
 
 RULES = ("inverse_variance", "correlated")
 # Probability of chi-square below which two tables disagree by more than their errors.

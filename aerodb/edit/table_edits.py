@@ -37,7 +37,7 @@ from aerodb.update.cautions.notices import with_notices
 from aerodb.update.posterior import carry_covariance, without_posterior
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, OutOfRange, SchemaError, UnknownName
-from flightmech.support.flown_samples import FLOWN_SAMPLES, with_flown_samples
+from flightmech.flown_samples import FLOWN_SAMPLES, with_flown_samples
 
 # Difference from a breakpoint, relative to the axis, that is rounding of degrees or feet.
 _POINT_ROUNDING = 1e-6

@@ -19,7 +19,7 @@ from aerodb.update.observations import Observation, samples_outside
 from aerodb.update.term_decisions import CORRECTED, REPLACED
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning
-from flightmech.support.flown_samples import (
+from flightmech.flown_samples import (
     CHANNELS,
     FlownWindow,
     cut_windows,
@@ -71,7 +71,7 @@ class Tabulation(Mapping[str, Any]):
         Warnings, one line each; `aerodb.replace_terms` writes them into the history of the
         database.
     flown_samples : str
-        The samples of the fits in short form (`flightmech.support.flown_samples`), which
+        The samples of the fits in short form (`flightmech.flown_samples`), which
         `aerodb.replace_terms` writes into the database.
     """
 
@@ -133,7 +133,7 @@ def add_cautions(
 
 
 def pack_flown_samples(samples: Iterable[tuple[str, xr.Dataset]]) -> str:
-    """Return the samples of fits in short form (`flightmech.support.flown_samples`).
+    """Return the samples of fits in short form (`flightmech.flown_samples`).
 
     Published fits have no samples.
     """

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -51,10 +52,10 @@ def fly_in_child(
         Files that the child reads; they are its arguments.
     """
     content = io.BytesIO()
-    arrays: Job = {}
+    arrays: dict[str, Any] = {"count": len(jobs)}
     for i, job in enumerate(jobs):
         arrays |= {f"{i} {name}": values for name, values in job.items()}
-    np.savez(content, count=len(jobs), **arrays)
+    np.savez(content, **arrays)
     limits = read_worker_limits()
     files = [str(path.resolve()) for path in readable]
     done = run_foreign(

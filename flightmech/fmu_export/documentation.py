@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from jinja2 import PackageLoader
 
+from flightmech.flown_samples import FLOWN_SAMPLES
 from flightmech.fmu_export.description import CHOICES, Description, FmuVariable
 from flightmech.fmu_export.term_plots import TermPlot
 from flightmech.simulation.kernel import (
@@ -20,7 +21,6 @@ from flightmech.simulation.kernel import (
     list_name_groups,
 )
 from flightmech.support.figures import make_template_environment
-from flightmech.support.flown_samples import FLOWN_SAMPLES
 from flightmech.units import from_si
 
 # Description of each group of names.

@@ -10,9 +10,7 @@ import numpy as np
 import xarray as xr
 
 import aerodb
-from flightmech.simulation.compiler import SimModel, compile_files
-from flightmech.support.console import to_json_types
-from flightmech.support.flown_samples import (
+from flightmech.flown_samples import (
     CHANNELS,
     FLOWN_SAMPLES,
     FlownWindow,
@@ -20,6 +18,8 @@ from flightmech.support.flown_samples import (
     pack_windows,
     with_flown_samples,
 )
+from flightmech.simulation.compiler import SimModel, compile_files
+from flightmech.support.console import to_json_types
 from flighttest.maximum_likelihood.database_update import updated_database
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.specification import Specification

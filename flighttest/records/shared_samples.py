@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from flightmech.support.flown_samples import (
+from flightmech.flown_samples import (
     ALIKE,
     LEAST_CHANNELS,
     LEAST_OVERLAP,

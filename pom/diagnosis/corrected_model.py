@@ -11,7 +11,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.parts import different_parts, swap_parts
-from flightmech.support.flown_samples import with_flown_samples
+from flightmech.flown_samples import with_flown_samples
 from pom.diagnosis.term_swaps import swap_terms
 
 

@@ -23,11 +23,11 @@ from aerodb.store.schema import HINGE, terms
 from aerodb.update.standard_errors import standard_errors
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchError
+from flightmech.flown_samples import FLOWN_SAMPLES
 from flightmech.names import lookup
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import Simulation
 from flightmech.support.arrays import rms
-from flightmech.support.flown_samples import FLOWN_SAMPLES
 from flightmech.units import DEGREE, FOOT, KNOT, from_si
 from pom.cases.case import PomCase
 from pom.judging.applicability import reason_not_judged

@@ -1,7 +1,7 @@
 """Whether the flight of a case identified the model that it is to prove.
 
 A database and the models compiled from it keep the samples of every window that entered it
-(`flightmech.support.flown_samples`).  They are compared with the flight of the case, over its
+(`flightmech.flown_samples`).  They are compared with the flight of the case, over its
 window: file names do not show a copy.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchError
-from flightmech.support.flown_samples import (
+from flightmech.flown_samples import (
     CHANNELS,
     FLOWN_SAMPLES,
     SharedWindow,

@@ -9,7 +9,7 @@ import aerodb
 from aerodb.store.schema import make_database
 from aerodb.store.undo_history import undo_edits
 from aerodb.update.tabulation_report import Tabulation, pack_flown_samples
-from flightmech.support.flown_samples import FLOWN_SAMPLES, unpack_windows
+from flightmech.flown_samples import FLOWN_SAMPLES, unpack_windows
 
 ROOT = {"title": "test", "aircraft": "test", "S": 16.0, "cbar": 1.6, "b": 10.0}
 ROOT |= {"x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability"}

@@ -8,7 +8,7 @@ import aerodb
 import flightmech
 from aerodb.store.identified_terms import stamp_identified
 from flightmech import terms
-from flightmech.support.flown_samples import FLOWN_SAMPLES
+from flightmech.flown_samples import FLOWN_SAMPLES
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks
 from pom.result import NOTICES
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from flightmech.support.flown_samples import FLOWN_SAMPLES, cut_windows, pack_windows
+from flightmech.flown_samples import FLOWN_SAMPLES, cut_windows, pack_windows
 from pom.cases.case import read_case
 from pom.probing import record_leak
 from pom.result import status_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from flightmech.support.flown_samples import (
+from flightmech.flown_samples import (
     FLOWN_SAMPLES,
     cut_windows,
     find_shared_windows,
