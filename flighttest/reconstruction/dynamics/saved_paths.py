@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import h5py
 import xarray as xr
 
 from flightmech.errors import ParseError
-from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flighttest.records.stored_groups import plain_group
 
 _OPTIONAL_GROUPS = ("errors", "biases")
@@ -59,18 +58,15 @@ def open_path(path: str | os.PathLike, described: bool = True) -> SavedPath:
     plain = _read_plain(path, described)
     if plain is not None:
         return plain
-    try:
-        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
-            states = tree.children.get("states", tree).to_dataset(inherit=False).load()
-            groups = {}
-            for name in _OPTIONAL_GROUPS:
-                if name in tree.children:
-                    groups[name] = tree.children[name].to_dataset(inherit=False).load()
-    except (OSError, ValueError, KeyError) as error:
-        # A missing file keeps the error of the operating system.
-        if not Path(path).exists():
-            raise
-        raise ParseError(str(path), 0, f"no netCDF-4 content ({error})", _EXPECTED) from error
+    with (
+        decoding_errors(path, _EXPECTED),
+        xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree,
+    ):
+        states = tree.children.get("states", tree).to_dataset(inherit=False).load()
+        groups = {}
+        for name in _OPTIONAL_GROUPS:
+            if name in tree.children:
+                groups[name] = tree.children[name].to_dataset(inherit=False).load()
     if "time" not in states.dims:
         raise ParseError(str(path), 0, "no states over time", _EXPECTED)
     return SavedPath(states, **groups)
@@ -88,7 +84,7 @@ def _read_plain(path: str | os.PathLike, described: bool) -> SavedPath | None:
             for name in _OPTIONAL_GROUPS:
                 if name in file:
                     groups[name] = plain_group(file[name], described)
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError):
+    except Exception:
         return None
     # `plain_group` returns None for a group that has more than plain numbers.
     if states is None or "time" not in states.dims:

@@ -24,7 +24,7 @@ from flightmech.errors import (
 from flightmech.names import quantity_attributes
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.figures import html_table
-from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit_remarks import FitData, fit_figure, remarks_of
 from flighttest.regression.equation_error.model import RegressionModel, term_regressors
@@ -379,13 +379,11 @@ def open_tree(path: str | os.PathLike, content: str, expected: str) -> xr.DataTr
         A file of another content, or a file that is not a netCDF file.
     """
     demand_self_contained(path)
-    try:
-        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
-            tree.load()
-    except (OSError, KeyError, ValueError) as error:
-        if not Path(path).exists():
-            raise
-        raise ParseError(str(path), 0, str(error), expected) from error
+    with (
+        decoding_errors(path, expected),
+        xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree,
+    ):
+        tree.load()
     if tree.attrs.get("content") != content:
         raise ParseError(str(path), 0, "a netCDF file of something else", expected)
     return tree
