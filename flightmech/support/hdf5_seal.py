@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import json
 import os
+import sys
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from hashlib import sha256
@@ -187,6 +189,7 @@ def decoding_errors(path: str | os.PathLike[str], expected: str) -> Iterator[Non
     except _OTHER_CAUSES:
         raise
     except Exception as error:
+        _clear_frames(error)
         text = " ".join(str(error).split())
         raise ParseError(
             os.fspath(path),
@@ -194,6 +197,19 @@ def decoding_errors(path: str | os.PathLike[str], expected: str) -> Iterator[Non
             f"content that cannot be decoded ({type(error).__name__}: {text})",
             expected,
         ) from error
+
+
+def _clear_frames(error: Exception) -> None:
+    """Remove the objects of the calls that failed, without a message of Python.
+
+    A file of h5netcdf that is opened half raises when it is removed; Python prints that error.
+    """
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda unraisable: None
+    try:
+        traceback.clear_frames(error.__traceback__)
+    finally:
+        sys.unraisablehook = hook
 
 
 MOST_GROUPS = 5000

@@ -6,12 +6,15 @@ import os
 from dataclasses import dataclass
 
 import h5py
+import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flighttest.records.stored_groups import plain_group
 
+# kinds of NumPy types: truth values, integers, floating-point numbers
+_NUMBERS = "biuf"
 _OPTIONAL_GROUPS = ("errors", "biases")
 _EXPECTED = "a path as `aeromatch flight reconstruct -o` writes it"
 
@@ -55,9 +58,14 @@ def open_path(path: str | os.PathLike, described: bool = True) -> SavedPath:
         The file is not a netCDF file, or has no states over time.
     """
     demand_self_contained(path)
-    plain = _read_plain(path, described)
-    if plain is not None:
-        return plain
+    saved = _read_plain(path, described) or _read_any(path)
+    if fault := _find_fault(saved):
+        raise ParseError(str(path), 0, fault, _EXPECTED)
+    return saved
+
+
+def _read_any(path: str | os.PathLike) -> SavedPath:
+    """Return the content of a file with any variables."""
     with (
         decoding_errors(path, _EXPECTED),
         xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree,
@@ -67,9 +75,35 @@ def open_path(path: str | os.PathLike, described: bool = True) -> SavedPath:
         for name in _OPTIONAL_GROUPS:
             if name in tree.children:
                 groups[name] = tree.children[name].to_dataset(inherit=False).load()
-    if "time" not in states.dims:
-        raise ParseError(str(path), 0, "no states over time", _EXPECTED)
     return SavedPath(states, **groups)
+
+
+def _find_fault(saved: SavedPath) -> str:
+    """Return what makes the content useless, an empty text for nothing.
+
+    A later computation would stop at it, or would take numbers of one time for those of another.
+    """
+    states, errors = saved.states, saved.errors
+    if "time" not in states.dims or "time" not in states.indexes:
+        return "no states over time"
+    time = states["time"].values
+    if time.dtype.kind not in _NUMBERS or not np.all(np.isfinite(time)):
+        return "a time that is not a number"
+    if np.any(np.diff(time) <= 0.0):
+        return "a time that does not increase"
+    for name, state in states.data_vars.items():
+        if state.dims == ("time",) and state.dtype.kind not in _NUMBERS:
+            return f"the state {name} that is not a number"
+    if errors is None:
+        return ""
+    if "error" not in errors.indexes or not errors.indexes["error"].is_unique:
+        return "errors without a name of their own"
+    if "time" not in errors.indexes or not np.array_equal(errors["time"].values, time):
+        return "errors of the states at other times than the states"
+    for name, change in errors.data_vars.items():
+        if change.dims != ("error", "time") or change.dtype.kind not in _NUMBERS:
+            return f"the error of {name} that is not a number for each error and time"
+    return ""
 
 
 def _read_plain(path: str | os.PathLike, described: bool) -> SavedPath | None:
