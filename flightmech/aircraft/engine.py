@@ -25,7 +25,7 @@ from flightmech.aircraft.engine_deck import (
     leaf_from_toml,
 )
 from flightmech.errors import SchemaError, UnitError
-from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import check_term
@@ -201,7 +201,10 @@ def _thrust_table(table: Mapping[str, Any]) -> xr.Dataset:
 
 def _thrust_file(path: Path) -> xr.Dataset:
     demand_self_contained(path)
-    with xr.open_dataset(path, engine="h5netcdf") as dataset:
+    with (
+        decoding_errors(path, "a table of thrust, netCDF-4"),
+        xr.open_dataset(path, engine="h5netcdf") as dataset,
+    ):
         leaf = dataset.load()
     problems = check_term(leaf)
     if problems:

@@ -31,7 +31,7 @@ from pydantic import ConfigDict, Field
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flightmech.support.netcdf_trees import read_netcdf_tree
 from flightmech.support.netcdf_writing import write_netcdf
 from flightmech.support.toml_models import Strict
@@ -348,7 +348,8 @@ def open_tables(path: Path) -> dict[str, xr.Dataset]:
         The file does not exist, or is not a netCDF file.
     """
     demand_self_contained(path)
-    tree, problems = read_netcdf_tree(path)
+    with decoding_errors(path, "tables of an engine, netCDF-4"):
+        tree, problems = read_netcdf_tree(path)
     leaves = {str(name): node.to_dataset() for name, node in tree.children.items()}
     for name, leaf in leaves.items():
         problems += [f"{name}: {text}" for text in check_term(leaf)]

@@ -11,7 +11,10 @@ from __future__ import annotations
 
 import json
 import os
+import sys
+import traceback
 from collections.abc import Iterator
+from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
@@ -19,7 +22,7 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple
 import h5py
 from h5py import h5d, h5g, h5l, h5o
 
-from flightmech.errors import ParseError
+from flightmech.errors import AeromatchError, ParseError
 
 if TYPE_CHECKING:
     from hashlib import _Hash
@@ -169,6 +172,44 @@ def _content_end(head: bytes) -> int:
     version = head[8] if len(head) > 8 else 0
     position = _END_ADDRESS.get(version, _HEAD - 8)
     return int.from_bytes(head[position : position + 8], "little")
+
+
+# causes with a text of their own, which no decoder raises for a damaged content
+_OTHER_CAUSES = (AeromatchError, FileNotFoundError, PermissionError, IsADirectoryError, ImportError)
+
+
+@contextmanager
+def decoding_errors(path: str | os.PathLike[str], expected: str) -> Iterator[None]:
+    """Replace any error of a decoder by a `ParseError` with the name of the file.
+
+    HDF5 and xarray raise OSError, KeyError, RuntimeError, ValueError and others for a damaged file.
+    """
+    try:
+        yield
+    except _OTHER_CAUSES:
+        raise
+    except Exception as error:
+        _clear_frames(error)
+        text = " ".join(str(error).split())
+        raise ParseError(
+            os.fspath(path),
+            0,
+            f"content that cannot be decoded ({type(error).__name__}: {text})",
+            expected,
+        ) from error
+
+
+def _clear_frames(error: Exception) -> None:
+    """Remove the objects of the calls that failed, without a message of Python.
+
+    A file of h5netcdf that is opened half raises when it is removed; Python prints that error.
+    """
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda unraisable: None
+    try:
+        traceback.clear_frames(error.__traceback__)
+    finally:
+        sys.unraisablehook = hook
 
 
 MOST_GROUPS = 5000

@@ -362,8 +362,8 @@ def _hdf5_kind(path: str | os.PathLike[str]) -> str:
     try:
         with h5py.File(path) as file:
             groups, attributes = set(file), set(file.attrs)
-    except (OSError, RuntimeError):
-        # h5py raises either for damaged bytes
+    except Exception:
+        # h5py raises OSError, RuntimeError, KeyError, ValueError and others for damaged bytes
         return "a damaged netCDF-4 (HDF5) file"
     if "force_axes" in attributes or {"CL", "Cm"} <= groups:
         return "an aero database (`aeromatch db show` reads it)"

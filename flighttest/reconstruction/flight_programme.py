@@ -16,8 +16,7 @@ import h5py
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.errors import ParseError
-from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flightmech.support.kept_stages.stages import Kept, Stages
 from flighttest.reconstruction.combined_biases import (
     RunInformation,
@@ -203,21 +202,12 @@ def open_biases(path: str | os.PathLike[str]) -> xr.Dataset:
         The file is not a reconstruction.
     """
     demand_self_contained(path)
-    try:
+    expected = "constants of a path, as `aeromatch flight reconstruct -o` writes it"
+    with decoding_errors(path, expected):
         with h5py.File(path, "r") as file:
             biases = plain_group(file["biases"])
         # The general reader reads a group with more than plain numbers.
         if biases is None:
             with xr.open_dataset(path, group="biases", engine="h5netcdf") as data:
                 biases = data.load()
-    except (OSError, ValueError, KeyError) as error:
-        # A missing file keeps the error of the operating system.
-        if not os.path.exists(path):
-            raise
-        raise ParseError(
-            str(path),
-            0,
-            f"no constants of a reconstruction ({error})",
-            "a path as `aeromatch flight reconstruct -o` writes it",
-        ) from error
     return biases.assign(held=biases["held"].astype(bool))

@@ -242,6 +242,18 @@ static void record(const am_model *m, am_sim *sim, bytes_t *bytes) {
     free(terms);
 }
 
+/* A loop around any output and input, most of them of moderate size. */
+static am_loop take_loop(const am_model *m, const double *target, bytes_t *bytes) {
+    const int tame = take_byte(bytes) % 2;
+    return (am_loop){.input = (int)take_number(bytes, (uint32_t)am_count(m, AM_INPUT)),
+                     .output = (int)take_number(bytes, (uint32_t)am_count(m, AM_OUTPUT)),
+                     .turns = take_byte(bytes) % 2,
+                     .gain = tame ? take_byte(bytes) / 256.0 - 0.5 : take_value(bytes),
+                     .integral = tame ? take_byte(bytes) / 256.0 - 0.5 : take_value(bytes),
+                     .limit = tame ? take_byte(bytes) / 2560.0 : fabs(take_value(bytes)),
+                     .target = target};
+}
+
 static void batch(const am_model *m, am_sim *sim, bytes_t *bytes) {
     const int parameter[] = {(int)take_number(bytes, (uint32_t)am_count(m, AM_PARAMETER) + 40),
                              am_find(m, AM_PARAMETER, "init.V")};
@@ -254,6 +266,11 @@ static void batch(const am_model *m, am_sim *sim, bytes_t *bytes) {
     char text[RUNS][AM_TEXT];
     rise(t, m, sim, bytes);
     for (int i = 0; i < RUNS * 2; i++) changed[i] = take_value(bytes);
+    const size_t most = am_count(m, AM_INPUT) ? AM_MOST_LOOPS : 0;
+    const size_t loops = take_byte(bytes) % 2 ? take_byte(bytes) % (most + 1) : 0;
+    double *target = values(bytes, SAMPLES * loops);
+    am_loop loop[AM_MOST_LOOPS];
+    for (size_t i = 0; i < loops; i++) loop[i] = take_loop(m, target + SAMPLES * i, bytes);
     am_batch_task task = {.samples = SAMPLES - (take_byte(bytes) % 8 == 0 ? SAMPLES : 0),
                           .parameters = 2,
                           .outputs = 2,
@@ -263,7 +280,9 @@ static void batch(const am_model *m, am_sim *sim, bytes_t *bytes) {
                           .values = changed,
                           .output = output,
                           .y = y,
-                          .hold = take_byte(bytes) % 2};
+                          .hold = take_byte(bytes) % 2,
+                          .loops = loops,
+                          .loop = loop};
     promise(am_batch(sim, &task, 0, RUNS, status, done, text) == AM_OK,
             "a batch states per run what went wrong");
     for (int i = 0; i < RUNS; i++) {
@@ -282,6 +301,7 @@ static void batch(const am_model *m, am_sim *sim, bytes_t *bytes) {
                 "runs side by side have the bits of runs alone");
     }
     free(u);
+    free(target);
 }
 
 static void copy(const am_model *m, am_sim *sim) {

@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.errors import SchemaError
+from flightmech.errors import AeromatchError, SchemaError
 from flightmech.support.console import to_json_types
 from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.support.input_files import file_sha256
@@ -147,7 +147,10 @@ def read_archive(path: str | os.PathLike) -> Archive:
             chapters = b""
             if isinstance(file.get("chapters"), h5py.Dataset):
                 chapters = file["chapters"][()].tobytes()
-    except (OSError, KeyError, ValueError, TypeError) as error:
+    except AeromatchError:
+        raise
+    except Exception as error:
+        # HDF5 raises errors of many types for a damaged file, and so do its contents
         raise SchemaError(
             str(path),
             [f"not a results.nc of a report, or damaged ({error}); write the report again"],

@@ -24,6 +24,7 @@ import xarray as xr
 import flightmech
 import flighttest
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.hdf5_seal import decoding_errors
 from flightmech.support.kept_stages.content_hashes import content_hash
 from flightmech.support.netcdf_writing import write_netcdf
 from flighttest.records.stored_groups import plain_group
@@ -59,10 +60,11 @@ class KeptStates:
         file = self._file(case)
         if file is None or not file.is_file():
             return None
-        with h5py.File(file, "r") as content:
-            states = plain_group(content)
-        if states is None:
-            return xr.load_dataset(file, engine="h5netcdf")
+        with decoding_errors(file, "states of a record that this command kept; remove the file"):
+            with h5py.File(file, "r") as content:
+                states = plain_group(content)
+            if states is None:
+                states = xr.load_dataset(file, engine="h5netcdf")
         return states
 
     def make(self, case: PomCase) -> xr.Dataset:

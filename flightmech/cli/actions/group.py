@@ -26,7 +26,7 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
-from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flightmech.support.netcdf_writing import write_netcdf
 from flightmech.units import from_si, parse_quantity, to_si
 
@@ -223,7 +223,10 @@ def _read(path: str) -> xr.Dataset:
 
     if Path(path).suffix == ".nc":
         demand_self_contained(path)
-        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+        with (
+            decoding_errors(path, "a netCDF-4 file of time histories"),
+            xr.open_dataset(path, engine="h5netcdf") as dataset,
+        ):
             return dataset.load()
     try:
         table = pd.read_csv(path, comment="#", skipinitialspace=True)

@@ -20,6 +20,7 @@ from flightmech.support.console import (
     show_progress,
 )
 from flightmech.support.figures import demand_drawable, write_figure
+from flightmech.support.hdf5_seal import decoding_errors
 from flighttest.cli.actions.contents import _NAMED, _number
 from flighttest.flight_programme.manoeuvre_finding.finding import draw_manoeuvres, find_manoeuvres
 from flighttest.maximum_likelihood.result import open_output_error
@@ -238,9 +239,10 @@ def _kind(file: str) -> str:
 
     if not h5py.is_hdf5(file):
         return "record"
-    with h5py.File(file) as content:
+    expected = "a record, a path or a fit"
+    with decoding_errors(file, expected), h5py.File(file, "r") as content:
         stated = content.attrs.get("content", "")
-        stated = stated.decode() if isinstance(stated, bytes) else str(stated)
+        stated = stated.decode("utf-8", "replace") if isinstance(stated, bytes) else str(stated)
         return {"aeromatch fit": "fit", "output error": "output-error fit"}.get(
             stated, "path" if "states" in content else "record"
         )

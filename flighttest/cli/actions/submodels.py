@@ -15,6 +15,7 @@ from flightmech.aircraft.engine_deck import open_tables
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError
 from flightmech.support.console import print_json, show_progress
+from flightmech.support.hdf5_seal import decoding_errors
 from flighttest.cli.submodels import _MODELS
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
@@ -156,7 +157,10 @@ def _divided(states, record: Path, free_names) -> tuple[list, list]:
     is driven.
     """
 
-    with xr.open_datatree(record, engine="h5netcdf", decode_timedelta=False) as tree:
+    with (
+        decoding_errors(record, "a flight record, netCDF-4"),
+        xr.open_datatree(record, engine="h5netcdf", decode_timedelta=False) as tree,
+    ):
         listed = manoeuvres(tree)
     return (
         driven_and_free(states, listed, free_names)
@@ -255,7 +259,8 @@ def run_gear(paths, aircraft_file, database_file, errors, flown, output, as_json
 def _reconstructed(path: str) -> bool:
     """Whether a file of states also holds the constants of a reconstruction."""
 
-    with h5py.File(path) as file:
+    expected = "a path as `aeromatch flight reconstruct -o` writes it"
+    with decoding_errors(path, expected), h5py.File(path, "r") as file:
         return "biases" in file
 
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import h5py
+import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError
-from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flighttest.records.stored_groups import plain_group
 
+# kinds of NumPy types: truth values, integers, floating-point numbers
+_NUMBERS = "biuf"
 _OPTIONAL_GROUPS = ("errors", "biases")
 _EXPECTED = "a path as `aeromatch flight reconstruct -o` writes it"
 
@@ -56,24 +58,52 @@ def open_path(path: str | os.PathLike, described: bool = True) -> SavedPath:
         The file is not a netCDF file, or has no states over time.
     """
     demand_self_contained(path)
-    plain = _read_plain(path, described)
-    if plain is not None:
-        return plain
-    try:
-        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
-            states = tree.children.get("states", tree).to_dataset(inherit=False).load()
-            groups = {}
-            for name in _OPTIONAL_GROUPS:
-                if name in tree.children:
-                    groups[name] = tree.children[name].to_dataset(inherit=False).load()
-    except (OSError, ValueError, KeyError) as error:
-        # A missing file keeps the error of the operating system.
-        if not Path(path).exists():
-            raise
-        raise ParseError(str(path), 0, f"no netCDF-4 content ({error})", _EXPECTED) from error
-    if "time" not in states.dims:
-        raise ParseError(str(path), 0, "no states over time", _EXPECTED)
+    saved = _read_plain(path, described) or _read_any(path)
+    if fault := _find_fault(saved):
+        raise ParseError(str(path), 0, fault, _EXPECTED)
+    return saved
+
+
+def _read_any(path: str | os.PathLike) -> SavedPath:
+    """Return the content of a file with any variables."""
+    with (
+        decoding_errors(path, _EXPECTED),
+        xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree,
+    ):
+        states = tree.children.get("states", tree).to_dataset(inherit=False).load()
+        groups = {}
+        for name in _OPTIONAL_GROUPS:
+            if name in tree.children:
+                groups[name] = tree.children[name].to_dataset(inherit=False).load()
     return SavedPath(states, **groups)
+
+
+def _find_fault(saved: SavedPath) -> str:
+    """Return what makes the content useless, an empty text for nothing.
+
+    A later computation would stop at it, or would take numbers of one time for those of another.
+    """
+    states, errors = saved.states, saved.errors
+    if "time" not in states.dims or "time" not in states.indexes:
+        return "no states over time"
+    time = states["time"].values
+    if time.dtype.kind not in _NUMBERS or not np.all(np.isfinite(time)):
+        return "a time that is not a number"
+    if np.any(np.diff(time) <= 0.0):
+        return "a time that does not increase"
+    for name, state in states.data_vars.items():
+        if state.dims == ("time",) and state.dtype.kind not in _NUMBERS:
+            return f"the state {name} that is not a number"
+    if errors is None:
+        return ""
+    if "error" not in errors.indexes or not errors.indexes["error"].is_unique:
+        return "errors without a name of their own"
+    if "time" not in errors.indexes or not np.array_equal(errors["time"].values, time):
+        return "errors of the states at other times than the states"
+    for name, change in errors.data_vars.items():
+        if change.dims != ("error", "time") or change.dtype.kind not in _NUMBERS:
+            return f"the error of {name} that is not a number for each error and time"
+    return ""
 
 
 def _read_plain(path: str | os.PathLike, described: bool) -> SavedPath | None:
@@ -88,7 +118,7 @@ def _read_plain(path: str | os.PathLike, described: bool) -> SavedPath | None:
             for name in _OPTIONAL_GROUPS:
                 if name in file:
                     groups[name] = plain_group(file[name], described)
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError):
+    except Exception:
         return None
     # `plain_group` returns None for a group that has more than plain numbers.
     if states is None or "time" not in states.dims:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -12,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightmech.errors import AeromatchError, ParseError
+from flightmech.errors import AeromatchError
+from flightmech.support.hdf5_seal import decoding_errors as decoding_errors
 
 _PX4_FIRST = ("manual", "altitude", "position", "auto_mission", "auto_loiter", "auto_rtl")
 _PX4_FROM_17 = (
@@ -107,10 +107,6 @@ _FEWEST_STAMPS = 2
 _FIRST_STAMPS = 1000
 # Smallest share of the steps of a clock that rise.
 _RISING = 0.95
-# Errors that are not due to damaged bytes.
-_OTHER_CAUSES = (
-    *(AeromatchError, FileNotFoundError, PermissionError, IsADirectoryError, ImportError),
-)
 
 
 class Columns(Mapping[str, np.ndarray]):
@@ -211,23 +207,6 @@ class Recording(NamedTuple):
     modes: tuple[tuple[float, str], ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     modes_table: str = ""
-
-
-@contextmanager
-def decoding_errors(path: str | Path, expected: str) -> Iterator[None]:
-    """Replace any error of a decoder by a ParseError with the name of the file."""
-    try:
-        yield
-    except _OTHER_CAUSES:
-        raise
-    except Exception as error:
-        text = " ".join(str(error).split())
-        raise ParseError(
-            str(path),
-            0,
-            f"content that cannot be decoded ({type(error).__name__}: {text})",
-            expected,
-        ) from error
 
 
 def clock_name(columns: Mapping[str, Any]) -> str | None:

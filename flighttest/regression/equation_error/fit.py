@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import h5py
 import numpy as np
 import xarray as xr
 
@@ -24,7 +25,7 @@ from flightmech.errors import (
 from flightmech.names import quantity_attributes
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.figures import html_table
-from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flightmech.support.netcdf_writing import write_netcdf
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit_remarks import FitData, fit_figure, remarks_of
@@ -353,15 +354,54 @@ def open_fit(path: str | os.PathLike) -> Fit:
     parts = {}
     for name, node in tree.children.items():
         parts[str(name)] = node.to_dataset(inherit=False)
-    model = RegressionModel.parse(attributes["model"])
-    return Fit(
-        name=str(attributes["name"]),
-        model=replace(model, reference=json.loads(attributes["reference"])),
-        estimates=parts["estimates"],
-        data=parts["data"],
-        design=parts["design"]["design"],
-        regressors=parts["design"]["regressors"],
-    )
+    with decoding_errors(path, _EXPECTED):
+        model = RegressionModel.parse(attributes["model"])
+        fit = Fit(
+            name=str(attributes["name"]),
+            model=replace(model, reference=json.loads(attributes["reference"])),
+            estimates=parts["estimates"],
+            data=parts["data"],
+            design=parts["design"]["design"],
+            regressors=parts["design"]["regressors"],
+        )
+        fault = _find_fault(fit)
+    if fault:
+        raise ParseError(str(path), 0, fault, _EXPECTED)
+    return fit
+
+
+# dimensions of the figures of a fit that other computations use
+_LAYOUT = {
+    "estimate": ("term",),
+    "stderr": ("term",),
+    "covariance": ("term", "term_"),
+    "correlation": ("term", "term_"),
+    "systematic": ("term", "error"),
+}
+
+
+def _find_fault(fit: Fit) -> str:
+    """Return what makes the content of a file useless, an empty text for nothing."""
+    estimates = fit.estimates
+    terms = [str(term) for term in estimates["term"].values]
+    if len({*terms}) < len(terms):
+        return "two estimates of one term"
+    for name, dims in _LAYOUT.items():
+        if name not in estimates:
+            continue
+        figure = estimates[name]
+        if figure.dims != dims or figure.dtype.kind not in "iuf":
+            return f"the figure {name} that is not a number for each {' and '.join(dims)}"
+        if not np.all(np.isfinite(figure.values)) and name in ("covariance", "correlation"):
+            return f"the figure {name} that is not finite"
+        if lost := [axis for axis in dims if axis not in estimates.indexes]:
+            return f"the figure {name} without the names of its {lost[0]}"
+    for name, figure in (("design", fit.design), ("regressors", fit.regressors)):
+        if figure.dims != ("sample", "term") or figure.dtype.kind not in "iuf":
+            return f"the figure {name} that is not a number for each sample and term"
+        if figure.sizes["sample"] != fit.data.sizes.get("sample", figure.sizes["sample"]):
+            return f"the figure {name} with another number of samples than the data"
+    return ""
 
 
 def open_tree(path: str | os.PathLike, content: str, expected: str) -> xr.DataTree:
@@ -380,13 +420,15 @@ def open_tree(path: str | os.PathLike, content: str, expected: str) -> xr.DataTr
         A file of another content, or a file that is not a netCDF file.
     """
     demand_self_contained(path)
-    try:
-        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
-            tree.load()
-    except (OSError, KeyError, ValueError) as error:
-        if not Path(path).exists():
-            raise
-        raise ParseError(str(path), 0, str(error), expected) from error
+    with (
+        decoding_errors(path, expected),
+        xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree,
+    ):
+        tree.load()
+    for node in tree.subtree:
+        for key, value in node.attrs.items():
+            if isinstance(value, h5py.Empty):
+                raise ParseError(str(path), 0, f"an attribute {key} without a value", expected)
     if tree.attrs.get("content") != content:
         raise ParseError(str(path), 0, "a netCDF file of something else", expected)
     return tree
