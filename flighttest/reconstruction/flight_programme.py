@@ -16,6 +16,7 @@ import h5py
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.errors import ParseError
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flightmech.support.kept_stages.stages import Kept, Stages
 from flighttest.reconstruction.combined_biases import (
@@ -205,6 +206,8 @@ def open_biases(path: str | os.PathLike[str]) -> xr.Dataset:
     expected = "constants of a path, as `aeromatch flight reconstruct -o` writes it"
     with decoding_errors(path, expected):
         with h5py.File(path, "r") as file:
+            if "biases" not in file:
+                raise ParseError(str(path), 0, "no constants of a reconstruction", expected)
             biases = plain_group(file["biases"])
         # The general reader reads a group with more than plain numbers.
         if biases is None:

@@ -15,6 +15,7 @@ from flighttest.records.stored_groups import plain_group
 
 # kinds of NumPy types: truth values, integers, floating-point numbers
 _NUMBERS = "biuf"
+_DATES = "mM"  # kinds of durations and dates
 _OPTIONAL_GROUPS = ("errors", "biases")
 _EXPECTED = "a path as `aeromatch flight reconstruct -o` writes it"
 
@@ -92,7 +93,7 @@ def _find_fault(saved: SavedPath) -> str:
     if np.any(np.diff(time) <= 0.0):
         return "a time that does not increase"
     for name, state in states.data_vars.items():
-        if state.dims == ("time",) and state.dtype.kind not in _NUMBERS:
+        if state.dims == ("time",) and state.dtype.kind not in _NUMBERS + _DATES:
             return f"the state {name} that is not a number"
     if errors is None:
         return ""

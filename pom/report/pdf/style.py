@@ -7,6 +7,7 @@ pattern or a dash.
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -116,7 +117,9 @@ def label_text(label: QuantityLabel) -> str:
 def title_pieces(label: QuantityLabel) -> list[tuple[str, str]]:
     """Return symbol, words and unit of a quantity as text pieces (text, class)."""
     pieces = []
-    if not label.is_word:
+    # Drawings have no glyph for a dot over a Greek letter; the words stand for such a symbol.
+    has_mark = any(map(unicodedata.combining, label.base))
+    if not label.is_word and not has_mark:
         pieces.append((label.base, "symbol"))
         if label.sub:
             pieces.append((label.sub, "sub"))

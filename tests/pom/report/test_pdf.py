@@ -5,6 +5,7 @@ import io
 import os
 import re
 import sys
+import unicodedata
 import zlib
 from dataclasses import replace
 from itertools import combinations
@@ -18,6 +19,7 @@ import pytest
 import flighttest
 import pom
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.names import VOCABULARY
 from pom.judging.measures.modal import mode_table
 from pom.report.case.page import run_line_classes
 from pom.report.case.panels import Cross, make_case_panels
@@ -515,3 +517,10 @@ def test_a_word_that_no_line_holds_is_broken(monkeypatch):
     )
     for page in paper([result], title=word):
         assert imread(io.BytesIO(page))[:, -4:, :3].min() == 1.0
+
+
+def test_the_title_of_a_drawing_holds_no_combining_mark():
+    """typst refuses a dot over a Greek letter in a drawing, and with it the whole report."""
+    for name in VOCABULARY:
+        for text, _ in style.title_pieces(quantity_label(name)):
+            assert not any(map(unicodedata.combining, text)), name
