@@ -111,12 +111,13 @@ def one_pass(folder: Path, printed: str) -> None:
 
 def batch(folder: Path, printed: str) -> None:
     assert len(verdicts(folder / "report")) == 2
-    assert verdicts(folder / "report") == ["pass", "pass"]
+    # their records end before the windows of the rows do
+    assert verdicts(folder / "report") == ["pass_with_departures"] * 2
     assert any((folder / "flights").iterdir())
 
 
 def own_fmu(folder: Path, printed: str) -> None:
-    assert verdicts(folder / "report") == ["pass"]
+    assert verdicts(folder / "report") == ["pass_with_departures"]
 
 
 def verdicts(report: Path) -> list[str]:

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 import flighttest
-from flightmech.errors import OutOfRange, SchemaError
+from flightmech.errors import OutOfRange, ParseError, SchemaError
 from flightmech.names import lookup
 from flightmech.support.input_files import file_sha256
 from flightmech.units import from_si
@@ -119,7 +119,14 @@ def read_recording(
         The recording does not cover the window of the case.
     """
     digest = file_sha256(path)
-    record = flighttest.read(path, names)
+    try:
+        record = flighttest.read(path, names)
+    except ParseError as error:
+        if error.line:
+            raise
+        # A file of another kind: the caller may have meant a model.
+        expected = f"an FMU, or the results of a device: {error.expected}"
+        raise ParseError(str(path), 0, error.found, expected) from error
     shift = 0.0 if start is None else case.window[0] - start
     channels: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for node in map(xr.DataTree.to_dataset, record.children.values()):
