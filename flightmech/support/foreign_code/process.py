@@ -255,7 +255,7 @@ def run_foreign(
             return ForeignRun(bytes(output), process.printed_text(), ended[0])
         try:
             # The end of the output can come before the end of the process.
-            process.process.wait(left if not reader.is_alive() else _PATIENCE)
+            process.process.wait(left)
         except subprocess.TimeoutExpired:
             failure = f"it did not end within {timeout:g} s"
             return ForeignRun(bytes(output), process.printed_text(), failure, timed_out=True)

@@ -280,7 +280,7 @@ def test_mistakes_of_the_file_are_reported(folder):
     with pytest.raises(UnknownName, match=r"unknown output 'alfa'"):
         call(changed('"alpha", "q"', '"alfa", "q"'))
     (folder / "one.nc").write_text("nothing")
-    with pytest.raises(ParseError, match="no netCDF-4 content"):
+    with pytest.raises(ParseError, match="content that cannot be decoded"):
         call(changed("own = true", "own = true"))
 
 
