@@ -131,7 +131,13 @@ def _pulse_shape(time: np.ndarray) -> np.ndarray:
 
 
 def judge_change(
-    time: np.ndarray, before: Traces, after: Traces, judged: Collection[str], *, moved: bool
+    time: np.ndarray,
+    before: Traces,
+    after: Traces,
+    judged: Collection[str],
+    *,
+    moved: bool,
+    on_wheels: bool = False,
 ) -> tuple[RowRemark, ...]:
     """Return the remarks on a probe: the change, and ``not_driven`` if the inputs do not drive it.
 
@@ -145,6 +151,9 @@ def judge_change(
         Channels with a judged time history.
     moved : bool
         As in `ChangedJob`.
+    on_wheels : bool
+        Whether the aeroplane stands or rolls in a part of the window.  Wheels and brakes stop it
+        whatever the inputs are: only an answer that does not change at all is judged.
     """
     changes: dict[str, float] = {}  # rms of the change, in units of `SIZES`
     shares: dict[str, float] = {}  # of the expected change
@@ -171,6 +180,9 @@ def judge_change(
         if is_still:
             return (_unchanged_remark(still, "a pulse on the controls", changes),)
         return _judge_pulse(time, before, after)
+    if on_wheels:
+        text = "not checked: on its wheels the aeroplane is not linear in the inputs"
+        return (_probe_remark(text, {}),)
     return _judge_shares(shares, judged)
 
 

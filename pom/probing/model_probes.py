@@ -14,7 +14,7 @@ from pom.cases.job import ReplayJob
 from pom.fmu.models import FmuModel
 from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import fly_job
-from pom.judging.beyond_the_bands import flown_model
+from pom.judging.beyond_the_bands import SLOWEST, flown_model
 from pom.probing.flight_consistency import compare_inputs, compare_lift
 from pom.probing.input_probe import SIZES, changed_job, judge_change
 from pom.probing.model_agreement import compare_aircraft
@@ -63,8 +63,12 @@ def with_probes(
             remarks = _failure_remarks(failure, closed=jobs[run].law is not None)
         else:
             time = jobs[run].time
-            remarks = judge_change(time, outputs[run], after, judged, moved=changed.moved)
-            is_compared = changed.moved and all(item.kind == "probe" for item in remarks)
+            on_wheels = is_on_wheels(outputs[run])
+            remarks = judge_change(
+                time, outputs[run], after, judged, moved=changed.moved, on_wheels=on_wheels
+            )
+            is_compared = changed.moved and not on_wheels
+            is_compared = is_compared and all(item.kind == "probe" for item in remarks)
             if is_compared and result.case.reference == "flight":
                 surfaces = result.case.drive.level == "recorded"
                 remarks += compare_inputs(
@@ -78,6 +82,11 @@ def with_probes(
                 remarks += compare_lift(tables, states)
         found[run] = remarks
     return with_run_remarks(result, found)
+
+
+def is_on_wheels(outputs: Mapping[str, np.ndarray]) -> bool:
+    """Return whether the aeroplane stands or rolls slowly in a part of the window."""
+    return "V" in outputs and bool(np.nanmin(outputs["V"]) < SLOWEST)
 
 
 def flight_traces(states: xr.Dataset) -> dict[str, np.ndarray]:

@@ -75,7 +75,7 @@ def test_an_fmu_that_lives_once_per_process_gets_a_new_process_every_time(fixed)
     time = np.arange(0.0, 0.1, 1.0 / 60.0)
     job = {"time": time, "inputs": {}, "parameters": {}, "outputs": ["theta"]}
     assert child.run(job, 20.0, once=True).error == ""
-    assert child._process is None
+    assert child._foreign is None
     assert child.run(job, 20.0).error == ""
-    assert child._process is not None
+    assert child._foreign is not None
     child.close()

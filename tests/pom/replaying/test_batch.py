@@ -159,7 +159,7 @@ def test_few_cases_and_one_job_take_no_processes(cases, jobs):
 def test_what_is_kept_is_not_flown_again(cases, paths, toy, tmp_path, flights):
     runs = {"a": toy(), "b": toy(interpolates=False), "bad": toy("error")}
     first = replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept")
-    assert len(flights) == 24
+    assert len(flights) == 40  # 24, and the probes of the 16 that pass
     flights.clear()
     the_same(replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept"), first)
     assert flights == ["error.fmu"] * 8  # a flight that failed is tried again
@@ -176,9 +176,9 @@ def test_a_batch_goes_on_where_it_was_interrupted(cases, paths, toy, tmp_path, f
     with pytest.raises(KeyboardInterrupt):
         replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept", progress=stop)
     before = len(flights)
-    assert 3 <= before < 8
+    assert 3 <= before < 16
     found = replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept")
-    assert len(flights) == 8
+    assert len(flights) == 16  # each with its probe
     the_same(found, replay_all(cases, runs, paths, jobs=1))
 
 
@@ -197,10 +197,10 @@ def test_what_changed_is_flown_again_and_only_that(
     states = lag_states.copy(deep=True)
     states["delta_e"][320] += 1e-9  # at 6.4 s of the record
     replay_all(cases, runs, {"record": states}, jobs=1, resume=kept)
-    assert len(flights) == 5  # the windows that reach it: 6.5 s to 8.5 s
+    assert len(flights) == 10  # the windows that reach it, 6.5 s to 8.5 s, and their probes
     flights.clear()
     replay_all(cases, {"toy": toy(units={"theta": ""})}, paths, jobs=1, resume=kept)
-    assert len(flights) == 8  # another file under the same name
+    assert len(flights) == 16  # another file under the same name
 
 
 def test_a_damaged_file_of_the_store_is_flown_again(cases, paths, toy, tmp_path, flights):
@@ -299,6 +299,7 @@ def test_reconstructed_records_are_kept_until_what_they_come_from_changes(
 @pytest.mark.slow
 def test_a_child_that_somebody_else_stopped_is_given_its_job_again(toy, tmp_path, monkeypatch):
     monkeypatch.setenv("TOY_KILLED", str(tmp_path / "mark"))
+    monkeypatch.setenv("AEROMATCH_FMU_SANDBOX", "none")  # its environment is empty
     child = Child(toy("killed"))
     job = {"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "outputs": ["theta"]}
     assert child.run(job, 20.0).error == ""
@@ -313,7 +314,7 @@ def test_a_hanging_fmu_ends_with_a_parent_that_was_killed(toy):
 import sys, numpy as np
 from pom.fmu.process import Child
 child = Child(sys.argv[1])
-print(child._start().pid, flush=True)
+print(child._start().process.pid, flush=True)
 child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "outputs": ["theta"]}, 600.0)
 """
     parent = subprocess.Popen(
