@@ -63,7 +63,7 @@ def with_probes(
             remarks = _failure_remarks(failure, closed=jobs[run].law is not None)
         else:
             time = jobs[run].time
-            on_wheels = is_on_wheels(outputs[run])
+            on_wheels = result.case.drive.trim == "ground" or is_on_wheels(outputs[run])
             remarks = judge_change(
                 time, outputs[run], after, judged, moved=changed.moved, on_wheels=on_wheels
             )

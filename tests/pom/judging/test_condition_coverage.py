@@ -1,14 +1,18 @@
 """Flight conditions that a row wants: two cases in one condition cover one."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
-import report_fixture as fixture
 
 from flightmech.units import DEGREE
 from pom.judging.condition_checks import CONFIGURATION_CHECKS
 from pom.judging.condition_coverage import WANTED, cover_conditions
 from pom.tolerances.editions import test_order as order_of_test
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+import report_fixture as fixture
 
 
 def flown(flaps=0.0, gear=0.0, test="2.d.2", **more):
