@@ -223,13 +223,14 @@ PYTHON: dict[tuple[str, int], Callable[[dict], None]] = {
 
 FOR_READING = {
     ("docs/index.md", 0): "printed by ./run demo; tests/aeromatch/test_demo.py compares it",
-    ("docs/how-to/data-package.md", 1): "printed by package diff; "
+    ("docs/how-to/data-package.md", 2): "printed by package diff; "
     "tests/aeromatch/delivery/test_package.py compares the models",
 }
 """Blocks that are not code."""
 
 CHECKS: dict[tuple[str, int], Check] = {
     ("docs/how-to/data-package.md", 0): contains("hold"),
+    ("docs/how-to/data-package.md", 1): contains("signed by the known key"),
     ("docs/how-to/own-aircraft.md", 1): prior_of_own_aircraft,
     ("docs/how-to/own-aircraft.md", 2): fmu_of_own_aircraft,
     ("docs/how-to/own-aircraft.md", 3): project_of_own_aircraft,
