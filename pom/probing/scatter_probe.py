@@ -30,6 +30,7 @@ COPIED = 0.5
 Copies have 1.00, a controller that follows the record 0.76 and 0.85; honest models of the T-37 and
 the C182 have at most 0.12.
 """
+_TRACE = 0.05  # scatter of the answer, over that of the record, which noise of the inputs explains
 DRIFTING = ("phi", "theta", "psi", "V_cas")
 """Channels in which a small error of a simulation grows slowly.
 
@@ -93,7 +94,8 @@ def judge_scatter(
         f"{correlation:.2f} (median of {len(ratios)} channels)"
     )
     values = {"ratio": ratio, "correlation": correlation}
-    if correlation < COPIED:
+    # An input with noise, such as a recorded thrust, leaves a trace of it in an honest answer.
+    if correlation < COPIED or ratio < _TRACE:
         return (RowRemark("probe", text, values=values, unit="1"),)
     reason = f"not driven by the inputs: {text}; the answer holds the noise of the record"
     return (RowRemark("not_driven", reason, values=values, unit="1"),)
