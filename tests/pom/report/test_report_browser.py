@@ -174,8 +174,9 @@ def test_a_click_on_a_verdict_goes_to_the_exit(page, address):
 def test_keys(page, address):
     page.goto(address)
     page.wait_for_selector("#overview:not([hidden])")
-    roll = "#case-roll_response_clean"
-    for key, place in (("n", CASE), ("n", roll), ("p", CASE), ("f", roll), ("o", "#overview")):
+    second = "#case-approach_elevator_step"
+    places = (("n", CASE), ("n", second), ("p", CASE), ("f", second), ("o", "#overview"))
+    for key, place in places:
         page.keyboard.press(key)
         expect(page.locator(place)).to_be_visible()
         expect(page).to_have_url(address + place)
