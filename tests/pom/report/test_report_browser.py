@@ -260,7 +260,7 @@ def test_filters_and_order_of_the_overview(page, address):
         "Elevator step in approach",
     )
     shown = page.locator("#matrix tbody tr:visible a")
-    expect(shown).to_have_text([first, roll, step])
+    expect(shown).to_have_text([first, step, roll])
     page.get_by_role("button", name="not run or not judged").click()
     expect(shown).to_have_text([step])
     expect(page.locator("#shown-count")).to_have_text("1 of 3 cases")
@@ -311,8 +311,8 @@ def test_another_share_of_the_tolerance_is_shown_and_taken_back(page, address):
     exits = page.evaluate("report.exits()")
     assert set(exits["theta"]) == {"datcom", "corrected"}
     page.keyboard.press("n")
-    page.wait_for_selector("#case-roll_response_clean .panel canvas")
-    expect(page).to_have_url(address + "#case-roll_response_clean&f=20")
+    page.wait_for_selector("#case-approach_elevator_step .panel canvas")
+    expect(page).to_have_url(address + "#case-approach_elevator_step&f=20")
     page.goto(address + CASE)
     page.wait_for_selector(f"{CASE} .panel canvas")
     expect(page.locator(f"{CASE} .asked-note")).to_be_hidden()
