@@ -134,7 +134,7 @@ def _begins_case(lines: PlotLines, index: int) -> bool:
     """Return whether the record FLC begins at a line.
 
     Its first number and its last two count Mach numbers, altitudes and kinds of LOOP.  The
-    coefficients of a page are no such numbers.
+    coefficients of a page are not such numbers.
     """
     last = index + _LINES_OF_CASE - 1
     # A heading has a shorter second line, a control device a shorter fourteenth one.
