@@ -97,6 +97,19 @@ def test_a_pulse_displaces_an_aeroplane_whose_controls_rest():
     assert remark.kind == "not_driven"
 
 
+def test_on_its_wheels_only_an_answer_that_stays_is_named():
+    """Brakes and friction stop an aeroplane whatever the inputs are."""
+    before = {"V": 40.0 - 3.0 * TIME}
+    slower = {"V": 40.0 - 2.99 * TIME}
+    (remark,) = judge_change(TIME, before, slower, {"V"}, moved=True)
+    assert remark.kind == "not_driven"
+    (remark,) = judge_change(TIME, before, slower, {"V"}, moved=True, on_wheels=True)
+    assert remark.kind == "probe"
+    assert "not checked" in remark.text
+    (remark,) = judge_change(TIME, before, before, {"V"}, moved=True, on_wheels=True)
+    assert remark.kind == "not_driven"
+
+
 def test_wind_is_not_scaled_and_the_start_stays():
     gust = np.sin(TIME)
     inputs = changed_job(job_of(delta_e=0.1 + elevator(), wind_d=gust), {}).job.inputs
@@ -118,6 +131,11 @@ def test_the_noise_of_the_record_in_an_answer_is_named():
     (remark,) = judge_scatter(flight, {name: 1.01 * flight[name] for name in flight})
     assert remark.kind == "not_driven"
     assert remark.values["correlation"] > 0.99
+    # the noise of an input, such as a recorded thrust, leaves a trace in an honest answer
+    traced = {name: truth[name] + 0.01 * (flight[name] - truth[name]) for name in truth}
+    (remark,) = judge_scatter(flight, traced)
+    assert remark.values["correlation"] > 0.9
+    assert remark.kind == "probe"
     # a record without noise, such as that of a simulator, shows nothing
     assert judge_scatter(truth, truth) == ()
 
@@ -138,6 +156,9 @@ def test_a_difference_that_is_only_noise_is_a_departure():
     assert remark.kind == "probe"
     # a record without noise shows nothing
     assert judge_difference(TIME, dict.fromkeys(names, np.sin(TIME)), honest) == ()
+    # nor does a flight without motion, of which an honest model leaves the noise alone
+    rest = {name: flight[name] - truth["theta"] for name in names}
+    assert judge_difference(TIME, rest, dict.fromkeys(names, np.zeros(TIME.size))) == ()
     # nor does a window below twice the lag
     short = {name: values[:60] for name, values in flight.items()}
     assert judge_difference(TIME[:60], short, short) == ()
@@ -173,6 +194,15 @@ def test_a_wrong_gain_is_measured():
     # friction of the circuits changes forces by as much
     assert compare(elevator() / 1.15, surfaces=False).kind == "probe"
     assert compare(elevator() / 1.25, surfaces=False).kind == "departure"
+
+
+def test_a_reversed_sign_is_named_and_a_size_of_no_pick_up_is_not():
+    remark = compare(-1.0 * elevator())
+    assert remark.kind == "departure"
+    assert remark.values["gain"] == pytest.approx(-1.0, abs=0.01)
+    remark = compare(-19.0 * elevator())
+    assert remark.kind == "probe"
+    assert "not checked" in remark.text
 
 
 def test_a_delay_is_measured():
