@@ -1,5 +1,3 @@
-"""The targets of the fuzzer are programs of their own, not tests; those of the readers need
-atheris.
-"""
+"""The fuzzers are programs of their own, not tests; those of the readers need atheris."""
 
-collect_ignore = ["fuzz_deck.py", "fuzz_fmu.py", "fuzz_listing.py"]
+collect_ignore_glob = ["fuzz_*.py"]
