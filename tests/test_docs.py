@@ -72,6 +72,9 @@ NIGHTLY_PAGES = (
     "compare-databases.md",
     "real-flights.md",
     "command-line.md",
+    "tuning.md",
+    "batch-on-a-cluster.md",
+    "diagnosis.md",
 )
 FENCE = re.compile(
     r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: "

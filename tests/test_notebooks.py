@@ -22,6 +22,7 @@ NOTEBOOKS = sorted((Path(__file__).parents[1] / "docs" / "tutorials").glob("*.ip
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 def test_notebook_runs_and_every_cell_shows_its_result(file, tmp_path, monkeypatch):
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")

@@ -3,6 +3,7 @@ alone works.
 """
 
 import importlib.util
+import os
 import subprocess
 import sys
 import zipfile
@@ -74,12 +75,11 @@ def tree(root: Path) -> set[str]:
     }
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
+def build_wheel(factory, **environment) -> Path:
     """Build the wheel from a copy without what a build leaves behind."""
     if importlib.util.find_spec("hatchling") is None or importlib.util.find_spec("ziglang") is None:
         pytest.skip("needs hatchling and ziglang (pip install aeromatch[dev])")
-    source, built = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
+    source, built = factory.mktemp("source"), factory.mktemp("wheel")
     for folder in (*PACKAGES, "kernel", "data"):
         copytree(ROOT / folder, source / folder, ignore=MADE)
     for file in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", ".gitignore"):
@@ -89,13 +89,26 @@ def wheel(tmp_path_factory):
         [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(built)],
         cwd=source,
         check=True,
+        env=os.environ | environment,
     )
     (path,) = built.glob("*.whl")
     return path
 
 
-def test_wheel_holds_every_file_of_the_packages(wheel):
-    names = set(zipfile.ZipFile(wheel).namelist())
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """The wheel as it is released."""
+    return build_wheel(tmp_path_factory)
+
+
+@pytest.fixture(scope="module")
+def wheel_without_kernel(tmp_path_factory):
+    """The wheel without the compiled kernel, which takes most of the time of a build."""
+    return build_wheel(tmp_path_factory, HATCH_BUILD_NO_HOOKS="true")
+
+
+def test_wheel_holds_every_file_of_the_packages(wheel_without_kernel):
+    names = set(zipfile.ZipFile(wheel_without_kernel).namelist())
     assert tree(ROOT) - names == set()
     endings = {Path(name).suffix for name in tree(ROOT)}
     assert {
@@ -110,8 +123,6 @@ def test_wheel_holds_every_file_of_the_packages(wheel):
         ".j2",
     } <= endings  # the comparison saw them
     assert {f"{package}/py.typed" for package in PACKAGES} <= names
-    libraries = sorted(Path(name).stem for name in names if "/_binaries/" in name)
-    assert libraries == ["aeromatch_fmu", "aeromatch_kernel"]  # those of this machine
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
     for example in EXAMPLES:
         here = ROOT / "data" / example
@@ -123,7 +134,11 @@ def test_wheel_holds_every_file_of_the_packages(wheel):
         assert {f"aeromatch/data/{example}/{file}" for file in files} <= names
 
 
+@pytest.mark.nightly
 def test_an_installation_of_the_wheel_alone_works(wheel, tmp_path):
+    names = zipfile.ZipFile(wheel).namelist()
+    libraries = sorted(Path(name).stem for name in names if "/_binaries/" in name)
+    assert libraries == ["aeromatch_fmu", "aeromatch_kernel"]  # those of this machine
     zipfile.ZipFile(wheel).extractall(tmp_path)
     done = subprocess.run(
         [sys.executable, "-c", USED, str(tmp_path)], cwd=tmp_path, capture_output=True, text=True

@@ -98,7 +98,7 @@ def test_what_can_be_chosen(opened):
         pytest.param(
             {"weights": "robust", "model": "CL = 1 + alpha + delta_e"}, marks=pytest.mark.nightly
         ),
-        {"ridge": "auto"},
+        pytest.param({"ridge": "auto"}, marks=pytest.mark.nightly),
         pytest.param({"ridge": 0.01, "weights": "manoeuvre"}, marks=pytest.mark.nightly),
         {"band": [0.1, 2.0]},
         pytest.param(

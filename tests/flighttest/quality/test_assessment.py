@@ -410,8 +410,15 @@ def test_without_a_vane_nothing_is_reported_of_when_the_elevator_acts():
 
 C182 = Path(__file__).parents[3] / "data" / "c182"
 CITATION = Path(__file__).parents[4] / "shared" / "data" / "flight" / "citation_phlab"
-LEADS = [("c182", "cruise"), ("c182", "fast"), ("c182", "check_short_period"), ("t37", CARD), ("citation", "20180312_1"),
-         ("citation", "20190305_2_partial"), ("citation", "20200310_2")]  # fmt: skip
+LEADS = [
+    ("c182", "check_short_period"),
+    ("t37", CARD),
+    ("citation", "20180312_1"),
+    pytest.param("c182", "cruise", marks=pytest.mark.nightly),
+    pytest.param("c182", "fast", marks=pytest.mark.nightly),
+    pytest.param("citation", "20190305_2_partial", marks=pytest.mark.nightly),
+    pytest.param("citation", "20200310_2", marks=pytest.mark.nightly),
+]
 
 
 @pytest.mark.slow

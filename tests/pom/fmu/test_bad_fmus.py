@@ -104,7 +104,7 @@ def broken(folder, toy):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sandbox", ["none", "auto"])
+@pytest.mark.parametrize("sandbox", [pytest.param("none", marks=pytest.mark.nightly), "auto"])
 def test_every_kind_spoils_its_own_row_and_no_other(
     sandbox, case, bad, toy, lag_states, tmp_path, monkeypatch
 ):
