@@ -8,12 +8,13 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from joblib import Parallel, delayed
+from joblib import delayed
 
 import flighttest
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.support.atomic_write import write_text
+from flightmech.support.kept_stages.sharing import process_pool
 from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
 from pom.cases.fact_agreement import demand_agreement
@@ -115,7 +116,7 @@ def check_batch(
     # One record does not need a second process.
     if len(unchecked) <= 1:
         jobs = 1
-    results = dict(zip(unchecked, Parallel(n_jobs=jobs)(calls), strict=True))
+    results = dict(zip(unchecked, process_pool(jobs)(calls), strict=True))
     problems: list[str] = []
     for _, texts in results.values():
         problems += texts

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from joblib import Parallel, delayed
+from joblib import delayed
 
 import flighttest
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, OutOfRange, SchemaError, SimulationError, UnknownName
 from flightmech.simulation.compiler import SimModel
+from flightmech.support.kept_stages.sharing import process_pool
 from pom.cases.case import PomCase, driven_quantities
 from pom.fmu.models import FmuModel
 from pom.fmu.variable_map import Fmu, links_of
@@ -244,7 +245,7 @@ def check_records(
     if len(records) <= 1:
         jobs = 1
     calls = (delayed(RecordCheck.of)(name, record, aircraft) for name, record in records.items())
-    return dict(zip(records, Parallel(n_jobs=jobs)(calls), strict=True))
+    return dict(zip(records, process_pool(jobs)(calls), strict=True))
 
 
 def check_key(case: PomCase) -> str:

@@ -12,6 +12,7 @@ import xarray as xr
 from joblib import Parallel, delayed, effective_n_jobs
 
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.support.kept_stages.sharing import process_pool
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases.case import PomCase
 from pom.diagnosis.diagnosis import diagnose_bench
@@ -280,7 +281,7 @@ def rank_all(
         parcel = pickle.dumps(models)
         for case in order:
             calls.append(delayed(_rank_in_process)(case, parcel, paths.get(case.name), options))
-        ranked = Parallel(n_jobs=processes, batch_size=1, pre_dispatch="all")(calls)
+        ranked = process_pool(processes, batch_size=1, pre_dispatch="all")(calls)
         # Compiled models stay in their process, so the benches get the models of this process.
         for case, (bench, _) in zip(order, ranked, strict=True):
             bench.models = models[case.name]

@@ -187,7 +187,7 @@ def _new_folder() -> str:
 
 def _worker_command(fmu: Path, folder: str, limits: WorkerLimits) -> list[str]:
     """Return the command of a child process; without a folder it unpacks in the sandbox."""
-    # In bubblewrap the child cannot see its parent, and bubblewrap itself ends with it.
+    # In bubblewrap the child cannot see its parent; it watches the pipe of its jobs instead.
     parent = str(os.getpid()) if folder else "0"
     sizes = [str(limits.written), str(limits.unpacked)]
     return module_command("pom.fmu.worker", str(fmu.resolve()), folder or _INSIDE, parent, *sizes)

@@ -24,7 +24,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.support.kept_stages.content_hashes import content_hash
 from flightmech.support.kept_stages.program import hash_installation
-from flightmech.support.kept_stages.sharing import open_cluster
+from flightmech.support.kept_stages.sharing import open_cluster, process_pool
 from pom.cases.case import PomCase
 from pom.cases.fact_agreement import demand_agreement
 from pom.cases.reference_states import read_path_states
@@ -415,7 +415,7 @@ def _read_states(
     if len(raw) <= 1:
         jobs = 1
     work = (delayed(records.make)(first_cases[source]) for source in raw)
-    reconstructed = dict(zip(raw, Parallel(n_jobs=jobs)(work), strict=True))
+    reconstructed = dict(zip(raw, process_pool(jobs)(work), strict=True))
     # Keep the order of the cases: the reconstructed records are anywhere among them.
     all_states = {}
     for source, states in stored.items():

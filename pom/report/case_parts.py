@@ -13,8 +13,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
-from joblib import Parallel, delayed, effective_n_jobs
+from joblib import delayed, effective_n_jobs
 
+from flightmech.support.kept_stages.sharing import process_pool
 from flightmech.support.kept_stages.stages import Stages
 from pom.archive.origins import case_seen_from, with_full_places
 from pom.archive.results_document import CaseText, case_results_text
@@ -267,7 +268,7 @@ def parts_of_cases(
         )
         for position, (name, result) in enumerate(zip(names, results, strict=True), 1)
     )
-    return Parallel(n_jobs=_process_count(jobs, len(results)), return_as="generator")(calls)
+    return process_pool(_process_count(jobs, len(results)), return_as="generator")(calls)
 
 
 def read_contents(folder: Path) -> dict[str, bytes]:

@@ -6,6 +6,7 @@ The results are the same.
 from __future__ import annotations
 
 import logging
+import os
 import socket
 import time
 import warnings
@@ -26,6 +27,22 @@ WAIT = 20.0
 """Time limit for the answer of a scheduler, and for its first worker. [s]"""
 # submitted calls per core of the cluster
 _AHEAD = 4
+
+
+def process_pool(jobs: int, **options: Any) -> Parallel:
+    """Return a pool of processes for which relative paths mean what they mean here.
+
+    joblib keeps its processes for the next pool. Without this the kept ones would stay in the
+    folder in which they were started, when the program changes its folder in between.
+
+    Parameters
+    ----------
+    jobs : int
+        Number of processes, -1 for one per core.
+    **options
+        Of `joblib.Parallel`.
+    """
+    return Parallel(n_jobs=jobs, initializer=os.chdir, initargs=(os.getcwd(),), **options)
 
 
 class Cores:
@@ -56,8 +73,11 @@ class Cores:
                 yield _call_indexed(i, function, *call)
             return
         work = (delayed(_call_indexed)(i, function, *call) for i, call in enumerate(calls))
-        backend = "threading" if threads else None
-        yield from Parallel(n_jobs=jobs, backend=backend, return_as="generator_unordered")(work)
+        if threads:
+            pool = Parallel(n_jobs=jobs, backend="threading", return_as="generator_unordered")
+        else:
+            pool = process_pool(jobs, return_as="generator_unordered")
+        yield from pool(work)
 
 
 class Cluster:

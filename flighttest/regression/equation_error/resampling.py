@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from joblib import Parallel, delayed, effective_n_jobs
+from joblib import delayed, effective_n_jobs
 
 from flightmech.errors import IdentificationError
+from flightmech.support.kept_stages.sharing import process_pool
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.samples import RegressionSamples
@@ -138,7 +139,7 @@ def monte_carlo(
             f"{len(seeds)} seeds; {FEWEST} at least, and 200 to distinguish 95 % from 92 %"
         )
     batches = _divide_into_batches(list(seeds), jobs)
-    results = Parallel(n_jobs=jobs)(
+    results = process_pool(jobs)(
         delayed(_identify_records)(identify, list(truth), batch) for batch in batches
     )
     table = np.concatenate(results)  # (run, figure, term)
@@ -214,7 +215,7 @@ def bootstrap(fit: Fit, replicates: int = 200, seed: int = 0, jobs: int = 1) -> 
         )
     simulator = _ResidualSimulator(fit)
     batches = _divide_into_batches(list(range(replicates)), jobs)
-    draws = Parallel(n_jobs=jobs)(delayed(simulator.draw)(seed, batch) for batch in batches)
+    draws = process_pool(jobs)(delayed(simulator.draw)(seed, batch) for batch in batches)
     changes = np.concatenate(draws)  # (replicate, term)
     theta = fit.estimates["estimate"].values
     terms = [str(term) for term in fit.estimates["term"].values]

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import os
 import pickle
+import select
 import shutil
 import signal
 import sys
 import threading
 import time
+from functools import partial
 
 import numpy as np
 
@@ -29,12 +31,15 @@ def answer_jobs(path: str, folder: str, parent: str, written: str, unpacked: str
     path, folder : str
         The FMU, and the folder for its files.
     parent : str
-        Number of the parent process; 0: another program ends this one with its parent.
+        Number of the parent process; 0: it is not visible in the sandbox.
     written, unpacked : str
         As in `pom.fmu.limits.WorkerLimits`. [byte]
     """
     if int(parent):
-        threading.Thread(target=_end_with, args=(int(parent), folder), daemon=True).start()
+        watch = partial(_end_with, int(parent), folder)
+    else:
+        watch = partial(_end_with_input)
+    threading.Thread(target=watch, daemon=True).start()
     # The FMU can print to stdout, which is therefore redirected to stderr.
     replies = os.dup(1)
     os.dup2(2, 1)
@@ -71,6 +76,22 @@ def _end_with(parent: int, folder: str) -> None:
     while os.getppid() == parent:
         time.sleep(1.0)
     shutil.rmtree(folder, ignore_errors=True)
+    _end_all()
+
+
+def _end_with_input() -> None:
+    """End this process and all processes of the FMU when nobody holds the other end of stdin.
+
+    Bubblewrap ends with its parent only from the moment in which it has asked the system for it.
+    A parent that is killed before leaves a sandbox behind, and a hanging FMU in it for ever.
+    """
+    waiting = select.poll()
+    waiting.register(0, 0)  # without an event: only the end of the pipe is reported
+    waiting.poll()
+    _end_all()
+
+
+def _end_all() -> None:
     if os.name == "posix" and os.getpgrp() == os.getpid():
         os.killpg(0, signal.SIGKILL)
     os._exit(1)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import shutil
 import signal
 import subprocess
@@ -16,6 +17,7 @@ import xarray as xr
 
 import pom
 from flightmech.errors import OutOfRange, SchemaError, SimulationError
+from flightmech.support.foreign_code.process import module_command
 from pom.cases.case import read_case
 from pom.fmu import simulate
 from pom.fmu.process import Child
@@ -332,6 +334,21 @@ child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "output
         time.sleep(0.1)
     os.kill(child, signal.SIGKILL)
     pytest.fail("the child still ran after 600 s")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no sandbox")
+def test_a_hanging_fmu_ends_when_nobody_can_send_it_a_job(toy, tmp_path):
+    # as in a sandbox, where the parent is not visible (number 0)
+    command = module_command("pom.fmu.worker", str(toy("hang")), str(tmp_path), "0", "0", "0")
+    child = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+    )
+    job = {"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "outputs": ["theta"]}
+    pickle.dump({**job, "number": 1}, child.stdin)
+    child.stdin.close()
+    assert child.wait(600.0) == -signal.SIGKILL
+    child.stdout.close()
 
 
 @pytest.mark.slow
