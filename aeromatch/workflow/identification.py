@@ -19,6 +19,7 @@ from aeromatch.workflow.identified import (
     compute_coefficients,
     count_local_models,
     databases_before,
+    find_copies,
     fit_coefficients,
     make_table_comparison,
     make_tables,
@@ -110,7 +111,11 @@ def _reconstruct(
         records = read_records(result, stages)
         result.marks = read_marks(result, records, stages)
         result.windows = select_windows(
-            result.project, Values(records), cases=result.cases, marks=result.marks.value
+            result.project,
+            Values(records),
+            cases=result.cases,
+            marks=result.marks.value,
+            copies=find_copies(result, records, stages),
         )
     with step("check the flight records"):
         result.checks = check_records(records, aircraft.value, jobs, stages)
