@@ -25,6 +25,7 @@ from flightmech.support.console import (
     timed_step,
     to_json_types,
 )
+from flightmech.support.imports import collector_paused
 from flightmech.support.kept_stages.store import StageStore, size_limit, store_folder
 
 INPUTS = ("README.md", "datcom", "flight")
@@ -268,7 +269,8 @@ def _performed(
 ) -> dict[str, Any]:
     """Perform a match, and return what is printed of it as plain data."""
     # a match without a change loads nothing that computes
-    from aeromatch.workflow.steps import perform_match
+    with collector_paused():
+        from aeromatch.workflow.steps import perform_match
 
     project = _project(file, unplaced)
     with _stages(store, output, fresh, explain) as stages:
@@ -294,7 +296,8 @@ def _performed(
 def _project(file: Path, unplaced: str | None) -> Any:
     """Return a project, with the answer to terms without a place that the command gives."""
     # a match without a change loads nothing that computes
-    from aeromatch.project.project import read_project
+    with collector_paused():
+        from aeromatch.project.project import read_project
 
     project = read_project(file)
     return project if unplaced is None else project.with_changes(unplaced=unplaced)
@@ -310,7 +313,8 @@ def _made_plan(
 ) -> Any:
 
     # a match without a change loads nothing that computes
-    from aeromatch.planning.match_plan import MatchOptions, make_plan
+    with collector_paused():
+        from aeromatch.planning.match_plan import MatchOptions, make_plan
 
     chosen = MatchOptions(**{name: options[name] for name in _PLANNED if name in options})
     return make_plan(project, output, jobs, chosen, stages, keep_records)
