@@ -28,48 +28,44 @@ _ARITHMETIC = (
 )
 
 
-# Files that are the same in a checkout and in a wheel of any platform.
-_SOURCES = (".py", ".csv", ".toml", ".html", ".css", ".js", ".json", ".typ", ".txt", ".svg")
-_EXAMPLES = "aeromatch/data/"  # only in a wheel
-
-
 @cache
 def hash_installation() -> str:
     """Return the hash of our packages, the versions of `LIBRARIES` and the kind of machine.
 
     The packages include kernel, templates and tables.
     """
-    digest, _ = _hash_packages()
+    digest = hashlib.sha256()
+    for name in PACKAGES:
+        folder = os.path.dirname(str(find_spec(name).origin))  # type: ignore[union-attr]
+        for file in sorted(_list_files(folder)):
+            # the same path on all systems
+            path = f"{name}/{file[len(folder) + 1 :]}".replace(os.sep, "/")
+            digest.update(path.encode() + b"\0" + Path(file).read_bytes())
     versions = [f"{name} {_find_version(name)}" for name in LIBRARIES]
-    return " ".join([digest, *versions, sys.platform, machine()])
+    return " ".join([digest.hexdigest(), *versions, sys.platform, machine()])
 
 
+# Files that are the same in a checkout and in a wheel of any platform.
+_SOURCES = (".py", ".csv", ".toml", ".html", ".css", ".js", ".json", ".typ", ".txt", ".svg")
+_EXAMPLES = "aeromatch/data/"  # only in a wheel
+
+
+@cache
 def hash_sources() -> dict[str, str]:
     """Return the hash of the sources, tables and templates of each of our packages, by name.
 
     Compiled libraries differ between platforms and are not among them.
     """
-    _, digests = _hash_packages()
-    return dict(digests)
-
-
-@cache
-def _hash_packages() -> tuple[str, dict[str, str]]:
-    """Return the hash of all files of our packages, and that of the sources of each package."""
-    whole = hashlib.sha256()
     digests = {}
     for name in PACKAGES:
         folder = os.path.dirname(str(find_spec(name).origin))  # type: ignore[union-attr]
-        sources = hashlib.sha256()
+        digest = hashlib.sha256()
         for file in sorted(_list_files(folder)):
-            # the same path on all systems
             path = f"{name}/{file[len(folder) + 1 :]}".replace(os.sep, "/")
-            content = path.encode() + b"\0" + Path(file).read_bytes()
-            whole.update(content)
             if path.endswith(_SOURCES) and not path.startswith(_EXAMPLES):
-                sources.update(content + b"\0")
-        digests[name] = sources.hexdigest()
-    return whole.hexdigest(), digests
+                digest.update(path.encode() + b"\0" + Path(file).read_bytes() + b"\0")
+        digests[name] = digest.hexdigest()
+    return digests
 
 
 @cache
