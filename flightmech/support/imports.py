@@ -7,15 +7,13 @@ checkers read the stub, and `attach_stub` derives the imports from it (Scientifi
 from __future__ import annotations
 
 import ast
-import gc
 import importlib
 import importlib.abc
 import importlib.machinery
 import importlib.util
 import sys
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -23,21 +21,6 @@ from flightmech.errors import AeromatchWarning
 
 PACKAGES = ("flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch")
 _FOLDER = Path(__file__).resolve().parents[2]
-
-
-@contextmanager
-def collector_paused() -> Iterator[None]:
-    """Pause the garbage collector for imports inside the block.
-
-    Modules live to the end of the process. The collector would examine their objects during the
-    imports, and again in each of its full passes.
-    """
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()
-        gc.enable()
 
 
 def hidden_packages() -> dict[str, str]:

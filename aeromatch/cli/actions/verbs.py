@@ -25,7 +25,6 @@ from flightmech.support.console import (
     timed_step,
     to_json_types,
 )
-from flightmech.support.imports import collector_paused
 from flightmech.support.kept_stages.store import StageStore, size_limit, store_folder
 
 INPUTS = ("README.md", "datcom", "flight")
@@ -269,8 +268,7 @@ def _performed(
 ) -> dict[str, Any]:
     """Perform a match, and return what is printed of it as plain data."""
     # a match without a change loads nothing that computes
-    with collector_paused():
-        from aeromatch.workflow.steps import perform_match
+    from aeromatch.workflow.steps import perform_match
 
     project = _project(file, unplaced)
     with _stages(store, output, fresh, explain) as stages:
@@ -296,8 +294,7 @@ def _performed(
 def _project(file: Path, unplaced: str | None) -> Any:
     """Return a project, with the answer to terms without a place that the command gives."""
     # a match without a change loads nothing that computes
-    with collector_paused():
-        from aeromatch.project.project import read_project
+    from aeromatch.project.project import read_project
 
     project = read_project(file)
     return project if unplaced is None else project.with_changes(unplaced=unplaced)
@@ -313,8 +310,7 @@ def _made_plan(
 ) -> Any:
 
     # a match without a change loads nothing that computes
-    with collector_paused():
-        from aeromatch.planning.match_plan import MatchOptions, make_plan
+    from aeromatch.planning.match_plan import MatchOptions, make_plan
 
     chosen = MatchOptions(**{name: options[name] for name in _PLANNED if name in options})
     return make_plan(project, output, jobs, chosen, stages, keep_records)
