@@ -18,7 +18,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+import scipy
 
 FLOWN_SAMPLES = "flown_samples"
 """Root attribute of a database with the windows that identified it."""
@@ -315,9 +315,9 @@ def sliding_correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     variance_a = overlap_mean(a * a, 0) - mean_a**2
     variance_b = overlap_mean(b * b, lags) - mean_b**2
     # sum over the overlap of a(t + lag) b(t), by the convolution theorem
-    size = next_fast_len(lags.size, real=True)
-    product = rfft(a, size) * rfft(b[:, ::-1], size)
-    covariance = irfft(product, size)[:, : lags.size] / count - mean_a * mean_b
+    size = scipy.fft.next_fast_len(lags.size, real=True)
+    product = scipy.fft.rfft(a, size) * scipy.fft.rfft(b[:, ::-1], size)
+    covariance = scipy.fft.irfft(product, size)[:, : lags.size] / count - mean_a * mean_b
     # below a share of the variance of the whole series, the difference is rounding
     least = 1e-9 * np.maximum(a.var(axis=1), b.var(axis=1))[:, np.newaxis]
     is_valid = (count * STEP >= LEAST_OVERLAP) & (variance_a > least) & (variance_b > least)

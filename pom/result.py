@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from operator import itemgetter
 from types import MappingProxyType
@@ -171,6 +171,13 @@ class PomResult:
         names = [item.name for item in fields(self)] + ["_products"]
         # `_products` exists only after the first call of `once` or `keep`
         return {name: self.__dict__[name] for name in names if name in self.__dict__}
+
+    def with_case(self, case: PomCase) -> PomResult:
+        """Return the result with a case that differs in the texts of its page only."""
+        result = replace(self, case=case)
+        # no product of `once` depends on these texts
+        result.__dict__["_products"] = dict(self.__dict__.get("_products", {}))
+        return result
 
     @property
     def runs(self) -> list[str]:

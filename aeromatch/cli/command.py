@@ -4,6 +4,7 @@ called.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import sys
@@ -36,6 +37,11 @@ COMMANDS = {
     "example": ("aeromatch.cli.verbs", "Copy an example that comes with the product."),
     "demo": ("aeromatch.cli.verbs", "Perform the whole job on the shipped T-37 example."),
 }
+
+_COLLECT_AFTER = 50_000
+"""New objects before a collection; 700 by default, of which imports alone make hundreds of
+thousands.
+"""
 
 
 class RootGroup(LazyGroup):
@@ -75,6 +81,8 @@ def main() -> None:
     """Run the command; errors and warnings of the package become one clear line, errors exit code
     2.
     """
+    # most objects of a command live to its end: frequent collections find nothing to free
+    gc.set_threshold(_COLLECT_AFTER)
     # the matrices of flight records are small: threads of the linear algebra would wait for each
     # other, and sum in an order of their own
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when NumPy is imported, below

@@ -19,6 +19,7 @@ from flightmech.errors import AeromatchWarning
 from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flightmech.support.kept_stages.store import StageStore
+from pom.cases.case import PomCase
 from pom.diagnosis.sampling.sampled_replay import samples_of_case
 from pom.result import PomResult
 
@@ -160,7 +161,7 @@ def of_cases(
     for case in cases:
         names = (case.names, case.aircraft, case.law, case.law_names)
         case_inputs = {
-            "case": case,
+            "case": case.without_texts(),
             "files of the case": [content(Path(name)) for name in names if name],
             "record": paths[Path(case.record).stem],
         }
@@ -225,7 +226,8 @@ def replay_cases(
     paths : mapping of str to Kept
         Reconstructed paths by record.
     """
-    cases_by_name = {case.name: case for case in cases}
+    # Without the texts of their pages, so that no stored result depends on them.
+    cases_by_name = {case.name: case.without_texts() for case in cases}
     # The workers of a cluster do not have the store.
     flights = None
     if stages.store is not None and scheduler is None:
@@ -246,7 +248,8 @@ def replay_cases(
             **options,
         )
 
-    return [stored.value for stored in stages.batch("replay", inputs, compute).values()]
+    replays = stages.batch("replay", inputs, compute)
+    return [replays[case.name].value.with_case(case) for case in cases]
 
 
 def add_model_samples(
@@ -279,7 +282,10 @@ def add_model_samples(
     jobs : int
         Threads of each case.
     """
-    cases = {result.case.name: result.case for result in results if not result.case.law}
+    cases: dict[str, PomCase] = {}
+    for result in results:
+        if not result.case.law:
+            cases[result.case.name] = result.case.without_texts()
     sample_inputs = {name: {**inputs[name], **options} for name in cases}
 
     def arguments(name: str) -> tuple[Any, ...]:

@@ -19,6 +19,7 @@ from aeromatch.workflow.identified import (
     compute_coefficients,
     count_local_models,
     databases_before,
+    find_copies,
     fit_coefficients,
     make_table_comparison,
     make_tables,
@@ -39,6 +40,7 @@ from aeromatch.workflow.windows import inputs_of, records_of, select_windows
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flighttest.reconstruction.flight_programme import reconstructed_paths
+from pom.diagnosis.corrected_model import correction_reasons
 from pom.diagnosis.joint_correction import diagnosed_cases
 
 Step = Callable[[str], AbstractContextManager[None]]
@@ -110,7 +112,11 @@ def _reconstruct(
         records = read_records(result, stages)
         result.marks = read_marks(result, records, stages)
         result.windows = select_windows(
-            result.project, Values(records), cases=result.cases, marks=result.marks.value
+            result.project,
+            Values(records),
+            cases=result.cases,
+            marks=result.marks.value,
+            copies=find_copies(result, records, stages),
         )
     with step("check the flight records"):
         result.checks = check_records(records, aircraft.value, jobs, stages)
@@ -172,14 +178,16 @@ def _diagnose(
         jobs=jobs,
         stages=stages,
     )
+    # The diagnoses enter the corrected model by what it states of them, terms and reasons.
+    reasons = correction_reasons(result.diagnoses)
     corrected = stages.one(
         "corrected database",
-        {"before": datcom, "after": final, "diagnoses": result.diagnoses},
+        {"before": datcom, "after": final, "reasons": reasons},
         lambda: pom.corrected_database(datcom.value, final.value, result.diagnoses),
     )
     mixed = stages.one(
         "corrected aircraft",
-        {"before": apriori, "after": flying, "diagnoses": result.diagnoses},
+        {"before": apriori, "after": flying, "reasons": reasons},
         lambda: pom.corrected_aircraft(apriori.value, flying.value, result.diagnoses),
     )
     result.databases = {"datcom": datcom, "corrected": corrected, "final": final}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,14 @@ from aeromatch.workflow.aerodynamics import (
     thread_count,
 )
 from aeromatch.workflow.submodels import Submodels
-from aeromatch.workflow.windows import IdentificationWindows, marks_of, records_of
+from aeromatch.workflow.windows import (
+    IdentificationWindows,
+    SharedByRecord,
+    marks_of,
+    proving_records,
+    records_of,
+    samples_of_copies,
+)
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
@@ -202,6 +209,24 @@ def read_marks(
         "table": [result.content(file) for file in table],
     }
     return stages.one("manoeuvres", inputs, make)
+
+
+def find_copies(
+    result: Identified, records: Mapping[str, Kept[xr.DataTree]], stages: Stages
+) -> SharedByRecord:
+    """Return the samples that the records of cases share with identifying records."""
+    identifying = records_of(result.project)
+    others = {name: records[name] for name in identifying}
+    inputs: dict[str, dict[str, Any]] = {}
+    for name in proving_records(result.cases):
+        inputs[name] = {"record": records[name], "identifying": others}
+
+    def compute(missing: list[str], put: Callable[..., None]) -> None:
+        for name, copies in samples_of_copies(missing, identifying, Values(records)).items():
+            put(name, copies)
+
+    copies = stages.batch("copied samples", inputs, compute)
+    return {name: stored.value for name, stored in copies.items()}
 
 
 def check_records(

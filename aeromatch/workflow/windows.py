@@ -15,9 +15,12 @@ import flighttest
 from aeromatch.project.project import Project
 from aeromatch.project.sections import RecordSelection
 from flightmech.errors import SchemaError, UnknownName
+from flighttest.records.shared_samples import SharedSamples
 
 Spans = dict[str, list[tuple[float, float]]]
 """Start and end of the selected parts of each record. [s]"""
+SharedByRecord = dict[str, dict[str, SharedSamples]]
+"""Samples of the record of a case in other records, by both names."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +139,7 @@ def select_windows(
     records: Mapping[str, xr.DataTree],
     cases: Sequence[Any] = (),
     marks: tuple[Mapping[str, pd.DataFrame], Sequence[str]] | None = None,
+    copies: SharedByRecord | None = None,
 ) -> IdentificationWindows:
     """Return the time windows of every fit and submodel of a project, by record.
 
@@ -146,6 +150,8 @@ def select_windows(
     cases : sequence of PomCase
     marks : tuple, optional
         Tables of `marks_of` with the problems it listed, if they are available.
+    copies : dict, optional
+        Result of `samples_of_copies`, if it is available.
 
     Raises
     ------
@@ -173,7 +179,9 @@ def select_windows(
     windows = IdentificationWindows(fits, submodels)
     positions = [f"fit {fit.name!r}" for fit in project.fit]
     named = [*zip(positions, fits, strict=True), *submodels.items()]
-    overlaps += find_copied_records(named, records, cases)
+    if copies is None:
+        copies = samples_of_copies(proving_records(cases), records_of(project), records)
+    overlaps += find_copied_records(named, copies, cases)
     raise_problems(project, [*problems, *overlaps])
     return windows
 
@@ -282,10 +290,48 @@ def find_case_overlaps(position: str, spans: Spans, cases: Iterable[Any]) -> lis
     return problems
 
 
+def proving_records(cases: Iterable[Any]) -> list[str]:
+    """Return the records of the cases, each once, in order."""
+    return list(dict.fromkeys(Path(case.record).stem for case in cases))
+
+
+def samples_of_copies(
+    proving: Iterable[str], identifying: Iterable[str], records: Mapping[str, xr.DataTree]
+) -> SharedByRecord:
+    """Return the samples that records of cases share with other records that identify.
+
+    Parameters
+    ----------
+    proving, identifying : iterable of str
+        Names of records.
+    records : mapping of str to DataTree
+
+    Returns
+    -------
+    dict of str to dict of str to SharedSamples
+        By proving and by identifying record. Records without shared samples are absent.
+    """
+    others = {}
+    for name in identifying:
+        if name in records:
+            others[name] = flighttest.records.inertial_channels(records[name])
+    copies: SharedByRecord = {}
+    for name in proving:
+        copies[name] = {}
+        if name not in records:
+            continue
+        channels = flighttest.records.inertial_channels(records[name])
+        for other, other_channels in others.items():
+            shared = None
+            if other != name:
+                shared = flighttest.records.find_shared_samples(channels, other_channels)
+            if shared is not None:
+                copies[name][other] = shared
+    return copies
+
+
 def find_copied_records(
-    named: Sequence[tuple[str, Spans]],
-    records: Mapping[str, xr.DataTree],
-    cases: Iterable[Any],
+    named: Sequence[tuple[str, Spans]], copies: SharedByRecord, cases: Iterable[Any]
 ) -> list[str]:
     """Return a line for every window whose samples are those of a case under another name.
 
@@ -293,35 +339,22 @@ def find_copied_records(
     ----------
     named : sequence of (str, Spans)
         Position in the project file and windows of every fit and submodel.
-    records : mapping of str to DataTree
-        Of the fits, submodels and cases.
+    copies : dict
+        Result of `samples_of_copies`.
     cases : iterable of PomCase
     """
-    identifying: dict[str, None] = {}
-    for _, spans in named:
-        identifying |= dict.fromkeys(spans)
-    proofs = {case.name: Path(case.record).stem for case in cases}
-    channels = {}
-    for name in {*identifying, *proofs.values()}:
-        if name in records:
-            channels[name] = flighttest.records.inertial_channels(records[name])
     problems = []
     for case in cases:
-        proving = proofs[case.name]
-        for name in identifying:
-            if name == proving or proving not in channels:
-                continue
-            shared = flighttest.records.find_shared_samples(channels[proving], channels[name])
-            if shared is None:
-                continue
+        proving = Path(case.record).stem
+        for name, samples in copies[proving].items():
             # the replayed part of the shared samples, on the clock of the identifying record
-            start = max(case.window[0], shared.start) + shared.shift
-            stop = min(case.window[1], shared.stop) + shared.shift
+            start = max(case.window[0], samples.start) + samples.shift
+            stop = min(case.window[1], samples.stop) + samples.shift
             for position, spans in named:
                 if any(span[0] < stop and start < span[1] for span in spans.get(name, [])):
                     problems.append(
                         f"{position}: record {name} holds samples of record {proving} "
-                        f"({shared.how}), which proves case {case.name}; it cannot identify too"
+                        f"({samples.how}), which proves case {case.name}; it cannot identify too"
                     )
     return problems
 

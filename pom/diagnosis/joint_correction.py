@@ -161,20 +161,26 @@ def diagnosed_cases(
     # The judgements of the new diagnoses serve jobs with another final model.
     for name in diagnosed:
         stages.remember(SWAPS, inputs.swaps[name], results[name].value.by_content())
-    late_benches: dict[str, LateBench] = {}
-    for case in cases:
-        result = results[case.name].value
-        judgements: Known = stages.recall("judgements", inputs.diagnoses[case.name], {})
-        make = partial(_make_bench, case, benches, result, mixed=mixed, path=paths[case.name])
-        late_benches[case.name] = LateBench(result, judgements, make)
-    # A bench has more judgements afterwards if the search had to fly new choices.
-    counts = {name: len(bench.known) for name, bench in late_benches.items()}
-    tables = {case.name: results[case.name].value.table for case in cases}
-    joined = join_tables(tables, late_benches, jobs)
-    for name, bench in late_benches.items():
-        if len(bench.known) > counts[name]:
-            stages.remember("judgements", inputs.diagnoses[name], bench.known)
-    return joined
+
+    def join() -> dict[str, pd.DataFrame]:
+        late_benches: dict[str, LateBench] = {}
+        for case in cases:
+            result = results[case.name].value
+            judgements: Known = stages.recall("judgements", inputs.diagnoses[case.name], {})
+            make = partial(_make_bench, case, benches, result, mixed=mixed, path=paths[case.name])
+            late_benches[case.name] = LateBench(result, judgements, make)
+        # A bench has more judgements afterwards if the search had to fly new choices.
+        counts = {name: len(bench.known) for name, bench in late_benches.items()}
+        tables = {case.name: results[case.name].value.table for case in cases}
+        joined = join_tables(tables, late_benches, jobs)
+        for name, bench in late_benches.items():
+            if len(bench.known) > counts[name]:
+                stages.remember("judgements", inputs.diagnoses[name], bench.known)
+        return joined
+
+    # The search flies further choices, so that its inputs are those of all diagnoses.
+    joint_inputs = {"cases": inputs.diagnoses, "diagnoses": results}
+    return stages.one("joint correction", joint_inputs, join).value
 
 
 class _StageInputs:

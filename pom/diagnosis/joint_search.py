@@ -123,9 +123,10 @@ def _is_as_good(bench: SwapBench | LateBench, names: Collection[str]) -> bool:
 def _find_least_addition(bench: SwapBench | LateBench, terms: Collection[str]) -> list[str]:
     """Return further names, next to the terms of the model, of which none can be left out."""
     free = [name for name in bench.names if name not in terms]
-    # With idle terms the diagnosis has screened the bench, and its judgements are sufficient.
-    if not bench.idle:
-        screen_idle_terms(bench.whole)
+    # With idle terms the diagnosis has screened the bench. A late bench has the idle terms of its
+    # diagnosis, so a screening would change none of its judgements.
+    if isinstance(bench, SwapBench) and not bench.idle:
+        screen_idle_terms(bench)
     omissions = []
     for omitted in free:
         omissions.append([name for name in bench.names if name != omitted])

@@ -14,8 +14,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.integrate import cumulative_trapezoid
 
 from aerodb.comparison.conditions import fill_missing_devices, select_covered_samples
 from aerodb.store.identified_terms import is_changed
@@ -387,7 +387,7 @@ def watch_track(
     if any(item.channel == "y_runway" and _is_judged_trace(case, item) for item in case.criteria):
         return ()
     velocity = np.stack([flight["vn"], flight["ve"]])
-    offset = cumulative_trapezoid(
+    offset = scipy.integrate.cumulative_trapezoid(
         np.stack([model["vn"], model["ve"]]) - velocity, time, initial=0.0
     )
     moving = np.hypot(*velocity) > _MOVING

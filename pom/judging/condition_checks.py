@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
@@ -269,7 +269,7 @@ def _check_hands_off(flown: FlownCase) -> str:
         known += 1
         values = np.asarray(flown.flight[name], float)[inside]
         width = max(1, round(SMOOTH / float(np.median(np.diff(time)))))
-        smooth = uniform_filter1d(values, width, mode="nearest")
+        smooth = scipy.ndimage.uniform_filter1d(values, width, mode="nearest")
         moved = np.abs(smooth - smooth[0])
         worst = int(np.nanargmax(moved))
         if moved[worst] > most:

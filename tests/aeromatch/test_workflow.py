@@ -30,6 +30,7 @@ from aeromatch.workflow.windows import (
     marks_of,
     records_of,
     rests_on,
+    samples_of_copies,
     select_windows,
     spans_of,
 )
@@ -386,8 +387,9 @@ def test_a_copy_of_a_record_of_the_proof_does_not_identify(shipped):
     copied = flighttest.read(folder / "flight" / f"{proof}.nc", folder / "names.toml")
     case = SimpleNamespace(name="short", record=f"x/{proof}.nc", window=(0.5, 16.5))
     records = {"pull_ups": copied, proof: copied}
-    (line,) = find_copied_records([("fit 'pitch'", {"pull_ups": [(1.0, 9.0)]})], records, [case])
+    copies = samples_of_copies([proof], ["pull_ups", proof], records)
+    (line,) = find_copied_records([("fit 'pitch'", {"pull_ups": [(1.0, 9.0)]})], copies, [case])
     assert line.startswith(f"fit 'pitch': record pull_ups holds samples of record {proof} (")
     assert line.endswith("proves case short; it cannot identify too")
     # another part of the same flight may identify
-    assert find_copied_records([("fit", {"pull_ups": [(17.0, 19.0)]})], records, [case]) == []
+    assert find_copied_records([("fit", {"pull_ups": [(17.0, 19.0)]})], copies, [case]) == []

@@ -26,6 +26,8 @@ records = ["cruise"]
 manoeuvres = ["3211 elevator", "doublet elevator"]
 models = ["CL = 1 + alpha + qhat + delta_e", "Cm = 1 + alpha + qhat + delta_e"]
 """
+# the corrected model states which share of the gap each of its terms explains in a case
+CORRECTED = {"corrected database", "corrected aircraft", "model files"}
 # kills itself at once when the given number of results is kept
 KILLER = """
 import os, signal, sys
@@ -173,30 +175,28 @@ def test_damaged_entries_are_computed_again_with_the_same_bytes(small):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(
-    ("old", "new", "more"),
+    ("old", "new", "more", "reason"),
     [
-        ('title = "', 'title = "Another ', set()),
+        ('title = "', 'title = "Another ', set(), "report page short_period: changed: result"),
         (
             "window = [4.0, 15.1]",
             "window = [4.0, 15.0]",
-            {"record look", "case check", "diagnosis"},
+            {"record look", "case check", "diagnosis", "joint correction", "replay"} | CORRECTED,
+            "replay short_period: changed: case",
         ),
     ],
 )
-def test_a_change_of_a_case_computes_no_more_than_the_case(small, old, new, more):
-    """A text of its page is simulated and diagnosed by nothing."""
+def test_a_change_of_a_case_computes_no_more_than_the_case(small, old, new, more, reason):
+    """A text of its page is simulated, judged and diagnosed by nothing."""
     case = small / "project" / "cases" / "short_period.toml"
     text = case.read_text(encoding="utf-8")
     assert old in text
     case.write_text(text.replace(old, new), encoding="utf-8")
     try:
         found = match(small, "store", "--explain")
-        of_the_case = {"replay", "report page", "report pdf", "chapters"} | more
+        of_the_case = {"report page", "report pdf", "chapters"} | more
         assert more <= computed(found.stderr).keys() <= of_the_case
-        assert any(
-            line.startswith("replay short_period: changed: case")
-            for line in found.stderr.splitlines()
-        )
+        assert any(line.startswith(reason) for line in found.stderr.splitlines())
         changed = files(small / "out")
         match(small, "empty")
         assert files(small / "out") == changed

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
+import scipy
 
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
@@ -64,7 +64,7 @@ class _Stretch:
 
 def integrate(rate: np.ndarray, step: float) -> np.ndarray:
     """Return the integral of a rate, zero at its first sample."""
-    return cumulative_trapezoid(rate, dx=step, initial=0.0)
+    return scipy.integrate.cumulative_trapezoid(rate, dx=step, initial=0.0)
 
 
 def fit_inertial(
