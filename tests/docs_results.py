@@ -225,6 +225,10 @@ FOR_READING = {
     ("docs/index.md", 0): "printed by ./run demo; tests/aeromatch/test_demo.py compares it",
     ("docs/how-to/data-package.md", 2): "printed by package diff; "
     "tests/aeromatch/delivery/test_package.py compares the models",
+    **dict.fromkeys(
+        [("docs/tutorials/light-aircraft.md", number) for number in (4, 5, 10)],
+        "parts of the finished files; tests/aeromatch/test_examples.py compares them",
+    ),
 }
 """Blocks that are not code."""
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 import sys
+import textwrap
 import warnings
 from pathlib import Path
 from types import SimpleNamespace
@@ -37,33 +38,32 @@ FROM_ELSEWHERE = (
 AT_REST = 3000  # evaluations: 25 s of the control system
 AT_ONCE = ("paraglider",)  # JSBSim's own motion diverges within the evaluations of AT_REST
 STATES = 40
+LATE = 1e-8  # above it the control system had not come to rest
 MORE = ("propulsion/engine/thrust-lbs", "fcs/throttle-cmd-norm", "aero/cl-squared")
 INPUT = re.compile(r"([^ ,:]+) is (device\.\w+\.\w+)")
 HEAD = """# Aircraft of JSBSim
 
-The {count} aircraft files of the pip package `jsbsim` {version}: {whole} become a database and an aircraft by `import_jsbsim` and
-`import_jsbsim_aircraft` as they stand, without options. `docs/scripts/make_jsbsim_aircraft.py` writes this page.
+Of the {count} aircraft files of the pip package `jsbsim` {version}, {whole} become a database and an
+aircraft by `import_jsbsim` and `import_jsbsim_aircraft` as they stand, without options.
+`docs/scripts/make_jsbsim_aircraft.py` writes this page. In brackets: the number of properties
+outside the vocabulary that became inputs, `device.*`.
 
-*inputs*: properties of controls and systems that are not a quantity of the vocabulary and became inputs, `device.*`; at each state they
-have the value of JSBSim.
-
-*Forces*, *moments*: largest difference between the database and JSBSim's own forces and moments, over the length of the vector, at
-{states} random states far beyond ordinary flight (alpha to 35 deg, beta to 20 deg, rates to 1 rad/s, random controls; two vectors of zero
-agree). JSBSim computes `aero/cl-squared` at the beginning of a step: the lift of the **step before** over the **present** dynamic pressure.
-*Its CL* takes this CL as a given condition, so that the same step is compared; *same instant* takes the sum of our lift terms, and JSBSim's
-forces after {rest} evaluations of the same state without a step, when the control system is at rest and both lifts are one.
-
-*Mass*: largest relative difference of mass and moments of inertia from those with which JSBSim starts (its pounds per slug are rounded).
 """
-NOTES = (
-    "\n"
-    "- {late}: the control system does not come to rest, so that JSBSim's step before is another "
-    "state.\n"
-    "- paraglider: the first step of JSBSim, without further evaluations, at those of the {states} "
-    "states at which it does not diverge.\n"
-    "- The file of the F450 is in metres, and JSBSim takes 3.2808399 ft for one: 3e-9 of an area; "
-    "its unit of inertia is rounded to 9e-5. ball and ballx have no forces.\n"
-)
+FIGURES = """
+Largest difference between the database and JSBSim, over the length of the vector, at {states} random
+states far beyond ordinary flight (alpha to 35 deg, beta to 20 deg, rates to 1 rad/s): forces
+{forces}, moments {moments}, F450 excepted. Mass and moments of inertia: {mass}, F450 excepted.
+
+- JSBSim takes `aero/cl-squared` of the **step before**, and the comparison uses its CL. With the lift
+  of the same instant, and JSBSim after {rest} evaluations of the same state, they are below 1e-8
+  but for {late}: {worst} at most. Their control system does not come to rest.
+- paraglider: only states at which the first step of JSBSim does not diverge.
+- The file of the F450 is in metres, and JSBSim takes 3.2808399 ft for one: 3e-9 of an area; its
+  unit of inertia is rounded to 9e-5. ball and ballx have no forces.
+
+| aircraft | not read |
+| --- | --- |
+"""
 
 
 def main() -> None:
@@ -74,20 +74,27 @@ def main() -> None:
         if folder.is_dir()
     ]
     read = [cells for cells in rows if cells[1] == "read"]
-    table = [
-        "| aircraft | | inputs | forces, its CL | moments | forces, same instant | moments | mass |",
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
-    late = [cells[0] for cells in read if not float(cells[5]) < 1e-8]
-    head = HEAD.format(
-        count=len(rows),
-        version=jsbsim.__version__,
-        whole=len(read),
+    listed = [f"`{name}` ({count})" if count else f"`{name}`" for name, _, count, *_ in read]
+    plain = [cells for cells in read if cells[0] != "F450"]
+    late = [cells for cells in plain if not float(cells[5]) < LATE]
+    head = HEAD.format(count=len(rows), version=jsbsim.__version__, whole=len(read))
+    figures = FIGURES.format(
         states=STATES,
         rest=AT_REST,
+        forces=largest(plain, 3),
+        moments=largest(plain, 4),
+        mass=largest(plain, 7),
+        late=", ".join(cells[0] for cells in late),
+        worst=largest(late, 5),
     )
-    lines = [head, *table, *("| " + " | ".join(cells) + " |" for cells in rows)]
-    PAGE.write_text("\n".join(lines) + "\n" + NOTES.format(late=", ".join(late), states=STATES))
+    names = textwrap.fill("Read: " + ", ".join(listed) + ".", 100) + "\n"
+    refused = "".join(f"| {cells[0]} | {cells[1]} |\n" for cells in rows if cells[1] != "read")
+    PAGE.write_text(head + names + figures + refused)
+
+
+def largest(rows: list[tuple[str, ...]], column: int) -> str:
+    """Return the largest figure of a column."""
+    return f"{max(float(cells[column]) for cells in rows):.0e}"
 
 
 def row(name: str) -> tuple[str, ...]:

@@ -1,5 +1,5 @@
-"""Write ``nomenclature.md`` from the vocabulary of the product: ``python
-docs/scripts/make_nomenclature.py``.
+"""Page ``nomenclature.md``, from the vocabulary of the product. The site has the page
+(`make_site`); ``python docs/scripts/make_nomenclature.py`` prints it.
 
 Name, unit, sign and description come from `flightmech.names`, JSBSim's properties from the tables
 of the export; the symbols of LR-743, Digital DATCOM and SIDPAC are those of the tables below.
@@ -7,12 +7,8 @@ of the export; the symbols of LR-743, Digital DATCOM and SIDPAC are those of the
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from aerodb.exchange.jsbsim.properties import AXIS, REGRESSOR
 from flightmech.names import SIGNS, VOCABULARY, Quantity
-
-PAGE = Path(__file__).parents[1] / "reference" / "nomenclature.md"
 
 # as LR-743 writes them; it divides the pitch rate by V, not by 2V
 LR743 = {
@@ -89,7 +85,7 @@ reports. Names are the symbols of the field in ASCII; angles are in radians. Qua
 or leg take a prefix: `engine1.thrust`, `gear.nose.compression`. Controls that only the tables of a
 database know are `device.body_flap.deflection` [rad], `device.spike.setting` [1]. In Python,
 `flightmech.names.lookup("delta_e")` returns a row. Other terms: [glossary](glossary.md), headings of
-recordings: [column headings](column-headings.md). `docs/scripts/make_nomenclature.py` writes this page.
+recordings: [column headings](column-headings.md).
 
 The last column has equivalents elsewhere. LR-743 reduces the pitch rate by `c/V`, this product by
 `c/(2V)`: a pitch-rate derivative of LR-743 is half of ours. JSBSim's properties are in the unit that
@@ -132,4 +128,4 @@ def _row(quantity: Quantity) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8", newline="\n")
+    print(page(), end="")

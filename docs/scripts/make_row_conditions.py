@@ -1,20 +1,17 @@
-"""Write row-conditions.md, the conditions that rows of the tolerance table state for the flight:
-``python docs/scripts/make_row_conditions.py``.
+"""Page ``row-conditions.md``, the conditions that rows of the tolerance table state for the
+flight. The site has the page (`make_site`); ``python docs/scripts/make_row_conditions.py`` prints
+it.
 """
 
 from __future__ import annotations
-
-from pathlib import Path
 
 from pom.tolerances import rows
 from pom.tolerances.channels import plain_id
 from pom.tolerances.stated_conditions import CONDITIONS, CONFIGURATIONS, STATED, StatedCondition
 
-PAGE = Path(__file__).parents[1] / "reference" / "row-conditions.md"
 HEAD = """# Conditions of the rows
 
 What the rows of `tolerances.csv` require of a flight, and how each condition is evaluated.
-`docs/scripts/make_row_conditions.py` writes the page.
 
 A condition that does not hold is a [departure](../explanation/proof-of-match/tolerances.md#verdicts).
 A condition that cannot be evaluated, because record or `[facts]` of the
@@ -42,9 +39,10 @@ CLAIM_HEAD = """
 | condition | evaluated from |
 |---|---|
 | `reversible_controls` | `[facts]` of the aircraft file; unknown: a departure that names the rows left out |
-| `groundspeed...`, `speed>...`, `distance...` | the record |
+| `groundspeed...`, `speed>...` | samples of the record: `vn`, `ve`; `V_cas` at the first of `stall_warning` and `initial_buffet` |
+| `distance...` | the run of the flight picks the row |
 | `underdamped`, `overdamped` | the free motion in the record |
-| `approach_to_stall`, `warning_to_stall`, `stall_break_and_recovery`, `before_g_break` | events of the case |
+| `approach_to_stall`, `warning_to_stall`, `stall_break_and_recovery`, `before_g_break` | `stall_warning`, `stall`, `g_break` in `[events]` |
 | every other word | the case, in `features`; stated as *not checked* |
 """
 
@@ -76,4 +74,4 @@ def page() -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    print(page(), end="")

@@ -29,6 +29,8 @@ OUTSIDE = {
 SCRIPTS = {
     "reference/project-keys.md": "make_project_keys.py",
     "reference/column-headings.md": "make_column_headings.py",
+    "reference/nomenclature.md": "make_nomenclature.py",
+    "reference/row-conditions.md": "make_row_conditions.py",
     "reference/tolerance-rows.md": "make_tolerance_rows.py",
     "reference/terms.md": "make_terms.py",
     "reference/gallery.md": "make_gallery.py",

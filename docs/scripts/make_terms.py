@@ -1,11 +1,13 @@
-"""Page ``terms.md``, every term that a database can hold, and what Digital DATCOM gives. The site has
-the page (`make_site`); ``python docs/scripts/make_terms.py`` prints it.
+"""Page ``terms.md``, every term that a database can hold, what Digital DATCOM gives, and the a-priori
+standard errors. The site has the page (`make_site`); ``python docs/scripts/make_terms.py`` prints it.
 
-The rows are those of the scheme of LR-743, `aerodb.store.templates`.
+The rows are those of the scheme of LR-743, `aerodb.store.templates`, and of
+`aerodb.prior.prior_errors`.
 """
 
 from __future__ import annotations
 
+from aerodb.prior.prior_errors import PRIOR_ERRORS, REGIME_FACTORS, method_class
 from aerodb.store.templates import scheme_table
 
 COLUMNS = ("axes", "regressors", "K1", "equation", "meaning", "from_datcom", "identified")
@@ -19,6 +21,16 @@ model](../explanation/database/aero-model.md). Other names are accepted too, suc
 | term | axes | times | factor | equation | meaning | from DATCOM | identified |
 | --- | --- | --- | --- | --- | --- | --- | --- |
 """
+ERRORS = """
+## Standard errors before flight
+
+Relative and absolute part in the subsonic regime, and the factor beyond it. `prior_errors.py` marks
+the figures that come from the identification guide; all others are engineering judgement
+([from DATCOM listings](../explanation/database/from-datcom.md#standard-errors)).
+
+| term | relative | absolute | transonic | supersonic |
+| --- | --- | --- | --- | --- |
+"""
 
 
 def page() -> str:
@@ -27,7 +39,13 @@ def page() -> str:
     for name, row in scheme_table().iterrows():
         cells = [f"`{name}`", *(str(row[column]) for column in COLUMNS)]
         rows += f"| {' | '.join(cells)} |\n"
-    return HEAD + rows
+    return HEAD + rows + ERRORS + "".join(_error_row(name) for name in PRIOR_ERRORS)
+
+
+def _error_row(name: str) -> str:
+    relative, absolute = PRIOR_ERRORS[name]
+    transonic, supersonic = REGIME_FACTORS[method_class(name)]
+    return f"| `{name}` | {relative:.0%} | {absolute:g} | x {transonic:g} | x {supersonic:g} |\n"
 
 
 if __name__ == "__main__":

@@ -46,12 +46,12 @@ def test_every_example_has_a_project():
     assert all((example_folder(name) / "aeromatch.toml").is_file() for name in EXAMPLES)
 
 
-def test_the_light_aircraft_is_the_project_of_the_tutorial():
-    """`docs/scripts/make_tutorial.py` writes both."""
+def test_the_tutorial_shows_parts_of_the_finished_files():
     page = (Path(__file__).parents[2] / "docs" / "tutorials" / "light-aircraft.md").read_text(
         encoding="utf-8"
     )
-    files = dict(re.findall(r'^```toml title="([^"]+)"\n(.*?)^```$', page, re.M | re.S))
-    assert set(files) == {"aircraft.toml", "names.toml", "aeromatch.toml"}
-    for name, text in files.items():
-        assert (example_folder("c182") / name).read_text(encoding="utf-8") == text, name
+    shown = "".join(re.findall(r"^```toml\n(.*?)^```$", page, re.M | re.S)).splitlines()
+    files = ("aircraft.toml", "names.toml", "aeromatch.toml")
+    finished = [(example_folder("c182") / name).read_text(encoding="utf-8") for name in files]
+    assert len(shown) > 20
+    assert set(shown) <= set("".join(finished).splitlines())

@@ -263,7 +263,7 @@ MISTAKES = {
     f"fmu simulate {CRAFT} prior.nc --inputs inputs_name.csv -o x.nc": [
         "'elevator [deg]'",
         "near it: delta_e",
-        "docs/reference/nomenclature.md",
+        "reference/nomenclature",
     ],
     f"fmu simulate {CRAFT} prior.nc --inputs inputs_clock.csv -o x.nc": [
         "found t, delta_e [deg]",

@@ -254,7 +254,7 @@ def _read(path: str) -> xr.Dataset:
                 path,
                 1,
                 f"the column {heading!r} ({error})",
-                "names of the vocabulary, docs/reference/nomenclature.md",
+                "names of the vocabulary, page reference/nomenclature of `./run docs`",
             ) from error
         columns[name] = to_si(table[heading].to_numpy(float), unit or units, units)
     return xr.Dataset(

@@ -3,6 +3,7 @@ functions one by one.
 """
 
 import importlib.util
+import re
 import warnings
 from pathlib import Path
 from types import SimpleNamespace
@@ -132,19 +133,16 @@ def test_induced_drag_flies_equal():
 
 @pytest.mark.slow
 def test_the_list_of_aircraft_that_are_read():
-    """Every row of docs/evidence/jsbsim-aircraft.md."""
+    """Every name of docs/evidence/jsbsim-aircraft.md."""
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     page = (HERE.parents[2] / "docs" / "evidence" / "jsbsim-aircraft.md").read_text()
-    rows = [
-        [cell.strip() for cell in line.split("|")[1:-1]]
-        for line in page.splitlines()
-        if line.startswith("| ")
-    ][2:]
+    read = set(re.findall(r"`([^`]+)`", page[page.index("\nRead: ") : page.index("\nLargest")]))
+    refused = set(re.findall(r"^\| (\S+) \| .*refused", page, re.M))
     folder = Path(jsbsim.get_default_root_dir()) / "aircraft"
-    assert sorted(row[0] for row in rows) == sorted(
+    assert sorted([*read, *refused]) == sorted(
         path.name for path in folder.iterdir() if path.is_dir()
     )
-    for name, state, _, *figures in rows:
+    for name in read | refused:
         path = folder / name / f"{name}.xml"
         try:
             with warnings.catch_warnings():
@@ -152,11 +150,10 @@ def test_the_list_of_aircraft_that_are_read():
                 db = aerodb.exchange.import_jsbsim(path)
             flightmech.compile(aerodb.exchange.import_jsbsim_aircraft(path), db)
         except (ParseError, SchemaError):
-            assert "refused" in state
+            assert name in refused
         else:
-            assert state == "read"
-            assert float(figures[0]) < 1e-8
-    assert sum(row[1] == "read" for row in rows) >= 45
+            assert name in read
+    assert len(read) >= 45
 
 
 def test_t37_by_name(tmp_path):

@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 import aerodb
 from aerodb.cli.group import db as group
+from aerodb.prior.prior_errors import PRIOR_ERRORS
 from aerodb.store.templates import lr743, make, scheme_table
 from flightmech import terms
 from flightmech.errors import SchemaError, UnknownName
@@ -155,10 +156,12 @@ def test_wrong_axes_are_errors():
 
 def test_the_page_of_terms_has_every_term_in_the_order_of_the_scheme():
     script = Path(__file__).parents[3] / "docs" / "scripts" / "make_terms.py"
-    lines = runpy.run_path(str(script))["page"]().splitlines()
-    rows = [line for line in lines if line.startswith("| `")]
+    scheme, errors = runpy.run_path(str(script))["page"]().split("\n## Standard errors")
+    rows = [line for line in scheme.splitlines() if line.startswith("| `")]
     assert [row.split("`")[1] for row in rows] == list(lr743())
     assert {row.count(" | ") for row in rows} == {7}
+    assert "| `Cm/qhat` | 25% | 0 | x 2 | x 1.5 |" in errors
+    assert errors.count("\n| `") == len(PRIOR_ERRORS)
 
 
 def test_the_scheme_as_a_table_and_on_the_command_line():

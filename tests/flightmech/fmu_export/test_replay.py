@@ -237,14 +237,12 @@ def test_the_description_reports_the_arrays(fmus, trainer):
     }
 
 
-def test_the_guide_does_what_it_states(trainer, tmp_path, monkeypatch, condition):
-    guide = (
-        Path(__file__).parents[3] / "docs" / "explanation" / "simulation" / "fmu.md"
-    ).read_text()
+def test_the_example_does_what_it_states(trainer, tmp_path, monkeypatch, condition):
+    example = Path(__file__).parents[3] / "examples" / "replay_in_one_step.py"
     flightmech.write_fmu(trainer, tmp_path / "model.fmu", "3.0")
     monkeypatch.chdir(tmp_path)
     names: dict = {}
-    exec(guide.split("```python\n")[1].split("```")[0], names)
+    exec(example.read_text(encoding="utf-8"), names)
     record = xr.Dataset({"delta_e": ("time", names["u"][:, 0])}, {"time": names["time"]})
     assert names["u"][60, 0] == -0.02
     np.testing.assert_array_equal(
