@@ -18,7 +18,7 @@ from aerodb.prior import ground_increments, increments
 from aerodb.prior.damping import with_tail_arm
 from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
 from aerodb.prior.power import power_effect, with_idle_engines, with_power_in_it
-from aerodb.prior.print_remarks import list_missing_numbers
+from aerodb.prior.print_remarks import describe_tail_pressure, list_missing_numbers
 from aerodb.prior.prior_errors import errors_with
 from aerodb.prior.reference_quantities import (
     Point,
@@ -29,7 +29,7 @@ from aerodb.prior.reference_quantities import (
 from aerodb.prior.roles import advise_on_misfit, describe_misfit
 from aerodb.prior.sources import Source, collect_source, split_powered, warn_user
 from aerodb.store.effects import Effect
-from aerodb.store.plausible_ranges import CANARD, REAR_WING
+from aerodb.store.plausible_ranges import CANARD, REAR_WING, TAIL_PRESSURE
 from aerodb.store.schema import SCHEME, make_database
 from aerodb.update.cautions.notices import note_plausibility
 from datcom_io.decks.aircraft_rules import ROUNDED_SPAN
@@ -158,8 +158,9 @@ def from_datcom(
         re-referenced), the planform cards give another ``x_ref_mac``, D(CM) comes from a loop over
         several conditions, ground pages with elevator are given, a value is extended into
         another speed regime, a spoiler of zero height has a moment, each Mach number has its
-        own altitude, a term of a given listing is absent, a suspect number was replaced, or a
-        value is implausible (`aerodb.store.plausibility`).
+        own altitude, a term of a given listing is absent, a suspect number was replaced, the tail
+        has an impossible dynamic pressure, or a value is implausible
+        (`aerodb.store.plausibility`).
     """
     listings = {
         "clean": clean,
@@ -207,6 +208,9 @@ def from_datcom(
     for effect in (*effects.values(), *_hinge_effects(sources, h_ref)):
         leaves |= terms_of_effect(effect, prior, ranges)
     tree = _assemble_database(aircraft, leaves, reference=reference, sources=sources)
+    # Nothing in the stored tables shows that the tail is absent, so the database states it.
+    if pressure := describe_tail_pressure(clean_source, h_ref):
+        tree.attrs = {**tree.attrs, TAIL_PRESSURE: pressure}
     tree, findings = note_plausibility(tree, aircraft)
     for finding in findings:
         if finding.kind in ("implausible", "unused"):

@@ -22,7 +22,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.store.evaluation import evaluate_any
-from aerodb.store.plausible_ranges import derivative_ranges
+from aerodb.store.plausible_ranges import TAIL_PRESSURE, derivative_ranges
 from aerodb.store.schema import database_coefficients, terms
 from flightmech.errors import SchemaError
 from flightmech.names import VOCABULARY
@@ -169,6 +169,8 @@ def check_plausibility(
         raise SchemaError("acknowledged", problems)
     machs, state = _mach_numbers(db), _base_state(db)
     findings = [*_check_lengths(db), *_check_alphas(db), *_check_mach_ends(db)]
+    if clause := str(db.attrs.get(TAIL_PRESSURE, "")):
+        findings.append(PlausibilityFinding("tail pressure", "implausible", source=clause))
     # Without lift over several alphas no slope exists.
     if not findings or all(item.subject != "angles of attack" for item in findings):
         findings += _merge(_check_slopes(db, machs, state, aircraft=aircraft), machs)
@@ -331,8 +333,8 @@ def _check_derivatives(
                 continue
             slope = _derivative(db, coefficient, variable, mach=mach, base=base)
             if slope is not None:
-                subject = f"{coefficient}/{variable}"
-                yield from _outside(subject, slope, item.low, item.high, item.source, mach)
+                subject, found = f"{coefficient}/{variable}", item.at(mach)
+                yield from _outside(subject, slope, found.low, found.high, found.source, mach)
 
 
 def _check_aircraft(aircraft: Any) -> Iterator[PlausibilityFinding]:

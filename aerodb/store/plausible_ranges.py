@@ -8,6 +8,7 @@ configuration; surfaces that it does not have, and a tail ahead of the wing, cha
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 _PUBLISHED = "three times the spread of nine published aeroplanes"
@@ -30,10 +31,14 @@ _SPREAD = {
     ("Cn", "delta_r"): (-0.1694, -0.0717),
 }
 _WIDENED = 3.0
+# sqrt(M^2 - 1) is 1 here; below it derivatives have the size of subsonic ones.
+_SUBSONIC_SIZE = math.sqrt(2.0)
 # Marks in the attribute ``configuration``: HTPLNF is ahead of WGPLNF, or it is the larger surface
 # behind, so that WGPLNF is the canard.
 CANARD = "(canard)"
 REAR_WING = "(rear wing)"
+# Root attribute with a clause on Mach numbers at which the print holds no tail.
+TAIL_PRESSURE = "tail_pressure"
 _FINS = ("VERTICAL", "FIN", "PANEL")
 # Cmq = -0.7 cl_alpha cos L {... + 1/8} of a wing about its own aerodynamic centre is -0.55 without
 # sweep and -0.27 at 60 deg; aspect ratio 15 and 35 deg of sweep give -13 [DATCOM 7.1.1.2].
@@ -57,6 +62,22 @@ class PlausibleRange:
     low: float
     high: float
     source: str
+
+    def at(self, mach: float) -> PlausibleRange:
+        """Return the range at a Mach number: the published derivatives are subsonic ones.
+
+        At supersonic speed a derivative is that of linear theory, as 1 / sqrt(M^2 - 1), so that the
+        end next to zero moves towards it.
+        """
+        if mach <= _SUBSONIC_SIZE:
+            return self
+        factor = 1.0 / math.sqrt(mach**2 - 1.0)
+        why = f"{self.source}; times 1 / sqrt(M^2 - 1) towards zero at supersonic speed"
+        if self.low > 0.0:
+            return PlausibleRange(self.low * factor, self.high, why)
+        if self.high < 0.0:
+            return PlausibleRange(self.low, self.high * factor, why)
+        return self
 
 
 def derivative_ranges(configuration: str) -> dict[tuple[str, str], PlausibleRange]:

@@ -325,3 +325,20 @@ def test_roll_due_to_sideslip_of_a_low_wing_is_about_zero(aeroplane) -> None:
     assert subjects(check_plausibility(aeroplane)) == set()
     aeroplane["Cl/beta"] = xr.DataTree(make_term(0.1, regressors=["beta"]))
     assert subjects(check_plausibility(aeroplane)) == {"Cl/beta"}
+
+
+def test_derivatives_of_a_supersonic_aeroplane_are_smaller(aeroplane) -> None:
+    """The print of a fighter at Mach 2.5 has Cm_qhat of -2.3; a third of the published -3.7 is -1.24."""
+    for name in ("CL/basic", "CD/basic", "Cm/basic"):
+        table = aeroplane[name].to_dataset().assign_coords(mach=[0.2, 3.0])
+        if name == "CL/basic":
+            table["value"][1] *= 0.28  # 4 / sqrt(M^2 - 1)
+        if name == "Cm/basic":
+            table["value"][1] *= 0.28
+        aeroplane[name] = xr.DataTree(table)
+    aeroplane["Cm/qhat"] = over_mach([-4.0, -0.6], [0.2, 3.0], regressors=["qhat"])
+    assert "Cm/qhat" not in subjects(check_plausibility(aeroplane))
+    aeroplane["Cm/qhat"] = over_mach([-4.0, -0.4], [0.2, 3.0], regressors=["qhat"])
+    assert "Cm/qhat" in subjects(check_plausibility(aeroplane))
+    aeroplane["Cm/qhat"] = over_mach([-0.6, -4.0], [0.2, 3.0], regressors=["qhat"])
+    assert "Cm/qhat" in subjects(check_plausibility(aeroplane))
