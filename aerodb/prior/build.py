@@ -420,6 +420,9 @@ def _reference_altitude(clean: Source, altitude: float | None) -> float:
 
     It is 0 if the pages state Reynolds numbers, or pressure and temperature, and no altitude.
     """
+    if not clean.has("static"):
+        problem = f"the static pages of {clean.file} hold no row with an angle of attack; give "
+        raise SchemaError(clean.role, [f"{problem}ALSCHD and NALPHA in the deck and run it again"])
     if not clean.has_altitude:
         warn_user(
             f"{clean.role}: the pages of {clean.file} state no altitude (Reynolds number, or "

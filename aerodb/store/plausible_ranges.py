@@ -46,6 +46,13 @@ _WING_DAMPING = (-15.0, -0.25)
 _WING_ONLY = "no horizontal tail: pitch damping of a wing up to 60 deg of sweep, DATCOM 7.1.1.2"
 _WING_LIFT = (-5.0, 20.0)
 _WING_LIFT_WHY = "no horizontal tail: (1/2 + 2 xi) CL_alpha of a wing, DATCOM 7.1.1.1"
+# The fin of an aeroplane without tail stands near the centre of gravity.
+_SHORT_ARM = {
+    ("Cn", "beta"): (0.0, 0.6528, "no horizontal tail: weathercock stability, fin of short arm"),
+    ("Cn", "rhat"): (-1.149, -0.001, "no horizontal tail: damping, fin of short arm"),
+}
+# Lift from which the published range of Cl_rhat holds: that of a wing is a quarter of CL.
+_LIFTING = 0.3
 # Sideslip derivatives of a wing and a body alone: the fin makes most of those published.
 _NO_FIN = {
     ("CY", "beta"): (-3.032, 0.05, "no fin: the side force of a body, of small size"),
@@ -62,6 +69,13 @@ class PlausibleRange:
     low: float
     high: float
     source: str
+
+    def at_lift(self, CL: float) -> PlausibleRange:
+        """Return a positive range of a derivative that is a part of the lift, as Cl_rhat is."""
+        if CL >= _LIFTING:
+            return self
+        why = f"{self.source}; a wing has a quarter of CL, here {CL:.2g}"
+        return PlausibleRange(0.25 * min(CL, 0.0) - self.low, self.high, why)
 
     def at(self, mach: float) -> PlausibleRange:
         """Return the range at a Mach number: the published derivatives are subsonic ones.
@@ -105,6 +119,8 @@ def derivative_ranges(configuration: str) -> dict[tuple[str, str], PlausibleRang
         ranges[("CL", "qhat")] = PlausibleRange(*_WING_LIFT, _WING_LIFT_WHY)
         # A wing without tail has the lag of its own flow alone, of either sign.
         del ranges[("Cm", "alphadothat")]
+        for key, (low, high, why) in _SHORT_ARM.items():
+            ranges[key] = PlausibleRange(low, high, why)
         # An elevon is nearer to the centre of gravity than an elevator.
         elevon = ranges[("Cm", "delta_e")]
         why = f"{elevon.source}; an elevon down to a third of that"

@@ -507,3 +507,11 @@ def test_a_device_a_little_beyond_the_tip_is_used_with_a_warning(listing_with_sp
     with pytest.warns(AeromatchWarning, match="elevator: .*SPANFO=5.5 lies beyond the tip"):
         db = aerodb.from_datcom(light, clean=listing[0], elevator=listing[2])
     assert "Cm/elevator" in aerodb.terms(db)
+
+
+def test_a_print_without_angles_of_attack_is_refused(read, light) -> None:
+    """A deck without ALSCHD prints static pages that have no row."""
+    tree = read("multi")["TOTAL"].to_datatree()
+    del tree["static"]
+    with pytest.raises(SchemaError, match="hold no row with an angle of attack"):
+        aerodb.from_datcom(light, clean=tree)
