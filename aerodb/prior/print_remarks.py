@@ -74,7 +74,10 @@ def describe_tail_pressure(clean: Source, h_ref: float) -> str:
     grid = clean.grid("downwash").sel(h=h_ref, method="nearest", drop=True)
     if "q_ratio_flag" not in grid:
         return ""
-    is_wrong = grid["q_ratio_flag"] == _SUSPECT
+    low, high = TAIL_PRESSURE
+    # Other faults of a page flag the column, too.
+    is_possible = (grid["q_ratio"] >= low) & (grid["q_ratio"] <= high)
+    is_wrong = (grid["q_ratio_flag"] == _SUSPECT) & ~is_possible
     machs = grid["mach"].values[is_wrong.any("alpha").values]
     if not machs.size:
         return ""
@@ -83,7 +86,6 @@ def describe_tail_pressure(clean: Source, h_ref: float) -> str:
     values = "an overflow"
     if bool(ratio.notnull().any()):
         values = f"{float(ratio.min()):.3g} to {float(ratio.max()):.3g}"
-    low, high = TAIL_PRESSURE
     return (
         f"{clean.file} prints Q/QINF of {values} at the tail for Mach {at}, and only {low:g} to "
         f"{high:g} are possible: CL, Cm and pitch damping hold no tail or a wrong one there; leave "

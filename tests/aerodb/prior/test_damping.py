@@ -11,6 +11,7 @@ import aerodb
 import datcom_io
 from aerodb.prior.damping import with_tail_arm
 from aerodb.prior.increments import elevator_effect
+from aerodb.prior.print_remarks import describe_tail_pressure
 from aerodb.prior.sources import collect_source
 from aerodb.store.plausibility import check_plausibility
 from flightmech.errors import AeromatchWarning
@@ -138,3 +139,14 @@ def test_strips_take_the_place_of_a_suspect_supersonic_damping(fast_jet) -> None
     assert leaf["value"].sel(mach=1.5).values == pytest.approx(-1.512, abs=2e-3)
     assert leaf["value"].sel(mach=2.0).values == pytest.approx(-1.092, abs=2e-3)
     assert (leaf["source"] == SOURCES.index("judgement")).all()
+
+
+def test_another_fault_of_the_rows_is_not_one_of_the_tail() -> None:
+    """NALPHA counts an angle that the deck does not give; Q/QINF is near 1 in the flagged rows."""
+    file = Path(__file__).parents[2] / "datcom_io" / "listings" / "missing_angle.out"
+    listing = datcom_io.read(file)
+    with pytest.warns(AeromatchWarning, match="numbers of missing_angle.out are suspect"):
+        clean = collect_source("clean", listing[0])
+    suspect = datcom_io.FLAGS.index("suspect")
+    assert (clean.grid("downwash")["q_ratio_flag"] == suspect).any()
+    assert describe_tail_pressure(clean, float(clean.grid("static")["h"][0])) == ""
