@@ -18,7 +18,7 @@ from aerodb.prior import ground_increments, increments
 from aerodb.prior.damping import with_tail_arm
 from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
 from aerodb.prior.power import power_effect, with_idle_engines, with_power_in_it
-from aerodb.prior.print_remarks import list_missing_numbers
+from aerodb.prior.print_remarks import describe_tail_pressure, list_missing_numbers
 from aerodb.prior.prior_errors import errors_with
 from aerodb.prior.reference_quantities import (
     Point,
@@ -26,13 +26,17 @@ from aerodb.prior.reference_quantities import (
     refer_to_aircraft,
     warn_of_other_place,
 )
-from aerodb.prior.roles import advise_on_misfit, describe_misfit
 from aerodb.prior.sources import Source, collect_source, split_powered, warn_user
 from aerodb.store.effects import Effect
-from aerodb.store.plausible_ranges import CANARD, REAR_WING
+from aerodb.store.plausible_ranges import CANARD, REAR_WING, TAIL_PRESSURE
 from aerodb.store.schema import SCHEME, make_database
 from aerodb.update.cautions.notices import note_plausibility
 from datcom_io.decks.aircraft_rules import ROUNDED_SPAN
+from datcom_io.decks.device_fit import (
+    advise_on_misfit,
+    describe_misfit,
+    weigh_device_on_tail,
+)
 from datcom_io.decks.planforms import measure_main_wing, measure_wing
 from datcom_io.decks.rules_reference import describe_reference_quantities
 from flightmech.aircraft.aircraft import Aircraft
@@ -56,8 +60,8 @@ _DEVICE_ROLES = (
     "tabs",
 )
 _FLAP_OR_ELEVATOR = (
-    "the program computed it on the horizontal tail: run the flap of a wing without HTPLNF, or "
-    "give an elevator its upward deflections"
+    "the program computed it on the horizontal tail: run the flap of a wing without HTPLNF; if it "
+    "is an elevator, check its stations and chords, and give it its upward deflections"
 )
 _INCOMPRESSIBLE = 0.3  # tables that begin below this Mach number are extended to Mach 0
 
@@ -158,8 +162,9 @@ def from_datcom(
         re-referenced), the planform cards give another ``x_ref_mac``, D(CM) comes from a loop over
         several conditions, ground pages with elevator are given, a value is extended into
         another speed regime, a spoiler of zero height has a moment, each Mach number has its
-        own altitude, a term of a given listing is absent, a suspect number was replaced, or a
-        value is implausible (`aerodb.store.plausibility`).
+        own altitude, a term of a given listing is absent, a suspect number was replaced, the tail
+        has an impossible dynamic pressure, or a value is implausible
+        (`aerodb.store.plausibility`).
     """
     listings = {
         "clean": clean,
@@ -207,6 +212,9 @@ def from_datcom(
     for effect in (*effects.values(), *_hinge_effects(sources, h_ref)):
         leaves |= terms_of_effect(effect, prior, ranges)
     tree = _assemble_database(aircraft, leaves, reference=reference, sources=sources)
+    # Nothing in the stored tables shows that the tail is absent, so the database states it.
+    if pressure := describe_tail_pressure(clean_source, h_ref):
+        tree.attrs = {**tree.attrs, TAIL_PRESSURE: pressure}
     tree, findings = note_plausibility(tree, aircraft)
     for finding in findings:
         if finding.kind in ("implausible", "unused"):
@@ -253,19 +261,23 @@ def require_device_on_surface(source: Source) -> None:
         if misfit:
             warn_user(f"{source.role}: {misfit}; it counts as a device of that surface")
     if source.role == "elevator":
-        _warn_of_one_sided_elevator(source)
+        _warn_of_doubtful_elevator(source)
 
 
-def _warn_of_one_sided_elevator(source: Source) -> None:
-    """Warn if an elevator moves down only, as the flap of a wing does that fits inside the tail."""
+def _warn_of_doubtful_elevator(source: Source) -> None:
+    """Warn if an elevator moves down only, or has stations of the flap of a wing."""
     deflections: set[float] = set()
+    doubts: dict[str, None] = {}
     for deck in source.decks:
         deflections.update(deck.schedule("SYMFLP", "DELTA", "NDELTA"))
+        doubts.update(dict.fromkeys(weigh_device_on_tail(deck).clauses))
     if len(deflections) > 1 and min(deflections) >= 0.0:
         degrees = " ".join(f"{delta:g}" for delta in sorted(deflections))
+        doubts[f"all deflections of SYMFLP point down ({degrees} deg)"] = None
+    if doubts:
         warn_user(
-            f"{source.role}: all deflections of SYMFLP point down ({degrees} deg), as those of the "
-            f"flap of a wing; {_FLAP_OR_ELEVATOR}"
+            f"{source.role}: {'; '.join(doubts)}, as those of the flap of a wing; it counts as the "
+            f"elevator; {_FLAP_OR_ELEVATOR}"
         )
 
 
@@ -408,6 +420,9 @@ def _reference_altitude(clean: Source, altitude: float | None) -> float:
 
     It is 0 if the pages state Reynolds numbers, or pressure and temperature, and no altitude.
     """
+    if not clean.has("static"):
+        problem = f"the static pages of {clean.file} hold no row with an angle of attack; give "
+        raise SchemaError(clean.role, [f"{problem}ALSCHD and NALPHA in the deck and run it again"])
     if not clean.has_altitude:
         warn_user(
             f"{clean.role}: the pages of {clean.file} state no altitude (Reynolds number, or "

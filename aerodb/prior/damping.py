@@ -2,7 +2,8 @@
 
 A suspect pitch damping is replaced by the tail's share, which the page itself contains: CMAD over
 the slope of the downwash (`datcom_io.reading.damping`), and by that of the wing from its planform.
-The standard error is twice that of a printed one.  Other suspect numbers count as not printed.
+At supersonic speed strips of the planforms take its place.  The standard error is twice that of a
+printed one.  Other suspect numbers count as not printed.
 
 CMAD over CLAD is the arm of the tail in chords, and so is D(CM) over D(CL) of an elevator: 0.79 to
 1.02 of it on sound listings, 0.11 to 0.27 on a public one whose run carries D(CM) on from its flaps.
@@ -19,7 +20,7 @@ import xarray as xr
 import datcom_io
 from aerodb.prior.sources import Source, drop_empty_tables, warn_user
 from aerodb.store.effects import Effect, join_sentences
-from datcom_io.reading.damping import estimate_tail_share
+from datcom_io.reading.damping import estimate_supersonic_damping, estimate_tail_share
 from datcom_io.reading.wing_damping import estimate_wing_share
 from flightmech.units import DEGREE
 
@@ -65,6 +66,7 @@ def rate_effect(clean: Source, variable: str, coefficients: Sequence[str], h_ref
             if share is not None:
                 judged[coefficient] = is_suspect & share.notnull()
                 table = table.where(~is_suspect, share)
+                share = share.where(is_suspect)
             notes.append(_describe(name, printed, share))
         tables[coefficient] = table
     for note in notes:
@@ -95,6 +97,12 @@ def _estimate_pitch_rate(
     estimates = []
     for mach in grid["mach"].values:
         wing: dict[str, float] = {}
+        if clean.decks and mach >= _SUPERSONIC:
+            damping = np.nan
+            if name == "Cm_qhat":
+                damping = estimate_supersonic_damping(clean.decks[0], mach, has_tail)
+            estimates.append(damping)
+            continue
         if clean.decks:
             wing = estimate_wing_share(clean.decks[0], mach)
         if not has_tail:
@@ -120,7 +128,8 @@ def _describe(name: str, printed: xr.DataArray, share: xr.DataArray | None) -> s
     if share is None or not bool(share.notnull().any()):
         return f"{text} and is not used; the nearest printed number holds, or the term is absent"
     return (
-        f"{text}; the shares of the tail by alpha-dot and downwash and of the wing by its planform, "
+        f"{text}; the shares of the tail by alpha-dot and downwash and of the wing by its planform "
+        f"(at supersonic speed strips of both), "
         f"{float(share.mean()):.4g}, take its place with twice the standard error"
     )
 

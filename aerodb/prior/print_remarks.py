@@ -8,7 +8,9 @@ import numpy as np
 
 import datcom_io
 from aerodb.prior.sources import Source
+from datcom_io.reading.suspects import TAIL_PRESSURE
 
+_SUSPECT = datcom_io.FLAGS.index("suspect")
 _FAILED = datcom_io.FLAGS.index("nan")
 _NO_METHOD = datcom_io.FLAGS.index("NDM")
 # Quantities of a print of which a database makes terms.
@@ -59,3 +61,33 @@ def list_missing_numbers(clean: Source, h_ref: float) -> Iterator[str]:
             f"{clean.file} prints NDM (no method of DATCOM) for all of "
             f"{', '.join(without_method)}: these terms are absent"
         )
+
+
+def describe_tail_pressure(clean: Source, h_ref: float) -> str:
+    """Return a clause on Mach numbers whose tail has an impossible dynamic pressure, or nothing.
+
+    Lift, moment and damping of the aeroplane contain no tail there, or a wrong one
+    (`datcom_io.reading.suspects.flag_tail_pressure`).
+    """
+    if not clean.has("downwash"):
+        return ""
+    grid = clean.grid("downwash").sel(h=h_ref, method="nearest", drop=True)
+    if "q_ratio_flag" not in grid:
+        return ""
+    low, high = TAIL_PRESSURE
+    # Other faults of a page flag the column, too.
+    is_possible = (grid["q_ratio"] >= low) & (grid["q_ratio"] <= high)
+    is_wrong = (grid["q_ratio_flag"] == _SUSPECT) & ~is_possible
+    machs = grid["mach"].values[is_wrong.any("alpha").values]
+    if not machs.size:
+        return ""
+    at = " ".join(f"{mach:g}" for mach in machs)
+    ratio = grid["q_ratio"].where(is_wrong)
+    values = "an overflow"
+    if bool(ratio.notnull().any()):
+        values = f"{float(ratio.min()):.3g} to {float(ratio.max()):.3g}"
+    return (
+        f"{clean.file} prints Q/QINF of {values} at the tail for Mach {at}, and only {low:g} to "
+        f"{high:g} are possible: CL, Cm and pitch damping hold no tail or a wrong one there; leave "
+        f"out these Mach numbers, or move ZH or XH a little and compare"
+    )

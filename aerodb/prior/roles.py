@@ -14,12 +14,15 @@ from aerodb.prior.clean_cases import (
     require_one_aircraft,
 )
 from datcom_io.arrays.conditions import control_surface
-from datcom_io.decks.aircraft_rules import (
-    describe_chord_beyond_surface,
-    describe_span_beyond_tip,
-    has_thrust,
+from datcom_io.decks.aircraft_rules import has_thrust
+from datcom_io.decks.device_fit import (
+    IS_FLAP,
+    MAY_BE_FLAP,
+    DeviceDoubt,
+    advise_on_misfit,
+    describe_misfit,
+    weigh_device_on_tail,
 )
-from datcom_io.decks.deck import Deck
 from datcom_io.decks.namelists import COUNTS
 from datcom_io.listing import Case
 
@@ -36,16 +39,6 @@ _ASYMMETRIC_PAGES = {
     "spoiler_slot",
     "spoiler_supersonic",
 }
-# Part of the semispan by which the device of a careless deck may pass the tip of its own surface.
-# The elevator of a public deck passes it by 0.05 %, an aileron by 1.8 %; a flap of the wing that the
-# program computes on the tail passes it by half the span and more.
-_CARELESS_SPAN = 0.05
-_FLAP_ON_TAIL = (
-    "with a wing and a horizontal tail the program computes a SYMFLP on the tail, so run the flap "
-    "of a wing without HTPLNF"
-)
-_WRONG_CARDS = "correct the stations and chords of the device"
-_NO_HEIGHT = "give DELTAS, XSOC and HSOC, or STYPE=4.0 for an aileron with DELTAL and DELTAR"
 
 
 def _deflection_variables() -> tuple[str, ...]:
@@ -93,8 +86,8 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
         components.  If several cases have the same conditions in one role, the first is used; with
         SYMFLP that of the shortest run.  A device beyond the tip of its surface, or with a larger
         chord, has no role.  Neither has a spoiler without height, nor the flap of a wing that the
-        program computes on the tail: its FTYPE, the cards of another case, or its name and
-        deflections show it.  If every case of the whole
+        program computes on the tail: its FTYPE, the cards of another case, its name and
+        deflections, or its stations and chords show it (`datcom_io.decks.device_fit`).  If every case of the whole
         aeroplane has a device, the static pages of these cases, those of the elevator first, are
         the clean ones: the program prints them without deflection.
 
@@ -117,10 +110,13 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
     assigned = []
     for case in cases:
         misfit = describe_misfit(case.deck) or _describe_wing_flap(case, wing_flaps)
+        doubt = "; ".join(weigh_device(case).clauses) if _is_on_tail(case) else ""
         roles, reason = _find_roles(case, aeroplane, hinges)
         # Pages with power effects, and without a table of the device, do not contain it.
         if misfit and "power" not in roles:
             roles, reason = (), f"device not used: {misfit}; {advise_on_misfit(case.deck)}"
+        elif doubt and "elevator" in roles:
+            reason += f", doubtful: {doubt}"
         assigned.append(CaseRole(case, roles, reason))
     if not _cases_of_role(assigned, "clean"):
         assigned = _assign_clean(assigned, aeroplane)
@@ -146,61 +142,54 @@ def by_role(found: Iterable[CaseRole]) -> dict[str, list[Case]]:
     return roles
 
 
-def describe_misfit(deck: Deck, tolerance: float = _CARELESS_SPAN) -> str:
-    """Return a clause on the device of a deck that does not fit its surface, empty if it fits.
-
-    With a wing and a horizontal tail the program computes every SYMFLP on the tail.  A flap of the
-    wing then gives increments that belong to no surface of the aircraft.
-
-    Parameters
-    ----------
-    deck : Deck
-    tolerance : float
-        Part of the semispan that the device may reach beyond the tip, and of the chord of the
-        surface by which its chord may be larger.
-    """
-    name, surface = "ASYFLP", "WGPLNF"
-    style = round(deck.value("ASYFLP", "STYPE") or 0.0)
-    if style in _SPOILERS and not any(deck.values("ASYFLP", "DELTAS")):
-        return f"$ASYFLP: STYPE={style} is a spoiler, and no height DELTAS is given"
-    if "SYMFLP" in deck.namelists:
-        name = "SYMFLP"
-        if control_surface(deck) == "tail":
-            surface = "HTPLNF"
-    elif style == _DIFFERENTIAL_TAIL:
-        return ""
-    return describe_span_beyond_tip(
-        deck, name, surface, tolerance
-    ) or describe_chord_beyond_surface(deck, name, surface, tolerance)
-
-
 def _describe_wing_flap(case: Case, wing_flaps: list[dict[str, Any]]) -> str:
     """Return why a SYMFLP that the program computes on the tail is the flap of the wing.
 
     It may fit inside the tail. Slots, Fowler flaps and slats are not elevators, the cards may be
-    those of a flap on the wing, and a device that moves down only and is named a flap is one.
+    those of a flap on the wing, a device that moves down only and is named a flap is one, and its
+    stations and chords may be those of the wing.
     """
     deck = case.deck
-    if "SYMFLP" not in deck.namelists or control_surface(deck) != "tail":
+    if not _is_on_tail(case):
         return ""
     kind = round(deck.value("SYMFLP", "FTYPE") or 1.0)
     if kind != _PLAIN:
         return f"$SYMFLP: FTYPE={kind} is a high-lift device of a wing, an elevator has FTYPE=1"
     if _device_cards(case, "SYMFLP") in wing_flaps:
         return "the cards of SYMFLP are those of a case without horizontal tail"
-    name, angles = case.name.upper(), deck.schedule("SYMFLP", "DELTA", "NDELTA")
-    if "FLAP" in name and "ELEV" not in name and angles and min(angles) >= 0.0:
+    angles = deck.schedule("SYMFLP", "DELTA", "NDELTA")
+    if _is_named_flap(case) and angles and min(angles) >= 0.0:
         return f"the case is named {case.name!r}, and all deflections point down"
+    doubt = weigh_device(case)
+    if doubt.weight >= IS_FLAP:
+        return f"$SYMFLP: {'; '.join(doubt.clauses)}"
     return ""
 
 
-def advise_on_misfit(deck: Deck) -> str:
-    """Return what to do about a device that does not fit its surface."""
-    if "SYMFLP" in deck.namelists and control_surface(deck) == "tail":
-        return _FLAP_ON_TAIL
-    if round(deck.value("ASYFLP", "STYPE") or 0.0) in _SPOILERS:
-        return _NO_HEIGHT
-    return _WRONG_CARDS
+def weigh_device(case: Case) -> DeviceDoubt:
+    """Return the evidence that an elevator is the flap of the wing, by geometry and name.
+
+    A case that is named an elevator, or trimmed with it, is one; the geometry gives a warning.
+    """
+    doubt = weigh_device_on_tail(case.deck)
+    clauses, weight = doubt.clauses, doubt.weight
+    if _is_named_flap(case):
+        clauses, weight = (*clauses, f"the case is named {case.name!r}"), weight + 1
+    is_stated = "ELEV" in case.name.upper() or case.deck.has("TRIM")
+    if is_stated or "CONTAB" in case.deck.namelists:
+        weight = min(weight, MAY_BE_FLAP)
+    return DeviceDoubt(weight, clauses)
+
+
+def _is_on_tail(case: Case) -> bool:
+    """Return whether a case has a SYMFLP that the program computes on the tail."""
+    return "SYMFLP" in case.deck.namelists and control_surface(case.deck) == "tail"
+
+
+def _is_named_flap(case: Case) -> bool:
+    """Return whether a case is named a flap, and no elevator."""
+    name = case.name.upper()
+    return "FLAP" in name and "ELEV" not in name
 
 
 def _cases_of_role(assigned: Iterable[CaseRole], role: str) -> list[CaseRole]:
@@ -339,7 +328,7 @@ def _also_clean(item: CaseRole, reason: str) -> CaseRole:
 def _without_repetitions(assigned: list[CaseRole], role: str) -> list[CaseRole]:
     """Remove a role from cases with repeated conditions, and from those of another device.
 
-    The device is that of the first case.
+    The device is that of the first case, and of elevators of the one that fits the tail best.
     """
     candidates = _cases_of_role(assigned, role)
     if not candidates:
@@ -347,6 +336,9 @@ def _without_repetitions(assigned: list[CaseRole], role: str) -> list[CaseRole]:
     device = "SYMFLP"
     if role in _ASYMMETRIC_ROLES:
         device = "ASYFLP"
+    if role == "elevator":
+        # Of several devices on the tail the one that fits it best is the elevator.
+        candidates.sort(key=lambda item: weigh_device(item.case).weight)
     first = candidates[0].case
     cards = _device_cards(first, device)
     # Cases with most conditions come first, in drifting roles those with fewest.

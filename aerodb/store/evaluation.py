@@ -16,6 +16,9 @@ from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import lookup, quantity_attributes
 from flightmech.support.netcdf_trees import CHECKS
 
+_OF_ANY_AXES = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
+_HIGH = 1000.0  # height above ground without ground effect, where no table ends [m]
+
 
 def contributions(
     db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], outside: str = "raise"
@@ -158,6 +161,35 @@ _FLOOR_MULTIPLES = (0.5, 1.0, 3.0, 20.0)  # samples of a power factor, in units 
 # Shares of the samples on a breakpoint and beyond the ends, and their largest distance from the
 # ends, in parts of the range.
 _ON, _BEYOND, _FAR = 0.1, 0.1, 0.1
+
+
+def cruise_state(db: xr.DataTree) -> dict[str, Any]:
+    """Return cruise conditions: every variable of the terms at zero, or the end next to it.
+
+    Heights above ground are at the highest breakpoint, out of the ground effect. Coefficients on
+    which terms depend are not set: `evaluate_any` computes them.
+    """
+    state: dict[str, Any] = {"mach": 0.0, "alpha": 0.0}
+    for leaf in terms(db).values():
+        for variable in _terms.list_model_variables(leaf):
+            if variable in _OF_ANY_AXES:
+                continue
+            value = 0.0
+            if variable in leaf.dims:
+                points = leaf[variable].values.astype(float)
+                value = float(np.clip(0.0, points.min(), points.max()))
+                if variable == "h_agl":
+                    value = max(float(points.max()), float(state.get(variable, 0.0)))
+            elif variable == "h_agl":
+                value = _HIGH
+            state[variable] = max(value, float(state.get(variable, value)))
+    return state
+
+
+def evaluate_held(db: xr.DataTree, coefficient: str, state: Mapping[str, Any]) -> np.ndarray:
+    """Return a coefficient over a state; tables end with their last value."""
+    size = np.size(state["alpha"])
+    return np.broadcast_to(evaluate_any(db, coefficient, "clamp", state), (size,))
 
 
 def with_checks(db: xr.DataTree, count: int = 20, seed: int = SEED) -> xr.DataTree:

@@ -21,12 +21,12 @@ from typing import Any, Protocol
 import numpy as np
 import xarray as xr
 
-from aerodb.store.evaluation import evaluate_any
-from aerodb.store.plausible_ranges import derivative_ranges
+from aerodb.store.evaluation import cruise_state, evaluate_held
+from aerodb.store.plausible_ranges import TAIL_PRESSURE, derivative_ranges
 from aerodb.store.schema import database_coefficients, terms
 from flightmech.errors import SchemaError
 from flightmech.names import VOCABULARY
-from flightmech.terms import list_model_variables, list_regressors
+from flightmech.terms import list_regressors
 from flightmech.units import DEGREE
 
 # Derivatives whose absence a reader must know, in addition to the three static coefficients.
@@ -49,7 +49,8 @@ _RATE_STEP = 0.01  # of the reduced rates
 # Mean aerodynamic over geometric mean chord: 4/3 of a pointed wing, and a tenth for a cranked one.
 # A root chord in place of the mean one gives 1.5 at a taper ratio of 0.34.
 _CHORD = (0.8, 1.45)
-_DRAG = (0.005, 0.2)
+# 0.0045 of a clean swept wing prints as 0.005, or as 0.004.
+_DRAG = (0.004, 0.2)
 _MARGIN = (0.0, 1.0)  # chords
 _SLOPE = (0.5, 1.35)  # of the slope of a straight wing
 _TRANSONIC = (0.9, 1.2)
@@ -65,8 +66,6 @@ _SAME_END = 0.05
 # Ratio of the pitch damping at neighbouring Mach numbers, up to this distance and beyond it. Sound
 # listings have at most 1.8 through the speed of sound.
 _STEP_OF_DAMPING, _NEIGHBOUR, _FAR_STEP = 3.0, 0.5, 6.0
-_HIGH = 1000.0  # height above ground without ground effect, where no table ends [m]
-COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 _LEAST = 1e-9  # below it a derivative is absent
 
 
@@ -167,13 +166,17 @@ def check_plausibility(
             problems.append(f"{subject}: no reason is given; state why the value is right")
     if problems:
         raise SchemaError("acknowledged", problems)
-    machs, state = _mach_numbers(db), _base_state(db)
+    machs, state = _mach_numbers(db), cruise_state(db)
     findings = [*_check_lengths(db), *_check_alphas(db), *_check_mach_ends(db)]
+    if clause := str(db.attrs.get(TAIL_PRESSURE, "")):
+        findings.append(PlausibilityFinding("tail pressure", "implausible", source=clause))
     # Without lift over several alphas no slope exists.
     if not findings or all(item.subject != "angles of attack" for item in findings):
         findings += _merge(_check_slopes(db, machs, state, aircraft=aircraft), machs)
     findings += _merge(_check_derivatives(db, machs, state), machs)
     findings += _merge(_check_steps_of_damping(db, machs, state), machs)
+    if "Cm" in _present_coefficients(db):
+        findings += _merge(_check_trim(db, machs, state), machs)
     findings += _find_missing(db, machs, state)
     if aircraft is not None:
         findings += _check_aircraft(aircraft)
@@ -273,13 +276,14 @@ def _check_slopes(
     present = _present_coefficients(db)
     low_alpha, high_alpha = _linear_range(db)
     if high_alpha - low_alpha < _SHORTEST:
-        why = "its tables have no angles of attached flow, -4 to 6 deg"
-        yield PlausibilityFinding("CL/alpha", "not checked", source=why), machs[0]
+        why = "the tables of the lift have no angles of attached flow, -4 to 6 deg"
+        for subject in ("CL/alpha", "CD", "static margin", "manoeuvre margin"):
+            yield PlausibilityFinding(subject, "not checked", source=why), machs[0]
         return
     alpha = np.linspace(low_alpha, high_alpha, 11)
     for mach in machs:
         state = {**base, "mach": np.full(alpha.size, mach), "alpha": alpha}
-        CL, CD, Cm = (_evaluate(db, name, state) for name in _STATIC)
+        CL, CD, Cm = (evaluate_held(db, name, state) for name in _STATIC)
         CL_alpha = float(np.polyfit(alpha, CL, 1)[0])
         Cm_alpha = float(np.polyfit(alpha, Cm, 1)[0])
         straight = _straight_wing_slope(b**2 / S, mach)
@@ -309,6 +313,39 @@ def _check_slopes(
             yield from _outside("manoeuvre margin", manoeuvre, 0.0, 5.0, why, mach)
 
 
+def _check_trim(
+    db: xr.DataTree, machs: np.ndarray, base: Mapping[str, Any]
+) -> Iterator[tuple[PlausibilityFinding, float]]:
+    """Yield a Cm that no deflection of the elevator in its table balances at any attached alpha."""
+    travel = [np.inf, -np.inf]
+    for name, leaf in terms(db).items():
+        if name.split("/")[0] == "Cm" and "delta_e" in leaf.dims:
+            points = leaf["delta_e"].values.astype(float)
+            travel = [min(travel[0], points.min()), max(travel[1], points.max())]
+    low_alpha, high_alpha = _linear_range(db)
+    if travel[1] <= travel[0] or high_alpha - low_alpha < _SHORTEST:
+        return
+    alpha = np.linspace(low_alpha, high_alpha, 11)
+    for mach in machs:
+        state = {**base, "mach": np.full(alpha.size, mach), "alpha": alpha}
+        ends = [evaluate_held(db, "Cm", {**state, "delta_e": np.full(11, end)}) for end in travel]
+        low, high = min(map(np.min, ends)), max(map(np.max, ends))
+        why = f"pitching moment over alpha {low_alpha / DEGREE:.3g} to {high_alpha / DEGREE:.3g} "
+        why += f"deg and delta_e {travel[0] / DEGREE:.3g} to {travel[1] / DEGREE:.3g} deg: nowhere "
+        why += "is it zero, so that the aeroplane cannot be trimmed"
+        nearest = low if low > 0.0 else high
+        if low > 0.0 or high < 0.0:
+            yield PlausibilityFinding("trim", "implausible", nearest, source=why), mach
+
+
+def _lift_at(db: xr.DataTree, mach: float, base: Mapping[str, Any]) -> float:
+    """Return the lift coefficient at the angle of the derivatives."""
+    if not {"CL", "CZ"} & _present_coefficients(db):
+        return np.inf
+    state = {**base, "mach": np.full(1, mach), "alpha": np.full(1, 2.0 * DEGREE)}
+    return float(evaluate_held(db, "CL", state)[0])
+
+
 def _linear_range(db: xr.DataTree) -> tuple[float, float]:
     """Return the part of the range of attached flow that the tables of the lift cover. [rad]"""
     low, high = _LINEAR
@@ -331,8 +368,10 @@ def _check_derivatives(
                 continue
             slope = _derivative(db, coefficient, variable, mach=mach, base=base)
             if slope is not None:
-                subject = f"{coefficient}/{variable}"
-                yield from _outside(subject, slope, item.low, item.high, item.source, mach)
+                subject, found = f"{coefficient}/{variable}", item.at(mach)
+                if subject == "Cl/rhat":
+                    found = found.at_lift(_lift_at(db, mach, base))
+                yield from _outside(subject, slope, found.low, found.high, found.source, mach)
 
 
 def _check_aircraft(aircraft: Any) -> Iterator[PlausibilityFinding]:
@@ -424,35 +463,12 @@ def _straight_wing_slope(aspect_ratio: float, mach: float) -> float:
     return 2.0 * np.pi * aspect_ratio / (2.0 + np.sqrt((aspect_ratio * beta) ** 2 + 4.0))
 
 
-def _base_state(db: xr.DataTree) -> dict[str, Any]:
-    """Return cruise conditions: every variable of the terms at zero, or the end next to it.
-
-    Heights above ground are at the highest breakpoint, out of the ground effect. Coefficients on
-    which terms depend are not set: `evaluate_any` computes them.
-    """
-    state: dict[str, Any] = {"mach": 0.0, "alpha": 0.0}
-    for leaf in terms(db).values():
-        for variable in list_model_variables(leaf):
-            if variable in COEFFICIENTS:
-                continue
-            value = 0.0
-            if variable in leaf.dims:
-                points = leaf[variable].values.astype(float)
-                value = float(np.clip(0.0, points.min(), points.max()))
-                if variable == "h_agl":
-                    value = max(float(points.max()), float(state.get(variable, 0.0)))
-            elif variable == "h_agl":
-                value = _HIGH
-            state[variable] = max(value, float(state.get(variable, value)))
-    return state
-
-
 def _derivative(
     db: xr.DataTree, coefficient: str, variable: str, *, mach: float, base: Mapping[str, Any]
 ) -> float | None:
     """Return a central difference at alpha = 2 deg, None if no term depends on the variable.
 
-    `base` is the result of `_base_state`, which takes longer than the difference.
+    `base` is the result of `cruise_state`, which takes longer than the difference.
     A table that begins at zero deflection gives a one-sided difference.
     """
     step = _STEP
@@ -467,14 +483,8 @@ def _derivative(
         return None
     state = {**base, "mach": np.full(2, mach), "alpha": np.full(2, 2.0 * DEGREE)}
     state[variable] = np.array([low, high])
-    ends = _evaluate(db, coefficient, state)
+    ends = evaluate_held(db, coefficient, state)
     slope = float((ends[1] - ends[0]) / (high - low))
     if abs(slope) < _LEAST:
         return None
     return slope
-
-
-def _evaluate(db: xr.DataTree, coefficient: str, state: Mapping[str, Any]) -> np.ndarray:
-    """Return a coefficient over a state; tables end with their last value."""
-    size = np.size(state["alpha"])
-    return np.broadcast_to(evaluate_any(db, coefficient, "clamp", state), (size,))

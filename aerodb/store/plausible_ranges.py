@@ -8,6 +8,7 @@ configuration; surfaces that it does not have, and a tail ahead of the wing, cha
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 _PUBLISHED = "three times the spread of nine published aeroplanes"
@@ -30,10 +31,14 @@ _SPREAD = {
     ("Cn", "delta_r"): (-0.1694, -0.0717),
 }
 _WIDENED = 3.0
+# sqrt(M^2 - 1) is 1 here; below it derivatives have the size of subsonic ones.
+_SUBSONIC_SIZE = math.sqrt(2.0)
 # Marks in the attribute ``configuration``: HTPLNF is ahead of WGPLNF, or it is the larger surface
 # behind, so that WGPLNF is the canard.
 CANARD = "(canard)"
 REAR_WING = "(rear wing)"
+# Root attribute with a clause on Mach numbers at which the print holds no tail.
+TAIL_PRESSURE = "tail_pressure"
 _FINS = ("VERTICAL", "FIN", "PANEL")
 # Cmq = -0.7 cl_alpha cos L {... + 1/8} of a wing about its own aerodynamic centre is -0.55 without
 # sweep and -0.27 at 60 deg; aspect ratio 15 and 35 deg of sweep give -13 [DATCOM 7.1.1.2].
@@ -41,6 +46,13 @@ _WING_DAMPING = (-15.0, -0.25)
 _WING_ONLY = "no horizontal tail: pitch damping of a wing up to 60 deg of sweep, DATCOM 7.1.1.2"
 _WING_LIFT = (-5.0, 20.0)
 _WING_LIFT_WHY = "no horizontal tail: (1/2 + 2 xi) CL_alpha of a wing, DATCOM 7.1.1.1"
+# The fin of an aeroplane without tail stands near the centre of gravity.
+_SHORT_ARM = {
+    ("Cn", "beta"): (0.0, 0.6528, "no horizontal tail: weathercock stability, fin of short arm"),
+    ("Cn", "rhat"): (-1.149, -0.001, "no horizontal tail: damping, fin of short arm"),
+}
+# Lift from which the published range of Cl_rhat holds: that of a wing is a quarter of CL.
+_LIFTING = 0.3
 # Sideslip derivatives of a wing and a body alone: the fin makes most of those published.
 _NO_FIN = {
     ("CY", "beta"): (-3.032, 0.05, "no fin: the side force of a body, of small size"),
@@ -57,6 +69,29 @@ class PlausibleRange:
     low: float
     high: float
     source: str
+
+    def at_lift(self, CL: float) -> PlausibleRange:
+        """Return a positive range of a derivative that is a part of the lift, as Cl_rhat is."""
+        if CL >= _LIFTING:
+            return self
+        why = f"{self.source}; a wing has a quarter of CL, here {CL:.2g}"
+        return PlausibleRange(0.25 * min(CL, 0.0) - self.low, self.high, why)
+
+    def at(self, mach: float) -> PlausibleRange:
+        """Return the range at a Mach number: the published derivatives are subsonic ones.
+
+        At supersonic speed a derivative is that of linear theory, as 1 / sqrt(M^2 - 1), so that the
+        end next to zero moves towards it.
+        """
+        if mach <= _SUBSONIC_SIZE:
+            return self
+        factor = 1.0 / math.sqrt(mach**2 - 1.0)
+        why = f"{self.source}; times 1 / sqrt(M^2 - 1) towards zero at supersonic speed"
+        if self.low > 0.0:
+            return PlausibleRange(self.low * factor, self.high, why)
+        if self.high < 0.0:
+            return PlausibleRange(self.low, self.high * factor, why)
+        return self
 
 
 def derivative_ranges(configuration: str) -> dict[tuple[str, str], PlausibleRange]:
@@ -84,6 +119,8 @@ def derivative_ranges(configuration: str) -> dict[tuple[str, str], PlausibleRang
         ranges[("CL", "qhat")] = PlausibleRange(*_WING_LIFT, _WING_LIFT_WHY)
         # A wing without tail has the lag of its own flow alone, of either sign.
         del ranges[("Cm", "alphadothat")]
+        for key, (low, high, why) in _SHORT_ARM.items():
+            ranges[key] = PlausibleRange(low, high, why)
         # An elevon is nearer to the centre of gravity than an elevator.
         elevon = ranges[("Cm", "delta_e")]
         why = f"{elevon.source}; an elevon down to a third of that"

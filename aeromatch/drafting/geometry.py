@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.prior.roles import CaseRole, assign_roles, describe_misfit
+from aerodb.prior.roles import CaseRole, assign_roles
 from datcom_io.arrays.conditions import control_surface
 from datcom_io.decks.aircraft_rules import has_thrust
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import read_deck
+from datcom_io.decks.device_fit import IS_FLAP, describe_misfit, weigh_device_on_tail
 from datcom_io.decks.planforms import measure_main_wing
 from datcom_io.listing import Case
 from datcom_io.reading.reader import read
@@ -220,7 +221,7 @@ def _hinged_surfaces(cards: Sequence[Deck]) -> dict[str, tuple[float, float]]:
             if name == "delta_a" and round(deck.value("ASYFLP", "STYPE") or 0.0) != _AILERON:
                 continue
             # The flap of a wing that the program computes on the tail is not an elevator.
-            if describe_misfit(deck):
+            if describe_misfit(deck) or weigh_device_on_tail(deck).weight >= IS_FLAP:
                 continue
             inner, outer, start, end = (float(value) for value in values if value is not None)
             unit = _length_unit(deck)

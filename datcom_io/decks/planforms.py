@@ -57,14 +57,20 @@ def measure_main_wing(deck: Deck) -> WingPlanform | None:
     return wing
 
 
-def measure_surface(deck: Deck, name: str) -> WingPlanform | None:
-    """Return a surface of a deck, None without its planform cards.
+def sample_chords(deck: Deck, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return span stations of a surface, its chords and leading edge there, None without cards.
 
     Parameters
     ----------
     deck : Deck
     name : str
         Namelist of the planform, ``WGPLNF`` or ``HTPLNF``.
+
+    Returns
+    -------
+    tuple of array (station,) or None
+        Stations from the plane of symmetry to the tip, chord, and leading edge from the drawing
+        datum, aft. [of the deck]
 
     Notes
     -----
@@ -89,14 +95,23 @@ def measure_surface(deck: Deck, name: str) -> WingPlanform | None:
         slope = np.tan(np.radians(angle)) * (y[k + 1] - y[k])
         edge.append(edge[-1] + slope - (station or 0.0) * (c[k + 1] - c[k]))
     stations = np.linspace(0.0, half, _STATIONS)
-    chord, lead = np.interp(stations, y, c), np.interp(stations, y, edge)
+    return stations, np.interp(stations, y, c), np.interp(stations, y, edge)
+
+
+def measure_surface(deck: Deck, name: str) -> WingPlanform | None:
+    """Return a surface of a deck, ``WGPLNF`` or ``HTPLNF``, None without its planform cards."""
+    sampled = sample_chords(deck, name)
+    if sampled is None:
+        return None
+    stations, chord, lead = sampled
+    half = float(stations[-1])
     area = float(np.trapezoid(chord, stations))
-    quarter = np.array(edge) + 0.25 * np.array(c)
+    quarter = lead + 0.25 * chord
     return WingPlanform(
         area=2.0 * area,
         span=2.0 * half,
         mean_chord=float(np.trapezoid(chord**2, stations)) / area,
-        root_chord=root,
+        root_chord=float(chord[0]),
         leading_edge=float(np.trapezoid(chord * lead, stations)) / area,
         sweep=float(np.arctan((quarter[-1] - quarter[0]) / half)),
     )

@@ -10,7 +10,12 @@ the printed CMQ of the aeroplane is wrong in size and sign: an own light aircraf
 prints -27 to +101 per radian over 0.8 chord of XCG, where the shares give -28 to -22.
 
 At supersonic Mach numbers a wing has CLAD and CMAD of its own, of either sign, and the page prints
-the sum. Neither the share of the tail nor a sign follows from them there.
+the sum. Neither the share of the tail nor a sign follows from them there. CMQ is compared with
+thin-aerofoil strips of wing and tail and slender-body theory of the body instead. CLQ is not: the
+moments of first order of wing and tail nearly cancel.
+
+The program multiplies the lift of the tail by Q/QINF. Its supersonic method prints 0 or 3 for some
+aircraft, so that the tail is absent from all numbers of the page.
 """
 
 from __future__ import annotations
@@ -21,11 +26,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from datcom_io.arrays.conditions import printed_condition
+from datcom_io.decks.deck import Deck
 from datcom_io.listing import Case
 from datcom_io.printout.content import ListingMessage, Page
 from datcom_io.printout.tables import PrintedTable
 from datcom_io.reading.suspects import with_suspects
-from datcom_io.reading.wing_damping import estimate_wing_share
+from datcom_io.reading.wing_damping import estimate_supersonic_shares, estimate_wing_share
 
 # Range in which the signs of attached flow hold. [deg]
 _LINEAR = 6.0
@@ -42,6 +48,10 @@ _LIFT_PART, _LIFT_AMOUNT = 1.0, 5.0
 # and amount per radian. The largest seen are 0.05, 0.16 and 0.9; a body adds damping.
 _OFF_TAIL, _OFF_WING = 0.10, 0.35
 _OFF_ABOVE, _OFF_BELOW, _OFF_LIFT = 0.3, 1.5, 1.5
+# Supersonic CMQ: least and largest part of that of the strips, part of the body's, and amount per
+# radian. On sound pages the surfaces have 0.35 to 1.1; sqrt(0.35 1.1) is about 0.7.
+_STRIPS_LEAST, _STRIPS_MOST, _BODY_MOST, _STRIPS_AMOUNT = 0.25, 1.2, 1.5, 0.5
+_STRIPS_MEDIAN = 0.7
 # Lift from which the rolling moment due to yaw has the sign of the lift, but for the share of a
 # vertical tail.
 _LIFTING, _TAIL_CLR = 0.2, 0.2
@@ -126,6 +136,7 @@ def find_inconsistent(
     mach: float,
     wing: Mapping[str, float] | None = None,
     has_tail: bool | None = None,
+    strips: Mapping[str, float] | None = None,
 ) -> dict[str, np.ndarray]:
     """Return masks of the numbers that contradict their sign, their size or each other.
 
@@ -148,6 +159,8 @@ def find_inconsistent(
     has_tail : bool, optional
         Whether the page is that of an aeroplane with a second surface; by default, whether a
         downwash is printed.
+    strips : mapping of str to float, optional
+        ``surfaces`` and ``body`` of CMQ at supersonic speed (`estimate_supersonic_shares`). [1/rad]
 
     Returns
     -------
@@ -185,6 +198,10 @@ def find_inconsistent(
         if name in shares or (wing and not has_tail):
             low, high = _expected_rates(name, shares.get(name, 0.0), (wing or {}).get(name))
             wrong[name] = wrong[name] | (derivatives[name] < low) | (derivatives[name] > high)
+    if strips:
+        low = _STRIPS_MOST * strips["surfaces"] + _BODY_MOST * min(0.0, strips["body"])
+        high, Cm_q = _STRIPS_LEAST * strips["surfaces"], derivatives["Cm_qhat"]
+        wrong["Cm_qhat"] = wrong["Cm_qhat"] | (Cm_q < low - _STRIPS_AMOUNT) | (Cm_q > high)
     return {name: mask for name, mask in wrong.items() if mask.any()}
 
 
@@ -200,6 +217,17 @@ def _expected_rates(name: str, tail: float, wing: float | None) -> tuple[float, 
         room = _LIFT_PART * part + _LIFT_AMOUNT
         return tail - room, tail + room
     return tail - _MOMENT_BELOW * part - _MOMENT_AMOUNT, tail + _MOMENT_ABOVE * part
+
+
+def estimate_supersonic_damping(deck: Deck, mach: float, has_tail: bool) -> float:
+    """Return CMQ of an aeroplane at supersonic speed, NaN where the method does not hold. [1/rad]
+
+    It is 0.7 of that of the strips, the median of the print, and that of the body if it damps.
+    """
+    shares = estimate_supersonic_shares(deck, mach, has_tail)
+    if not shares:
+        return math.nan
+    return _STRIPS_MEDIAN * shares["surfaces"] + min(0.0, shares["body"])
 
 
 def flag_damping(case: Case) -> None:
@@ -227,8 +255,9 @@ def flag_damping(case: Case) -> None:
         mach = page.condition("mach")
         wing = estimate_wing_share(case.deck, mach)
         has_tail = "HORIZONTAL" in page.configuration
+        strips = estimate_supersonic_shares(case.deck, mach, has_tail)
         wrong = find_inconsistent(
-            derivatives, alpha, lift, slope, mach, wing=wing, has_tail=has_tail
+            derivatives, alpha, lift, slope, mach, wing=wing, has_tail=has_tail, strips=strips
         )
         shares = estimate_tail_share(derivatives, alpha, slope, mach)
         for name, mask in wrong.items():
@@ -240,6 +269,9 @@ def flag_damping(case: Case) -> None:
                 text += f"{shares[name]:.4g} for the tail alone"
             if name in wing and (name in shares or not has_tail):
                 text += f", and the planform gives {wing[name]:.4g} for the wing"
+            if name == "Cm_qhat" and strips:
+                text += f", where strips of the planforms give {strips['surfaces']:.4g} and the "
+                text += f"body {strips['body']:.4g}"
             _, _, machs = reports.setdefault(
                 (page.configuration, name), (table.lines[row], text, [])
             )

@@ -23,6 +23,7 @@ from datcom_io.reading.suspects import (
     flag_ground_pages,
     flag_missing_angles,
     flag_power_increments,
+    flag_tail_pressure,
 )
 
 # Text of a failed computation in a row: NaN, Infinity, 1.#IND.
@@ -47,6 +48,7 @@ class Observer:
         flag_ground_pages(case)
         _report_flaps_in_ground_effect(case)
         flag_power_increments(case)
+        flag_tail_pressure(case)
         flag_damping(case)
         _report_stick_force(case)
         _report_lost_flap_moment(case)

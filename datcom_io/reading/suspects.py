@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from datcom_io.arrays.conditions import control_surface
-from datcom_io.cells import NA, NDM
+from datcom_io.arrays.conditions import control_surface, printed_condition
+from datcom_io.cells import NA, NDM, OVERFLOW
 from datcom_io.listing import Case
 from datcom_io.printout.content import ListingMessage, Page
 from datcom_io.printout.tables import PrintedTable
 
 _OVER_GROUND = ("CD", "CL", "Cm", "CN", "CA", "xcp", "CL_alpha", "Cm_alpha")
 _TRIMMED = ("delta_trim", "dCL", "dCLmax", "dCDi", "dCDmin")
+# Q/QINF of a tail in a wake or behind a shock; the largest of sound pages is 1.1, the least 0.4.
+TAIL_PRESSURE = (0.3, 1.5)
+_WITH_TAIL = {
+    "downwash": ("q_ratio",),
+    "static": ("CD", "CL", "Cm", "CN", "CA", "CL_alpha", "Cm_alpha"),
+    "dynamic": ("CL_qhat", "Cm_qhat", "CL_alphadothat", "Cm_alphadothat"),
+}
 # Values of STYPE that are slotted and split flaps as FTYPE.
 _STYLES_LIKE_FLAPS = (3, 4, 5)
 
@@ -168,6 +176,51 @@ def flag_power_increments(case: Case) -> None:
             "its row shows NA or NDM"
         )
         case.messages.append(ListingMessage(powered[0].first, text, "reader"))
+
+
+def flag_tail_pressure(case: Case) -> None:
+    """Flag the numbers of an aeroplane whose tail has an impossible dynamic pressure.
+
+    The program multiplies lift and moment of the tail by Q/QINF.  Its supersonic method prints 0, 3
+    or an overflow for some aircraft, so that the tail is absent from the page, or three times as
+    large.
+    """
+    low, high = TAIL_PRESSURE
+    # Rows by Mach number and altitude; the dynamic page of a condition comes after its static one.
+    wrong: dict[tuple[str, Any], np.ndarray] = {}
+    first, machs, values = 0, [], []
+    for i, page in enumerate(case.pages):
+        table = page.table("downwash")
+        if table is not None:
+            column = [item.quantity for item in table.columns].index("q_ratio")
+            ratio = table.values[:, column]
+            mask = (ratio < low) | (ratio > high) | (table.flags[:, column] == OVERFLOW)
+            if not mask.any():
+                continue
+            wrong[page.configuration, printed_condition(page)] = mask
+            first = first or table.lines[int(np.argmax(mask))]
+            machs.append(page.condition("mach"))
+            values += [value for value in ratio[mask] if np.isfinite(value)]
+        mask = wrong.get((page.configuration, printed_condition(page)))
+        if mask is None:
+            continue
+        for name, quantities in _WITH_TAIL.items():
+            table = page.table(name)
+            if table is not None and len(table.rows) == mask.size:
+                page = with_suspects(page, name, quantities, mask)
+        case.pages[i] = page
+    if machs:
+        at = " ".join(f"{mach:g}" for mach in dict.fromkeys(machs))
+        printed = "an overflow"
+        if values:
+            printed = f"{min(values):.3g} to {max(values):.3g}"
+        text = (
+            f"Q/QINF of the horizontal tail at Mach {at} is impossible ({printed}): the program "
+            "multiplies lift and moment of the tail by it, so that CL, CM and the damping of these "
+            "rows hold no tail or a wrong one; they are flagged suspect: move ZH or XH a little, "
+            "or leave out these Mach numbers"
+        )
+        case.messages.append(ListingMessage(first, text, "reader"))
 
 
 def with_suspects(

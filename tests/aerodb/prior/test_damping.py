@@ -11,7 +11,9 @@ import aerodb
 import datcom_io
 from aerodb.prior.damping import with_tail_arm
 from aerodb.prior.increments import elevator_effect
+from aerodb.prior.print_remarks import describe_tail_pressure
 from aerodb.prior.sources import collect_source
+from aerodb.store.plausibility import check_plausibility
 from flightmech.errors import AeromatchWarning
 from flightmech.terms import SOURCES
 from flightmech.units import FOOT
@@ -108,3 +110,43 @@ def test_a_moment_of_the_elevator_off_the_arm_of_the_tail_is_replaced() -> None:
         repaired = with_tail_arm(carried, clean, h_ref)
     np.testing.assert_allclose(repaired.tables["Cm"], Cm, rtol=0.2, atol=1e-3)
     assert bool(repaired.judged["Cm"].all())
+
+
+@pytest.fixture(scope="module")
+def fast_jet(craft):
+    """Return the database of a jet whose tail has Q/QINF of 0 at Mach 1.5 and 2."""
+    file = Path(__file__).parents[2] / "datcom_io" / "listings" / "tail_pressure.out"
+    listing = datcom_io.read(file)
+    optins = listing[0].deck.namelists["OPTINS"]
+    S, cbar, b = (optins[name][0] for name in ("SREF", "CBARR", "BLREF"))
+    x = -listing[0].deck.value("SYNTHS", "XCG")
+    aircraft = dataclasses.replace(craft, S=S, cbar=cbar, b=b, reference=(x, 0.0, 0.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AeromatchWarning)
+        return aerodb.from_datcom(aircraft, clean=listing[0])
+
+
+def test_a_tail_without_dynamic_pressure_is_implausible(fast_jet) -> None:
+    findings = {item.subject: item for item in check_plausibility(fast_jet)}
+    assert findings["tail pressure"].stops
+    assert "Q/QINF of 0 to 3.56 at the tail for Mach 1.5 2" in findings["tail pressure"].source
+    assert "tail pressure is implausible" in fast_jet.attrs["notices"]
+
+
+def test_strips_take_the_place_of_a_suspect_supersonic_damping(fast_jet) -> None:
+    """The print has -2.379 and -1.828 per radian; strips and body give -1.51 and -1.09."""
+    leaf = fast_jet["Cm/qhat"]
+    assert leaf["value"].sel(mach=1.5).values == pytest.approx(-1.512, abs=2e-3)
+    assert leaf["value"].sel(mach=2.0).values == pytest.approx(-1.092, abs=2e-3)
+    assert (leaf["source"] == SOURCES.index("judgement")).all()
+
+
+def test_another_fault_of_the_rows_is_not_one_of_the_tail() -> None:
+    """NALPHA counts an angle that the deck does not give; Q/QINF is near 1 in the flagged rows."""
+    file = Path(__file__).parents[2] / "datcom_io" / "listings" / "missing_angle.out"
+    listing = datcom_io.read(file)
+    with pytest.warns(AeromatchWarning, match="numbers of missing_angle.out are suspect"):
+        clean = collect_source("clean", listing[0])
+    suspect = datcom_io.FLAGS.index("suspect")
+    assert (clean.grid("downwash")["q_ratio_flag"] == suspect).any()
+    assert describe_tail_pressure(clean, float(clean.grid("static")["h"][0])) == ""

@@ -434,6 +434,41 @@ def test_the_flap_of_a_wing_inside_the_tail_is_not_an_elevator(read, cards, name
     assert reason in found[1].reason
 
 
+# Stations and chords of a flap of the wing, a quarter of its chord, inside the tail of 5.4 ft.
+WING_FLAP = " $SYMFLP CHRDFI=1.36,CHRDFO=1.2,SPANFI=1.9,SPANFO=4.9$"
+
+
+def with_cards(case, name: str, *cards: str):
+    """Return a case of another name with cards in addition."""
+    (deck,) = datcom_io.read_deck([*deck_text([case.deck]).splitlines()[:-1], *cards])
+    return renamed(case, deck, name)
+
+
+def test_stations_of_the_wing_are_not_those_of_an_elevator(read) -> None:
+    """The flap moves to both sides, and comes before the elevator."""
+    clean, elevator = read("multi")["TOTAL"], read("multi")["Elevator"]
+    flap = with_cards(elevator, "Total", WING_FLAP)
+    found = assign_roles([clean, flap, elevator])
+    assert [item.roles for item in found] == [("clean",), (), ("elevator",)]
+    assert "$SYMFLP: SPANFI=1.9 is 1% of the semispan from the body at the wing" in found[1].reason
+    assert "run the flap of a wing without HTPLNF" in found[1].reason
+
+
+def test_of_two_devices_on_the_tail_the_one_that_fits_is_the_elevator(read) -> None:
+    """A case that is named an elevator is never refused for its stations."""
+    clean, elevator = read("multi")["TOTAL"], read("multi")["Elevator"]
+    doubtful = with_cards(elevator, "Elevator of another deck", WING_FLAP)
+    found = assign_roles([clean, doubtful, elevator])
+    assert [item.roles for item in found] == [("clean",), (), ("elevator",)]
+    assert "left out as elevator: another SYMFLP" in found[1].reason
+    alone = assign_roles([clean, doubtful])
+    assert alone[1].roles == ("elevator",)
+    assert "doubtful: SPANFI=1.9" in alone[1].reason
+    source = collect_source("elevator", doubtful)
+    with pytest.warns(AeromatchWarning, match=r"SPANFI=1\.9 .* it counts as the elevator"):
+        require_device_on_surface(source)
+
+
 def test_the_cards_of_a_wing_flap_on_the_tail_are_not_an_elevator(read) -> None:
     """One case without and one with HTPLNF have the same SYMFLP."""
     symflp = " $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=-9.0,9.0,TC=0.1$"
@@ -472,3 +507,11 @@ def test_a_device_a_little_beyond_the_tip_is_used_with_a_warning(listing_with_sp
     with pytest.warns(AeromatchWarning, match="elevator: .*SPANFO=5.5 lies beyond the tip"):
         db = aerodb.from_datcom(light, clean=listing[0], elevator=listing[2])
     assert "Cm/elevator" in aerodb.terms(db)
+
+
+def test_a_print_without_angles_of_attack_is_refused(read, light) -> None:
+    """A deck without ALSCHD prints static pages that have no row."""
+    tree = read("multi")["TOTAL"].to_datatree()
+    del tree["static"]
+    with pytest.raises(SchemaError, match="hold no row with an angle of attack"):
+        aerodb.from_datcom(light, clean=tree)

@@ -270,7 +270,8 @@ def test_slopes_are_taken_where_the_tables_are(aeroplane) -> None:
         leaf = aeroplane[name].to_dataset().isel(alpha=slice(1, None))
         aeroplane[name] = xr.DataTree(leaf)
     found = {item.subject: item.kind for item in check_plausibility(aeroplane)}
-    assert found["CL/alpha"] == "not checked"
+    for subject in ("CL/alpha", "CD", "static margin", "manoeuvre margin"):
+        assert found[subject] == "not checked"
 
 
 def test_a_root_chord_in_place_of_the_mean_one_is_named(aeroplane) -> None:
@@ -287,6 +288,7 @@ def test_a_root_chord_in_place_of_the_mean_one_is_named(aeroplane) -> None:
     ("configuration", "values"),
     [
         ("WING-BODY-VERTICAL TAIL", {"Cm/qhat": -0.9, "CL/qhat": 0.8, "Cm/elevator": -0.15}),
+        ("WING-BODY-VERTICAL TAIL", {"Cn/beta": 0.004, "Cn/rhat": -0.01}),
         ("WING-BODY-HORIZONTAL TAIL", {"Cn/beta": 0.0016, "CY/beta": -0.04, "Cn/rhat": -0.001}),
         ("WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL (canard)", {"CL/qhat": -2.0, "Cm/elevator": 1.2}),
         ("WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL (rear wing)", {"CL/qhat": 0.1}),
@@ -307,6 +309,7 @@ def test_ranges_follow_the_configuration(aeroplane, configuration: str, values) 
     ("configuration", "name", "value"),
     [
         ("WING-BODY-VERTICAL TAIL", "Cm/qhat", 0.5),
+        ("WING-BODY-VERTICAL TAIL", "Cn/rhat", 0.01),
         ("WING-BODY-HORIZONTAL TAIL", "Cn/beta", -0.02),
         ("WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL (canard)", "Cm/delta_e", -1.2),
     ],
@@ -325,3 +328,41 @@ def test_roll_due_to_sideslip_of_a_low_wing_is_about_zero(aeroplane) -> None:
     assert subjects(check_plausibility(aeroplane)) == set()
     aeroplane["Cl/beta"] = xr.DataTree(make_term(0.1, regressors=["beta"]))
     assert subjects(check_plausibility(aeroplane)) == {"Cl/beta"}
+
+
+def test_derivatives_of_a_supersonic_aeroplane_are_smaller(aeroplane) -> None:
+    """The print of a fighter at Mach 2.5 has Cm_qhat of -2.3; a third of the published -3.7 is -1.24."""
+    for name in ("CL/basic", "CD/basic", "Cm/basic"):
+        table = aeroplane[name].to_dataset().assign_coords(mach=[0.2, 3.0])
+        if name == "CL/basic":
+            table["value"][1] *= 0.28  # 4 / sqrt(M^2 - 1)
+        if name == "Cm/basic":
+            table["value"][1] *= 0.28
+        aeroplane[name] = xr.DataTree(table)
+    aeroplane["Cm/qhat"] = over_mach([-4.0, -0.6], [0.2, 3.0], regressors=["qhat"])
+    assert "Cm/qhat" not in subjects(check_plausibility(aeroplane))
+    aeroplane["Cm/qhat"] = over_mach([-4.0, -0.4], [0.2, 3.0], regressors=["qhat"])
+    assert "Cm/qhat" in subjects(check_plausibility(aeroplane))
+    aeroplane["Cm/qhat"] = over_mach([-0.6, -4.0], [0.2, 3.0], regressors=["qhat"])
+    assert "Cm/qhat" in subjects(check_plausibility(aeroplane))
+
+
+def test_an_aeroplane_that_no_elevator_can_trim(aeroplane) -> None:
+    """20 deg of elevator give 0.42, and the slope -0.7 another 0.07 over the attached angles."""
+    aeroplane["Cm/basic"]["value"][...] += 0.38
+    assert "trim" not in subjects(check_plausibility(aeroplane))
+    aeroplane["Cm/basic"]["value"][...] += 0.15
+    (item,) = [item for item in check_plausibility(aeroplane) if item.subject == "trim"]
+    # 0.02 + 0.38 + 0.15 - 1.2 20 deg - 0.7 6 deg
+    assert item.value == pytest.approx(0.55 - (24.0 + 4.2) * DEGREE, abs=5e-3)
+    assert "delta_e -20 to 20 deg" in item.source
+
+
+def test_roll_due_to_yaw_is_small_at_low_lift(aeroplane) -> None:
+    aeroplane["Cl/rhat"] = xr.DataTree(make_term(0.01, regressors=["rhat"]))
+    assert subjects(check_plausibility(aeroplane)) == {"Cl/rhat"}
+    # The lift at 2 deg is 0.371; without camber it is 0.171.
+    aeroplane["CL/basic"]["value"][...] -= 0.2
+    assert subjects(check_plausibility(aeroplane)) == set()
+    aeroplane["Cl/rhat"] = xr.DataTree(make_term(-0.05, regressors=["rhat"]))
+    assert subjects(check_plausibility(aeroplane)) == {"Cl/rhat"}

@@ -1,8 +1,11 @@
 """Tests of the signs and the consistency of dynamic derivatives."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import datcom_io
 from datcom_io.reading.damping import estimate_tail_share, find_inconsistent
 
 ALPHA = np.array([-4.0, 0.0, 4.0, 8.0, 16.0])
@@ -133,3 +136,18 @@ def test_a_lag_of_wrong_sign_or_size_gives_no_share_of_the_tail(lag: float) -> N
     shares = estimate_tail_share(derivatives(Cm_alphadothat=row), ALPHA, SLOPE, 0.2)
     assert list(shares) == ["CL_qhat"]
     assert list(wrong(Cm_alphadothat=row)) == ["Cm_alphadothat"]
+
+
+LISTINGS = Path(__file__).parents[1] / "listings"
+
+
+def test_a_tail_without_dynamic_pressure_is_flagged() -> None:
+    """The print has Q/QINF of 3.361, 0, 0.01, 0, 0.259, 0.567 and 0.699 at Mach 1.5."""
+    listing = datcom_io.read(LISTINGS / "tail_pressure.out")
+    tree = listing[0].to_datatree()
+    suspect = datcom_io.FLAGS.index("suspect")
+    for leaf, name in (("downwash", "q_ratio"), ("static", "CL"), ("static", "Cm_alpha")):
+        flags = tree[leaf][f"{name}_flag"].isel(condition=0).values
+        assert (flags == suspect).tolist() == 5 * [True] + 2 * [False], name
+    (text,) = [item.text for item in listing.messages if "Q/QINF" in item.text]
+    assert "at Mach 1.5 2 is impossible (0 to 3.56)" in text

@@ -8,7 +8,7 @@ import pytest
 import datcom_io
 from datcom_io.decks.deck_file import read_deck
 from datcom_io.reading.damping import estimate_tail_share, find_inconsistent
-from datcom_io.reading.wing_damping import estimate_wing_share
+from datcom_io.reading.wing_damping import estimate_supersonic_shares, estimate_wing_share
 
 T37 = Path(__file__).parents[3] / "data" / "t37" / "datcom"
 # A transport of aspect ratio 15 whose centre of gravity lies ahead of the wing, in feet. The
@@ -93,3 +93,53 @@ def test_a_wing_without_tail_is_judged_by_its_planform(Cm_qhat: float, expected:
     assert judge(derivatives, slope=np.nan, wing=wing, has_tail=False) == expected
     # The share of a tail without downwash, as behind a canard, is not known.
     assert judge(derivatives, slope=np.nan, wing=wing, has_tail=True) == []
+
+
+# A fighter of aspect ratio 2.7. The program prints CMQ of -1.34 per radian for the wing-body and of
+# -3.71 for the aeroplane at Mach 1.6, -0.83 and -2.28 at Mach 2.5.
+FIGHTER = """\
+ $FLTCON NMACH=1.0,MACH(1)=1.6$
+ $OPTINS SREF=30.0,CBARR=3.6,BLREF=9.0$
+ $SYNTHS XCG=7.5,ZCG=0.0,XW=5.0,ZW=0.0,XH=11.0,ZH=0.0$
+ $BODY NX=9.0,X(1)=0.0,1.0,2.0,4.0,6.0,8.0,10.0,12.0,13.5,
+  R(1)=0.0,0.35,0.55,0.75,0.8,0.8,0.75,0.65,0.55$
+ $WGPLNF CHRDR=5.2,CHRDTP=1.4,SSPN=4.5,SSPNE=3.7,SAVSI=45.0,CHSTAT=0.0,TYPE=1.0$
+ $HTPLNF CHRDR=2.2,CHRDTP=0.9,SSPN=2.6,SSPNE=1.9,SAVSI=45.0,CHSTAT=0.0,TYPE=1.0$
+"""
+
+
+@pytest.mark.parametrize(("mach", "part", "whole"), [(1.6, -1.34, -3.71), (2.5, -0.83, -2.28)])
+def test_supersonic_strips_bound_the_print(mach: float, part: float, whole: float) -> None:
+    """The print is 0.68 to 1.03 of them."""
+    case = deck(FIGHTER)
+    wing_body = estimate_supersonic_shares(case, mach, has_tail=False)
+    aeroplane = estimate_supersonic_shares(case, mach, has_tail=True)
+    assert part / wing_body["surfaces"] == pytest.approx(0.97, abs=0.07)
+    assert whole / aeroplane["surfaces"] == pytest.approx(0.72, abs=0.05)
+    # Slender body: -4 / (S c^2) {6^2 0.950 - integral of (x - 7.5) S dx, -3.18}.
+    assert wing_body["body"] == aeroplane["body"] == pytest.approx(-0.3847, abs=1e-3)
+
+
+def test_a_rectangular_wing_at_the_centre_of_gravity_is_a_closed_form() -> None:
+    """Chord c about its middle: Cmq = -2 (4 / sqrt(M^2 - 1)) / 12 = -0.385 at Mach 2."""
+    text = " $OPTINS SREF=10.0,CBARR=1.0,BLREF=10.0$\n $SYNTHS XCG=0.5,XW=0.0$\n"
+    text += " $WGPLNF CHRDR=1.0,CHRDTP=1.0,SSPN=5.0,SSPNE=5.0,SAVSI=0.0,CHSTAT=0.0,TYPE=1.0$\n"
+    shares = estimate_supersonic_shares(deck(text), 2.0, has_tail=False)
+    assert shares == {"surfaces": pytest.approx(-8.0 / 12.0 / 3.0**0.5), "body": 0.0}
+    # No tail in the deck, and speeds at which the method does not hold.
+    assert estimate_supersonic_shares(deck(text), 2.0, has_tail=True) == {}
+    assert estimate_supersonic_shares(deck(text), 0.9, has_tail=False) == {}
+    assert estimate_supersonic_shares(deck(text), float("nan"), has_tail=False) == {}
+
+
+@pytest.mark.parametrize(
+    ("factor", "expected"),
+    [(1.0, []), (0.6, []), (1.6, []), (0.1, ["Cm_qhat"]), (3.0, ["Cm_qhat"]), (-1.0, ["Cm_qhat"])],
+)
+def test_a_supersonic_print_off_the_strips_is_inconsistent(factor: float, expected) -> None:
+    strips = estimate_supersonic_shares(deck(FIGHTER), 1.6, has_tail=True)
+    derivatives = page(-3.71 * factor, CL_qhat=3.63)
+    alpha, lift = np.array([-2.0, 0.0, 2.0]), np.array([0.1, 0.3, 0.5])
+    more = {"has_tail": True, "strips": strips}
+    slope = np.full(3, 0.35)
+    assert list(find_inconsistent(derivatives, alpha, lift, slope, 1.6, **more)) == expected

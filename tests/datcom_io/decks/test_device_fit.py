@@ -1,0 +1,63 @@
+"""Tests of the evidence that a device on the tail is the flap of the wing."""
+
+import pytest
+
+from datcom_io.decks.deck_file import read_deck
+from datcom_io.decks.device_fit import IS_FLAP, MAY_BE_FLAP, weigh_device_on_tail
+
+# A light aeroplane: the body is 0.8 m from the axis at the wing and 0.15 m at the tail.
+AEROPLANE = """\
+ $WGPLNF CHRDR=1.95,CHRDTP=1.05,SSPN=5.9,SSPNE=5.1,SAVSI=3.0,TYPE=1.0$
+ $HTPLNF CHRDR=1.05,CHRDTP=0.65,SSPN=2.3,SSPNE=2.15,SAVSI=9.0,TYPE=1.0$
+"""
+
+
+def weigh(inner: float, outer: float, chord_in: float, chord_out: float, planforms=AEROPLANE):
+    device = f" $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=-20.0,20.0,SPANFI={inner},SPANFO={outer},"
+    device += f"CHRDFI={chord_in},CHRDFO={chord_out}$"
+    (deck,) = read_deck([*planforms.splitlines(), device])
+    return weigh_device_on_tail(deck)
+
+
+@pytest.mark.parametrize(
+    ("inner", "outer", "chord_in", "chord_out"),
+    [
+        (0.15, 2.2, 0.40, 0.27),  # from the body to the tip
+        (0.30, 1.9, 0.15, 0.11),  # a small one, which the body at the wing would hide
+        (0.0, 2.3, 0.30, 0.30),
+        (0.70, 1.2, 0.10, 0.10),  # inside the body at the wing
+    ],
+)
+def test_an_elevator_is_not_doubted(inner, outer, chord_in, chord_out) -> None:
+    assert weigh(inner, outer, chord_in, chord_out).weight == 0
+
+
+@pytest.mark.parametrize(
+    ("inner", "outer", "chord_in", "chord_out", "word"),
+    [
+        # 20 % of the chord of the wing, 1.828 m at the body and 1.614 m at 2.2 m
+        (0.82, 2.2, 0.366, 0.323, "29% of that of the tail from the body there"),
+        (0.82, 1.6, 0.366, 0.341, "SPANFO=1.6 is 70% of the semispan of the tail"),
+        (0.82, 2.2, 0.090, 0.080, "its chord is 12% of that of the tail"),
+        (0.82, 2.29, 0.366, 0.320, "20% of that of the wing at both ends"),
+    ],
+)
+def test_a_flap_that_begins_where_the_wing_leaves_the_body(
+    inner, outer, chord_in, chord_out, word
+) -> None:
+    doubt = weigh(inner, outer, chord_in, chord_out)
+    assert doubt.weight >= IS_FLAP
+    assert word in "; ".join(doubt.clauses)
+
+
+def test_a_short_device_in_the_middle_of_both_is_doubtful() -> None:
+    """It begins 3 % of the wing's semispan from the body, and 37 % of the tail's ends it early."""
+    narrow = AEROPLANE.replace("SSPNE=5.1", "SSPNE=5.7")
+    doubt = weigh(0.3, 1.4, 0.2, 0.2, planforms=narrow)
+    assert doubt.weight == MAY_BE_FLAP
+    assert doubt.clauses == ("SPANFO=1.4 is 61% of the semispan of the tail",)
+
+
+def test_without_planforms_nothing_is_known() -> None:
+    assert weigh(0.8, 2.2, 0.4, 0.4, planforms="").weight == 0
+    assert weigh(0.8, 2.2, 0.0, 0.0).weight == 0
