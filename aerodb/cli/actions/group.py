@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -176,14 +177,21 @@ def check_database(file: str, aircraft: str | None, as_json: bool) -> None:
     findings = note_plausibility(tree, craft)[1]
     count = len(terms(tree))
     is_implausible = any(finding.stops for finding in findings)
+    counts = Counter(finding.kind for finding in findings)
+    if is_implausible:
+        verdict = "implausible"
+    else:
+        verdict = "sound where checked" if counts["not checked"] else "sound"
     if as_json:
         rows = [without_missing(asdict(finding)) for finding in findings]
-        print_json({"file": file, "terms": count, "problems": [], "plausibility": rows})
+        content = {"file": file, "terms": count, "verdict": verdict, "problems": []}
+        print_json({**content, "plausibility": rows})
     else:
-        verdict = "implausible" if is_implausible else "sound"
-        missing = sum(finding.kind == "missing" for finding in findings)
-        lack = f", {missing} missing" if missing else ""
-        click.echo(f"{file}: {verdict}, {count} terms{lack}")
+        parts = [f"{file}: {verdict}", f"{count} terms"]
+        for kind in ("missing", "not checked"):
+            if counts[kind]:
+                parts.append(f"{counts[kind]} {kind}")
+        click.echo(", ".join(parts))
         for finding in findings:
             click.echo(f"  {finding}")
     if is_implausible:

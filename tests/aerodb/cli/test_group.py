@@ -223,7 +223,7 @@ def test_show_one_term_with_its_numbers(file):
 
 def test_check(file, tmp_path):
     found = run("check", file)
-    assert found.stdout.startswith(f"{file}: implausible, 4 terms, 4 missing\n")
+    assert found.stdout.startswith(f"{file}: implausible, 4 terms, 4 missing, 1 not checked\n")
     assert "CD is implausible (no term: the simulation takes it as zero)" in found.stdout
     assert found.exit_code == 1
     bad = tmp_path / "bad.nc"
