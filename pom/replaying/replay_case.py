@@ -34,7 +34,8 @@ from pom.replaying.result_assembly import assemble_result
 from pom.replaying.run_remarks import below_runway, table_ranges, tables_left
 from pom.replaying.table_agreement import compare_tables
 from pom.replaying.trim import OBSERVED, solve_trim_surfaces
-from pom.result import PASSED, PomResult
+from pom.result import PomResult
+from pom.status import PASSED
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import output_of
 

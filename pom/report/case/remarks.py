@@ -24,6 +24,7 @@ from pom.report.presentation.quantities import (
     quantity_label,
     short_number,
 )
+from pom.report.presentation.unit_sets import units_in_text
 from pom.report.presentation.verdict_text import (
     MARKS,
     MODAL,
@@ -31,7 +32,8 @@ from pom.report.presentation.verdict_text import (
     plain_words,
     remark_text,
 )
-from pom.result import PomResult, spread_notice, to_records
+from pom.result import PomResult, to_records
+from pom.result_notices import spread_notice
 from pom.samples import SampledReplay
 from pom.tolerances.rows import tolerance_rows
 
@@ -175,7 +177,8 @@ def reader_notes(result: PomResult) -> list[str]:
             )
         notes.append(f"From the case file, not from the record: {', '.join(conditions)}.")
     for row in result.rows:
-        notes += [remark.text for remark in row["remarks"] if remark.kind == "record"]
+        errors = [remark.text for remark in row["remarks"] if remark.kind == "record"]
+        notes += map(units_in_text, errors)
     notes += _row_remarks(result)
     sources = set(result.verdict["provenance"])
     marks = sorted([MARKS[source] for source in ("memory", "partial") if source in sources])
