@@ -95,7 +95,7 @@ def test_remarks_have_the_units_of_the_report(units, shown):
         notes = reader_notes(result)
         (cell, *_) = outcome_rows(result, dict.fromkeys(result.runs, "run-1"))
         (part,) = departure_table(["roll"], [result])
-    assert any(shown in note for note in notes)
+    assert any(shown in note.line for note in notes)
     assert f"departure: {shown}" in cell["notices"]
     assert shown in [text for _, text in part["rows"]]
 
