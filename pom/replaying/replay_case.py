@@ -32,7 +32,7 @@ from pom.replaying.replay_channels import (
 )
 from pom.replaying.result_assembly import assemble_result
 from pom.replaying.run_remarks import below_runway, table_ranges, tables_left
-from pom.replaying.table_agreement import compare_tables
+from pom.replaying.table_agreement import compare_model_tables
 from pom.replaying.trim import OBSERVED, solve_trim_surfaces
 from pom.result import PomResult
 from pom.status import PASSED
@@ -210,7 +210,7 @@ def perform_plan(
     for name, model in models.items():
         tables = tables_of(model) if result.status(name) in PASSED else None
         if tables is not None:
-            own[name] = compare_tables(tables, jobs[name], outputs_by_run[name])
+            own[name] = compare_model_tables(model, tables, jobs[name], outputs_by_run[name])
     return with_run_remarks(result, own)
 
 
