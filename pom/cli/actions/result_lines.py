@@ -101,8 +101,10 @@ def _verdict_text(result: PomResult, run: str) -> str:
     if not row:
         return text
     if not math.isfinite(row["worst_ratio"]):
-        # a row without a number has a reason
-        return f"{text}  {row['criterion']}: {reason_text(row['remarks'])}"
+        # a row without a number has a reason; a model that failed fails in all rows
+        is_failure = any(remark.kind == "failure" for remark in row["remarks"])
+        subject = "" if is_failure else f"{row['criterion']}: "
+        return f"{text}  {subject}{reason_text(row['remarks'])}"
     # only a time history has an instant
     instant = f" at {row['at']:.1f} s" if row["measure"] == "trace" else ""
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
