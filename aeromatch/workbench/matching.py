@@ -112,10 +112,9 @@ def _case_verdicts(key: str, result: pom.PomResult) -> dict[str, Any]:
         status, row = result.status(run), result.deciding_row(run)
         statuses[run] = status_text(status)
         passed[run] = status == "pass"
-        # None where the row that decides has no ratio: the page prints a dash
-        ratios[run] = row.get("worst_ratio")
-        if ratios[run] is not None and not math.isfinite(ratios[run]):
-            ratios[run] = None
+        # None where the row that decides has no ratio
+        ratio = float(row.get("worst_ratio", math.nan))
+        ratios[run] = ratio if math.isfinite(ratio) else None
         criteria[run] = row.get("criterion", "").replace("_", " ")
     return {
         "key": key,

@@ -3,11 +3,13 @@ from types import SimpleNamespace
 import pytest
 
 from aeromatch.project.project import NewTerm, read_project
+from aeromatch.rebuilding.products import of_cases
 from aeromatch.workflow.devices import read_devices
 from aeromatch.workflow.windows import inputs_of
 from datcom_io.reading.reader import ListingCase
 from flightmech.errors import ParseError, SchemaError
 from flightmech.units import DEGREE
+from pom.replaying.recorded_runs import RecordedRuns
 
 PROJECT = """
 title = "Toy"
@@ -260,6 +262,24 @@ def test_a_device_has_a_name_and_cases_of_its_own(write, tmp_path):
         "devices.box.recordings: unknown case 'rol'; near it: roll",
         "devices.box.recurrent_share: needs master, the report to compare with",
     ]
+
+
+def test_a_recording_is_an_input_of_the_replay_of_its_case_alone():
+    names = ("short", "roll")
+    files = dict(names="", aircraft="", law="", law_names="")
+    cases = [SimpleNamespace(name=name, record=f"{name}.nc", **files) for name in names]
+    run = RecordedRuns()
+    inputs = of_cases(
+        cases,
+        dict.fromkeys(names),
+        fmus={},
+        tables={},
+        evidence=None,
+        content=str,
+        recorded={"short": run},
+    )
+    assert inputs["short"]["recorded"] is run
+    assert "recorded" not in inputs["roll"]
 
 
 SUBMODELS = """
