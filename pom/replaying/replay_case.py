@@ -206,11 +206,21 @@ def perform_plan(
         timeout=timeout,
         store=store,
     )
+    return _with_table_agreement(result, models, jobs, outputs_by_run)
+
+
+def _with_table_agreement(
+    result: PomResult,
+    models: Mapping[str, FmuModel],
+    jobs: Mapping[str, ReplayJob],
+    outputs: Mapping[str, Mapping[str, np.ndarray]],
+) -> PomResult:
+    """Return a result with the remark on the tables inside every FMU that passes."""
     own: dict[str, tuple[RowRemark, ...]] = {}
     for name, model in models.items():
         tables = tables_of(model) if result.status(name) in PASSED else None
         if tables is not None:
-            own[name] = compare_model_tables(model, tables, jobs[name], outputs_by_run[name])
+            own[name] = compare_model_tables(model, tables, jobs[name], outputs[name])
     return with_run_remarks(result, own)
 
 
