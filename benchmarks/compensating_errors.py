@@ -26,7 +26,7 @@ from pom.judging.beyond_the_bands import FAR, Evidence, distance_remarks
 from pom.replaying.kernel_replay import replay_choices
 from pom.replaying.replay_case import plan_of
 from pom.replaying.result_assembly import assemble_result
-from pom.result import run_notices
+from pom.result_notices import run_notices
 
 
 def main() -> None:

@@ -21,6 +21,15 @@ from flightmech.support.figures import html_table
 from pom.cases.case import PomCase
 from pom.result_signals import dataset_from_dict, dataset_to_dict, result_figure
 from pom.samples import SampledReplay
+from pom.status import (
+    PASSED,
+    group_verdicts,
+    has_departure,
+    has_remark,
+    has_trim_remark,
+    is_on_faulty_record,
+    status_of,
+)
 from pom.tolerances.bands import row_remarks
 
 if TYPE_CHECKING:
@@ -65,58 +74,6 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-BEYOND = "recurrent_beyond"
-"""Kind of the remark on a run beyond its criterion about the master."""
-DEPARTURES = ("departure", "trim_allowed", "waived", "tables_left", "below_runway", BEYOND)
-"""Kinds of remarks that make a pass a ``pass_with_departures``."""
-NOTICES = (
-    *DEPARTURES,
-    "additional",
-    "record",
-    "record_warning",
-    "leak",
-    "not_driven",
-    "recurrent",
-    "watch",
-    "far_from_evidence",
-    "edited_evidence",
-    "no_evidence",
-)
-"""Kinds of remarks that index, page and terminal show next to the verdict.
-
-``departure`` is a departure of the case from the printed row (`pom.judging.departures`),
-``trim_allowed`` a trim beyond its limits that the case file allows, ``waived`` inputs that the
-model does not have, ``tables_left`` tables that the flight left, ``below_runway`` a model that sank
-through the runway.  ``additional`` is a case in another configuration that states itself so,
-``record`` an error and ``record_warning`` a warning of the flight record, ``leak`` samples of the
-record that identified the model, ``not_driven`` an answer that the inputs do not drive
-(`pom.probing`), ``watch`` a watched channel beyond its limit, ``recurrent`` and
-``recurrent_beyond`` the comparison of a run with its master (`pom.replaying.recorded_runs`),
-``far_from_evidence`` terms far from their flight estimate, ``no_evidence`` a model without terms to
-compare with it.
-"""
-VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
-STATUSES = (
-    "pass",
-    "pass_with_departures",
-    "limits_exceeded",
-    "record_error",
-    "leak",
-    "not_driven",
-    "fail",
-    "invalid",
-    "not_tested",
-)
-"""Statuses of a case and one model, from best to worst.
-
-``pass_with_departures`` is a pass of a case that departs from the printed row.
-``limits_exceeded`` is a pass with a trim beyond its limits.  ``record_error`` is a pass against a
-flight record in which a check found an error.  ``leak`` is a pass against a record whose samples
-identified the model.  ``not_driven`` is a pass of a model whose answer the inputs do not drive.
-"""
-
-PASSED = STATUSES[:6]
-"""Statuses of a case in which every criterion passes."""
 
 
 @dataclass(frozen=True)
@@ -259,6 +216,27 @@ class PomResult:
                 best[row["group"]] = min(best.get(row["group"], row), row, key=_worst_ratio)
         return max(best.values(), key=_worst_ratio, default=None)
 
+    def deciding_row(self, run: str) -> Mapping[Hashable, Any]:
+        """Return the verdict row that decides the status of a run; empty if there is none.
+
+        Page, paper and terminal print this row.  It is that of `worst` if the run passes or if a
+        ratio is above one.  Otherwise it is the first row with the status, such as a mode that is
+        missing or a row that is not tested; its ratio may be NaN.
+        """
+        worst = self.worst(run) or {}
+        status = self.status(run)
+        # A ratio within the band decides nothing about a case that is not tested or not valid.
+        is_decided = status == "fail" and worst.get("worst_ratio", 0.0) > 1.0
+        if status in PASSED or is_decided:
+            return worst
+        applying = {criterion.name for criterion in self.case.criteria if criterion.applies}
+        groups = self.groups(run)
+        for row in self.rows:
+            is_of_status = groups.get(row["group"]) == row["verdict"] == status
+            if row["run"] == run and is_of_status and row["criterion"] in applying:
+                return row
+        return worst
+
     def plot(self, channels: Sequence[str] | None = None) -> Figure:
         """Return a figure of the flight, its tolerance bands and the models.
 
@@ -364,85 +342,6 @@ def _has_ratio(row: Mapping[Hashable, Any]) -> bool:
 
 _worst_ratio = itemgetter("worst_ratio")
 
-_FROM_BEST = ("pass", "advisory", "fail", "not_tested", "invalid")
-"""Order of verdicts within a group: the first one decides."""
-
-
-def group_verdicts(case: PomCase, verdicts: Mapping[str, str]) -> dict[str, str]:
-    """Return the verdict of every group of a case that applies, from verdicts by criterion.
-
-    A precondition that holds proves nothing and does not count.  A precondition that does not hold
-    makes the case invalid.
-    """
-    groups: dict[str, str] = {}
-    for criterion in case.criteria:
-        verdict = verdicts.get(criterion.name)
-        if not criterion.applies or not verdict:
-            continue
-        if criterion.measure == "setup" and verdict == "pass":
-            continue
-        best = groups.get(criterion.group, verdict)
-        groups[criterion.group] = min(best, verdict, key=_FROM_BEST.index)
-    return groups
-
-
-def judged_groups(groups: Mapping[str, str]) -> dict[str, str]:
-    """Return the groups without those that are not tested, if another one is judged.
-
-    What a case does not test shows nothing about the terms of a model: a diagnosis and a tuning go
-    by the other groups.  The status of the case counts all groups.
-    """
-    judged = {name: verdict for name, verdict in groups.items() if verdict != "not_tested"}
-    if {"pass", "fail", "invalid"} & set(judged.values()):
-        return judged
-    return dict(groups)
-
-
-def status_of(
-    groups: Mapping[str, str],
-    limits_exceeded: bool = False,
-    record_error: bool = False,
-    departures: bool = False,
-    leak: bool = False,
-    not_driven: bool = False,
-) -> str:
-    """Return the status of a case as `PomResult.status` defines it.
-
-    Parameters
-    ----------
-    groups : mapping of str to str
-        Verdict of every group that applies.
-    limits_exceeded : bool
-        The trim is beyond its limits.
-    record_error : bool
-        The flight record has an error.
-    departures : bool
-        The case departs from the printed row.
-    leak : bool
-        Samples of the record identified the model.
-    not_driven : bool
-        The inputs do not drive the answer of the model.
-    """
-    verdicts = set(groups.values())
-    # the worst verdict of a group decides
-    for verdict in ("invalid", "fail", "not_tested"):
-        if verdict in verdicts:
-            return verdict
-    if "pass" not in verdicts:
-        return "not_tested"
-    if not_driven:
-        return "not_driven"
-    if leak:
-        return "leak"
-    if record_error:
-        return "record_error"
-    if limits_exceeded:
-        return "limits_exceeded"
-    if departures:
-        return "pass_with_departures"
-    return "pass"
-
-
 _NAME_DIGITS = 12  # hexadecimal digits of a name of results
 _HASHED_COLUMNS = ("criterion", "run", "tolerance_text", "fraction", "verdict")
 
@@ -461,109 +360,6 @@ def results_name(results: Sequence[PomResult]) -> str:
             entry.append([*texts, f"{row['worst_ratio']:.6g}"])
         content.append(entry)
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:_NAME_DIGITS]
-
-
-def status_text(status: str) -> str:
-    """Return a status as a terminal prints it: in capitals unless it is a kind of pass."""
-    short_texts = {
-        "pass": "pass",
-        "pass_with_departures": "pass with departures",
-        "limits_exceeded": "LIMITS",
-        "record_error": "RECORD",
-        "leak": "LEAK",
-        "not_driven": "NOT DRIVEN",
-    }
-    return short_texts.get(status, status.upper())
-
-
-def trim_remarks(result: PomResult, run: str) -> list[str]:
-    """Return the remarks on a trim beyond its limits, each once."""
-    return collect_texts(result, run, ("trim",))
-
-
-def record_remarks(result: PomResult, run: str) -> list[str]:
-    """Return the errors of the flight record of a result, each once."""
-    return collect_texts(result, run, ("record",))
-
-
-def departure_remarks(result: PomResult, run: str) -> list[str]:
-    """Return the departures of a result from the printed row, each once."""
-    return collect_texts(result, run, DEPARTURES)
-
-
-def run_notices(result: PomResult, run: str) -> list[str]:
-    """Return the remarks of the kinds `NOTICES`, which no criterion judges, each once."""
-    return collect_texts(result, run, NOTICES)
-
-
-def spread_notice(result: PomResult, run: str) -> str:
-    """Return `SampledReplay.unexplained` of the draws of a model; empty without draws."""
-    samples, worst = result.samples.get(run), result.worst(run)
-    if samples is None or worst is None:
-        return ""
-    ratios = {row["criterion"]: row["worst_ratio"] for row in result.rows if row["run"] == run}
-    return samples.unexplained(ratios, worst["criterion"])
-
-
-NO_EVIDENCE = (
-    "no evidence given: a pass without evidence from flight does not exclude compensating errors"
-)
-"""Notice on results of which `lacks_evidence` is true."""
-
-
-def is_beyond_master(result: PomResult) -> bool:
-    """Return whether a run of a result is beyond its criterion about the master."""
-    return any(has_remark(row, BEYOND) for row in result.rows)
-
-
-def lacks_evidence(result: PomResult) -> bool:
-    """Return whether a model of a result passes and was not compared with flight evidence."""
-    for run in result.runs:
-        if result.status(run) not in PASSED:
-            continue
-        kinds = {item.kind for row in result.rows if row["run"] == run for item in row["remarks"]}
-        if not kinds & {"evidence", "no_evidence"}:
-            return True
-    return False
-
-
-def collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
-    """Return the remarks of some kinds on a run, each once."""
-    # a dictionary keeps the order of the remarks and drops repeated texts
-    texts: dict[str, None] = {}
-    for row in result.rows:
-        if row["run"] != run:
-            continue
-        for remark in row["remarks"]:
-            if remark.kind in kinds:
-                texts[remark.text] = None
-    return list(texts)
-
-
-def is_additional(result: PomResult) -> bool:
-    """Return whether the case states itself as additional: in another configuration than its row."""
-    kinds = {remark.kind for row in result.rows for remark in row["remarks"]}
-    return "additional" in kinds
-
-
-def has_trim_remark(row: Mapping[Hashable, Any]) -> bool:
-    """Return whether a row of the verdict table has a remark on a trim beyond its limits."""
-    return any(remark.kind == "trim" for remark in row["remarks"])
-
-
-def has_departure(row: Mapping[Hashable, Any]) -> bool:
-    """Return whether a row of the verdict table has a departure from the printed row."""
-    return any(remark.kind in DEPARTURES for remark in row["remarks"])
-
-
-def is_on_faulty_record(row: Mapping[Hashable, Any]) -> bool:
-    """Return whether a row of the verdict table has an error of the flight record."""
-    return has_remark(row, "record")
-
-
-def has_remark(row: Mapping[Hashable, Any], kind: str) -> bool:
-    """Return whether a row of the verdict table has a remark of a kind."""
-    return any(remark.kind == kind for remark in row["remarks"])
 
 
 def make_verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:

@@ -35,7 +35,7 @@ class SampledReplay:
     database : str
         File and hash of the database with the standard errors.
     status : tuple of str
-        Status of every draw, one of `pom.result.STATUSES` (draw,).
+        Status of every draw, one of `pom.status.STATUSES` (draw,).
     decides : array (draw,)
         Ratio that decides: of the alternatives the best, of the groups the worst.  NaN for a draw
         without a replay or a verdict. [1]

@@ -8,7 +8,7 @@ import pytest
 
 from aeromatch.drafting.name_map.columns import HEADING_WORDS, guess_quantity
 from flightmech.names import VOCABULARY
-from pom.result import STATUSES
+from pom.status import STATUSES
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -7,6 +7,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import shutil
 import zipfile
 from collections.abc import Callable, Iterable, Sequence
@@ -40,7 +41,7 @@ from flightmech.support.figures import make_template_environment
 from flightmech.support.input_files import file_sha256
 from flightmech.terms import power_factor
 from pom.report.overview import departure_table
-from pom.result import departure_remarks, run_notices
+from pom.result_notices import departure_remarks, run_notices
 
 FLOWN, STATES = "check_cases/flown", "check_cases/states.csv"
 # Greatest height of the tables that replace formulas of the ground effect. [m]
@@ -338,11 +339,12 @@ def _verdict_cells(result: Any, runs: Iterable[str]) -> list[str]:
     """Return the verdicts of all runs, then their worst ratios; empty where there is none."""
     verdicts, ratios = [], []
     for run in runs:
-        verdict, worst = "", None
+        verdict, ratio = "", math.nan
         if run in result.runs:
-            verdict, worst = result.status(run), result.worst(run)
+            verdict = result.status(run)
+            ratio = result.deciding_row(run).get("worst_ratio", math.nan)
         verdicts.append(verdict)
-        ratios.append(f"{worst['worst_ratio']:.3f}" if worst else "")
+        ratios.append(f"{ratio:.3f}" if math.isfinite(ratio) else "")
     return verdicts + ratios
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,8 @@ from aeromatch.delivery.package_files import read_package_manifest
 from flightmech.aircraft.parts import different_parts
 from flightmech.errors import AeromatchError
 from flightmech.units import from_si
-from pom.result import PomResult, status_text
+from pom.result import PomResult
+from pom.status import status_text
 
 _HANDLING = {
     "V_stall": ("stall speed, true, power off", "kt"),
@@ -205,8 +207,8 @@ def _verdict(result: PomResult | None, run: str) -> tuple[str, float | None]:
     """Return verdict and worst ratio of a run; an empty verdict if it was not replayed."""
     if result is None or run not in result.runs:
         return "", None
-    worst = result.worst(run) or {}
-    return status_text(result.status(run)), worst.get("worst_ratio")
+    ratio = result.deciding_row(run).get("worst_ratio", math.nan)
+    return status_text(result.status(run)), ratio if math.isfinite(ratio) else None
 
 
 def _file_rows(one: Path, other: Path) -> list[dict[str, str]]:

@@ -21,6 +21,7 @@ from aeromatch.planning.record_looks import RecordLooks
 from aeromatch.planning.steps import products_of, run_collecting_problems, steps_of
 from aeromatch.project.project import Project
 from aeromatch.workflow.aerodynamics import a_priori, add_missing_terms, before_flight
+from aeromatch.workflow.devices import read_devices
 from aeromatch.workflow.identified import databases_before
 from aeromatch.workflow.windows import records_of
 from flightmech.aircraft.aircraft import Aircraft
@@ -215,6 +216,9 @@ def make_plan(
     plan.cases += filter(None, cases)
     problems += contradictions(plan.cases)
     problems += model_checks.name_problems(project)
+    # a case that cannot be read would be missed by its recording, too
+    if len(plan.cases) == len(project.cases):
+        run_collecting_problems(problems, "", read_devices, project, plan.cases)
     aircraft = run_collecting_problems(problems, "", flightmech.read_aircraft, project.aircraft)
     apriori: Aircraft | None = None
     if aircraft is not None:

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from aeromatch.project.project import OWN_MODELS, Project
 from aeromatch.workflow.aerodynamics import WAYS
-from aeromatch.workflow.steps import COMPARED, FLOWN, REPORT
+from aeromatch.workflow.steps import COMPARED, FLOWN, REPORT, replay_step
 from flightmech.errors import AeromatchError, SchemaError
 
 Result = TypeVar("Result")
@@ -93,7 +93,7 @@ def steps_of(project: Project, records: Mapping[str, bool], cases: int, compare:
     steps += [
         f"swap terms on {cases} cases, build the corrected database",
         "write three databases, aircraft and FMUs",
-        f"replay {cases} cases by {models} FMUs",
+        replay_step(cases, models, len(project.devices)),
         "write the report",
     ]
     return steps

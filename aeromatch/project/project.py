@@ -19,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from aeromatch.project.devices import DeviceSection
 from aeromatch.project.files import (
     FlightFiles,
     InputFile,
@@ -198,6 +199,10 @@ class Project(Strict):
     models: dict[str, ThirdPartyModel] = Field(
         default={}, description="Models from elsewhere that are replayed as well, by name."
     )
+    devices: dict[str, DeviceSection] = Field(
+        default={},
+        description="Training devices, by name: their recordings are judged as models are.",
+    )
     fit: tuple[FitSection, ...] = Field(
         description="Local models: what is fitted to which manoeuvres."
     )
@@ -298,6 +303,12 @@ class Project(Strict):
                 problems.append(
                     f"models.{name}: the name is taken; call it otherwise than flight, "
                     f"{', '.join(OWN_MODELS)}"
+                )
+        for name in self.devices:
+            if name in (*OWN_MODELS, *self.models, "flight"):
+                problems.append(
+                    f"devices.{name}: the name is taken; call it otherwise than flight, "
+                    f"{', '.join((*OWN_MODELS, *self.models))}"
                 )
         return problems
 

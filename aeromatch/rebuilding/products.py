@@ -138,6 +138,7 @@ def of_cases(
     tables: Mapping[str, Path],
     evidence: Kept[Any],
     content: Callable[[Path], FileContent],
+    recorded: Mapping[str, Any],
 ) -> dict[str, dict[str, Any]]:
     """Return all inputs of the replay of every case, by name of the case.
 
@@ -151,6 +152,8 @@ def of_cases(
     evidence : Kept of DataTree
     content : callable
         Returns the content of a file.
+    recorded : mapping of str to RecordedRuns
+        Recordings of devices by case; a case may have none.
     """
     common = {
         "models": [(name, content(file)) for name, file in fmus.items()],
@@ -165,6 +168,8 @@ def of_cases(
             "files of the case": [content(Path(name)) for name in names if name],
             "record": paths[Path(case.record).stem],
         }
+        if case.name in recorded:
+            case_inputs["recorded"] = recorded[case.name]
         inputs[case.name] = case_inputs | common
     return inputs
 

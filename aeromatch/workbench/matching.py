@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,8 @@ from pom.cases.case_file import plain_signatures, signature_rows
 from pom.cases.resolve import LIMIT_UNITS
 from pom.report.case.page import case_keys
 from pom.report.models.diagnosis import cause_sentences
-from pom.result import results_name, status_text
+from pom.result import results_name
+from pom.status import status_text
 
 RUNS, TUNED = "runs", "tuned"
 """Folders of the working folder: reports of trials, and tuned models."""
@@ -107,11 +109,13 @@ def _case_verdicts(key: str, result: pom.PomResult) -> dict[str, Any]:
     """Return status, worst ratio and its criterion of every model in a case."""
     statuses, passed, ratios, criteria = {}, {}, {}, {}
     for run in result.runs:
-        status, worst = result.status(run), result.worst(run)
+        status, row = result.status(run), result.deciding_row(run)
         statuses[run] = status_text(status)
         passed[run] = status == "pass"
-        ratios[run] = None if worst is None else worst["worst_ratio"]
-        criteria[run] = "" if worst is None else worst["criterion"].replace("_", " ")
+        # None where the row that decides has no ratio
+        ratio = float(row.get("worst_ratio", math.nan))
+        ratios[run] = ratio if math.isfinite(ratio) else None
+        criteria[run] = row.get("criterion", "").replace("_", " ")
     return {
         "key": key,
         "name": result.case.name,

@@ -21,7 +21,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
 from flighttest.regression.combining.joined_fits import coloured_covariance, table_samples
 from flighttest.regression.combining.published_table import read_published
-from flighttest.submodels.control_loading.result import replace_hinge_moments
+from flighttest.submodels.control_loading.hinge_terms import replace_hinge_moments
 from flighttest.submodels.ground_effect.database_terms import replace_ground_effect
 
 

@@ -21,12 +21,14 @@ from aeromatch.rebuilding.products import (
     replay_cases,
     write_files,
 )
+from aeromatch.workflow.devices import read_devices
 from aeromatch.workflow.flown import flown_tree
 from aeromatch.workflow.identification import Step, run_identification
 from aeromatch.workflow.identified import Identified
 from aeromatch.workflow.windows import inputs_of, rests_on
 from flightmech.aircraft.parts import different_parts
 from flightmech.support.atomic_write import folder_written_atomically, resolve_folder
+from flightmech.support.console import count_text
 from flightmech.support.kept_stages.sharing import open_cluster
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flightmech.support.netcdf_writing import encode_netcdf
@@ -131,7 +133,7 @@ def perform_match(
                 fmus = _write_models(result, new, stages)
             # The report states the hashes of the FMUs that the replay reads.
             result.custody.take(fmus.values())
-            with step(f"replay {len(result.cases)} cases by {len(fmus)} FMUs"):
+            with step(replay_step(len(result.cases), len(fmus), len(project.devices))):
                 replays = _replay(result, fmus, new, replay=replay, stages=stages)
             # No file may have changed between its identification and its replay.
             result.custody.check()
@@ -152,12 +154,25 @@ def perform_match(
     return _summarise(result, replays, folder / REPORT / "report.html")
 
 
+def replay_step(cases: int, fmus: int, devices: int) -> str:
+    """Return the name of the step that replays the cases.
+
+    Examples
+    --------
+    >>> replay_step(4, 3, 0), replay_step(4, 3, 1)
+    ('replay 4 cases by 3 FMUs', 'replay 4 cases by 3 FMUs and 1 device')
+    """
+    text = f"replay {cases} cases by {fmus} FMUs"
+    return f"{text} and {count_text(devices, 'device')}" if devices else text
+
+
 def _replay(
     result: Identified, fmus: Mapping[str, Path], folder: Path, replay: _Replay, stages: Stages
 ) -> list[Any]:
     """Return the results of the cases, with the samples of the final model if requested."""
     project = result.project
     final = result.databases["final"]
+    recorded = read_devices(project, result.cases)
     inputs = of_cases(
         result.cases,
         result.paths,
@@ -165,11 +180,12 @@ def _replay(
         tables=project.tables,
         evidence=final,
         content=result.content,
+        recorded=recorded,
     )
     # Without cases the final database need not be in memory.
     options: dict[str, Any] = {}
     if result.cases:
-        options = {"names": project.tables, "evidence": final.value}
+        options = {"names": project.tables, "evidence": final.value, "recorded": recorded}
     replays = replay_cases(
         stages,
         inputs,

@@ -96,6 +96,8 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     files += [project.flights[name] for name in names]
     files += [*project.cases, *project.tables.values()]
     files += [file for file in (project.manoeuvres,) if file]
+    for device in project.devices.values():
+        files += device.files
     return [*files, *project.published]
 
 

@@ -16,19 +16,16 @@ from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.metadata import version as installed
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from flightmech.errors import SchemaError
 from flightmech.fmu_export.description import Description, describe_model
 from flightmech.fmu_export.documentation import PageAxis, render_documentation
 from flightmech.fmu_export.model_description import render_model_description
 from flightmech.fmu_export.term_plots import make_term_figures
+from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS, LINEAR
 from flightmech.simulation.kernel_library import FOLDER, SUFFIX
 from flightmech.support.atomic_write import written_atomically
-
-if TYPE_CHECKING:
-    from flightmech.simulation.compiler import SimModel
 
 FMI2_FOLDER = {
     "x86_64-linux": "linux64",
@@ -127,6 +124,8 @@ def _suffix(name: str) -> str:
 
 
 VERSIONS = ("2.0", "3.0")
+BLOCK = "resources/model.bin"
+"""Path of the model block in an FMU."""
 
 
 def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0") -> Path:
@@ -158,15 +157,55 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
         raise SchemaError("FMU", [f"FMI version {version!r}; allowed: {', '.join(VERSIONS)}"])
     description = describe_model(sim, sha256(sim.block).hexdigest(), _tool_name())
     files = {
-        "modelDescription.xml": render_model_description(description, version),
-        "resources/model.bin": sim.block,
+        **make_program_files(sim, version),
         "documentation/index.html": document_model(sim, description).encode(),
         **_license_files(),
-        **place_libraries(find_libraries(), description.identifier, version),
     }
     with written_atomically(path) as part:
         part.write_bytes(_make_archive(files))
     return Path(path)
+
+
+def make_program_files(sim: SimModel, version: str) -> dict[str, bytes]:
+    """Return the files of an FMU that determine its answer, by their path in the FMU."""
+    description = describe_model(sim, sha256(sim.block).hexdigest(), _tool_name())
+    return {
+        "modelDescription.xml": render_model_description(description, version),
+        BLOCK: sim.block,
+        **place_libraries(find_libraries(), description.identifier, version),
+    }
+
+
+def is_unaltered(path: str | os.PathLike[str]) -> bool:
+    """Return whether an FMU is, but for its documentation, what `write_fmu` writes of its block.
+
+    Libraries, description and block are compared byte by byte with those of this installation.
+    Such an FMU flies its block by this kernel.  An FMU of another version of the program, of another
+    program, or with a further file is not unaltered.
+    """
+    with zipfile.ZipFile(path) as archive:
+        names = [item.filename for item in archive.infolist() if not item.is_dir()]
+        if BLOCK not in names or len(set(names)) < len(names):
+            return False
+        sim = SimModel(archive.read(BLOCK))
+        given = {name for name in names if not name.startswith("documentation/")}
+        for version in VERSIONS:
+            try:
+                files = make_program_files(sim, version)
+            except SchemaError:
+                # the version has no library of this platform
+                continue
+            if given == files.keys() and _has_contents(archive, files):
+                return True
+    return False
+
+
+def _has_contents(archive: zipfile.ZipFile, files: Mapping[str, bytes]) -> bool:
+    # a file of another size needs no reading
+    sizes = {name: archive.getinfo(name).file_size for name in files}
+    if any(sizes[name] != len(content) for name, content in files.items()):
+        return False
+    return all(archive.read(name) == content for name, content in files.items())
 
 
 def document_model(sim: SimModel, description: Description) -> str:

@@ -15,13 +15,8 @@ from flightmech.support.console import to_json_types
 from pom.archive.archive import Archive, read_archive
 from pom.archive.origins import NAME, case_seen_from, dependency_path, read_report_manifest
 from pom.replaying.run_remarks import drift
-from pom.result import (
-    PomResult,
-    departure_remarks,
-    spread_notice,
-    to_records,
-    to_split_dict,
-)
+from pom.result import PomResult, to_records, to_split_dict
+from pom.result_notices import departure_remarks, spread_notice
 
 
 @dataclass(frozen=True)

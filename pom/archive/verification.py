@@ -24,7 +24,8 @@ from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all, verdict_row
 from pom.probing.scatter_probe import measure_scatter
 from pom.replaying.trim import beyond_limits, result_trim_limits
-from pom.result import NUMBERS, PASSED, PomResult
+from pom.result import NUMBERS, PomResult
+from pom.status import PASSED
 from pom.tolerances.bands import RowRemark
 
 KINDS = ("output", "input", "model", "program file", "statement", "tolerance", "verdict")

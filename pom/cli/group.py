@@ -48,7 +48,7 @@ pom.add_command(list_tolerances_command)
 @cases_argument
 @tolerances_option
 @json_option
-@performed_by("pom.cli.actions.group:check_cases")
+@performed_by("pom.cli.actions.check:check_cases")
 def check_cases_command() -> None:
     """Read CASES (files, or folders of them) and print their criteria as they will be judged.
 
@@ -145,7 +145,7 @@ def check_cases_command() -> None:
 )
 @json_option
 @click.pass_context
-@performed_by("pom.cli.actions.group:run_cases")
+@performed_by("pom.cli.actions.run:run_cases")
 def run_cases_command() -> None:
     """Replay CASES (files, or folders of them) by models and print one line per case and model.
 

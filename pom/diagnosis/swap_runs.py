@@ -24,7 +24,7 @@ from pom.replaying.kernel_replay import replay_choices
 from pom.replaying.replay_case import plan_of
 from pom.replaying.replay_channels import helping_channels, judged_channels, sampled_channels
 from pom.replaying.trim import TrimLimit, beyond_limits, trim_limits
-from pom.result import group_verdicts, judged_groups, status_of
+from pom.status import group_verdicts, judged_groups, status_of
 from pom.tolerances.channels import WRAPPED, output_of
 
 # [s] Candidates for the longest step of a swap run. The bench uses the first candidate that is as

@@ -19,7 +19,8 @@ from pom.probing.flight_consistency import compare_inputs, compare_lift
 from pom.probing.input_probe import SIZES, changed_job, judge_change
 from pom.probing.model_agreement import compare_aircraft
 from pom.probing.scatter_probe import measure_scatter
-from pom.result import PASSED, PomResult, make_verdict_table
+from pom.result import PomResult, make_verdict_table
+from pom.status import PASSED
 from pom.tolerances.bands import RowRemark
 
 

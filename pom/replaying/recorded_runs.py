@@ -7,7 +7,7 @@ compare a run with the same run of the first report, the master.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -134,6 +134,17 @@ def read_recording(
         for name, item in node.data_vars.items():
             if item.dims == ("time",):
                 channels[str(name)] = (time, item.values.astype(float))
+    _demand_judged(path, case, channels)
+    step = _demand_cover(path, case, [time for time, _ in channels.values()])
+    name = Path(path).name
+    source = f"recording of a device, {name}, {1.0 / step:.4g} Hz"
+    if shift:
+        source += f", its clock {shift:+.4g} s is that of the flight record"
+    return RecordedRun(channels, f"{name}, recording, sha256 {digest}", source)
+
+
+def _demand_judged(path: str | Path, case: PomCase, channels: Collection[str]) -> None:
+    """Raise if a recording has none of the judged channels of a case."""
     judged = judged_channels(case)
     if not any(output_of(name, channels) in channels for name in judged):
         raise SchemaError(
@@ -144,7 +155,10 @@ def read_recording(
                 f"of names"
             ],
         )
-    clocks = [time for time, _ in channels.values()]
+
+
+def _demand_cover(path: str | Path, case: PomCase, clocks: Sequence[np.ndarray]) -> float:
+    """Return the largest time step of a recording that covers the window of a case. [s]"""
     first, last = max(time[0] for time in clocks), min(time[-1] for time in clocks)
     step = max(float(np.median(np.diff(time))) for time in clocks if time.size > 1)
     if first > case.window[0] + step or last < case.window[1] - step:
@@ -154,11 +168,7 @@ def read_recording(
             f"give the instant of the recording at the start of the window (--start NAME=SECONDS), "
             f"or a longer recording"
         )
-    name = Path(path).name
-    source = f"recording of a device, {name}, {1.0 / step:.4g} Hz"
-    if shift:
-        source += f", its clock {shift:+.4g} s is that of the flight record"
-    return RecordedRun(channels, f"{name}, recording, sha256 {digest}", source)
+    return step
 
 
 def resample(run: RecordedRun, time: np.ndarray) -> dict[str, np.ndarray]:

@@ -32,9 +32,10 @@ from pom.replaying.replay_channels import (
 )
 from pom.replaying.result_assembly import assemble_result
 from pom.replaying.run_remarks import below_runway, table_ranges, tables_left
-from pom.replaying.table_agreement import compare_tables
+from pom.replaying.table_agreement import compare_model_tables
 from pom.replaying.trim import OBSERVED, solve_trim_surfaces
-from pom.result import PASSED, PomResult
+from pom.result import PomResult
+from pom.status import PASSED
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import output_of
 
@@ -205,11 +206,21 @@ def perform_plan(
         timeout=timeout,
         store=store,
     )
+    return _with_table_agreement(result, models, jobs, outputs_by_run)
+
+
+def _with_table_agreement(
+    result: PomResult,
+    models: Mapping[str, FmuModel],
+    jobs: Mapping[str, ReplayJob],
+    outputs: Mapping[str, Mapping[str, np.ndarray]],
+) -> PomResult:
+    """Return a result with the remark on the tables inside every FMU that passes."""
     own: dict[str, tuple[RowRemark, ...]] = {}
     for name, model in models.items():
         tables = tables_of(model) if result.status(name) in PASSED else None
         if tables is not None:
-            own[name] = compare_tables(tables, jobs[name], outputs_by_run[name])
+            own[name] = compare_model_tables(model, tables, jobs[name], outputs[name])
     return with_run_remarks(result, own)
 
 

@@ -16,14 +16,9 @@ import xarray as xr
 from flightmech.support.atomic_write import write_text
 from pom.report.case.page import case_keys
 from pom.report.csv_lines import csv_lines
-from pom.result import (
-    BEYOND,
-    PomResult,
-    collect_texts,
-    departure_remarks,
-    record_remarks,
-    trim_remarks,
-)
+from pom.result import PomResult
+from pom.result_notices import collect_texts, departure_remarks, record_remarks, trim_remarks
+from pom.status import BEYOND
 from pom.tolerances.bands import remarks_text
 
 # Verdict of a group to its element in JUnit.  A pass has no element.

@@ -13,16 +13,11 @@ from pom.cases.case_file import signature_rows
 from pom.judging.condition_coverage import cover_conditions
 from pom.report.case.page import run_line_classes
 from pom.report.presentation.quantities import quantity_label
+from pom.report.presentation.unit_sets import units_in_text
 from pom.report.presentation.verdict_text import Verdict, criterion_words, reason_text
-from pom.result import (
-    NO_EVIDENCE,
-    STATUSES,
-    PomResult,
-    departure_remarks,
-    is_additional,
-    lacks_evidence,
-    results_name,
-)
+from pom.result import PomResult, results_name
+from pom.result_notices import NO_EVIDENCE, departure_remarks, is_additional, lacks_evidence
+from pom.status import STATUSES
 
 # Statuses by which the reader may filter the table of verdicts.
 _FAILED = {"fail", "limits_exceeded", "record_error", "leak", "not_driven"}
@@ -93,7 +88,7 @@ def departure_table(keys: Sequence[str], results: Sequence[PomResult]) -> list[d
     for key, result in zip(keys, results, strict=True):
         runs_by_text: dict[str, list[str]] = {}
         for run in result.runs:
-            for text in departure_remarks(result, run):
+            for text in map(units_in_text, departure_remarks(result, run)):
                 runs_by_text.setdefault(text, []).append(run)
         rows = []
         for text, runs in runs_by_text.items():

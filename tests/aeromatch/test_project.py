@@ -1,9 +1,15 @@
+from types import SimpleNamespace
+
 import pytest
 
 from aeromatch.project.project import NewTerm, read_project
+from aeromatch.rebuilding.products import of_cases
+from aeromatch.workflow.devices import read_devices
+from aeromatch.workflow.windows import inputs_of
 from datcom_io.reading.reader import ListingCase
 from flightmech.errors import ParseError, SchemaError
 from flightmech.units import DEGREE
+from pom.replaying.recorded_runs import RecordedRuns
 
 PROJECT = """
 title = "Toy"
@@ -224,6 +230,56 @@ def test_models_from_elsewhere_come_with_their_tables_of_names(write, tmp_path):
         "final"
     )
     assert found[1].startswith("models.final.fmu: no file 'gone.fmu' in ")
+
+
+def test_the_recordings_of_a_device_are_files_of_the_project(write, tmp_path):
+    for name in ("device/short.csv", "device/roll.csv", "host.toml", "master.nc"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    device = (
+        '[devices.box]\nrecordings = "device/*.csv"\nnames = "host.toml"\nstart = "500 ms"\n'
+        'master = "master.nc"\n\n[listings]'
+    )
+    project = read_project(write(("[listings]", device)))
+    box = project.devices["box"]
+    assert sorted(box.recordings) == ["roll", "short"]
+    assert box.start == 0.5
+    assert [file.name for file in box.files] == ["roll.csv", "short.csv", "host.toml", "master.nc"]
+    assert set(box.files) <= set(inputs_of(project, []))
+
+
+def test_a_device_has_a_name_and_cases_of_its_own(write, tmp_path):
+    (tmp_path / "rol.csv").touch()
+    device = '[devices.final]\nrecordings = "rol.csv"\nrecurrent_share = 0.2\n\n[listings]'
+    assert problems(write(("[listings]", device))) == [
+        "devices.final: the name is taken; call it otherwise than flight, datcom, corrected, final"
+    ]
+    project = read_project(write(("[listings]", device.replace("final", "box"))))
+    cases = [SimpleNamespace(name="roll")]
+    with pytest.raises(SchemaError) as caught:
+        read_devices(project, cases)
+    assert caught.value.problems == [
+        "devices.box.recordings: unknown case 'rol'; near it: roll",
+        "devices.box.recurrent_share: needs master, the report to compare with",
+    ]
+
+
+def test_a_recording_is_an_input_of_the_replay_of_its_case_alone():
+    names = ("short", "roll")
+    files = dict(names="", aircraft="", law="", law_names="")
+    cases = [SimpleNamespace(name=name, record=f"{name}.nc", **files) for name in names]
+    run = RecordedRuns()
+    inputs = of_cases(
+        cases,
+        dict.fromkeys(names),
+        fmus={},
+        tables={},
+        evidence=None,
+        content=str,
+        recorded={"short": run},
+    )
+    assert inputs["short"]["recorded"] is run
+    assert "recorded" not in inputs["roll"]
 
 
 SUBMODELS = """

@@ -21,11 +21,11 @@ from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError
 from flighttest.cli.submodels import controls_command
 from flighttest.remarks import is_forbidden
 from flighttest.submodels.control_loading import cable, identification, joint_fit
+from flighttest.submodels.control_loading.hinge_terms import replace_hinge_moments
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import smooth_derivatives
 from flighttest.submodels.control_loading.regression import trim_forces
-from flighttest.submodels.control_loading.result import replace_hinge_moments
 from flighttest.submodels.control_loading.simulation import simulate_linkages
 from flighttest.submodels.control_loading.windows import free_signals, modulate_signal
 

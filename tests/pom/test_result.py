@@ -5,6 +5,10 @@ import xarray as xr
 
 from flightmech.errors import UnknownName
 from pom.cases.case import PomCase
+from pom.cli.actions.result_lines import result_lines
+from pom.report.case.page import outcome_rows
+from pom.report.presentation.quantities import MISSING
+from pom.report.presentation.verdict_text import criterion_words
 from pom.result import PomResult, make_verdict_table
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.criteria import Band, Criterion, Limit
@@ -71,6 +75,29 @@ def test_only_advice_leaves_a_pass_standing(other, status):
         [criterion("p", "g1"), criterion("x", "g2")],
     )
     assert got.status("a") == status
+
+
+@pytest.mark.parametrize(
+    ("rows", "decides"),
+    [
+        # a ratio beyond its limit decides a failure
+        ([("p", "g1", "fail", 1.2), ("q", "g2", "fail", np.nan)], "p"),
+        # a ratio within its limit decides nothing about a case that has no verdict
+        ([("p", "g1", "pass", 0.5), ("q", "g2", "not_tested", np.nan)], "q"),
+        ([("p", "g1", "fail", 3.0), ("q", "g2", "invalid", np.nan)], "q"),
+        # a failing alternative of a group that passes decides nothing
+        ([("p", "g1", "fail", 0.9), ("q", "g1", "pass", 0.5), ("r", "g2", "fail", np.nan)], "r"),
+        ([("p", "g1", "pass", 0.5), ("q", "g2", "pass", 0.7)], "q"),
+    ],
+)
+def test_terminal_and_report_show_the_row_that_decides(rows, decides):
+    got = result(rows, [criterion(name, group) for name, group, _, _ in rows])
+    assert got.deciding_row("a")["criterion"] == decides
+    (line,), (cell,) = result_lines(got), outcome_rows(got, {"a": "run-1"})
+    assert cell["criterion"] == criterion_words(decides)
+    ratio = dict((name, x) for name, _, _, x in rows)[decides]
+    assert cell["ratio_text"] == (f"{ratio:.2f}" if np.isfinite(ratio) else MISSING)
+    assert ("x tolerance" in line) == bool(np.isfinite(ratio))
 
 
 def test_a_row_that_does_not_apply_does_not_block():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import tempfile
@@ -347,14 +348,15 @@ def _summary(outcome: Any) -> dict[str, Any]:
     # a match without a change loads nothing that computes
     from pom.report.case.remarks import sampled_line
 
-    runs = list(outcome.results[0].runs)
+    runs = list(dict.fromkeys(run for result in outcome.results for run in result.runs))
     rows = [
         [result.case.id, result.case.title, *(_cell(result, run) for run in runs)]
         for result in outcome.results
     ]
     lines = []
     for run in runs:
-        statuses = [result.status(run) for result in outcome.results]
+        # a device has recorded some of the cases
+        statuses = [result.status(run) for result in outcome.results if run in result.runs]
         departing = statuses.count("pass_with_departures")
         more = f", {departing} more with departures" if departing else ""
         beyond = statuses.count("limits_exceeded")
@@ -432,13 +434,13 @@ def _print(shown: Mapping[str, Any]) -> None:
 def _cell(result: Any, run: str) -> str:
 
     # a match without a change loads nothing that computes
-    from pom.result import status_text
+    from pom.status import status_text
 
-    worst = result.worst(run)
-    status = result.status(run)
-    ratio = (
-        ""
-        if worst is None
-        else f"  {worst['worst_ratio']:.2f}  {worst['criterion'].replace('_', ' ')}"
-    )
-    return status_text(status) + ratio
+    if run not in result.runs:
+        return "not run"
+    row, text = result.deciding_row(run), status_text(result.status(run))
+    if not row:
+        return text
+    # a row that is not judged has no ratio
+    ratio = f"{row['worst_ratio']:.2f}" if math.isfinite(row["worst_ratio"]) else "\N{EN DASH}"
+    return f"{text}  {ratio}  {row['criterion'].replace('_', ' ')}"

@@ -26,10 +26,10 @@ from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.actuators.figure import draw_actuator
 from flighttest.submodels.actuators.identification import identify_actuator, read_bench_log
+from flighttest.submodels.control_loading.hinge_terms import replace_hinge_moments
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading, loading_of
 from flighttest.submodels.control_loading.motion import driven_and_free
-from flighttest.submodels.control_loading.result import replace_hinge_moments
 from flighttest.submodels.engine.records import engine_channels, read_points
 from flighttest.submodels.engine.result import comparison_text, identify_engine
 from flighttest.submodels.engine.static_thrust import Polar

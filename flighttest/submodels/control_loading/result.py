@@ -12,16 +12,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aerodb.edit.table_edits import delete_terms, replace_terms
-from aerodb.store.identified_terms import stamp_identified
-from aerodb.store.schema import terms
-from flightmech import terms as _terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import G0
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.model import term_powers
 from flighttest.remarks import Convergence, PrintedResult, Remark, remarks_to_json, warn_forbidden
 from flighttest.submodels.control_loading.joint_fit import convergence_remarks
 from flighttest.submodels.control_loading.loading import ControlLoading
@@ -362,90 +357,3 @@ class IdentifiedLoading(PrintedResult):
                 f"them separate the two"
             )
         return lines
-
-
-def hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
-    """Return the terms of the hinge moment by name, ``Ch_e/alpha`` and so on, with standard errors.
-
-    Raises
-    ------
-    SchemaError
-        A term with a ramp or more than two factors: a leaf multiplies at most two variables.
-
-    Warns
-    -----
-    AeromatchWarning
-        An estimate changes by more than its standard error in the last pass.
-    """
-    warn_forbidden(identified.remarks, f"hinge moments of the {identified.loading.item}")
-    coefficient = identified.loading.model.coefficient
-    leaves = {}
-    for term in identified.loading.model.terms:
-        # A power of a variable is a repeated regressor.
-        regressors: list[str] = []
-        for name, power in term_powers(term).items():
-            regressors += [name] * power
-        value, stderr = identified.value(identified.loading.term(term))
-        if len(regressors) > 2:
-            leaves[f"{coefficient}/{_contribution(term)}"] = _tabulated(
-                identified, term, value, stderr
-            )
-            continue
-        leaf = _terms.make_term(
-            value,
-            regressors=regressors,
-            stderr=stderr,
-            source="flight",
-            comment="control loading from flight",
-        )
-        leaves[f"{coefficient}/{_contribution(term)}"] = leaf
-    return leaves
-
-
-def replace_hinge_moments(database: xr.DataTree, found: IdentifiedLoading) -> xr.DataTree:
-    """Return a database whose terms of this hinge moment are those identified.
-
-    Parameters
-    ----------
-    database : DataTree
-    found : IdentifiedLoading
-        To weigh flight against DATCOM first, give ``published_fit(model, *found.published()[:2],
-        conditions, R)`` to `mixed` or to `aerodb.tabulate`, as any fit.
-    """
-
-    note = "control loading identified from flight"
-    new = hinge_terms(found)
-    old = [
-        name
-        for name in terms(database)
-        if name.startswith(f"{found.loading.model.coefficient}/") and name not in new
-    ]
-    new = {name: stamp_identified(leaf) for name, leaf in new.items()}
-    return replace_terms(delete_terms(database, old, note) if old else database, new, note)
-
-
-def _contribution(term: str) -> str:
-    return "basic" if term == "1" else term.replace("**", "").replace("*", "_")
-
-
-def _tabulated(identified: IdentifiedLoading, term: str, value: float, stderr: float) -> xr.Dataset:
-    """A power of the deflection beyond the second: a table over it times the deflection, up to 0.5
-    rad.
-    """
-    factors = term_powers(term)
-    name = identified.loading.deflection
-    if set(factors) != {name}:
-        raise SchemaError(
-            "hinge moments",
-            [f"{term}: at most two factors, or a power of {name} alone, fit into a term"],
-        )
-    x = np.linspace(-0.5, 0.5, 41)
-    shape = x ** (factors[name] - 1)
-    return _terms.make_term(
-        value * shape,
-        {name: x},
-        [name],
-        stderr=stderr * np.abs(shape),
-        source="flight",
-        comment="control loading from flight",
-    )

@@ -43,7 +43,7 @@ from pom.diagnosis.tuning.tuning_log import (
     read_log,
 )
 from pom.judging.beyond_the_bands import flown_model
-from pom.replaying.batch import paths_of_cases
+from pom.replaying.batch_plans import paths_of_cases
 from pom.replaying.caches import KeptStates
 from pom.replaying.replay_case import ReplayPlan, plan_of
 

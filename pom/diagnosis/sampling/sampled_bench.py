@@ -22,8 +22,8 @@ from pom.replaying.kernel_replay import fly_once
 from pom.replaying.replay_case import ReplayPlan
 from pom.replaying.replay_channels import sampled_channels, shown_channels, unwrapped_near
 from pom.replaying.trim import OBSERVED, beyond_limits, trim_limits
-from pom.result import group_verdicts, judged_groups, status_of
 from pom.samples import QUANTILES
+from pom.status import group_verdicts, judged_groups, status_of
 from pom.tolerances.bands import Invalid, Judgement, NotJudged, unwrapped_difference
 from pom.tolerances.channels import WRAPPED, output_of
 

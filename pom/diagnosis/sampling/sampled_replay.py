@@ -28,7 +28,8 @@ from pom.diagnosis.sampling.sampled_bench import SampledBench, SampledRun, with_
 from pom.diagnosis.sampling.shares import contribution_changes, regressors_of_draws, variance_shares
 from pom.fmu.models import Models
 from pom.fmu.run_cache import FileState
-from pom.replaying.batch import BatchExecution, paths_of_cases, replay_all
+from pom.replaying.batch import BatchExecution, replay_all
+from pom.replaying.batch_plans import paths_of_cases
 from pom.replaying.caches import KeptStates
 from pom.replaying.replay_case import ReplayPlan, plan_of
 from pom.replaying.replay_channels import shown_channels

@@ -15,7 +15,7 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
-from pom.result import status_text
+from pom.status import status_text
 
 KIND = "log of aeromatch pom tune, 1"
 BASES = ("database", "aircraft", "evidence", "rationale", "biases")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -128,7 +129,11 @@ def _steady_text(result: PomResult, name: str) -> str:
     if deviation < _CONSTANT * max(1.0, abs(mean)) or has_ends(name):
         return measured_text(mean, name)
     label = quantity_label(name)
-    mean_text = plain_measured_text(float(label.shown(mean)), label.unit)
+    if label.unit:
+        mean_text = plain_measured_text(float(label.shown(mean)), label.unit)
+    else:
+        # a share, such as that of a brake pedal: two digits of the deviation are enough
+        mean_text = fixed_decimals(mean, max(0, 1 - math.floor(math.log10(deviation))))
     deviation_text = short_number(float(label.width(deviation)), 2)
     return f"{mean_text} ±\N{NO-BREAK SPACE}{deviation_text} {label.unit}".strip()
 

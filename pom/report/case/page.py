@@ -32,6 +32,7 @@ from pom.report.models.diagnosis import cause_section
 from pom.report.presentation.page_templates import page_templates
 from pom.report.presentation.quantities import fixed_decimals
 from pom.report.presentation.traces import pack_page
+from pom.report.presentation.unit_sets import units_in_text
 from pom.report.presentation.verdict_text import (
     MODAL,
     Verdict,
@@ -39,13 +40,8 @@ from pom.report.presentation.verdict_text import (
     reason_text,
     verdict_blocks,
 )
-from pom.result import (
-    PASSED,
-    PomResult,
-    results_name,
-    run_notices,
-    spread_notice,
-)
+from pom.result import PomResult, results_name
+from pom.result_notices import run_notices, spread_notice
 
 # The line code of LR-743 Figs. 18 to 21.  Any further model gets the next free style.
 _STYLES = {"datcom": "run-1", "corrected": "run-2", "final": "run-3"}
@@ -165,11 +161,11 @@ def outcome_rows(result: PomResult, styles: Mapping[str, str]) -> list[dict[str,
     rows = []
     for run in result.runs:
         status = result.status(run)
-        worst = _deciding_row(result, run, status)
-        ratio = worst.get("worst_ratio", math.nan)
+        row = result.deciding_row(run)
+        ratio = row.get("worst_ratio", math.nan)
         # A mode is of the whole window, not of an instant.
-        instant = math.nan if worst.get("measure") in MODAL else worst.get("at", math.nan)
-        notices = run_notices(result, run)
+        instant = math.nan if row.get("measure") in MODAL else row.get("at", math.nan)
+        notices = [units_in_text(text) for text in run_notices(result, run)]
         unexplained = spread_notice(result, run)
         if unexplained:
             notices.append(unexplained)
@@ -181,29 +177,14 @@ def outcome_rows(result: PomResult, styles: Mapping[str, str]) -> list[dict[str,
                 "verdict": Verdict.of(status),
                 "ratio": ratio,
                 "ratio_text": fixed_decimals(ratio, 2),
-                "criterion": criterion_words(worst.get("criterion", "")),
-                "why": "" if math.isfinite(ratio) else reason_text(worst.get("remarks", ())),
+                "criterion": criterion_words(row.get("criterion", "")),
+                "why": "" if math.isfinite(ratio) else reason_text(row.get("remarks", ())),
                 "notices": notices,
                 "at": instant,
                 "at_text": fixed_decimals(instant, 2),
             }
         )
     return rows
-
-
-def _deciding_row(result: PomResult, run: str, status: str) -> Mapping[Any, Any]:
-    """Return the verdict row that decides the status of a run; empty if there is none."""
-    worst = result.worst(run)
-    if worst is None:
-        worst = {}
-    # A ratio above one decides.  Otherwise a row without a number does, as of a missing mode.
-    if status in PASSED or worst.get("worst_ratio", 0.0) > 1.0:
-        return worst
-    applying = {criterion.name for criterion in result.case.criteria if criterion.applies}
-    for row in result.rows:
-        if row["run"] == run and row["verdict"] == status and row["criterion"] in applying:
-            return row
-    return worst
 
 
 def provenance_of(result: PomResult, provenance: Mapping[str, Any]) -> dict[str, Any]:

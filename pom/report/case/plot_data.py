@@ -17,13 +17,8 @@ from pom.report.presentation.verdict_text import (
     criterion_words,
     plain_words,
 )
-from pom.result import (
-    PomResult,
-    has_departure,
-    has_remark,
-    has_trim_remark,
-    is_on_faulty_record,
-)
+from pom.result import PomResult
+from pom.status import has_departure, has_remark, has_trim_remark, is_on_faulty_record
 
 
 def plot_data(

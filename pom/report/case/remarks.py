@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
@@ -24,6 +25,7 @@ from pom.report.presentation.quantities import (
     quantity_label,
     short_number,
 )
+from pom.report.presentation.unit_sets import units_in_text
 from pom.report.presentation.verdict_text import (
     MARKS,
     MODAL,
@@ -31,7 +33,8 @@ from pom.report.presentation.verdict_text import (
     plain_words,
     remark_text,
 )
-from pom.result import PomResult, spread_notice, to_records
+from pom.result import PomResult, to_records
+from pom.result_notices import spread_notice
 from pom.samples import SampledReplay
 from pom.tolerances.rows import tolerance_rows
 
@@ -155,8 +158,55 @@ _REFERENCES = {
 }
 
 
-def reader_notes(result: PomResult) -> list[str]:
+@dataclass(frozen=True)
+class ReaderNote:
+    """A note to the reader: what it concerns, and its texts.
+
+    Attributes
+    ----------
+    subject : str
+        Criteria and models; empty for a note on the case.
+    texts : tuple of str
+    """
+
+    subject: str
+    texts: tuple[str, ...]
+
+    @property
+    def heading(self) -> str:
+        """What stands before the list of the texts; empty for a single text."""
+        return self.subject if len(self.texts) > 1 else ""
+
+    @property
+    def line(self) -> str:
+        """The note in one line."""
+        texts = "; ".join(self.texts)
+        return f"{self.subject}: {texts}" if self.subject else texts
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the note for the template of the PDF."""
+        return {"heading": self.heading, "line": self.line, "texts": list(self.texts)}
+
+
+def reader_notes(result: PomResult) -> list[ReaderNote]:
     """Return the notes to the reader in addition to the verdicts, each once."""
+    notes = [ReaderNote("", (text,)) for text in _case_notes(result)]
+    notes += _row_remarks(result)
+    sources = set(result.verdict["provenance"])
+    marks = sorted([MARKS[source] for source in ("memory", "partial") if source in sources])
+    if marks:
+        quoted = "” or “".join(marks)
+        text = (
+            f"Rows marked “{quoted}” were not read word for word in the regulation; check them "
+            f"there first."
+        )
+        notes.append(ReaderNote("", (text,)))
+    # A dictionary keeps the order and drops repeated notes.
+    return list(dict.fromkeys(notes))
+
+
+def _case_notes(result: PomResult) -> list[str]:
+    """Return the notes on the case and on its record."""
     case = result.case
     notes = [case.notes] if case.notes else []
     if case.reference in _REFERENCES:
@@ -175,18 +225,9 @@ def reader_notes(result: PomResult) -> list[str]:
             )
         notes.append(f"From the case file, not from the record: {', '.join(conditions)}.")
     for row in result.rows:
-        notes += [remark.text for remark in row["remarks"] if remark.kind == "record"]
-    notes += _row_remarks(result)
-    sources = set(result.verdict["provenance"])
-    marks = sorted([MARKS[source] for source in ("memory", "partial") if source in sources])
-    if marks:
-        quoted = "” or “".join(marks)
-        notes.append(
-            f"Rows marked “{quoted}” were not read word for word in the regulation; check them "
-            f"there first."
-        )
-    # A dictionary keeps the order and drops repeated notes.
-    return list(dict.fromkeys(notes))
+        errors = [remark.text for remark in row["remarks"] if remark.kind == "record"]
+        notes += map(units_in_text, errors)
+    return notes
 
 
 def case_objective(case: PomCase) -> str:
@@ -226,7 +267,7 @@ def fraction_text(fraction: float) -> str:
     return f"{short_number(100.0 * fraction)} %"
 
 
-def _row_remarks(result: PomResult) -> list[str]:
+def _row_remarks(result: PomResult) -> list[ReaderNote]:
     """Return the remarks of the verdict rows, each once, after the criteria and models it concerns.
 
     The first notes have the longest time outside of the band, by model.
@@ -245,13 +286,13 @@ def _row_remarks(result: PomResult) -> list[str]:
                 subjects.setdefault(remark_text(remark), []).append((criterion, run))
     notes = []
     for run, texts in outside.items():
-        notes.append(f"{run}, longest run outside: {', '.join(texts)}")
+        notes.append(ReaderNote(f"{run}, longest run outside", (", ".join(texts),)))
     # Remarks on the same criteria and models share a note.
     texts_by_subject: dict[str, list[str]] = {}
     for text, pairs in subjects.items():
         texts_by_subject.setdefault(_subject_text(pairs, result), []).append(text)
     for subject, texts in texts_by_subject.items():
-        notes.append(f"{subject}: {'; '.join(texts)}")
+        notes.append(ReaderNote(subject, tuple(texts)))
     return notes
 
 

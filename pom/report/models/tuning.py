@@ -16,7 +16,8 @@ from pom.diagnosis.tuning.tuning_log import (
 )
 from pom.report.presentation.quantities import MISSING, fixed_decimals
 from pom.report.submodels.section import SectionTable
-from pom.result import PomResult, status_text
+from pom.result import PomResult
+from pom.status import status_text
 
 FLOWN = "in this report"
 NOTE = (
@@ -77,7 +78,5 @@ def _model_context(
 
 def _describe_outcome(result: PomResult, run: str) -> str:
     """Return the worst ratio of a run in this report, if it has one, and its status."""
-    worst, status = result.worst(run), status_text(result.status(run))
-    if worst is None:
-        return status
-    return f"{fixed_decimals(worst['worst_ratio'], 2)} {status}"
+    row, status = result.deciding_row(run), status_text(result.status(run))
+    return f"{fixed_decimals(row['worst_ratio'], 2)} {status}" if row else status

@@ -198,7 +198,7 @@ def case_content(
         "modes": [_replace_label(block) for block in remarks.mode_blocks(result, modes, styles)],
         "probability": remarks.probability_table(result),
         "story": story,
-        "notes": remarks.reader_notes(result),
+        "notes": [note.as_dict() for note in remarks.reader_notes(result)],
         "rationales": remarks.rationale_rows(result),
         "ticks": remarks.tick_rows(result),
         "results": name,

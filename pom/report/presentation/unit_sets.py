@@ -1,15 +1,18 @@
 """Sets of units in which a report shows quantities.
 
 The tolerance table prints kt, ft, deg, lbf and g, and a report without a set shows those, with masses
-in kg.  A set has one unit for each kind of quantity on every page.  Verdicts stay in the units of
-the table, and files of numbers in SI.
+in kg.  A set has one unit for each kind of quantity on every page, in remarks too.  Verdicts stay in
+the units of the table, and files of numbers in SI.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+
+from flightmech.units import parse_unit
 
 # Angles, temperatures and pressures of the air are printed alike in both.
 _ALIKE = {
@@ -86,3 +89,81 @@ def display_unit_of(si_unit: str, display_unit: str, units: str) -> str:
     if not units or display_unit in _KEPT[units] or si_unit in ("1", "s"):
         return display_unit
     return SETS[units].get(si_unit, si_unit)
+
+
+# Units in texts that a set replaces, the longest spelling first.  Not "in": it is a word, too.
+_WRITTEN = {
+    "SI": ("slug ft2", "lbf ft", "lb/h", "ft/s2", "lbf", "psi", "kt", "ft", "lb"),
+    "kt-ft-lb": ("kg m2", "kg/m3", "kg/s", "m s-2", "m s-1", "m/s2", "m/s", "N m", "kg", "m", "N"),
+}
+_NUMBER = r"[+\-\N{MINUS SIGN}]?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+_LEAST_DIGITS = 3  # of a converted number, as the remarks print theirs
+
+
+def units_in_text(text: str) -> str:
+    """Return a remark with its quantities in the set of units in use.
+
+    Remarks are written before a set is chosen.  The numbers keep their number of digits, three at
+    least.  Without a set the text stays as it is.
+
+    Examples
+    --------
+    >>> with shown_in("kt-ft-lb"):
+    ...     units_in_text("off by 158 m at 20.4 s, 5 ... 10 m/s, mass 2000 kg")
+    'off by 518 ft at 20.4 s, 9.72 ... 19.4 kt, mass 4409 lb'
+    >>> with shown_in("SI"):
+    ...     units_in_text("trim.F_column -14.1 lbf is beyond 5 lbf")
+    'trim.F_column -62.7 N is beyond 22.2 N'
+    """
+    written = _WRITTEN.get(current_units())
+    if written is None:
+        return text
+    names = "|".join(map(re.escape, written))
+    # not a part of a name such as `x_2 m` or of a longer unit such as `m/km`
+    pattern = rf"(?<![\w.])((?:{_NUMBER}(?: \.\.\. | … | to ))*{_NUMBER}) ({names})(?![\w/^*])"
+    return re.sub(pattern, _convert_match, text)
+
+
+def _convert_match(match: re.Match[str]) -> str:
+    """Return numbers and their unit in the set in use."""
+    numbers, unit = match.groups()
+    shown = display_unit_of(_SI_UNITS[unit], "ft" if unit == "m" else "", current_units())
+    factor = parse_unit(unit)[1] / parse_unit(shown)[1]
+    text = re.sub(_NUMBER, lambda number: _scaled_number(number.group(), factor), numbers)
+    return f"{text} {_PRINTED.get(shown, shown)}"
+
+
+# SI units of the units in texts, by which a set has its own, and units as texts print them
+_SI_UNITS = {
+    "slug ft2": "kg m2",
+    "lbf ft": "N m",
+    "lb/h": "kg s-1",
+    "ft/s2": "m s-2",
+    "lbf": "N",
+    "psi": "Pa",
+    "kt": "m s-1",
+    "ft": "m",
+    "lb": "kg",
+    "kg m2": "kg m2",
+    "kg/m3": "kg m-3",
+    "kg/s": "kg s-1",
+    "m s-2": "m s-2",
+    "m s-1": "m s-1",
+    "m/s2": "m s-2",
+    "m/s": "m s-1",
+    "N m": "N m",
+    "kg": "kg",
+    "m": "m",
+    "N": "N",
+}
+_PRINTED = {"m s-1": "m/s", "m s-2": "m/s2", "kg s-1": "kg/s"}
+
+
+def _scaled_number(text: str, factor: float) -> str:
+    """Return a written number times a factor, with its sign and its number of digits."""
+    mantissa = text.replace("\N{MINUS SIGN}", "-").partition("e")[0]
+    digits = max(len(mantissa.strip("+-").replace(".", "").lstrip("0")), _LEAST_DIGITS)
+    value = float(text.replace("\N{MINUS SIGN}", "-")) * factor
+    shown = f"{abs(float(f'{value:.{digits}g}')):.10g}"
+    sign = text[0] if text[0] in "+-\N{MINUS SIGN}" else ""
+    return f"{sign}{shown}"

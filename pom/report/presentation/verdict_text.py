@@ -21,6 +21,7 @@ from pom.report.presentation.quantities import (
     pretty_unit,
     quantity_label,
 )
+from pom.report.presentation.unit_sets import units_in_text
 from pom.result import PomResult
 from pom.tolerances.bands import ALLOWED, RowRemark
 
@@ -95,7 +96,8 @@ def remark_text(remark: RowRemark) -> str:
     'elevator deflection biased by the trim: −3.44 deg, beyond 2 deg'
     """
     if remark.kind not in ("trim", "trim_allowed"):
-        return remark.text
+        # a note of the tolerance table stays as printed
+        return remark.text if remark.kind == "row" else units_in_text(remark.text)
     name, unit = remark.quantity, "" if remark.unit == "1" else f" {remark.unit}"
     if name.endswith("_dot"):
         quantity = quantity_label(f"trim.{name}").words
@@ -105,7 +107,8 @@ def remark_text(remark: RowRemark) -> str:
     sign = MINUS if value < 0.0 else "+"
     # The text of the remark ends with the words of a limit that the case file allows.
     allowed = "".join(remark.text.partition(ALLOWED)[1:])
-    return f"{quantity}: {sign}{_three_digits(abs(value))}{unit}, beyond {limit}{unit}{allowed}"
+    text = f"{quantity}: {sign}{_three_digits(abs(value))}{unit}, beyond {limit}{unit}{allowed}"
+    return units_in_text(text)
 
 
 def _three_digits(value: float) -> str:

@@ -16,6 +16,7 @@ from flighttest.submodels.control_loading.motion import (
 from flighttest.submodels.control_loading.result import IdentifiedLoading
 from flighttest.submodels.control_loading.simulation import SimulatedWindow
 from pom.report.presentation.quantities import fixed_decimals, format_number
+from pom.report.presentation.unit_sets import units_in_text
 from pom.report.submodels.section import (
     EQUATION_ERROR,
     PanelOf,
@@ -65,7 +66,7 @@ def control_loading(
             f"{first} and {second} go together in every manoeuvre; only differences between "
             "manoeuvres separate them"
         )
-    remarks += [remark.text for remark in result.remarks]
+    remarks += [units_in_text(remark.text) for remark in result.remarks]
     pictures = (
         *_draw_force_loops(name, result, records),
         *_draw_free_motion(name, result.loading.item, windows),

@@ -11,6 +11,7 @@ import xarray as xr
 
 from flighttest.submodels.engine.result import EngineFit
 from pom.report.presentation.quantities import fixed_decimals, format_number
+from pom.report.presentation.unit_sets import units_in_text
 from pom.report.submodels.section import (
     EQUATION_ERROR,
     OUTPUT_ERROR,
@@ -86,7 +87,7 @@ def engine_section(name: str, engine: EngineFit) -> Section:
     if engine.static is not None:
         _add_static_thrust(parts, name, engine.static)
     _add_steady_tables(parts, name, engine)
-    parts.remarks += [remark.text for remark in engine.remarks]
+    parts.remarks += [units_in_text(remark.text) for remark in engine.remarks]
     parts.pictures += _draw_tables(name, tables)
     return Section(
         name,

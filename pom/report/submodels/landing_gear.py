@@ -7,6 +7,7 @@ import xarray as xr
 
 from flighttest.submodels.landing_gear.result import IdentifiedGear
 from pom.report.presentation.quantities import format_number
+from pom.report.presentation.unit_sets import units_in_text
 from pom.report.submodels.section import (
     EQUATION_ERROR,
     OUTPUT_ERROR,
@@ -47,7 +48,7 @@ def landing_gear(name: str, gear: IdentifiedGear) -> Section:
         tuple(rows),
     )
     remarks = [f"{key} not determined: {why}" for key, why in gear.undetermined.items()]
-    remarks += [remark.text for remark in gear.remarks]
+    remarks += [units_in_text(remark.text) for remark in gear.remarks]
     return Section(
         name,
         tuple(techniques),

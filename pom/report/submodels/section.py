@@ -175,7 +175,9 @@ def _draw_key(key: Sequence[tuple[str, str]]) -> list[str]:
 
 
 def _x_limits(panel: PanelOf) -> tuple[float, float]:
-    return find_axis_limits(np.concatenate([line.x for line in panel.curves]))
+    # a point on the frame would be cut in half
+    margin = 0.03 if any(line.marks for line in panel.curves) else 0.0
+    return find_axis_limits(np.concatenate([line.x for line in panel.curves]), margin)
 
 
 def _y_limits(panel: PanelOf) -> tuple[float, float]:

@@ -26,7 +26,8 @@ from pom.checking.case_check import (
 )
 from pom.report import exports
 from pom.report.writer import write_report
-from pom.result import run_notices, status_text
+from pom.result_notices import run_notices
+from pom.status import status_text
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture

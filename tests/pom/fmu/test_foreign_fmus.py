@@ -21,7 +21,7 @@ from pom.fmu.description import read_fmu_interface
 from pom.fmu.variable_map import links_of
 from pom.replaying.batch import replay_all
 from pom.replaying.replay_case import replay
-from pom.result import run_notices
+from pom.result_notices import run_notices
 
 SOURCES = Path(__file__).parents[1] / "foreign"
 HEADERS = Path(fmpy.__file__).parent / "c-code"

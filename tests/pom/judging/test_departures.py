@@ -10,7 +10,7 @@ from flightmech.errors import SchemaError
 from pom.cases.case import PomCase, read_case
 from pom.cases.reference_states import RECORD_SPAN
 from pom.judging.departures import case_departures, record_departures
-from pom.result import status_of
+from pom.status import status_of
 
 
 def departures(path):

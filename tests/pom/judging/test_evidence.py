@@ -10,7 +10,7 @@ from aerodb.store.identified_terms import stamp_identified
 from flightmech import terms
 from flightmech.flown_samples import FLOWN_SAMPLES
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks
-from pom.result import NOTICES
+from pom.status import NOTICES
 
 SHARE = 0.05  # standard error of every term of the evidence, of its value
 COUNT = 500

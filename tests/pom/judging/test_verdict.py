@@ -14,7 +14,7 @@ from pom.cases.pilot import PilotLoop
 from pom.judging.applicability import reason_not_judged, settle_case
 from pom.judging.measures import values as trends
 from pom.judging.verdict import band_widths, judge_all, judge_criterion, verdict_row
-from pom.result import group_verdicts, status_of
+from pom.status import group_verdicts, status_of
 from pom.tolerances import rows as table
 from pom.tolerances.bands import remarks_text
 from pom.tolerances.criteria import Band, Limit

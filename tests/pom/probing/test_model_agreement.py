@@ -1,5 +1,6 @@
 """An FMU whose answer is not that of its tables, and a model of another aircraft, are named."""
 
+import zipfile
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -7,10 +8,14 @@ import numpy as np
 import pytest
 
 import flightmech
+from flightmech.fmu_export.fmu_file import is_unaltered
 from pom.cases.job import LawInputs, ReplayJob
+from pom.fmu.description import read_fmu_interface
+from pom.fmu.models import FmuModel
+from pom.fmu.variable_map import links_of
 from pom.probing.model_agreement import compare_aircraft
 from pom.replaying.kernel_replay import fly_once
-from pom.replaying.table_agreement import compare_tables
+from pom.replaying.table_agreement import compare_model_tables, compare_tables
 
 TIME = np.arange(0.0, 4.0, 0.02)
 
@@ -43,6 +48,47 @@ def test_an_answer_of_another_program_is_named(sim, job):
     assert remark.kind == "not_driven"
     assert "not driven by its tables" in remark.text
     assert "(nz)" in remark.text
+
+
+def rewritten(path, out, changes):
+    """Write an FMU with other contents of some files."""
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(out, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, changes.get(name, lambda content: content)(old.read(name)))
+        for name in changes.keys() - set(old.namelist()):
+            new.writestr(name, changes[name](b""))
+    return out
+
+
+def test_an_fmu_of_this_program_needs_no_flight_of_its_tables(tmp_path, sim, job):
+    own = flightmech.write_fmu(sim, tmp_path / "own.fmu")
+    model = FmuModel(read_fmu_interface(own), links_of(read_fmu_interface(own), None))
+    wrong = {"nz": np.full(TIME.size, 9.0)}
+    # the files decide: these outputs were not flown
+    (remark,) = compare_model_tables(model, sim, job, wrong)
+    assert "byte by byte" in remark.text
+    # a table of names may exchange outputs
+    named = replace(model, links=replace(model.links, table="names.toml"))
+    (remark,) = compare_model_tables(named, sim, job, wrong)
+    assert remark.kind == "not_driven"
+
+
+def test_a_change_of_any_file_of_the_program_is_seen(tmp_path, sim):
+    own = flightmech.write_fmu(sim, tmp_path / "own.fmu", "3.0")
+    assert is_unaltered(own)
+    with zipfile.ZipFile(own) as archive:
+        names = archive.namelist()
+    (library, *_) = [name for name in names if name.startswith("binaries/")]
+    changes = {
+        "modelDescription.xml": lambda content: content.replace(b'"nz"', b'"n_z"', 1),
+        library: lambda content: content + b"\0",
+        "resources/flight.csv": lambda content: b"0,0",
+        "binaries/other/model.so": lambda content: b"0",
+    }
+    for name, change in changes.items():
+        assert not is_unaltered(rewritten(own, tmp_path / "other.fmu", {name: change})), name
+    page = {"documentation/index.html": lambda content: content + b" "}
+    assert is_unaltered(rewritten(own, tmp_path / "page.fmu", page))
 
 
 def test_a_control_law_is_stated_as_not_compared(sim, job):

@@ -9,7 +9,7 @@ import xarray as xr
 from flightmech.flown_samples import FLOWN_SAMPLES, cut_windows, pack_windows
 from pom.cases.case import read_case
 from pom.probing import record_leak
-from pom.result import status_of
+from pom.status import status_of
 
 
 def flight(seed):

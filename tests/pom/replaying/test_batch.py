@@ -22,9 +22,9 @@ from pom.cases.case import read_case
 from pom.fmu import simulate
 from pom.fmu.process import Child
 from pom.fmu.run_cache import RunCache
-from pom.replaying import batch
-from pom.replaying import batch as processes
+from pom.replaying import batch, batch_plans
 from pom.replaying import caches as state_cache
+from pom.replaying import worker_processes as processes
 from pom.replaying.batch import replay_all
 from pom.replaying.replay_case import replay
 
@@ -244,9 +244,9 @@ def test_all_that_does_not_fit_is_reported_before_anything_flies(cases, paths, t
 
 def test_a_record_that_cases_share_is_read_once(cases, toy, lag_states, tmp_path, monkeypatch):
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
-    read, real = [], pom.replaying.batch.read_path_states
+    read, real = [], batch_plans.read_path_states
     monkeypatch.setattr(
-        pom.replaying.batch, "read_path_states", lambda record: read.append(record) or real(record)
+        batch_plans, "read_path_states", lambda record: read.append(record) or real(record)
     )
     found = replay_all(cases[:3], {"toy": toy()}, jobs=1)
     assert len(read) == 1

@@ -11,7 +11,7 @@ import xarray as xr
 
 from pom.cases.case import read_case
 from pom.fmu.models import Models
-from pom.replaying import batch
+from pom.replaying import batch, batch_plans
 from pom.replaying.batch import replay_all
 from pom.replaying.caches import KeptResults, KeptStates, ResultKeys
 
@@ -176,7 +176,7 @@ def test_whatever_decides_a_result_is_in_its_name(case, toy, lag_states, tmp_pat
 def test_a_record_that_changes_while_it_is_read_leaves_no_result(
     case, toy, lag_states, tmp_path, monkeypatch, judged
 ):
-    record, kept, plan_of = tmp_path / "path.nc", tmp_path / "kept", batch.plan_of
+    record, kept, plan_of = tmp_path / "path.nc", tmp_path / "kept", batch_plans.plan_of
     lag_states.to_netcdf(record, engine="h5netcdf")
     case = changed(case, record=str(record))
 
@@ -184,7 +184,7 @@ def test_a_record_that_changes_while_it_is_read_leaves_no_result(
         record.touch()
         return plan_of(*arguments)
 
-    monkeypatch.setattr(batch, "plan_of", later)
+    monkeypatch.setattr(batch_plans, "plan_of", later)
     replay_all([case], {"a": toy()}, jobs=1, resume=kept)
     assert not (kept / "results").exists()
     monkeypatch.undo()

@@ -7,7 +7,7 @@ import pytest
 
 import flightmech
 from pom.replaying.run_remarks import TableRange, below_runway, table_ranges, tables_left
-from pom.result import NOTICES
+from pom.status import NOTICES
 
 TIME = np.arange(0.0, 10.0, 0.02)
 DEG = np.pi / 180.0

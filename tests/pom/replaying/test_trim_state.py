@@ -15,7 +15,7 @@ from pom.replaying.result_assembly import assemble_result
 from pom.replaying.run_remarks import calibration, drift
 from pom.replaying.trim import beyond_limits, trim_limits, trim_table
 from pom.report.case.remarks import run_notes
-from pom.result import run_notices, trim_remarks
+from pom.result_notices import run_notices, trim_remarks
 from pom.tolerances.bands import remarks_text
 
 DEGREE = np.radians(1.0)

@@ -546,3 +546,22 @@ def test_the_page_is_used_by_keyboard_alone(page, address):
     page.keyboard.press("Enter")
     expect(page).to_have_url(re.compile(r"&t=32\.00,40\.00$"))
     assert page.evaluate("report.limits()")[0] == [32.0, 40.0]
+
+
+def test_a_narrow_page_shows_the_verdicts_and_print_fits_the_sheet(page, address):
+    page.set_viewport_size({"width": 800, "height": 900})
+    open_case(page, address)
+    edges = page.locator(f"{CASE} .verdicts .state").evaluate_all(
+        "cells => cells.map(cell => cell.getBoundingClientRect().right)"
+    )
+    assert edges
+    assert max(edges) <= 800.0
+    # the tolerance stands in the cell of its criterion
+    expect(page.locator(f"{CASE} .verdicts .narrow-only").first).to_be_visible()
+    # A4 without its margins is 680 px wide: a wider table shrinks the whole page
+    page.set_viewport_size({"width": 680, "height": 900})
+    page.emulate_media(media="print")
+    widths = page.locator(f"{CASE} table").evaluate_all(
+        "tables => tables.map(table => table.getBoundingClientRect().right)"
+    )
+    assert max(widths) <= 690.0

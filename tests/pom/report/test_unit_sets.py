@@ -1,5 +1,7 @@
 """Pages in one set of units: the number and its unit change together."""
 
+from dataclasses import replace
+
 import pytest
 import report_fixture as fixture
 
@@ -7,9 +9,15 @@ import pom
 from flightmech.errors import UnknownName
 from flightmech.names import VOCABULARY
 from flightmech.units import parse_unit
+from pom.report.case.page import outcome_rows
+from pom.report.case.remarks import reader_notes
 from pom.report.case.start import condition_rows, wind_text
+from pom.report.overview import departure_table
 from pom.report.presentation.quantities import measured_text, quantity_label
 from pom.report.presentation.unit_sets import SETS, shown_in
+from pom.report.presentation.verdict_text import remark_text
+from pom.result import make_verdict_table
+from pom.tolerances.bands import RowRemark
 
 
 @pytest.mark.parametrize(
@@ -65,3 +73,34 @@ def test_the_centre_of_gravity_is_in_percent_of_the_chord():
         ("mass", "2000 kg"),
         ("x_cg", "24.0 %"),
     ]
+
+
+TEXT = "lateral position off by 158 m at 20.4 s, watched within 5 m; 9.2 kt of wind"
+
+
+@pytest.mark.parametrize(
+    ("units", "shown"),
+    [
+        ("", TEXT),
+        ("kt-ft-lb", TEXT.replace("158 m", "518 ft").replace("5 m;", "16.4 ft;")),
+        ("SI", TEXT.replace("9.2 kt", "4.73 m/s")),
+    ],
+)
+def test_remarks_have_the_units_of_the_report(units, shown):
+    remark = RowRemark("departure", f"departure: {TEXT}", "y", {"off": 158.0, "band": 5.0}, "m")
+    result = fixture.roll_result()
+    rows = [{**row, "remarks": (*row["remarks"], remark)} for row in result.rows]
+    result = replace(result, verdict=make_verdict_table(rows))
+    with shown_in(units):
+        notes = reader_notes(result)
+        (cell, *_) = outcome_rows(result, dict.fromkeys(result.runs, "run-1"))
+        (part,) = departure_table(["roll"], [result])
+    assert any(shown in note.line for note in notes)
+    assert f"departure: {shown}" in cell["notices"]
+    assert shown in [text for _, text in part["rows"]]
+
+
+def test_the_rule_keeps_its_units():
+    note = RowRemark("row", "two speeds at least 5 kt apart")
+    with shown_in("SI"):
+        assert remark_text(note) == note.text

@@ -22,7 +22,7 @@ import flightmech
 from pom.cases.case import read_case
 from pom.judging.report_conditions import with_report_conditions
 from pom.replaying.batch import replay_all
-from pom.result import DEPARTURES
+from pom.status import DEPARTURES
 
 HERE = Path(__file__).parent
 CASES = HERE / "cases"

@@ -17,6 +17,6 @@ function openFit(details) {
 }
 document.addEventListener("toggle", (event) => { if (event.target.open && event.target.matches(".fit")) openFit(event.target); }, true);
 document.addEventListener("click", (event) => {
-  const link = event.target.closest('a[href^="#fit-"]');
+  const link = event.target.closest('a[href^="#fit-"], a[href^="#submodel-"]');
   if (link) document.getElementById(link.hash.slice(1)).open = true;
 });

@@ -34,7 +34,7 @@ async function route() {
   drop();
   if ($("script.parcel", page)) await unpack(page).then(() => layOut(page), () => layOutPlain(page));
   const part = page.id === id ? null : document.getElementById(id);
-  if (part?.matches(".fit")) part.open = true;
+  if (part?.matches(".fit, .submodel")) part.open = true;
   part?.scrollIntoView();
 }
 const go = (page) => { if (page) location.hash = page.id + (cases.includes(page) ? asked() : ""); };

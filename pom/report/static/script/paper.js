@@ -121,6 +121,7 @@ function sheetPanel(data, panel, top, scale, last, taken) {
   let inside = panel.values.map((mark) => valueBar(frame, mark)).join(""), marks = "", lane = 0;
   if (banded) inside += areaBetween(frame, time, ...edges(flight, half), "band") + models.filter(({ name }) => panel.exits[name]).map(({ name }) => exitArea(frame, time, traces[name], flight, half)).join("");
   for (const { name, style } of models) if (`${name} 0` in panel.fans) inside += [[0, 4], [1, 3]].map(([low, high]) => areaBetween(frame, time, panel.fans[`${name} ${low}`], panel.fans[`${name} ${high}`], `fan ${style}-area`)).join("");
+  const uprights = (host) => data.events.map(([, t]) => straight(host.px(t), host.top, host.px(t), host.bottom, "event")).join("");
   for (const t of panel.window || []) inside += straight(frame.px(t), frame.top, frame.px(t), frame.bottom, "window");
   inside += lines.map(({ name, style }) => curve(frame, time, traces[name], `trace ${style}`)).join("");
   if (flight && models.length) inside += curve(frame, time, flight, "hair");
@@ -134,13 +135,13 @@ function sheetPanel(data, panel, top, scale, last, taken) {
     lane++;
   }
   const verdicts = panel.verdicts.map(atFraction).map(({ run, verdict, ratio }) => `${run} ${SYMBOLS[verdict]} ${ratio == null ? WORDS[verdict] : fixed(ratio, 2)}`).join("\u2003");
-  let body = quantity(SHEET.left, top + 12, panel) + textAt(frame.right, top + 12, verdicts, "caption", "end") + axesOf(frame, last && !banded) + clipped(frame, inside) + marks;
+  let body = quantity(SHEET.left, top + 12, panel) + textAt(frame.right, top + 12, verdicts, "caption", "end") + axesOf(frame, last && !banded) + clipped(frame, inside + uprights(frame)) + marks;
   for (const withValue of [false, true]) body += models.map(({ name, style }) => arrows(frame, time, traces[name], style, SHEET.lane * lane, taken, withValue)).join("");
   if (!banded) return [body, frame.bottom + SHEET.gap];
   const strip = frameOf(SHEET.left, frame.bottom + SHEET.gap, frame.width, SHEET.strip * scale, x, [-RESIDUAL, RESIDUAL]);
   const found = models.map(({ name, style }) => [style, ratios(traces[name], flight, half)]), ones = (sign) => half.map((h) => (h == null ? null : sign));
   body += axesOf(strip, last, [-1, 0, 1]) + textAt(6, strip.top + strip.height / 2 + 3.5, "e/t", "caption");
-  body += clipped(strip, areaBetween(strip, time, ones(1), ones(-1), "band") + found.map(([style, values]) => curve(strip, time, values, `trace ${style}`)).join(""));
+  body += clipped(strip, areaBetween(strip, time, ones(1), ones(-1), "band") + found.map(([style, values]) => curve(strip, time, values, `trace ${style}`)).join("") + uprights(strip));
   body += found.map(([style, values]) => arrows(strip, time, values, style, 0, [], false)).join("");
   return [body, strip.bottom + SHEET.gap];
 }
@@ -148,7 +149,7 @@ const heightOf = (panel) => SHEET.head + SHEET.gap + (panel.kind === "judged" ? 
 function sheet(data, panels, room) {
   const heads = panels.length * (SHEET.head + SHEET.gap) + SHEET.foot + SHEET.top, bodies = panels.reduce((sum, panel) => sum + heightOf(panel) - SHEET.head - SHEET.gap, 0);
   const scale = Math.min(1, (room - heads) / bodies);
-  let body = keyOf(data.runs.filter(({ name }) => panels.some((panel) => panel.traces[name])), panels.some((panel) => panel.half)), top = SHEET.top;
+  let body = keyOf(data.runs.filter(({ name }) => panels.some((panel) => panel.traces[name])), panels.some((panel) => panel.half || panel.values.length), panels.some((panel) => panel.half)), top = SHEET.top;
   const { time } = data, shown = data.events.filter(([, t]) => t > time[0] && t < time[time.length - 1]);
   // the names of the events stand in the first panel; the numbers there keep clear of them
   const across = frameOf(SHEET.left, SHEET.top + SHEET.head, SHEET.width - SHEET.left - SHEET.right, 1, [time[0], time[time.length - 1]], [0, 1]), taken = [];
@@ -161,9 +162,7 @@ function sheet(data, panels, room) {
     body += drawn;
     top = next;
   });
-  const frame = frameOf(SHEET.left, SHEET.top + SHEET.head, SHEET.width - SHEET.left - SHEET.right, top - SHEET.gap - SHEET.top - SHEET.head, [time[0], time[time.length - 1]], [0, 1]);
-  body += shown.map(([, t]) => straight(frame.px(t), frame.top, frame.px(t), frame.bottom, "event")).join("") + names;
-  body += textAt(frame.left + frame.width / 2, top + 22, "time, s (clock of the record)", "caption", "middle");
+  body += names + textAt(across.left + across.width / 2, top + 22, "time, s (clock of the record)", "caption", "middle");
   return svg(top + SHEET.foot, body, panels.map((panel) => `${panel.alt}.`).join(" "));
 }
 // What is judged and the inputs, below the head of the case, then the rest; a part that overfills one sheet by little is pressed onto it.

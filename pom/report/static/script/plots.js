@@ -7,7 +7,7 @@ const GROUPS = { input: "Inputs", shown: "Further channels, without tolerance" }
 let view = null;   // the case on the screen: page, data, plots, span of time, hidden runs
 
 function options(width, height, withTime, series, bands, range, splits) {
-  const grid = { stroke: colour("grid"), width: 1 }, values = (_, found, __, ___, increment) => tickText(found, increment);
+  const grid = { stroke: colour("grid"), width: 1 }, values = (_, found, __, ___, increment) => tickText(found, found.length > 1 ? found[1] - found[0] : increment);
   const axis = { stroke: colour("quiet"), font: font(11), grid, ticks: { show: true, size: 4, stroke: colour("quiet"), width: 1 }, values, incrs: STEPS };
   return {
     width, height: height + (withTime ? HEIGHT.time : 0), padding: [6, RIGHT, withTime ? 0 : 5, 0],
@@ -19,7 +19,7 @@ function options(width, height, withTime, series, bands, range, splits) {
     scales: { x: { time: false, range: () => view.span }, y: { range } },
     axes: [
       { ...axis, size: withTime ? HEIGHT.time : 0, ticks: { ...axis.ticks, show: withTime }, values: withTime ? values : () => [], gap: 3 },
-      { ...axis, size: AXIS, gap: 4, space: 22, ...(splits ? { splits: () => splits } : {}) },
+      { ...axis, size: AXIS, gap: 4, splits: (_, __, low, high) => splits || ticks(low, high, Math.max(2, Math.floor(height / 26))) },
     ],
     series: [{}, ...series], bands,
   };
@@ -144,7 +144,8 @@ function drawLegend() {
   });
   const box = { width: 26, height: 12 };
   const swatch = (words, css) => element("span", { class: "swatch" }, drawing({ viewBox: "0 0 26 12" }, ["rect", { class: css, ...box }]), words);
-  if (view.data.panels.some((panel) => panel.half)) host.append(swatch("tolerance", "band"), swatch("outside", "exit"));
+  if (view.data.panels.some((panel) => panel.half || panel.values.length)) host.append(swatch("tolerance", "band"));
+  if (view.data.panels.some((panel) => panel.half)) host.append(swatch("outside", "exit"));
   const drawn = view.data.runs.find(({ name }) => view.data.panels.some((panel) => `${name} 0` in panel.fans));
   if (drawn) host.append(swatch("draws, 5 to 95 %", `fan ${drawn.style}-area`));
 }

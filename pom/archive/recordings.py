@@ -1,4 +1,4 @@
-"""Recordings of devices and master runs of the command ``run``."""
+"""Recordings of devices and master reports: which file belongs to which case, and their runs."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import click
-
-from flightmech.errors import SchemaError, UnknownName
+from flightmech.errors import SchemaError
 from pom.archive.masters import archive_file, read_masters
 from pom.cases.case import PomCase
 from pom.replaying.recorded_runs import MasterRun, RecordedRun, RecordedRuns, read_recording
@@ -39,42 +37,22 @@ class RecordingFiles:
 
 
 def is_recording(file: Path) -> bool:
-    """Return whether a file of ``--model`` is a recording: a folder, or a file that is not an FMU."""
+    """Return whether the file of a model is a recording: a folder, or a file that is not an FMU."""
     if file.is_dir():
         return True
     return file.suffix.lower() != ".fmu" and not zipfile.is_zipfile(file)
-
-
-def parse_starts(words: Sequence[str], runs: Mapping[str, Path]) -> dict[str, float]:
-    """Return the instants of ``--start NAME=SECONDS`` by run.
-
-    Raises
-    ------
-    SchemaError
-        A word has no name of a recording or no number.
-    """
-    starts, problems = {}, []
-    for word in words:
-        name, _, text = word.partition("=")
-        try:
-            starts[name] = float(text)
-        except ValueError:
-            problems.append(f"{word!r}: write NAME=SECONDS, such as device=0")
-            continue
-        if name not in runs:
-            problems.append(f"{word!r}: {UnknownName(name, runs, 'recording of --model')}")
-    if problems:
-        raise SchemaError("--start", problems)
-    return starts
 
 
 def recording_files(files: RecordingFiles, cases: Sequence[PomCase]) -> Iterator[Path]:
     """Yield every file that recordings and masters read."""
     for name, path in files.runs.items():
         if not path.is_dir() and len(cases) > 1:
-            raise click.UsageError(
-                f"--model {name}={path}: one recording and {len(cases)} cases; give a folder with "
-                f"a recording for each case, named after it, or one case"
+            raise SchemaError(
+                f"model {name}: {path}",
+                [
+                    f"one recording and {len(cases)} cases; give a folder with a recording for "
+                    f"each case, named after it, or one case"
+                ],
             )
         for case in cases:
             yield find_recording(path, case)

@@ -1,0 +1,76 @@
+"""Remarks of a result that stand next to its verdicts, as texts for page, terminal and files."""
+
+from __future__ import annotations
+
+from pom.result import PomResult
+from pom.status import BEYOND, DEPARTURES, NOTICES, PASSED, has_remark
+
+
+def trim_remarks(result: PomResult, run: str) -> list[str]:
+    """Return the remarks on a trim beyond its limits, each once."""
+    return collect_texts(result, run, ("trim",))
+
+
+def record_remarks(result: PomResult, run: str) -> list[str]:
+    """Return the errors of the flight record of a result, each once."""
+    return collect_texts(result, run, ("record",))
+
+
+def departure_remarks(result: PomResult, run: str) -> list[str]:
+    """Return the departures of a result from the printed row, each once."""
+    return collect_texts(result, run, DEPARTURES)
+
+
+def run_notices(result: PomResult, run: str) -> list[str]:
+    """Return the remarks of the kinds `NOTICES`, which no criterion judges, each once."""
+    return collect_texts(result, run, NOTICES)
+
+
+def spread_notice(result: PomResult, run: str) -> str:
+    """Return `SampledReplay.unexplained` of the draws of a model; empty without draws."""
+    samples, worst = result.samples.get(run), result.worst(run)
+    if samples is None or worst is None:
+        return ""
+    ratios = {row["criterion"]: row["worst_ratio"] for row in result.rows if row["run"] == run}
+    return samples.unexplained(ratios, worst["criterion"])
+
+
+NO_EVIDENCE = (
+    "no evidence given: a pass without evidence from flight does not exclude compensating errors"
+)
+"""Notice on results of which `lacks_evidence` is true."""
+
+
+def is_beyond_master(result: PomResult) -> bool:
+    """Return whether a run of a result is beyond its criterion about the master."""
+    return any(has_remark(row, BEYOND) for row in result.rows)
+
+
+def lacks_evidence(result: PomResult) -> bool:
+    """Return whether a model of a result passes and was not compared with flight evidence."""
+    for run in result.runs:
+        if result.status(run) not in PASSED:
+            continue
+        kinds = {item.kind for row in result.rows if row["run"] == run for item in row["remarks"]}
+        if not kinds & {"evidence", "no_evidence"}:
+            return True
+    return False
+
+
+def collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
+    """Return the remarks of some kinds on a run, each once."""
+    # a dictionary keeps the order of the remarks and drops repeated texts
+    texts: dict[str, None] = {}
+    for row in result.rows:
+        if row["run"] != run:
+            continue
+        for remark in row["remarks"]:
+            if remark.kind in kinds:
+                texts[remark.text] = None
+    return list(texts)
+
+
+def is_additional(result: PomResult) -> bool:
+    """Return whether the case states itself as additional: in another configuration than its row."""
+    kinds = {remark.kind for row in result.rows for remark in row["remarks"]}
+    return "additional" in kinds
