@@ -28,6 +28,7 @@ from pom.cases.own_table import demand_use
 from pom.cases.reference_states import window_problem
 from pom.checking.batch_check import check_batch
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks
+from pom.checking.report_checks import with_report_checks
 from pom.cli.actions.recordings import (
     RecordingFiles,
     is_recording,
@@ -46,7 +47,7 @@ from pom.diagnosis.sampling.sampled_replay import replay_sampled
 from pom.fmu.description import demand_platform, read_fmu_interface
 from pom.fmu.models import Models
 from pom.judging.applicability import reason_not_judged
-from pom.judging.report_conditions import has_report_conditions, with_report_conditions
+from pom.judging.report_conditions import has_report_conditions
 from pom.replaying.batch import replay_all
 from pom.replaying.recorded_runs import RecordedRuns
 from pom.replaying.replay_case import files_by_name
@@ -232,7 +233,7 @@ def run_cases(
     # the printer gets every result as soon as it is complete
     printer = _ProgressPrinter(checks, batch.models, verbose=verbose, silent=as_json)
     results = _replay_batch(batch, printer, samples=samples, seed=seed, options=options)
-    results = with_report_conditions(results)
+    results = with_report_checks(results)
     printer.print_rest(results)
     results = with_record_checks(results, checks)
     # a file that changed during the batch does not belong to the results
@@ -368,6 +369,9 @@ def _check_batch(
     return checks
 
 
+NOTICE_INDENT = " " * 8
+
+
 class _ProgressPrinter:
     """Printer of the results of a batch as they come.
 
@@ -377,6 +381,10 @@ class _ProgressPrinter:
     ----------
     is_replayed : bool
         A model was replayed in at least one case.
+
+    Notes
+    -----
+    What only all cases together show follows at the end, for cases that were printed before.
     """
 
     def __init__(
@@ -386,6 +394,7 @@ class _ProgressPrinter:
         self.verbose, self.silent = verbose, silent
         self.is_replayed = False
         self._waiting: list[str] = []
+        self._shown: dict[tuple[str, str], list[str]] = {}
 
     def print_result(self, result: PomResult) -> None:
         """Print the lines of one result."""
@@ -400,12 +409,29 @@ class _ProgressPrinter:
         for result in results:
             if has_report_conditions(result.case):
                 self._add(result)
+            else:
+                self._add_late_notices(result)
+
+    def _add_late_notices(self, result: PomResult) -> None:
+        """Print the notices of a result that came with the other cases."""
+        (result,) = with_record_checks([result], self.checks)
+        case, lines = result.case, []
+        for run in result.runs:
+            shown = self._shown.get((case.path, run), [])
+            late = [text for text in run_notices(result, run) if text not in shown]
+            if late and (result.status(run) != "fail" or self.verbose):
+                lines.append(f"{case.id:<8}{case.title:<44} {run:<12} with all cases:")
+                lines += [f"{NOTICE_INDENT}notice {text}" for text in late]
+        if lines and self.is_replayed and not self.silent:
+            click.echo("\n".join(lines))
 
     def _add(self, result: PomResult) -> None:
         (result,) = with_record_checks([result], self.checks)
         # a model that fails to run has an invalid case
         if not result.failure or any(result.status(run) != "invalid" for run in self.runs):
             self.is_replayed = True
+        for run in result.runs:
+            self._shown[result.case.path, run] = run_notices(result, run)
         self._waiting += _result_lines(result, self.verbose)
         if self.is_replayed and not self.silent:
             click.echo("\n".join(self._waiting))
@@ -497,7 +523,7 @@ def _result_lines(result: PomResult, verbose: bool = False) -> list[str]:
     (1.5 deg)``.
     """
     case, lines = result.case, []
-    indent = " " * 8
+    indent = NOTICE_INDENT
     for run in result.runs:
         lines.append(f"{case.id:<8}{case.title:<44} {run:<12} {_verdict_text(result, run)}")
         # a failed case needs no notices to be looked at
