@@ -54,7 +54,7 @@ LEAST_EFFECT = 0.25
 
 In a slow manoeuvre a small error of any kind has the form of a delay: the level deceleration of the
 T-37 with its levers fits 0.165 s, with an effect of 0.16.  Pick-ups wrong by 15 % or 0.2 s have
-XXX and more.
+0.39 and more.
 """
 LIFT = 0.035
 """Relative difference of the lift from which on it is named, with a calibrated vane.
