@@ -227,7 +227,7 @@ def main() -> int:
         case = tomllib.loads(path.read_text(encoding="utf-8"))
         cases[case["case"]["name"]] = case
     printed = read_table()
-    differing, counted, largest = 0, 0, 0.0
+    differing, counted, left, largest = 0, 0, 0, 0.0
     for item in stored:
         case = cases[item["case"]["name"]]
         head = case["case"]
@@ -250,6 +250,7 @@ def main() -> int:
             found, ratio = judge(case, row, time, columns, verdict["run"])
             if verdict["verdict"] == "invalid" and verdict["worst_ratio"] is not None:
                 # the run, not the row, has no judgement: its trim or its flight failed
+                left += 1
                 continue
             counted += 1
             differs = found != verdict["verdict"]
@@ -263,6 +264,7 @@ def main() -> int:
                 f"{mark:8}{head['id']:7}{head['name']:26}{name:26}{verdict['run']:10}"
                 f"{verdict['verdict']:8}{found:8}{shown:>8}{ratio:8.3f}"
             )
+    print(f"{left} rows of runs without a judgement left out")
     print(f"{counted} rows, {differing} differ; ratios differ by at most {largest:.3f}")
     return int(differing > 0)
 
