@@ -41,8 +41,17 @@ A window is shorter than a record, so more is needed than `ALIKE`: two Dutch rol
 alike have 0.9945 over 5 s, the cases of the T-37 and its 105 windows (three rates) 0.972 at most,
 copies 0.9983 and more.
 """
+COPIED_NOISE = 0.95
+"""Least correlation of all channels from which on a window with two channels of noise is a copy.
+
+A channel that does not move, such as the roll rate of a pitch manoeuvre, holds noise, which only
+copies share.  On another clock such channels of the T-37 correlate by 0.970 and more, and the median
+of all channels by 0.987 only.  Different flights have 0.81 at most in the least alike channel, and
+like ones of a simulated C182, whose small motion is alike too, have no two channels of noise.
+"""
+_WHITE = 0.45  # correlation of means two to six steps later, which share no sample; noise has less
 _LIKELY = 0.6  # at a shift that is up to half a step wrong; below it no finer shift is tried
-_NEAR = 0.97  # at a shift that is up to half of `_COARSE` wrong
+_NEAR = 0.93  # at a shift that is up to half of `_COARSE` wrong
 _COARSE, _FINE = 0.05, 0.0125  # [s] shifts of the clocks that are tried
 _RESOLUTION = 0.1  # of the median change from step to step; finer is noise
 _GAP = 1.5  # sampling intervals from which on a new window begins
@@ -238,7 +247,8 @@ def find_shared_windows(
         if len(common) < LEAST_CHANNELS:
             continue
         match = flight.best_match(window, common)
-        if match.correlation > COPIED:
+        is_noise_shared = match.least > COPIED_NOISE and _holds_noise(window.means)
+        if match.correlation > COPIED or is_noise_shared:
             start = float(time[0]) + match.shift + max(match.lag, 0) * STEP
             size = window.means.shape[1]
             count = min(match.lag + size, flight.rows_at(match.shift).shape[1])
@@ -248,12 +258,26 @@ def find_shared_windows(
     return found
 
 
+def _holds_noise(means: np.ndarray) -> bool:
+    """Return whether two channels of a window (channel, step) are noise."""
+    rows = means - means.mean(axis=1, keepdims=True)
+    # an oscillation has a large correlation at one of these lags, a slow motion at the first
+    later = [np.mean(rows[:, lag:] * rows[:, :-lag], axis=1) for lag in range(2, 7)]
+    is_noise = np.max(np.abs(later), axis=0) < _WHITE * rows.var(axis=1)
+    # one may be the small motion of a lateral manoeuvre in pitch
+    return int(is_noise.sum()) >= 2
+
+
 class _Match(NamedTuple):
-    """Best shift of a window: median correlation, lag in steps, and shift inside a step [s]."""
+    """Best shift of a window: lag in steps, and shift inside a step [s].
+
+    `correlation` is the median over the channels, `least` the smallest of them.
+    """
 
     correlation: float
     lag: int
     shift: float
+    least: float
 
 
 class _ShiftedFlight:
@@ -273,9 +297,11 @@ class _ShiftedFlight:
     def match_at(self, kept: np.ndarray, picked: Sequence[int], shift: float) -> _Match:
         """Return the best lag of a window at one shift."""
         flight = self.rows_at(shift)[[*picked]]
-        joint = np.median(np.abs(sliding_correlation(flight, kept)), axis=0)
+        single = np.abs(sliding_correlation(flight, kept))
+        joint = np.median(single, axis=0)
         place = int(np.argmax(joint))
-        return _Match(float(joint[place]), place - (kept.shape[1] - 1), shift)
+        lag = place - (kept.shape[1] - 1)
+        return _Match(float(joint[place]), lag, shift, float(single[:, place].min()))
 
     def best_match(self, window: FlownWindow, common: Sequence[str]) -> _Match:
         """Return the best lag and shift of a window, finer the more likely it is a copy."""

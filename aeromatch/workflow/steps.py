@@ -35,9 +35,9 @@ from flightmech.support.netcdf_writing import encode_netcdf
 from pom.archive.origins import ReportProvenance
 from pom.cases.case_file import plain_signatures
 from pom.checking.case_check import checks_text, with_record_checks
+from pom.checking.report_checks import with_report_checks
 from pom.diagnosis.corrected_model import joint_terms
 from pom.diagnosis.term_swaps import by_submodel, differing_terms
-from pom.judging.report_conditions import with_report_conditions
 
 # Folder of the report, and file of the comparison of the tables.
 REPORT = "report"
@@ -137,7 +137,7 @@ def perform_match(
                 replays = _replay(result, fmus, new, replay=replay, stages=stages)
             # No file may have changed between its identification and its replay.
             result.custody.check()
-            replays = with_report_conditions(with_record_checks(replays, Values(result.checks)))
+            replays = with_report_checks(with_record_checks(replays, Values(result.checks)))
             with step("write the report"):
                 pom.write_report(
                     replays,

@@ -182,6 +182,9 @@ class FileFacts:
     x_ref_mac : float or None
         Moment reference point behind the leading edge of the mean chord, in chords; None if the
         file does not state it. [1]
+    hinge_loaded : tuple of str
+        Circuits without a centring spring: only the hinge moment of the surface loads them, so the
+        pilot feels the air.
     """
 
     name: str
@@ -190,6 +193,7 @@ class FileFacts:
     runway: str
     cbar: float | None = None
     x_ref_mac: float | None = None
+    hinge_loaded: tuple[str, ...] = ()
 
     def chord_position(self, x_cg_b: float) -> float | None:
         """Return a centre of gravity in chords behind the leading edge; None if it is not known.
@@ -239,7 +243,16 @@ def _read_facts(path: Path, changed: int, size: int) -> FileFacts:
         str(runway),
         cbar=_stated_number(content, "cbar", "m"),
         x_ref_mac=_stated_number(content, "x_ref_mac", "1"),
+        hinge_loaded=_hinge_loaded(content.get("circuit", {})),
     )
+
+
+def _hinge_loaded(circuits: Any) -> tuple[str, ...]:
+    """Return the names of circuits without a centring spring."""
+    if not isinstance(circuits, dict):
+        return ()
+    tables = {name: table for name, table in circuits.items() if isinstance(table, dict)}
+    return tuple(name for name, table in tables.items() if not table.get("stiffness"))
 
 
 def _stated_number(content: Mapping[str, Any], key: str, unit: str) -> float | None:

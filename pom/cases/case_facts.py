@@ -62,6 +62,13 @@ def resolve_facts(
             f"case.features: {REVERSIBLE} contradicts the facts of the aircraft, whose controls "
             f"are not reversible; leave it out, or correct [facts]"
         )
+    loaded = stated.hinge_loaded if stated is not None else ()
+    if facts.get(REVERSIBLE) is False and loaded:
+        problems.append(
+            f"facts.{REVERSIBLE}: no, and [circuit.{loaded[0]}] of the aircraft file {aircraft} has "
+            f"no centring spring, so the hinge moment of the surface is all that the pilot feels; "
+            f"correct one of the two"
+        )
     if REVERSIBLE in features:
         facts.setdefault(REVERSIBLE, True)
     elif facts.get(REVERSIBLE):

@@ -55,6 +55,12 @@ WANTED: dict[str, tuple[tuple[str, str], ...]] = {
 """
 
 
+SHARED = "shared_flight"
+"""Quantity of the remark on a flight that another case of the test has already shown
+(`pom.probing.shared_flights`).
+"""
+
+
 @dataclass(frozen=True)
 class ConditionCoverage:
     """Conditions of a test: those that a case shows, and those that none shows, in words."""
@@ -79,12 +85,13 @@ def cover_conditions(results: Sequence[PomResult]) -> ConditionCoverage:
     ----------
     results : sequence of PomResult
         Of one test.  A case counts for one condition; a case that states itself as additional
-        counts for none, and neither does a case without any judged row.
+        counts for none, and neither does a case without any judged row or one of a flight that
+        another case has shown.
     """
     wanted = WANTED.get(_flight_condition(results[0]), ()) if results else ()
     if not wanted:
         return ConditionCoverage((), ())
-    counting = [result for result in results if not result.case.additional and _is_judged(result)]
+    counting = [result for result in results if _counts(result)]
     shows = [_shown_conditions(result, [name for _, name in wanted]) for result in counting]
     # condition -> case, by augmenting paths: one case may fit several conditions
     taken: dict[int, int] = {}
@@ -111,6 +118,20 @@ def _flight_condition(result: PomResult) -> str:
         return result.case.printed_rows()[0]["flight_condition"]
     except UnknownName:
         return ""
+
+
+def _counts(result: PomResult) -> bool:
+    """Return whether a case can show a condition."""
+    return not result.case.additional and _is_judged(result) and not _is_repeated(result)
+
+
+def _is_repeated(result: PomResult) -> bool:
+    """Return whether another case has already shown the flight."""
+    for row in result.rows:
+        for remark in row["remarks"]:
+            if remark.kind == "departure" and remark.quantity == SHARED:
+                return True
+    return False
 
 
 def _is_judged(result: PomResult) -> bool:

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from flightmech.errors import UnknownName
 from pom.cases.case import PomCase
 from pom.cases.case_facts import REVERSIBLE
+from pom.cases.case_file import FORCES
 from pom.judging.condition_checks import CHECKS, CONFIGURATION_CHECKS, FlownCase, NotChecked
 from pom.judging.measures.control_release import measure_free_motion
 from pom.judging.signals import RunSignals
@@ -41,7 +42,11 @@ def condition_remarks(case: PomCase, flight: RunSignals) -> tuple[RowRemark, ...
     if case.reference == "footprint":
         return ()
     flown = FlownCase(case, flight)
-    remarks = [*_claim_remarks(case), *_contradicted_claims(case, flight)]
+    remarks = [
+        *_claim_remarks(case),
+        *_contradicted_claims(case, flight),
+        *_unjudged_forces(case, flight),
+    ]
     for condition in conditions_of(case.id):
         if condition.over == "report":
             continue
@@ -87,6 +92,22 @@ def _claim_remarks(case: PomCase) -> Iterator[RowRemark]:
     for word in claimed:
         text = f"not checked: {word} (claimed in case.features)"
         yield RowRemark("not_checked", text, word)
+
+
+def _unjudged_forces(case: PomCase, flight: RunSignals) -> Iterator[RowRemark]:
+    """Yield the remark on pilot forces that the facts of the aircraft take out of the judgement."""
+    if case.facts.get(REVERSIBLE) is not False:
+        return
+    rows = [c.name for c in case.criteria if REVERSIBLE in c.condition.split(";")]
+    if not rows:
+        return
+    recorded = [name for name in FORCES if name in flight]
+    text = f"{', '.join(rows)} is not judged: {REVERSIBLE} is false in the facts of the aircraft"
+    if recorded:
+        text = f"record: {text}, and the record has the pilot forces {', '.join(recorded)}"
+        yield RowRemark("record_warning", text, REVERSIBLE)
+    else:
+        yield RowRemark("not_checked", f"not checked: {text}; the record has none", REVERSIBLE)
 
 
 _NOT_REVERSIBLE = ("alternative_method", "computer_controlled_airplane")

@@ -1,4 +1,4 @@
-"""Whether the aircraft of a model is that of the case: reference lengths and moments of inertia."""
+"""Whether the aircraft of a model is that of the case: lengths, moments of inertia and controls."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from flightmech.errors import AeromatchError
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import PARAMETER
 from pom.cases.case import PomCase
+from pom.cases.case_facts import REVERSIBLE
 from pom.cases.job import ReplayJob
 from pom.tolerances.bands import RowRemark
 
@@ -60,3 +61,23 @@ def compare_aircraft(case: PomCase, model: SimModel, job: ReplayJob) -> tuple[Ro
         f"{', '.join(differing)}. Give the case the aircraft file that the model was compiled from"
     )
     return (RowRemark("departure", text, "aircraft"),)
+
+
+def compare_controls(case: PomCase, model: SimModel) -> tuple[RowRemark, ...]:
+    """Return the departure of a model whose surfaces load the pilot, against the facts of the case.
+
+    Parameters
+    ----------
+    case : PomCase
+    model : SimModel
+        Inside the FMU.
+    """
+    hinges = [name for name in model.terms if name.startswith("Ch_")]
+    if case.facts.get(REVERSIBLE) is not False or not hinges:
+        return ()
+    text = (
+        f"departure: pilot forces are not judged, since {REVERSIBLE} is false in the facts of the "
+        f"aircraft, and the model has hinge moments that load its circuits ({', '.join(hinges)}). "
+        f"Correct [facts], or state why the model has them"
+    )
+    return (RowRemark("departure", text, REVERSIBLE),)

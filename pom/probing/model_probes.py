@@ -15,9 +15,9 @@ from pom.fmu.models import FmuModel
 from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import fly_job
 from pom.judging.beyond_the_bands import SLOWEST, flown_model
-from pom.probing.flight_consistency import compare_inputs, compare_lift
+from pom.probing.flight_consistency import compare_inputs, compare_lift, on_wheels
 from pom.probing.input_probe import SIZES, changed_job, judge_change
-from pom.probing.model_agreement import compare_aircraft
+from pom.probing.model_agreement import compare_aircraft, compare_controls
 from pom.probing.scatter_probe import measure_scatter
 from pom.result import PomResult, make_verdict_table
 from pom.status import PASSED
@@ -64,11 +64,12 @@ def with_probes(
             remarks = _failure_remarks(failure, closed=jobs[run].law is not None)
         else:
             time = jobs[run].time
-            on_wheels = result.case.drive.trim == "ground" or is_on_wheels(outputs[run])
+            is_slow = result.case.drive.trim == "ground" or is_on_wheels(outputs[run])
             remarks = judge_change(
-                time, outputs[run], after, judged, moved=changed.moved, on_wheels=on_wheels
+                time, outputs[run], after, judged, moved=changed.moved, on_wheels=is_slow
             )
-            is_compared = changed.moved and not on_wheels
+            # wheels take a part of the forces, also at a high speed
+            is_compared = changed.moved and not (is_slow or on_wheels(states).any())
             is_compared = is_compared and all(item.kind == "probe" for item in remarks)
             if is_compared and result.case.reference == "flight":
                 surfaces = result.case.drive.level == "recorded"
@@ -79,6 +80,7 @@ def with_probes(
             remarks += measure_scatter(result.signals, run)
         if tables is not None:
             remarks += compare_aircraft(result.case, tables, jobs[run])
+            remarks += compare_controls(result.case, tables)
             if result.case.reference == "flight":
                 remarks += compare_lift(tables, states)
         found[run] = remarks

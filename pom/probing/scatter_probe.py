@@ -78,7 +78,7 @@ def judge_scatter(
             continue
         recorded, answer = np.diff(flight[name], 3), np.diff(model[name], 3)
         is_finite = np.isfinite(recorded) & np.isfinite(answer)
-        recorded, answer = _cut_steps(recorded[is_finite]), _cut_steps(answer[is_finite])
+        recorded, answer = cut_steps(recorded[is_finite]), cut_steps(answer[is_finite])
         if recorded.size < LEAST_SAMPLES or not recorded.std() or not answer.std():
             continue
         if np.corrcoef(recorded[1:], recorded[:-1])[0, 1] > NOISE:
@@ -131,7 +131,7 @@ def judge_difference(
         return ()
     correlations = {}
     for name in DRIFTING:
-        if name not in flight or name not in model or not _is_noisy(flight[name]):
+        if name not in flight or name not in model or not is_noisy(flight[name]):
             continue
         difference = unwrapped_difference(name, flight[name], model[name])
         difference = difference - difference.mean()
@@ -157,7 +157,7 @@ def judge_difference(
     return (RowRemark("departure", reason, "difference", values=correlations, unit="1"),)
 
 
-def _is_noisy(trace: np.ndarray) -> bool:
+def is_noisy(trace: np.ndarray) -> bool:
     """Return whether the scatter of a recorded channel is noise, by `NOISE`."""
     scatter = np.diff(trace, 3)
     if scatter.size < LEAST_SAMPLES or not np.isfinite(scatter).all() or not scatter.std():
@@ -165,7 +165,7 @@ def _is_noisy(trace: np.ndarray) -> bool:
     return float(np.corrcoef(scatter[1:], scatter[:-1])[0, 1]) <= NOISE
 
 
-def _cut_steps(differences: np.ndarray) -> np.ndarray:
+def cut_steps(differences: np.ndarray) -> np.ndarray:
     """Return differences without the sizes of single steps."""
     if not differences.size:
         return differences

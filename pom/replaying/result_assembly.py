@@ -14,6 +14,7 @@ from flightmech.support.console import to_json_types
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob, initial_configuration
 from pom.cases.reference_states import CALIBRATION
+from pom.judging.air_checks import air_remarks
 from pom.judging.beyond_the_bands import watch_channels, watch_track
 from pom.judging.departures import case_departures, record_departures
 from pom.judging.report_conditions import VALUES, report_values
@@ -79,6 +80,7 @@ def assemble_result(
         *case_departures(case),
         *record_departures(case, states),
         *condition_remarks(case, flight),
+        *air_remarks(case, states),
     )
     rows: list[dict[str, Any]] = []
     for name, outputs in applied.items():

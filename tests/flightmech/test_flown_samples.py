@@ -120,3 +120,26 @@ def test_joined_databases_keep_the_samples_of_both():
     assert with_flown_samples(one, {}) == with_flown_samples(one, one) == one
     joined = unpack_windows(with_flown_samples(one, other)[FLOWN_SAMPLES])
     assert [window.source for window in joined] == ["a", "b"]
+
+
+def pitch_manoeuvre(seed):
+    """Return time and channels of a pitch doublet: roll and yaw hold noise alone."""
+    generator = np.random.default_rng(seed)
+    time = np.arange(0.0, 14.0, 1.0 / RATE)
+    doublet = np.sign(np.sin(2.0 * time)) * (time < 6.0)
+    response = lfilter([0.02], [1.0, -0.98], doublet)
+    channels = {name: NOISE * generator.normal(size=time.size) for name in ("p", "r")}
+    for name in ("q", "nz"):
+        channels[name] = response + NOISE * generator.normal(size=time.size)
+    return time, channels
+
+
+def test_a_copy_of_a_pitch_manoeuvre_on_another_clock_is_known_by_its_noise():
+    time, channels = pitch_manoeuvre(1)
+    kept = unpack_windows(pack_windows(cut_windows("run_2: pitch", time, channels)))
+    late = np.arange(1.013, 12.0, 0.02)
+    copy = {name: np.interp(late, time, item) for name, item in channels.items()}
+    (shared,) = find_shared_windows(kept, late + 50.0, copy)
+    assert shared.correlation > 0.95
+    # the same manoeuvre, flown again
+    assert find_shared_windows(kept, *pitch_manoeuvre(2)) == []

@@ -17,6 +17,8 @@ from pom.result import PomResult
 from pom.result_notices import departure_remarks, run_notices, spread_notice, trim_remarks
 from pom.status import status_text
 
+NOTICE_INDENT = " " * 8
+
 
 class ProgressPrinter:
     """Printer of the results of a batch as they come.
@@ -27,6 +29,10 @@ class ProgressPrinter:
     ----------
     is_replayed : bool
         A model was replayed in at least one case.
+
+    Notes
+    -----
+    What only all cases together show follows at the end, for cases that were printed before.
     """
 
     def __init__(
@@ -36,6 +42,7 @@ class ProgressPrinter:
         self.verbose, self.silent = verbose, silent
         self.is_replayed = False
         self._waiting: list[str] = []
+        self._shown: dict[tuple[str, str], list[str]] = {}
 
     def print_result(self, result: PomResult) -> None:
         """Print the lines of one result."""
@@ -50,12 +57,29 @@ class ProgressPrinter:
         for result in results:
             if has_report_conditions(result.case):
                 self._add(result)
+            else:
+                self._add_late_notices(result)
+
+    def _add_late_notices(self, result: PomResult) -> None:
+        """Print the notices of a result that came with the other cases."""
+        (result,) = with_record_checks([result], self.checks)
+        case, lines = result.case, []
+        for run in result.runs:
+            shown = self._shown.get((case.path, run), [])
+            late = [text for text in run_notices(result, run) if text not in shown]
+            if late and (result.status(run) != "fail" or self.verbose):
+                lines.append(f"{case.id:<8}{case.title:<44} {run:<12} with all cases:")
+                lines += [f"{NOTICE_INDENT}notice {text}" for text in late]
+        if lines and self.is_replayed and not self.silent:
+            click.echo("\n".join(lines))
 
     def _add(self, result: PomResult) -> None:
         (result,) = with_record_checks([result], self.checks)
         # a model that fails to run has an invalid case
         if not result.failure or any(result.status(run) != "invalid" for run in self.runs):
             self.is_replayed = True
+        for run in result.runs:
+            self._shown[result.case.path, run] = run_notices(result, run)
         self._waiting += result_lines(result, self.verbose)
         if self.is_replayed and not self.silent:
             click.echo("\n".join(self._waiting))
@@ -77,7 +101,7 @@ def result_lines(result: PomResult, verbose: bool = False) -> list[str]:
     (1.5 deg)``.
     """
     case, lines = result.case, []
-    indent = " " * 8
+    indent = NOTICE_INDENT
     for run in result.runs:
         lines.append(f"{case.id:<8}{case.title:<44} {run:<12} {_verdict_text(result, run)}")
         # a failed case needs no notices to be looked at

@@ -13,12 +13,12 @@ from flightmech.errors import SimulationError
 from flightmech.support.console import command_line, print_json, show_progress
 from pom.archive.origins import ReportProvenance, provenance
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks
+from pom.checking.report_checks import with_report_checks
 from pom.cli.actions.batch_files import BatchFiles, check_files, read_batch
 from pom.cli.actions.report import read_biases, signatures_of
 from pom.cli.actions.result_lines import ProgressPrinter, counts_text, result_summary
 from pom.cli.actions.run_options import RunOptions
 from pom.diagnosis.sampling.sampled_replay import replay_sampled
-from pom.judging.report_conditions import with_report_conditions
 from pom.replaying.batch import replay_all
 from pom.report.exports import write_junit
 from pom.report.writer import write_report
@@ -37,7 +37,7 @@ def run_cases(ctx: click.Context, **chosen: Any) -> None:
     )
     # the printer gets every result as soon as it is complete
     printer = ProgressPrinter(checks, batch.models, verbose=options.verbose, silent=options.as_json)
-    results = with_report_conditions(_replay_batch(batch, printer, options))
+    results = with_report_checks(_replay_batch(batch, printer, options))
     printer.print_rest(results)
     results = with_record_checks(results, checks)
     # a file that changed during the batch does not belong to the results

@@ -145,7 +145,7 @@ def replay_sampled(
     errors : mapping, optional
         Relative standard errors of ``mass`` and ``thrust`` (`InstrumentErrors.of`).
     **options
-        ``evidence`` and the attributes of `BatchExecution`, as in `replay_all`.
+        ``evidence``, ``recorded`` and the attributes of `BatchExecution`, as in `replay_all`.
 
     Returns
     -------
@@ -160,7 +160,7 @@ def replay_sampled(
     SchemaError, OutOfRange, SimulationError
         As `replay_all` and `DrawnModels.of`.
     """
-    evidence = options.pop("evidence", None)
+    plain = {name: options.pop(name, None) for name in ("evidence", "recorded")}
     execution = BatchExecution(**options)
     unknown = [name for name in databases if name not in runs]
     if unknown:
@@ -175,9 +175,7 @@ def replay_sampled(
         paths_by_record[case.record] = path
     # Progress is reported with the samples, not with the plain results.
     plain_execution = vars(replace(execution, progress=None))
-    results = replay_all(
-        cases, runs, paths_by_record, names=names, evidence=evidence, **plain_execution
-    )
+    results = replay_all(cases, runs, paths_by_record, names=names, **plain, **plain_execution)
     settings = DrawSettings(count, seed, errors=errors, names=names, timeout=execution.timeout)
     sampled_results = []
     for case, result in zip(cases, results, strict=True):

@@ -125,3 +125,24 @@ def test_cases_of_one_report_agree_on_the_aircraft(write_case):
     assert "claims reversible_controls and this case does not" in text
     with pytest.raises(SchemaError, match=r"engines is 4, and case .* has 2"):
         demand_agreement([other, two])
+
+
+SPRINGLESS = """[control.delta_e]
+S_hinge = 1.0
+c_hinge = 0.3
+gearing = -2.0
+[circuit.column]
+mass = 4.0
+stops = [-0.15, 0.18]
+"""
+
+
+def test_circuits_without_a_spring_are_reversible_controls(write_case, write_aircraft_file):
+    named = 'aircraft = "aircraft.toml"'
+    denied = "[facts]\nreversible_controls = false\n"
+    write_aircraft_file(denied + SPRINGLESS)
+    with pytest.raises(SchemaError, match=r"\[circuit.column\] .* has no centring spring"):
+        read_case(write_case(case=named))
+    # an artificial feel has a spring
+    write_aircraft_file(denied + SPRINGLESS + "stiffness = 400.0\n")
+    assert read_case(write_case(case=named)).facts["reversible_controls"] is False

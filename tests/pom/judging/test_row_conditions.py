@@ -191,3 +191,13 @@ def test_the_window_after_an_engine_failure_ends_at_30_deg_of_bank():
     assert 8.7 - 1e-9 <= stop <= 8.75
     case = replace(case, criteria=(replace(criterion, window=(start, stop)),))
     assert texts(case, phi=bank, p=0.0, **OUT) == []
+
+
+def test_pilot_forces_that_facts_take_out_of_the_judgement_are_stated():
+    case = made("2.d.2")
+    (found,) = [text for text in texts(case, "not_checked", **CLEAN) if "reversible" in text]
+    assert "wheel_force is not judged" in found
+    # a record with pilot forces is a reason to look at the facts again
+    (found,) = texts(case, "record_warning", F_wheel=3.0, **CLEAN)
+    assert "the record has the pilot forces F_wheel" in found
+    assert texts(replace(case, facts={}), "record_warning", F_wheel=3.0, **CLEAN) == []

@@ -13,7 +13,7 @@ from pom.cases.job import LawInputs, ReplayJob
 from pom.fmu.description import read_fmu_interface
 from pom.fmu.models import FmuModel
 from pom.fmu.variable_map import links_of
-from pom.probing.model_agreement import compare_aircraft
+from pom.probing.model_agreement import compare_aircraft, compare_controls
 from pom.replaying.kernel_replay import fly_once
 from pom.replaying.table_agreement import compare_model_tables, compare_tables
 
@@ -121,3 +121,16 @@ def test_an_inertia_of_the_record_is_not_compared(tmp_path, sim, job, trainer):
     set_by_record = replace(job, parameters={**job.parameters, "mass.Iyy": 9000.0})
     case = case_of(tmp_path, replace(trainer.AIRCRAFT, Iyy=10000.0))
     assert compare_aircraft(case, sim, set_by_record) == ()
+
+
+def test_hinge_moments_contradict_controls_that_are_not_reversible():
+    loaded = SimpleNamespace(terms=("CL/basic", "Ch_e/alpha", "Ch_e/delta"))
+    free = SimpleNamespace(terms=("CL/basic",))
+    denied = SimpleNamespace(facts={"reversible_controls": False})
+    (remark,) = compare_controls(denied, loaded)
+    assert remark.kind == "departure"
+    assert "Ch_e/alpha, Ch_e/delta" in remark.text
+    assert compare_controls(denied, free) == ()
+    # an aircraft that claims them, or states nothing, is judged elsewhere
+    assert compare_controls(SimpleNamespace(facts={"reversible_controls": True}), loaded) == ()
+    assert compare_controls(SimpleNamespace(facts={}), loaded) == ()

@@ -3,6 +3,7 @@
 Wrong gain and time of inputs, and a wrong mass, are named by their form; noise is not.
 """
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,6 +19,7 @@ from pom.probing import (
     flight_consistency,
     judge_change,
 )
+from pom.probing.flight_consistency import judge_lift
 from pom.probing.input_probe import SCALE
 from pom.probing.scatter_probe import judge_difference, judge_scatter
 
@@ -235,9 +237,42 @@ def test_a_mass_ten_percent_off_needs_more_lift(monkeypatch):
     sim = SimpleNamespace(
         terms=("CL/basic",), variables=("alpha",), meta={"database": {"S": 10.0}}, model=None
     )
-    assert compare_lift(sim, flight_at(1000.0))[0].kind == "probe"
+    (remark,) = compare_lift(sim, flight_at(1000.0))
+    assert remark.kind == "probe"
+    # without a standard error of the angle of attack the limit is 6.5 %
+    assert "between -6.5 % and +6.5 % cannot be seen here" in remark.text
+    assert compare_lift(sim, flight_at(1055.0))[0].kind == "probe"
+    calibrated = [{"parameter": "bias.alpha_vane", "stderr": 0.0}]
+    sharp = flight_at(1055.0).assign_attrs(calibration=json.dumps(calibrated))
+    assert compare_lift(sim, sharp)[0].kind == "departure"
     (remark,) = compare_lift(sim, flight_at(1100.0))
     assert remark.kind == "departure"
     assert remark.values["ratio"] == pytest.approx(1.1)
     on_wheels = flight_at(1100.0).assign(wow_left=("time", np.ones(200)))
-    assert compare_lift(sim, on_wheels) == ()
+    (remark,) = compare_lift(sim, on_wheels)
+    assert "not checked: the mass" in remark.text
+
+
+def test_the_slope_of_the_lift_shows_a_mass_that_an_offset_of_the_vane_hides():
+    expected = 0.6 + 0.1 * np.sin(TIME)
+    noise = 2e-3 * np.random.default_rng(4).standard_normal(TIME.size)
+    # an offset of the angle of attack adds a constant lift
+    (remark,) = judge_lift(expected + 0.02 + noise, expected, 0.07)
+    assert remark.kind == "probe"
+    (remark,) = judge_lift(1.055 * expected - 0.02 + noise, expected, 0.07)
+    assert remark.kind == "departure"
+    assert abs(remark.values["ratio"] - 1.0) < 0.03
+    assert remark.values["slope"] == pytest.approx(1.055, abs=0.005)
+
+
+def test_a_small_effect_of_size_and_time_of_the_inputs_is_no_departure():
+    # half of the doublet: its error is within what instruments show
+    small = elevator() / 2.0
+    generator = np.random.default_rng(2)
+    flight = {}
+    for name, values in short_period(small / 1.15).items():
+        flight[name] = values + 2e-5 * generator.standard_normal(TIME.size)
+    before, after = short_period(small), short_period(SCALE * small)
+    (remark,) = compare_inputs(TIME, before, after, flight, surfaces=True)
+    assert remark.kind == "probe"
+    assert remark.values["gain"] == pytest.approx(1 / 1.15, abs=0.01)

@@ -20,7 +20,7 @@ from typing import Any
 import aerodb
 import flightmech
 from pom.cases.case import read_case
-from pom.judging.report_conditions import with_report_conditions
+from pom.checking.report_checks import with_report_checks
 from pom.replaying.batch import replay_all
 from pom.status import DEPARTURES
 
@@ -69,7 +69,7 @@ def own_rows(demo: Path, names: Container[str] | None = None) -> list[dict[str, 
         models = {"": demo / "final.fmu", "steered": _steered(demo, Path(folder))}
         for kind, model in models.items():
             cases = [case for case in found if (case.id in PEDAL_STEERING) == (kind == "steered")]
-            results = with_report_conditions(replay_all(cases, {"final": model}))
+            results = with_report_checks(replay_all(cases, {"final": model}))
             for case, result in zip(cases, results, strict=True):
                 rows.append(
                     _row(

@@ -289,7 +289,15 @@ def test_samples_are_kept_with_the_result(plan, trainer, tmp_path):
     fmu = flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, db), tmp_path / "final.fmu")
     paths = {plan.case.record: plan.states}
     (result,) = pom.replay_sampled(
-        [plan.case], {"final": fmu}, {"final": tmp_path / "final.nc"}, 8, 2, paths, jobs=1
+        # the command passes recordings of devices, too
+        [plan.case],
+        {"final": fmu},
+        {"final": tmp_path / "final.nc"},
+        8,
+        2,
+        paths,
+        jobs=1,
+        recorded={},
     )
     found = result.samples["final"]
     assert (found.count, found.seed) == (8, 2)
