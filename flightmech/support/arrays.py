@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -162,6 +162,18 @@ def true_runs(mask: np.ndarray) -> list[tuple[int, int]]:
     # with false samples at both ends each run has a rising and a falling edge
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def picked_runs(mask: np.ndarray) -> list[slice]:
+    """Return the runs of true samples as slices of ``x[mask]``, the true samples alone.
+
+    Examples
+    --------
+    >>> picked_runs(np.array([True, True, False, True]))
+    [slice(0, 2, None), slice(2, 3, None)]
+    """
+    lengths = [stop - start for start, stop in true_runs(mask)]
+    return [slice(start, stop) for start, stop in pairwise(accumulate(lengths, initial=0))]
 
 
 def thin_to_extremes(y: np.ndarray, buckets: int = 420) -> np.ndarray:
