@@ -20,6 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
+from flightmech.support.arrays import integrate_trapezoids
+
 FLOWN_SAMPLES = "flown_samples"
 """Root attribute of a database with the windows that identified it."""
 CHANNELS = ("p", "q", "r", "nz")
@@ -141,8 +143,7 @@ def smooth_rows(time: np.ndarray, rows: np.ndarray, shift: float = 0.0) -> np.nd
 def smooth_samples(time: np.ndarray, values: np.ndarray, instants: np.ndarray) -> np.ndarray:
     """Return means of samples over `SMOOTHED` from each of the instants on. [s]"""
     # The integral of the samples is continuous: its differences are means at any rate.
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
-    integral = np.concatenate([[0.0], np.cumsum(steps)])
+    integral = integrate_trapezoids(time, values)
     late = np.interp(instants + SMOOTHED, time, integral)
     return (late - np.interp(instants, time, integral)) / SMOOTHED
 

@@ -126,6 +126,17 @@ def rms(x: ArrayLike) -> float:
     return float(np.sqrt(np.add.reduce(squares, axis=None) / squares.size))
 
 
+def integrate_trapezoids(time: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the integral of samples (time,) from the first one on, by the trapezoidal rule.
+
+    Examples
+    --------
+    >>> integrate_trapezoids(np.array([0.0, 1.0, 3.0]), np.array([0.0, 2.0, 2.0]))
+    array([0., 1., 5.])
+    """
+    return np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(time))])
+
+
 def median(x: np.ndarray) -> float:
     """Return the median of `x`, shape (n,), n > 0, without NaN, in the unit of `x`.
 
