@@ -269,6 +269,11 @@ def lookup(name: str) -> Quantity:
     return row
 
 
+def is_quantity(name: str) -> bool:
+    """Return whether a name is in the vocabulary; a prefix of a submodel is ignored."""
+    return ITEM.sub("", name) in VOCABULARY
+
+
 def quantity_attributes(name: str) -> dict[str, str]:
     """Return the attributes of a variable of this name: units, long_name and, if defined, sign."""
     row = lookup(name)

@@ -175,6 +175,11 @@ def true_runs(mask: np.ndarray) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
+def true_spans(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
+    """Return the times of the first and the last sample of every run of true samples. [s]"""
+    return [(float(time[start]), float(time[stop - 1])) for start, stop in true_runs(mask)]
+
+
 def picked_runs(mask: np.ndarray) -> list[slice]:
     """Return the runs of true samples as slices of ``x[mask]``, the true samples alone.
 
