@@ -248,6 +248,19 @@ REDUCED_RATES = {
 """Reduced rate: the rate and the reference length in rate * length / (2 V)."""
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
 """Variables that the simulation solves for: they depend on the coefficients themselves."""
+WRAPPED = frozenset({"phi", "psi", "lon"})
+"""Angles that jump by a full turn."""
+GREEK = {
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "delta": "δ",
+    "theta": "θ",
+    "phi": "φ",
+    "psi": "ψ",
+    "rho": "ρ",
+}
+"""Letters that begin names of quantities."""
 # prefix of the quantities of a submodel
 ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|column|wheel|pedal)\.")
 

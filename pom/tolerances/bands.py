@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flightmech.names import WRAPPED
 from flightmech.support.arrays import median, rms
-from pom.tolerances.channels import WRAPPED, display_unit, limit_to_si_factor
+from pom.tolerances.channels import display_unit, limit_to_si_factor
 from pom.tolerances.criteria import Criterion
 
 ALLOWED = "; allowed: "

@@ -171,9 +171,6 @@ SCALAR_UNITS = {
 }
 """SI unit by measure; other measures have the unit of their channel."""
 
-WRAPPED = frozenset({"phi", "psi", "lon"})
-"""Channels that jump by a full turn."""
-
 # Units of the table for pure numbers
 _PURE = {"-": "1", "count": "1"}
 # Display units without an offset

@@ -26,6 +26,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.errors import ParseError, SchemaError
+from flightmech.names import IMPLICIT
 from flightmech.terms import MAX_REGRESSORS, make_term
 from flighttest.records.text_tables import read_text_table
 from flighttest.regression.equation_error.model import RegressionModel, term_powers
@@ -35,8 +36,6 @@ ALPHA = np.radians(np.arange(-20.0, 60.5, 1.0))
 BETA = np.radians(np.arange(-40.0, 40.5, 1.0))
 _REQUIRED = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
 _BODY_RATES = ("phat", "qhat", "rhat")
-# The simulation solves for these variables; they are regressors and never axes.
-_IMPLICIT = ("alphadothat", "betadothat", "dnz")
 COLUMNS = ("coefficient", "term", "estimate", "sigma")
 
 # Glide model, eq. (24)-(29)
@@ -180,10 +179,10 @@ def _make_product(term: str, value: float) -> xr.Dataset:
     for name, power in term_powers(term).items():
         factors += [name] * power
     # variables that cannot be axes come first
-    factors.sort(key=lambda name: name not in _IMPLICIT)
+    factors.sort(key=lambda name: name not in IMPLICIT)
     regressors, axis_names = factors[:MAX_REGRESSORS], factors[MAX_REGRESSORS:]
     is_repeated = len(axis_names) != len(set(axis_names))
-    if is_repeated or set(axis_names) & set(_IMPLICIT):
+    if is_repeated or set(axis_names) & set(IMPLICIT):
         raise ParseError(
             "<model>",
             0,
