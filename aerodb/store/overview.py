@@ -9,7 +9,7 @@ import numpy as np
 
 from aerodb.store.schema import terms
 from flightmech import terms as _terms
-from flightmech.names import lookup
+from flightmech.names import lookup, unit_suffix
 from flightmech.units import from_si
 
 if TYPE_CHECKING:
@@ -24,14 +24,7 @@ def display_text(name: str, value: float) -> str:
     if name == "h_agl" and value >= FREE_AIR:
         return "in free air"
     unit = lookup(name).display_units
-    return f"{plain_number(from_si(float(value), unit))}{_unit_suffix(unit)}"
-
-
-def _unit_suffix(unit: str) -> str:
-    """Return the unit behind a number, nothing for the unit 1."""
-    if unit == "1":
-        return ""
-    return f" {unit}"
+    return f"{plain_number(from_si(float(value), unit))}{unit_suffix(unit)}"
 
 
 def plain_number(value: float) -> str:
@@ -187,7 +180,7 @@ def _format_axis(name: str, points: list[float], units: str) -> str:
     """Return an axis as text, ``alpha[5] -4 ... 12 deg``; `units` is part of the row only."""
     unit = lookup(name).display_units
     low, high = from_si(points[0], unit), from_si(points[-1], unit)
-    return f"{name}[{len(points)}] {low:.6g} ... {high:.6g}{_unit_suffix(unit)}"
+    return f"{name}[{len(points)}] {low:.6g} ... {high:.6g}{unit_suffix(unit)}"
 
 
 def _format_range(ends: list[float]) -> str:

@@ -11,10 +11,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flightmech.names import lookup
+from flightmech.names import value_text
 from flightmech.simulation.compiler import SimModel
 from flightmech.support.arrays import rms
-from flightmech.units import from_si
 from pom.cases.job import ReplayJob
 from pom.probing.input_probe import SIZES
 from pom.replaying.kernel_replay import fly_once
@@ -55,9 +54,7 @@ def compare_tables(model: SimModel, job: ReplayJob, outputs: Traces) -> tuple[Ro
     if not sizes:
         return ()
     worst = max(sizes, key=lambda name: sizes[name])
-    unit = lookup(worst).display_units
-    off = float(from_si(sizes[worst] * SIZES[worst], unit))
-    size = f"{off:.2g} {unit}".removesuffix(" 1")
+    size = value_text(worst, sizes[worst] * SIZES[worst], ".2g")
     text = f"the answer differs from that of the tables in the FMU by {size} rms ({worst})"
     if sizes[worst] < OWN_TABLES:
         return (RowRemark("probe", text, values=sizes, unit="1"),)
