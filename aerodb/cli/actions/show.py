@@ -31,7 +31,7 @@ def print_database(file: str, term: str | None, as_json: bool) -> None:
         _print_term(file, term)
 
 
-def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
+def _overview(file: str) -> tuple[Mapping[Any, Any], list[dict[str, Any]]]:
     """Return the root attributes and a row per term, from the overview that a sealed file carries
     where it has one.
     """
