@@ -24,7 +24,6 @@ import flighttest
 from flighttest.reconstruction.batch.estimator import first_equations, fit_batch
 from flighttest.reconstruction.batch.unknowns import layout_unknowns
 from flighttest.reconstruction.problem.assembly import assemble_problem
-from flighttest.records.sensors.instruments import parse_instruments as specified
 
 FLIGHT = (
     Path(__file__).parents[1] / "tests" / "flighttest" / "conftest.py"
@@ -187,9 +186,7 @@ def speed() -> None:
         lambda: flighttest.reconstruct_batch([record], aircraft, free=FREE, rate=100.0)
     )
     smooth, _ = best(lambda: flighttest.reconstruct(record, aircraft, rate=100.0))
-    setup = assemble_problem(
-        record, aircraft, specified(aircraft.instruments), [(0.0, 60.0)], 100.0, None
-    )
+    setup = assemble_problem(record, aircraft, [(0.0, 60.0)], rate=100.0)
     alone, _ = best(
         lambda: fit_batch(first_equations(layout_unknowns([setup], FREE)))
     )  # the peer has its readings ready, and no standard errors

@@ -20,6 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
+from flightmech.support.arrays import integrate_trapezoids
+
 FLOWN_SAMPLES = "flown_samples"
 """Root attribute of a database with the windows that identified it."""
 CHANNELS = ("p", "q", "r", "nz")
@@ -144,14 +146,15 @@ def smooth_rows(time: np.ndarray, rows: np.ndarray, shift: float = 0.0) -> np.nd
     array (channel, step)
     """
     instants = np.arange(time[0] + shift, time[-1] - SMOOTHED + 1e-9, STEP)
-    means = []
-    for values in rows:
-        # The integral of the samples is continuous: its differences are means at any rate.
-        steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
-        integral = np.concatenate([[0.0], np.cumsum(steps)])
-        late = np.interp(instants + SMOOTHED, time, integral)
-        means.append((late - np.interp(instants, time, integral)) / SMOOTHED)
-    return np.array(means)
+    return np.array([smooth_samples(time, values, instants) for values in rows])
+
+
+def smooth_samples(time: np.ndarray, values: np.ndarray, instants: np.ndarray) -> np.ndarray:
+    """Return means of samples over `SMOOTHED` from each of the instants on. [s]"""
+    # The integral of the samples is continuous: its differences are means at any rate.
+    integral = integrate_trapezoids(time, values)
+    late = np.interp(instants + SMOOTHED, time, integral)
+    return (late - np.interp(instants, time, integral)) / SMOOTHED
 
 
 def pack_windows(windows: Iterable[FlownWindow]) -> str:

@@ -10,6 +10,7 @@ import re
 from typing import NamedTuple
 
 from flightmech.errors import UnknownName
+from flightmech.units import from_si
 
 
 class Quantity(NamedTuple):
@@ -248,6 +249,19 @@ REDUCED_RATES = {
 """Reduced rate: the rate and the reference length in rate * length / (2 V)."""
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
 """Variables that the simulation solves for: they depend on the coefficients themselves."""
+WRAPPED = frozenset({"phi", "psi", "lon"})
+"""Angles that jump by a full turn."""
+GREEK = {
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "delta": "δ",
+    "theta": "θ",
+    "phi": "φ",
+    "psi": "ψ",
+    "rho": "ρ",
+}
+"""Letters that begin names of quantities."""
 # prefix of the quantities of a submodel
 ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|column|wheel|pedal)\.")
 
@@ -267,6 +281,28 @@ def lookup(name: str) -> Quantity:
     if row is None:
         raise UnknownName(name, VOCABULARY, "quantity")
     return row
+
+
+def is_quantity(name: str) -> bool:
+    """Return whether a name is in the vocabulary; a prefix of a submodel is ignored."""
+    return ITEM.sub("", name) in VOCABULARY
+
+
+def unit_suffix(units: str) -> str:
+    """Return a unit as it follows a number: a blank and the unit, nothing for the unit 1."""
+    return "" if units == "1" else f" {units}"
+
+
+def value_text(name: str, value: float, form: str = ".4g") -> str:
+    """Return an SI value of a quantity in its display unit, with the unit.
+
+    Examples
+    --------
+    >>> value_text("alpha", 0.1), value_text("mach", 0.3)
+    ('5.73 deg', '0.3')
+    """
+    units = lookup(name).display_units
+    return f"{float(from_si(value, units)):{form}}{unit_suffix(units)}"
 
 
 def quantity_attributes(name: str) -> dict[str, str]:

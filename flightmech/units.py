@@ -363,6 +363,14 @@ def from_si(value: Any, unit: str) -> Any:
 _QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 
 
+def number_or_text(text: str) -> float | str:
+    """Return a bare number as one, which is SI for `parse_quantity`; a text with a unit stays."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def parse_quantity(text: str | float | int, expected: str) -> float:
     """Return the SI value of a TOML entry. A bare number is SI, a text has its unit.
 

@@ -16,7 +16,7 @@ from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.build_up import COEFFICIENTS
 from flightmech.errors import OutOfRange, ParseError, UnknownName
-from flightmech.names import VOCABULARY, lookup, quantity_attributes
+from flightmech.names import VOCABULARY, lookup, quantity_attributes, unit_suffix
 from flightmech.units import DEGREE, from_si
 
 TABLES = ("value", "K1", "K2")
@@ -202,9 +202,7 @@ def _format_points(name: str, points: np.ndarray) -> str:
     text = f"{name} {low}"
     if len(points) > 1:
         text = f"{text} ... {high}"
-    if unit != "1":
-        text = f"{text} {unit}"
-    return f"{text} ({len(points)})"
+    return f"{text}{unit_suffix(unit)} ({len(points)})"
 
 
 # Values of devices that a record may lack. [SI]

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from aerodb.store.overview import FREE_AIR, plain_number
-from flightmech.names import SIGNS, lookup
+from flightmech.names import GREEK, SIGNS, lookup
+from flightmech.support.figures import MINUS
 from flightmech.units import from_si
 
-MINUS = "\N{MINUS SIGN}"
-_GREEK = ("alpha", "beta", "gamma", "delta", "theta", "phi", "psi", "rho")
 _SYMBOLS = {
     "mach": "M",
     "h_agl": r"h_\mathrm{AGL}",
@@ -72,7 +71,7 @@ def math_symbol(name: str) -> str:
         return f"C_{{{name[1:].replace('_', ' ')}}}"
     head, _, tail = name.partition("_")
     base = head
-    if head in _GREEK:
+    if head in GREEK:
         base = rf"\{head}"
     elif len(head) > 1:
         # A word is upright, a single letter is italic.

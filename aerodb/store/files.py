@@ -6,28 +6,23 @@ Plain HDF5 readers can open them.  A file is written completely or not at all.
 from __future__ import annotations
 
 import hashlib
-import io
 import os
-from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import h5py
+import numpy as np
 
-from aerodb.store.lean_reading import read_edits, read_leaves
-from aerodb.store.overview import OVERVIEW, SHOWN, STATED, describe_terms
-from aerodb.store.schema import check, terms
+from aerodb.store.overview import OVERVIEW, describe_database
+from aerodb.store.schema import check, find_leaf, terms
 from aerodb.store.seal import read_database_seal
-from aerodb.store.undo_history import edit_rows, history
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import COEFFICIENTS
 from flightmech.support.atomic_write import written_atomically
-from flightmech.support.hdf5_seal import Unbroken, add_seal
+from flightmech.support.hdf5_seal import add_seal
 from flightmech.support.input_files import file_kind
 from flightmech.support.netcdf_trees import (
     CHECKS,
-    GROUPS,
-    StoredGroup,
     encode_tree,
     find_unstorable,
     read_netcdf_tree,
@@ -61,8 +56,7 @@ def save(db: xr.DataTree, path: str | os.PathLike[str]) -> None:
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", list(dict.fromkeys(problems)))
     # The overview is stored behind the seal, so that listing the terms does not read the tables.
-    content = encode_tree(db)
-    content = add_seal(content, OVERVIEW, _make_overview(content))
+    content = add_seal(encode_tree(db), OVERVIEW, _make_overview(db))
     with written_atomically(path, _demand_as_read) as part:
         part.write_bytes(content)
     _digests[_file_key(path)] = _digest_of(content)
@@ -105,76 +99,34 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
     return db
 
 
-def read_overview(
-    path: str | os.PathLike[str],
-    variables: Collection[str],
-    attributes: Collection[str] | None = None,
-    whole: Unbroken | None = None,
-    names: Collection[str] | None = None,
-) -> tuple[Mapping[Any, Any], Mapping[str, xr.Dataset | StoredGroup]]:
-    """Return the root attributes and the terms of a database without opening it completely.
+def open_term(path: str | os.PathLike[str], name: str) -> xr.Dataset:
+    """Read one term of a database, such as ``"CL/basic"``.
 
-    The seal replaces the checks: the file passed them when it was saved.  Of a sealed file only the
-    requested variables and attributes of each term are read, with the breakpoints of their
-    axes.  No Dataset is made.  A file without a seal or with another layout is opened with `open`.
-
-    Parameters
-    ----------
-    path : path
-    variables : collection of str
-        Requested variables of each term.
-    attributes : collection of str, optional
-        Requested attributes of each term; the default is all.
-    whole : Unbroken, optional
-        Result of `read_database_seal`, if the seal was checked already.
-    names : collection of str, optional
-        Requested terms of a sealed file; the default is all.
+    The seal replaces the checks: the file passed them when it was saved. Of a sealed file only the
+    term is read. A file without a seal is opened with `open`.
 
     Raises
     ------
     FileNotFoundError, ParseError, SchemaError
         As in `open`.
-    """
-    path = Path(path)
-    leaves = None
-    if (whole or read_database_seal(path)).sealed:
-        leaves = read_leaves(path, variables, attributes=attributes, without=GROUPS, names=names)
-    if leaves is None:
-        db = open(path)
-        return db.attrs, terms(db)
-    return leaves.pop("").attrs, leaves
-
-
-def list_terms(
-    path: str | os.PathLike[str], whole: Unbroken
-) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
-    """Return the root attributes of a database and the rows of its overview.
-
-    The rows are those of `aerodb.store.overview.describe_database`; errors as in `open`.
-    """
-    attributes, leaves = read_overview(path, SHOWN, attributes=STATED, whole=whole)
-    return attributes, describe_terms(leaves)
-
-
-def list_edits(path: str | os.PathLike[str]) -> list[tuple[Any, ...]]:
-    """Return the rows of `aerodb.store.undo_history.history` of a file; errors as in `open`.
-
-    The tables of a sealed file are not read.
+    UnknownName
+        The database does not have the term.
     """
     path = Path(path)
     if read_database_seal(path).sealed:
-        edits = read_edits(path)
-        if edits:
-            return edit_rows(*edits)
-    return list(history(open(path)).itertuples(index=False, name=None))
+        db, problems = read_netcdf_tree(path, only=name)
+        leaves = terms(db)
+        if name in leaves and not problems:
+            return leaves[name]
+    return find_leaf(open(path), name)
 
 
-def _make_overview(content: bytes) -> tuple[Mapping[str, Any], list[dict[str, Any]]] | None:
-    """Return the result of `list_terms` for the content of a file."""
-    leaves = read_leaves(io.BytesIO(content), SHOWN, attributes=STATED, without=GROUPS)
-    if leaves is None:
-        return None
-    return leaves.pop("").attrs, describe_terms(leaves)
+def _make_overview(db: xr.DataTree) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Return root attributes and the rows of `describe_database` in types of JSON."""
+    attributes = {}
+    for key, item in db.attrs.items():
+        attributes[str(key)] = item.item() if isinstance(item, np.generic) else item
+    return attributes, describe_database(db)
 
 
 # Digest of the content that this process read or wrote last, by file.

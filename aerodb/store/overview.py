@@ -9,13 +9,12 @@ import numpy as np
 
 from aerodb.store.schema import terms
 from flightmech import terms as _terms
-from flightmech.names import lookup
+from flightmech.names import lookup, unit_suffix
 from flightmech.units import from_si
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from flightmech.support.netcdf_trees import StoredGroup
 
 FREE_AIR = 1e4  # value of h_agl from which on there is no ground effect [m]
 
@@ -25,14 +24,7 @@ def display_text(name: str, value: float) -> str:
     if name == "h_agl" and value >= FREE_AIR:
         return "in free air"
     unit = lookup(name).display_units
-    return f"{plain_number(from_si(float(value), unit))}{_unit_suffix(unit)}"
-
-
-def _unit_suffix(unit: str) -> str:
-    """Return the unit behind a number, nothing for the unit 1."""
-    if unit == "1":
-        return ""
-    return f" {unit}"
+    return f"{plain_number(from_si(float(value), unit))}{unit_suffix(unit)}"
 
 
 def plain_number(value: float) -> str:
@@ -50,13 +42,11 @@ def plain_number(value: float) -> str:
 
 
 OVERVIEW = "1"
-"""Version number of the rows of `describe_terms`.
+"""Version number of the rows of `describe_database`.
 
 Files contain these rows.  Raise the number whenever the rules of the rows change.
 """
 _FEW = 12  # absent terms that are listed one by one
-SHOWN = ("value", "K1", "K2", "stderr", "source")  # variables of a term that an overview needs
-STATED = ("regressors", "power", "exponent", "floor")  # attributes of a term that it needs
 HEAD = ("term", "axes", "times", "values", "stderr", "source")
 
 
@@ -68,18 +58,10 @@ def describe_database(db: xr.DataTree) -> list[dict[str, Any]]:
     list of dict
         ``term``, ``axes`` (of all its tables: name, breakpoints [SI], unit), ``regressors``,
         ``power`` (factor in words, or empty), ``value`` and ``stderr`` (smallest and largest, or
-        None), ``source`` (name to share of the nodes).
+        None), ``source`` (name to share of the nodes). A change of the rows requires a higher
+        `OVERVIEW`.
     """
-
-    return describe_terms(terms(db))
-
-
-def describe_terms(leaves: Mapping[str, xr.Dataset | StoredGroup]) -> list[dict[str, Any]]:
-    """Return the rows of `describe_database` of terms by name, which may come from a file.
-
-    A change of the rows requires a higher `OVERVIEW`.
-    """
-    return [_describe_term(name, leaf) for name, leaf in leaves.items()]
+    return [_describe_term(name, leaf) for name, leaf in terms(db).items()]
 
 
 def summary(db: xr.DataTree) -> str:
@@ -88,17 +70,10 @@ def summary(db: xr.DataTree) -> str:
     Its columns are axes with ranges (angles in degrees), regressors, values, standard errors and
     source.
     """
-    return overview_text(db.attrs, terms(db))
+    return summary_text(db.attrs, describe_database(db))
 
 
-def overview_text(
-    attributes: Mapping[Any, Any], leaves: Mapping[str, xr.Dataset | StoredGroup]
-) -> str:
-    """Return the text of `summary` from root attributes and terms, which may come from a file."""
-    return summary_text(attributes, describe_terms(leaves))
-
-
-def summary_text(attributes: Mapping[str, Any], terms: Iterable[Mapping[str, Any]]) -> str:
+def summary_text(attributes: Mapping[Any, Any], terms: Iterable[Mapping[str, Any]]) -> str:
     """Return the text of `summary` from root attributes and the rows of `describe_database`."""
     # Columns as wide as their widest cell, the head included.
     rows: list[tuple[str, ...]] = [HEAD]
@@ -140,7 +115,7 @@ def _list_absent(names: list[str]) -> str:
     return "; ".join(texts)
 
 
-def _describe_term(name: str, leaf: xr.Dataset | StoredGroup) -> dict[str, Any]:
+def _describe_term(name: str, leaf: xr.Dataset) -> dict[str, Any]:
     """Return the row of `describe_database` of one term."""
     # Axes of the table first, then those of its factors.
     axes = []
@@ -169,7 +144,7 @@ def _value_range(table: np.ndarray) -> list[float]:
     return [float(table.min()), float(table.max())]
 
 
-def _source_shares(leaf: xr.Dataset | StoredGroup) -> dict[str, float]:
+def _source_shares(leaf: xr.Dataset) -> dict[str, float]:
     """Return the share of the nodes of each source, by its name."""
     if "source" not in leaf:
         return {}
@@ -205,7 +180,7 @@ def _format_axis(name: str, points: list[float], units: str) -> str:
     """Return an axis as text, ``alpha[5] -4 ... 12 deg``; `units` is part of the row only."""
     unit = lookup(name).display_units
     low, high = from_si(points[0], unit), from_si(points[-1], unit)
-    return f"{name}[{len(points)}] {low:.6g} ... {high:.6g}{_unit_suffix(unit)}"
+    return f"{name}[{len(points)}] {low:.6g} ... {high:.6g}{unit_suffix(unit)}"
 
 
 def _format_range(ends: list[float]) -> str:
@@ -216,7 +191,7 @@ def _format_range(ends: list[float]) -> str:
     return f"{low:.4g} ... {high:.4g}"
 
 
-def leaf_rows(leaf: xr.Dataset | StoredGroup) -> tuple[list[str], list[tuple[str, ...]]]:
+def leaf_rows(leaf: xr.Dataset) -> tuple[list[str], list[tuple[str, ...]]]:
     """Return the head and the rows of one term as a table of texts.
 
     Each row belongs to a node of all axes but the last.  The breakpoints of the last axis are in

@@ -26,13 +26,6 @@ _WAS = "was_"
 _NAME = re.compile(r"^e\d{3,9}$")
 
 
-class UndoEntry(NamedTuple):
-    """Undo entry of an edit: its attributes and the names of its terms."""
-
-    attrs: Mapping[str, str | int | float]
-    terms: list[str]
-
-
 def record_edit(
     db: xr.DataTree,
     leaves: Mapping[str, xr.Dataset],
@@ -174,27 +167,19 @@ def history(db: xr.DataTree) -> pd.DataFrame:
     """
     import pandas as pd
 
-    entries = {}
-    for name, node in _undo_groups(db).items():
-        entries[name] = UndoEntry(_root_attributes(node), _stored_terms(node))
-    rows = edit_rows(db.attrs, entries)
+    rows = edit_rows(db)
     index = pd.RangeIndex(1, len(rows) + 1, name="line")
     return pd.DataFrame(rows, columns=list(COLUMNS), index=index, dtype=object)
 
 
-def edit_rows(
-    attributes: Mapping[Any, Any], entries: Mapping[str, UndoEntry]
-) -> list[tuple[Any, ...]]:
-    """Return the rows of `history` from root attributes and undo entries.
-
-    The entries are by the names of their groups.  Both may also come from a file.
-    """
+def edit_rows(db: xr.DataTree) -> list[tuple[Any, ...]]:
+    """Return the rows of `history` as tuples of `COLUMNS`."""
     # The attribute ``lines`` of an entry is the index of the line of its edit.
     by_line = {}
-    for number, entry in _by_number(entries).items():
+    for number, entry in _by_number(_undo_groups(db)).items():
         by_line[int(entry.attrs["lines"])] = number, entry
     rows = []
-    for line, text in enumerate(_history_lines(attributes)):
+    for line, text in enumerate(_history_lines(db.attrs)):
         if line in by_line:
             rows.append(_entry_row(text, *by_line[line]))
         else:
@@ -330,9 +315,9 @@ def _undo_edit(
     return old, {name: restored[name] for name in order}, checks
 
 
-def _entry_row(text: str, number: int, entry: UndoEntry) -> tuple[Any, ...]:
+def _entry_row(text: str, number: int, entry: xr.DataTree) -> tuple[Any, ...]:
     """Return the row of `history` of an edit with an undo entry."""
-    names = [*entry.terms, *str(entry.attrs.get("added", "")).split()]
+    names = [*_stored_terms(entry), *str(entry.attrs.get("added", "")).split()]
     return number, entry.attrs["verb"], " ".join(names), entry.attrs.get("note", ""), text
 
 

@@ -14,7 +14,6 @@ import xarray as xr
 from aerodb.store.schema import terms
 from aerodb.update.posterior import factor_of
 from flightmech import terms as _terms
-from flightmech.support.netcdf_trees import StoredGroup
 
 # Posterior over prior standard error of a node: identified below the first, corrected below the
 # second.
@@ -58,15 +57,15 @@ def decisions(db: xr.DataTree) -> pd.DataFrame:
     Terms that no fit informs do not have a stored decision: the a-priori ones are kept, empty ones
     deleted.  `aerodb.delete_terms` deletes.
     """
-    rows = decision_rows(terms(db))
+    rows = decision_rows(db)
     table = pd.DataFrame.from_dict(rows, orient="index", columns=["decision", "reason"])
     return table.rename_axis("term")
 
 
-def decision_rows(leaves: Mapping[str, xr.Dataset | StoredGroup]) -> dict[str, tuple[str, str]]:
-    """Return the rows of `decisions` by term; `leaves` may also be the stored groups of a file."""
+def decision_rows(db: xr.DataTree) -> dict[str, tuple[str, str]]:
+    """Return the rows of `decisions` by term."""
     rows = {}
-    for name, leaf in leaves.items():
+    for name, leaf in terms(db).items():
         if "decision" in leaf.attrs:
             rows[name] = str(leaf.attrs["decision"]), str(leaf.attrs.get("reason", ""))
         elif _has_flight_nodes(leaf):
@@ -76,12 +75,12 @@ def decision_rows(leaves: Mapping[str, xr.Dataset | StoredGroup]) -> dict[str, t
     return rows
 
 
-def _has_flight_nodes(leaf: xr.Dataset | StoredGroup) -> bool:
+def _has_flight_nodes(leaf: xr.Dataset) -> bool:
     """Return whether a node of a term comes from flight: a submodel or an engineer entered it."""
     return "source" in leaf and bool((np.asarray(leaf["source"].values) == _FLIGHT).any())
 
 
-def _describe_entry(leaf: xr.Dataset | StoredGroup) -> str:
+def _describe_entry(leaf: xr.Dataset) -> str:
     """Return how numbers from flight entered a term that no tabulation decided on."""
     history = str(leaf.attrs.get("history", "")).splitlines()
     if not history:
@@ -89,7 +88,7 @@ def _describe_entry(leaf: xr.Dataset | StoredGroup) -> str:
     return f"from flight, entered outside the fits of the tables: {history[-1]}"
 
 
-def _decide_uninformed(leaf: xr.Dataset | StoredGroup) -> str:
+def _decide_uninformed(leaf: xr.Dataset) -> str:
     """Return the decision on a term without information from flight."""
     if _is_opened(leaf):
         return "delete"
@@ -127,7 +126,7 @@ def _decide(
     return decision, "; ".join([*reasons, *_describe_partner(name, after, flown)])
 
 
-def _is_opened(leaf: xr.Dataset | StoredGroup) -> bool:
+def _is_opened(leaf: xr.Dataset) -> bool:
     """Return whether a term is an empty one that was opened for the flights."""
     if leaf["value"].values.any():
         return False

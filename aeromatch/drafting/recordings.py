@@ -23,7 +23,7 @@ from aeromatch.drafting.name_map.names import NamesDraft, draft_names, own_names
 from aeromatch.drafting.sources import Sources
 from flightmech.air import atmosphere
 from flightmech.errors import SchemaError
-from flightmech.units import parse_quantity
+from flightmech.units import number_or_text, parse_quantity
 from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres, named_by_response
 
 # Facts of a name map that the author may state, with their units.
@@ -108,7 +108,7 @@ def _add_facts(names: NamesDraft, known: StatedFacts) -> NamesDraft:
     facts: dict[str, float] = {}
     for key, unit in _FACTS.items():
         if known.values.get(key):
-            facts[key] = parse_quantity(_number_or_text(known.values[key]), unit)
+            facts[key] = parse_quantity(number_or_text(known.values[key]), unit)
     if names.own is not None and facts:
         problems = []
         for key in facts:
@@ -117,13 +117,6 @@ def _add_facts(names: NamesDraft, known: StatedFacts) -> NamesDraft:
             )
         raise SchemaError("init", problems)
     return replace(names, facts={**names.facts, **facts})
-
-
-def _number_or_text(text: str) -> str | float:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def _add_temperature(

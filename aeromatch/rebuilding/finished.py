@@ -16,8 +16,8 @@ from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
-from flightmech.support.atomic_write import written_atomically
 from flightmech.support.input_files import file_sha256
+from flightmech.support.kept_stages.checked_files import read_checked, write_checked
 from flightmech.support.kept_stages.program import hash_arithmetic, hash_installation
 
 # Letters of the longest text that is tried as the name of a file.
@@ -112,10 +112,10 @@ class Finished:
         A change of an input, a setting, the program or an output file counts.
         """
         try:
-            head, _, body = self._file.read_bytes().partition(b"\n")
-            if hashlib.sha256(body).hexdigest().encode() != head:
+            content = read_checked(self._file)
+            if content is None:
                 return None
-            record = json.loads(body)
+            record = json.loads(bytes(content))
             if record["inputs"] != watched.as_dict():
                 return None
             if record["settings"] != _with_program(settings):
@@ -161,8 +161,7 @@ class Finished:
         # Without the record the match is done again, so an error of the disk does not matter.
         with suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            with written_atomically(self._file, durable=False) as part:
-                part.write_bytes(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+            write_checked(self._file, body)
 
     def forget(self) -> None:
         """Remove the record, before its output is replaced."""

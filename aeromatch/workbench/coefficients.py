@@ -10,7 +10,6 @@ The process runs this module.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import sys
@@ -28,8 +27,9 @@ from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import remove_leftovers, written_atomically
 from flightmech.support.input_files import file_sha256
+from flightmech.support.kept_stages.content_hashes import content_hash
+from flightmech.support.kept_stages.program import hash_installation
 from flightmech.support.netcdf_writing import write_netcdf
-from pom.replaying.caches import reconstruction_digest
 
 FOLDER = "coefficients"
 MOST_BYTES = 4_000_000_000
@@ -205,8 +205,7 @@ def _hash_inputs(
 ) -> str:
     """Return a digest of all that determines coefficients: program, files, errors, low-pass."""
     hashes = [file_sha256(source) for source in (file, aircraft)]
-    inputs = (reconstruction_digest(), hashes, sorted(errors.items()), cutoff)
-    return hashlib.sha256(repr(inputs).encode()).hexdigest()[:16]
+    return content_hash(hash_installation(), hashes, sorted(errors.items()), cutoff)[:16]
 
 
 def _remove_oldest(newest: Path) -> None:

@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from aerodb.store.overview import FREE_AIR
-from aeromatch.workflow.submodels import Submodels
+from aeromatch.workflow.submodels import Submodels, thin_samples
 from aeromatch.workflow.windows import Spans, select_spans
 from flightmech.names import VOCABULARY
 from flightmech.names import quantity_attributes as attributes
@@ -137,8 +137,7 @@ def _manoeuvre_row(
 
 def _thin_samples(part: xr.Dataset) -> pd.DataFrame:
     """Return the stored quantities at about `_RATE` samples per second."""
-    step = float(np.median(np.diff(part["time"].values)))
-    thinned = part.isel(time=slice(None, None, max(1, round(1.0 / (_RATE * step)))))
+    thinned = thin_samples(part, _RATE)
     columns = {}
     for name in ("time", *_STORED):
         if name in thinned:

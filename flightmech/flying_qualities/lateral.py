@@ -21,6 +21,7 @@ from flightmech.simulation.run import simulate
 from flightmech.steady_flight.engine_thrust import NO_THRUST, full_thrust, has_thrust
 from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import Point
+from flightmech.support.arrays import integrate_trapezoids
 from flightmech.units import DEGREE
 
 SIDESLIP, ROLL = "steady sideslip", "roll control"
@@ -159,8 +160,7 @@ def _simulate_roll(point: Point, full: float) -> float:
     trim_mode = 2.0 if has_levers else 1.0
     response = simulate(point.sim, inputs, {"mode.trim": trim_mode, **point.parameters})
     p = response["p"].values
-    # trapezoidal integral of the roll rate
-    angles = np.concatenate([[0.0], np.cumsum(0.5 * (p[1:] + p[:-1]) * np.diff(time))])
+    angles = integrate_trapezoids(time, p)
     return float(p[angles <= 2.0 * np.pi].max())
 
 

@@ -18,7 +18,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft, read_aircraft
 from flightmech.build_up import evaluation_levels, term_level
 from flightmech.errors import ParseError, SchemaError
-from flightmech.names import lookup
+from flightmech.names import lookup, unit_suffix
 from flightmech.simulation import catalogue, submodels
 from flightmech.simulation.kernel import (
     AXIS,
@@ -303,9 +303,7 @@ def _describe_axis(leaf: xr.Dataset, axis: str) -> str:
     text = f"{axis} {from_si(float(points[0]), unit):.4g}"
     if points[-1] != points[0]:
         text += f" ... {from_si(float(points[-1]), unit):.4g}"
-    if unit != "1":
-        text += f" {unit}"
-    return f"{text} ({len(points)})"
+    return f"{text}{unit_suffix(unit)} ({len(points)})"
 
 
 def _count_sources(leaf: xr.Dataset) -> str:

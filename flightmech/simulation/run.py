@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import is_quantity, lookup
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
 
@@ -206,7 +206,7 @@ def read_inputs(
         if name in sim.inputs:
             u[..., sim.inputs.index(name)] = _read_column(inputs[name], runs)
         # other quantities of a record, such as states, are ignored; misspelt names are not
-        elif not _is_in_vocabulary(name):
+        elif not is_quantity(name):
             raise UnknownName(name, sim.inputs, "input")
     return u
 
@@ -226,14 +226,6 @@ def _read_column(item: xr.DataArray, runs: int) -> np.ndarray:
             [f"{item.name} has the dimensions {item.dims}; allowed are ('time',) and none"],
         )
     return item.values.astype(float)
-
-
-def _is_in_vocabulary(name: str) -> bool:
-    try:
-        lookup(name)
-    except UnknownName:
-        return False
-    return True
 
 
 def describe_below_runway(time: np.ndarray, height: np.ndarray) -> str:

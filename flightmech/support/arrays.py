@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -126,6 +126,17 @@ def rms(x: ArrayLike) -> float:
     return float(np.sqrt(np.add.reduce(squares, axis=None) / squares.size))
 
 
+def integrate_trapezoids(time: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the integral of samples (time,) from the first one on, by the trapezoidal rule.
+
+    Examples
+    --------
+    >>> integrate_trapezoids(np.array([0.0, 1.0, 3.0]), np.array([0.0, 2.0, 2.0]))
+    array([0., 1., 5.])
+    """
+    return np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(time))])
+
+
 def median(x: np.ndarray) -> float:
     """Return the median of `x`, shape (n,), n > 0, without NaN, in the unit of `x`.
 
@@ -162,6 +173,23 @@ def true_runs(mask: np.ndarray) -> list[tuple[int, int]]:
     # with false samples at both ends each run has a rising and a falling edge
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def true_spans(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
+    """Return the times of the first and the last sample of every run of true samples. [s]"""
+    return [(float(time[start]), float(time[stop - 1])) for start, stop in true_runs(mask)]
+
+
+def picked_runs(mask: np.ndarray) -> list[slice]:
+    """Return the runs of true samples as slices of ``x[mask]``, the true samples alone.
+
+    Examples
+    --------
+    >>> picked_runs(np.array([True, True, False, True]))
+    [slice(0, 2, None), slice(2, 3, None)]
+    """
+    lengths = [stop - start for start, stop in true_runs(mask)]
+    return [slice(start, stop) for start, stop in pairwise(accumulate(lengths, initial=0))]
 
 
 def thin_to_extremes(y: np.ndarray, buckets: int = 420) -> np.ndarray:

@@ -451,6 +451,11 @@ def foreign_kind(content: Mapping[str, Any], own: Iterable[str] = ()) -> str:
     return ""
 
 
+def name_and_sha256(path: Path) -> dict[str, str]:
+    """Return name and hash of a file, for a list of sources."""
+    return {"name": path.name, "sha256": file_sha256(path)}
+
+
 def file_sha256(file: str | os.PathLike[str]) -> str:
     """Return the SHA-256 of a file as hexadecimal digits."""
     with open(file, "rb") as content:

@@ -159,10 +159,7 @@ class StoredVariable:
 
 
 class StoredGroup(dict[str, StoredVariable]):
-    """A group of a file: its variables by name, and its attributes.
-
-    Functions that only read variables and attributes accept a Dataset or a group.
-    """
+    """A group of a file: its variables by name, and its attributes."""
 
     def __init__(
         self, variables: Mapping[str, StoredVariable], attrs: dict[str, str | int | float]
@@ -171,8 +168,15 @@ class StoredGroup(dict[str, StoredVariable]):
         self.attrs = attrs
 
 
-def read_netcdf_tree(path: Path) -> tuple[xr.DataTree, list[str]]:
+def read_netcdf_tree(path: Path, only: str = "") -> tuple[xr.DataTree, list[str]]:
     """Return the tree of a file, and the parts of the file that do not belong into a database.
+
+    Parameters
+    ----------
+    path : Path
+    only : str
+        Path of a group, such as ``"CL/basic"``: other groups are not read, except those that
+        contain it.
 
     Returns
     -------
@@ -189,7 +193,7 @@ def read_netcdf_tree(path: Path) -> tuple[xr.DataTree, list[str]]:
     """
     import xarray as xr
 
-    reader = _TreeReader()
+    reader = _TreeReader(only)
     with h5py.File(path, "r") as file:
         reader.read_group(file, "/", {})
     nodes = {}
@@ -226,9 +230,13 @@ def _to_dataset(leaf: StoredGroup) -> xr.Dataset:
 
 
 class _TreeReader:
-    """Reader of the groups of a file. Parts that are not tables of a tree become problems."""
+    """Reader of the groups of a file. Parts that are not tables of a tree become problems.
 
-    def __init__(self) -> None:
+    `only` is as in `read_netcdf_tree`.
+    """
+
+    def __init__(self, only: str) -> None:
+        self._only = f"/{only}/" if only else "/"
         self.leaves: dict[str, StoredGroup] = {}
         self.problems: list[str] = []
         # addresses of the groups
@@ -263,7 +271,13 @@ class _TreeReader:
         attributes = self._read_attributes(group, _join_path(path))
         self.leaves[path] = StoredGroup(variables, attributes)
         for name, item in groups.items():
-            self.read_group(item, f"{path.rstrip('/')}/{name}", axes)
+            group_path = f"{path.rstrip('/')}/{name}"
+            if self._is_requested(f"{group_path}/"):
+                self.read_group(item, group_path, axes)
+
+    def _is_requested(self, path: str) -> bool:
+        """Return whether a group contains the requested one, or lies inside it."""
+        return self._only.startswith(path) or path.startswith(self._only)
 
     def _list_items(
         self, group: h5py.Group, path: str

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import xarray as xr
 
 from flightmech.names import lookup
 from flightmech.support.console import command_line
-from flightmech.support.input_files import file_sha256
+from flightmech.support.input_files import name_and_sha256
 from flightmech.units import from_si
 from flighttest.maximum_likelihood.fit_job import FitJobResult
 from flighttest.reconstruction.quality.page import draw_time_chart, read_style_sheet, template_of
@@ -39,7 +38,7 @@ def render_fit_page(done: FitJobResult) -> str:
         rows=rows,
         remarks=[*done.fit.remarks, *done.remarks],
         records=[_record_content(done, k) for k in range(len(done.records))],
-        files=[_file_digest(path) for path in files],
+        files=[name_and_sha256(path) for path in files],
         command=command_line(),
         version=version("aeromatch"),
     )
@@ -84,8 +83,3 @@ def _output_chart(
 def _draw_signals(time: np.ndarray, signals: list[np.ndarray], name: str):
     units = lookup(name).display_units
     return draw_time_chart(time, [from_si(signal, units) for signal in signals], units, label=name)
-
-
-def _file_digest(path: Path) -> dict[str, str]:
-    """Return name and SHA-256 digest of a file."""
-    return {"name": path.name, "sha256": file_sha256(path)}

@@ -35,6 +35,7 @@ from flighttest.maximum_likelihood.time_domain import noise_groups, uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
 from flighttest.records.signals.fourier import finite_fourier, harmonics
 from flighttest.regression.equation_error.samples import list_manoeuvres
+from flighttest.regression.equation_error.transformed_stretches import stack_complex
 
 BAND = (0.1, 2.0)  # [Hz]
 _AROUND = 5  # frequencies on each side over which the spectrum of the noise is averaged
@@ -137,7 +138,7 @@ class _RecordSpectra:
         self.frequencies = harmonics((len(time) - 1) * step, *band)
         u, z = input_output_arrays(model, record)
         self.inputs = finite_fourier(u - u[0], step, self.frequencies)
-        self.measured = _stack_parts(finite_fourier(z - z[0], step, self.frequencies))
+        self.measured = stack_complex(finite_fourier(z - z[0], step, self.frequencies))
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the transforms of the outputs, (2 frequencies, outputs)."""
@@ -149,7 +150,7 @@ class _RecordSpectra:
         # (jw - A) x~ = B u~ + x(0) - x(T), one system per frequency
         forcing = u @ B.T + pick_values(named, _JUMP, self.model.states)
         x = np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, forcing[:, :, None])[:, :, 0]
-        return _stack_parts(x @ C.T + u @ D.T)
+        return stack_complex(x @ C.T + u @ D.T)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return central differences, which are fast here."""
@@ -168,13 +169,8 @@ class _RecordSpectra:
         return xr.Dataset(columns, {"frequency": ("frequency", self.frequencies, {"units": "Hz"})})
 
 
-def _stack_parts(z: np.ndarray) -> np.ndarray:
-    """Return complex rows as real rows: real parts above imaginary parts."""
-    return np.concatenate([z.real, z.imag])
-
-
 def _join_parts(v: np.ndarray) -> np.ndarray:
-    """Return the complex rows of `_stack_parts`."""
+    """Return the complex rows of `stack_complex`."""
     return v[: len(v) // 2] + 1j * v[len(v) // 2 :]
 
 

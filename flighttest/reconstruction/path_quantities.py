@@ -9,6 +9,7 @@ import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
 from flightmech.names import REDUCED_RATES, quantity_attributes
+from flightmech.support.arrays import integrate_trapezoids
 from flightmech.units import G0
 from flighttest.reconstruction.dynamics.kinematics import in_body, incidence_rates
 from flighttest.reconstruction.problem.assembly import Setup
@@ -213,11 +214,11 @@ def _mass_along(record: xr.DataTree, time: np.ndarray, default: float) -> np.nda
             degree = 1
         line = np.polyfit(clock - clock[0], gauged, degree)
         return np.polyval(line, time - clock[0])
-    # fuel burnt since the start of the record, by the trapezoidal rule
+    # fuel burnt since the start of the record
     flows = [engine[name].values for name in engine.data_vars if str(name).endswith("fuel_flow")]
     flow = np.sum(flows, axis=0)
     t = engine["time"].values
-    burnt = np.concatenate([[0.0], np.cumsum(0.5 * (flow[1:] + flow[:-1]) * np.diff(t))])
+    burnt = integrate_trapezoids(t, flow)
     # The mean over all gaugings gives the mass at the start.
     start_mass = float(np.mean(gauged + np.interp(clock, t, burnt)))
     return start_mass - np.interp(time, t, burnt)

@@ -36,8 +36,7 @@ from flighttest.reconstruction.turbulence import (
     in_calm_air,
     measured_airspeed,
 )
-from flighttest.records.sensors.instruments import VANES, instruments_of
-from flighttest.records.sensors.measurements import order_windows
+from flighttest.records.sensors.instruments import VANES
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
@@ -106,14 +105,7 @@ def solve_record(
     record: xr.DataTree, aircraft: Aircraft, windows=None, prior=None, rate: float = 50.0
 ) -> tuple[Setup, Solution]:
     """Return the problem of a record and its solution; arguments as in `reconstruct`."""
-    setup = assemble_problem(
-        record,
-        aircraft,
-        specification=instruments_of(aircraft, record.attrs),
-        windows=order_windows(record, windows),
-        rate=rate,
-        prior=prior,
-    )
+    setup = assemble_problem(record, aircraft, windows, prior=prior, rate=rate)
     try:
         solution = estimate_trajectory(setup.problem, setup.x, setup.c, CALM_STEPS)
         if in_calm_air(setup, solution):

@@ -9,8 +9,6 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.names import quantity_attributes
 from flighttest.reconstruction.path_quantities import path_columns
 from flighttest.reconstruction.problem.assembly import assemble_problem
-from flighttest.records.sensors.instruments import instruments_of
-from flighttest.records.sensors.measurements import order_windows
 
 
 def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) -> xr.Dataset:
@@ -41,14 +39,7 @@ def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) ->
     OutOfRange
         The record is shorter than ten samples, or its pitch attitude exceeds 80 deg.
     """
-    setup = assemble_problem(
-        record,
-        aircraft,
-        specification=instruments_of(aircraft, record.attrs),
-        windows=order_windows(record, None),
-        rate=rate,
-        prior=None,
-    )
+    setup = assemble_problem(record, aircraft, rate=rate)
     # Readings that contradict each other may overflow here. The checks look at names and recorded
     # channels.
     with np.errstate(all="ignore"):

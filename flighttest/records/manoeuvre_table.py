@@ -19,11 +19,12 @@ import pandas as pd
 import xarray as xr
 from pydantic import BeforeValidator, Field, model_validator
 
-from flightmech.errors import ParseError, SchemaError, UnitError
+from flightmech.errors import SchemaError, UnitError
 from flightmech.support.atomic_write import ContentAsRead, write_text
-from flightmech.support.input_files import WESTERN, csv_rows, read_text, read_toml
+from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity
+from flighttest.records.text_tables import read_text_table
 
 COLUMNS = ("record", "kind", "control", "start", "end", "confidence", "note")
 """Columns of a table; ``confidence`` and ``note`` are optional."""
@@ -142,28 +143,13 @@ def _read_rows(path: Path) -> dict[str, list[dict[str, Any]]]:
 
 def _read_csv(path: Path) -> dict[str, object]:
     """Return a CSV file as the content of a TOML file."""
-    text = read_text(path, "a CSV text with the columns " + ", ".join(_REQUIRED), WESTERN)
-    first_line = text.split("\n", 1)[0]
-    separator = ";" if first_line.count(";") > first_line.count(",") else ","
-    lines = csv_rows(text, path, separator)
-    names = [name.strip() for name in lines[0]] if lines else []
-    _check_columns(names, path)
+    table = read_text_table(path, "a CSV text with the columns " + ", ".join(_REQUIRED))
+    _check_columns(table.names, path)
     rows: list[dict[str, str]] = []
-    for number, cells in enumerate(lines[1:], start=2):
-        if cells and len(cells) != len(names):
-            raise ParseError(
-                str(path),
-                number,
-                found=f"{len(cells)} cells",
-                expected=f"{len(names)}, as the line of names has; quote texts with commas",
-            )
-        if not any(cells):
-            continue
-        row = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
-        # A table with semicolons may have decimal commas.
-        if separator == ";":
-            for name in _TIMES:
-                row[name] = row[name].replace(",", ".")
+    for cells in table.rows:
+        row = dict(zip(table.names, cells, strict=True))
+        for name in _TIMES:
+            row[name] = table.with_point(row[name])
         rows.append(row)
     return {"manoeuvre": rows}
 

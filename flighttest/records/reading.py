@@ -14,11 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import VOCABULARY, quantity_attributes
+from flightmech.names import VOCABULARY, is_quantity, quantity_attributes
 from flighttest.records.channel_groups import ChannelSamples, RecordGroup, make_groups
 from flighttest.records.column_places import ColumnPlace, damaged_column, locate_columns
 from flighttest.records.readers.clocks import Clocks
-from flighttest.records.readers.columns import is_canonical
 from flighttest.records.readers.name_map import Channel, NameMap
 from flighttest.records.readers.name_map_reading import read_names, shipped_maps
 from flighttest.records.readers.opening import format_name, open_recording
@@ -190,7 +189,7 @@ def _canonical_map(recording: Recording, path: Path) -> NameMap:
     # A damaged column is not in the tables, so that its name alone states that it was required.
     for omission in recording.left_out:
         column = omission.place.rpartition("/")[2]
-        if omission.fault and is_canonical(column):
+        if omission.fault and is_quantity(column):
             raise damaged_column(column, omission, path)
     clocks = {"time", "t"}
     for table in recording.tables.values():
@@ -201,7 +200,7 @@ def _canonical_map(recording: Recording, path: Path) -> NameMap:
     unknown: set[str] = set()
     for name, table in recording.tables.items():
         columns = [column for column in table.columns if column not in clocks]
-        unknown.update(column for column in columns if not is_canonical(column))
+        unknown.update(column for column in columns if not is_quantity(column))
         leaves[name] = {column: Channel(column=column) for column in columns}
     if unknown:
         raise _unknown_columns(sorted(unknown), path)

@@ -17,6 +17,7 @@ from flightmech.flown_samples import (
     SMOOTHED,
     STEP,
     sliding_correlation,
+    smooth_samples,
 )
 
 INERTIAL = ("p", "q", "r", "ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
@@ -136,12 +137,5 @@ def _smooth(channels: Channels, names: list[str]) -> tuple[float, np.ndarray]:
     start = max(channels[name][0][0] for name in names)
     stop = min(channels[name][0][-1] for name in names)
     instants = np.arange(start, stop - SMOOTHED, STEP)
-    rows = []
-    for name in names:
-        time, values = channels[name]
-        # The integral of the samples is continuous: its differences are means at any rate.
-        steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
-        integral = np.concatenate([[0.0], np.cumsum(steps)])
-        late = np.interp(instants + SMOOTHED, time, integral)
-        rows.append((late - np.interp(instants, time, integral)) / SMOOTHED)
+    rows = [smooth_samples(*channels[name], instants) for name in names]
     return float(start), np.array(rows)

@@ -139,7 +139,7 @@ def _pose_covariances(
     squares = np.einsum("nmk,nmk->n", A, A)[:, None, None] * np.eye(3)
     turn = noise**2 * np.linalg.inv(squares - np.einsum("nmi,nmj->nij", A, A))
     # the origin moves with the centre of the markers, and with a turn about this centre
-    arm = _skew(middle)
+    arm = cross_matrices(middle)
     body = arm @ turn @ np.swapaxes(arm, 1, 2)
     centre = noise**2 / count[:, None, None] * np.eye(3)
     return centre + np.einsum("nji,njk,nkl->nil", R, body, R), turn
@@ -154,7 +154,7 @@ def _is_off_line(A: np.ndarray) -> np.ndarray:
     return singular[:, 1] > _FLAT * np.maximum(singular[:, 0], np.finfo(float).tiny)
 
 
-def _skew(v: np.ndarray) -> np.ndarray:
+def cross_matrices(v: np.ndarray) -> np.ndarray:
     """Return the matrices (frame, 3, 3) of the cross product."""
     out = np.zeros((len(v), 3, 3))
     out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]

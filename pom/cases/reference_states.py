@@ -12,9 +12,9 @@ import xarray as xr
 import flighttest
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError
+from flightmech.names import WRAPPED
 from pom.cases.case import PomCase
 from pom.cases.case_file import WIND
-from pom.tolerances.channels import WRAPPED
 
 CALIBRATION = "calibration"  # attribute of flight states and of the signals of a result: JSON
 RECORD_SPAN = "record_span"  # attribute of flight states: start and end of their record [s]

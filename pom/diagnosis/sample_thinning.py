@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from flightmech.names import WRAPPED
 from pom.cases.job import ReplayJob
-from pom.tolerances.channels import WRAPPED
 
 # An input jumps where its second difference exceeds both limits.
 JUMP = 10.0  # medians of the second differences of the input

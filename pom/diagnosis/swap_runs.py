@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError
+from flightmech.names import WRAPPED
 from flightmech.support.arrays import rms
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob
@@ -25,7 +26,7 @@ from pom.replaying.replay_case import plan_of
 from pom.replaying.replay_channels import helping_channels, judged_channels, sampled_channels
 from pom.replaying.trim import TrimLimit, beyond_limits, trim_limits
 from pom.status import group_verdicts, judged_groups, status_of
-from pom.tolerances.channels import WRAPPED, output_of
+from pom.tolerances.channels import output_of
 
 # [s] Candidates for the longest step of a swap run. The bench uses the first candidate that is as
 # good as the step of the models.

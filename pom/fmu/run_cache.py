@@ -5,7 +5,6 @@ Flights whose inputs did not change are not flown again.
 
 from __future__ import annotations
 
-import hashlib
 import io
 import os
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.kept_stages.checked_files import read_checked, write_checked
 
 
 class FileState(NamedTuple):
@@ -58,16 +57,11 @@ class KeptFlights(Protocol):
         """Store an array under a key."""
 
 
-_DIGEST = hashlib.sha256().digest_size
-
-
 @dataclass(frozen=True)
 class RunCache:
-    """Arrays by key, one file each, written atomically.
+    """Arrays by key, one checked file each.
 
-    A file ends with the SHA-256 of its content. Several processes and threads may share the folder,
-    because they write the same arrays. A write does not wait for the disk: a file that a power
-    failure damaged counts as missing.
+    Several processes and threads may share the folder, because they write the same arrays.
 
     Attributes
     ----------
@@ -79,13 +73,12 @@ class RunCache:
 
     def read(self, key: str, shape: tuple[int, int]) -> np.ndarray | None:
         """Return the array of a key; None without an array, or for another shape."""
+        content = read_checked(self._file(key))
+        if content is None:
+            return None
         try:
-            content = self._file(key).read_bytes()
-            # The checksum is compared before NumPy parses the content.
-            if hashlib.sha256(content[:-_DIGEST]).digest() != content[-_DIGEST:]:
-                return None
             values = np.load(io.BytesIO(content), allow_pickle=False)
-        except (OSError, ValueError, EOFError):
+        except (ValueError, EOFError):
             return None
         if values.shape != shape or values.dtype != np.float64:
             return None
@@ -95,12 +88,10 @@ class RunCache:
         """Store an array under a key."""
         file = self._file(key)
         file.parent.mkdir(parents=True, exist_ok=True)
-        # In memory first, because the checksum follows the array.
         stream = io.BytesIO()
         np.save(stream, np.ascontiguousarray(values, np.float64), allow_pickle=False)
-        with written_atomically(file, durable=False) as part:
-            part.write_bytes(stream.getvalue() + hashlib.sha256(stream.getbuffer()).digest())
+        write_checked(file, stream.getbuffer())
 
     def _file(self, key: str) -> Path:
         # Folders by the first two digits: a batch has thousands of flights.
-        return self.folder / key[:2] / f"{key}.npy"
+        return self.folder / key[:2] / f"{key}.flight"

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import OutOfRange, SchemaError
+from flightmech.names import WRAPPED
 from flightmech.support.input_files import file_sha256
 from flightmech.support.kept_stages.content_hashes import content_hash
 from pom.cases.job import ReplayJob, is_recorded
@@ -24,7 +25,6 @@ from pom.fmu.process import hire_worker
 from pom.fmu.run_cache import FileState, KeptFlights
 from pom.fmu.variable_map import Fmu, Links
 from pom.fmu.worker.messages import moved_controls
-from pom.tolerances.channels import WRAPPED
 
 Outputs = dict[str, np.ndarray]
 

@@ -24,7 +24,7 @@ from aerodb.update.standard_errors import standard_errors
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchError
 from flightmech.flown_samples import FLOWN_SAMPLES
-from flightmech.names import lookup
+from flightmech.names import lookup, value_text
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import Simulation
 from flightmech.support.arrays import rms
@@ -421,7 +421,6 @@ def _is_judged_trace(case: PomCase, criterion: Criterion) -> bool:
 def _watch_remark(name: str, error: float, *, band: float, time: float) -> RowRemark:
     unit = lookup(name).display_units
     values = {"off": float(from_si(error, unit)), "band": float(from_si(band, unit))}
-    suffix = "" if unit == "1" else f" {unit}"
-    off = f"{lookup(name).long_name} off by {values['off']:.3g}{suffix} at {time:.1f} s"
-    text = f"{off}, without a tolerance, watched within {values['band']:.3g}{suffix}"
+    off = f"{lookup(name).long_name} off by {value_text(name, error, '.3g')} at {time:.1f} s"
+    text = f"{off}, without a tolerance, watched within {value_text(name, band, '.3g')}"
     return RowRemark("watch", text, name, values=values, unit=unit)

@@ -15,7 +15,7 @@ import xarray as xr
 from flightmech import read_aircraft
 from flightmech.air import atmosphere
 from flightmech.errors import AeromatchError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import lookup, value_text
 from flightmech.units import from_si
 from pom.cases.case import PomCase
 from pom.cases.case_file import FORCES, INITIAL, INPUTS, MASS, TRAVEL, WIND
@@ -295,7 +295,7 @@ def _unrecorded(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
     stated = _stated_masses(case) if any(name in MASS for name in given) else {}
     for name, value in given.items():
         if name in stated and abs(value - stated[name]) > SAME * max(abs(stated[name]), 1.0):
-            shown = [_in_display_units(name, item) for item in (value, stated[name])]
+            shown = [value_text(name, item, ".5g") for item in (value, stated[name])]
             text = (
                 f"{name} ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, "
                 f"the aircraft file has {shown[1]}"
@@ -303,7 +303,7 @@ def _unrecorded(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
             yield _departure(text, name)
         elif name in _HELD & _WATCHED and value != 0.0:
             text = (
-                f"{name} ({lookup(name).long_name}) is held at {_in_display_units(name, value)} by "
+                f"{name} ({lookup(name).long_name}) is held at {value_text(name, value, '.5g')} by "
                 f"the conditions of the case; the record does not show it"
             )
             yield _departure(text, name)
@@ -334,11 +334,6 @@ def _stated_masses(case: PomCase) -> dict[str, float]:
     return masses
 
 
-def _in_display_units(name: str, value: float) -> str:
-    unit = lookup(name).display_units
-    return f"{float(from_si(value, unit)):.5g} {unit}".removesuffix(" 1")
-
-
 def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
     """Yield the conditions of the case file that contradict the record or add a wind to it."""
     for name, value in case.conditions.items():
@@ -357,8 +352,7 @@ def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
         size = max(abs(recorded), _LEAST.get(lookup(name).units, 0.0))
         if abs(shortest_error(name, value - recorded)) <= SAME * size:
             continue
-        unit = lookup(name).display_units
-        shown = [f"{float(from_si(item, unit)):.5g} {unit}" for item in (value, recorded)]
+        shown = [value_text(name, item, ".5g") for item in (value, recorded)]
         text = (
             f"{name} ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, the "
             f"record has {shown[1]}"

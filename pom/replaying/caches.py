@@ -7,12 +7,9 @@ fit. Any change gives another name, and the case is judged again.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +19,12 @@ import pandas as pd
 import xarray as xr
 
 import flightmech
-import flighttest
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.hdf5_seal import decoding_errors
+from flightmech.support.input_files import file_sha256
+from flightmech.support.kept_stages.checked_files import read_checked, write_checked
 from flightmech.support.kept_stages.content_hashes import content_hash
+from flightmech.support.kept_stages.program import hash_installation
 from flightmech.support.netcdf_writing import write_netcdf
 from flighttest.records.stored_groups import plain_group
 from pom.cases.case import PomCase
@@ -45,7 +44,7 @@ class KeptStates:
     folder : Path or None
         Folder of the stored states; nothing is stored without it. The name of a file is the hash
         of the record, of its name map, of the aircraft with all files that it names, of the biases
-        and of the programs that reconstruct.
+        and of the program.
     biases : Dataset or None
         Constants of the instruments (`recorded_states`).
     """
@@ -89,32 +88,14 @@ class KeptStates:
         """
         if case.aircraft and case.aircraft not in self._aircraft:
             self._aircraft[case.aircraft] = flightmech.read_aircraft(case.aircraft)
-        files = [_hash_file(name) for name in (case.record, case.names)]
+        files = [file_sha256(name) if name else "" for name in (case.record, case.names)]
         aircraft = self._aircraft.get(case.aircraft)
-        return content_hash(reconstruction_digest(), files, aircraft, self.biases)
+        return content_hash(hash_installation(), files, aircraft, self.biases)
 
     def _file(self, case: PomCase) -> Path | None:
         if self.folder is None or not case.aircraft:
             return None
         return self.folder / "states" / f"{self.identity(case)}.nc"
-
-
-def _hash_file(name: str) -> str:
-    """Return the SHA-256 of a file; that of no bytes without a name."""
-    content = Path(name).read_bytes() if name else b""
-    return hashlib.sha256(content).hexdigest()
-
-
-@cache
-def reconstruction_digest() -> str:
-    """Return the hash of the modules that read and reconstruct, with the versions of the libraries."""
-    digest = hashlib.sha256()
-    for package in (flightmech, flighttest):
-        folder = Path(str(package.__file__)).parent
-        for file in sorted(folder.rglob("*.py")):
-            digest.update(file.read_bytes())
-    versions = [f"{name} {version(name)}" for name in ("numpy", "scipy", "xarray")]
-    return " ".join([digest.hexdigest(), *versions])
 
 
 @dataclass(frozen=True)
@@ -193,12 +174,9 @@ class ResultKeys:
         return self._hashes[key]
 
 
-_DIGEST = hashlib.sha256().digest_size
-
-
 @dataclass(frozen=True)
 class KeptResults:
-    """Results by key, one file each, written atomically and checked when they are read.
+    """Results by key, one checked file each.
 
     Attributes
     ----------
@@ -213,15 +191,10 @@ class KeptResults:
         file = self._file(key)
         if file is None:
             return None
-        try:
-            content = file.read_bytes()
-        except OSError:
+        content = read_checked(file)
+        if content is None:
             return None
-        # A file begins with the SHA-256 of the remaining bytes.
-        digest, body = content[:_DIGEST], content[_DIGEST:]
-        if hashlib.sha256(body).digest() != digest:
-            return None
-        text, _, numbers = body.partition(b"\n")
+        text, _, numbers = bytes(content).partition(b"\n")
         return _read_result(json.loads(text), np.frombuffer(numbers, "<f8").astype(float))
 
     def write(self, key: str, result: PomResult) -> None:
@@ -231,11 +204,8 @@ class KeptResults:
             return
         head, blocks = _result_content(result)
         text = json.dumps(head, default=_to_python_number, ensure_ascii=False)
-        numbers = b"".join(block.tobytes() for block in blocks)
-        body = text.encode() + b"\n" + numbers
         file.parent.mkdir(parents=True, exist_ok=True)
-        with written_atomically(file, durable=False) as part:
-            part.write_bytes(hashlib.sha256(body).digest() + body)
+        write_checked(file, text.encode(), b"\n", *[block.tobytes() for block in blocks])
 
     def _file(self, key: str) -> Path | None:
         if self.folder is None or not key:

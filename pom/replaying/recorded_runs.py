@@ -17,7 +17,7 @@ import xarray as xr
 
 import flighttest
 from flightmech.errors import OutOfRange, ParseError, SchemaError
-from flightmech.names import lookup
+from flightmech.names import WRAPPED, lookup
 from flightmech.support.input_files import file_sha256
 from flightmech.units import from_si
 from pom.cases.case import PomCase
@@ -29,7 +29,7 @@ from pom.replaying.replay_channels import judged_channels
 from pom.replaying.result_assembly import assemble_result
 from pom.result import PomResult, make_verdict_table
 from pom.tolerances.bands import RowRemark
-from pom.tolerances.channels import WRAPPED, output_of
+from pom.tolerances.channels import output_of
 
 MOST_DELAY = 0.1  # [s] between the inputs of device and flight; larger ones are a departure
 MOST_DIFFERENCE = 0.08

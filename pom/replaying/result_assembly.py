@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.names import lookup
+from flightmech.names import WRAPPED, lookup
 from flightmech.support.console import to_json_types
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob, initial_configuration
@@ -32,7 +32,6 @@ from pom.replaying.run_remarks import PILOT, pilot_activity_rows
 from pom.replaying.trim import beyond_limits, trim_limits, trim_table
 from pom.result import PomResult, make_verdict_table
 from pom.tolerances.bands import Judgement, RowRemark
-from pom.tolerances.channels import WRAPPED
 from pom.tolerances.criteria import Criterion
 
 

@@ -17,11 +17,10 @@ import numpy as np
 
 from flightmech.errors import AeromatchError
 from flightmech.fmu_export.fmu_file import is_unaltered
-from flightmech.names import lookup
+from flightmech.names import value_text
 from flightmech.simulation.compiler import SimModel
 from flightmech.support.arrays import rms
 from flightmech.support.input_files import file_sha256
-from flightmech.units import from_si
 from pom.cases.job import ReplayJob
 from pom.fmu.models import FmuModel
 from pom.probing.input_probe import SIZES
@@ -86,9 +85,7 @@ def compare_tables(model: SimModel, job: ReplayJob, outputs: Traces) -> tuple[Ro
     if not sizes:
         return ()
     worst = max(sizes, key=lambda name: sizes[name])
-    unit = lookup(worst).display_units
-    off = float(from_si(sizes[worst] * SIZES[worst], unit))
-    size = f"{off:.2g} {unit}".removesuffix(" 1")
+    size = value_text(worst, sizes[worst] * SIZES[worst], ".2g")
     text = f"the answer differs from that of the tables in the FMU by {size} rms ({worst})"
     if sizes[worst] < OWN_TABLES:
         return (RowRemark("probe", text, values=sizes, unit="1"),)

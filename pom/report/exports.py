@@ -15,12 +15,13 @@ import xarray as xr
 
 from flightmech.support.atomic_write import write_text
 from pom.report.case.page import case_keys
-from pom.report.csv_lines import csv_lines
 from pom.result import PomResult
 from pom.result_notices import collect_texts, departure_remarks, record_remarks, trim_remarks
 from pom.status import BEYOND
 from pom.tolerances.bands import remarks_text
 
+# Lines of a block.
+_BLOCK = 512
 # Verdict of a group to its element in JUnit.  A pass has no element.
 _ELEMENTS = {"fail": "failure", "invalid": "error", "not_tested": "skipped", "advisory": "skipped"}
 
@@ -154,7 +155,17 @@ def case_csv(result: PomResult) -> Iterator[str]:
     titles = io.StringIO()
     csv.writer(titles, lineterminator="\n").writerow(columns)
     yield titles.getvalue()
-    yield from csv_lines([*columns.values()])
+    yield from _format_rows([*columns.values()])
+
+
+def _format_rows(columns: Sequence[np.ndarray]) -> Iterator[str]:
+    """Yield the lines of columns (time,) in blocks of `_BLOCK` lines."""
+    line = ",".join(["%.9g"] * len(columns)) + "\n"
+    for start in range(0, len(columns[0]), _BLOCK):
+        block = [column[start : start + _BLOCK].tolist() for column in columns]
+        text = "".join([line % row for row in zip(*block, strict=True)])
+        # No other number has these letters, so a missing sample becomes an empty cell.
+        yield text.replace("nan", "")
 
 
 def _channels(data: xr.Dataset) -> Iterator[tuple[Hashable, xr.Variable]]:

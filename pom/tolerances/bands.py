@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flightmech.names import WRAPPED, unit_suffix
 from flightmech.support.arrays import median, rms
-from pom.tolerances.channels import WRAPPED, display_unit, limit_to_si_factor
+from pom.tolerances.channels import display_unit, limit_to_si_factor
 from pom.tolerances.criteria import Criterion
 
 ALLOWED = "; allowed: "
@@ -236,21 +237,15 @@ def applied_tolerance(criterion: Criterion, widths: np.ndarray, flight: np.ndarr
         base = None
     printed = criterion.band.text
     if base is not None and "%" in printed:
-        printed = f"{printed} ({float(base) / factor:.4g}{_unit_text(unit)})"
+        printed = f"{printed} ({float(base) / factor:.4g}{unit_suffix(unit)})"
     share = ""
     if criterion.fraction != 1.0:
         share = f"{100.0 * criterion.fraction:g} % of: "
-    width = f"{number}{_unit_text(unit)}"
+    width = f"{number}{unit_suffix(unit)}"
     # a plain width is not repeated
     if share + printed == width:
         return width
     return f"{share}{printed}: {width}"
-
-
-def _unit_text(unit: str) -> str:
-    if unit == "1":
-        return ""
-    return f" {unit}"
 
 
 def inside_window(time: np.ndarray, window: tuple[float, float]) -> np.ndarray:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Container
 
 from flightmech.errors import UnitError
-from flightmech.names import VOCABULARY, lookup
-from flightmech.units import from_si, parse_unit
+from flightmech.names import VOCABULARY, lookup, value_text
+from flightmech.units import parse_unit
 from pom.tolerances.criteria import Criterion
 
 SOURCES: dict[str, tuple[str, ...]] = {
@@ -171,9 +171,6 @@ SCALAR_UNITS = {
 }
 """SI unit by measure; other measures have the unit of their channel."""
 
-WRAPPED = frozenset({"phi", "psi", "lon"})
-"""Channels that jump by a full turn."""
-
 # Units of the table for pure numbers
 _PURE = {"-": "1", "count": "1"}
 # Display units without an offset
@@ -245,6 +242,4 @@ def display_unit(criterion: Criterion) -> str:
 
 def channel_value_text(channel: str, value: float) -> str:
     """Return a channel and its value in the display unit."""
-    unit = lookup(channel).display_units
-    suffix = "" if unit == "1" else f" {unit}"
-    return f"{channel} {from_si(value, unit):.4g}{suffix}"
+    return f"{channel} {value_text(channel, value)}"

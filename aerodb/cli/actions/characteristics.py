@@ -22,7 +22,7 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
-from flightmech.units import parse_quantity
+from flightmech.units import number_or_text, parse_quantity
 
 
 def run_characteristics(
@@ -38,9 +38,9 @@ def run_characteristics(
     as_json: bool,
 ) -> None:
     """Perform the command ``characteristics``."""
-    condition: dict[str, float] = {"h": parse_quantity(_number(altitude), "m")}
+    condition: dict[str, float] = {"h": parse_quantity(number_or_text(altitude), "m")}
     condition |= {
-        name: parse_quantity(_number(text), "m s-1")
+        name: parse_quantity(number_or_text(text), "m s-1")
         for name, text in (("V", speed), ("V_cas", cas))
         if text is not None
     }
@@ -106,17 +106,9 @@ def run_rescale(
     click.echo(f"\nwritten: {output}, {aircraft_output}")
 
 
-def _number(text: str) -> str | float:
-    """Return a bare number as one, which is SI; a text with a unit stays."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
 def _numbers(pairs: tuple[Any, ...]) -> dict[str, float]:
 
-    return {name: parse_quantity(_number(text), "1") for name, text in pairs}
+    return {name: parse_quantity(number_or_text(text), "1") for name, text in pairs}
 
 
 def _si(name: str, text: str) -> float:
@@ -125,7 +117,7 @@ def _si(name: str, text: str) -> float:
     """
 
     units = VOCABULARY[name].units if name in VOCABULARY else "1"
-    return parse_quantity(_number(text), units)
+    return parse_quantity(number_or_text(text), units)
 
 
 def run_scheme(coefficient: str | None, as_json: bool) -> None:

@@ -27,7 +27,7 @@ from flightmech.support.console import (
     print_remark,
     print_table,
 )
-from flightmech.units import parse_quantity
+from flightmech.units import number_or_text, parse_quantity
 
 
 def run_scale(
@@ -111,7 +111,7 @@ def run_move_reference(
 ) -> None:
     """Perform the command ``move-reference``."""
     given = {
-        key: _number(text)
+        key: number_or_text(text)
         for key, text in (("x_ref", x), ("y_ref", y), ("z_ref", z))
         if text is not None
     }
@@ -190,11 +190,3 @@ def _write(file: str, output: str, work: Any, show_change: bool = True) -> None:
     if show_change:
         click.echo(str(tree.attrs["history"]).rsplit("\n", 1)[-1])
     click.echo(f"written: {output}")
-
-
-def _number(text: str) -> str | float:
-    """Return a bare number as one, which is SI; a text with a unit stays."""
-    try:
-        return float(text)
-    except ValueError:
-        return text

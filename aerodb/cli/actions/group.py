@@ -16,7 +16,7 @@ import xarray as xr
 from aerodb.prior.build import from_datcom
 from aerodb.prior.roles import CaseRole, assign_roles, by_role
 from aerodb.store.files import open as open_database
-from aerodb.store.files import read_overview, save
+from aerodb.store.files import save
 from aerodb.store.overview import describe_database, summary
 from aerodb.store.schema import terms
 from aerodb.update.cautions.notices import note_plausibility, notices_of
@@ -153,18 +153,18 @@ def _build(
 
 def run_decisions(file: str, as_json: bool) -> None:
     """Perform the command ``decisions``."""
-    attributes, leaves = read_overview(file, ["value", "source"], ["decision", "reason"])
+    db = open_database(file)
     rows = [
         {"term": name, "decision": decision, "reason": reason}
-        for name, (decision, reason) in decision_rows(leaves).items()
+        for name, (decision, reason) in decision_rows(db).items()
     ]
     if as_json:
-        print_json({"file": file, "terms": rows, "warnings": notices_of(attributes)})
+        print_json({"file": file, "terms": rows, "warnings": notices_of(db.attrs)})
         return
     print_table(("term", "decision", "reason"), [tuple(row.values()) for row in rows])
     words = [row["decision"] for row in rows]
     click.echo(", ".join(f"{word} {words.count(word)}" for word in DECISIONS))
-    for notice in notices_of(attributes):
+    for notice in notices_of(db.attrs):
         click.echo(f"warning: {notice}")
 
 

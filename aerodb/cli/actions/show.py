@@ -1,4 +1,4 @@
-"""Functions that perform the commands ``db show`` and ``db history``, without xarray."""
+"""Functions that perform the commands ``db show`` and ``db history``."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ from typing import Any
 
 import click
 
-from aerodb.store.files import list_edits, list_terms, read_overview
 from aerodb.store.files import open as open_database
-from aerodb.store.overview import OVERVIEW, leaf_rows, summary_text
-from aerodb.store.schema import find_leaf
+from aerodb.store.files import open_term
+from aerodb.store.overview import OVERVIEW, describe_database, leaf_rows, summary_text
 from aerodb.store.seal import read_database_seal
-from aerodb.store.undo_history import COLUMNS
-from flightmech.errors import UnknownName
+from aerodb.store.undo_history import COLUMNS, edit_rows
 from flightmech.support.console import print_json, print_table
 from flightmech.terms import power_factor
 
@@ -33,23 +31,21 @@ def print_database(file: str, term: str | None, as_json: bool) -> None:
         _print_term(file, term)
 
 
-def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
+def _overview(file: str) -> tuple[Mapping[Any, Any], list[dict[str, Any]]]:
     """Return the root attributes and a row per term, from the overview that a sealed file carries
     where it has one.
     """
-    whole = read_database_seal(Path(file))
-    if found := whole.overview(OVERVIEW):
+    # The overview of a sealed file is read in a tenth of the time that the tables take.
+    if found := read_database_seal(Path(file)).overview(OVERVIEW):
         attributes, rows = found
         return attributes, rows
-    return list_terms(file, whole)
+    db = open_database(file)
+    return db.attrs, describe_database(db)
 
 
 def _print_term(file: str, term: str) -> None:
     """Print the numbers of one term."""
-    _, leaves = read_overview(file, ["value"], names=[term])
-    if term not in leaves:
-        raise UnknownName(term, read_overview(file, ["value"])[1], "term")
-    leaf = leaves[term]
+    leaf = open_term(file, term)
     head, rows = leaf_rows(leaf)
     print_table(head, rows, title=term, right=head)
     texts = {
@@ -65,12 +61,12 @@ def _term_document(file: str, term: str) -> None:
     # the tables of a term are shown without xarray
     from aerodb.update.posterior import without_posterior
 
-    print_json({"term": term, **without_posterior(find_leaf(open_database(file), term)).to_dict()})
+    print_json({"term": term, **without_posterior(open_term(file, term)).to_dict()})
 
 
 def print_history(file: str, as_json: bool) -> None:
     """Perform the command ``history``."""
-    rows = list_edits(file)
+    rows = edit_rows(open_database(file))
     if as_json:
         print_json(
             [{"line": line, **dict(zip(COLUMNS, row))} for line, row in enumerate(rows, start=1)]

@@ -12,8 +12,8 @@ from aerodb.exchange.daveml.document.elements import DaveVariable
 from aerodb.exchange.daveml.document.units import unit_of_code
 from aerodb.exchange.spelling import spell
 from flightmech.aircraft.controls import DEVICE
-from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import VOCABULARY, lookup
+from flightmech.errors import SchemaError, UnitError
+from flightmech.names import VOCABULARY, is_quantity, lookup
 from flightmech.terms import SOURCES
 from flightmech.units import parse_unit
 
@@ -140,7 +140,7 @@ def quantity_of(variable: DaveVariable) -> str:
             if letters in _S119:
                 return _S119[letters]
     for text in (variable.name, variable.varID):
-        if _is_quantity(text):
+        if is_quantity(text):
             return text
     return "mach" if variable.name.lower() == "mach" else ""
 
@@ -161,15 +161,6 @@ def device_of(variable: DaveVariable) -> str:
         return ""
     kind = "deflection" if "rad" in unit or "deg" in unit else "setting"
     return f"{DEVICE}{re.sub('[^A-Za-z0-9_]', '_', variable.varID)}.{kind}"
-
-
-def _is_quantity(text: str) -> bool:
-    """Return whether a text is a quantity; that of one engine, ``engine1.thrust``, is also one."""
-    try:
-        lookup(text)
-    except UnknownName:
-        return False
-    return True
 
 
 def file_unit_conversion(variable: DaveVariable, quantity: str) -> tuple[float, float]:

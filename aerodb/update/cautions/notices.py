@@ -15,7 +15,7 @@ INCOMPATIBLE = 1e-6
 """Probability of chi-squared below which fits count as incompatible."""
 
 
-def notices_of(attributes: Mapping[str, Any]) -> list[str]:
+def notices_of(attributes: Mapping[Any, Any]) -> list[str]:
     """Return the warnings that root attributes of a database hold."""
     return str(attributes.get(NOTICES, "")).splitlines()
 

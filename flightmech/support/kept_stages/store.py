@@ -23,14 +23,13 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.errors import SchemaError
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.kept_stages.checked_files import DIGEST, read_checked, write_checked
 
 PLACE, LIMIT = "AEROMATCH_STORE", "AEROMATCH_STORE_LIMIT"
 """Environment variables for the folder of the store (``off``: no store), and for its size."""
 USUAL_LIMIT = "10 GB"
 
-# length of a digest, and factors of the units of a size
-_DIGEST = hashlib.sha256().digest_size
+# factors of the units of a size
 _UNITS = {"": 1, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
 _SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)i?b?\s*", re.IGNORECASE)
 
@@ -39,8 +38,8 @@ _SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)i?b?\s*", re.IGNORECASE)
 class StageStore:
     """Results by stage and key, in one file each.
 
-    A file begins with the SHA-256 of the remaining bytes, and is written atomically. Two jobs can
-    share a store, because they write the same results. A result that cannot be stored, for example
+    The files are those of `checked_files`. Two jobs can share a store, because they write the same
+    results. A result that cannot be stored, for example
     on a full disk, is computed again next time.
 
     Attributes
@@ -64,7 +63,7 @@ class StageStore:
         """Return the hash and the remarks of a result, None if there is no result."""
         try:
             with self._file(stage, key).open("rb") as file:
-                digest, remarks = file.read(_DIGEST), json.loads(file.readline())
+                digest, remarks = file.read(DIGEST), json.loads(file.readline())
         except (OSError, ValueError):
             return None
         return digest.hex(), [str(text) for text in remarks]
@@ -72,17 +71,14 @@ class StageStore:
     def read(self, stage: str, key: str) -> tuple[Any, ...]:
         """Return a result as a tuple of one, an empty tuple if it is missing or damaged."""
         file = self._file(stage, key)
-        try:
-            content = memoryview(file.read_bytes())
-        except OSError:
-            return ()
         # checked before the pickle is loaded
-        if hashlib.sha256(content[_DIGEST:]).digest() != content[:_DIGEST]:
+        content = read_checked(file)
+        if content is None:
             return ()
         # joblib removes the entries with the oldest time
         with suppress(OSError):
             os.utime(file)
-        stream = io.BytesIO(content[_DIGEST:])
+        stream = io.BytesIO(content)
         # the line of remarks
         stream.readline()
         return (pickle.load(stream),)
@@ -98,14 +94,12 @@ class StageStore:
         except (pickle.PicklingError, TypeError, AttributeError):
             # It cannot be stored. The key of its inputs takes the place of its hash.
             return f"of {key}"
-        digest = hashlib.sha256(head)
-        digest.update(body)
         file = self._file(stage, key)
-        with suppress(OSError):
+        try:
             file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            with written_atomically(file, durable=False) as part, part.open("wb") as stream:
-                stream.writelines((digest.digest(), head, body))
-        return digest.hexdigest()
+            return write_checked(file, head, body)
+        except OSError:
+            return hashlib.sha256(head + body).hexdigest()
 
     def usage(self) -> dict[str, tuple[int, int]]:
         """Return number and size of the entries by stage. [bytes]"""

@@ -25,9 +25,9 @@ from flightmech.units import G0, from_si, parse_quantity
 from flighttest.flight_programme.evaluation.plan import (
     Bound,
     EvaluationPlan,
-    PointSheet,
     StationaryTimes,
     StraightLine,
+    read_sheet,
 )
 from flighttest.reconstruction.quality.checks.control_response import EQUATIONS
 from flighttest.reconstruction.quality.checks.relations import RELATIONS
@@ -86,7 +86,7 @@ def times_of(points: StationaryTimes) -> pd.DataFrame:
 
     The table has columns ``time series`` and one row per time and series, sorted.
     """
-    sheet = PointSheet(points.file)
+    sheet = read_sheet(points.file)
     series = [""] * len(sheet.rows)
     if points.series:
         series = [sheet.text(row, points.series) for row in range(len(sheet.rows))]

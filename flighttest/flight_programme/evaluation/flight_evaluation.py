@@ -31,10 +31,10 @@ from flighttest.flight_programme.evaluation.plan import (
     EvaluationPlan,
     FitTable,
     PlannedMode,
-    PointSheet,
     StationaryTimes,
     StraightLine,
     read_plan,
+    read_sheet,
 )
 from flighttest.flight_programme.evaluation.result import Evaluation
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
@@ -158,7 +158,7 @@ class _Evaluator:
         table = self.plan.manoeuvres
         if table is None:
             return {}
-        sheet = PointSheet(table.file)
+        sheet = read_sheet(table.file)
         times = table.time.of(sheet, "s")
         return {sheet.text(row, table.name): float(time) for row, time in enumerate(times)}
 

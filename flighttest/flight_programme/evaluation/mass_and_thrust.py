@@ -9,7 +9,7 @@ from flightmech.air import P_SEA, T_SEA, atmosphere
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.names import quantity_attributes
-from flighttest.flight_programme.evaluation.plan import Loading, PointSheet, ThrustPoints
+from flighttest.flight_programme.evaluation.plan import Loading, ThrustPoints, read_sheet
 from flighttest.records.record import channel_leaves
 
 # Largest residual of the points of a deck, as a share of the largest thrust. Points with a larger
@@ -42,7 +42,7 @@ def mass_after_burn(
     SchemaError
         The sheet has no such fuel item, or the remaining fuel is outside the fuel table.
     """
-    items, table = PointSheet(sheet.file), PointSheet(sheet.fuel_table.file)
+    items, table = read_sheet(sheet.file), read_sheet(sheet.fuel_table.file)
     names = [items.text(row, sheet.item) for row in range(len(items.rows))]
     if sheet.fuel not in names:
         raise SchemaError(
@@ -51,8 +51,8 @@ def mass_after_burn(
     # dry items have a fixed moment about station 0
     dry = [row for row, name in enumerate(names) if name != sheet.fuel]
     masses = sheet.mass.of(items, "kg")
-    items.rows = [items.rows[row] for row in dry]
-    moment = float((masses[dry] * sheet.station.of(items, "m")).sum())
+    stations = sheet.station.of(items.with_rows(dry), "m")
+    moment = float((masses[dry] * stations).sum())
     # empty tanks are the first point of the fuel table
     remaining = masses[names.index(sheet.fuel)] - burnt
     fuel = np.append(0.0, sheet.fuel_table.mass.of(table, "kg"))
@@ -86,7 +86,7 @@ def deck_thrust(
     IdentificationError
         The points are too few, or such a polynomial does not reproduce them.
     """
-    points = PointSheet(deck.file)
+    points = read_sheet(deck.file)
     deck_h, deck_mach = deck.h.of(points, "m"), deck.mach.of(points, "1")
     deviation = deck.delta_T.of(points, "K")
     flow, thrust = deck.fuel_flow.of(points, "kg s-1"), deck.thrust.of(points, "N")

@@ -65,11 +65,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
-from flightmech.support.input_files import WESTERN, csv_rows, read_text, read_toml
+from flightmech.errors import ParseError, SchemaError, UnitError
+from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
 from flightmech.units import to_si
+from flighttest.records.text_tables import TextTable, read_text_table
 
 
 class SheetColumn(Strict):
@@ -79,12 +80,12 @@ class SheetColumn(Strict):
     unit: str = ""
     scale: float = 1.0
 
-    def of(self, sheet: PointSheet, expected: str) -> np.ndarray:
+    def of(self, sheet: TextTable, expected: str) -> np.ndarray:
         """Return the column in SI.
 
         Parameters
         ----------
-        sheet : PointSheet
+        sheet : TextTable
         expected : str
             SI unit of the quantity.
 
@@ -104,57 +105,19 @@ class SheetColumn(Strict):
             raise SchemaError(f"sheet {sheet.path}", [f"column {self.column}: {error}"]) from None
 
 
-class PointSheet:
-    """A CSV sheet of test points as text cells.
-
-    Parameters
-    ----------
-    path : path
+def read_sheet(path: Path) -> TextTable:
+    """Return a CSV sheet of test points.
 
     Raises
     ------
     ParseError
-        The sheet has no line of names, or a row has another length.
+        The sheet has no line of names or no row, or a row has another length.
     """
-
-    def __init__(self, path: Path):
-        self.path = path
-        text = read_text(path, "a sheet in CSV with a line of names", WESTERN)
-        lines = [line for line in csv_rows(text, path) if line]
-        if len(lines) < 2:
-            raise ParseError(
-                str(path),
-                1,
-                f"{len(lines)} lines",
-                "a line of column names and a line for each row",
-            )
-        self.names, self.rows = lines[0], lines[1:]
-        for number, row in enumerate(self.rows, start=2):
-            if len(row) != len(self.names):
-                raise ParseError(
-                    str(path),
-                    number,
-                    f"{len(row)} cells",
-                    f"{len(self.names)}, as the line of names has",
-                )
-
-    def text(self, row: int, column: str) -> str:
-        """Return one cell."""
-        if column not in self.names:
-            raise UnknownName(column, self.names, "column", f"sheet {self.path}")
-        return self.rows[row][self.names.index(column)].strip()
-
-    def number(self, row: int, column: str) -> float:
-        """Return one cell as a number, NaN if it is empty."""
-        text = self.text(row, column)
-        if not text:
-            return float("nan")
-        try:
-            return float(text)
-        except ValueError:
-            raise ParseError(
-                str(self.path), row + 2, f"{text!r} in column {column}", "a number"
-            ) from None
+    table = read_text_table(path, "a sheet in CSV with a line of names")
+    if not table.rows:
+        found = "a line of names alone" if table.names else "no line"
+        raise ParseError(str(path), 1, found, "a line of column names and a line for each row")
+    return table
 
 
 _Length = Annotated[float, InUnits("m")]

@@ -18,7 +18,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
 from flightmech.support.console import command_line, to_json_types
-from flightmech.support.input_files import file_sha256
+from flightmech.support.input_files import name_and_sha256
 from flightmech.units import from_si
 from flighttest.flight_programme.evaluation.figures_of_merit import (
     INSIDE,
@@ -226,7 +226,7 @@ def render_evaluation_page(evaluation: Evaluation) -> str:
         lines=[_line_section(e, fitted) for fitted in e.lines],
         fits=[_fit_section(fit) for fit in e.fits],
         motions=[_motion_section(name, motion) for name, motion in e.motions.items()],
-        files=[_file_row(path) for path in files_of(e.plan)],
+        files=[name_and_sha256(path) for path in files_of(e.plan)],
         command=command_line(),
         version=version("aeromatch"),
     )
@@ -368,7 +368,3 @@ def _motion_section(name: str, motion: Motion) -> dict[str, Any]:
         "figures": _figure_rows(motion.values),
         "charts": charts,
     }
-
-
-def _file_row(path: Path) -> dict[str, str]:
-    return {"name": path.name, "sha256": file_sha256(path)}

@@ -12,9 +12,8 @@ import xarray as xr
 
 from aerodb.store.schema import terms
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.names import lookup
+from flightmech.names import value_text
 from flightmech.simulation.compiler import SimModel
-from flightmech.units import from_si
 from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedFit
 from flighttest.flight_programme.planning.prediction import Item, Prediction, predict
 from flighttest.flight_programme.planning.selection import Goal, select_manoeuvres, time_of
@@ -207,11 +206,7 @@ def _find_undetermined(
 
 def format_quantity(name: str, value: float) -> str:
     """Return a quantity by name in the units of display, with its unit."""
-    units = lookup(name.removeprefix("applied.")).display_units
-    text = f"{float(from_si(value, units)):.4g}"
-    if units == "1":
-        return text
-    return f"{text} {units}"
+    return value_text(name.removeprefix("applied."), value)
 
 
 def clock_text(seconds: float) -> str:

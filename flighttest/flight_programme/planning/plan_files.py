@@ -17,6 +17,7 @@ from flighttest.flight_programme.input_design.timetable import save_csv, save_ti
 from flighttest.flight_programme.planning.cards import card_page
 from flighttest.flight_programme.planning.plan import ProgrammePlan
 from flighttest.flight_programme.planning.prediction import Item
+from flighttest.records.text_tables import read_text_table
 
 # Files and folders that a plan replaces.
 _OURS = ("order.csv", "nodes.csv", "expected.csv", "plan.txt", "inputs", "cards")
@@ -75,13 +76,16 @@ def read_order(folder: str | os.PathLike) -> list[Item]:
         The folder has no ``order.csv`` with columns ``condition`` and ``manoeuvre``.
     """
     file = Path(folder) / "order.csv"
-    try:
-        table = pd.read_csv(file, dtype=str)
-        return list(zip(table["condition"], table["manoeuvre"], strict=True))
-    except (OSError, ValueError, KeyError) as error:
-        raise ParseError(
-            str(file), 0, str(error), "the order of a plan as `aeromatch flight plan` writes it"
-        ) from error
+    expected = "the order of a plan as `aeromatch flight plan` writes it"
+    if not file.is_file():
+        raise ParseError(str(file), 0, "no such file", expected)
+    table = read_text_table(file, expected)
+    if not {"condition", "manoeuvre"} <= set(table.names):
+        raise ParseError(str(file), 1, f"columns {', '.join(table.names)}", expected)
+    items = []
+    for row in range(len(table.rows)):
+        items.append((table.text(row, "condition"), table.text(row, "manoeuvre")))
+    return items
 
 
 def card_name(number: int, item: Item) -> str:

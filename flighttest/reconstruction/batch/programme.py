@@ -30,8 +30,6 @@ from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.reconstruction.problem.problem import identifiability_remarks
 from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.reconstruction.smoother import path_of_solution
-from flighttest.records.sensors.instruments import instruments_of
-from flighttest.records.sensors.measurements import order_windows
 from flighttest.remarks import Convergence, PrintedResult, Remark, warn_forbidden
 
 Windows = Sequence[tuple[float, float]]
@@ -228,15 +226,7 @@ def _start_equations(records, aircraft, windows, free, prior, rate) -> BatchEqua
         )
     setups = []
     for record, record_windows in zip(records, windows, strict=True):
-        setup = assemble_problem(
-            record,
-            aircraft,
-            specification=instruments_of(aircraft, record.attrs),
-            windows=order_windows(record, record_windows),
-            rate=rate,
-            prior=prior,
-        )
-        setups.append(setup)
+        setups.append(assemble_problem(record, aircraft, record_windows, prior=prior, rate=rate))
     return first_equations(layout_unknowns(setups, free))
 
 

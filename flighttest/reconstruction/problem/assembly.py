@@ -22,8 +22,8 @@ from flighttest.reconstruction.problem.problem import (
 from flighttest.reconstruction.problem.record_inputs import RecordInputs, first_path
 from flighttest.reconstruction.problem.sensor_groups import group_sensors
 from flighttest.reconstruction.problem.trajectory import Solution
-from flighttest.records.sensors.instruments import IMU, SPEEDS, Instruments
-from flighttest.records.sensors.measurements import MEASURED
+from flighttest.records.sensors.instruments import IMU, SPEEDS, instruments_of
+from flighttest.records.sensors.measurements import MEASURED, order_windows
 from flighttest.records.signals.differentiation import derivative
 
 # Standard deviations of the state at the start of a window: angles [rad], velocity [m/s], height
@@ -83,13 +83,18 @@ class Setup:
 def assemble_problem(
     record: xr.DataTree,
     aircraft: Any,
-    specification: Instruments,
-    windows: Sequence[tuple[float, float]],
-    rate: float,
-    prior: xr.Dataset | None,
+    windows: Sequence[tuple[float, float]] | None = None,
+    prior: xr.Dataset | None = None,
+    rate: float = 50.0,
 ) -> Setup:
     """Return the problem of a record with its start values; arguments as in `reconstruct`."""
-    inputs = RecordInputs(record, aircraft, specification, windows=windows, rate=rate)
+    inputs = RecordInputs(
+        record,
+        aircraft,
+        instruments_of(aircraft, record.attrs),
+        windows=order_windows(record, windows),
+        rate=rate,
+    )
     x = first_path(inputs)
     mean_height = float(x[:, 6].mean())
     reference = (mean_height, float(inputs.air.temperature_at(inputs.time).mean()))

@@ -127,10 +127,6 @@ class RecordInputs:
         """Return the position of a sensor relative to the c.g. (3,). [m]"""
         return np.array(self.specification.of(channel).position) - self.cg
 
-    def lies_in_windows(self, clock: np.ndarray) -> np.ndarray:
-        """Return which instants (M,) lie in a window."""
-        return np.any([(clock >= a) & (clock <= b) for a, b in self.windows], axis=0)
-
 
 def first_path(inputs: RecordInputs) -> np.ndarray:
     """Return a first trajectory (N, 7 + vanes) from the readings."""

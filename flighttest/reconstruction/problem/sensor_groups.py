@@ -10,6 +10,7 @@ import numpy as np
 from flighttest.reconstruction.problem import output_equations
 from flighttest.reconstruction.problem.problem import Model, Sensor
 from flighttest.reconstruction.problem.record_inputs import RecordInputs
+from flighttest.records.sensors.measurements import lies_in_windows
 
 # m/s and s: size and memory of the sideslip velocity where no vane shows it
 SIDESLIP = (3.0, 5.0)
@@ -60,7 +61,7 @@ def low_radio_heights(inputs: RecordInputs) -> np.ndarray | None:
         return None
     clock, heights = inputs.channels.get("h_radio")
     low = heights < (inputs.specification.of("h_radio").maximum or _RADIO_MAXIMUM)
-    if not (low & inputs.lies_in_windows(clock)).any():
+    if not (low & lies_in_windows(inputs.windows, clock)).any():
         return None
     return low
 

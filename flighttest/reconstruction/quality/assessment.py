@@ -325,18 +325,10 @@ def _refusals(
     if not any("ax_imu" in leaf for leaf in record.children.values()):
         return []
     try:
-        windows = order_windows(record, None)
         if aircraft is not None and specification is not None:
-            assemble_problem(
-                record,
-                aircraft,
-                specification=specification,
-                windows=windows,
-                rate=RATE,
-                prior=None,
-            )
+            assemble_problem(record, aircraft, rate=RATE)
         else:
-            channels = MeasuredChannels(record, windows)
+            channels = MeasuredChannels(record, order_windows(record, None))
             demand_air_data(channels, _airspeed_channel(channels))
     except AeromatchError as error:
         problems = [str(error)]

@@ -13,7 +13,7 @@ from jinja2 import ChoiceLoader, PackageLoader, Template
 from markupsafe import Markup
 
 from flightmech.names import lookup
-from flightmech.support.arrays import thin_to_extremes, true_runs
+from flightmech.support.arrays import thin_to_extremes, true_spans
 from flightmech.support.atomic_write import write_text
 from flightmech.support.figures import (
     Frame,
@@ -225,7 +225,7 @@ def _history(quality: Quality, name: str) -> dict[str, Any]:
     for finding in quality.findings:
         if name in finding.channels and finding.start is not None and finding.stop is not None:
             faults.append((finding.start, finding.stop))
-    faults += _intervals(signals.time, ~signals.good[name])
+    faults += true_spans(signals.time, ~signals.good[name])
     # An invalid sample of exactly zero is a filler for a missing reading.
     is_reading = signals.good[name] | (signals[name] != 0.0)
     x = from_si(np.where(is_reading, signals[name], np.nan), row.display_units)
@@ -233,7 +233,7 @@ def _history(quality: Quality, name: str) -> dict[str, Any]:
         signals.time,
         [x],
         units=row.display_units,
-        shaded=_intervals(signals.time, ~signals.flying),
+        shaded=true_spans(signals.time, ~signals.flying),
         flagged=faults,
         label=f"{name} over time",
     )
@@ -337,8 +337,3 @@ def _finite_text(value: float, units: str) -> str:
     if not np.isfinite(value):
         return ""
     return f"{from_si(value, units):.4g}"
-
-
-def _intervals(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
-    """Return the intervals of time in which a mask is true. [s]"""
-    return [(float(time[start]), float(time[stop - 1])) for start, stop in true_runs(mask)]

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import is_quantity, lookup
 from flightmech.units import fitted_unit, known_unit, parse_unit, to_si
 from flighttest.records.readers.channel_correction import recorder_units
 from flighttest.records.readers.recording import (
@@ -77,10 +77,10 @@ def split_heading(text: str) -> tuple[str, str]:
     unit_and_sense = _unit_with_sense(unit)
     if unit_and_sense:
         return f"{name} {unit_and_sense[1]}", unit_and_sense[0]
-    if not (_is_unit(unit) or is_canonical(name)):
+    if not (_is_unit(unit) or is_quantity(name)):
         return text, ""
     # A number in brackets is an index, except the unit 1 of a canonical name.
-    if unit.isdigit() and not (text == f"{name} [1]" and is_canonical(name)):
+    if unit.isdigit() and not (text == f"{name} [1]" and is_quantity(name)):
         return text, ""
     return name, unit
 
@@ -245,15 +245,6 @@ def _is_unit(text: str) -> bool:
     try:
         parse_unit(text)
     except UnitError:
-        return False
-    return True
-
-
-def is_canonical(name: str) -> bool:
-    """Return whether a name is in the vocabulary."""
-    try:
-        lookup(name)
-    except UnknownName:
         return False
     return True
 

@@ -169,7 +169,7 @@ class MeasuredChannels:
             if name not in self.recorded:
                 continue
             clock = self.leaves[self.leaf[name]].variables["time"].values
-            is_spike = self.spikes(name) & self._is_in_windows(clock)
+            is_spike = self.spikes(name) & lies_in_windows(self.windows, clock)
             if is_spike.any():
                 remedy = "left out"
                 if name in IMU:
@@ -184,11 +184,8 @@ class MeasuredChannels:
         """Return the samples per second of a channel."""
         return float(self.leaves[self.leaf[name]].attrs["rate"])
 
-    def _is_in_windows(self, time: np.ndarray) -> np.ndarray:
-        return np.any([(time >= start) & (time <= end) for start, end in self.windows], axis=0)
-
     def _select_windows(self, data: xr.Dataset) -> xr.Dataset:
-        inside = self._is_in_windows(data["time"].values)
+        inside = lies_in_windows(self.windows, data["time"].values)
         return data if inside.all() else data.isel(time=inside)
 
     def by_leaf(self, names: Sequence[str]) -> list[list[str]]:
@@ -248,6 +245,11 @@ def airspeed_channel(channels: MeasuredChannels, specification: Instruments) -> 
             ],
         )
     return speeds[0] if speeds else "q_c"
+
+
+def lies_in_windows(windows: Sequence[tuple[float, float]], time: np.ndarray) -> np.ndarray:
+    """Return which instants (time,) lie in a window. [s]"""
+    return np.any([(time >= start) & (time <= end) for start, end in windows], axis=0)
 
 
 def order_windows(

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flightmech.errors import IdentificationError
+from flightmech.names import WRAPPED
 from flighttest.records.signals.differentiation import WINDOW, derivative
 from flighttest.records.signals.resampling import GAP
-from flighttest.records.signals.sample_flags import ENDLESS
 
 COHERENT = 0.8
 """Squared coherence below which a frequency contains no information about the phase."""
@@ -269,7 +269,7 @@ def remove_lag(time, x, lag: float, name: str) -> np.ndarray:
         if len(part) < 2:
             continue
         values = x[part]
-        if name in ENDLESS:
+        if name in WRAPPED:
             values = np.unwrap(values)
         if lag > 0.0:
             x[part] = values + lag * _slope(time[part], values)

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from flightmech.errors import OutOfRange
-from flighttest.records.signals.sample_flags import ENDLESS
+from flightmech.names import WRAPPED
 
 GAP = 3.0
 """Longest step of a clock without a gap, in median steps."""
@@ -185,7 +185,7 @@ def remove_delay(time, x, delay: float, name: str) -> np.ndarray:
     if not delay or is_finite.sum() < 2:
         return x
     samples = x[is_finite]
-    if name in ENDLESS:
+    if name in WRAPPED:
         samples = np.unwrap(samples)
     shifted_time = np.clip(time + delay, time[0], time[-1])
     shifted = resample(time[is_finite], samples, shifted_time, name)

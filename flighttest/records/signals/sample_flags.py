@@ -27,10 +27,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flightmech.names import WRAPPED
 from flightmech.support.arrays import median, true_runs
 
-ENDLESS = ("psi", "phi", "lon")
-"""Angles that continue at zero after a full turn."""
 KINDS = ("gap", "wrap", "stray", "duplicate", "reset", "missing", "outside", "held", "spike")
 MOST = 20
 """Largest number of spans of one kind on one channel. The last span then covers all the rest."""
@@ -185,7 +184,7 @@ def find_spikes(x: np.ndarray, channel: str) -> np.ndarray:
 def _steps(x: np.ndarray, channel: str) -> np.ndarray:
     """Return the steps from sample to sample; a full turn of an angle is not a step."""
     step = np.diff(x)
-    if channel not in ENDLESS:
+    if channel not in WRAPPED:
         return step
     return np.where(np.abs(step) > np.pi, (step + np.pi) % (2.0 * np.pi) - np.pi, step)
 

@@ -11,16 +11,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flightmech.errors import AeromatchError, ParseError, SchemaError
+from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import lookup
-from flightmech.support.input_files import WESTERN, csv_rows, read_text
 from flightmech.units import parse_unit, to_si
+from flighttest.records.text_tables import read_text_table
 from flighttest.regression.combining.published import Condition, published_fit
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
 
 NEEDED = ("model", "coefficient", "term", "value", "stderr")
-_TEXTS = ("model", "coefficient", "term")  # columns in which a comma is not a decimal comma
+_TEXTS = {"model", "coefficient", "term"}  # columns in which a comma is not a decimal comma
 _UNIT = "unit"
 _REFERENCE = "reference"  # "alpha reference [deg]": the point about which the model is an expansion
 _HEAD = re.compile(r"(.*?)\s*(?:\[(.*)\])?")  # name and unit of a column
@@ -74,30 +74,15 @@ def read_published(path: str | Path) -> list[Fit]:
         them, with the line.
     """
     path = Path(path)
-    text = read_text(path, "a CSV text with the columns " + ", ".join(NEEDED), WESTERN)
-    # Semicolons separate cells if the first line has more of them than commas.
-    first_line = text.split("\n", 1)[0]
-    separator = ";" if first_line.count(";") > first_line.count(",") else ","
-    lines = csv_rows(text, path, separator)
-    heads = [cell.strip() for cell in lines[0]] if lines else []
-    columns = _read_heads(path, heads)
+    table = read_text_table(path, "a CSV text with the columns " + ", ".join(NEEDED))
+    columns = _read_heads(path, table.names)
     problems: list[str] = []
     groups: dict[tuple[str, str], list[_Row]] = {}
-    for number, cells in enumerate(lines[1:], start=2):
-        if not any(cell.strip() for cell in cells):
-            continue  # an empty line
-        if len(cells) != len(heads):
-            raise ParseError(
-                str(path),
-                number,
-                f"{len(cells)} cells",
-                f"{len(heads)}, as the line of names has; quote texts with commas",
-            )
-        cell_of = {name: cell.strip() for name, cell in zip(columns, cells, strict=True)}
-        # With semicolons a comma in a number is a decimal comma.
-        if separator == ";":
-            _replace_decimal_commas(cell_of)
-        row = _read_row(number, cell_of, columns=columns, problems=problems)
+    for line, cells in zip(table.lines, table.rows, strict=True):
+        cell_of = dict(zip(columns, cells, strict=True))
+        for name in cell_of.keys() - _TEXTS:
+            cell_of[name] = table.with_point(cell_of[name])
+        row = _read_row(line, cell_of, columns=columns, problems=problems)
         groups.setdefault((cell_of["model"], cell_of["coefficient"]), []).append(row)
     fits = []
     for (name, coefficient), rows in groups.items():
@@ -138,13 +123,6 @@ def _read_heads(path: Path, heads: list[str]) -> dict[str, str]:
     if problems:
         raise SchemaError(str(path), problems)
     return units
-
-
-def _replace_decimal_commas(cell_of: dict[str, str]) -> None:
-    """Replace decimal commas in the cells of numbers, in place."""
-    for name, cell in cell_of.items():
-        if name not in _TEXTS:
-            cell_of[name] = cell.replace(",", ".")
 
 
 def _read_row(

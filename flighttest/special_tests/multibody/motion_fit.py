@@ -27,6 +27,7 @@ import xarray as xr
 
 from flightmech.axes import matrix_from_quaternion
 from flightmech.errors import AeromatchWarning, IdentificationError
+from flighttest.special_tests.marker_poses import cross_matrices
 from flighttest.special_tests.multibody.first_guess import BodyMarker, guess_motion
 from flighttest.special_tests.multibody.mechanics import tree_posture
 from flighttest.special_tests.multibody.splines import RecordSplines
@@ -321,7 +322,7 @@ class _MarkerProblem:
             m = tree.point(body, position)
             J = np.zeros((len(y), 3, y.shape[1]))
             J[:, :, :3] = np.eye(3)
-            J[:, :, 3:7] = -to_ned @ _cross(m) @ turn
+            J[:, :, 3:7] = -to_ned @ cross_matrices(m) @ turn
             J[:, :, 7:] = to_ned @ tree.jacobian(body, m)
             e = self.P[:, j] - y[:, :3] - np.einsum("tij,tj->ti", to_ned, m)
             is_seen = self.seen[:, j, None]
@@ -420,12 +421,5 @@ def _vector_matrix(q: np.ndarray) -> np.ndarray:
     s, u = q[:, 0], q[:, 1:]
     matrix = np.empty((len(q), 3, 4))
     matrix[:, :, 0] = -u
-    matrix[:, :, 1:] = s[:, None, None] * np.eye(3) - _cross(u)
+    matrix[:, :, 1:] = s[:, None, None] * np.eye(3) - cross_matrices(u)
     return matrix
-
-
-def _cross(v: np.ndarray) -> np.ndarray:
-    """Return the matrices (time, 3, 3) of the cross product."""
-    out = np.zeros((len(v), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    return out - np.swapaxes(out, 1, 2)

@@ -26,8 +26,9 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.errors import ParseError, SchemaError
-from flightmech.support.input_files import csv_rows, read_text
+from flightmech.names import IMPLICIT
 from flightmech.terms import MAX_REGRESSORS, make_term
+from flighttest.records.text_tables import read_text_table
 from flighttest.regression.equation_error.model import RegressionModel, term_powers
 from flighttest.special_tests.spin.rotation_rates import WIND_RATES
 
@@ -35,8 +36,6 @@ ALPHA = np.radians(np.arange(-20.0, 60.5, 1.0))
 BETA = np.radians(np.arange(-40.0, 40.5, 1.0))
 _REQUIRED = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
 _BODY_RATES = ("phat", "qhat", "rhat")
-# The simulation solves for these variables; they are regressors and never axes.
-_IMPLICIT = ("alphadothat", "betadothat", "dnz")
 COLUMNS = ("coefficient", "term", "estimate", "sigma")
 
 # Glide model, eq. (24)-(29)
@@ -180,10 +179,10 @@ def _make_product(term: str, value: float) -> xr.Dataset:
     for name, power in term_powers(term).items():
         factors += [name] * power
     # variables that cannot be axes come first
-    factors.sort(key=lambda name: name not in _IMPLICIT)
+    factors.sort(key=lambda name: name not in IMPLICIT)
     regressors, axis_names = factors[:MAX_REGRESSORS], factors[MAX_REGRESSORS:]
     is_repeated = len(axis_names) != len(set(axis_names))
-    if is_repeated or set(axis_names) & set(_IMPLICIT):
+    if is_repeated or set(axis_names) & set(IMPLICIT):
         raise ParseError(
             "<model>",
             0,
@@ -293,25 +292,21 @@ def read_polynomials(
     UnknownName
         A coefficient or variable is not in the vocabulary.
     """
-    names, *cells = csv_rows(read_text(path, "polynomials in CSV"), path) or [[]]
-    missing = [name for name in (*COLUMNS, column) if name not in names]
+    table = read_text_table(path, "polynomials in CSV")
+    missing = [name for name in (*COLUMNS, column) if name not in table.names]
     if missing:
-        raise ParseError(str(path), 1, f"columns {', '.join(names)}", f"also {', '.join(missing)}")
+        found = f"columns {', '.join(table.names)}"
+        raise ParseError(str(path), 1, found, f"also {', '.join(missing)}")
     # terms and numbers (estimate, sigma) by coefficient
     terms: dict[str, list[str]] = {}
     numbers: dict[str, list[tuple[float, float]]] = {}
-    for number, line in enumerate(cells, 2):
-        if not line:
-            continue
-        row = dict(zip(names, line, strict=False))
-        try:
-            coefficient, term = row["coefficient"], row["term"]
-            pair = float(row[column]), float(row["sigma"])
-        except (KeyError, ValueError) as error:
-            raise ParseError(
-                str(path), number, str(error), f"numbers in {column} and sigma"
-            ) from error
-        terms.setdefault(coefficient, []).append(term)
+    for row, line in enumerate(table.lines):
+        pair = table.number(row, column), table.number(row, "sigma")
+        if not np.isfinite(pair).all():
+            found, expected = "an empty cell or NaN", f"numbers in {column} and sigma"
+            raise ParseError(str(path), line, found, expected)
+        coefficient = table.text(row, "coefficient")
+        terms.setdefault(coefficient, []).append(table.text(row, "term"))
         numbers.setdefault(coefficient, []).append(pair)
     polynomials = {}
     for coefficient, rows in terms.items():

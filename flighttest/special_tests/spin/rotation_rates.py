@@ -35,7 +35,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
-from flightmech.names import quantity_attributes
+from flightmech.names import REDUCED_RATES, quantity_attributes
 from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
 from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from flighttest.reconstruction.flight_path import FlightPath
@@ -181,10 +181,7 @@ _RECORDED = (("p", "q", "r"), ("ax_imu", "ay_imu", "az_imu"))
 _VECTORS = (*_RECORDED, ("ax", "ay", "az"), ("u", "v", "w"), ("p_dot", "q_dot", "r_dot"))
 _EULER = ("phi", "theta", "psi")
 # States that are computed again in body axes.
-_DERIVED = (
-    *("alpha", "beta", "nz", "alpha_dot", "beta_dot"),
-    *("phat", "qhat", "rhat", "alphadothat", "betadothat"),
-)
+_DERIVED = ("alpha", "beta", "nz", "alpha_dot", "beta_dot", *REDUCED_RATES)
 # Channels that exchange their specifications when x and z exchange places.
 _EXCHANGED = {"p": "r", "r": "p", "ax_imu": "az_imu", "az_imu": "ax_imu"}
 

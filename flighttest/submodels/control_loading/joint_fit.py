@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
 from flightmech.errors import IdentificationError
+from flightmech.support.arrays import true_runs
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.uncertainty import collinearity
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
@@ -169,9 +169,7 @@ def convergence_remarks(iterations: Mapping[str, Convergence]) -> list[Remark]:
 
 def stretch_lengths(use: np.ndarray) -> tuple[int, ...]:
     """Return the number of samples of every stretch without a gap."""
-    indices = np.flatnonzero(use)
-    edges = [0, *(np.flatnonzero(np.diff(indices) > 1) + 1).tolist(), len(indices)]
-    return tuple(b - a for a, b in pairwise(edges))
+    return tuple(stop - start for start, stop in true_runs(use))
 
 
 def joint_fit(

@@ -11,6 +11,7 @@ import xarray as xr
 
 from flightmech.air import atmosphere
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.support.arrays import true_runs
 from flighttest.records.sensors.measurements import geometric_height
 from flighttest.remarks import Convergence, warn_forbidden
 from flighttest.submodels.engine.schedule import SAME, find_lever_rest
@@ -251,10 +252,8 @@ def power_changes(
 
 def _moving_ranges(still: np.ndarray, least: int) -> list[tuple[int, int]]:
     """Return begin and end of the motions; a rest of fewer than `least` samples does not count."""
-    padded = np.concatenate([[True], still, [True]]).astype(int)
-    edges = np.flatnonzero(np.diff(padded)).reshape(-1, 2)
     joined: list[tuple[int, int]] = []
-    for begin, end in edges.tolist():
+    for begin, end in true_runs(~still):
         if joined and begin - joined[-1][1] < least:
             joined[-1] = joined[-1][0], end
         else:

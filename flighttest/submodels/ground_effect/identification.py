@@ -34,7 +34,12 @@ from flighttest.submodels.ground_effect.structure import (
     height_breakpoints,
     with_heights,
 )
-from flighttest.submodels.ground_effect.tables import HeightTable, TableSearch, table_regressors
+from flighttest.submodels.ground_effect.tables import (
+    HeightTable,
+    TableSearch,
+    least_squares_residual,
+    table_regressors,
+)
 
 # Variables of the database that are zero if the records do not contain them.
 AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake", "delta_f")
@@ -253,14 +258,14 @@ class _CoefficientIdentification:
         """Return residual and number of parameters without ground effect and of the database."""
         name, X = self.model.coefficient, self.free_air_regressors(samples)
         forms: dict[str, tuple[np.ndarray, int | None]] = {
-            "none": (_residual(X, samples.data[name].values), X.shape[1])
+            "none": (least_squares_residual(X, samples.data[name].values), X.shape[1])
         }
         if self.database is not None:
             parts = _subtract_parts(self.records, name, self.database.over_ground)
             z = stack_samples(name, self.variables, parts, self.model).data[name].values
             # A database from these flights has no number of parameters, see `rank_forms`.
             count = None if self.database.from_flight else X.shape[1]
-            forms["database"] = _residual(X, z), count
+            forms["database"] = least_squares_residual(X, z), count
         return forms
 
     def tables(
@@ -335,13 +340,6 @@ def _undetermined_terms(X: np.ndarray, terms: Sequence[str]) -> set[str]:
     # Least squares divides the coefficients of such a combination at will.
     takes_part = (np.abs(vanishing) > _SHARE).any(axis=0)
     return {terms[k] for k in moving[takes_part]}
-
-
-def _residual(X: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Return the residual of least squares."""
-    if not X.shape[1]:
-        return z
-    return z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
 
 
 def _best_closed(closed: Mapping[str, ClosedForm], form: str, n: float) -> ClosedForm | None:

@@ -135,7 +135,7 @@ class TableSearch:
         least = nothing
         for chosen in list_subsets(range(len(self.ground))):
             columns = self.columns_of({k: self.nodes for k in chosen})
-            v = _residual(self.R[:, columns], self.R[:, -1])
+            v = least_squares_residual(self.R[:, columns], self.R[:, -1])
             criterion = self._criterion(v, len(columns))
             if criterion < least and not is_short_of_rank(self.R[:, columns]):
                 best, least = chosen, criterion
@@ -339,7 +339,7 @@ def is_short_of_rank(X: np.ndarray) -> bool:
     return bool(sizes[-1] < RANK * sizes[0])
 
 
-def _residual(X: np.ndarray, z: np.ndarray) -> np.ndarray:
+def least_squares_residual(X: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Return the residual of least squares."""
     if not X.shape[1]:
         return z

@@ -22,6 +22,7 @@ from aerodb.store.schema import database_coefficients
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.axes import matrix_from_euler, stability_to_body
 from flightmech.errors import IdentificationError
+from flightmech.names import REDUCED_RATES
 from flighttest.reconstruction.dynamics.force_coefficients import smooth_states
 from flighttest.reconstruction.dynamics.loads import external_load
 from flighttest.reconstruction.flight_path import FlightPath
@@ -229,9 +230,9 @@ def air_load(
         "beta": np.arcsin(np.clip(v / slow, -1.0, 1.0)),
     }
     # Reduced rates, such as q cbar / 2 V.
-    lengths = (("phat", "p", aircraft.b), ("qhat", "q", aircraft.cbar), ("rhat", "r", aircraft.b))
-    for name, rate, length in lengths:
-        variables[name] = variables[rate] * length / (2.0 * slow)
+    for name in ("phat", "qhat", "rhat"):
+        rate, length = REDUCED_RATES[name]
+        variables[name] = variables[rate] * getattr(aircraft, length) / (2.0 * slow)
     variables |= {
         "alphadothat": np.zeros(count),
         "betadothat": np.zeros(count),

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
+from flightmech.names import WRAPPED
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import PARAMETER
 from pom.cases.case import PomCase
@@ -25,7 +26,7 @@ from pom.replaying.trim import OBSERVED, beyond_limits, trim_limits
 from pom.samples import QUANTILES
 from pom.status import group_verdicts, judged_groups, status_of
 from pom.tolerances.bands import Invalid, Judgement, NotJudged, unwrapped_difference
-from pom.tolerances.channels import WRAPPED, output_of
+from pom.tolerances.channels import output_of
 
 Traces = dict[str, np.ndarray]
 

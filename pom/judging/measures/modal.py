@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from flightmech.names import WRAPPED
 from flightmech.units import DEGREE
 from pom.judging.measures.damped_sine import DampedSine, fit_mode, phase_at
 from pom.judging.signals import Comparison, trace_of
@@ -24,7 +25,7 @@ from pom.tolerances.bands import (
     inside_window,
     judge_number,
 )
-from pom.tolerances.channels import WRAPPED, plain_id
+from pom.tolerances.channels import plain_id
 from pom.tolerances.criteria import Criterion
 
 MINIMUM_CYCLES = {"2.c.9": 3.0, "2.d.7": 6.0}

@@ -21,12 +21,10 @@ from flightmech.support.figures import (
     text_pieces,
 )
 from pom.report.case.panel_drawing import (
-    RESIDUAL,
     Box,
     StripStyle,
     clear_line,
-    draw_exit_bars,
-    draw_residual_strip,
+    draw_residuals_below,
     draw_tolerance,
     draw_window_and_traces,
     mark_models_beyond_scale,
@@ -40,7 +38,7 @@ PAGE = 960.0
 # Heights of a judged panel, of its strip of differences, and of any other panel.
 MAIN, STRIP, SMALL, GAP = 170.0, 38.0, 66.0, 5.0
 TOP = 24.0  # height of the legend
-_STRIP_STYLE = StripStyle(y_ticks=(-1.0, 0.0, 1.0), x_most=8, label_x=6, marks_beyond=True)
+_STRIP_STYLE = StripStyle(y_ticks=(-1.0, 0.0, 1.0), x_most=8, label_x=6, gap=GAP, marks_beyond=True)
 
 
 def draw_case_figures(
@@ -208,24 +206,17 @@ def _draw_panel(
         clip_to_frame(frame, name, content),
         mark_models_beyond_scale(frame, time, panel, styles, names),
     ]
-    bottom = frame.bottom
-    if panel.half is not None:
-        limits = (-RESIDUAL, RESIDUAL)
-        strip = Frame(LEFT, bottom + GAP, frame.width, STRIP * scale, x_limits, limits)
-        parts += [
-            draw_exit_bars(frame, panel.exits, styles),
-            draw_residual_strip(
-                strip,
-                f"{name}-e",
-                time=time,
-                panel=panel,
-                styles=styles,
-                strip_style=_STRIP_STYLE,
-                with_time=last,
-            ),
-        ]
-        bottom = strip.bottom
-    return "".join(parts), bottom + GAP
+    residuals, bottom = draw_residuals_below(
+        frame,
+        name,
+        time,
+        panel=panel,
+        styles=styles,
+        strip_style=_STRIP_STYLE,
+        height=STRIP * scale,
+        with_time=last,
+    )
+    return "".join([*parts, residuals]), bottom + GAP
 
 
 def _draw_heading(panel: CasePanel, y: float) -> str:

@@ -52,6 +52,8 @@ class StripStyle:
         Greatest number of ticks of the time.
     label_x : float
         Left edge of the label ``e/t``. [unit]
+    gap : float
+        Between the panel and the strip. [unit]
     marks_beyond : bool
         Mark residuals beyond the scale of the strip.
     """
@@ -59,10 +61,49 @@ class StripStyle:
     y_ticks: tuple[float, ...]
     x_most: int
     label_x: float
+    gap: float
     marks_beyond: bool
 
 
-def draw_residual_strip(
+def draw_residuals_below(
+    frame: Frame,
+    name: str,
+    time: np.ndarray,
+    panel: CasePanel,
+    styles: Mapping[str, str],
+    strip_style: StripStyle,
+    height: float,
+    with_time: bool,
+) -> tuple[str, float]:
+    """Return bars of the exits and the strip of residuals below a panel, and its lower edge.
+
+    Parameters
+    ----------
+    frame : Frame
+        Frame of the panel.
+    name, time, panel, styles, strip_style, with_time
+        As in `_draw_residual_strip`.
+    height : float
+        Height of the strip.
+    """
+    if panel.half is None:
+        return "", frame.bottom
+    top = frame.bottom + strip_style.gap
+    strip = Frame(frame.left, top, frame.width, height, frame.x, (-RESIDUAL, RESIDUAL))
+    exits = _draw_exit_bars(frame, panel.exits, styles)
+    residuals = _draw_residual_strip(
+        strip,
+        f"{name}-e",
+        time=time,
+        panel=panel,
+        styles=styles,
+        strip_style=strip_style,
+        with_time=with_time,
+    )
+    return exits + residuals, strip.bottom
+
+
+def _draw_residual_strip(
     frame: Frame,
     name: str,
     time: np.ndarray,
@@ -214,7 +255,7 @@ def _exceedance_area(
     return shapes
 
 
-def draw_exit_bars(
+def _draw_exit_bars(
     frame: Frame, exits: Mapping[str, Sequence[tuple[float, float]]], styles: Mapping[str, str]
 ) -> str:
     """Return bars along the time axis where runs are outside of the band.

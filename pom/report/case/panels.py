@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flightmech.support.arrays import true_runs
+from flightmech.support.arrays import true_spans
 from pom.judging.signals import RunSignals, signals_of_run, traces_of
 from pom.report.case.panel_marks import (
     FLOW_ANGLES,
@@ -304,7 +304,7 @@ def _list_exits(
         return exits
     for run, values in traces.items():
         if run != "flight":
-            exits[run] = spans_of_mask(time, is_outside_band(values, traces["flight"], half))
+            exits[run] = true_spans(time, is_outside_band(values, traces["flight"], half))
     return exits
 
 
@@ -364,11 +364,6 @@ def is_outside_band(model: np.ndarray, flight: np.ndarray, half: np.ndarray) -> 
     # The factor lets a value on the edge of the band pass in spite of rounding.
     with np.errstate(invalid="ignore"):
         return np.isfinite(half) & ~(np.abs(model - flight) <= half * (1.0 + 1e-12))
-
-
-def spans_of_mask(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
-    """Return start and stop of every run of true samples. [s]"""
-    return [(float(time[a]), float(time[b - 1])) for a, b in true_runs(mask)]
 
 
 def scale_limits(

@@ -22,12 +22,10 @@ from flightmech.support.figures import (
     text_pieces,
 )
 from pom.report.case.panel_drawing import (
-    RESIDUAL,
     Box,
     StripStyle,
     clear_line,
-    draw_exit_bars,
-    draw_residual_strip,
+    draw_residuals_below,
     draw_tolerance,
     draw_window_and_traces,
     mark_models_beyond_scale,
@@ -39,7 +37,7 @@ from pom.report.presentation.verdict_text import WORDS
 
 # Gap between panels, strip of differences, time axis at the foot of a page.
 GAP, STRIP, FOOT = 3.0, 24.0, 27.0
-_STRIP_STYLE = StripStyle(y_ticks=(-1.0, 1.0), x_most=10, label_x=4, marks_beyond=False)
+_STRIP_STYLE = StripStyle(y_ticks=(-1.0, 1.0), x_most=10, label_x=4, gap=GAP, marks_beyond=False)
 SQUEEZED = 2.0  # scale of the whole record over that of the window
 LEAST, MOST = 30.0, 160.0  # height of an input panel
 MOST_PANELS = 7  # on a page
@@ -111,22 +109,17 @@ def draw_case_panel(
         event_lines,
         mark_models_beyond_scale(frame, time, panel, styles, names),
     ]
-    bottom = frame.bottom
-    if scaled.half is not None:
-        strip = Frame(LEFT, bottom + GAP, width, STRIP, x_limits, (-RESIDUAL, RESIDUAL))
-        parts += [
-            draw_exit_bars(frame, scaled.exits, styles),
-            draw_residual_strip(
-                strip,
-                f"{name}-e",
-                time=time,
-                panel=scaled,
-                styles=styles,
-                strip_style=_STRIP_STYLE,
-                with_time=last,
-            ),
-        ]
-        bottom = strip.bottom
+    residuals, bottom = draw_residuals_below(
+        frame,
+        name,
+        time,
+        panel=scaled,
+        styles=styles,
+        strip_style=_STRIP_STYLE,
+        height=STRIP,
+        with_time=last,
+    )
+    parts.append(residuals)
     if last:
         parts.append(_draw_time_label(bottom))
     full_height = bottom + (FOOT if last else GAP)

@@ -16,7 +16,7 @@ from markupsafe import Markup
 
 from flightmech import units
 from flightmech.errors import UnknownName
-from flightmech.names import SIGNS, lookup
+from flightmech.names import GREEK, SIGNS, lookup
 from flightmech.support.figures import MINUS
 from pom.report.presentation.unit_sets import current_units, display_unit_of
 
@@ -35,16 +35,6 @@ SYMBOLS = {
 }
 """Verdicts as marks, for readers who do not distinguish the colours."""
 
-_GREEK = {
-    "alpha": "α",
-    "beta": "β",
-    "gamma": "γ",
-    "delta": "δ",
-    "theta": "θ",
-    "phi": "φ",
-    "psi": "ψ",
-    "rho": "ρ",
-}
 _HAT = "\N{COMBINING CIRCUMFLEX ACCENT}"
 _BAR = "\N{COMBINING MACRON}"
 _DOT = "\N{COMBINING DOT ABOVE}"
@@ -260,10 +250,10 @@ def symbol_parts(name: str) -> tuple[str, str]:
         return name[0], name[1:]
     stem, _, tail = name.partition("_")
     if tail == "dot":
-        return _GREEK.get(stem, stem) + _DOT, ""
+        return GREEK.get(stem, stem) + _DOT, ""
     if stem.endswith("hat"):
         return stem[0] + _HAT, tail
-    return _GREEK.get(stem, stem), tail
+    return GREEK.get(stem, stem), tail
 
 
 def quantity_label(name: str) -> QuantityLabel:

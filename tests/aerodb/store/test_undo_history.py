@@ -9,7 +9,6 @@ import xarray as xr
 
 import aerodb
 import flightmech
-from aerodb.store.files import list_edits
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 
 CHECKS = {
@@ -51,34 +50,6 @@ def test_history_holds_the_edits(small):
     assert rows.loc[3].to_list() == [2, "delete_terms", "Cm/qhat", "", "delete_terms: Cm/qhat"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("sealed", [True, False])
-def test_the_history_in_a_file_is_that_of_its_tree(small, tmp_path, sealed):
-    """Of a sealed file the undo entries are listed without reading tables; a file of another
-    program is opened.
-    """
-    scaled = aerodb.edit.scale(
-        aerodb.store.with_checks(small, 2), "C*/q*", 2.0, note="twice"
-    )  # sets the check cases aside
-    new = aerodb.replace_terms(
-        aerodb.store.with_checks(scaled, 2), {"CL/gear": aerodb.terms(small)["CL/flap"]}
-    )
-    for number, db in enumerate(
-        (
-            small,
-            scaled,
-            new,
-            aerodb.delete_terms(new, ["CL/qhat"]),
-            aerodb.store.drop_undo_history(new),
-        )
-    ):
-        path = tmp_path / f"{number}.nc"
-        aerodb.save(db, path)
-        content = path.read_bytes()
-        path.write_bytes(content if sealed else content[: content.rindex(b"\noverview")])
-        assert list_edits(path) == list(aerodb.store.history(db).itertuples(index=False, name=None))
-
-
 def test_a_group_that_no_edit_wrote_is_named_in_a_file_too(small, tmp_path):
     path = tmp_path / "a.nc"
     aerodb.save(aerodb.edit.scale(small, "CL/flap", 2.0), path)
@@ -91,7 +62,7 @@ def test_a_group_that_no_edit_wrote_is_named_in_a_file_too(small, tmp_path):
         whole + b"\nsha256 of the bytes above: %s\n" % hashlib.sha256(whole).hexdigest().encode()
     )
     with pytest.raises(SchemaError, match="/previous/before is not the undo entry of an edit"):
-        list_edits(path)
+        aerodb.store.history(aerodb.open(path))
 
 
 def test_deleting_is_taken_back_in_the_old_order(small):

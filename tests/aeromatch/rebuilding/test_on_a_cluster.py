@@ -86,8 +86,8 @@ def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothin
         perform_match(project, tmp_path / "there", scheduler=local.scheduler_address, **options)
     assert len(victims) == 3
     stages = {
-        "_alone",
-        "_refined",
+        "_solve_alone",
+        "_refine_solution",
         "coefficients",
         "fit_local_models",
         "_diagnose_case",

@@ -311,7 +311,7 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
     for one, other in zip(first, again, strict=True):
         xr.testing.assert_identical(one, other)
     monkeypatch.setattr(
-        coefficients, "reconstruction_digest", lambda: "another one of the same version"
+        coefficients, "hash_installation", lambda: "another one of the same version"
     )
     assert not coefficients._coefficient_file(
         OpenProject(opened.file, opened.work), FIRST, 4.0

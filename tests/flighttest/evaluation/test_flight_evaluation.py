@@ -17,10 +17,10 @@ from flighttest.flight_programme.evaluation.figures_of_merit import line_through
 from flighttest.flight_programme.evaluation.flight_evaluation import evaluate_flight
 from flighttest.flight_programme.evaluation.mass_and_thrust import deck_thrust, mass_after_burn
 from flighttest.flight_programme.evaluation.plan import (
-    PointSheet,
     SheetColumn,
     StraightLine,
     read_plan,
+    read_sheet,
 )
 
 AIRCRAFT = """
@@ -307,14 +307,14 @@ def test_faulty_sheets_name_line_and_column(tmp_path):
     file = tmp_path / "sheet.csv"
     file.write_text("a,b\n1,2\n1\n")
     with pytest.raises(ParseError, match="line 3: found 1 cells; expected 2"):
-        PointSheet(file)
+        read_sheet(file)
     file.write_text("a,b\n1,two\n")
     with pytest.raises(ParseError, match="line 2: found 'two' in column b; expected a number"):
-        SheetColumn(column="b").of(PointSheet(file), "m")
+        SheetColumn(column="b").of(read_sheet(file), "m")
     with pytest.raises(UnknownName, match="unknown column 'c'"):
-        SheetColumn(column="c").of(PointSheet(file), "m")
+        SheetColumn(column="c").of(read_sheet(file), "m")
     with pytest.raises(SchemaError, match="column a: unit 'kg' cannot be converted to 'm'"):
-        SheetColumn(column="a", unit="kg").of(PointSheet(file), "m")
+        SheetColumn(column="a", unit="kg").of(read_sheet(file), "m")
 
 
 @pytest.mark.slow

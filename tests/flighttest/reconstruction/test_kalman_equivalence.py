@@ -15,7 +15,6 @@ from path_steps import path_steps
 from flighttest.reconstruction.problem import trajectory
 from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.reconstruction.problem.normal_equations import NormalEquations
-from flighttest.records.sensors.instruments import parse_instruments
 
 
 class TakenDown(NormalEquations):
@@ -62,9 +61,7 @@ def linearised(flown, aircraft, monkeypatch):
     for table in ("air_data", "gps"):
         del craft.instruments[table]["delay"]
     record = flown(0, duration=4.0)[0]
-    setup = assemble_problem(
-        record, craft, parse_instruments(craft.instruments), [(0.0, 4.0)], 50.0, None
-    )
+    setup = assemble_problem(record, craft, [(0.0, 4.0)])
     monkeypatch.setattr(trajectory, "NormalEquations", TakenDown)
     return trajectory.linearise(setup.problem, setup.x, setup.c)
 

@@ -22,7 +22,6 @@ from flighttest.reconstruction.dynamics.kinematics import earth_rotation
 from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.reconstruction.problem.normal_equations import NormalEquations
 from flighttest.reconstruction.problem.trajectory import estimate_trajectory, linearise, with_gusts
-from flighttest.records.sensors.instruments import parse_instruments
 
 
 def test_solution_of_a_small_system():
@@ -75,9 +74,7 @@ def test_undetermined_state_is_an_error():
 @pytest.fixture(scope="module")
 def setup(flown, aircraft):
     record, _, _ = flown(0, duration=3.0)
-    return assemble_problem(
-        record, aircraft, parse_instruments(aircraft.instruments), [(0.0, 3.0)], 50.0, None
-    )
+    return assemble_problem(record, aircraft, [(0.0, 3.0)])
 
 
 @pytest.mark.parametrize("air", ["calm", "gusts", "shown"])

@@ -10,7 +10,6 @@ import pytest
 from flighttest.reconstruction.batch.unknowns import path_of, path_sensitivities, window_slices
 from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.reconstruction.problem.trajectory import SCALES
-from flighttest.records.sensors.instruments import parse_instruments
 
 
 @pytest.fixture(scope="module")
@@ -18,9 +17,7 @@ def setup(flown, aircraft):
     craft = copy.deepcopy(aircraft)
     craft.instruments["imu"]["scale_sigma"] = {name.split(".")[1]: 1e-3 for name in SCALES}
     record = flown(0, duration=20.0)[0]
-    return assemble_problem(
-        record, craft, parse_instruments(craft.instruments), [(0.0, 9.0), (10.0, 20.0)], 50.0, None
-    )
+    return assemble_problem(record, craft, [(0.0, 9.0), (10.0, 20.0)])
 
 
 def starts_of(setup):
@@ -29,9 +26,7 @@ def starts_of(setup):
 
 def test_error_free_inputs_lead_to_the_true_path(flown, aircraft):
     record, error, truth = flown(0, noise=0.0)
-    setup = assemble_problem(
-        record, aircraft, parse_instruments(aircraft.instruments), [(0.0, 40.0)], 50.0, None
-    )
+    setup = assemble_problem(record, aircraft, [(0.0, 40.0)])
     c = np.array(
         [
             error.get(name, value)

@@ -12,7 +12,6 @@ import flighttest
 from flightmech.errors import OutOfRange, SchemaError
 from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.reconstruction.problem.readings import linearise_sensor, states_and_rates
-from flighttest.records.sensors.instruments import parse_instruments
 
 SPAN = 24.0  # s
 
@@ -40,9 +39,7 @@ def without(record, leaf, *names):
 
 
 def assembled(record, plane, rate=50.0):
-    return assemble_problem(
-        record, plane, parse_instruments(plane.instruments), [(0.0, SPAN)], rate, None
-    )
+    return assemble_problem(record, plane, [(0.0, SPAN)], rate=rate)
 
 
 @pytest.mark.parametrize("speed", ["V", "V_cas", "mach"])

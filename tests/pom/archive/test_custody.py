@@ -66,7 +66,7 @@ def test_an_fmu_that_changed_after_it_was_read_flies_for_nothing(
     )
     assert result.status("toy") == "invalid"
     assert result.failure == "toy: own.fmu changed after it was read; run the batch again"
-    assert not list(kept.rglob("*.npy"))  # what flew is kept under no hash
+    assert not list(kept.rglob("*.flight"))  # what flew is kept under no hash
     assert np.isnan(result.signals["theta"].sel(run="toy")).all()
 
 

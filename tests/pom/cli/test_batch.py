@@ -44,10 +44,10 @@ def test_a_foreign_fmu_is_replayed_by_its_table_and_its_flights_are_kept(run, to
     assert done.exit_code == 0, done.output
     assert [row["case"] for row in json.loads(done.stdout)] == ["case_0", "case_1", "case_2"]
     # three cases that give the model the same are one flight, and one of the probe of its inputs
-    kept = sorted((tmp_path / "kept").rglob("*.npy"))
+    kept = sorted((tmp_path / "kept").rglob("*.flight"))
     assert len(kept) == 2
     assert run(*words).stdout == done.stdout
-    assert sorted((tmp_path / "kept").rglob("*.npy")) == kept
+    assert sorted((tmp_path / "kept").rglob("*.flight")) == kept
 
 
 def test_without_the_table_the_foreign_fmu_is_refused(run, toy):

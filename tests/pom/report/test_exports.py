@@ -17,7 +17,7 @@ import pom
 from flightmech.errors import SchemaError
 from pom.archive import archive
 from pom.archive.results_document import case_results_text
-from pom.report import csv_lines, exports
+from pom.report import exports
 from pom.report.case.page import case_keys
 from pom.report.overview import departure_table
 from pom.tolerances.bands import RowRemark
@@ -230,7 +230,7 @@ def test_samples_in_parts_are_those_in_one(monkeypatch):
     result = fixture.roll_result()
     whole = "".join(exports.case_csv(result))
     assert whole.count("\n") == result.signals.sizes["time"] + 1
-    monkeypatch.setattr(csv_lines, "_BLOCK", 7)
+    monkeypatch.setattr(exports, "_BLOCK", 7)
     parts = list(exports.case_csv(result))
     assert len(parts) > 10
     assert "".join(parts) == whole

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import report_fixture as fixture
 
+from flightmech.support.arrays import true_spans
 from pom.report.case import page as case
 from pom.report.case import page as case_data
 from pom.report.case import panels, start
@@ -84,7 +85,7 @@ def test_a_missing_response_counts_as_outside():
     time = np.arange(5.0)
     half = np.array([np.nan, 1.0, 1.0, 1.0, np.nan])
     mask = panels.is_outside_band(np.array([9.0, 0.5, np.nan, 2.0, 9.0]), np.zeros(5), half)
-    assert panels.spans_of_mask(time, mask) == [(2.0, 3.0)]
+    assert true_spans(time, mask) == [(2.0, 3.0)]
 
 
 @pytest.mark.parametrize(

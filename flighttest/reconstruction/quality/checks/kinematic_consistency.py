@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flightmech.support.arrays import true_runs
 from flighttest.reconstruction.quality.checks.mistake_search import (
     Explanation,
     plausible_range,
@@ -170,10 +171,9 @@ def _stretch_delays(
 
 def _stretches(mask: np.ndarray, motion: np.ndarray, step: float) -> list[slice]:
     """Return the stretches of the mask with the most motion, each at most a minute long."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     longest = round(_LONGEST / step)
     stretches = []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in true_runs(mask):
         for first in range(start, stop, longest):
             last = min(first + longest, stop)
             if last - first >= _LEAST_SAMPLES:

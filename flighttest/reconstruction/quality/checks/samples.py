@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.names import lookup
+from flightmech.support.arrays import true_runs
 from flighttest.reconstruction.quality.finding import Finding, iterate_rows
 from flighttest.records.sensors.instruments import Instruments
 from flighttest.records.signals.record_flags import flags
@@ -130,18 +131,12 @@ def _frozen_runs(time: np.ndarray, x: np.ndarray, name: str, rate: float) -> lis
     still = np.concatenate([[False], size == 0.0]) & inside_range
     needed = max(HELD_SAMPLES, HELD_TIME * rate)
     runs = []
-    for start, stop in _runs_of(still):
+    for start, stop in true_runs(still):
         if stop - start >= needed and _moves_around(size, start, stop, typical):
             # the sample before the run has the same value
             span = float(time[start - 1]), float(time[stop - 1])
             runs.append(Flag(name, "held", *span, stop - start + 1))
     return runs
-
-
-def _runs_of(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Return the start and the stop (exclusive) of every run of True in a mask."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2])]
 
 
 def _moves_around(size: np.ndarray, start: int, stop: int, typical: float) -> bool:
@@ -363,7 +358,7 @@ def _saturated_runs(x: np.ndarray, extreme: float, rate: float) -> list[tuple[in
     needed = max(4, round(_RUN_TIME * rate))
     typical = np.median(np.abs(np.diff(x))[np.diff(x) != 0.0])
     runs = []
-    for start, stop in _runs_of(x == extreme):
+    for start, stop in true_runs(x == extreme):
         if stop - start >= needed and _interrupts_slope(x, start, stop, typical):
             runs.append((start, stop))
     return runs

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
+from flightmech.support.arrays import picked_runs
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
 LONGEST = 2.0  # s of delay, either way
@@ -195,8 +195,7 @@ def regress_last_column(
     theta = np.linalg.lstsq(scaled, y, rcond=None)[0]
     residual = y - scaled @ theta
     # Residuals are correlated within uninterrupted pieces of the mask.
-    breaks = np.flatnonzero(np.diff(np.flatnonzero(mask)) > 1) + 1
-    pieces = [slice(start, stop) for start, stop in pairwise([0, *breaks.tolist(), len(y)])]
+    pieces = picked_runs(mask)
     steps = [step] * len(pieces)
     covariance = coloured_covariance_of(scaled, residual, pieces, steps, lag=_MEMORY).covariance
     coefficient = float(theta[-1] / size[-1])

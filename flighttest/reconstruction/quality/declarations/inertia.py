@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from math import atan2, degrees, radians, sqrt
 
 import numpy as np
 
 from flightmech.aircraft.aircraft import Aircraft, inertia_tensor
+from flightmech.support.arrays import picked_runs
 from flightmech.units import FOOT, POUND
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels, lowpass_if_possible
@@ -248,8 +248,7 @@ def _regress_coupling(
         return None
     theta = np.linalg.lstsq(scaled, y, rcond=None)[0]
     # residuals are not correlated over the samples that the mask leaves out
-    breaks = np.flatnonzero(np.diff(np.flatnonzero(mask)) > 1) + 1
-    pieces = [slice(start, stop) for start, stop in pairwise([0, *breaks.tolist(), len(y)])]
+    pieces = picked_runs(mask)
     covariance = coloured_covariance_of(
         scaled, y - scaled @ theta, pieces, [step] * len(pieces), lag=_MEMORY
     ).covariance

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from flightmech.support.arrays import true_runs
 from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.relation_sides import heading_rate
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
@@ -142,9 +143,8 @@ def _rms_wander(
     difference: np.ndarray, turned: np.ndarray, mask: np.ndarray, *, step: float, length: float
 ) -> float | None:
     """Return the median of the rms differences of stretches; None for a shorter record."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     found = []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in true_runs(mask):
         parts = max(1, round((stop - start) * step / length))
         limits = np.linspace(start, stop, parts + 1).astype(int)
         for first, last in pairwise(limits):

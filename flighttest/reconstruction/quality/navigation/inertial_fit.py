@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
+from flightmech.support.arrays import true_runs
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
 _MOST_STRETCHES = 16
@@ -165,9 +166,8 @@ def _choose_stretches(
     """Return the stretches with most motion, each with samples for all shifts around it."""
     usable = mask.copy()
     usable[:edge] = usable[len(usable) - edge :] = False
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]).astype(np.int8)))
     slices = []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in true_runs(usable):
         parts = max(1, round((stop - start) * step / stretch))
         limits = np.linspace(start, stop, parts + 1).astype(int)
         slices += [slice(first, last) for first, last in pairwise(limits)]
