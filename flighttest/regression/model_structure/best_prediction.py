@@ -72,7 +72,7 @@ def select_by_prediction(
     of frequencies in place of manoeuvres.
     """
     if hierarchy:
-        candidates = add_factors(candidates)
+        candidates = add_factors(candidates, coefficient)
     problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
     rules = TermHierarchy(problem, keep, is_free=not hierarchy)
     comparison = ModelComparison(problem, rules)
@@ -123,9 +123,7 @@ def _tabulate_models(problem: CandidateEquations, models: Sequence[AllowedModel]
     return pd.DataFrame(rows)
 
 
-def add_model_spread(
-    fit: Fit, problem: CandidateEquations, models: Sequence[AllowedModel]
-) -> Fit:
+def add_model_spread(fit: Fit, problem: CandidateEquations, models: Sequence[AllowedModel]) -> Fit:
     """Return a fit whose covariance contains the spread of other models.
 
     Parameters

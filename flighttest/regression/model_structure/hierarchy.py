@@ -4,6 +4,10 @@ A product or a power needs its factors: without them its estimate depends on the
 variables, and it takes up the effect of a factor that is missing [Peixoto1987]_. A ramp needs the
 same power of its variable, because both together form a spline.
 
+The plane of symmetry gives the lateral variables an origin. A coefficient in the plane is even in
+all of them together, a lateral one is odd. A term of the right symmetry needs only factors of the
+right symmetry: beta**2 in CL does not need beta, alpha*beta in CY does not need alpha.
+
 References
 ----------
 .. [Peixoto1987] Peixoto, Hierarchical variable selection in polynomial regression models, The
@@ -13,6 +17,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from itertools import product
 
 import numpy as np
 
@@ -21,39 +26,74 @@ from flighttest.regression.equation_error.structure_remarks import DAMPING
 from flighttest.regression.model_structure.candidates import CandidateEquations
 
 
-def factors_of(term: str) -> list[str]:
-    """Return the terms that a term needs at once: those with one factor less.
+_LATERAL = {"beta", "phat", "rhat", "p", "r", "betadothat", "delta_a", "delta_r", "delta_d"}
+_EVEN = {"CL", "CD", "CX", "CZ", "Cm"}
+_ODD = {"CY", "Cl", "Cn"}
+
+Powers = frozenset[tuple[str, int]]
+
+
+def factors_of(term: str, coefficient: str = "") -> list[str]:
+    """Return the terms that a term needs: the products of lower powers of its factors.
+
+    Parameters
+    ----------
+    term : str
+    coefficient : str
+        Coefficient whose symmetry counts; without it every lower product is needed.
 
     Examples
     --------
     >>> factors_of("alpha**2*qhat")
-    ['alpha*qhat', 'alpha**2']
+    ['qhat', 'alpha', 'alpha*qhat', 'alpha**2']
+    >>> factors_of("alpha*beta**2", "CL")
+    ['beta**2', 'alpha']
     >>> factors_of("ramp(alpha,0.2)**2")
-    ['alpha**2']
+    ['alpha', 'alpha**2']
     """
     powers = term_powers(term)
-    needed = []
-    for factor, power in powers.items():
-        name = variable_of(factor)
-        lower = dict(powers)
-        if factor != name:
-            # A ramp is replaced by the same power of its variable.
-            del lower[factor]
-            lower[name] = lower.get(name, 0) + power
-        else:
-            lower[factor] -= 1
-        text = term_text({key: value for key, value in lower.items() if value})
-        if text != "1":
-            needed.append(text)
-    return needed
+    choices = [_lower_powers(factor, power) for factor, power in powers.items()]
+    needed: dict[str, None] = {}
+    for choice in product(*choices):
+        lower: dict[str, int] = {}
+        for factor, power in choice:
+            lower[factor] = lower.get(factor, 0) + power
+        text = term_text({factor: power for factor, power in lower.items() if power})
+        needed[text] = None
+    has_symmetry = _is_symmetric(term, coefficient)
+    found = []
+    for text in needed:
+        is_itself = _key_of(text) == _key_of(term)
+        if text != "1" and not is_itself and (_is_symmetric(text, coefficient) or not has_symmetry):
+            found.append(text)
+    return found
 
 
-def _key_of(term: str) -> frozenset[tuple[str, int]]:
+def _lower_powers(factor: str, power: int) -> list[tuple[str, int]]:
+    """Return the powers of a factor up to the given one; a ramp has those of its variable too."""
+    name = variable_of(factor)
+    choices = [(name, k) for k in range(power + 1)]
+    if name != factor:
+        choices.append((factor, power))
+    return choices
+
+
+def _is_symmetric(term: str, coefficient: str) -> bool:
+    """Return whether a term has the symmetry of a coefficient; true for one without symmetry."""
+    lateral = 0
+    for factor, power in term_powers(term).items():
+        lateral += power * (variable_of(factor) in _LATERAL)
+    if coefficient in _EVEN:
+        return lateral % 2 == 0
+    return coefficient not in _ODD or lateral % 2 == 1
+
+
+def _key_of(term: str) -> Powers:
     """Return what two spellings of one product share."""
     return frozenset(term_powers(term).items())
 
 
-def add_factors(candidates: Iterable[str]) -> list[str]:
+def add_factors(candidates: Iterable[str], coefficient: str = "") -> list[str]:
     """Return candidates with all terms that they need, factors first, each product once.
 
     Examples
@@ -61,17 +101,15 @@ def add_factors(candidates: Iterable[str]) -> list[str]:
     >>> add_factors(["1", "alpha*qhat"])
     ['1', 'qhat', 'alpha', 'alpha*qhat']
     """
-    terms: dict[frozenset[tuple[str, int]], str] = {}
+    terms: dict[Powers, str] = {}
     for candidate in candidates:
-        if _key_of(candidate) in terms:
-            continue
-        for needed in add_factors(factors_of(candidate)):
+        for needed in factors_of(candidate, coefficient):
             terms.setdefault(_key_of(needed), needed)
-        terms[_key_of(candidate)] = term_text(term_powers(candidate))
+        terms.setdefault(_key_of(candidate), term_text(term_powers(candidate)))
     return list(terms.values())
 
 
-def list_ancestors(terms: Sequence[str]) -> list[frozenset[int]]:
+def list_ancestors(terms: Sequence[str], coefficient: str = "") -> list[frozenset[int]]:
     """Return for each term the positions of all terms that it needs, as far as they are there.
 
     A factor that does not move is not among the terms, and not needed.
@@ -79,7 +117,7 @@ def list_ancestors(terms: Sequence[str]) -> list[frozenset[int]]:
     position = {_key_of(term): k for k, term in enumerate(terms)}
     ancestors = []
     for k, term in enumerate(terms):
-        needed = [position.get(_key_of(name), k) for name in add_factors([term])]
+        needed = [position.get(_key_of(name), k) for name in factors_of(term, coefficient)]
         ancestors.append(frozenset(needed) - {k})
     return ancestors
 
@@ -110,7 +148,7 @@ class TermHierarchy:
     """
 
     def __init__(self, problem: CandidateEquations, keep: Sequence[str], is_free: bool):
-        self.ancestors = list_ancestors(problem.terms)
+        self.ancestors = list_ancestors(problem.terms, problem.coefficient)
         if is_free:
             self.ancestors = [frozenset()] * len(problem.terms)
         # The constant of a model in frequency is estimated at the end.

@@ -195,7 +195,7 @@ def select_orthogonal(
     noise but never less than the variance of the residual. For frequency see `Rating`.
     """
     if hierarchy:
-        candidates = add_factors(candidates)
+        candidates = add_factors(candidates, coefficient)
     problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
     rules = TermHierarchy(problem, keep, is_free=not hierarchy)
     search = _StructureSearch(problem, rules, gain=gain, noise=noise)
@@ -308,9 +308,11 @@ def select_stepwise(
             f"terms would come and go for ever"
         )
     if hierarchy:
-        candidates = add_factors(candidates)
+        candidates = add_factors(candidates, coefficient)
     problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
-    search = _StructureSearch(problem, TermHierarchy(problem, keep, is_free=not hierarchy), gain=gain)
+    search = _StructureSearch(
+        problem, TermHierarchy(problem, keep, is_free=not hierarchy), gain=gain
+    )
     while True:
         while _enter_term(search, enter):
             while _remove_weakest(search, leave):

@@ -103,7 +103,9 @@ class Selection:
         lines = ["", f"models that the evidence allows: {count}"]
         lines.append(f"{'weight':>7}{'worse by':>10}{'stderr':>8}  model")
         for row in self.models.head(_MOST_MODELS).itertuples():
-            lines.append(f"{row.weight:>7.3f}{row.difference:>10.2f}{row.stderr:>8.2f}  {row.model}")
+            lines.append(
+                f"{row.weight:>7.3f}{row.difference:>10.2f}{row.stderr:>8.2f}  {row.model}"
+            )
         if count > _MOST_MODELS:
             rest = float(self.models["weight"].iloc[_MOST_MODELS:].sum())
             lines.append(f"{rest:>7.3f}{'':>18}  {count - _MOST_MODELS} more")

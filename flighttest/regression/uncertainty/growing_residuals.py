@@ -25,7 +25,8 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-CHANCE = 2.0  # standard errors of a coefficient of growth that count as chance
+CHANCE = 1.5  # standard errors of a coefficient of growth up to which it is chance
+_MOST_ABSORBED = 0.8  # largest share of the disturbance at a sample that the fit has taken up
 _LEAST = 0.05  # least squared envelope, of its mean: a sample never counts as free of disturbance
 
 
@@ -54,21 +55,30 @@ def growth_envelope(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice]) -> np
     if not is_moving.any() or not power > 0.0:
         return ones
     squares = departures[:, is_moving] ** 2 / variances[is_moving]
-    target = v**2 / power
     memory = _memory_of_squares(v, pieces)
+    # The fit takes up most of the disturbance where the motion is large.
+    target = v**2 / (1.0 - np.minimum(_MOST_ABSORBED, memory * _leverage(X)))
+    target /= target.mean()
     coefficients = scipy.optimize.nnls(np.column_stack([ones, squares]), target)[0]
     used = np.flatnonzero(coefficients[1:] > 0.0)
     if not len(used):
         return ones
     design = np.column_stack([ones, squares[:, used]])
     chance = CHANCE * _standard_errors(design, target, memory)[1:]
-    growth = np.maximum(0.0, coefficients[1 + used] - chance)
+    found = coefficients[1 + used]
+    growth = found * np.maximum(0.0, 1.0 - (chance / found) ** 2)
     if not growth.any():
         return ones
     # The mean of the squares is one, so that the mean of s^2 is one as well.
     level = max(_LEAST, 1.0 - float(growth.sum()))
     envelope2 = level + squares[:, used] @ growth
     return np.sqrt(envelope2 / envelope2.mean())
+
+
+def _leverage(X: np.ndarray) -> np.ndarray:
+    """Return the diagonal of X (X'X)^-1 X', (samples,)."""
+    Q = np.linalg.qr(X)[0]
+    return np.einsum("ij,ij->i", Q, Q)
 
 
 def _memory_of_squares(v: np.ndarray, pieces: Sequence[slice]) -> float:
