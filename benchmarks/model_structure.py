@@ -21,11 +21,11 @@ import time
 
 import numpy as np
 import xarray as xr
+from flighttest.model_structure import monomials, select_by_prediction, select_orthogonal
 from regression_coverage import COLOURS, LIFT, MODEL, lift  # next to this file
 from scipy.linalg import expm
 
 import flighttest
-from flighttest.model_structure import monomials, select_by_prediction, select_orthogonal
 
 STEP = 0.02
 NOISE = 0.003
@@ -157,6 +157,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--first", type=int, default=7000)
     parser.add_argument("--growth", type=int, default=200)
+    parser.add_argument("--truths", nargs="*", default=list(TRUTHS), choices=list(TRUTHS))
+    parser.add_argument("--sizes", nargs="*", default=["strong", "weak"])
     asked = parser.parse_args()
     seeds = range(asked.first, asked.first + asked.seeds)
     print(
@@ -164,8 +166,10 @@ def main() -> None:
         f"{'| orth. exact':>14s}{'| exact':>9s}{'no damping':>11s}{'in set':>8s}{'models':>8s}"
         f"{'weight':>8s}{'within 2':>9s}{'no spread':>10s}{'s':>6s}"
     )
-    for size, factor in (("strong", 1.0), ("weak", WEAK)):
-        for name, extra in TRUTHS.items():
+    for size in asked.sizes:
+        factor = {"strong": 1.0, "weak": WEAK}[size]
+        for name in asked.truths:
+            extra = TRUTHS[name]
             if size == "weak" and not extra:
                 continue
             truth = {**LINEAR, **{term: factor * value for term, value in extra.items()}}

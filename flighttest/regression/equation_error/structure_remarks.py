@@ -36,6 +36,12 @@ def remark_structure(estimates: xr.Dataset) -> list[Remark]:
         remarks.append(Remark("structure", text, damping))
     if "stderr_models" not in estimates:
         return remarks
+    if not a.get("models_complete", 1):
+        text = (
+            f"the search ended after {a['models_rated']} models, further ones may be as good; give "
+            f"fewer candidates"
+        )
+        remarks.append(Remark("structure", text, "", float(a["models_rated"]), severity="note"))
     total, spread = estimates["stderr"].values, estimates["stderr_models"].values
     for k in np.flatnonzero(2.0 * spread**2 > total**2):
         text = (

@@ -25,7 +25,6 @@ from flighttest.regression.equation_error.model import term_powers, term_text, v
 from flighttest.regression.equation_error.structure_remarks import DAMPING
 from flighttest.regression.model_structure.candidates import CandidateEquations
 
-
 _LATERAL = {"beta", "phat", "rhat", "p", "r", "betadothat", "delta_a", "delta_r", "delta_d"}
 _EVEN = {"CL", "CD", "CX", "CZ", "Cm"}
 _ODD = {"CY", "Cl", "Cn"}

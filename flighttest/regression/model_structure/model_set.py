@@ -10,8 +10,10 @@ record of six, because prediction alone is a weak judge of void terms [Shao1993]
 
 The difference d of two ratings has a standard error s, from the differences part by part. A model is
 in the set if d/sqrt(1 + pi s^2/8) is below `WORSE`, and its weight is the exponential of it. The
-divisor is the mean of the weight over the error of d [MacKay1992]_. Models of small weight are thus
-left out as in Occam's window [Madigan1994]_.
+divisor is the mean of the weight over the error of d [MacKay1992]_. A model that has two terms more
+than a better one inside it is left out: sets would otherwise consist of combinations of void terms.
+Both rules are those of Occam's window [Madigan1994]_; the second one is milder here, so that a term
+that is too weak for the record is not excluded.
 
 References
 ----------
@@ -43,6 +45,7 @@ PRICE = 2.0
 MOST_MODELS = 4000  # rated models at which the search ends
 _DISTINCT = 1e-5  # least independent part of the movement of a candidate, of its square
 _MOST_ALLOWED = 200  # models of a set, those with the largest weights
+_SURPLUS = 2  # terms more than a better model inside it with which a model is left out
 _EQUAL = 1e-6  # difference of two ratings that is rounding
 _ROWS_PER_TERM = 5  # rows of the comparison for each term
 
@@ -100,6 +103,14 @@ def choose_pool(problem: CandidateEquations, hierarchy: TermHierarchy) -> list[i
     return basis.chosen
 
 
+def _is_surplus(model: Model, ratings: dict[Model, float]) -> bool:
+    """Return whether a rated model with `_SURPLUS` terms fewer is inside a model and better."""
+    rating, most = ratings[model], len(model) - _SURPLUS
+    return any(
+        value >= rating and len(other) <= most and other < model for other, value in ratings.items()
+    )
+
+
 class ModelComparison:
     """Models of a pool of candidates, rated by the prediction of left-out parts.
 
@@ -139,7 +150,7 @@ class ModelComparison:
             variance = len(apart) * float(apart.var(ddof=1))
             difference = max(0.0, ratings[best] - rating)
             shrunk = difference / math.sqrt(1.0 + math.pi * variance / 8.0)
-            if shrunk <= WORSE:
+            if shrunk <= WORSE and not _is_surplus(model, ratings):
                 terms = tuple(sorted(self.pool[k] for k in model))
                 weight = math.exp(-shrunk)
                 found.append(AllowedModel(terms, rating, difference, math.sqrt(variance), weight))
@@ -164,6 +175,8 @@ class ModelComparison:
             if ratings[model] < max(ratings.values()) - WINDOW and waiting.isdisjoint(starts):
                 return ratings
             waiting.remove(model)
+            if _is_surplus(model, ratings) and model not in starts:
+                continue
             for neighbour in self._neighbours(model):
                 if neighbour not in ratings:
                     ratings[neighbour] = self._rate(neighbour)
