@@ -11,7 +11,7 @@ an estimate that its best model lacks.
 The last table has residuals that grow with the motion: coverage of a regression whose model is the
 truth.
 
-python benchmarks/model_structure.py [--seeds 40] [--first 7000] [--growth 200]
+python benchmarks/model_structure.py [--seeds 40] [--first 7000] [--growth 60] [--truths ...] [--sizes ...]
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--first", type=int, default=7000)
-    parser.add_argument("--growth", type=int, default=200)
+    parser.add_argument("--growth", type=int, default=60)
     parser.add_argument("--truths", nargs="*", default=list(TRUTHS), choices=list(TRUTHS))
     parser.add_argument("--sizes", nargs="*", default=["strong", "weak"])
     asked = parser.parse_args()
@@ -183,6 +183,8 @@ def main() -> None:
                     f"{row['seconds']:6.2f}",
                     flush=True,
                 )
+    if not asked.growth:
+        return
     print(f"\n{'disturbance':24s}{'growth':16s}{'stationary':>11s}{'worst':>8s}{'growing':>9s}"
           f"{'worst':>8s}{'remarked':>10s}")  # fmt: skip
     for colour in FOUR:
