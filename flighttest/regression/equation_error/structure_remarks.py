@@ -14,7 +14,7 @@ GROWTH = 1.25
 
 
 def remark_structure(estimates: xr.Dataset) -> list[Remark]:
-    """Return remarks on a selected model: no damping term, and estimates that hang on the choice.
+    """Return remarks on a selected model: no damping term, and estimates that depend on the choice.
 
     Parameters
     ----------
