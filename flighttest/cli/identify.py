@@ -155,7 +155,7 @@ def identify_command() -> None:
 @click.option(
     "--free",
     is_flag=True,
-    help="Without hierarchy: a product may enter without its factors, and a moment may lose its "
+    help="Selection without hierarchy, in which a product may lack its factors and a moment its "
     "damping.",
 )
 @_WINDOW
