@@ -146,12 +146,18 @@ def identify_command() -> None:
 )
 @click.option(
     "--method",
-    type=click.Choice(["orthogonal", "stepwise"]),
-    default="orthogonal",
+    type=click.Choice(["prediction", "orthogonal", "stepwise"]),
+    default="prediction",
     show_default=True,
-    help="Method of the selection.",
+    help="Method of the selection; prediction returns the set of models that the data allow.",
 )
 @click.option("--keep", multiple=True, help="A candidate that is in from the start.")
+@click.option(
+    "--free",
+    is_flag=True,
+    help="Selection without hierarchy, in which a product may lack its factors and a moment its "
+    "damping.",
+)
 @_WINDOW
 @_WINDOW_OF
 @_ERRORS

@@ -36,10 +36,17 @@ from flighttest.regression.equation_error.fit import (
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.model_structure.best_prediction import select_by_prediction
 from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
 from flighttest.remarks import is_forbidden, remark_lines, remarks_to_json
 from flighttest.submodels.aircraft_properties.inertia import inertia_from_flight
+
+_WAYS_TO_SELECT = {
+    "prediction": select_by_prediction,
+    "orthogonal": select_orthogonal,
+    "stepwise": select_stepwise,
+}
 
 
 def run_fit(
@@ -144,6 +151,7 @@ def run_select(
     terms,
     method,
     keep,
+    free,
     windows,
     own_windows,
     errors,
@@ -159,10 +167,16 @@ def run_select(
             "flight select", ["no candidates: give --variables, or --term once for each"]
         )
     candidates = [*monomials(variables.split(), order), *terms] if variables else ["1", *terms]
-    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
-    choose = select_orthogonal if method == "orthogonal" else select_stepwise
+    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
     with show_progress(f"select among {len(candidates)} candidates"):
-        found = choose(coefficient, [*candidates, *keep], manoeuvres, band=band, keep=("1", *keep))
+        found = _WAYS_TO_SELECT[method](
+            coefficient,
+            [*candidates, *keep],
+            manoeuvres,
+            band=band,
+            keep=("1", *keep),
+            hierarchy=not free,
+        )
     if output:
         save_fit(found.fit, output)
     if as_json:
@@ -171,6 +185,7 @@ def run_select(
                 "method": found.method,
                 "steps": found.steps,
                 "idle": found.idle,
+                "models": found.models,
                 **_fitted(found.fit),
                 "file": output,
             }

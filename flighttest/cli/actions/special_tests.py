@@ -51,7 +51,9 @@ def coefficient_fits(
     model.
     """
 
-    how = {key: value for key, value in rule.items() if key != "domain"}
+    # A balance measures at rest: no damping term, and published models have products without factors.
+    how = {"hierarchy": False, **rule}
+    del how["domain"]
     if rule["domain"] == "frequency":
         if not band:
             raise click.UsageError("--select-in frequency needs --band LOW HIGH [Hz]")

@@ -18,6 +18,7 @@ from flightmech.errors import IdentificationError
 from flightmech.support.figures import new_figure
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.structure_remarks import remark_growth, remark_structure
 from flighttest.regression.uncertainty import collinearity
 from flighttest.regression.uncertainty.residual_spectrum import HIDDEN
 from flighttest.remarks import Convergence, Remark
@@ -172,6 +173,8 @@ def remarks_of(fit: FitData) -> list[Remark]:
         *_remark_offset(fit),
         *_remark_disturbance(fit),
         *_remark_convergence(fit),
+        *remark_structure(fit.estimates),
+        *remark_growth(fit.estimates),
     ]
     return sorted(remarks, key=lambda remark: remark.severity != "error")
 

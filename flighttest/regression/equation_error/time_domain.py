@@ -28,6 +28,7 @@ from flighttest.regression.equation_error.model import RegressionModel, term_pow
 from flighttest.regression.equation_error.samples import RegressionSamples, slopes_of, stack_samples
 from flighttest.regression.uncertainty import collinearity, significance
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
+from flighttest.regression.uncertainty.growing_residuals import growth_envelope
 
 SAMPLES_PER_TERM = 5
 # smallest rms excursion that counts as movement, by unit; a reduced rate of 1e-5 is 0.1 deg/s on a
@@ -224,6 +225,13 @@ def _solve(
     s2 = float(v * root @ (v * root)) / (len(z) - len(terms))
     pieces, steps = samples.pieces()
     coloured = coloured_covariance_of(E, v * root, pieces=pieces, steps=steps, lag=lag)
+    covariance, growing = coloured.covariance, None
+    envelope = growth_envelope(X, v * root, pieces)
+    if lag is None and np.ptp(envelope) > 0.0:
+        growing = coloured_covariance_of(
+            E, v * root, pieces=pieces, steps=steps, envelope=envelope
+        ).covariance
+        covariance = _larger_covariance(growing, coloured.covariance)
     # A maps the samples without weights to the estimates, theta = A z.
     A = least_squares.estimator_matrix(E) * root
     sources, errors = samples.errors(model.coefficient, model.variables, slopes_of(model, theta))
@@ -238,11 +246,13 @@ def _solve(
     estimates = least_squares.regression_estimates(
         terms,
         theta,
-        covariance=coloured.covariance,
+        covariance=covariance,
         white=white,
         systematic=(sources, A @ errors.T),
         extra=variables,
     )
+    if growing is not None:
+        estimates = estimates.assign(_growth_errors(growing, coloured.covariance))
     estimates.attrs = {
         "coefficient": model.coefficient,
         "domain": "time",
@@ -262,6 +272,30 @@ def _solve(
     if weights == "equal":
         return estimates, E, errors
     return estimates, least_squares.equivalent_regressors(A), errors
+
+
+def _larger_covariance(growing: np.ndarray, stationary: np.ndarray) -> np.ndarray:
+    """Return the first covariance, enlarged where the second one has larger standard errors."""
+    small, large = np.diag(growing), np.diag(stationary)
+    factor = np.sqrt(np.maximum(1.0, large / np.where(small > 0.0, small, np.inf)))
+    return growing * np.outer(factor, factor)
+
+
+def _growth_errors(growing: np.ndarray, stationary: np.ndarray) -> dict[str, Any]:
+    """Return both standard errors of the terms for a Dataset."""
+    name = "standard error for residuals that "
+    return {
+        "stderr_growing": (
+            "term",
+            np.sqrt(np.diag(growing)),
+            {"long_name": f"{name}grow with the motion"},
+        ),
+        "stderr_stationary": (
+            "term",
+            np.sqrt(np.diag(stationary)),
+            {"long_name": f"{name}are stationary"},
+        ),
+    }
 
 
 def _quality_of_fit(z: np.ndarray, v: np.ndarray) -> dict[str, float | int]:

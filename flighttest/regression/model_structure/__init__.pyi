@@ -1,5 +1,6 @@
 """Public names of `flighttest.regression.model_structure`."""
 
+from .best_prediction import select_by_prediction as select_by_prediction
 from .candidates import monomials as monomials
 from .candidates import spline_terms as spline_terms
 from .deletion_rule import apply_deletion_rule as apply_deletion_rule

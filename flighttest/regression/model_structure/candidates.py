@@ -125,6 +125,8 @@ class CandidateEquations:
         Weights of the frequencies, which the rows contain already.
     rows : int
         Number of independent rows.
+    samples : RegressionSamples
+        Samples of the rows in time.
     """
 
     coefficient: str
@@ -135,6 +137,7 @@ class CandidateEquations:
     band: tuple[float, float] | None
     weights: str
     rows: int
+    samples: RegressionSamples
 
     def place(self, term: str) -> int:
         """Return the row of a candidate."""
@@ -204,6 +207,7 @@ def candidate_equations(
         band=band,
         weights=weights,
         rows=rows,
+        samples=samples,
     )
 
 

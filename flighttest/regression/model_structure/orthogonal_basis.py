@@ -128,13 +128,17 @@ class OrthogonalBasis:
         # theta_k^2 over the k-th diagonal element of (X'X)^-1 = R^-1 R^-T
         return self.estimates() ** 2 / (np.linalg.inv(self.triangle) ** 2).sum(axis=1)
 
-    def best_exchange(self, positions: Sequence[int]) -> tuple[int, int, float]:
+    def best_exchange(
+        self, positions: Sequence[int], allowed: np.ndarray | None = None
+    ) -> tuple[int, int, float]:
         """Return the best exchange of one chosen term for one candidate.
 
         Parameters
         ----------
         positions : sequence of int
             Chosen terms that may be removed, by their position in `chosen`.
+        allowed : array of bool (candidates, positions), optional
+            Candidates that may replace each of them; default all.
 
         Returns
         -------
@@ -160,6 +164,8 @@ class OrthogonalBasis:
         product = self.product[:, None] + component * lost
         divisor = np.where(is_usable, remainder2, 1.0)
         gains = np.where(is_usable, product**2 / divisor, 0.0) - lost**2
+        if allowed is not None:
+            gains = np.where(allowed, gains, 0.0)
         j, k = np.unravel_index(int(np.argmax(gains)), gains.shape)
         return positions[int(k)], int(j), max(0.0, float(gains[j, k]))
 

@@ -10,6 +10,10 @@ With correlated variables an early choice may be a mixture of later ones. If no 
 worth its price, void terms are dropped, and one term is exchanged for another candidate as long as
 this lowers the error.
 
+A product enters together with the factors that it needs, and a moment keeps its damping term, unless
+the hierarchy is switched off. Both ways return one structure and nothing about its rivals;
+`select_by_prediction` compares them.
+
 References
 ----------
 .. [Morelli1995] Morelli, Global nonlinear aerodynamic modeling using multivariate orthogonal
@@ -22,18 +26,18 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flighttest.regression.equation_error.model import term_powers, term_text
 from flighttest.regression.model_structure.candidates import (
     CandidateEquations,
     candidate_equations,
 )
+from flighttest.regression.model_structure.hierarchy import TermHierarchy, add_factors
 from flighttest.regression.model_structure.orthogonal_basis import OrthogonalBasis
 from flighttest.regression.model_structure.rating import Rating
 from flighttest.regression.model_structure.selection import Selection, fit_selected_terms
@@ -47,23 +51,19 @@ LEAVE = 0.9  # of the threshold to enter
 
 
 class _StructureSearch:
-    """State of a selection: the basis, its steps, and the terms that must stay."""
+    """State of a selection: the basis, its steps, and the hierarchy of the terms."""
 
     def __init__(
         self,
         problem: CandidateEquations,
-        keep: Sequence[str],
+        hierarchy: TermHierarchy,
         gain: float,
         noise: float | None = None,
     ):
-        self.problem, self.gain = problem, gain
+        self.problem, self.hierarchy, self.gain = problem, hierarchy, gain
         self.basis = OrthogonalBasis(problem.X, problem.z)
         self.steps: list[dict[str, Any]] = []
-        self.required: list[int] = []
-        for term in keep:
-            # The constant of a model in frequency is estimated at the end.
-            if term != "1" or problem.band is None:
-                self.required.append(problem.place(term))
+        self.required = hierarchy.required
         self.rating = Rating(problem, noise)
         for j in self.required:
             self.basis.add(j)
@@ -84,6 +84,42 @@ class _StructureSearch:
         basis.add(j)
         self.note(action, j, partial)
 
+    def enter_best(self, action: str, is_worth: Callable[[float], bool]) -> bool:
+        """Add the candidate with the largest gain and the factors that it needs.
+
+        Parameters
+        ----------
+        action : str
+        is_worth : callable
+            Whether a decrease of the sum of squares is worth a term. It counts for the candidate
+            after its factors have entered.
+
+        Returns
+        -------
+        bool
+            Whether a candidate was worth it.
+        """
+        basis = self.basis
+        gains = basis.gains()
+        while not self.is_full:
+            j = basis.best_candidate(gains)
+            if not is_worth(float(gains[j])):
+                return False
+            steps, chosen = len(self.steps), list(basis.chosen)
+            # A factor that the chosen terms determine already is not needed.
+            for k in self.hierarchy.missing(j, chosen):
+                if (gain := float(basis.gains()[k])) > 0.0:
+                    self.add("factor", k, gain)
+            gain = float(basis.gains()[j])
+            if is_worth(gain):
+                self.add(action, j, gain)
+                return True
+            gains[j] = 0.0
+            if len(basis.chosen) > len(chosen):
+                basis.restart(chosen)
+                del self.steps[steps:]
+        return False
+
     def remove(self, action: str, j: int, F: float) -> None:
         """Remove a chosen term."""
         self.basis.restart([chosen for chosen in self.basis.chosen if chosen != j])
@@ -97,13 +133,15 @@ class _StructureSearch:
     @property
     def removable(self) -> list[int]:
         """Positions of the chosen terms that may be removed."""
-        return [k for k, j in enumerate(self.basis.chosen) if j not in self.required]
+        return self.hierarchy.removable(self.basis.chosen)
 
     def exchange(self) -> bool:
         """Exchange one term for another candidate if it is worth it; return whether it is."""
         basis, rss, chosen = self.basis, self.basis.rss, self.basis.chosen
         least = _WORTH * self.rating.least(self.gain, rss)
-        position, j, gain = basis.best_exchange(self.removable)
+        positions = self.removable
+        allowed = self.hierarchy.exchanges(chosen, positions)
+        position, j, gain = basis.best_exchange(positions, allowed)
         if gain <= least:
             return False
         removed = chosen[position]
@@ -125,6 +163,7 @@ def select_orthogonal(
     gain: float = GAIN,
     noise: float | None = None,
     keep: Sequence[str] = ("1",),
+    hierarchy: bool = True,
     name: str = "",
     weights: str = "equal",
 ) -> Selection:
@@ -132,7 +171,7 @@ def select_orthogonal(
 
     Parameters
     ----------
-    coefficient, candidates, data, band, keep, name, weights
+    coefficient, candidates, data, band, keep, hierarchy, name, weights
         As in `select_stepwise`.
     gain : float
         Rise of R2 that a further function must bring.
@@ -155,16 +194,21 @@ def select_orthogonal(
     PSE = v'v/N + s2_max n/N. s2_max is the variance of the coefficient, or 50 times that of the
     noise but never less than the variance of the residual. For frequency see `Rating`.
     """
+    if hierarchy:
+        candidates = add_factors(candidates, coefficient)
     problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
-    search = _StructureSearch(problem, keep, gain=gain, noise=noise)
+    rules = TermHierarchy(problem, keep, is_free=not hierarchy)
+    search = _StructureSearch(problem, rules, gain=gain, noise=noise)
     while _add_function(search) or _drop_void_term(search) or search.exchange():
         pass
+    chosen = search.basis.chosen
+    needed = set(chosen) - {chosen[k] for k in search.removable}
     return fit_selected_terms(
         "orthogonal functions",
         problem,
         work=search.basis,
         rows=search.steps,
-        keep=search.required,
+        keep=sorted(needed),
         data=data,
         name=name,
         drop=True,
@@ -173,13 +217,11 @@ def select_orthogonal(
 
 def _add_function(search: _StructureSearch) -> bool:
     """Add the function with the largest gain if it is worth it; return whether it is."""
-    basis = search.basis
-    gains = basis.gains()
-    j = basis.best_candidate(gains)
-    if search.is_full or gains[j] <= search.rating.least(search.gain, basis.rss - gains[j]):
-        return False
-    search.add("taken", j, gains[j])
-    return True
+
+    def is_worth(gain: float) -> bool:
+        return gain > search.rating.least(search.gain, search.basis.rss - gain)
+
+    return search.enter_best("taken", is_worth)
 
 
 def _drop_void_term(search: _StructureSearch) -> bool:
@@ -204,7 +246,7 @@ def select_stepwise(
     leave: float | None = None,
     gain: float = GAIN,
     keep: Sequence[str] = ("1",),
-    hierarchy: bool = False,
+    hierarchy: bool = True,
     name: str = "",
     weights: str = "equal",
 ) -> Selection:
@@ -229,7 +271,8 @@ def select_stepwise(
         Terms that are in the model from the start and stay. In frequency ``1`` is always estimated
         at the end.
     hierarchy : bool
-        A product enters only after the candidates that it is a product of.
+        A product or power enters with the factors that it needs, and a moment keeps its damping
+        term. Factors that are not among the candidates are added.
     name : str
         Name in reports and in the provenance.
     weights : {"equal", "spectrum"}
@@ -251,7 +294,7 @@ def select_stepwise(
     is that of a candidate and the coefficient, both without the chosen terms. The search ends if no
     term enters or leaves, if R2 rises by less than `gain`, or if the predicted squared error would
     rise; see `Rating`. F to leave is at most F to enter so terms cannot enter and
-    leave without end. With `hierarchy` no term is exchanged.
+    leave without end.
 
     References
     ----------
@@ -264,14 +307,17 @@ def select_stepwise(
             f"F to enter {enter:g}, to leave {leave:g}; expected 0 < leave <= enter, or "
             f"terms would come and go for ever"
         )
+    if hierarchy:
+        candidates = add_factors(candidates, coefficient)
     problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
-    search = _StructureSearch(problem, keep, gain=gain)
-    parents = _list_parents(problem) if hierarchy else None
+    search = _StructureSearch(
+        problem, TermHierarchy(problem, keep, is_free=not hierarchy), gain=gain
+    )
     while True:
-        while _enter_term(search, enter, parents):
+        while _enter_term(search, enter):
             while _remove_weakest(search, leave):
                 pass
-        if hierarchy or not search.exchange():
+        if not search.exchange():
             break
     return fit_selected_terms(
         "stepwise",
@@ -285,25 +331,19 @@ def select_stepwise(
     )
 
 
-def _enter_term(search: _StructureSearch, enter: float, parents: list[set[int]] | None) -> bool:
+def _enter_term(search: _StructureSearch, enter: float) -> bool:
     """Enter the best candidate if its partial F is large enough; return whether it is."""
     basis, rating = search.basis, search.rating
-    if search.is_full or basis.rss <= 0.0:
-        return False
-    gains = basis.gains()
-    if parents is not None:
-        chosen = set(basis.chosen)
-        gains[[not needed <= chosen for needed in parents]] = 0.0
-    j = basis.best_candidate(gains)
-    rss = basis.rss - gains[j]
-    partial_F = np.inf
-    if rss > 0:
-        partial_F = gains[j] / (rss / (rating.rows - len(basis.chosen) - 1))
-    is_worth = gains[j] > search.gain * rating.total and gains[j] > rating.price(rss)
-    if not (partial_F > enter and is_worth):
-        return False
-    search.add("entered", j, gains[j])
-    return True
+
+    def is_worth(gain: float) -> bool:
+        rss = basis.rss - gain
+        partial_F = np.inf
+        if rss > 0:
+            partial_F = gain / (rss / (rating.rows - len(basis.chosen) - 1))
+        is_gain = gain > search.gain * rating.total and gain > rating.price(rss)
+        return partial_F > enter and is_gain
+
+    return basis.rss > 0.0 and search.enter_best("entered", is_worth)
 
 
 def _remove_weakest(search: _StructureSearch, leave: float) -> bool:
@@ -313,25 +353,8 @@ def _remove_weakest(search: _StructureSearch, leave: float) -> bool:
     if s2 == 0.0:
         return False
     F = basis.losses() / s2
-    F[[j in search.required for j in basis.chosen]] = np.inf
-    k = int(np.argmin(F))
-    if not F[k] < leave:
+    weakest = min(search.removable, key=lambda k: F[k], default=None)
+    if weakest is None or not F[weakest] < leave:
         return False
-    search.remove("removed", basis.chosen[k], float(F[k]))
+    search.remove("removed", basis.chosen[weakest], float(F[weakest]))
     return True
-
-
-def _list_parents(problem: CandidateEquations) -> list[set[int]]:
-    """Return for every candidate the candidates with one factor less."""
-    row_of = {term: j for j, term in enumerate(problem.terms)}
-    parents = []
-    for term in problem.terms:
-        powers = term_powers(term)
-        lower = set()
-        for factor in powers:
-            reduced = {**powers, factor: powers[factor] - 1}
-            name = term_text({key: power for key, power in reduced.items() if power})
-            if name in row_of and name != "1":
-                lower.add(row_of[name])
-        parents.append(lower)
-    return parents

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,13 @@ from flighttest.regression.equation_error.frequency_domain import regress_freque
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import CandidateEquations
+from flighttest.regression.model_structure.hierarchy import missing_damping
 from flighttest.regression.model_structure.orthogonal_basis import OrthogonalBasis
 
 # rms of a term over that of the coefficient below which the polynomial does not contain the term
 NEGLIGIBLE = 1e-3
 _MOST_IDLE = 10  # names of idle candidates in a report
+_MOST_MODELS = 12  # models in a report
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class Selection:
     Attributes
     ----------
     method : str
-        ``stepwise`` or ``orthogonal functions``.
+        ``prediction``, ``stepwise`` or ``orthogonal functions``.
     fit : Fit
         The selected terms as an ordinary polynomial by `regress` or `regress_frequency`, with
         coloured errors.
@@ -44,6 +46,11 @@ class Selection:
         explained, ``expansion`` (function, term) of each in terms.
     idle : tuple of str
         Candidates that did not move.
+    models : DataFrame
+        Models that the evidence allows, the best first, by `select_by_prediction`; empty for the
+        other methods. ``model`` (text), ``terms`` (their number), ``rating`` (ln of the density of
+        all left-out parts less the price of the terms), ``difference`` from the best, ``stderr`` of
+        the difference, ``weight``.
     """
 
     method: str
@@ -51,6 +58,7 @@ class Selection:
     steps: pd.DataFrame
     functions: xr.Dataset
     idle: tuple[str, ...]
+    models: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @property
     def model(self) -> RegressionModel:
@@ -85,7 +93,23 @@ class Selection:
             if len(self.idle) > _MOST_IDLE:
                 names.append("...")
             lines.append(f"candidates that do not move: {' '.join(names)}")
-        return "\n".join([*lines, "", self.fit.report(correlation)])
+        return "\n".join([*lines, *self._model_lines(), "", self.fit.report(correlation)])
+
+    def _model_lines(self) -> list[str]:
+        """Return the models that the evidence allows as lines of text."""
+        if self.models.empty:
+            return []
+        count = len(self.models)
+        lines = ["", f"models that the evidence allows: {count}"]
+        lines.append(f"{'weight':>7}{'worse by':>10}{'stderr':>8}  model")
+        for row in self.models.head(_MOST_MODELS).itertuples():
+            lines.append(
+                f"{row.weight:>7.3f}{row.difference:>10.2f}{row.stderr:>8.2f}  {row.model}"
+            )
+        if count > _MOST_MODELS:
+            rest = float(self.models["weight"].iloc[_MOST_MODELS:].sum())
+            lines.append(f"{rest:>7.3f}{'':>18}  {count - _MOST_MODELS} more")
+        return lines
 
 
 def count_selections(selections: Sequence[Selection]) -> pd.DataFrame:
@@ -172,6 +196,7 @@ def fit_selected_terms(
     else:
         model = RegressionModel(problem.coefficient, ["1", *terms])
         fit = regress_frequency(model, data, band=problem.band, name=name, weights=problem.weights)
+    fit.estimates.attrs.update(selection=method, **missing_damping(problem))
     return Selection(
         method=method,
         fit=fit,

@@ -63,6 +63,7 @@ def coloured_covariance_of(
     pieces: Sequence[slice],
     steps: Sequence[float],
     lag: float | None = None,
+    envelope: np.ndarray | None = None,
 ) -> Coloured:
     """Return the covariance of a least-squares estimate whose residuals are correlated in time.
 
@@ -79,6 +80,9 @@ def coloured_covariance_of(
     lag : float, optional
         Length of a lag window. The covariance then uses the residual's biased autocorrelation with
         Bartlett's taper. [s]
+    envelope : array (samples,), optional
+        Factor on a stationary disturbance, sample by sample, as of `growth_envelope`; not for a lag
+        window.
 
     Returns
     -------
@@ -108,10 +112,12 @@ def coloured_covariance_of(
     windowed = np.sqrt(np.diag(by_window))
     if lag is not None:
         return Coloured(by_window, offset, windowed)
-    disturbances = estimate_disturbances(X, v, pieces=pieces, steps=steps)
+    scale = np.ones((len(v), 1)) if envelope is None else envelope[:, None]
+    # A disturbance s u acts on X as the stationary u = v/s acts on s X.
+    disturbances = estimate_disturbances(X / scale, v / scale[:, 0], pieces=pieces, steps=steps)
     parts = []
     for disturbance, piece in zip(disturbances, pieces):
-        parts.append(disturbance.spread(X[piece]))
+        parts.append(disturbance.spread(X[piece] * scale[piece]))
     covariance, offset = _combine_pieces(X, v, pieces=pieces, parts=parts)
     hidden = max(disturbance.spectrum.hidden for disturbance in disturbances)
     edge = max(disturbance.spectrum.edge for disturbance in disturbances)
@@ -247,6 +253,41 @@ def estimate_disturbances(
                 spectrum, size=float(size), length=lengths[k], white=means[k].white
             )
     return [disturbances[k] for k in range(len(pieces))]
+
+
+def whiten_pieces(
+    X: np.ndarray,
+    v: np.ndarray,
+    columns: np.ndarray,
+    pieces: Sequence[slice],
+    steps: Sequence[float],
+    least: float = 0.0,
+) -> list[np.ndarray]:
+    """Return columns without the colour of the disturbance, (blocks, columns) of each piece.
+
+    The disturbance of every row has unit variance.
+
+    Parameters
+    ----------
+    X, v, pieces, steps
+        As in `coloured_covariance_of`; they determine the disturbance.
+    columns : array (samples, columns)
+        Signals that are averaged over blocks and whitened.
+    least : float
+        Least standard deviation of an innovation.
+
+    Notes
+    -----
+    The variance inside the blocks is not used: the blocks resolve the estimates.
+    """
+    white = []
+    for disturbance, piece in zip(estimate_disturbances(X, v, pieces=pieces, steps=steps), pieces):
+        starts, counts = _divide_into_blocks(piece.stop - piece.start, disturbance.length)
+        means = np.add.reduceat(columns[piece], starts) / counts[:, None]
+        innovations = np.array([disturbance.model.innovations(column) for column in means.T])
+        level = np.sqrt(disturbance.size * disturbance.model.variance)
+        white.append(innovations.T / max(least, level))
+    return white
 
 
 def _average_blocks(X: np.ndarray, v: np.ndarray, length: int) -> _BlockMeans:

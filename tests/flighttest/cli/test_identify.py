@@ -206,7 +206,8 @@ def test_selection_and_its_file(files):
         str(folder / "chosen.nc"),
     ]
     result = CliRunner().invoke(select_command, arguments, catch_exceptions=False)
-    assert "orthogonal functions: CY = 1 + beta + delta_r" in result.output
+    assert "prediction: CY = 1 + beta + delta_r" in result.output
+    assert "models that the evidence allows: " in result.output
     assert open_fit(folder / "chosen.nc").model.terms == ("1", "beta", "delta_r")
     found = json.loads(
         CliRunner()

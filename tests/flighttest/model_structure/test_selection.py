@@ -51,7 +51,7 @@ def test_the_truth_is_found_and_nothing_else(choose):
     """
     hits = 0
     for seed in range(10):
-        found = choose("CL", CANDIDATES, record(seed), gain=1e-3)
+        found = choose("CL", CANDIDATES, record(seed), gain=1e-3, hierarchy=False)
         if set(found.model.terms) == set(TRUTH):
             hits += 1
             e = found.estimates
@@ -65,7 +65,7 @@ def test_the_truth_is_found_and_nothing_else(choose):
 
 
 def test_every_step_is_reported_and_the_end_is_the_ordinary_polynomial():
-    found = select_orthogonal("CL", CANDIDATES, record(), gain=1e-3, name="run 3")
+    found = select_orthogonal("CL", CANDIDATES, record(), gain=1e-3, hierarchy=False, name="run 3")
     assert found.fit.name == "run 3"
     assert list(found.steps["R2"].diff()[1:] > 0)[:3] == [True] * 3
     assert set(found.steps.columns) >= {
@@ -85,7 +85,7 @@ def test_every_step_is_reported_and_the_end_is_the_ordinary_polynomial():
 
 def test_the_orthogonal_functions_are_orthogonal_and_expand_into_the_terms():
     data = record()
-    found = select_orthogonal("CL", CANDIDATES, data, gain=1e-3)
+    found = select_orthogonal("CL", CANDIDATES, data, gain=1e-3, hierarchy=False)
     terms = [str(name) for name in found.functions["term"].values]
     X = candidate_equations("CL", terms, data, None).X.T
     P = X @ found.functions["expansion"].values.T
@@ -181,13 +181,11 @@ def test_products_wait_for_their_parents():
         data["alpha"].values * data["beta"].values
         + 0.01 * np.random.default_rng(0).normal(size=1501),
     )
-    free = select_stepwise("CL", monomials(["alpha", "beta", "mach"], 2), data)
+    free = select_stepwise("CL", monomials(["alpha", "beta", "mach"], 2), data, hierarchy=False)
     assert set(free.model.terms) == {"1", "alpha*beta"}
-    with_noise = data.assign(CL=data["CL"] + 0.2 * data["alpha"] + 0.2 * data["beta"])
-    found = select_stepwise(
-        "CL", monomials(["alpha", "beta", "mach"], 2), with_noise, hierarchy=True
-    )
-    order = list(found.steps["term"][found.steps["action"] == "entered"])
+    with_noise = data.assign(Ch_e=data["CL"] + 0.2 * data["alpha"] + 0.2 * data["beta"])
+    found = select_stepwise("Ch_e", monomials(["alpha", "beta", "mach"], 2), with_noise)
+    order = list(found.steps["term"])
     assert order.index("alpha*beta") > max(order.index("alpha"), order.index("beta"))
 
 
@@ -228,7 +226,7 @@ def test_of_equal_candidates_the_first_is_taken():
 
 
 def test_known_noise_sets_the_penalty():
-    loose = select_orthogonal("CL", CANDIDATES, record(), gain=0.0, noise=0.05)
+    loose = select_orthogonal("CL", CANDIDATES, record(), gain=0.0, noise=0.05, hierarchy=False)
     assert len(loose.model.terms) < 15  # 50 sigma^2 per term stops before noise is fitted
     with pytest.raises(
         IdentificationError, match="noise is -1; expected a positive standard deviation"
@@ -265,7 +263,10 @@ def test_terms_to_keep_idle_candidates_and_refusals():
 
 def test_the_common_model_of_several_records():
     counted = count_selections(
-        [select_orthogonal("CL", CANDIDATES, record(seed), gain=1e-3) for seed in range(4)]
+        [
+            select_orthogonal("CL", CANDIDATES, record(seed), gain=1e-3, hierarchy=False)
+            for seed in range(4)
+        ]
     )
     assert set(counted.index[counted["share"] > 0.5]) == set(TRUTH)
     with pytest.raises(IdentificationError, match="selections of nothing"):

@@ -88,6 +88,7 @@ def test_the_true_terms_are_selected_and_lie_within_their_errors(data, setup):
             candidates,
             without_nuisance(data, RegressionModel(name, candidates), setup),
             gain=0.0,
+            hierarchy=False,
         )
         assert set(chosen.fit.model.terms) == set(truth)
         model = RegressionModel(name, list(truth))
@@ -116,6 +117,7 @@ def test_an_early_choice_is_exchanged_and_a_small_term_found(tmp_path, setup, k,
         without_nuisance(points, RegressionModel("CL", candidates), setup),
         band,
         gain=0.0,
+        hierarchy=False,
     )
     assert set(chosen.fit.model.terms) == set(tunnel.CL)
 
