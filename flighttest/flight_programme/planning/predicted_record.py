@@ -10,7 +10,7 @@ import xarray as xr
 
 from flightmech.air import impact_pressure
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.names import quantity_attributes
+from flightmech.names import WRAPPED, quantity_attributes
 from flighttest.flight_programme.planning.catalogue import RATE
 from flighttest.flight_programme.planning.pilot import PredictedFlight
 from flighttest.records.sensors.instruments import (
@@ -183,8 +183,8 @@ def _sample_channels(
     delay = instrument.delay[0] if instrument.delay else 0.0
     variables = {}
     for name, x in channels.items():
-        if name == "psi":
-            # interpolation across +-pi needs a continuous heading
+        if name in WRAPPED:
+            # interpolation across +-pi needs a continuous angle
             x = np.unwrap(x)
         sampled = np.interp(clock - delay, time, x)
         level = instrument.noise.get(name, 0.0)

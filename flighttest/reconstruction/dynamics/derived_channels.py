@@ -20,7 +20,7 @@ import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, mach_number
 from flightmech.errors import SchemaError
-from flightmech.names import quantity_attributes
+from flightmech.names import WRAPPED, quantity_attributes
 from flightmech.support.arrays import rms
 from flighttest.reconstruction.dynamics.kinematics import (
     body_rates_from_angles,
@@ -257,7 +257,7 @@ def _read_channels(data: xr.Dataset, *names: str) -> list[np.ndarray]:
 
 def _read_channel(data: xr.Dataset, name: str) -> np.ndarray:
     x = np.asarray(data[name].values, float)
-    if name == "psi":
+    if name in WRAPPED:
         return np.unwrap(x)
     return x
 

@@ -17,7 +17,7 @@ from flightmech.air import (
     mach_number,
 )
 from flightmech.errors import OutOfRange, SchemaError
-from flightmech.names import quantity_attributes
+from flightmech.names import WRAPPED, quantity_attributes
 from flighttest.records.sensors.instruments import IMU, MEASURED, SPEEDS, Instruments
 from flighttest.records.signals.conditioning import demand_numbers
 from flighttest.records.signals.resampling import lowpass
@@ -131,7 +131,7 @@ class MeasuredChannels:
         return name in self.leaf
 
     def get(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return clock and values of a channel, with unwrapped heading.
+        """Return clock and values of a channel, with unwrapped angles.
 
         Spikes of a reading are replaced by linear interpolation.  The arrays are stored for the
         next call; a caller must not change them.
@@ -146,8 +146,8 @@ class MeasuredChannels:
         x, clock = data.variables[name].values.astype(float), data.variables["time"].values
         if not np.isfinite(x).all():
             demand_numbers({leaf: self._select_windows(data[[name]])}, self.title)
-        # A heading that passes its full turn has a step, which interpolation would smear.
-        if name == "psi":
+        # An angle that passes its full turn has a step, which interpolation would smear.
+        if name in WRAPPED:
             x = np.unwrap(x)
         is_spike = self.spikes(name)
         # The reconstruction integrates the inertial unit, so that its samples are not changed.

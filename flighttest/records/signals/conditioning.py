@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.names import quantity_attributes
+from flightmech.names import WRAPPED, quantity_attributes
 from flighttest.records.signals.resampling import (
     GAP,
     SMOOTHING,
@@ -126,7 +126,7 @@ def _add_channels(
     for name in map(str, piece.data_vars):
         x, attrs = piece[name].values, piece[name].attrs
         attrs = {key: item for key, item in attrs.items() if key in _CHANNEL_ATTRIBUTES}
-        if name == "psi":
+        if name in WRAPPED:
             x = np.unwrap(x)
         if name in SLOW:
             # A slow leaf may have samples next to the window only.

@@ -90,9 +90,13 @@ def test_cut_has_one_clock_and_scalars_for_slow_channels():
     )
 
 
-def test_cut_unwraps_the_heading():
-    data = flighttest.cut(record(stop=40.0), 25.0, 35.0)
-    np.testing.assert_allclose(np.diff(data["psi"]), 0.1 / 50, atol=1e-9)
+@pytest.mark.parametrize("angle", ["psi", "phi", "lon"])
+def test_cut_unwraps_an_angle_that_passes_its_full_turn(angle):
+    turning = record(stop=40.0)
+    values = (turning["imu/psi"].values + np.pi) % (2 * np.pi) - np.pi
+    turning["imu"] = turning["imu"].to_dataset().drop_vars("psi").assign({angle: ("time", values)})
+    data = flighttest.cut(turning, 25.0, 35.0, rate=40.0)
+    np.testing.assert_allclose(np.diff(data[angle]), 0.1 / 40, atol=1e-6)
 
 
 def test_window_outside_the_record():

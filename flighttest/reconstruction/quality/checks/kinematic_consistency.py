@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flightmech.names import WRAPPED
 from flightmech.support.arrays import true_runs
 from flighttest.reconstruction.quality.checks.mistake_search import (
     Explanation,
@@ -24,6 +25,7 @@ from flighttest.reconstruction.quality.finding import (
     exchange_channels,
     iterate_rows,
     map_entry,
+    map_entry_of,
 )
 from flighttest.records.sensors.instruments import Instruments
 from flighttest.records.signals.delays import Delay, time_delay
@@ -383,6 +385,8 @@ def _range_findings(name: str, signals: ResampledChannels, record: xr.DataTree) 
     if limits is None or not good.any():
         return []
     low, high = limits
+    if name in WRAPPED and _is_recorded_within(record, name, low, high):
+        return []  # the signal is the angle after several turns
     x = signals[name][good]
     outside = (x < low) | (x > high)
     if outside.mean() < _OUTSIDE:
@@ -404,6 +408,12 @@ def _range_findings(name: str, signals: ResampledChannels, record: xr.DataTree) 
     remedy = "check unit, scale and column of the name map"
     evidence = {"worst": worst}
     return [Finding("error", "range", (name,), text=text, remedy=remedy, evidence=evidence)]
+
+
+def _is_recorded_within(record: xr.DataTree, name: str, low: float, high: float) -> bool:
+    """Return whether all recorded samples of a channel lie within limits. [SI]"""
+    x = record[map_entry_of(record, name)[0]][name].values
+    return bool(np.nanmin(x) >= low and np.nanmax(x) <= high)
 
 
 def _slope_error(check: RelationCheck, step: float) -> float:

@@ -10,6 +10,7 @@ import xarray as xr
 
 from flightmech.names import lookup
 from flightmech.support.arrays import true_runs
+from flighttest.reconstruction.quality.checks.signals import unwrap_angle
 from flighttest.reconstruction.quality.finding import Finding, iterate_rows
 from flighttest.records.sensors.instruments import Instruments
 from flighttest.records.signals.record_flags import flags
@@ -281,6 +282,8 @@ def _jump_finding(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
     """
     if not row.channel.rpartition(".")[2].startswith(_LASTING):
         return []
+    # A full turn of an angle is not a jump.
+    x = unwrap_angle(row.channel.rpartition(".")[2], x)
     size = np.abs(np.diff(x))
     width = row.maximum - row.minimum
     large = np.flatnonzero(size > _JUMP * np.median(size[size > 0.0]))

@@ -15,6 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError
+from flightmech.names import WRAPPED
 from flighttest.reconstruction.quality.checks.formed_channels import form_channel, source_channels
 from flighttest.records.sensors.position_corrections import force_at_cg
 from flighttest.records.signals.differentiation import derivative
@@ -180,12 +181,12 @@ def at_cg(signals: ResampledChannels, positions: Mapping[str, np.ndarray]) -> Re
     return signals.with_values(corrected)
 
 
-def unwrap_heading(name: str, x: np.ndarray) -> np.ndarray:
+def unwrap_angle(name: str, x: np.ndarray) -> np.ndarray:
     """Return an angle without its jumps of a turn, in radians or, by mistake, in degrees.
 
     Other channels are returned without a change.
     """
-    if name not in ("psi", "lon"):
+    if name not in WRAPPED:
         return x
     period = 2.0 * np.pi
     if np.nanmax(np.abs(x), initial=0.0) > _RADIAN_LIMIT:
@@ -231,7 +232,7 @@ def _resample(data: xr.Dataset, name: str, time: np.ndarray) -> np.ndarray:
     # Switches are not filtered, and neither are controls, whose steps are real.
     if name.rpartition(".")[2].startswith(_DISCRETE):
         return np.interp(time, clock, x)
-    x = unwrap_heading(name, x)
+    x = unwrap_angle(name, x)
     if is_control(name):
         return np.interp(time, clock, x)
     step = 1.0 / float(data.attrs["rate"])
