@@ -18,6 +18,7 @@ import numpy as np
 from h5py import h5a, h5d, h5ds, h5g, h5o, h5s, h5t
 
 from aerodb.store.undo_history import UndoEntry
+from flightmech.support.hdf5_seal import find_false_scale
 from flightmech.support.netcdf_trees import (
     CHECKS,
     LARGEST,
@@ -169,6 +170,8 @@ def _read_axes(
 ) -> tuple[str, ...]:
     """Return the names of the axes of a table, and add their breakpoints to the variables."""
     axes = []
+    if find_false_scale(table):
+        raise _OtherLayout
     for number in range(count):
         axis = h5ds.iterate(table, number, lambda scale: _read_axis(scale, variables))
         axes.append(axis or "")
@@ -177,6 +180,8 @@ def _read_axes(
 
 def _read_axis(scale: h5d.DatasetID, variables: dict[str, StoredVariable]) -> str:
     """Return the axis of a dimension scale, and add its breakpoints to the variables."""
+    if find_false_scale(scale):
+        raise _OtherLayout
     name = h5ds.get_scale_name(scale).decode()
     if name not in variables:
         variables[name] = StoredVariable((name,), _read_numbers(scale), {})

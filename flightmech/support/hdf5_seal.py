@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import h5py
-from h5py import h5d, h5g, h5l, h5o
+from h5py import h5a, h5d, h5ds, h5g, h5l, h5o, h5t
 
 from flightmech.errors import AeromatchError, ParseError
 
@@ -212,6 +212,9 @@ def _clear_frames(error: Exception) -> None:
         sys.unraisablehook = hook
 
 
+# attributes of dimension scales; see "HDF5 Dimension Scale Specification"
+_DIMENSIONS, _NAME = b"DIMENSION_LIST", b"NAME"
+
 MOST_GROUPS = 5000
 """Greatest number of groups of a file. Files of this product have some hundred."""
 
@@ -224,8 +227,8 @@ def demand_self_contained(path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ParseError
-        An external or symbolic link, external storage, a virtual dataset, a circle of groups, or
-        more than `MOST_GROUPS` groups.
+        An external or symbolic link, external storage, a virtual dataset, a circle of groups,
+        more than `MOST_GROUPS` groups, or false attributes of dimension scales.
     """
     try:
         # in the same mode as all readers: HDF5 cannot open a file in two modes at once
@@ -234,7 +237,7 @@ def demand_self_contained(path: str | os.PathLike[str]) -> None:
     except (OSError, KeyError, ValueError, RuntimeError, TypeError):
         return
     if fault:
-        expected = "a file that holds its numbers itself; copy them into it"
+        expected = "a sound file that holds its numbers itself; copy them into it"
         raise ParseError(os.fspath(path), 0, fault, expected=expected)
 
 
@@ -257,8 +260,11 @@ def _find_foreign_storage(file: Any) -> str:
             if kind != h5l.TYPE_HARD:
                 return f"{path} is a symbolic link"
             item = h5o.open(group, name)
-            if isinstance(item, h5d.DatasetID) and _is_stored_outside(item):
-                return f"{path} keeps its numbers in another file"
+            if isinstance(item, h5d.DatasetID):
+                if _is_stored_outside(item):
+                    return f"{path} keeps its numbers in another file"
+                if fault := find_false_scale(item):
+                    return f"{path} has {fault}"
             if isinstance(item, h5g.GroupID):
                 address = h5o.get_info(item).addr
                 if address in addresses:
@@ -268,6 +274,34 @@ def _find_foreign_storage(file: Any) -> str:
                 if len(addresses) > MOST_GROUPS:
                     return f"more than {MOST_GROUPS} groups"
     return ""
+
+
+def find_false_scale(dataset: h5d.DatasetID) -> str:
+    """Return the attribute of a dataset that is not what the interface of dimension scales wrote.
+
+    The result is an empty text if there is none. To be called before any function of `h5ds`: that
+    part of HDF5 takes for granted what the attributes hold. It follows a text as an address, and
+    writes a long one beyond its memory (HDF5 2.0, H5DSiterate_scales and H5DSget_scale_name).
+    """
+    if h5a.exists(dataset, _DIMENSIONS):
+        references = h5a.open(dataset, _DIMENSIONS)
+        if references.shape != (dataset.rank,) or not _holds_references(references.get_type()):
+            return "an attribute DIMENSION_LIST that is not a list of references for each dimension"
+    if h5a.exists(dataset, _NAME) and h5ds.is_scale(dataset):
+        name = h5a.open(dataset, _NAME)
+        kind = name.get_type()
+        is_fixed = kind.get_class() == h5t.STRING and not kind.is_variable_str()
+        if name.shape or not is_fixed:
+            return "an attribute NAME that is not one text of fixed length"
+    return ""
+
+
+def _holds_references(kind: h5t.TypeID) -> bool:
+    """Return whether a type is a list of references to objects of variable length."""
+    if kind.get_class() != h5t.VLEN:
+        return False
+    item = kind.get_super()
+    return item.get_class() == h5t.REFERENCE and item.equal(h5t.STD_REF_OBJ)
 
 
 def _is_stored_outside(dataset: Any) -> bool:

@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 
 from flightmech.errors import SchemaError
-from flightmech.support.hdf5_seal import MOST_GROUPS
+from flightmech.support.hdf5_seal import MOST_GROUPS, find_false_scale
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -290,6 +290,9 @@ class _TreeReader:
                 self._addresses.add(_address(item))
                 groups[name] = item
             elif isinstance(item, h5py.Dataset):
+                if fault := find_false_scale(item.id):
+                    self.problems.append(f"{item_path} has {fault}")
+                    continue
                 tables[name] = item
             else:
                 self.problems.append(

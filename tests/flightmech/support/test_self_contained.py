@@ -40,6 +40,25 @@ def crowd(file, other):
         file.create_group(f"groups/g{number}")
 
 
+def text_in_place_of_dimensions(file, other):
+    """HDF5 2.0 follows the characters of the text as addresses, and the process ends."""
+    file["clock/p"].attrs["DIMENSION_LIST"] = "x" * 100
+
+
+def dimensions_of_another_shape(file, other):
+    references = np.empty(5, object)
+    references[:] = [np.array([file["clock/time"].ref], h5py.ref_dtype)] * 5
+    file["clock/p"].attrs.create(
+        "DIMENSION_LIST", references, dtype=h5py.vlen_dtype(h5py.ref_dtype)
+    )
+
+
+def many_names_of_a_scale(file, other):
+    """HDF5 2.0 writes all of them into the memory of the first."""
+    file["clock/time"].make_scale("time")
+    file["clock/time"].attrs["NAME"] = np.full(1000, b"a" * 50, "S50")
+
+
 FAULTS = [
     (external_link, "/imu is a link into another file, other.h5"),
     (soft_link, "/again is a symbolic link"),
@@ -47,6 +66,9 @@ FAULTS = [
     (virtual, "/alpha keeps its numbers in another file"),
     (circle, "the group /clock/up is linked to more than once"),
     (crowd, "more than 5000 groups"),
+    (text_in_place_of_dimensions, "/clock/p has an attribute DIMENSION_LIST that is not a list"),
+    (dimensions_of_another_shape, "/clock/p has an attribute DIMENSION_LIST that is not a list"),
+    (many_names_of_a_scale, "/clock/time has an attribute NAME that is not one text"),
 ]
 
 
