@@ -10,6 +10,7 @@ changes the file in place removes both, because HDF5 truncates a file at the end
 from __future__ import annotations
 
 import json
+import mmap
 import os
 import sys
 import traceback
@@ -149,6 +150,8 @@ def read_sealed_tail(path: Path, expected: str) -> Unbroken:
     if size != end and last_bytes != seal:
         fault = "a damaged file (its SHA-256 is not that of its seal)"
         raise ParseError(str(path), 0, fault, expected=expected)
+    if fault := find_false_heap(path):
+        raise ParseError(str(path), 0, fault, expected=expected)
     digest.update(last_bytes)
     return Unbroken(digest.digest(), last_bytes == seal, between)
 
@@ -215,6 +218,9 @@ def _clear_frames(error: Exception) -> None:
 # attributes of dimension scales; see "HDF5 Dimension Scale Specification"
 _DIMENSIONS, _NAME = b"DIMENSION_LIST", b"NAME"
 
+# beginning of a heap of texts (global heap collection, version 1), and its least size [byte]
+_HEAP, _LEAST_HEAP = b"GCOL\x01\0\0\0", 4096
+
 MOST_GROUPS = 5000
 """Greatest number of groups of a file. Files of this product have some hundred."""
 
@@ -228,12 +234,14 @@ def demand_self_contained(path: str | os.PathLike[str]) -> None:
     ------
     ParseError
         An external or symbolic link, external storage, a virtual dataset, a circle of groups,
-        more than `MOST_GROUPS` groups, or false attributes of dimension scales.
+        more than `MOST_GROUPS` groups, false attributes of dimension scales, or a heap of texts
+        whose objects do not fill it.
     """
+    fault = find_false_heap(Path(path))
     try:
         # in the same mode as all readers: HDF5 cannot open a file in two modes at once
         with h5py.File(path, "r") as file:
-            fault = _find_foreign_storage(file)
+            fault = fault or _find_foreign_storage(file)
     except (OSError, KeyError, ValueError, RuntimeError, TypeError):
         return
     if fault:
@@ -274,6 +282,39 @@ def _find_foreign_storage(file: Any) -> str:
                 if len(addresses) > MOST_GROUPS:
                     return f"more than {MOST_GROUPS} groups"
     return ""
+
+
+def find_false_heap(path: Path) -> str:
+    """Return the first heap of texts whose objects do not fill it, an empty text without one.
+
+    HDF5 2.0 goes from object to object by their sizes. A size of zero is an endless loop, which no
+    error ends. Sizes of a heap and of its objects: HDF5 File Format Specification 3.0, section
+    III.E.
+    """
+    if not path.is_file() or not path.stat().st_size:
+        return ""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        at = content.find(_HEAP)
+        while at >= 0:
+            size = int.from_bytes(content[at + 8 : at + 16], "little")
+            # HDF5 refuses a heap of another size itself
+            if _LEAST_HEAP <= size <= len(content) - at and not _is_filled(content, at, size):
+                return f"a damaged heap of texts at byte {at}"
+            at = content.find(_HEAP, at + 1)
+    return ""
+
+
+def _is_filled(content: mmap.mmap, start: int, size: int) -> bool:
+    """Return whether the objects of a heap, each with a header of 16 bytes, fill it."""
+    at, end = start + 16, start + size
+    while end - at >= 16:
+        number = int.from_bytes(content[at : at + 2], "little")
+        length = int.from_bytes(content[at + 8 : at + 16], "little")
+        # object 0 is the free space, with its header, up to the end
+        if number == 0:
+            return length == end - at
+        at += 16 + (length + 7) // 8 * 8
+    return at <= end
 
 
 def find_false_scale(dataset: h5d.DatasetID) -> str:

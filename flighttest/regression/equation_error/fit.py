@@ -392,7 +392,7 @@ def _find_fault(fit: Fit) -> str:
         return "two estimates of one term"
     for name, dims in _LAYOUT.items():
         if name not in estimates:
-            continue
+            return f"estimates without {name}"
         figure = estimates[name]
         if figure.dims != dims or figure.dtype.kind not in "iuf":
             return f"the figure {name} that is not a number for each {' and '.join(dims)}"

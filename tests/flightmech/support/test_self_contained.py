@@ -113,6 +113,21 @@ def test_a_whole_file_passes_and_what_is_no_hdf5_is_left_to_its_reader(made, tmp
     demand_self_contained(tmp_path / "text.nc")
 
 
+def test_a_heap_of_texts_without_an_end_is_refused(tmp_path):
+    """HDF5 2.0 adds the size zero of the free space for ever."""
+    path = tmp_path / "texts.nc"
+    with h5py.File(path, "w") as file:
+        file["text"] = ["a", "bc"]
+    demand_self_contained(path)
+    content = path.read_bytes()
+    # the free space behind the two texts: 16 bytes of the heap, and twice a header and 8 bytes
+    at = content.find(b"GCOL") + 16 + 2 * 24
+    assert int.from_bytes(content[at + 8 : at + 16], "little") == 4096 - 64
+    path.write_bytes(content[: at + 8] + bytes(8) + content[at + 16 :])
+    with pytest.raises(ParseError, match="a damaged heap of texts at byte"):
+        demand_self_contained(path)
+
+
 @pytest.mark.parametrize(
     "read", [flighttest.read, flighttest.dynamics.open_states, pom.read_archive]
 )

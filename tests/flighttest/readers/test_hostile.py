@@ -16,6 +16,7 @@ from recorders import chapter10, dataflash, ulog
 
 import flighttest
 from flightmech.errors import AeromatchError, ParseError
+from flighttest.records.readers.formats import csv_text
 
 T = np.arange(200) / 50
 NAMES = '[imu]\nq = { column = ["q", "IMU/q", "imu/q", "bus.q"], unit = "rad/s" }\n'
@@ -151,3 +152,11 @@ def test_empty_and_unknown_files(tmp_path):
         flighttest.read(tmp_path / "f")
     with pytest.raises(FileNotFoundError):
         flighttest.read(tmp_path / "nowhere.csv")
+
+
+def test_a_gzip_bomb_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_text, "_LARGEST_UNPACKED", 1000)
+    path = tmp_path / "flight.csv.gz"
+    path.write_bytes(gzip.compress(b"time [s],q [rad/s]\n" + b"0,0\n" * 250))
+    with pytest.raises(ParseError, match="behind gzip; expected less; unpack it with gunzip"):
+        flighttest.read(path)
