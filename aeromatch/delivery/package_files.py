@@ -120,7 +120,7 @@ def _demand_members(content: zipfile.ZipFile, package: Path) -> None:
         if name in seen:
             raise SchemaError(str(package), [f"two files are named {name!r}"])
         seen.add(name)
-    # What lies beside the folder of the package would escape every check.
+    # What lies outside the folder of the package would escape every check.
     folders = {name.split("/")[0] for name in seen}
     if MANIFEST not in seen and len(folders) > 1:
         names = ", ".join(map(repr, sorted(folders)[:4]))
