@@ -17,6 +17,7 @@ from flightmech import terms as _terms
 from flightmech.build_up import COEFFICIENTS
 from flightmech.errors import OutOfRange, ParseError, UnknownName
 from flightmech.names import VOCABULARY, lookup, quantity_attributes, unit_suffix
+from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.units import DEGREE, from_si
 
 TABLES = ("value", "K1", "K2")
@@ -418,6 +419,7 @@ def _read_states(path: Path) -> xr.Dataset:
         raise FileNotFoundError(
             f"{path}: no such file; `aeromatch flight reconstruct` writes a path"
         )
+    demand_self_contained(path)
     try:
         with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as file:
             tree = file.load()

@@ -251,7 +251,7 @@ def _term_conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
     conditions: dict[str, Any] = {}
     for name in _terms.list_model_variables(leaf):
         if name in data:
-            conditions[name] = data[name].values
+            conditions[name] = _finite_samples(name, data[name])
         elif name in _NEUTRAL:
             conditions[name] = np.zeros(data.sizes["sample"])
         elif name == "h_agl":
@@ -259,6 +259,20 @@ def _term_conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
         else:
             raise UnknownName(name, map(str, data.data_vars), "variable", _MISSING_VARIABLE)
     return conditions
+
+
+def _finite_samples(name: str, samples: xr.DataArray) -> np.ndarray:
+    """Return the samples of a variable that tables depend on; raise unless all are numbers."""
+    if samples.dtype.kind not in "iuf" or samples.dims not in ((), ("sample",)):
+        problem = f"{name} is not one number for each sample; identify the fit again"
+        raise SchemaError("data of a fit", [problem])
+    if lost := int((~np.isfinite(samples.values)).sum()):
+        problem = (
+            f"{name} has {lost} NaN or infinite samples of {samples.size}, and a table of the "
+            f"database depends on it; identify the fit without these samples"
+        )
+        raise SchemaError("data of a fit", [problem])
+    return samples.values
 
 
 def basis_at(leaf: xr.Dataset, data: xr.Dataset) -> Any:

@@ -7,7 +7,6 @@ import re
 import stat
 import tempfile
 import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,12 +15,14 @@ from typing import Any
 
 from aeromatch.delivery.contents import FLOWN, STATES
 from aeromatch.delivery.signing import MANIFEST, SIGNATURE
-from flightmech.errors import ParseError, SchemaError
+from flightmech.errors import AeromatchError, ParseError, SchemaError
 from flightmech.support.foreign_code.process import printable
 from flightmech.support.input_files import file_sha256, json_content
 
 # Largest unpacked size of a zip, and of the manifest. [byte]
 _MOST, _LARGEST_MANIFEST = 20_000_000_000, 64_000_000
+# Unpacked size against that of the zip; tables of numbers shrink to a tenth at best. [byte]
+_SMALL, _MOST_TIMES = 100_000_000, 100
 # Greatest number of files: a package has one hundred.
 _MOST_FILES = 100_000
 _DIGEST = re.compile(r"[0-9a-f]{64}")
@@ -77,7 +78,7 @@ def unpack_package(package: str | Path) -> Iterator[Path]:
     if package.is_dir():
         yield _require_manifest(package)
         return
-    if not zipfile.is_zipfile(package):
+    if not (package.is_file() and zipfile.is_zipfile(package)):
         raise SchemaError(
             str(package), ["neither a folder nor a zip; give what `aeromatch package make` wrote"]
         )
@@ -86,7 +87,10 @@ def unpack_package(package: str | Path) -> Iterator[Path]:
             with zipfile.ZipFile(package) as content:
                 _demand_members(content, package)
                 content.extractall(temporary)
-        except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError) as error:
+        except (AeromatchError, OSError):
+            raise
+        # zipfile and its decoders raise BadZipFile, zlib.error, EOFError, RuntimeError and others
+        except Exception as error:
             fault = f"a damaged zip ({str(error)[:100]}); copy it again"
             raise SchemaError(str(package), [printable(fault)]) from None
         root = Path(temporary)
@@ -100,18 +104,27 @@ def _demand_members(content: zipfile.ZipFile, package: Path) -> None:
     """Raise unless the members of a zip are as `aeromatch package make` writes them."""
     members = content.infolist()
     # A small zip can unpack to fill the disk.
-    if sum(item.file_size for item in members) > _MOST:
-        raise SchemaError(str(package), [f"unpacks to more than {_MOST:g} bytes"])
+    size, packed = sum(item.file_size for item in members), package.stat().st_size
+    if size > min(_MOST, _SMALL + _MOST_TIMES * packed):
+        text = f"unpacks to {size:g} bytes, from {packed:g}; at most {_MOST_TIMES} times as much"
+        raise SchemaError(str(package), [text])
     if len(members) > _MOST_FILES:
         raise SchemaError(str(package), [f"{len(members)} files; at most {_MOST_FILES}"])
     seen: set[str] = set()
     for item in members:
         name = item.filename
-        if name.startswith(("/", "\\")) or ".." in Path(name).parts:
+        if name.startswith("/") or "\\" in name or ".." in Path(name).parts:
             raise SchemaError(str(package), [f"{name!r} leads out of the package"])
+        if item.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise SchemaError(str(package), [f"{name!r} is not packed as a data package is"])
         if name in seen:
             raise SchemaError(str(package), [f"two files are named {name!r}"])
         seen.add(name)
+    # What lies outside the folder of the package would escape every check.
+    folders = {name.split("/")[0] for name in seen}
+    if MANIFEST not in seen and len(folders) > 1:
+        names = ", ".join(map(repr, sorted(folders)[:4]))
+        raise SchemaError(str(package), [f"more than one folder ({names}); a package is one"])
 
 
 def _require_manifest(folder: Path) -> Path:

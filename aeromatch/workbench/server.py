@@ -18,7 +18,7 @@ from typing import Any
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
@@ -262,13 +262,16 @@ class Workbench:
 
 
 async def _read_body(request: Request) -> bytes | None:
-    """Return the body of a request; None if it is too long."""
+    """Return the body of a request; None if it is too long or the client has gone."""
     body = b""
-    async for part in request.stream():
-        body += part
-        if len(body) > _MOST_BODY:
-            return None
-    return body
+    # nobody reads the response to a client that left in the middle of its request
+    with contextlib.suppress(ClientDisconnect):
+        async for part in request.stream():
+            body += part
+            if len(body) > _MOST_BODY:
+                return None
+        return body
+    return None
 
 
 class AsciiJson(JSONResponse):

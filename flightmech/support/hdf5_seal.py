@@ -10,6 +10,7 @@ changes the file in place removes both, because HDF5 truncates a file at the end
 from __future__ import annotations
 
 import json
+import mmap
 import os
 import sys
 import traceback
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import h5py
-from h5py import h5d, h5g, h5l, h5o
+from h5py import h5a, h5d, h5ds, h5g, h5l, h5o, h5t
 
 from flightmech.errors import AeromatchError, ParseError
 
@@ -149,6 +150,8 @@ def read_sealed_tail(path: Path, expected: str) -> Unbroken:
     if size != end and last_bytes != seal:
         fault = "a damaged file (its SHA-256 is not that of its seal)"
         raise ParseError(str(path), 0, fault, expected=expected)
+    if fault := find_false_heap(path):
+        raise ParseError(str(path), 0, fault, expected=expected)
     digest.update(last_bytes)
     return Unbroken(digest.digest(), last_bytes == seal, between)
 
@@ -212,6 +215,12 @@ def _clear_frames(error: Exception) -> None:
         sys.unraisablehook = hook
 
 
+# attributes of dimension scales; see "HDF5 Dimension Scale Specification"
+_DIMENSIONS, _NAME = b"DIMENSION_LIST", b"NAME"
+
+# beginning of a heap of texts (global heap collection, version 1), and its least size [byte]
+_HEAP, _LEAST_HEAP = b"GCOL\x01\0\0\0", 4096
+
 MOST_GROUPS = 5000
 """Greatest number of groups of a file. Files of this product have some hundred."""
 
@@ -224,17 +233,19 @@ def demand_self_contained(path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ParseError
-        An external or symbolic link, external storage, a virtual dataset, a circle of groups, or
-        more than `MOST_GROUPS` groups.
+        An external or symbolic link, external storage, a virtual dataset, a circle of groups,
+        more than `MOST_GROUPS` groups, false attributes of dimension scales, or a heap of texts
+        whose objects do not fill it.
     """
+    fault = find_false_heap(Path(path))
     try:
         # in the same mode as all readers: HDF5 cannot open a file in two modes at once
         with h5py.File(path, "r") as file:
-            fault = _find_foreign_storage(file)
+            fault = fault or _find_foreign_storage(file)
     except (OSError, KeyError, ValueError, RuntimeError, TypeError):
         return
     if fault:
-        expected = "a file that holds its numbers itself; copy them into it"
+        expected = "a sound file that holds its numbers itself; copy them into it"
         raise ParseError(os.fspath(path), 0, fault, expected=expected)
 
 
@@ -257,8 +268,11 @@ def _find_foreign_storage(file: Any) -> str:
             if kind != h5l.TYPE_HARD:
                 return f"{path} is a symbolic link"
             item = h5o.open(group, name)
-            if isinstance(item, h5d.DatasetID) and _is_stored_outside(item):
-                return f"{path} keeps its numbers in another file"
+            if isinstance(item, h5d.DatasetID):
+                if _is_stored_outside(item):
+                    return f"{path} keeps its numbers in another file"
+                if fault := find_false_scale(item):
+                    return f"{path} has {fault}"
             if isinstance(item, h5g.GroupID):
                 address = h5o.get_info(item).addr
                 if address in addresses:
@@ -268,6 +282,67 @@ def _find_foreign_storage(file: Any) -> str:
                 if len(addresses) > MOST_GROUPS:
                     return f"more than {MOST_GROUPS} groups"
     return ""
+
+
+def find_false_heap(path: Path) -> str:
+    """Return the first heap of texts whose objects do not fill it, an empty text without one.
+
+    HDF5 2.0 goes from object to object by their sizes. A size of zero is an endless loop, which no
+    error ends. Sizes of a heap and of its objects: HDF5 File Format Specification 3.0, section
+    III.E.
+    """
+    if not path.is_file() or not path.stat().st_size:
+        return ""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        at = content.find(_HEAP)
+        while at >= 0:
+            size = int.from_bytes(content[at + 8 : at + 16], "little")
+            # HDF5 refuses a heap of another size itself
+            if _LEAST_HEAP <= size <= len(content) - at and not _is_filled(content, at, size):
+                return f"a damaged heap of texts at byte {at}"
+            at = content.find(_HEAP, at + 1)
+    return ""
+
+
+def _is_filled(content: mmap.mmap, start: int, size: int) -> bool:
+    """Return whether the objects of a heap, each with a header of 16 bytes, fill it."""
+    at, end = start + 16, start + size
+    while end - at >= 16:
+        number = int.from_bytes(content[at : at + 2], "little")
+        length = int.from_bytes(content[at + 8 : at + 16], "little")
+        # object 0 is the free space, with its header, up to the end
+        if number == 0:
+            return length == end - at
+        at += 16 + (length + 7) // 8 * 8
+    return at <= end
+
+
+def find_false_scale(dataset: h5d.DatasetID) -> str:
+    """Return the attribute of a dataset that is not what the interface of dimension scales wrote.
+
+    The result is an empty text if there is none. To be called before any function of `h5ds`: that
+    part of HDF5 takes for granted what the attributes hold. It follows a text as an address, and
+    writes a long one beyond its memory (HDF5 2.0, H5DSiterate_scales and H5DSget_scale_name).
+    """
+    if h5a.exists(dataset, _DIMENSIONS):
+        references = h5a.open(dataset, _DIMENSIONS)
+        if references.shape != (dataset.rank,) or not _holds_references(references.get_type()):
+            return "an attribute DIMENSION_LIST that is not a list of references for each dimension"
+    if h5a.exists(dataset, _NAME) and h5ds.is_scale(dataset):
+        name = h5a.open(dataset, _NAME)
+        kind = name.get_type()
+        is_fixed = kind.get_class() == h5t.STRING and not kind.is_variable_str()
+        if name.shape or not is_fixed:
+            return "an attribute NAME that is not one text of fixed length"
+    return ""
+
+
+def _holds_references(kind: h5t.TypeID) -> bool:
+    """Return whether a type is a list of references to objects of variable length."""
+    if kind.get_class() != h5t.VLEN:
+        return False
+    item = kind.get_super()
+    return item.get_class() == h5t.REFERENCE and item.equal(h5t.STD_REF_OBJ)
 
 
 def _is_stored_outside(dataset: Any) -> bool:

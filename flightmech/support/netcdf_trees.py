@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 
 from flightmech.errors import SchemaError
-from flightmech.support.hdf5_seal import MOST_GROUPS
+from flightmech.support.hdf5_seal import MOST_GROUPS, find_false_scale
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,6 +35,8 @@ _DEPTH = 20
 # Greatest size of one table [byte], far above any aero table. A damaged or malicious size is an
 # error before memory is allocated.
 LARGEST = 2**27
+# Greatest size of all tables together [byte]. A small file can state many tables of zeros.
+LARGEST_TOTAL = 4 * LARGEST
 # kinds of NumPy types: signed and unsigned integers, floating-point numbers
 NUMBERS = "iuf"
 _FORMAT = ("v108", "v108")
@@ -241,6 +243,8 @@ class _TreeReader:
         self.problems: list[str] = []
         # addresses of the groups
         self._addresses: set[int] = set()
+        # of the tables that were read [byte]
+        self._size = 0
 
     def read_group(self, group: h5py.Group, path: str, axes: Mapping[int, str]) -> None:
         """Read a group and the groups inside.
@@ -304,6 +308,9 @@ class _TreeReader:
                 self._addresses.add(_address(item))
                 groups[name] = item
             elif isinstance(item, h5py.Dataset):
+                if fault := find_false_scale(item.id):
+                    self.problems.append(f"{item_path} has {fault}")
+                    continue
                 tables[name] = item
             else:
                 self.problems.append(
@@ -327,6 +334,10 @@ class _TreeReader:
         # only now the numbers are read, which a damaged size would make impossible
         if len(self.problems) > count:
             return None
+        self._size += item.nbytes
+        if self._size > LARGEST_TOTAL:
+            text = f"more than {LARGEST_TOTAL // 2**20} MiB of tables; a database has a few"
+            raise SchemaError("database", [text])
         numbers = item[()]
         values = np.asarray(numbers, numbers.dtype.newbyteorder("="))
         return StoredVariable(tuple(dims), values, attributes)

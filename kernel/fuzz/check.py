@@ -65,7 +65,7 @@ def objects(compiler: str, sanitize: str, folder: Path) -> list[str]:
     sources = [
         *(KERNEL / "src").glob("*/*.c"),
         *(KERNEL / "shell").glob("*.c"),
-        KERNEL / "fuzz" / "drive.c",
+        *(KERNEL / "fuzz").glob("drive*.c"),
     ]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(lambda source: compiled(compiler, sanitize, source, folder), sources))

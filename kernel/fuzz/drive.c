@@ -360,7 +360,7 @@ static void query(const am_model *m, const am_sim *sim, bytes_t *bytes) {
 }
 
 void call_kernel(const am_model *m, am_sim *sim, bytes_t *bytes) {
-    switch (take_byte(bytes) % 18) {
+    switch (take_byte(bytes) % 19) {
     case 0:
     case 1:
         set_parameter(m, sim, bytes);
@@ -404,6 +404,9 @@ void call_kernel(const am_model *m, am_sim *sim, bytes_t *bytes) {
         break;
     case 16:
         image(m, sim, bytes);
+        break;
+    case 17:
+        call_estimation(bytes);
         break;
     default:
         if (take_byte(bytes) % 8 == 0) trim_for(m, sim, bytes);

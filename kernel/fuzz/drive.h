@@ -28,6 +28,9 @@ double *room(size_t n);
 /* One call of a function of kernel.h, or of the images of the FMU, on a simulation of the model. */
 void call_kernel(const am_model *model, am_sim *sim, bytes_t *bytes);
 
+/* Calls of the functions of kernel.h that need no model: paths, sums, elimination. */
+void call_estimation(bytes_t *bytes);
+
 /* SHA-256 or CRC-32 do not stop a hostile hand, so the fuzzers write the right ones. */
 uint32_t crc32(const uint8_t *bytes, size_t n);
 

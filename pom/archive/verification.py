@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from flightmech.errors import AeromatchError
+from flightmech.errors import AeromatchError, SchemaError
 from flightmech.support.input_files import file_sha256
 from pom.archive.archive import read_archive
 from pom.archive.origins import dependency_path, read_report_manifest
@@ -72,10 +72,19 @@ def verify(folder: str | os.PathLike) -> list[VerificationResult]:
     Raises
     ------
     FileNotFoundError, SchemaError
-        The folder does not hold the manifest of a report.
+        The folder does not hold the manifest of a report, or the manifest lacks a part.
     """
     folder = Path(folder)
     statement = read_report_manifest(folder)
+    try:
+        return _check_statement(folder, statement)
+    except (KeyError, IndexError, TypeError, AttributeError) as error:
+        problem = f"a part of the manifest is missing or of another kind ({error}); write it again"
+        raise SchemaError(str(folder / "manifest.json"), [problem]) from error
+
+
+def _check_statement(folder: Path, statement: Mapping[str, Any]) -> list[VerificationResult]:
+    """Return the results of all checks of a report with this manifest."""
     checks = []
     for item in statement["subject"]:
         path = folder / item["name"]
@@ -226,9 +235,12 @@ def _compare_rows(
     name: str, where: str, before: Mapping[Hashable, Any], now: Mapping[Any, Any]
 ) -> Iterator[str]:
     """Yield the differences of two rows of verdicts on one criterion."""
-    if before["verdict"] != now["verdict"]:
-        yield f"{name}: verdict {before['verdict']}, {where} {now['verdict']}"
+    if before["verdict"] != now.get("verdict"):
+        yield f"{name}: verdict {before['verdict']}, {where} {now.get('verdict')}"
     for column in NUMBERS:
+        if column not in now or isinstance(now[column], str | list | dict):
+            yield f"{name}: {column} {before[column]}, {where} no number"
+            continue
         stored, present = _to_float(before[column]), _to_float(now[column])
         # Columns that a measure does not fill are NaN on both sides.
         is_same = math.isnan(stored) and math.isnan(present)

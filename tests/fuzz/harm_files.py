@@ -137,8 +137,8 @@ def _change_objects(content: bytes, choice: random.Random) -> bytes:
             file.visit(names.append)
             try:
                 choice.choice(OBJECTS)(file, choice.choice(names), choice)
-            except (KeyError, ValueError, TypeError, OSError, RuntimeError):
-                continue  # HDF5 refuses the change
+            except (KeyError, ValueError, TypeError, OSError, RuntimeError, MemoryError):
+                continue  # HDF5 refuses the change, or it follows one without memory behind it
     return stream.getvalue()
 
 

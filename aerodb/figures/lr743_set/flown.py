@@ -17,6 +17,7 @@ from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.air import atmosphere
 from flightmech.errors import ParseError
+from flightmech.support.hdf5_seal import demand_self_contained
 
 FLOWN = "flown.nc"
 """Name of the file in the folder that ``aeromatch match`` writes."""
@@ -105,6 +106,7 @@ def read_flown(path: str | os.PathLike[str]) -> FlightData:
         raise FileNotFoundError(
             f"{path}: no such file; `aeromatch match` writes {FLOWN} next to its databases"
         )
+    demand_self_contained(path)
     try:
         with xr.open_datatree(path, engine="h5netcdf") as tree:
             content = tree.load()

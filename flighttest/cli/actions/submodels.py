@@ -15,7 +15,7 @@ from flightmech.aircraft.engine_deck import open_tables
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError
 from flightmech.support.console import print_json, show_progress
-from flightmech.support.hdf5_seal import decoding_errors
+from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flighttest.cli.submodels import _MODELS
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
@@ -157,6 +157,7 @@ def _divided(states, record: Path, free_names) -> tuple[list, list]:
     is driven.
     """
 
+    demand_self_contained(record)
     with (
         decoding_errors(record, "a flight record, netCDF-4"),
         xr.open_datatree(record, engine="h5netcdf", decode_timedelta=False) as tree,

@@ -370,6 +370,10 @@ def open_fit(path: str | os.PathLike) -> Fit:
     return fit
 
 
+# Sums of squares of larger numbers overflow.
+_LARGEST = 1e100
+# relative difference of numbers that are stored twice, from the rounding of a root and of a product
+_SAME = 1e-6
 # dimensions of the figures of a fit that other computations use
 _LAYOUT = {
     "estimate": ("term",),
@@ -388,20 +392,62 @@ def _find_fault(fit: Fit) -> str:
         return "two estimates of one term"
     for name, dims in _LAYOUT.items():
         if name not in estimates:
-            continue
+            return f"estimates without {name}"
         figure = estimates[name]
         if figure.dims != dims or figure.dtype.kind not in "iuf":
             return f"the figure {name} that is not a number for each {' and '.join(dims)}"
-        if not np.all(np.isfinite(figure.values)) and name in ("covariance", "correlation"):
-            return f"the figure {name} that is not finite"
+        if name != "correlation" and not _is_usable(figure):
+            return f"the figure {name} with NaN, infinite or very large numbers"
         if lost := [axis for axis in dims if axis not in estimates.indexes]:
             return f"the figure {name} without the names of its {lost[0]}"
+        if twice := [axis for axis in dims if not estimates.indexes[axis].is_unique]:
+            return f"the figure {name} with one name for two of its {twice[0]}"
+    if [str(term) for term in estimates["term_"].values] != terms:
+        return "a covariance of other terms than the estimates"
+    return _find_covariance_fault(estimates) or _find_sample_fault(fit, terms)
+
+
+def _find_covariance_fault(estimates: xr.Dataset) -> str:
+    """Return what contradicts a covariance matrix: it is symmetric, and stderr is its diagonal."""
+    covariance, stderr = estimates["covariance"].values, estimates["stderr"].values
+    variance = np.diag(covariance)
+    if np.any(variance < 0.0) or not np.allclose(np.sqrt(variance), stderr, _SAME, 0.0):
+        return "the figure covariance whose diagonal is not the square of stderr"
+    # |c_ij| <= s_i s_j of any covariance; a changed number far off the diagonal breaks this
+    bound = np.outer(stderr, stderr)
+    is_symmetric = np.allclose(covariance, covariance.T, _SAME, _SAME * bound.max(initial=0.0))
+    if not is_symmetric or np.any(np.abs(covariance) > (1.0 + _SAME) * bound):
+        return "the figure covariance that is not a covariance matrix"
+    return ""
+
+
+def _find_sample_fault(fit: Fit, terms: list[str]) -> str:
+    """Return what makes the samples of a fit useless."""
+    data = fit.data
+    if "sample" not in data.sizes:
+        return "data without samples"
     for name, figure in (("design", fit.design), ("regressors", fit.regressors)):
         if figure.dims != ("sample", "term") or figure.dtype.kind not in "iuf":
             return f"the figure {name} that is not a number for each sample and term"
-        if figure.sizes["sample"] != fit.data.sizes.get("sample", figure.sizes["sample"]):
+        if figure.sizes["sample"] != data.sizes["sample"]:
             return f"the figure {name} with another number of samples than the data"
+        if figure.sizes["term"] != len(terms):
+            return f"the figure {name} with another number of terms than the estimates"
+        if not _is_usable(figure):
+            return f"the figure {name} with NaN, infinite or very large numbers"
+    for name in (fit.model.coefficient, *fit.model.variables):
+        # values that a publication states come without samples of the coefficient
+        if name not in data:
+            continue
+        if data[name].dims != ("sample",) or data[name].dtype.kind not in "iuf":
+            return f"the variable {name} that is not a number for each sample"
+        if not _is_usable(data[name]):
+            return f"the variable {name} with NaN, infinite or very large numbers"
     return ""
+
+
+def _is_usable(numbers: xr.DataArray) -> bool:
+    return bool(np.all(np.abs(numbers.values) < _LARGEST))
 
 
 def open_tree(path: str | os.PathLike, content: str, expected: str) -> xr.DataTree:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import aerodb
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
+from flightmech.support import hdf5_seal
 from flightmech.support import netcdf_trees as netcdf
 
 
@@ -239,6 +240,10 @@ def virtual(file):
     file.create_group("CD/basic").create_virtual_dataset("value", layout)
 
 
+def false_dimensions(file):
+    file["CL/flap/value"].attrs["DIMENSION_LIST"] = "x" * 100
+
+
 def no_numbers(file):
     file.create_group("CD/basic").create_dataset("value", data=h5py.Empty("f8"))
 
@@ -268,6 +273,11 @@ def no_numbers(file):
             virtual,
             "CD/basic/value keeps its numbers in another file; a database holds its tables itself",
         ),
+        (
+            false_dimensions,
+            "CL/flap/value has an attribute DIMENSION_LIST that is not a list of references for "
+            "each dimension",
+        ),
         (no_numbers, "CD/basic/value has the shape None; a table has at most 128 MiB"),
     ],
 )
@@ -277,6 +287,15 @@ def test_what_is_no_table_is_named(file, harm, problem):
     with pytest.raises(SchemaError) as caught:
         aerodb.open(file)
     assert problem in caught.value.problems
+
+
+def test_a_sealed_file_with_false_dimensions_does_not_end_the_process(file):
+    """Its overview is not read without the check; HDF5 would follow the text as an address."""
+    with h5py.File(file, "r+") as other:
+        false_dimensions(other)
+    file.write_bytes(hdf5_seal.add_seal(file.read_bytes(), "none", None))
+    with pytest.raises(SchemaError, match="DIMENSION_LIST"):
+        aerodb.store.files.read_overview(file, ("value",))
 
 
 @pytest.mark.skipif(

@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives.asymmetric.ec import SECP256R1, generate_pri
 
 from aerodb.exchange.jsbsim.written_elements import keep_written_elements
 from aeromatch.cli.delivery import package
-from aeromatch.delivery import flown_checks
+from aeromatch.delivery import flown_checks, package_files
 from aeromatch.delivery.flown_checks import OUTPUTS
 from aeromatch.delivery.fmu_flight import fly_cases_by_fmu, foreign_library
 from aeromatch.delivery.foreign_flight import fly_in_child
@@ -112,6 +112,23 @@ def test_a_changed_package_is_not_read_further(delivery):
     assert {item.kind for item in found} == {"structure", "hash"}
 
 
+def test_a_zip_that_unpacks_to_many_times_its_size_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(package_files, "_SMALL", 1000)
+    with zipfile.ZipFile(tmp_path / "x.zip", "w", zipfile.ZIP_DEFLATED) as content:
+        content.writestr("a/zeros", bytes(10**6))
+    refused = pytest.raises(SchemaError, match="at most 100 times as much")
+    with refused, unpack_package(tmp_path / "x.zip"):
+        pass
+
+
+def test_a_zip_of_another_compression_is_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "x.zip", "w", zipfile.ZIP_LZMA) as content:
+        content.writestr("a/manifest.json", "{}")
+    refused = pytest.raises(SchemaError, match="not packed as a data package is")
+    with refused, unpack_package(tmp_path / "x.zip"):
+        pass
+
+
 @pytest.mark.slow
 def test_readers_that_fail_are_findings(delivery):
     found = list(verify_package(delivery))
@@ -126,12 +143,17 @@ def test_readers_that_fail_are_findings(delivery):
     [
         (["a/manifest.json", "a/manifest.json"], "two files are named 'a/manifest.json'"),
         (["a/../../x"], "leads out of the package"),
+        (["a\\..\\x"], "leads out of the package"),
+        (["a/manifest.json", "b/x"], "more than one folder"),
+        (["a/manifest.json", "x"], "more than one folder"),
     ],
 )
 def test_members_of_a_zip(members, text, tmp_path):
     with (
         zipfile.ZipFile(tmp_path / "x.zip", "w") as content,
-        pytest.warns(UserWarning, match="Duplicate") if len(members) > 1 else nullcontext(),
+        pytest.warns(UserWarning, match="Duplicate")
+        if len({*members}) < len(members)
+        else nullcontext(),
     ):
         for name in members:
             content.writestr(name, "{}")

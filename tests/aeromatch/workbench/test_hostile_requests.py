@@ -1,5 +1,6 @@
 """Requests that the page does not send, commands and logs that lead out of the project."""
 
+import asyncio
 import http.client
 import json
 import sys
@@ -7,6 +8,9 @@ from pathlib import Path
 from urllib.parse import quote
 
 import pytest
+from starlette.requests import ClientDisconnect
+
+from aeromatch.workbench.server import _read_body
 
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
@@ -75,6 +79,18 @@ def test_odd_bodies_are_refused_with_a_sentence(client):
             assert is_refusal(code, content), (path, body[:60], code)
     # a request that was refused has no effect on later ones
     assert send(client, "GET", "/api/jobs")[0] == 200
+
+
+class LeftRequest:
+    """A request whose client leaves in the middle of the body."""
+
+    async def stream(self):
+        yield b"{"
+        raise ClientDisconnect
+
+
+def test_a_client_that_leaves_in_the_middle_of_its_body_is_no_fault_of_the_server():
+    assert asyncio.run(_read_body(LeftRequest())) is None
 
 
 @pytest.mark.slow

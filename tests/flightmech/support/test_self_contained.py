@@ -40,6 +40,25 @@ def crowd(file, other):
         file.create_group(f"groups/g{number}")
 
 
+def text_in_place_of_dimensions(file, other):
+    """HDF5 2.0 follows the characters of the text as addresses, and the process ends."""
+    file["clock/p"].attrs["DIMENSION_LIST"] = "x" * 100
+
+
+def dimensions_of_another_shape(file, other):
+    references = np.empty(5, object)
+    references[:] = [np.array([file["clock/time"].ref], h5py.ref_dtype)] * 5
+    file["clock/p"].attrs.create(
+        "DIMENSION_LIST", references, dtype=h5py.vlen_dtype(h5py.ref_dtype)
+    )
+
+
+def many_names_of_a_scale(file, other):
+    """HDF5 2.0 writes all of them into the memory of the first."""
+    file["clock/time"].make_scale("time")
+    file["clock/time"].attrs["NAME"] = np.full(1000, b"a" * 50, "S50")
+
+
 FAULTS = [
     (external_link, "/imu is a link into another file, other.h5"),
     (soft_link, "/again is a symbolic link"),
@@ -47,6 +66,9 @@ FAULTS = [
     (virtual, "/alpha keeps its numbers in another file"),
     (circle, "the group /clock/up is linked to more than once"),
     (crowd, "more than 5000 groups"),
+    (text_in_place_of_dimensions, "/clock/p has an attribute DIMENSION_LIST that is not a list"),
+    (dimensions_of_another_shape, "/clock/p has an attribute DIMENSION_LIST that is not a list"),
+    (many_names_of_a_scale, "/clock/time has an attribute NAME that is not one text"),
 ]
 
 
@@ -89,6 +111,21 @@ def test_a_whole_file_passes_and_what_is_no_hdf5_is_left_to_its_reader(made, tmp
     demand_self_contained(made())
     (tmp_path / "text.nc").write_text("no HDF5")
     demand_self_contained(tmp_path / "text.nc")
+
+
+def test_a_heap_of_texts_without_an_end_is_refused(tmp_path):
+    """HDF5 2.0 adds the size zero of the free space for ever."""
+    path = tmp_path / "texts.nc"
+    with h5py.File(path, "w") as file:
+        file["text"] = ["a", "bc"]
+    demand_self_contained(path)
+    content = path.read_bytes()
+    # the free space behind the two texts: 16 bytes of the heap, and twice a header and 8 bytes
+    at = content.find(b"GCOL") + 16 + 2 * 24
+    assert int.from_bytes(content[at + 8 : at + 16], "little") == 4096 - 64
+    path.write_bytes(content[: at + 8] + bytes(8) + content[at + 16 :])
+    with pytest.raises(ParseError, match="a damaged heap of texts at byte"):
+        demand_self_contained(path)
 
 
 @pytest.mark.parametrize(

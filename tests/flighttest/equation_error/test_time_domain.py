@@ -1,3 +1,4 @@
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -280,3 +281,31 @@ def test_a_fit_survives_its_file(tmp_path):
     with pytest.raises(FileNotFoundError):
         open_fit(tmp_path / "none.nc")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["fit.nc", "other.nc"]
+
+
+def spoil(file, name, place, number):
+    values = file[name][()]
+    values[place] = number
+    file[name][...] = values
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "place", "number", "words"),
+    [
+        ("design/regressors", (3, 1), np.nan, "regressors with NaN, infinite or very large"),
+        ("design/design", (3, 1), 1e300, "design with NaN, infinite or very large"),
+        ("data/alpha", 5, np.inf, "variable alpha with NaN"),
+        ("estimates/estimate", 0, np.nan, "estimate with NaN"),
+        ("estimates/covariance", (0, 0), 1.0, "diagonal is not the square of stderr"),
+        ("estimates/covariance", (0, 1), 1.0, "is not a covariance matrix"),
+        ("estimates/stderr", 1, 1e-9, "diagonal is not the square of stderr"),
+    ],
+)
+def test_a_fit_with_a_changed_number_is_refused(tmp_path, name, place, number, words):
+    fit = regress(RegressionModel("CL", LIFT.terms), record(np.random.default_rng(11)), "run 1")
+    save_fit(fit, tmp_path / "fit.nc")
+    with h5py.File(tmp_path / "fit.nc", "r+") as file:
+        spoil(file, name, place, number)
+    with pytest.raises(ParseError, match=words):
+        open_fit(tmp_path / "fit.nc")

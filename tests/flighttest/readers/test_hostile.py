@@ -15,7 +15,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from recorders import chapter10, dataflash, ulog
 
 import flighttest
-from flightmech.errors import AeromatchError, ParseError
+from flightmech.errors import AeromatchError, ParseError, SchemaError
+from flighttest.records.readers.formats import csv_text
 
 T = np.arange(200) / 50
 NAMES = '[imu]\nq = { column = ["q", "IMU/q", "imu/q", "bus.q"], unit = "rad/s" }\n'
@@ -151,3 +152,25 @@ def test_empty_and_unknown_files(tmp_path):
         flighttest.read(tmp_path / "f")
     with pytest.raises(FileNotFoundError):
         flighttest.read(tmp_path / "nowhere.csv")
+
+
+def test_a_gzip_bomb_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_text, "_LARGEST_UNPACKED", 1000)
+    path = tmp_path / "flight.csv.gz"
+    path.write_bytes(gzip.compress(b"time [s],q [rad/s]\n" + b"0,0\n" * 250))
+    with pytest.raises(ParseError, match="behind gzip; expected less; unpack it with gunzip"):
+        flighttest.read(path)
+
+
+def test_a_damaged_stamp_does_not_make_a_record_of_years(tmp_path):
+    path = tmp_path / "flight.csv"
+    path.write_text("time [s],q [rad/s]\n0,0\n0.02,0\n0.04,0\n1e12,0\n")
+    with pytest.raises(SchemaError, match=r"longer than the 2 days .* sample 2 at 0\.04 s"):
+        flighttest.read(path)
+
+
+def test_a_clock_of_two_equal_stamps_is_refused(tmp_path):
+    path = tmp_path / "flight.csv"
+    path.write_text("time [s],q [rad/s]\n0,0\n0,1\n")
+    with pytest.raises(SchemaError, match="2 samples of one stamp; at least two stamps"):
+        flighttest.read(path)

@@ -9,7 +9,7 @@ from dataclasses import replace as replaced
 import pytest
 
 import pom
-from flightmech.errors import AeromatchError
+from flightmech.errors import AeromatchError, SchemaError
 from pom.archive import origins as manifest
 from pom.archive.archive import read_archive
 from pom.archive.origins import file_sha256
@@ -167,3 +167,28 @@ def test_a_removed_number_is_found(folder):
     details = [item.detail for item in pom.verify(changed) if item.kind == "verdict"]
     assert len(details) == 1
     assert "worst_ratio nan, judged again " in details[0]
+
+
+@pytest.mark.slow
+def test_a_part_that_the_manifest_lacks_is_an_error_of_the_file(folder):
+    file = folder / "report" / "manifest.json"
+    for part in ("name", "digest"):
+        content = json.loads((folder / "report" / "manifest.json").read_text())
+        content["subject"][0].pop(part, None)
+        file.write_text(json.dumps(content))
+        with pytest.raises(SchemaError, match="manifest"):
+            pom.verify(folder / "report")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("value", ["text", None])
+def test_a_column_that_the_results_lack_is_found(folder, value):
+    file = folder / "report" / "results.json"
+    content = json.loads(file.read_text())
+    row = content["results"][0]["verdict"][0]
+    del row["worst_ratio"]
+    if value:
+        row["worst_ratio"] = value
+    file.write_text(json.dumps(content))
+    details = " ".join(item.detail for item in pom.verify(folder / "report"))
+    assert "results.json no number" in details

@@ -63,6 +63,8 @@ _THOUSANDS = re.compile(r"^[-+]?[1-9]\d{0,2},\d{3}$")
 # Lines that decide on stamps and on the decimal mark.
 _FIRST_LINES = 10
 _GZIP = b"\x1f\x8b"
+# Greatest size of the text behind gzip [byte]. A few kB can hold gigabytes of zeros.
+_LARGEST_UNPACKED = 2**29
 _EXPECTED = "comma-separated columns under one line of names"
 TABLE = "data"
 
@@ -240,8 +242,11 @@ def _read_text(path: Path) -> tuple[bytes, str]:
     """Return the text as UTF-8 with line feeds, and a note on another encoding, else empty."""
     raw = read_bytes(path, _EXPECTED)
     if raw[:2] == _GZIP:
-        with decoding_errors(path, "a whole .gz file"):
-            raw = gzip.decompress(raw)
+        with decoding_errors(path, "a whole .gz file"), gzip.open(path) as file:
+            raw = file.read(_LARGEST_UNPACKED + 1)
+        if len(raw) > _LARGEST_UNPACKED:
+            found = f"more than {_LARGEST_UNPACKED >> 20} MiB behind gzip"
+            raise ParseError(str(path), 0, found, "less; unpack it with gunzip, and divide it")
     note = ""
     # UTF-16 and UTF-32 of plain letters are ASCII bytes between zeros.
     if not raw.isascii() or b"\0" in raw:

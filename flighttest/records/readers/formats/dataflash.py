@@ -144,7 +144,7 @@ def _vehicle(by_name: dict[str, np.ndarray]) -> str:
     if "Message" not in (texts.dtype.names or ()):
         return ""
     for text in texts["Message"]:
-        firmware = text.decode("ascii", "replace").partition(" ")[0]
+        firmware = text.split(b"\0")[0].decode("ascii", "replace").partition(" ")[0]
         if firmware in _VEHICLES:
             return firmware
     return ""
@@ -292,7 +292,7 @@ def _add_units(messages: dict[int, DataFlashMessage], by_name: dict[str, np.ndar
     # FMTU has one character per column, which UNIT and MULT translate.
     labels, factors = {}, {}
     for row in by_name["UNIT"]:
-        labels[chr(int(row["Id"]) & 0xFF)] = row["Label"].decode("utf-8", "replace")
+        labels[chr(int(row["Id"]) & 0xFF)] = row["Label"].split(b"\0")[0].decode("utf-8", "replace")
     for row in by_name["MULT"]:
         # The multiplier is a 32-bit float; seven digits give the decimal number that was meant.
         factors[chr(int(row["Id"]) & 0xFF)] = float(f"{row['Mult']:.7g}")
