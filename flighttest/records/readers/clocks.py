@@ -28,7 +28,7 @@ _COUNTERS = tuple(float(2**bits) for bits in (16, 24, 31, 32))  # in counts of t
 _PERIODS = (60.0, 3600.0, 86400.0, 604800.0)  # s: minute, hour, day, week of satellite time
 _NEAR = 5.0  # largest step across a wrap, in median steps
 _STRAY = 10.0  # largest distance from the neighbours, in median steps
-_LONGEST = 2 * 86400.0  # longest recording [s]
+_LONGEST = 2 * 86400.0  # longest gap of a recording [s]
 
 
 @dataclass
@@ -69,7 +69,7 @@ def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Tabl
     Raises
     ------
     SchemaError
-        There are fewer than two stamps, the clock steps back or goes over days, or the stamps are
+        There are fewer than two stamps, the clock steps back or has a gap of days, or the stamps are
         too coarse for their samples.
     """
     time = np.asarray(raw, float) * scale
@@ -110,12 +110,13 @@ def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Tabl
         text = f"its clock has {len(raw)} samples of one stamp; at least two stamps are needed"
         raise SchemaError(what, [text])
     # A single damaged stamp makes a record of years, whose samples at a uniform step fill memory.
-    if time[-1] - time[0] > _LONGEST:
-        longest = int(np.argmax(np.diff(time)))
+    gaps = np.diff(time)
+    longest = int(np.argmax(gaps))
+    if gaps[longest] > _LONGEST:
         text = (
-            f"its clock goes from {time[0]:g} s to {time[-1]:g} s, longer than the "
-            f"{_LONGEST / 86400:g} days of a recording; the longest gap is behind sample "
-            f"{samples[longest]} at {time[longest]:g} s: correct or remove these stamps"
+            f"its clock goes from {time[0]:g} s to {time[-1]:g} s; the gap behind sample "
+            f"{samples[longest]} at {time[longest]:g} s is longer than the {_LONGEST / 86400:g} days "
+            f"that are allowed: correct or remove these stamps"
         )
         raise SchemaError(what, [text])
     return _corrected_clock(time, samples, flags, clock)

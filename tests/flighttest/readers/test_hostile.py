@@ -165,7 +165,7 @@ def test_a_gzip_bomb_is_refused_before_it_is_read(tmp_path, monkeypatch):
 def test_a_damaged_stamp_does_not_make_a_record_of_years(tmp_path):
     path = tmp_path / "flight.csv"
     path.write_text("time [s],q [rad/s]\n0,0\n0.02,0\n0.04,0\n1e12,0\n")
-    with pytest.raises(SchemaError, match=r"longer than the 2 days .* sample 2 at 0\.04 s"):
+    with pytest.raises(SchemaError, match=r"behind sample 2 at 0\.04 s is longer than the 2 days"):
         flighttest.read(path)
 
 
