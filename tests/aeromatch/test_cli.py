@@ -54,7 +54,7 @@ def test_group_help_imports_nothing_heavy(group):
     assert not modules_after(group, "--help") & HEAVY
 
 
-@pytest.mark.parametrize("options", [(), ("--json",), ("--term", "CL/basic")])
+@pytest.mark.parametrize("options", [(), ("--json",)])
 def test_a_look_at_a_database_makes_no_dataset(tmp_path, options):
     about = {
         "title": "one term",
