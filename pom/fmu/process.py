@@ -55,6 +55,10 @@ class Reply:
     moved: dict[str, np.ndarray] = field(default_factory=dict)
 
 
+# The job never reached the process, so that a second one may get it.
+_UNSENT = "the job could not be sent"
+
+
 class Child:
     """A child process with one loaded FMU. One thread at a time may use it (`hire_worker`)."""
 
@@ -84,7 +88,7 @@ class Child:
             The environment has invalid limits (`read_worker_limits`).
         """
         answer = self._send_job(job, timeout)
-        if isinstance(answer, str) and answer.startswith(KILLED):
+        if isinstance(answer, str) and answer.startswith((KILLED, _UNSENT)):
             self.close()
             answer = self._send_job(job, timeout)
         if once or isinstance(answer, str):
@@ -113,12 +117,14 @@ class Child:
         number = self._number
         shape = (len(job["time"]), len(job["outputs"]) + len(moved_controls(job)))
         answers: list[tuple[str, np.ndarray | None]] = []
+        sent: list[int] = []
 
         def converse() -> None:
             # A broken pipe, or bytes that are not a reply: there is no answer.
             with suppress(OSError, EOFError, ValueError):
                 pickle.dump({**job, "number": number}, foreign.stdin)
                 foreign.stdin.flush()
+                sent.append(number)
                 answers.append(read_reply(foreign.stdout.read, number, shape))
 
         conversation = self._conversation = foreign.converse(converse, timeout)
@@ -127,6 +133,8 @@ class Child:
             return f"no answer within {timeout:g} s; the process was stopped"
         if answers:
             return answers[0]
+        if not sent and foreign.process.poll() is None:
+            return f"{_UNSENT}; the process was stopped{self._printed_text()}"
         try:
             return f"crashed: {foreign.describe_end()}{self._printed_text()}"
         except subprocess.TimeoutExpired:

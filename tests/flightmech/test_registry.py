@@ -17,7 +17,6 @@ OWN_LISTS = {
     "aerodb/exchange/jsbsim/properties.py": "property of JSBSim for each variable",
     "aerodb/prior/prior_errors.py": "standard error of each derivative of DATCOM",
     "aerodb/store/evaluation.py": "range of each variable that is not suspect",
-    "flighttest/special_tests/spin/rotation_rates.py": "variables along a spin",
     "pom/report/presentation/term_words.py": "symbol of each variable on a page",
 }
 

@@ -320,3 +320,8 @@ def _child_environment() -> dict[str, str]:
 def _starter() -> ThreadPoolExecutor:
     """Return a thread that lives as long as this process."""
     return ThreadPoolExecutor(1, "foreign-code")
+
+
+if hasattr(os, "register_at_fork"):
+    # A forked process has no thread but its own: a call to the inherited one would wait for ever.
+    os.register_at_fork(after_in_child=_starter.cache_clear)

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -225,6 +226,26 @@ def test_a_process_of_the_sandbox_outlives_the_thread_that_started_it():
     process.stdin.write(b"alive\n")
     assert process.stdout.read(6) == b"alive\n"
     process.close()
+
+
+@needs_bwrap
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
+def test_a_forked_process_can_start_one_too():
+    command = [sys.executable, "-I", "-S", "-c", "print(input())"]
+
+    def answer() -> bytes:
+        words = sandbox_words()
+        return run_foreign(
+            command, b"alive\n", timeout=60.0, limits=DEFAULT, most=100, sandbox=words
+        ).output
+
+    assert answer() == b"alive\n"  # the thread that starts them runs from here on
+    child = os.fork()
+    if child == 0:
+        signal.alarm(600)
+        os._exit(0 if answer() == b"alive\n" else 1)
+    assert os.waitpid(child, 0)[1] == 0
 
 
 def test_a_sandbox_that_is_demanded_and_missing_is_refused(monkeypatch):
