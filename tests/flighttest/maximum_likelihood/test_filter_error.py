@@ -13,7 +13,7 @@ from scipy.linalg import expm
 import flighttest
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
 from flighttest.maximum_likelihood.search import maximise_likelihood
-from flighttest.maximum_likelihood.state_space import (
+from flighttest.maximum_likelihood.linear.state_space import (
     Matrices,
     Predictor,
     filter_innovations,

@@ -34,7 +34,7 @@ from flighttest.maximum_likelihood.residual_covariance import (
 )
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
 from flighttest.maximum_likelihood.search import LikelihoodMaximum, maximise_likelihood
-from flighttest.maximum_likelihood.state_space import (
+from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
     Predictor,
     demand_known,

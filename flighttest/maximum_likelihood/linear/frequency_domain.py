@@ -25,7 +25,7 @@ from flighttest.maximum_likelihood.search import (
     invert_information,
     maximise_likelihood,
 )
-from flighttest.maximum_likelihood.state_space import (
+from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
     demand_known,
     input_output_arrays,
