@@ -27,13 +27,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError
-from flighttest.maximum_likelihood.residual_covariance import (
-    coloured_likelihood_covariance,
-    effect_on_motion,
-    warn_of_turbulence,
-)
-from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import LikelihoodMaximum, maximise_likelihood
+from flighttest.maximum_likelihood.innovations import whiteness_variables
 from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
     Predictor,
@@ -45,6 +39,13 @@ from flighttest.maximum_likelihood.linear.state_space import (
     pick_values,
     steady_filter,
 )
+from flighttest.maximum_likelihood.residual_covariance import (
+    coloured_likelihood_covariance,
+    effect_on_motion,
+    warn_of_turbulence,
+)
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
+from flighttest.maximum_likelihood.search import LikelihoodMaximum, maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
 from flighttest.regression.equation_error.samples import list_manoeuvres
@@ -144,6 +145,7 @@ def filter_error(
         measured=[piece.z for piece in pieces],
         effect=effect_on_motion(white, layout.columns, covariance=covariance, measured=scaled),
     )
+    scatter = scatter.merge(whiteness_variables(innovations, [piece.step for piece in pieces]))
     warnings: tuple[str, ...] = ()
     if not any(name.startswith("process.") for name in parameters):
         warnings = warn_of_turbulence(scatter)
