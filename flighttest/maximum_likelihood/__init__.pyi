@@ -3,6 +3,7 @@
 from .database_update import updated_database as updated_database
 from .linear.filter_error import filter_error as filter_error
 from .linear.frequency_domain import frequency_output_error as frequency_output_error
+from .linear.gust_states import DrydenGust as DrydenGust
 from .linear.output_error import linear_output_error as linear_output_error
 from .linear.state_space import LinearModel as LinearModel
 from .linear.state_space import linear_model as linear_model

@@ -28,6 +28,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError
 from flighttest.maximum_likelihood.innovations import whiteness_variables
+from flighttest.maximum_likelihood.linear.gust_states import DrydenGust, add_gusts, gust_starts
 from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
     Predictor,
@@ -50,11 +51,14 @@ from flighttest.maximum_likelihood.time_domain import uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
 from flighttest.regression.equation_error.samples import list_manoeuvres
 
-_POSITIVE = ("process", "noise")  # kinds of unknowns that are standard deviations
+# kinds of unknowns that are standard deviations, and those that are lengths
+_POSITIVE, _LENGTHS = ("process", "noise", "gust"), ("scale",)
+_INTENSITIES = ("process", "gust")
 _LEAST = 1e-6  # smallest start of a noise, of the spread of the output
 _LEAST_NOISE = 1e-12  # smallest start of a noise
 _START_FACTORS = (1e-3, 1e3)  # of the variance of an intensity, for further starts of the search
 _SAME_COST = 0.01  # ends of a search that differ by less are one maximum
+_WIDEST = 30.0  # bounds of the scale of a gust, as a factor of its start
 _CALM = 1e-4  # lower bound of intensities and noises, of their start: below, they count as zero
 
 
@@ -62,6 +66,7 @@ def filter_error(
     model: LinearModel,
     manoeuvres: xr.Dataset | Sequence[xr.Dataset],
     parameters: Wanted,
+    gusts: Sequence[DrydenGust] = (),
     iterations: int = 50,
 ) -> OutputError:
     """Estimate parameters of a linear model from records in turbulence.
@@ -77,43 +82,53 @@ def filter_error(
         unit per square root of second]; ``noise.alpha``, standard deviation of the noise of an
         output, with a start from the record by default; ``init.alpha``, a state at the first
         sample, default zero; ``drift.alpha``, a constant in its rate; ``sensor.alpha``, a constant
-        added to an output. [SI]
+        added to an output; ``gust.w`` and ``scale.w``, intensity and scale of a gust, which are as
+        given otherwise. [SI]
+    gusts : sequence of DrydenGust
+        Gusts that drive the model besides ``process.*``. The gust at the first sample of each
+        manoeuvre, ``init.gust_w``, is an unknown. [SI]
     iterations : int
         Largest number of iterations.
 
     Returns
     -------
     OutputError
-        ``residuals`` are the innovations. Without any ``process.*`` the result is that of
+        ``residuals`` are the innovations. Without ``process.*`` and gusts the result is that of
         `linear_output_error` with the noise among the unknowns.
 
     Warns
     -----
     AeromatchWarning
-        The parameters have no ``process.*``, and the residuals are a disturbance of the motion.
+        There are neither ``process.*`` nor gusts, and the residuals are a disturbance of the motion.
 
     Raises
     ------
     UnknownName
         A parameter that the model does not have, or a signal that the record does not hold.
     SchemaError
-        ``process.*`` or ``noise.*`` that does not start above zero, samples that are not finite,
-        time that is not uniform.
+        ``process.*``, ``noise.*``, ``gust.*`` or ``scale.*`` that does not start above zero, an
+        output that may be air-relative or inertial, samples that are not finite, time that is not
+        uniform.
     IdentificationError
         The start does not have a filter, or the records cannot determine the unknowns.
     """
     records = list_manoeuvres(manoeuvres)
     states, outputs = model.states, model.outputs
     extra = {"process": states, "init": states, "drift": states, "noise": outputs}
+    extra |= {"gust": [gust.name for gust in gusts], "scale": [gust.name for gust in gusts]}
+    extra["init"] = (*states, *(f"gust_{gust.name}" for gust in gusts))
     demand_known(model, list(parameters), {**extra, "sensor": outputs})
+    moved = add_gusts(model, gusts)
     starts = _noise_starts([input_output_arrays(model, record)[1] for record in records])
     unknowns: Wanted = {f"noise.{name}": Unknown(start) for name, start in zip(outputs, starts)}
     # Every output has a noise; given parameters replace the starts from the record.
-    natural = lay_out({**unknowns, **parameters}, [{} for _ in records])
-    layout, is_squared = _square_deviations(natural)
+    natural = lay_out({**unknowns, **gust_starts(gusts), **parameters}, [{} for _ in records])
+    transformed = _transform_positive(natural)
+    layout = transformed.layout
     pieces = []
     for record, names, columns in zip(records, layout.bases, layout.columns):
-        pieces.append(_FilteredRecord(model, record, names=names, starts=natural.start[columns]))
+        starts = natural.start[columns]
+        pieces.append(_FilteredRecord(moved, record, gusts=gusts, names=names, starts=starts))
     maximum, worse = _search_from_several_starts(
         _InnovationLikelihood(pieces, layout), layout, iterations=iterations
     )
@@ -122,12 +137,13 @@ def filter_error(
         white, layout.columns, [piece.step for piece in pieces]
     )
 
-    # Back from squares to deviations: sigma = start sqrt(s), d sigma/d s = start^2 / (2 sigma).
-    deviation = natural.start * np.sqrt(np.abs(maximum.theta))
-    theta = np.where(is_squared, deviation, maximum.theta)
-    scale = np.where(is_squared, natural.start**2 / (2.0 * theta), 1.0)
+    theta, scale = transformed.back(maximum.theta)
     size = np.outer(scale, scale)
-    in_deviations = replace(white, theta=theta, information=maximum.information / size)
+    # The steps that remain are those of the natural unknowns too.
+    remaining = maximum.remaining * scale
+    in_deviations = replace(
+        white, theta=theta, information=maximum.information / size, remaining=remaining
+    )
     estimates = estimates_dataset(
         in_deviations,
         natural,
@@ -147,7 +163,7 @@ def filter_error(
     )
     scatter = scatter.merge(whiteness_variables(innovations, [piece.step for piece in pieces]))
     warnings: tuple[str, ...] = ()
-    if not any(name.startswith("process.") for name in parameters):
+    if not gusts and not any(name.startswith("process.") for name in parameters):
         warnings = warn_of_turbulence(scatter)
     residuals = tuple(piece.residual(e) for piece, e in zip(pieces, innovations))
     return OutputError(estimates, residuals, noise=scatter, warnings=warnings)
@@ -163,7 +179,7 @@ def _search_from_several_starts(
     a small one in turn.
     """
     starts = [layout.start]
-    is_intensity = np.array([name.startswith("process.") for name in layout.names])
+    is_intensity = np.array([name.split(".")[0] in _INTENSITIES for name in layout.names])
     for k in np.flatnonzero(is_intensity):
         for factor in _START_FACTORS:
             start = layout.start.copy()
@@ -195,32 +211,58 @@ def _noise_starts(measured: Sequence[np.ndarray]) -> np.ndarray:
     return np.maximum(noise, np.maximum(_LEAST * spread, _LEAST_NOISE))
 
 
-def _square_deviations(natural: UnknownVector) -> tuple[UnknownVector, np.ndarray]:
-    """Return the unknowns with deviations as squares over that of their start, and their mask.
+class _Transformed(NamedTuple):
+    """Unknowns of the search: deviations as squares, lengths as logarithms, over their start.
 
-    For the variance of a noise alone, one step of scoring reaches the maximum.
+    For the variance of a noise alone, one step of scoring reaches the maximum. A length cannot
+    reach zero by a step of its logarithm.
     """
-    is_squared = np.zeros(len(natural.names), bool)
+
+    natural: UnknownVector
+    layout: UnknownVector
+    is_squared: np.ndarray
+    is_logarithm: np.ndarray
+
+    def back(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the natural unknowns, and their derivatives by those of the search."""
+        # sigma = start sqrt(s), d sigma/d s = start^2 / (2 sigma); L = start e^l, d L/d l = L
+        start = self.natural.start
+        deviation = start * np.sqrt(np.abs(theta))
+        length = start * np.exp(np.where(self.is_logarithm, theta, 0.0))
+        values = np.where(self.is_squared, deviation, np.where(self.is_logarithm, length, theta))
+        slopes = np.where(self.is_logarithm, length, 1.0)
+        np.divide(start**2, 2.0 * values, out=slopes, where=self.is_squared)
+        return values, slopes
+
+
+def _transform_positive(natural: UnknownVector) -> _Transformed:
+    """Return the unknowns of the search."""
+    kinds = [name.split(".")[0] for name in natural.names]
+    is_squared = np.array([kind in _POSITIVE for kind in kinds])
+    is_logarithm = np.array([kind in _LENGTHS for kind in kinds])
+    is_positive = is_squared | is_logarithm
     problems = []
-    for k, (name, start) in enumerate(zip(natural.names, natural.start)):
-        is_squared[k] = name.split(".")[0] in _POSITIVE
-        if is_squared[k] and not start > 0.0:
+    for name, start, positive in zip(natural.names, natural.start, is_positive):
+        if positive and not start > 0.0:
             problems.append(
                 f"{name} starts at zero or below; give a positive start, or leave it out"
             )
     if problems:
         raise SchemaError("unknowns", problems)
     # s = (sigma / start)^2: at the start its standard error is 2 / start times that of sigma.
-    unit = np.where(is_squared, natural.start, 1.0)
+    unit = np.where(is_positive, natural.start, 1.0)
     low = np.maximum(natural.low / unit, _CALM) ** 2
-    squares = replace(
+    shortest = np.log(np.maximum(natural.low / unit, 1.0 / _WIDEST))
+    longest = np.log(np.clip(natural.high / unit, 1.0, _WIDEST))
+    by_kind = [is_squared, is_logarithm]
+    layout = replace(
         natural,
-        start=np.where(is_squared, 1.0, natural.start),
-        sigma=np.where(is_squared, 2.0 * natural.sigma / unit, natural.sigma),
-        low=np.where(is_squared, low, natural.low),
-        high=np.where(is_squared, (natural.high / unit) ** 2, natural.high),
+        start=np.select(by_kind, [1.0, 0.0], natural.start),
+        sigma=natural.sigma * np.select(by_kind, [2.0, 1.0], 1.0) / unit,
+        low=np.select(by_kind, [low, shortest], natural.low),
+        high=np.select(by_kind, [(natural.high / unit) ** 2, longest], natural.high),
     )
-    return squares, is_squared
+    return _Transformed(natural, layout, is_squared, is_logarithm)
 
 
 class _Innovations(NamedTuple):
@@ -326,9 +368,15 @@ class _FilteredRecord:
     """One record and the filter of its readings."""
 
     def __init__(
-        self, model: LinearModel, record: xr.Dataset, names: Sequence[str], starts: np.ndarray
+        self,
+        model: LinearModel,
+        record: xr.Dataset,
+        gusts: Sequence[DrydenGust],
+        names: Sequence[str],
+        starts: np.ndarray,
     ):
         self.model, self.names, self.starts = model, tuple(names), starts
+        self.gusts = gusts
         self.time = record["time"].values.astype(float)
         self.step = uniform_step(self.time, "record")
         self.u, self.z = input_output_arrays(model, record)
@@ -383,13 +431,16 @@ class _FilteredRecord:
         return _InnovationSlopes(np.moveaxis(e, 0, 2), dS)
 
     def _name_values(self, values: np.ndarray) -> dict[str, float]:
-        """Return the unknowns by name, deviations in place of their squares."""
-        # sigma = start sqrt(s) of the squares s
+        """Return the unknowns by name, in their natural form."""
         named = {}
         for name, value, start in zip(self.names, values, self.starts):
             named[name] = float(value)
             if name.split(".")[0] in _POSITIVE:
                 named[name] = start * np.sqrt(abs(float(value)))
+            if name.split(".")[0] in _LENGTHS:
+                named[name] = start * np.exp(float(value))
+        for gust in self.gusts:
+            named |= gust.filter_values(named)
         return named
 
     def residual(self, e: np.ndarray) -> xr.Dataset:
