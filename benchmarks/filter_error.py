@@ -119,14 +119,16 @@ def study(kind: str, seeds: range) -> None:
             coloured[method] = coloured.get(method, 0) + ("coloured" in kinds)
             failed[method] = failed.get(method, 0) + ("convergence" in kinds)
     reference = np.sqrt(np.mean(np.square(errors["output error"]), axis=0))
-    for method, z in scaled.items():
+    for method, ratios in scaled.items():
+        z = np.array(ratios)
         inside = (np.abs(z) < 2.0).mean()
         ratio = np.sqrt(np.mean(np.square(errors[method]), axis=0)) / reference
         numbers = " ".join(f"{value:5.2f}" for value in ratio)
         by_element = " ".join(f"{value:4.0%}" for value in (np.abs(z) < 2.0).mean(axis=0))
         print(
-            f"{kind:10s}{method:22s}{inside:8.1%}  ({by_element})  {numbers}"
-            f"{coloured[method]:6d}{failed[method]:6d}",
+            f"{kind:10s}{method:20s}{inside:6.1%} ({by_element}) {numbers}"
+            f"{np.abs(z.mean(axis=0)).max():6.2f}{z.std(axis=0).max():6.2f}"
+            f"{coloured[method]:5d}{failed[method]:4d}",
             flush=True,
         )
 
@@ -135,7 +137,8 @@ def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 40
     print(
         f"{count} records of each kind: within two standard errors (each element), rms over that "
-        f"of output error, records remarked coloured, not converged"
+        f"of output error, largest mean and scatter of the errors in standard errors, records "
+        f"remarked coloured, not converged"
     )
     for kind in sys.argv[2:] or KINDS:
         with warnings.catch_warnings():

@@ -26,9 +26,14 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError, SchemaError
+from flightmech.errors import IdentificationError
 from flighttest.maximum_likelihood.innovations import whiteness_variables
 from flighttest.maximum_likelihood.linear.gust_states import DrydenGust, add_gusts, gust_starts
+from flighttest.maximum_likelihood.linear.positive_unknowns import (
+    DEVIATIONS,
+    LENGTHS,
+    transform_positive,
+)
 from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
     Predictor,
@@ -51,15 +56,11 @@ from flighttest.maximum_likelihood.time_domain import uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
 from flighttest.regression.equation_error.samples import list_manoeuvres
 
-# kinds of unknowns that are standard deviations, and those that are lengths
-_POSITIVE, _LENGTHS = ("process", "noise", "gust"), ("scale",)
 _INTENSITIES = ("process", "gust")
 _LEAST = 1e-6  # smallest start of a noise, of the spread of the output
 _LEAST_NOISE = 1e-12  # smallest start of a noise
 _START_FACTORS = (1e-3, 1e3)  # of the variance of an intensity, for further starts of the search
 _SAME_COST = 0.01  # ends of a search that differ by less are one maximum
-_WIDEST = 30.0  # bounds of the scale of a gust, as a factor of its start
-_CALM = 1e-4  # lower bound of intensities and noises, of their start: below, they count as zero
 
 
 def filter_error(
@@ -123,7 +124,7 @@ def filter_error(
     unknowns: Wanted = {f"noise.{name}": Unknown(start) for name, start in zip(outputs, starts)}
     # Every output has a noise; given parameters replace the starts from the record.
     natural = lay_out({**unknowns, **gust_starts(gusts), **parameters}, [{} for _ in records])
-    transformed = _transform_positive(natural)
+    transformed = transform_positive(natural)
     layout = transformed.layout
     pieces = []
     for record, names, columns in zip(records, layout.bases, layout.columns):
@@ -209,60 +210,6 @@ def _noise_starts(measured: Sequence[np.ndarray]) -> np.ndarray:
     # The second difference of white noise has six times its variance: 1 + 4 + 1.
     noise = np.sqrt((bends**2).mean(axis=0) / 6.0)
     return np.maximum(noise, np.maximum(_LEAST * spread, _LEAST_NOISE))
-
-
-class _Transformed(NamedTuple):
-    """Unknowns of the search: deviations as squares, lengths as logarithms, over their start.
-
-    For the variance of a noise alone, one step of scoring reaches the maximum. A length cannot
-    reach zero by a step of its logarithm.
-    """
-
-    natural: UnknownVector
-    layout: UnknownVector
-    is_squared: np.ndarray
-    is_logarithm: np.ndarray
-
-    def back(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the natural unknowns, and their derivatives by those of the search."""
-        # sigma = start sqrt(s), d sigma/d s = start^2 / (2 sigma); L = start e^l, d L/d l = L
-        start = self.natural.start
-        deviation = start * np.sqrt(np.abs(theta))
-        length = start * np.exp(np.where(self.is_logarithm, theta, 0.0))
-        values = np.where(self.is_squared, deviation, np.where(self.is_logarithm, length, theta))
-        slopes = np.where(self.is_logarithm, length, 1.0)
-        np.divide(start**2, 2.0 * values, out=slopes, where=self.is_squared)
-        return values, slopes
-
-
-def _transform_positive(natural: UnknownVector) -> _Transformed:
-    """Return the unknowns of the search."""
-    kinds = [name.split(".")[0] for name in natural.names]
-    is_squared = np.array([kind in _POSITIVE for kind in kinds])
-    is_logarithm = np.array([kind in _LENGTHS for kind in kinds])
-    is_positive = is_squared | is_logarithm
-    problems = []
-    for name, start, positive in zip(natural.names, natural.start, is_positive):
-        if positive and not start > 0.0:
-            problems.append(
-                f"{name} starts at zero or below; give a positive start, or leave it out"
-            )
-    if problems:
-        raise SchemaError("unknowns", problems)
-    # s = (sigma / start)^2: at the start its standard error is 2 / start times that of sigma.
-    unit = np.where(is_positive, natural.start, 1.0)
-    low = np.maximum(natural.low / unit, _CALM) ** 2
-    shortest = np.log(np.maximum(natural.low / unit, 1.0 / _WIDEST))
-    longest = np.log(np.clip(natural.high / unit, 1.0, _WIDEST))
-    by_kind = [is_squared, is_logarithm]
-    layout = replace(
-        natural,
-        start=np.select(by_kind, [1.0, 0.0], natural.start),
-        sigma=natural.sigma * np.select(by_kind, [2.0, 1.0], 1.0) / unit,
-        low=np.select(by_kind, [low, shortest], natural.low),
-        high=np.select(by_kind, [(natural.high / unit) ** 2, longest], natural.high),
-    )
-    return _Transformed(natural, layout, is_squared, is_logarithm)
 
 
 class _Innovations(NamedTuple):
@@ -387,13 +334,15 @@ class _FilteredRecord:
         Raise LinAlgError or ValueError if there is no steady filter.
         """
         named, states, outputs = self._name_values(values), self.model.states, self.model.outputs
-        steady = steady_filter(
-            self.model.at(named),
-            drift=pick_values(named, "drift", states),
-            intensity=pick_values(named, "process", states),
-            noise=pick_values(named, "noise", outputs),
-            step=self.step,
-        )
+        # A trial far off overflows, and then has no filter.
+        with np.errstate(all="ignore"):
+            steady = steady_filter(
+                self.model.at(named),
+                drift=pick_values(named, "drift", states),
+                intensity=pick_values(named, "process", states),
+                noise=pick_values(named, "noise", outputs),
+                step=self.step,
+            )
         start = pick_values(named, "init", states)
         run = make_predictor(steady, start, offset=pick_values(named, "sensor", outputs))
         return run, steady.S
@@ -413,7 +362,7 @@ class _FilteredRecord:
         A variance does not become negative: near zero, the differences are those about one step
         above it.
         """
-        is_variance = np.array([name.split(".")[0] in _POSITIVE for name in self.names])
+        is_variance = np.array([name.split(".")[0] in DEVIATIONS for name in self.names])
         values = np.where(is_variance, np.maximum(values, steps), values)
         shifts = np.diag(steps)
         try:
@@ -435,9 +384,9 @@ class _FilteredRecord:
         named = {}
         for name, value, start in zip(self.names, values, self.starts):
             named[name] = float(value)
-            if name.split(".")[0] in _POSITIVE:
+            if name.split(".")[0] in DEVIATIONS:
                 named[name] = start * np.sqrt(abs(float(value)))
-            if name.split(".")[0] in _LENGTHS:
+            if name.split(".")[0] in LENGTHS:
                 named[name] = start * np.exp(float(value))
         for gust in self.gusts:
             named |= gust.filter_values(named)
