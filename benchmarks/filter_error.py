@@ -10,8 +10,8 @@ angle of attack by a vane or by an inertial platform:
 - process: white noise in the rates of both states;
 - vane, inertial: vertical Dryden gusts of 1 m/s, MIL-F-8785C, scale 150 m at 100 m/s.
 
-Rows are output error, filter error with white process noise, and filter error with Dryden gusts
-whose intensity and scale are estimated.
+Rows are output error, and filter error with white process noise, with Dryden gusts whose intensity
+and scale are estimated, and with both.
 """
 
 from __future__ import annotations
@@ -99,6 +99,7 @@ def fits(kind: str, seed: int) -> dict[str, OutputError]:
     gust = DrydenGust("alpha", SPEED, 2.0 * SCALE, 0.5, air_relative=seen, inertial=other)
     wanted = start | {"gust.w": 0.5, "scale.w": 2.0 * SCALE}
     found["Dryden gusts"] = filter_error(model, data, wanted, gusts=[gust])
+    found["both"] = filter_error(model, data, wanted | WHITE, gusts=[gust])
     return found
 
 

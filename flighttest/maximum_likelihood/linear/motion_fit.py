@@ -19,6 +19,7 @@ from flighttest.maximum_likelihood.linear.motions import (
     motion_of,
     start_values,
     steady_condition,
+    trim_of,
 )
 from flighttest.maximum_likelihood.linear.output_error import linear_output_error
 from flighttest.maximum_likelihood.result import OutputError
@@ -133,7 +134,7 @@ def fit_motion(
             f"{', '.join(kind.controls)} do not move; choose a window with an input"
         )
     steady = steady_condition(records)
-    model = linear_motion(kind, steady, moving)
+    model = linear_motion(kind, steady, moving, trim_of(kind, moving, records))
     wanted = start_values(model, kind, records)
     if disturbance in ("process", "both"):
         wanted |= _process_starts(records, kind)

@@ -91,7 +91,12 @@ def derivative_names(motion: Motion, controls: Sequence[str]) -> dict[str, tuple
     return names
 
 
-def linear_motion(motion: Motion, steady: Steady, controls: Sequence[str]) -> LinearModel:
+def linear_motion(
+    motion: Motion,
+    steady: Steady,
+    controls: Sequence[str],
+    reference: Mapping[str, float] | None = None,
+) -> LinearModel:
     """Return the linear model of a motion, with its derivatives as parameters, zero by default.
 
     Parameters
@@ -100,6 +105,8 @@ def linear_motion(motion: Motion, steady: Steady, controls: Sequence[str]) -> Li
     steady : Steady
     controls : sequence of str
         Controls that move.
+    reference : mapping of str to float, optional
+        Trim of angle, force and controls, see `trim_of`; default 0.
 
     References
     ----------
@@ -131,7 +138,22 @@ def linear_motion(motion: Motion, steady: Steady, controls: Sequence[str]) -> Li
             A[0, 1] = 1.0
         return [A, B, C, D]
 
-    return LinearModel(states, tuple(controls), outputs, matrices, tuple(names))
+    trim = dict(reference or {})
+    return LinearModel(states, tuple(controls), outputs, matrices, tuple(names), trim)
+
+
+def trim_of(
+    motion: Motion, controls: Sequence[str], records: Sequence[xr.Dataset]
+) -> dict[str, float]:
+    """Return the means of angle, force and controls over all records.
+
+    With them the constants of the records are small, and the search starts near. Rates and bank
+    have none: a constant rate is a constant change of the bank.
+    """
+    trim = {}
+    for name in (motion.angle, motion.force, *controls):
+        trim[name] = float(np.concatenate([record[name].values for record in records]).mean())
+    return trim
 
 
 def start_values(
@@ -150,7 +172,8 @@ def start_values(
         parts, targets = [], []
         for number, record in enumerate(records):
             t = record["time"].values
-            x = np.column_stack([_integral(record[cause].values, t) for cause in own.values()])
+            columns = [record[c].values - model.reference.get(c, 0.0) for c in own.values()]
+            x = np.column_stack([_integral(column, t) for column in columns])
             moved = [kinematic[row, k] * record[s].values for k, s in enumerate(model.states)]
             known = _integral(np.sum(moved, axis=0), t)
             # Each record has its constant and its drift.
@@ -160,11 +183,11 @@ def start_values(
             targets.append(record[rate].values - known)
         found = np.linalg.lstsq(np.concatenate(parts), np.concatenate(targets), rcond=None)[0]
         unknowns |= {name: Unknown(float(value)) for name, value in zip(own, found)}
-    for name in motion.states:
-        unknowns[f"drift.{name}"] = Unknown(0.0, own=True)
+        drift = float(found[len(own) + 1 :: 2].mean())
+        unknowns[f"drift.{rate}"] = Unknown(drift, own=True)
     for name in model.states:
         first = float(np.mean([record[name].values[:5].mean() for record in records]))
-        unknowns[f"init.{name}"] = Unknown(first, own=True)
+        unknowns[f"init.{name}"] = Unknown(first - model.reference.get(name, 0.0), own=True)
     unknowns[f"sensor.{motion.force}"] = Unknown(0.0, own=True)
     return unknowns
 

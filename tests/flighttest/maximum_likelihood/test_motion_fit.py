@@ -123,6 +123,15 @@ def test_a_change_of_speed_is_remarked():
 
 
 @pytest.mark.slow
+def test_gusts_that_are_not_there_leave_the_derivatives():
+    """In calm air their intensity goes to its bound, from a trim far from zero."""
+    done = fit_motion([short_period(1)], "short-period", "gusts", angle="inertial")
+    assert done.fit.estimates.attrs["stop"] == "converged"
+    assert bool(done.fit.estimates["active"].sel(parameter="gust.w"))
+    assert np.abs(errors(done, SHORT)).max() < 3.0
+
+
+@pytest.mark.slow
 def test_the_command_prints_derivatives_and_remarks(tmp_path):
     path = tmp_path / "readings.nc"
     short_period(3).to_netcdf(path, engine="h5netcdf")
