@@ -33,6 +33,7 @@ SILENT = 0.9
 _CONTENT = "output error"
 # the test of innovations
 _WHITENESS = ("portmanteau", "portmanteau_lags", "portmanteau_probability", "outside")
+_DISTURBED = ("process.", "gust.", "init.gust_")  # unknowns of a model with a disturbance
 _PRINTED = "portmanteau_probability"
 # columns of a report: heading, variable, format
 _COLUMNS = (
@@ -290,7 +291,8 @@ def _list_remarks(fit: OutputError) -> list[Remark]:
             severity = "warning" if share < 1.0 else "error"
         remarks.append(Remark("convergence", text, severity=severity))
     if _PRINTED in fit.noise:
-        remarks += whiteness_remarks(fit.noise)
+        is_filtered = any(name.startswith(_DISTURBED) for name in names)
+        remarks += whiteness_remarks(fit.noise, is_filtered)
     for name, is_active, value in zip(names, e["active"].values, e["estimate"].values):
         if is_active:
             text = (

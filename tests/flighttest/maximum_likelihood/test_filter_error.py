@@ -341,6 +341,7 @@ def test_measurement_noise_on_a_slow_recorder_is_no_turbulence(model, step):
         )
 
 
+@pytest.mark.slow
 def test_innovations_of_a_wrong_filter_are_remarked_in_every_text(model, tmp_path):
     """Without process noise in turbulence they are coloured; with it they are white."""
     record = flight(3, gust=1.0)

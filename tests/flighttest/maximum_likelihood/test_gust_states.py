@@ -134,6 +134,33 @@ def test_vane_platform_and_accelerometer_together_in_gusts(model):
     assert not [remark for remark in fit.remarks if remark.kind == "coloured"]
 
 
+@pytest.mark.slow
+def test_white_process_noise_in_gusts_with_a_platform_is_forbidden(model):
+    """Its estimates are several standard errors off, and the innovations show it."""
+    record = gusty_flight(1).drop_vars("alpha_vane")
+    linear = xr.Dataset(
+        {
+            "A": (("state", "state_"), A),
+            "B": (("state", "input"), B),
+            "C": (("output", "state_"), C[1:]),
+            "D": (("output", "input"), np.zeros((3, 1))),
+        },
+        {
+            "state": ["alpha", "q"],
+            "state_": ["alpha", "q"],
+            "input": ["delta_e"],
+            "output": list(OUTPUTS[1:]),
+        },
+    )
+    stirred = {"process.alpha": 0.01, "process.q": 0.01}
+    wrong = filter_error(linear_model(linear), record, {**TRUTH, **stirred})
+    severities = {r.severity for r in wrong.remarks if r.kind == "coloured"}
+    assert "error" in severities
+    made = gust(air_relative=("nz",))
+    right = filter_error(linear_model(linear), record, {**TRUTH, "gust.w": 1.0}, gusts=[made])
+    assert not [r for r in right.remarks if r.kind == "coloured"]
+
+
 def test_a_positive_start_is_demanded_of_gust_and_scale(model):
     record = gusty_flight(2).isel(time=slice(0, 60))
     for name in ("gust.w", "scale.w"):
