@@ -57,8 +57,8 @@ def fit_command() -> None:
     type=click.Choice(["none", "process", "gusts", "both"]),
     default="none",
     show_default=True,
-    help="none for output error; process for white process noise, gusts for Dryden gusts, both for "
-    "both: filter error.",
+    help="Disturbance of the motion: none (output error), or white process noise, Dryden gusts or "
+    "both (filter error).",
 )
 @click.option(
     "--angle",
