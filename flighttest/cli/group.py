@@ -69,6 +69,7 @@ _ELSEWHERE = {
     "report": "programme",
     "modes": "programme",
     "fit": "identify",
+    "fit-linear": "identify",
     "ground-effect": "submodels",
     "controls": "submodels",
     "engine": "submodels",

@@ -1,4 +1,4 @@
-"""The verbs ``aeromatch flight identify | select | join | partition | inertia | tabulate``:
+"""The verbs ``aeromatch flight fit | fit-linear | identify | select | join | partition | inertia | tabulate``:
 reconstructed paths to estimates and tables.
 """
 
@@ -34,6 +34,53 @@ from flightmech.support.console import (
 def fit_command() -> None:
     """Estimate parameters of the simulation by output error, as specified in FIT (TOML); exit code
     1 when a figure must not be used.
+    """
+
+
+@click.command("fit-linear")
+@click.argument("paths", nargs=-1, required=True, type=InputFile())
+@click.option(
+    "--motion",
+    required=True,
+    type=click.Choice(["short-period", "lateral"]),
+    help="Motion whose derivatives are estimated.",
+)
+@click.option(
+    "--window",
+    "windows",
+    type=(float, float),
+    multiple=True,
+    help="Start and stop [s]; several make one fit. Default: all.",
+)
+@click.option(
+    "--disturbance",
+    type=click.Choice(["none", "process", "gusts", "both"]),
+    default="none",
+    show_default=True,
+    help="Disturbance of the motion: none (output error), or white process noise, Dryden gusts or "
+    "both (filter error).",
+)
+@click.option(
+    "--angle",
+    type=click.Choice(["vane", "inertial"]),
+    help="Source of alpha or beta in PATHS; gusts need it. A reconstructed path has inertial ones.",
+)
+@click.option(
+    "--scale", type=float, help="Scale of the gusts [m]. Default: it is estimated, from 150 m."
+)
+@click.option(
+    "-o",
+    "--output",
+    type=NewFile(),
+    help="Write estimates, noise and residuals to this netCDF file.",
+)
+@json_option
+@click.pass_context
+@performed_by("flighttest.cli.actions.identify:run_fit_linear")
+def fit_linear_command() -> None:
+    """Estimate the derivatives of a linear motion by output error or filter error, without a
+    database, from PATHS (reconstructed, or readings at the c.g. as netCDF); exit code 1 when a
+    figure must not be used.
     """
 
 

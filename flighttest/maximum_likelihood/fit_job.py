@@ -115,28 +115,12 @@ class FitJobResult(PrintedResult):
 
     def as_dict(self) -> dict[str, Any]:
         """Return estimates and remarks as JSON types."""
-        e, noise, explained = self.fit.estimates, self.fit.noise, self.explained
-        # One-dimensional variables are the columns; matrices are not part of the rows.
-        columns = [str(name) for name, x in e.data_vars.items() if x.dims == ("parameter",)]
-        parameters = {}
-        for k, name in enumerate(e["parameter"].values):
-            parameters[str(name)] = {key: e[key].values[k] for key in columns}
-        noise_of, share_of = {}, {}
-        for name in noise["output"].values:
-            noise_of[str(name)] = noise["stderr"].sel(output=name).values
-        for name in explained["output"].values:
-            share_of[str(name)] = explained.sel(output=name).values
-        return to_json_types(
-            {
-                "title": self.specification.title,
-                **e.attrs,
-                "parameters": parameters,
-                "noise": noise_of,
-                "explained": share_of,
-                "covariance": e["covariance"].values,
-                "remarks": remarks_to_json([*self.fit.remarks, *self.remarks]),
-            }
-        )
+        shares = {}
+        for name in self.explained["output"].values:
+            shares[str(name)] = self.explained.sel(output=name).values
+        found = self.fit.as_dict()
+        found["remarks"] += remarks_to_json(self.remarks)
+        return to_json_types({"title": self.specification.title, **found, "explained": shares})
 
     def write_database(self, path: str | Path) -> list[str]:
         """Write the database with the estimates; return the parameters that it cannot contain."""

@@ -12,7 +12,9 @@ import numpy as np
 import xarray as xr
 
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.console import to_json_types
 from flightmech.support.netcdf_writing import write_netcdf
+from flighttest.maximum_likelihood.innovations import whiteness_remarks
 from flighttest.maximum_likelihood.residual_covariance import ResidualNoise, innovation_coupling
 from flighttest.maximum_likelihood.search import (
     CONVERGED,
@@ -23,12 +25,16 @@ from flighttest.maximum_likelihood.search import (
 )
 from flighttest.maximum_likelihood.unknowns import UnknownVector
 from flighttest.regression.equation_error.fit import open_tree
-from flighttest.remarks import PrintedResult, Remark
+from flighttest.remarks import PrintedResult, Remark, remarks_to_json
 
 HIGH = 0.9  # correlation that is reported
 # standard error over the a-priori one, above which a record contains hardly any information
 SILENT = 0.9
 _CONTENT = "output error"
+# the test of innovations
+_WHITENESS = ("portmanteau", "portmanteau_lags", "portmanteau_probability", "outside")
+_DISTURBED = ("process.", "gust.", "init.gust_")  # unknowns of a model with a disturbance
+_PRINTED = "portmanteau_probability"
 # columns of a report: heading, variable, format
 _COLUMNS = (
     ("estimate", "estimate", ".6g"),
@@ -62,7 +68,8 @@ class OutputError(PrintedResult):
         disturbance [s], ``block``, the blocks in which it was estimated [s], and ``motion``, rms of
         the measured output about its mean; ``coupling`` (output, output_), above one for two
         coupled disturbances. The attribute ``effect`` is the share of the motion by which the error
-        of an estimate moves the outputs.
+        of an estimate moves the outputs. Of filter error also the test of the innovations, as from
+        `whiteness_variables`.
     warnings : tuple of str
         Reasons not to trust the standard errors or the estimates.
     """
@@ -115,6 +122,39 @@ class OutputError(PrintedResult):
     def report_lines(self) -> list[str]:
         """Return estimates and noise as lines."""
         return _report_lines(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return estimates, noise, covariance and remarks as JSON types."""
+        return to_json_types(
+            {
+                **self.estimates.attrs,
+                "parameters": _list_columns(self.estimates, "parameter"),
+                "noise": _noise_by_output(self.noise),
+                "whiteness": _list_columns(self.noise, "output", _WHITENESS),
+                "covariance": self.estimates["covariance"].values,
+                "remarks": remarks_to_json(self.remarks),
+            }
+        )
+
+
+def _list_columns(
+    table: xr.Dataset, dim: str, names: Sequence[str] | None = None
+) -> dict[str, dict[str, float]]:
+    """Return the variables of one dimension as a mapping of row to column to value."""
+    columns = [str(name) for name, x in table.data_vars.items() if x.dims == (dim,)]
+    if names is not None:
+        columns = [name for name in columns if name in names]
+    if not columns:
+        return {}
+    rows = {}
+    for k, row in enumerate(table[dim].values):
+        rows[str(row)] = {name: table[name].values[k] for name in columns}
+    return rows
+
+
+def _noise_by_output(noise: xr.Dataset) -> dict[str, np.ndarray]:
+    """Return the noise of each output, in every manoeuvre."""
+    return {str(name): noise["stderr"].sel(output=name).values for name in noise["output"].values}
 
 
 def estimates_dataset(
@@ -250,6 +290,9 @@ def _list_remarks(fit: OutputError) -> list[Remark]:
             # Below one standard error a kink of the model does less than the noise.
             severity = "warning" if share < 1.0 else "error"
         remarks.append(Remark("convergence", text, severity=severity))
+    if _PRINTED in fit.noise:
+        is_filtered = any(name.startswith(_DISTURBED) for name in names)
+        remarks += whiteness_remarks(fit.noise, is_filtered)
     for name, is_active, value in zip(names, e["active"].values, e["estimate"].values):
         if is_active:
             text = (
@@ -289,12 +332,17 @@ def _report_lines(fit: OutputError) -> list[str]:
         for _, variable, form in _COLUMNS:
             line += f"{float(e[variable].values[k]):13{form}}"
         lines.append(line)
-    manoeuvres = "".join(f"{f'noise {k}':>13s}" for k in fit.noise["manoeuvre"].values)
-    lines += ["", f"{'output':{width}s}{manoeuvres}"]
+    heads = "".join(f"{f'noise {k}':>13s}" for k in fit.noise["manoeuvre"].values)
+    is_tested = _PRINTED in fit.noise
+    if is_tested:
+        heads += f"{'P if white':>13s}"
+    lines += ["", f"{'output':{width}s}{heads}"]
     for name in fit.noise["output"].values:
         line = f"{name!s:{width}s}"
         for stderr in fit.noise["stderr"].sel(output=name):
             line += f"{float(stderr):13.4g}"
+        if is_tested:
+            line += f"{float(fit.noise[_PRINTED].sel(output=name)):13.2g}"
         lines.append(line)
     return [*lines, ""]
 

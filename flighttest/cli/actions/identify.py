@@ -19,6 +19,7 @@ from flightmech.support.console import (
 from flightmech.units import to_si
 from flighttest.maximum_likelihood.fit_job import perform_fit_job
 from flighttest.maximum_likelihood.fit_page import render_fit_page as page_of
+from flighttest.maximum_likelihood.linear.motion_fit import fit_motion
 from flighttest.maximum_likelihood.result import save_output_error
 from flighttest.maximum_likelihood.specification import read_specification
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
@@ -80,6 +81,45 @@ def run_fit(
         if left:
             click.echo(f"not in the database: {' '.join(left)}")
     ctx.exit(1 if is_forbidden([*done.fit.remarks, *done.remarks]) else 0)
+
+
+def run_fit_linear(
+    ctx: click.Context,
+    paths: tuple[str, ...],
+    motion: str,
+    windows: tuple[tuple[float, float], ...],
+    disturbance: str,
+    angle: str | None,
+    scale: float | None,
+    output: str | None,
+    as_json: bool,
+) -> None:
+    """Perform the command ``fit-linear``."""
+    if disturbance in ("gusts", "both") and not angle:
+        raise click.UsageError("gusts need --angle vane or --angle inertial: who measured it")
+    if scale is not None and not scale > 0.0:
+        raise click.UsageError(f"--scale is {scale:g}; give a positive length in metres")
+    if windows and len(paths) > 1:
+        raise click.UsageError(f"{len(paths)} paths and --window; windows are those of one path")
+    records, names = [], []
+    for path in paths:
+        states = open_states(path)
+        for window in windows or [None]:
+            part = states if window is None else select_time(states, *window)
+            records.append(part)
+            names.append(Path(path).name)
+    report_faults(records, names)
+    with show_progress(f"estimate the {motion} motion"):
+        done = fit_motion(records, motion, disturbance, angle=angle or "", scale=scale)
+    if output:
+        save_output_error(done.fit, output)
+    if as_json:
+        print_json({**done.as_dict(), "file": output})
+    else:
+        click.echo(done.report())
+        if output:
+            click.echo(f"written: {output}")
+    ctx.exit(1 if is_forbidden(done.remarks) else 0)
 
 
 def run_identify(

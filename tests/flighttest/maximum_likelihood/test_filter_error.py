@@ -12,8 +12,7 @@ from scipy.linalg import expm
 
 import flighttest
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
-from flighttest.maximum_likelihood.search import maximise_likelihood
-from flighttest.maximum_likelihood.state_space import (
+from flighttest.maximum_likelihood.linear.state_space import (
     Matrices,
     Predictor,
     filter_innovations,
@@ -22,6 +21,7 @@ from flighttest.maximum_likelihood.state_space import (
     solve_recursion,
     steady_filter,
 )
+from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 
 A = np.array([[-1.2, 0.98], [-6.0, -1.8]])
@@ -339,6 +339,24 @@ def test_measurement_noise_on_a_slow_recorder_is_no_turbulence(model, step):
             ).warnings
             == ()
         )
+
+
+@pytest.mark.slow
+def test_innovations_of_a_wrong_filter_are_remarked_in_every_text(model, tmp_path):
+    """Without process noise in turbulence they are coloured; with it they are white."""
+    record = flight(3, gust=1.0)
+    with pytest.warns(AeromatchWarning, match="turbulence or a missing term"):
+        wrong = flighttest.maximum_likelihood.filter_error(model, record, STARTS)
+    assert {r.term for r in wrong.remarks if r.kind == "coloured"} == set(OUTPUTS)
+    assert "innovations of alpha are coloured" in wrong.report()
+    assert "innovations of alpha are coloured" in str(wrong.as_dict()["remarks"])
+    path = tmp_path / "fit.nc"
+    flighttest.maximum_likelihood.save_output_error(wrong, path)
+    assert flighttest.maximum_likelihood.open_output_error(path).report() == wrong.report()
+    stirred = {"process.alpha": 0.02, "process.q": 0.03}
+    right = flighttest.maximum_likelihood.filter_error(model, record, STARTS | stirred)
+    assert not [r for r in right.remarks if r.kind == "coloured"]
+    assert right.as_dict()["whiteness"]["q"]["portmanteau_probability"] > 0.01 / 3
 
 
 def test_gusts_show_on_a_recorder_of_ten_samples_a_second(model):

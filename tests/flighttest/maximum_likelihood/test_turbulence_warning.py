@@ -18,7 +18,7 @@ from test_filter_error import NOISE, OUTPUTS, STARTS, flight
 from test_filter_error import model as model  # the fixture
 
 from flightmech.errors import AeromatchWarning
-from flighttest.maximum_likelihood.linear_models import linear_output_error
+from flighttest.maximum_likelihood.linear.output_error import linear_output_error
 from flighttest.maximum_likelihood.residual_covariance import (
     CHANCE,
     effect_on_motion,

@@ -26,15 +26,15 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError, SchemaError
-from flighttest.maximum_likelihood.residual_covariance import (
-    coloured_likelihood_covariance,
-    effect_on_motion,
-    warn_of_turbulence,
+from flightmech.errors import IdentificationError
+from flighttest.maximum_likelihood.innovations import whiteness_variables
+from flighttest.maximum_likelihood.linear.gust_states import DrydenGust, add_gusts, gust_starts
+from flighttest.maximum_likelihood.linear.positive_unknowns import (
+    DEVIATIONS,
+    LENGTHS,
+    transform_positive,
 )
-from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import LikelihoodMaximum, maximise_likelihood
-from flighttest.maximum_likelihood.state_space import (
+from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
     Predictor,
     demand_known,
@@ -45,22 +45,29 @@ from flighttest.maximum_likelihood.state_space import (
     pick_values,
     steady_filter,
 )
+from flighttest.maximum_likelihood.residual_covariance import (
+    coloured_likelihood_covariance,
+    effect_on_motion,
+    warn_of_turbulence,
+)
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
+from flighttest.maximum_likelihood.search import LikelihoodMaximum, maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
 from flighttest.regression.equation_error.samples import list_manoeuvres
 
-_POSITIVE = ("process", "noise")  # kinds of unknowns that are standard deviations
+_INTENSITIES = ("process", "gust")
 _LEAST = 1e-6  # smallest start of a noise, of the spread of the output
 _LEAST_NOISE = 1e-12  # smallest start of a noise
 _START_FACTORS = (1e-3, 1e3)  # of the variance of an intensity, for further starts of the search
 _SAME_COST = 0.01  # ends of a search that differ by less are one maximum
-_CALM = 1e-4  # lower bound of intensities and noises, of their start: below, they count as zero
 
 
 def filter_error(
     model: LinearModel,
     manoeuvres: xr.Dataset | Sequence[xr.Dataset],
     parameters: Wanted,
+    gusts: Sequence[DrydenGust] = (),
     iterations: int = 50,
 ) -> OutputError:
     """Estimate parameters of a linear model from records in turbulence.
@@ -76,43 +83,53 @@ def filter_error(
         unit per square root of second]; ``noise.alpha``, standard deviation of the noise of an
         output, with a start from the record by default; ``init.alpha``, a state at the first
         sample, default zero; ``drift.alpha``, a constant in its rate; ``sensor.alpha``, a constant
-        added to an output. [SI]
+        added to an output; ``gust.w`` and ``scale.w``, intensity and scale of a gust, which are as
+        given otherwise. [SI]
+    gusts : sequence of DrydenGust
+        Gusts that drive the model besides ``process.*``. The gust at the first sample of each
+        manoeuvre, ``init.gust_w``, is an unknown. [SI]
     iterations : int
         Largest number of iterations.
 
     Returns
     -------
     OutputError
-        ``residuals`` are the innovations. Without any ``process.*`` the result is that of
+        ``residuals`` are the innovations. Without ``process.*`` and gusts the result is that of
         `linear_output_error` with the noise among the unknowns.
 
     Warns
     -----
     AeromatchWarning
-        The parameters have no ``process.*``, and the residuals are a disturbance of the motion.
+        There are neither ``process.*`` nor gusts, and the residuals are a disturbance of the motion.
 
     Raises
     ------
     UnknownName
         A parameter that the model does not have, or a signal that the record does not hold.
     SchemaError
-        ``process.*`` or ``noise.*`` that does not start above zero, samples that are not finite,
-        time that is not uniform.
+        ``process.*``, ``noise.*``, ``gust.*`` or ``scale.*`` that does not start above zero, an
+        output that may be air-relative or inertial, samples that are not finite, time that is not
+        uniform.
     IdentificationError
         The start does not have a filter, or the records cannot determine the unknowns.
     """
     records = list_manoeuvres(manoeuvres)
     states, outputs = model.states, model.outputs
     extra = {"process": states, "init": states, "drift": states, "noise": outputs}
+    extra |= {"gust": [gust.name for gust in gusts], "scale": [gust.name for gust in gusts]}
+    extra["init"] = (*states, *(f"gust_{gust.name}" for gust in gusts))
     demand_known(model, list(parameters), {**extra, "sensor": outputs})
+    moved = add_gusts(model, gusts)
     starts = _noise_starts([input_output_arrays(model, record)[1] for record in records])
     unknowns: Wanted = {f"noise.{name}": Unknown(start) for name, start in zip(outputs, starts)}
     # Every output has a noise; given parameters replace the starts from the record.
-    natural = lay_out({**unknowns, **parameters}, [{} for _ in records])
-    layout, is_squared = _square_deviations(natural)
+    natural = lay_out({**unknowns, **gust_starts(gusts), **parameters}, [{} for _ in records])
+    transformed = transform_positive(natural)
+    layout = transformed.layout
     pieces = []
     for record, names, columns in zip(records, layout.bases, layout.columns):
-        pieces.append(_FilteredRecord(model, record, names=names, starts=natural.start[columns]))
+        starts = natural.start[columns]
+        pieces.append(_FilteredRecord(moved, record, gusts=gusts, names=names, starts=starts))
     maximum, worse = _search_from_several_starts(
         _InnovationLikelihood(pieces, layout), layout, iterations=iterations
     )
@@ -121,12 +138,13 @@ def filter_error(
         white, layout.columns, [piece.step for piece in pieces]
     )
 
-    # Back from squares to deviations: sigma = start sqrt(s), d sigma/d s = start^2 / (2 sigma).
-    deviation = natural.start * np.sqrt(np.abs(maximum.theta))
-    theta = np.where(is_squared, deviation, maximum.theta)
-    scale = np.where(is_squared, natural.start**2 / (2.0 * theta), 1.0)
+    theta, scale = transformed.back(maximum.theta)
     size = np.outer(scale, scale)
-    in_deviations = replace(white, theta=theta, information=maximum.information / size)
+    # The steps that remain are those of the natural unknowns too.
+    remaining = maximum.remaining * scale
+    in_deviations = replace(
+        white, theta=theta, information=maximum.information / size, remaining=remaining
+    )
     estimates = estimates_dataset(
         in_deviations,
         natural,
@@ -144,8 +162,9 @@ def filter_error(
         measured=[piece.z for piece in pieces],
         effect=effect_on_motion(white, layout.columns, covariance=covariance, measured=scaled),
     )
+    scatter = scatter.merge(whiteness_variables(innovations, [piece.step for piece in pieces]))
     warnings: tuple[str, ...] = ()
-    if not any(name.startswith("process.") for name in parameters):
+    if not gusts and not any(name.startswith("process.") for name in parameters):
         warnings = warn_of_turbulence(scatter)
     residuals = tuple(piece.residual(e) for piece, e in zip(pieces, innovations))
     return OutputError(estimates, residuals, noise=scatter, warnings=warnings)
@@ -161,7 +180,7 @@ def _search_from_several_starts(
     a small one in turn.
     """
     starts = [layout.start]
-    is_intensity = np.array([name.startswith("process.") for name in layout.names])
+    is_intensity = np.array([name.split(".")[0] in _INTENSITIES for name in layout.names])
     for k in np.flatnonzero(is_intensity):
         for factor in _START_FACTORS:
             start = layout.start.copy()
@@ -191,34 +210,6 @@ def _noise_starts(measured: Sequence[np.ndarray]) -> np.ndarray:
     # The second difference of white noise has six times its variance: 1 + 4 + 1.
     noise = np.sqrt((bends**2).mean(axis=0) / 6.0)
     return np.maximum(noise, np.maximum(_LEAST * spread, _LEAST_NOISE))
-
-
-def _square_deviations(natural: UnknownVector) -> tuple[UnknownVector, np.ndarray]:
-    """Return the unknowns with deviations as squares over that of their start, and their mask.
-
-    For the variance of a noise alone, one step of scoring reaches the maximum.
-    """
-    is_squared = np.zeros(len(natural.names), bool)
-    problems = []
-    for k, (name, start) in enumerate(zip(natural.names, natural.start)):
-        is_squared[k] = name.split(".")[0] in _POSITIVE
-        if is_squared[k] and not start > 0.0:
-            problems.append(
-                f"{name} starts at zero or below; give a positive start, or leave it out"
-            )
-    if problems:
-        raise SchemaError("unknowns", problems)
-    # s = (sigma / start)^2: at the start its standard error is 2 / start times that of sigma.
-    unit = np.where(is_squared, natural.start, 1.0)
-    low = np.maximum(natural.low / unit, _CALM) ** 2
-    squares = replace(
-        natural,
-        start=np.where(is_squared, 1.0, natural.start),
-        sigma=np.where(is_squared, 2.0 * natural.sigma / unit, natural.sigma),
-        low=np.where(is_squared, low, natural.low),
-        high=np.where(is_squared, (natural.high / unit) ** 2, natural.high),
-    )
-    return squares, is_squared
 
 
 class _Innovations(NamedTuple):
@@ -324,9 +315,15 @@ class _FilteredRecord:
     """One record and the filter of its readings."""
 
     def __init__(
-        self, model: LinearModel, record: xr.Dataset, names: Sequence[str], starts: np.ndarray
+        self,
+        model: LinearModel,
+        record: xr.Dataset,
+        gusts: Sequence[DrydenGust],
+        names: Sequence[str],
+        starts: np.ndarray,
     ):
         self.model, self.names, self.starts = model, tuple(names), starts
+        self.gusts = gusts
         self.time = record["time"].values.astype(float)
         self.step = uniform_step(self.time, "record")
         self.u, self.z = input_output_arrays(model, record)
@@ -337,13 +334,15 @@ class _FilteredRecord:
         Raise LinAlgError or ValueError if there is no steady filter.
         """
         named, states, outputs = self._name_values(values), self.model.states, self.model.outputs
-        steady = steady_filter(
-            self.model.at(named),
-            drift=pick_values(named, "drift", states),
-            intensity=pick_values(named, "process", states),
-            noise=pick_values(named, "noise", outputs),
-            step=self.step,
-        )
+        # A trial far off overflows, and then has no filter.
+        with np.errstate(all="ignore"):
+            steady = steady_filter(
+                self.model.at(named),
+                drift=pick_values(named, "drift", states),
+                intensity=pick_values(named, "process", states),
+                noise=pick_values(named, "noise", outputs),
+                step=self.step,
+            )
         start = pick_values(named, "init", states)
         run = make_predictor(steady, start, offset=pick_values(named, "sensor", outputs))
         return run, steady.S
@@ -363,7 +362,7 @@ class _FilteredRecord:
         A variance does not become negative: near zero, the differences are those about one step
         above it.
         """
-        is_variance = np.array([name.split(".")[0] in _POSITIVE for name in self.names])
+        is_variance = np.array([name.split(".")[0] in DEVIATIONS for name in self.names])
         values = np.where(is_variance, np.maximum(values, steps), values)
         shifts = np.diag(steps)
         try:
@@ -381,13 +380,16 @@ class _FilteredRecord:
         return _InnovationSlopes(np.moveaxis(e, 0, 2), dS)
 
     def _name_values(self, values: np.ndarray) -> dict[str, float]:
-        """Return the unknowns by name, deviations in place of their squares."""
-        # sigma = start sqrt(s) of the squares s
+        """Return the unknowns by name, in their natural form."""
         named = {}
         for name, value, start in zip(self.names, values, self.starts):
             named[name] = float(value)
-            if name.split(".")[0] in _POSITIVE:
+            if name.split(".")[0] in DEVIATIONS:
                 named[name] = start * np.sqrt(abs(float(value)))
+            if name.split(".")[0] in LENGTHS:
+                named[name] = start * np.exp(float(value))
+        for gust in self.gusts:
+            named |= gust.filter_values(named)
         return named
 
     def residual(self, e: np.ndarray) -> xr.Dataset:

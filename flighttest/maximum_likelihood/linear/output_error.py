@@ -8,14 +8,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flighttest.maximum_likelihood.residual_covariance import (
-    coloured_likelihood_covariance,
-    effect_on_motion,
-    warn_of_turbulence,
-)
-from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
-from flighttest.maximum_likelihood.state_space import (
+from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
     Predictor,
     demand_known,
@@ -26,6 +19,13 @@ from flighttest.maximum_likelihood.state_space import (
     pick_values,
     steady_filter,
 )
+from flighttest.maximum_likelihood.residual_covariance import (
+    coloured_likelihood_covariance,
+    effect_on_motion,
+    warn_of_turbulence,
+)
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
+from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import noise_groups, uniform_step
 from flighttest.maximum_likelihood.unknowns import Wanted, lay_out
 from flighttest.regression.equation_error.samples import list_manoeuvres

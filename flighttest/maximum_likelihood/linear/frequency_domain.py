@@ -18,18 +18,18 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flighttest.maximum_likelihood.linear.state_space import (
+    LinearModel,
+    demand_known,
+    input_output_arrays,
+    pick_values,
+)
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
 from flighttest.maximum_likelihood.search import (
     Likelihood,
     LikelihoodMaximum,
     invert_information,
     maximise_likelihood,
-)
-from flighttest.maximum_likelihood.state_space import (
-    LinearModel,
-    demand_known,
-    input_output_arrays,
-    pick_values,
 )
 from flighttest.maximum_likelihood.time_domain import noise_groups, uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out

@@ -1,0 +1,1 @@
+"""Likelihood of linear models: output error in time and in frequency, filter error, gusts."""

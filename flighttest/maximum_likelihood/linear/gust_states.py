@@ -1,0 +1,177 @@
+"""Gusts of Dryden form as states of a linear model.
+
+Turbulence is not white: at flight speed V a gust of scale L persists for T = L / V. Cross-wind and
+vertical gusts of [MIL8785]_ 3.7.1.2 have the one-sided spectrum over spatial frequency
+
+    Phi(Omega) = sigma^2 (L / pi) (1 + 3 (L Omega)^2) / (1 + (L Omega)^2)^2
+
+White noise n of unit intensity gives it through two equal lags:
+
+    a' = -a / T + sigma / sqrt(T) n,   b' = (a - b) / T,   w = sqrt(3) a + (1 - sqrt(3)) b
+
+The angle w / V adds to the angle of the inertial motion wherever the *air* acts: in the rates, in
+the forces that accelerometers feel, and in the reading of a vane. The angle of an inertial platform
+contains only the motion that follows.
+
+References
+----------
+.. [MIL8785] MIL-F-8785C, Flying qualities of piloted airplanes, 1980, 3.7.1.2.
+.. [Jategaonkar] Jategaonkar, Flight Vehicle System Identification, 2nd ed., AIAA 2015, ch. 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flightmech.errors import SchemaError, UnknownName
+from flighttest.maximum_likelihood.linear.state_space import LinearModel
+from flighttest.maximum_likelihood.unknowns import Unknown
+
+# output of the two lags
+_READ = np.array([np.sqrt(3.0), 1.0 - np.sqrt(3.0)])
+# expected states of the two lags over the gust: their covariances with it over its variance,
+# E a^2 = sigma^2 / 2 and E a b = E b^2 = sigma^2 / 4
+_EXPECTED = np.array([[0.5, 0.25], [0.25, 0.25]]) @ _READ
+_FIRST_SPREAD = 3.0  # prior standard error of the first gust, in given intensities
+
+
+@dataclass(frozen=True)
+class DrydenGust:
+    """Gusts across the flight path, of Dryden form.
+
+    Attributes
+    ----------
+    state : str
+        State of the linear model with the angle of the *inertial* motion, ``alpha`` or ``beta``.
+        [rad]
+    speed : float
+        True airspeed. [m/s]
+    scale : float
+        L, in the form of MIL-F-8785C; start value if ``scale.w`` is estimated. [m]
+    intensity : float
+        sigma; start value if ``gust.w`` is estimated. [m/s]
+    air_relative : tuple of str
+        Outputs that the air drives: vanes and accelerometers.
+    inertial : tuple of str
+        Outputs of the inertial motion alone, such as the angle of a platform.
+    name : str
+        Name of the gust in parameters: ``gust.w``, ``scale.w`` and ``init.gust_w``.
+    """
+
+    state: str
+    speed: float
+    scale: float
+    intensity: float
+    air_relative: tuple[str, ...]
+    inertial: tuple[str, ...] = ()
+    name: str = "w"
+
+    @property
+    def states(self) -> tuple[str, str]:
+        """Names of the two lags."""
+        return f"gust_{self.name}_lead", f"gust_{self.name}_lag"
+
+    def time(self, values: Mapping[str, float]) -> float:
+        """Return T. [s]"""
+        return values.get(f"scale.{self.name}", self.scale) / self.speed
+
+    def filter_values(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return intensity and start of the two lags, as ``process.*`` and ``init.*``."""
+        lead, lag = self.states
+        sigma = values.get(f"gust.{self.name}", self.intensity)
+        first = values.get(f"init.gust_{self.name}", 0.0) / self.speed * _EXPECTED
+        return {
+            f"process.{lead}": sigma / self.speed / np.sqrt(self.time(values)),
+            f"init.{lead}": float(first[0]),
+            f"init.{lag}": float(first[1]),
+        }
+
+
+def gust_starts(gusts: Sequence[DrydenGust]) -> dict[str, Unknown]:
+    """Return the gusts at the first sample as unknowns, each with its own value per manoeuvre.
+
+    Without them the filter takes the air at the first sample for calm.
+    """
+    unknowns = {}
+    for gust in gusts:
+        spread = _FIRST_SPREAD * gust.intensity
+        unknowns[f"init.gust_{gust.name}"] = Unknown(0.0, sigma=spread, own=True)
+    return unknowns
+
+
+def add_gusts(model: LinearModel, gusts: Sequence[DrydenGust]) -> LinearModel:
+    """Return the model with the states of gusts.
+
+    Parameters
+    ----------
+    model : LinearModel
+    gusts : sequence of DrydenGust
+
+    Raises
+    ------
+    UnknownName
+        A gust on a state, or on an output, that the model does not have.
+    SchemaError
+        Values that are not positive, two gusts of one name, or an output that responds to the angle
+        and that is named neither air-relative nor inertial, or both.
+    """
+    if not gusts:
+        return model
+    C = model.at({}).C
+    problems = []
+    for gust in gusts:
+        if gust.state not in model.states:
+            raise UnknownName(gust.state, model.states, "state")
+        problems += _list_problems(gust, model.outputs, C[:, model.states.index(gust.state)])
+    names = [gust.name for gust in gusts]
+    if len(set(names)) < len(names):
+        problems.append(f"gusts are named {', '.join(names)}; give each its own name")
+    if problems:
+        raise SchemaError("gusts", problems)
+    for gust in gusts:
+        model = _add_gust(model, gust)
+    return model
+
+
+def _list_problems(gust: DrydenGust, outputs: Sequence[str], column: np.ndarray) -> list[str]:
+    """Return what is wrong with a gust; `column` has the slopes of the outputs by its angle."""
+    problems = []
+    for quantity in ("speed", "scale", "intensity"):
+        value = getattr(gust, quantity)
+        if not (np.isfinite(value) and value > 0.0):
+            problems.append(f"{quantity} of gust {gust.name} is {value:g}; give a positive value")
+    for name in (*gust.air_relative, *gust.inertial):
+        if name not in outputs:
+            raise UnknownName(name, outputs, "output")
+    for name, slope in zip(outputs, column):
+        is_air, is_inertial = name in gust.air_relative, name in gust.inertial
+        if is_air and is_inertial:
+            problems.append(f"{name} is both air-relative and inertial; name it once")
+        if slope != 0.0 and not (is_air or is_inertial):
+            problems.append(
+                f"{name} responds to {gust.state}; name it in air_relative (a vane, an "
+                f"accelerometer) or in inertial (an angle of a platform)"
+            )
+    return problems
+
+
+def _add_gust(model: LinearModel, gust: DrydenGust) -> LinearModel:
+    """Return the model with the two lags of one gust as its last states."""
+    position, n = model.states.index(gust.state), len(model.states)
+    felt = np.array([float(name in gust.air_relative) for name in model.outputs])
+
+    def matrices(values: Mapping[str, float]) -> list[np.ndarray]:
+        A, B, C, D = model.at(values)
+        T = gust.time(values)
+        whole = np.zeros((n + 2, n + 2))
+        whole[:n, :n] = A
+        # The air acts through the angle of motion and gust.
+        whole[:n, n:] = np.outer(A[:, position], _READ)
+        whole[n:, n:] = np.array([[-1.0, 0.0], [1.0, -1.0]]) / T
+        seen = np.outer(felt * C[:, position], _READ)
+        return [whole, np.vstack([B, np.zeros((2, B.shape[1]))]), np.hstack([C, seen]), D]
+
+    return replace(model, states=(*model.states, *gust.states), matrices=matrices)
