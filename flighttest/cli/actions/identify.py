@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -43,7 +45,7 @@ from flighttest.regression.model_structure.search import select_orthogonal, sele
 from flighttest.remarks import is_forbidden, remark_lines, remarks_to_json
 from flighttest.submodels.aircraft_properties.inertia import inertia_from_flight
 
-_WAYS_TO_SELECT = {
+_WAYS_TO_SELECT: dict[str, Callable[..., Any]] = {
     "prediction": select_by_prediction,
     "orthogonal": select_orthogonal,
     "stepwise": select_stepwise,

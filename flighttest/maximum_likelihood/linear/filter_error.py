@@ -116,7 +116,8 @@ def filter_error(
     records = list_manoeuvres(manoeuvres)
     states, outputs = model.states, model.outputs
     extra = {"process": states, "init": states, "drift": states, "noise": outputs}
-    extra |= {"gust": [gust.name for gust in gusts], "scale": [gust.name for gust in gusts]}
+    names = tuple(gust.name for gust in gusts)
+    extra |= {"gust": names, "scale": names}
     extra["init"] = (*states, *(f"gust_{gust.name}" for gust in gusts))
     demand_known(model, list(parameters), {**extra, "sensor": outputs})
     moved = add_gusts(model, gusts)

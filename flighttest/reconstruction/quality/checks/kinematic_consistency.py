@@ -412,7 +412,7 @@ def _range_findings(name: str, signals: ResampledChannels, record: xr.DataTree) 
 
 def _is_recorded_within(record: xr.DataTree, name: str, low: float, high: float) -> bool:
     """Return whether all recorded samples of a channel lie within limits. [SI]"""
-    x = record[map_entry_of(record, name)[0]][name].values
+    x = record[map_entry_of(record, name)[0]].to_dataset()[name].values
     return bool(np.nanmin(x) >= low and np.nanmax(x) <= high)
 
 
