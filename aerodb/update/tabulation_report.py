@@ -13,7 +13,7 @@ import scipy
 import xarray as xr
 
 from aerodb.store.identified_terms import stamp_identified
-from aerodb.update.cautions.notices import incompatible_fits
+from aerodb.update.cautions.notices import incompatible_fits, suspect_fits
 from aerodb.update.correlation import PARTS
 from aerodb.update.observations import Observation, samples_outside
 from aerodb.update.term_decisions import CORRECTED, REPLACED
@@ -119,7 +119,11 @@ def add_cautions(
     without_place = [
         f"no place in the database, the estimate is left out: {line}" for line in notices
     ]
-    texts = (*without_place, *incompatible_fits(tabulation.compatibility))
+    texts = (
+        *without_place,
+        *incompatible_fits(tabulation.compatibility),
+        *suspect_fits(tabulation.points),
+    )
     for text in texts:
         # The warning belongs to the line that calls the public function, two frames up.
         warnings.warn(text, AeromatchWarning, stacklevel=3)
