@@ -312,6 +312,7 @@ def test_a_term_that_starts_from_zero_is_brought_in():
 
 
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # one of them is
+@pytest.mark.filterwarnings("ignore:suspect fits:flightmech.errors.AeromatchWarning")
 def test_a_test_point_that_contradicts_the_others_is_suspected_and_outvoted():
     leaves = prior_leaves()
     rng = np.random.default_rng(32)
