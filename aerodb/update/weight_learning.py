@@ -25,7 +25,9 @@ This is a step of the EM algorithm: it never lowers the density.  The trace is t
 residual that the fit hides because the tables follow it.  A factor below 1 is not admitted, so that
 agreement does not make a fit more accurate than it states.  The weight of the fit is 1/v_i.
 
-The steps alternate with learning the weights of the prior until neither changes.
+The steps alternate with learning the weights of the prior until neither changes.  If more than a
+quarter of the fits are then suspect, nothing decides which ones are wrong: all keep a weight of 1,
+and the factor on C rises.
 
 References
 ----------
@@ -59,6 +61,9 @@ _STEP_TOLERANCE = 1e-6  # step of a logarithm at which the iteration ends
 _LONGEST_STEP = 2.0  # of a logarithm: a factor of 7 on a weight
 _LEAST_DAMPING, _MOST_DAMPING = 1e-10, 1e10
 _COST_ROUNDING = 1e-12  # change of the cost, relative to it, that is rounding
+SUSPECT = 0.3
+"""Weight below which a fit is listed as suspect."""
+_MOST_SUSPECT = 0.25  # share of suspect fits above which all keep their weight
 _FREEDOM = 4.0  # of the Student distribution: six standard errors in one of two, weight 0.15
 _MOST_ROUNDS = 200  # of weighing the fits and learning the prior
 _CONVERGED = 1e-6  # change of the logarithms of all weights and factors at which the rounds end
@@ -281,6 +286,7 @@ def weigh_fits(
     common = [observation.D @ observation.D.T for observation in observed]
     weight = np.ones(len(observed)) if start is None else start
     logarithms: np.ndarray | None = None
+    is_robust = True
     for _ in range(_MOST_ROUNDS):
         before = weight, logarithms
         parts = np.concatenate([expected, _weighted_blocks(measured, weight)[None]])
@@ -293,13 +299,17 @@ def weigh_fits(
         shrink = noise @ inverse
         residual, scatter = shrink @ y, noise - shrink @ noise
         weight = np.ones(len(observed))
-        for number, rows in enumerate(slices):
+        for number, rows in enumerate(slices if is_robust else ()):
             N = factors[-1] * measured[number] + common[number]
             square = np.outer(residual[rows], residual[rows]) + scatter[rows, rows]
             size = _FREEDOM + len(N)
             weight[number] = min(1.0, size / (_FREEDOM + _trace_in_stderr(square, N)))
-        if _has_converged(before, (weight, logarithms)):
+        if not _has_converged(before, (weight, logarithms)):
+            continue
+        if np.mean(weight < SUSPECT) <= _MOST_SUSPECT:
             break
+        # Without a clear majority nothing tells which fits are wrong: all are less accurate.
+        weight, logarithms, is_robust = np.ones(len(observed)), None, False
     else:
         raise IdentificationError(
             f"the weights of {len(observed)} fits of one coefficient do not converge in "

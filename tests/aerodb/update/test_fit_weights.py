@@ -98,3 +98,12 @@ def test_ten_starts_of_the_weights_end_in_one() -> None:
     # The end is a fixed point: a further round from it changes nothing.
     again = weigh_fits(y, observed, D, expected, ends[0].weight)
     np.testing.assert_allclose(again.weight, ends[0].weight, rtol=1e-5)
+
+
+def test_without_a_majority_no_fit_is_chosen() -> None:
+    """Two fits of one place that contradict each other keep their weights; both are inaccurate."""
+    prior, truth = prior_and_truth()
+    pair = [local_models(truth, 9, {0: (off, 0.0)})[0] for off in (0.0, 12.0)]
+    new = tabulate(pair, prior)
+    assert new.points["weight"].tolist() == [1.0, 1.0]
+    assert new.compatibility.loc["CL", "inflation"] > 1.5

@@ -283,7 +283,7 @@ def test_the_flown_region_grows_with_the_samples_without_a_step():
         P = prior_parts(leaf, np.array([1.0, 1.0, 1.0, weight]))[PARTS.index("reach")]
         like.append(P[2, 3] / np.sqrt(P[2, 2] * P[3, 3]))
     assert like[0] == pytest.approx(
-        np.exp(-2.0 * 2.0 / 5.0), rel=1e-6
+        np.exp(-2.0 / 5.0), rel=1e-6
     )  # one cell of 2 deg, correlation length 5 deg
     assert like[-1] == pytest.approx(1.0, rel=1e-6)
     assert np.diff(like).min() >= 0.0
