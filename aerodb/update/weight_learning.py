@@ -308,7 +308,7 @@ def weigh_fits(
             continue
         if np.mean(weight < SUSPECT) <= _MOST_SUSPECT:
             break
-        # Without a clear majority nothing tells which fits are wrong: all are less accurate.
+        # Without a clear majority no fit can be called wrong: all are less accurate.
         weight, logarithms, is_robust = np.ones(len(observed)), None, False
     else:
         raise IdentificationError(

@@ -8,6 +8,7 @@ import aerodb
 from aerodb.store.schema import make_database
 from aerodb.update.correlation import LENGTHS, prior_parts
 from aerodb.update.observations import observe_fits, sampled_weights
+from aerodb.update.posterior import covariance_between_nodes
 from aerodb.update.tabulation import tabulate
 from aerodb.update.weight_learning import weigh_fits
 from flightmech import terms
@@ -107,3 +108,17 @@ def test_without_a_majority_no_fit_is_chosen() -> None:
     new = tabulate(pair, prior)
     assert new.points["weight"].tolist() == [1.0, 1.0]
     assert new.compatibility.loc["CL", "inflation"] > 1.5
+
+
+def test_databases_without_a_stored_reach_keep_theirs() -> None:
+    """The fade of the a-priori correlation has one correlation length, and earlier ones half."""
+    prior, truth = prior_and_truth()
+    leaf = tabulate(local_models(truth, 9, {})[:1], prior)["CL/basic"]
+    for name in ("level", "long", "short"):
+        leaf["prior_error"].attrs[name] = 0.0
+    distance = leaf["flown_distance"].values.ravel()
+    i, j = np.argmin(distance), np.argmax(distance)
+    for reach in (1.0, 0.5):
+        P = covariance_between_nodes(leaf, np.array([i, i]), np.array([i, j]))
+        assert P[1] / P[0] == pytest.approx(np.exp(-(distance[j] - distance[i]) / reach))
+        leaf["prior_error"].attrs.pop("reach_length", None)
