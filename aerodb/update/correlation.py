@@ -18,8 +18,8 @@ part has half of the variance.
 weights (`prior_parts`), each with s_i s_j c_ij and its own factor:
 
     level   1
-    reach   exp(-2 |D_i - D_j|)      D the distance from the flown region, in correlation lengths
-    long    exp(-e^2/32 - 2 |D_i - D_j|)    e the distance between the nodes in correlation lengths
+    reach   exp(-|D_i - D_j|)        D the distance from the flown region, in correlation lengths
+    long    exp(-e^2/32 - |D_i - D_j|)      e the distance between the nodes in correlation lengths
     short   exp(-d)                  d the same, summed over the axes
 
 Inside the flown region `reach` is a level and `long` a smooth curve, such as an error of slope.
@@ -58,8 +58,10 @@ LEVEL = 0.5  # share of the variance that is common to the whole table
 SHARES = {"level": 0.5, "reach": 0.9, "long": 0.1, "short": 0.1}
 SPREADS = {"level": 2.0, "reach": 0.3, "long": 1.5, "short": 1.5}
 PARTS = tuple(SHARES)
-# Correlation lengths of the distance D, and of the smooth curves of `long`.
-_REACH, _LONG = 0.5, 4.0
+# Correlation lengths of the distance D, and of the smooth curves of `long`.  A longer reach, or one
+# that is smooth at the edge, gives nodes outside smaller errors and covers fewer of them beyond a
+# kink.
+REACH, _LONG = 1.0, 4.0
 # Least weight of a sample that puts a node into the flown region.  A straight local model cannot
 # detect a kink nearer to a node.
 _WITHIN = 0.1
@@ -122,6 +124,7 @@ def node_correlation(
     i: np.ndarray,
     j: np.ndarray,
     lengths: Mapping[str, float],
+    reach: float = REACH,
 ) -> list[np.ndarray]:
     """Return the correlations of pairs of nodes in each of the `PARTS`, without s_i s_j c_ij.
 
@@ -135,6 +138,8 @@ def node_correlation(
         Positions of the nodes in ``value.ravel()``, broadcast against each other.
     lengths : mapping of str to float
         Correlation lengths by axis. [SI]
+    reach : float
+        Length over which `reach` fades outside the flown region, in correlation lengths.
     """
     # Over the axes: sum of the distances d and of their squares e^2.
     sums, squares = np.zeros((2, *np.broadcast_shapes(i.shape, j.shape)))
@@ -143,7 +148,7 @@ def node_correlation(
         sums += separation
         squares += separation**2
     # In the order of `PARTS`: level, reach, long, short.
-    fade = np.exp(-np.abs(distance[i] - distance[j]) / _REACH)
+    fade = np.exp(-np.abs(distance[i] - distance[j]) / reach)
     return [np.ones_like(sums), fade, fade * np.exp(-squares / (2.0 * _LONG**2)), np.exp(-sums)]
 
 

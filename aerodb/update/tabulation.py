@@ -15,7 +15,8 @@ the nodes have a posterior in closed form.
 The common errors s are *considered* [Schmidt1966]; they are not estimated across fits.  The weights
 of the fits are computed as if every fit had errors s of its own.  The covariance of the nodes is
 that of these weights if all fits share s.  Terms with fixed values are considered likewise, with
-their a-priori errors.  An estimate that a common error dominates (a damping, by the lag of the
+their a-priori errors.  A fit that the others contradict loses weight as a whole
+(`aerodb.update.weight_learning`).  An estimate that a common error dominates (a damping, by the lag of the
 vanes) then does not distort a table, and a result on which all fits agree counts as measured.  If s
 were estimated across fits, the shape of a handbook table would decide on an instrument.  Only that
 shape separates the bias of an elevator pick-up from a constant pitching moment.  The standard error
@@ -74,14 +75,11 @@ from aerodb.update.tabulation_report import (
     term_row,
 )
 from aerodb.update.term_decisions import add_decisions
-from aerodb.update.weight_learning import invert_covariance, learn_weights
+from aerodb.update.weight_learning import invert_covariance, slices_of_sizes, weigh_fits
 from flightmech.errors import IdentificationError
 
 # Least weight that some sample gives to a node from flight: half a cell away on each of two axes.
 FLOWN = 0.25
-_HUBER = 2.5  # distance of a fit, in its standard errors, from which on it loses weight
-_ROUNDS = 4  # rounds of weighting the fits and learning the prior
-_CORRELATION_JITTER = 1e-9  # added to a unit diagonal, so that equal estimates can be inverted
 
 
 def tabulate(
@@ -130,14 +128,14 @@ def tabulate(
         A held term or a coefficient that the database does not have, or a variable that a table
         needs and the data of a fit do not hold.
     IdentificationError
-        No fit.
+        No fit, or the weights of the fits do not converge.
 
     Warns
     -----
     AeromatchWarning
         Fits that are incompatible with each other and the a-priori tables (probability of
-        chi-squared below 1e-6), and with ``unplaced="warn"`` the significant terms that no table
-        carries.
+        chi-squared below 1e-6), suspect fits that the others contradict (weight below 0.3), and
+        with ``unplaced="warn"`` the significant terms that no table carries.
 
     Notes
     -----
@@ -267,7 +265,7 @@ def _compute_posterior(
     g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     y = np.concatenate([observation.theta for observation in observed]) - H @ g0
     prior = _prior_covariance_parts(free, H, sampled, lengths)
-    weighing = _weigh_fits(y, observed, D, prior.estimates)
+    weighing = weigh_fits(y, observed, D, prior.estimates)
     factors, own_errors, noise = weighing.factors, weighing.own_errors, weighing.noise
 
     # Weights w of the learnt prior: P = sum_k w_k P_k of each term, and P H'.
@@ -326,54 +324,6 @@ def _prior_covariance_parts(
     return _PriorCovariance(node_parts, crossed_parts, np.concatenate(estimate_parts))
 
 
-@dataclass(frozen=True)
-class _Weighing:
-    """Weights of the fits and of the parts of the prior, and the covariances that they give."""
-
-    weight: np.ndarray  # (fits,)
-    distance: np.ndarray  # (fits,)
-    factors: np.ndarray  # (terms x parts + 1,): the last one is the factor on C
-    own_errors: np.ndarray  # (estimates, estimates): D D' of each fit by itself
-    noise: np.ndarray  # (estimates, estimates): C with its factor, and the errors of each fit's own
-    inverse: np.ndarray  # (estimates, estimates): inverse of H P H' + noise
-
-
-def _weigh_fits(
-    y: np.ndarray, observed: Sequence[Observation], D: np.ndarray, expected: np.ndarray
-) -> _Weighing:
-    """Return the weights of the fits and of the parts of the prior, by turns.
-
-    A fit far from the tables that the other fits support loses weight (Huber).
-    """
-    slices = _slices_of_sizes([len(observation.theta) for observation in observed])
-    measured = [observation.C for observation in observed]
-    common = [observation.D @ observation.D.T for observation in observed]
-    weight, start = np.ones(len(observed)), None
-    for _ in range(_ROUNDS):
-        noise = _weighted_blocks(measured, weight)
-        parts = np.concatenate([expected, noise[None]])
-        factors, start = learn_weights(y, parts, D @ D.T, start)
-        # For the weights, each fit has the common errors for itself.
-        own_errors = _weighted_blocks(common, weight)
-        noise = factors[-1] * noise + own_errors
-        inverse = invert_covariance(np.einsum("k,kij->ij", factors[:-1], expected) + noise)
-        # Estimates less the tables after the update: (noise S^-1) y.
-        residual = noise @ inverse @ y
-        distances = []
-        for rows, C, errors in zip(slices, measured, common):
-            distances.append(_rms_in_stderr(residual[rows], C + errors))
-        distance = np.array(distances)
-        weight = np.minimum(1.0, (_HUBER * np.sqrt(factors[-1]) / np.maximum(distance, 1e-12)) ** 2)
-    return _Weighing(
-        weight=weight,
-        distance=distance,
-        factors=factors,
-        own_errors=own_errors,
-        noise=noise,
-        inverse=inverse,
-    )
-
-
 def _declared_chi2(
     y: np.ndarray, observed: Sequence[Observation], D: np.ndarray, expected: np.ndarray
 ) -> float:
@@ -386,26 +336,10 @@ def _declared_chi2(
 
 def slices_of(leaves: Iterable[xr.Dataset]) -> list[slice]:
     """Return the range of the nodes of each term among the nodes of all terms."""
-    return _slices_of_sizes([leaf["value"].size for leaf in leaves])
-
-
-def _slices_of_sizes(sizes: Sequence[int]) -> list[slice]:
-    return [slice(end - size, end) for end, size in zip(np.cumsum(sizes), sizes)]
+    return slices_of_sizes([leaf["value"].size for leaf in leaves])
 
 
 def _covariance_root(S: np.ndarray) -> np.ndarray:
     """Return the lower Cholesky factor of a covariance, scaled to a unit diagonal first."""
     scale = np.sqrt(np.diag(S))
     return scale[:, None] * np.linalg.cholesky(S / np.outer(scale, scale))
-
-
-def _rms_in_stderr(residual: np.ndarray, C: np.ndarray) -> float:
-    """Return the rms of a residual in its standard errors, with their correlation."""
-    sd = np.sqrt(np.diag(C))
-    correlation = C / np.outer(sd, sd) + _CORRELATION_JITTER * np.eye(len(sd))
-    return float(np.sqrt((residual / sd) @ np.linalg.solve(correlation, residual / sd) / len(sd)))
-
-
-def _weighted_blocks(blocks: Sequence[np.ndarray], weight: np.ndarray) -> np.ndarray:
-    """Return the block-diagonal matrix of covariances of fits, each divided by its weight."""
-    return scipy.linalg.block_diag(*[block / w for block, w in zip(blocks, weight)])

@@ -13,10 +13,11 @@ import scipy
 import xarray as xr
 
 from aerodb.store.identified_terms import stamp_identified
-from aerodb.update.cautions.notices import incompatible_fits
+from aerodb.update.cautions.notices import incompatible_fits, suspect_fits
 from aerodb.update.correlation import PARTS
 from aerodb.update.observations import Observation, samples_outside
 from aerodb.update.term_decisions import CORRECTED, REPLACED
+from aerodb.update.weight_learning import SUSPECT
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning
 from flightmech.flown_samples import (
@@ -26,7 +27,6 @@ from flightmech.flown_samples import (
     pack_windows,
 )
 
-SUSPECT = 0.3  # weight below which a fit is listed as suspect
 _FLIGHT = _terms.SOURCES.index("flight")
 # Information of a fit on a node, over that of the most informative fit, from which it contributes.
 _LEAST_SHARE = 1e-3
@@ -119,7 +119,11 @@ def add_cautions(
     without_place = [
         f"no place in the database, the estimate is left out: {line}" for line in notices
     ]
-    texts = (*without_place, *incompatible_fits(tabulation.compatibility))
+    texts = (
+        *without_place,
+        *incompatible_fits(tabulation.compatibility),
+        *suspect_fits(tabulation.points),
+    )
     for text in texts:
         # The warning belongs to the line that calls the public function, two frames up.
         warnings.warn(text, AeromatchWarning, stacklevel=3)

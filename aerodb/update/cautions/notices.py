@@ -78,3 +78,26 @@ def incompatible_fits(compatibility: pd.DataFrame) -> list[str]:
         "look for an effect that no table holds, a faulty record, or standard errors of the "
         "tables that are too small"
     ]
+
+
+def suspect_fits(points: pd.DataFrame) -> list[str]:
+    """Return the warning on fits that contradict the others: one line with their names, or none.
+
+    Parameters
+    ----------
+    points : DataFrame
+        Of a `Tabulation`: index (coefficient, fit); ``distance weight suspect``.
+    """
+    rows = points[points["suspect"]].reset_index()
+    if rows.empty:
+        return []
+    fits = []
+    for row in rows.itertuples():
+        fits.append(
+            f"{row.fit} ({row.coefficient}, {row.distance:.1f} standard errors from the tables, "
+            f"weight {row.weight:.2g})"
+        )
+    return [
+        f"suspect fits: {', '.join(fits)}: the other fits and the a-priori tables contradict them, "
+        "and they have lost weight; look for a wrong mass, configuration or record"
+    ]

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from aerodb.store.schema import make_database
-from aerodb.update import tabulation
+from aerodb.update import weight_learning
 from aerodb.update.correlation import SHARES, prior_parts
 from aerodb.update.expectation import Expectation
 from aerodb.update.tabulation import tabulate
@@ -84,11 +84,11 @@ def test_it_is_what_tabulate_gives_with_the_weights_before_learning(prior, held,
     ]
     tables = 3 - len(held)
     monkeypatch.setattr(
-        tabulation,
+        weight_learning,
         "learn_weights",
-        lambda y, *_: (np.append(np.tile(list(SHARES.values()), tables), 1.0), None),
+        lambda y, *_: (np.append(np.tile(list(SHARES.values()), tables), 1.0), np.zeros(1)),
     )
-    monkeypatch.setattr(tabulation, "_HUBER", 1e9)
+    monkeypatch.setattr(weight_learning, "_FREEDOM", 1e9)
     expected = Expectation(prior, held).stderr(fits)
     found = tabulate(fits, prior, held)
     assert set(expected) == set(found)

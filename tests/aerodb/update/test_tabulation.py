@@ -283,7 +283,7 @@ def test_the_flown_region_grows_with_the_samples_without_a_step():
         P = prior_parts(leaf, np.array([1.0, 1.0, 1.0, weight]))[PARTS.index("reach")]
         like.append(P[2, 3] / np.sqrt(P[2, 2] * P[3, 3]))
     assert like[0] == pytest.approx(
-        np.exp(-2.0 * 2.0 / 5.0), rel=1e-6
+        np.exp(-2.0 / 5.0), rel=1e-6
     )  # one cell of 2 deg, correlation length 5 deg
     assert like[-1] == pytest.approx(1.0, rel=1e-6)
     assert np.diff(like).min() >= 0.0
@@ -312,6 +312,7 @@ def test_a_term_that_starts_from_zero_is_brought_in():
 
 
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # one of them is
+@pytest.mark.filterwarnings("ignore:suspect fits:flightmech.errors.AeromatchWarning")
 def test_a_test_point_that_contradicts_the_others_is_suspected_and_outvoted():
     leaves = prior_leaves()
     rng = np.random.default_rng(32)
