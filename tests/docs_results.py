@@ -191,6 +191,16 @@ def output_error_of_a_manoeuvre(folder: Path, printed: str) -> None:
     assert "<html" in (folder / "pitch.html").read_text(encoding="utf-8")
 
 
+def linear_motion_of_a_manoeuvre(folder: Path, printed: str) -> None:
+    """The pitching motion is stable and damped, and the elevator pitches the nose down."""
+    with xr.open_datatree(folder / "short_period.nc", engine="h5netcdf") as tree:
+        fit = next(node for node in tree.subtree if "estimate" in node)
+        estimates = fit["estimate"].load()
+    values = dict(zip(estimates[estimates.dims[0]].values, estimates.values))
+    for name in ("M_alpha", "M_q", "M_delta_e"):
+        assert values[name] < 0.0, name
+
+
 def front_page(names: dict) -> None:
     """The elevator of the model acts, and it answers the elevator doublet of another record as that
     flight does.
@@ -259,6 +269,7 @@ CHECKS: dict[tuple[str, int], Check] = {
     ("docs/how-to/edit-a-database.md", 2): files("flown.nc", "d.nc"),
     ("docs/how-to/fit-a-manoeuvre.md", 0): files("02.nc"),
     ("docs/how-to/fit-a-manoeuvre.md", 3): output_error_of_a_manoeuvre,
+    ("docs/how-to/fit-a-manoeuvre.md", 4): linear_motion_of_a_manoeuvre,
     ("docs/how-to/reconstruct-a-flight.md", 0): files("record.png", "pitch.svg"),
     ("docs/how-to/reconstruct-a-flight.md", 1): manoeuvres_of_a_record,
     ("docs/how-to/split-and-run-decks.md", 2): files("results/flaps.out"),

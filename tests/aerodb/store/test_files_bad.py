@@ -290,12 +290,12 @@ def test_what_is_no_table_is_named(file, harm, problem):
 
 
 def test_a_sealed_file_with_false_dimensions_does_not_end_the_process(file):
-    """Its overview is not read without the check; HDF5 would follow the text as an address."""
+    """One term is not read without the check; HDF5 would follow the text as an address."""
     with h5py.File(file, "r+") as other:
         false_dimensions(other)
     file.write_bytes(hdf5_seal.add_seal(file.read_bytes(), "none", None))
     with pytest.raises(SchemaError, match="DIMENSION_LIST"):
-        aerodb.store.files.read_overview(file, ("value",))
+        aerodb.store.files.open_term(file, "CL/flap")
 
 
 @pytest.mark.skipif(
