@@ -75,6 +75,7 @@ NIGHTLY_PAGES = (
     "tuning.md",
     "batch-on-a-cluster.md",
     "diagnosis.md",
+    "edit-a-database.md",
 )
 FENCE = re.compile(
     r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: "

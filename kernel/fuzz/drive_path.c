@@ -147,7 +147,8 @@ static void free_readings(readings_t *o) {
 /* ---- sums ------------------------------------------------------------------------------------ */
 
 static am_normal take_sums(size_t samples, int states, int constants) {
-    const size_t n = (size_t)states, c = (size_t)constants;
+    const size_t n = (size_t)states;
+    const size_t c = (size_t)constants;
     return (am_normal){.states = states,
                        .constants = constants,
                        .D = zeros(samples * n * n),
@@ -181,7 +182,9 @@ static void eliminate(const am_normal *e, size_t samples) {
     if (failed == -1) {
         double *x = zeros(samples * n * 3);
         am_substitute(e->states, samples, L, V, 3, x);
-        for (size_t i = 0; i < samples * n * 3; i++) promise(x[i] == 0.0 || x[i] != x[i], "0 = F 0");
+        for (size_t i = 0; i < samples * n * 3; i++) {
+            promise(x[i] == 0.0 || x[i] != x[i], "0 = F 0");
+        }
         free(x);
     }
     free(L);
@@ -231,7 +234,8 @@ static void add_residuals(const path_t *p, bytes_t *bytes) {
 
 static void follow(const path_t *p, bytes_t *bytes) {
     const am_drive *d = &p->drive;
-    const size_t n = (size_t)d->states, columns = n + (size_t)d->inputs;
+    const size_t n = (size_t)d->states;
+    const size_t columns = n + (size_t)d->inputs;
     const int unknowns = (int)columns + take_byte(bytes) % 3;
     const size_t wide = (size_t)unknowns;
     readings_t readings;

@@ -100,7 +100,7 @@ def test_what_can_be_chosen(opened):
         ),
         pytest.param({"ridge": "auto"}, marks=pytest.mark.nightly),
         pytest.param({"ridge": 0.01, "weights": "manoeuvre"}, marks=pytest.mark.nightly),
-        {"band": [0.1, 2.0]},
+        pytest.param({"band": [0.1, 2.0]}, marks=pytest.mark.nightly),
         pytest.param(
             {"band": [0.1, 1.7], "ridge": 0.02, "intercepts": "separate"}, marks=pytest.mark.nightly
         ),

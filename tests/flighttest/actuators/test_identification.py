@@ -193,6 +193,7 @@ def test_a_motor_is_found_from_its_rate():
         found.channel()
 
 
+@pytest.mark.nightly
 def test_a_jump_between_samples_is_in_the_error_of_the_dead_time(servo):
     loose = identify_actuator(list(servo.logs), limits=False)
     assert loose.stderr["delay"] > 0.004 / 12**0.5

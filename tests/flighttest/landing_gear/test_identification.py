@@ -260,7 +260,11 @@ FOURTH = pytest.mark.xfail(
 
 @pytest.mark.parametrize(
     "order",
-    [0, pytest.param(2, marks=pytest.mark.slow), pytest.param(4, marks=[pytest.mark.slow, FOURTH])],
+    [
+        0,
+        pytest.param(2, marks=pytest.mark.nightly),
+        pytest.param(4, marks=[pytest.mark.slow, FOURTH]),
+    ],
 )
 @pytest.mark.slow
 def test_steering_of_every_order(order, database):

@@ -86,6 +86,7 @@ def test_what_remains_without_air_is_zero(tree):
         np.testing.assert_allclose(rest, 0.0, atol=1e-12)
 
 
+@pytest.mark.nightly
 def test_energy_is_kept_without_air_and_changes_by_the_power_of_the_loads(tree):
     start = truth.start_state(*truth.START[:5], truth.START[6])
     _, X, _ = truth.integrate(start, lambda *_: np.zeros(3), 0.1, air=False, drives=False)
@@ -129,6 +130,7 @@ def test_the_motion_has_its_errors(found):
     assert motion.noise == pytest.approx(truth.NOISE, rel=0.03)  # 18 000 coordinates
 
 
+@pytest.mark.nightly
 def test_the_crank_is_carried_across_its_dead_centres(found):
     true, motion, _ = found
     turn = motion.states[0][:, 7] - true["p"][:, 7]

@@ -149,7 +149,7 @@ def test_a_report_of_several_processes_has_the_bytes_of_one(tmp_path, monkeypatc
         write(tmp_path / "here", jobs=1)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_report_of_processes_in_another_folder_has_the_same_bytes(tmp_path, monkeypatch):
     """Processes that are kept from an earlier call have its working directory; cases may name their
     files by relative paths.
