@@ -142,12 +142,12 @@ def uses_sandbox(mode: str) -> bool:
 
 
 def sandbox_problem() -> str:
-    """Return why there is no sandbox on this system; empty if there is one."""
+    """Return why this system has no sandbox; empty if it has one."""
     if sys.platform != "linux":
         return "bubblewrap needs Linux"
     program = shutil.which("bwrap")
     if program is None:
-        return "there is no program bwrap"
+        return "the program bwrap is missing"
     return _probe_sandbox(program)
 
 

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 import aerodb
 from aerodb.cli.group import db
 from aerodb.store import overview
+from aerodb.store.plausibility import PlausibilityFinding
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError, UnknownName
 
@@ -240,6 +241,18 @@ def test_check(file, tmp_path):
     with pytest.raises(ParseError, match="no netCDF-4"):
         run("check", str(bad))
     assert run("check", str(tmp_path / "missing.nc")).exit_code == 2
+
+
+def test_quantities_that_were_not_checked_are_part_of_the_verdict(file, monkeypatch):
+    unchecked = PlausibilityFinding("CL/alpha", "not checked", source="no attached angles")
+    for findings, verdict in (([], "sound"), ([unchecked], "sound where checked")):
+        monkeypatch.setattr(
+            "aerodb.cli.actions.group.note_plausibility", lambda tree, _, f=findings: (tree, f)
+        )
+        printed = run("check", file).stdout
+        count = ", 1 not checked" if findings else ""
+        assert printed.startswith(f"{file}: {verdict}, 4 terms{count}\n")
+        assert json.loads(run("check", file, "--json").stdout)["verdict"] == verdict
 
 
 AIRCRAFT = """

@@ -239,7 +239,7 @@ def test_only_what_changed_is_checked_again(copy, tmp_path):
     assert planned(other)[1] == {}
     edit(cases[0], ('title = "', 'title = "Another '))
     changed, computed = planned(project)
-    assert computed == {}  # a text is no input of a check
+    assert computed == {}  # a check does not depend on texts
     assert changed["cases"][0]["title"].startswith("Another")
     edit(cases[0], ("window = [4.0, 15.1]", "window = [4.0, 15.0]"))
     assert planned(project)[1] == {"record look": 1, "case check": 1}

@@ -38,5 +38,5 @@ def test_a_report_states_the_sandbox_of_its_fmus(tmp_path, monkeypatch):
     monkeypatch.delenv("AEROMATCH_FMU_SANDBOX")
     monkeypatch.setenv("PATH", "")
     stated = pom.provenance([], {"final": fmu})["versions"]["sandbox of the FMUs"]
-    assert stated == "none (there is no program bwrap)"
+    assert stated == "none (the program bwrap is missing)"
     assert "sandbox of the FMUs" not in pom.provenance([], {})["versions"]

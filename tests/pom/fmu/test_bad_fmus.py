@@ -285,7 +285,7 @@ def test_a_sandbox_without_bubblewrap_is_refused(monkeypatch):
     monkeypatch.setenv("PATH", "")
     with pytest.raises(
         SchemaError,
-        match="there is no program bwrap; install bubblewrap, or leave the variable out",
+        match="the program bwrap is missing; install bubblewrap, or leave the variable out",
     ):
         read_worker_limits({"AEROMATCH_FMU_SANDBOX": "bwrap"})
 

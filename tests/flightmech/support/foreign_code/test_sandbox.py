@@ -251,10 +251,10 @@ def test_a_forked_process_can_start_one_too():
 def test_a_sandbox_that_is_demanded_and_missing_is_refused(monkeypatch):
     monkeypatch.setenv("PATH", "")
     assert read_sandbox_mode({}) == "auto"
-    assert describe_sandbox("auto") == "without a sandbox (there is no program bwrap)"
+    assert describe_sandbox("auto") == "without a sandbox (the program bwrap is missing)"
     with pytest.raises(
         SchemaError,
-        match="there is no program bwrap; install bubblewrap, or leave the variable out",
+        match="the program bwrap is missing; install bubblewrap, or leave the variable out",
     ):
         read_sandbox_mode({"AEROMATCH_FMU_SANDBOX": "bwrap"})
     with pytest.raises(SchemaError, match="'jail'; give 'auto' or 'bwrap' or 'none'"):
