@@ -330,7 +330,10 @@ def _report_lines(fit: OutputError) -> list[str]:
     for k, name in enumerate(names):
         line = f"{name:{width}s}"
         for _, variable, form in _COLUMNS:
-            line += f"{float(e[variable].values[k]):13{form}}"
+            number = float(e[variable].values[k])
+            if variable == "estimate":
+                number = _without_rounding(number, float(e["stderr"].values[k]))
+            line += f"{number:13{form}}"
         lines.append(line)
     heads = "".join(f"{f'noise {k}':>13s}" for k in fit.noise["manoeuvre"].values)
     is_tested = _PRINTED in fit.noise
@@ -345,6 +348,18 @@ def _report_lines(fit: OutputError) -> list[str]:
             line += f"{float(fit.noise[_PRINTED].sel(output=name)):13.2g}"
         lines.append(line)
     return [*lines, ""]
+
+
+def _without_rounding(estimate: float, stderr: float) -> float:
+    """Return an estimate without its part below 1e-9 standard errors.
+
+    That part depends on the order in which linear algebra sums. It would be printed for an estimate
+    that is zero.
+    """
+    step = 1e-9 * stderr
+    if not (np.isfinite(step) and step > 0.0):
+        return estimate
+    return float(np.round(estimate / step) * step) + 0.0
 
 
 def save_output_error(fit: OutputError, path: str | os.PathLike) -> None:

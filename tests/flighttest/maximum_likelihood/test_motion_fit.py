@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -148,3 +149,15 @@ def test_the_command_prints_derivatives_and_remarks(tmp_path):
     refused = CliRunner().invoke(flight, [*arguments, "--disturbance", "gusts"])
     assert refused.exit_code == 2
     assert "--angle" in refused.output
+
+
+def test_an_estimate_that_is_zero_is_printed_as_zero():
+    fit = fit_motion([short_period(1)], "short-period").fit
+    values = fit.estimates["estimate"].values.copy()
+    printed = []
+    for rounding in (7.3e-14, -7.4e-14):  # as two kernels of the linear algebra sum
+        values[-1] = rounding
+        changed = fit.estimates.assign(estimate=("parameter", values))
+        printed.append(replace(fit, estimates=changed).report())
+    assert printed[0] == printed[1]
+    assert "e-14" not in printed[0]
