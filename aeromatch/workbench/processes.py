@@ -153,6 +153,12 @@ class Jobs:
         self.jobs[number] = job
         return job
 
+    def list_all(self) -> list[WorkbenchJob]:
+        """Return all jobs in the order in which they were added."""
+        # Requests of the page add jobs in other threads.
+        with self._changed:
+            return list(self.jobs.values())
+
     def cancel(self, number: int) -> None:
         """End a job.  Commands write files atomically, so a cancelled job leaves no part of one."""
         with self._changed:

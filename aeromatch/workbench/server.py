@@ -180,7 +180,7 @@ class Workbench:
 
     def _jobs(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         """Return all jobs, and the address of the report."""
-        rows = [self._describe_job(job) for job in self.jobs.jobs.values()]
+        rows = [self._describe_job(job) for job in self.jobs.list_all()]
         return {"jobs": rows, "report": self._report_address()}
 
     def _cancel(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:

@@ -222,6 +222,21 @@ def test_work_is_cancelled_with_its_processes_and_leaves_nothing(client):
     assert client.bench.jobs.wait(after["number"], PATIENCE).state == "done"  # the queue goes on
 
 
+def test_a_job_that_another_request_adds_does_not_break_a_list_of_jobs(client, monkeypatch):
+    describe = client.bench._describe_job
+
+    def describe_and_add(job):
+        client.bench.jobs.run("added meanwhile", "platform", [])
+        return describe(job)
+
+    client.bench.jobs.run("first", "platform", [])
+    with monkeypatch.context() as patch:
+        patch.setattr(client.bench, "_describe_job", describe_and_add)
+        before = client.data("/api/jobs")["jobs"]
+    after = client.data("/api/jobs")["jobs"]
+    assert len(after) == 2 * len(before)
+
+
 def test_the_token_survives_a_restart(tmp_path):
     project = small_project(tmp_path / "t37")
     with served(project, tmp_path / "work") as client:
