@@ -93,6 +93,24 @@ class Tabulation(Mapping[str, Any]):
         return len(self.terms)
 
 
+def make_empty_tabulation(notice: str) -> Tabulation:
+    """Return the tabulation of a database that no flight changes, and the reason as its notice."""
+    no_fits = pd.MultiIndex.from_arrays([[], []], names=["coefficient", "fit"])
+    return Tabulation(
+        {},
+        report=pd.DataFrame(
+            columns=["nodes", "flight", "corrected", "identified", "decision", "reason"],
+            index=pd.Index([], name="term"),
+        ),
+        points=pd.DataFrame(columns=["weight", "suspect"], index=no_fits),
+        compatibility=pd.DataFrame(
+            columns=["chi2", "count", "probability", "inflation"],
+            index=pd.Index([], name="coefficient"),
+        ),
+        notices=(notice,),
+    )
+
+
 def merge_tabulations(tabulations: Sequence[Tabulation]) -> Tabulation:
     """Return the tabulations of several coefficients as a single one."""
     new: dict[str, xr.Dataset] = {}

@@ -33,7 +33,7 @@ _FILES = click.Path(exists=True, path_type=Path)
     "--names",
     "own_map",
     type=MapFile(),
-    help="Name map of the recordings, such as a corrected draft; used as it stands.",
+    help="Name map outside of FOLDER, or a shipped one; used as it stands.",
 )
 @click.option("--name", default="", help="Name of the aircraft.")
 @click.option("--mass", help="Gross mass, with its unit: '2400 kg'.")
@@ -65,7 +65,7 @@ _FILES = click.Path(exists=True, path_type=Path)
     metavar="RECORD",
     help="Recording that proves the model and identifies nothing; may be repeated.",
 )
-@click.option("--force", is_flag=True, help="Overwrite older files.")
+@click.option("--force", is_flag=True, help="Draft all files anew; copies keep what you edited.")
 @json_option
 @performed_by("aeromatch.cli.actions.init:init_project")
 def init_project_command() -> None:
@@ -73,7 +73,8 @@ def init_project_command() -> None:
     aeromatch.toml, each commented.
 
     Without --datcom and --records the listings, decks and recordings in FOLDER and the folders
-    inside it are taken. What neither cards nor recordings give is requested on a terminal, and else
-    written as "?", which the next verb refuses. Columns without a quantity are named; write them
-    into names.toml and run init again with --names names.toml --force.
+    inside it are taken. A table shows what each column of the recordings is taken for, and why.
+    Correct the files and run init again: what you changed stays, the rest is drafted anew, and
+    answers are not requested again. A file of yours is copied before it changes. What nobody knows
+    is written as "?". The project is checked at the end as match --plan does.
     """

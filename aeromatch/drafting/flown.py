@@ -9,7 +9,9 @@ from typing import Any
 
 import pandas as pd
 
+from aeromatch.drafting.project_files import ProjectFiles
 from flightmech.errors import AeromatchError
+from pom.cases.case import read_case
 from pom.cases.drafting.draft import init_case
 
 # Test of the tolerance table and name of the case, by kind and control of a manoeuvre.
@@ -132,38 +134,53 @@ def held_for_proof(
     return cases
 
 
-def written_cases(
+def write_cases(
     chosen: Sequence[CaseDraft],
     records: Mapping[str, Path],
-    folder: Path,
+    files: ProjectFiles,
     names: Path | None,
     aircraft: Path,
     remarks: list[str],
-) -> dict[str, tuple[float, float]]:
-    """Write the case files as `aeromatch pom init` does, and return their windows by file name.
+) -> list[CaseDraft]:
+    """Write the case files as `aeromatch pom init` does, and return the cases with a file.
 
-    A case that cannot be written is a remark. [s]
+    A case that cannot be written is a remark.
     """
-    windows = {}
+    written = []
     for case in chosen:
+        # The case is drafted at the depth of its folder, so that its relative paths are right.
+        place = files.drafted(f"new_{case.file}")
         try:
-            written, gaps = init_case(
+            _, gaps = init_case(
                 records[case.record],
                 case.test,
-                folder / case.file,
+                place,
                 names=names,
                 aircraft=aircraft,
                 window=case.window,
                 name=Path(case.file).stem,
                 force=True,
             )
+            text = place.read_text(encoding="utf-8")
         except AeromatchError as error:
             remarks.append(
                 f"no case for {case.test} from {case.record}: {' '.join(str(error).split())}"
             )
             continue
-        windows[case.file] = written.window
-        remarks += [f"{case.file}: {text}" for text in gaps]
+        finally:
+            place.unlink(missing_ok=True)
+        files.write(f"cases/{case.file}", text)
+        written.append(case)
+        remarks += [f"{case.file}: {gap}" for gap in gaps]
+    return written
+
+
+def replayed_windows(files: Sequence[Path]) -> dict[str, list[tuple[float, float]]]:
+    """Return the windows that case files replay, by record. [s]"""
+    windows: dict[str, list[tuple[float, float]]] = {}
+    for file in files:
+        case = read_case(file)
+        windows.setdefault(Path(case.record).stem, []).append(case.window)
     return windows
 
 
@@ -171,7 +188,7 @@ def fits_of(
     tables: Mapping[str, pd.DataFrame],
     taken: Mapping[str, Sequence[tuple[float, float]]],
     channels: set[str],
-    own: set[str],
+    own: Collection[str],
 ) -> list[FitDraft]:
     """Return the fits of the manoeuvres outside the windows of the cases.
 
@@ -183,7 +200,7 @@ def fits_of(
         Windows that the cases replay, by record. [s]
     channels : set of str
         All channels of the records.
-    own : set of str
+    own : collection of str
         Records that identify nothing.
     """
     fits: list[FitDraft] = []

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-import flightmech
 from aeromatch.drafting.aircraft import StatedFacts, aircraft_text
 from aeromatch.drafting.flown import (
     CaseDraft,
     fits_of,
     held_for_proof,
-    written_cases,
+    replayed_windows,
+    write_cases,
 )
-from aeromatch.drafting.gaps import (
-    channel_names,
-)
+from aeromatch.drafting.gaps import channel_names, describe_unable, unable_to_identify
 from aeromatch.drafting.geometry import Geometry, geometry_of
+from aeromatch.drafting.merging import edited_records
+from aeromatch.drafting.name_map.author_map import AuthorMap, read_author_map
+from aeromatch.drafting.name_map.column_table import ColumnRow
 from aeromatch.drafting.name_map.name_text import names_text
 from aeromatch.drafting.name_map.names import NamesDraft
+from aeromatch.drafting.previous import ANSWERS, DRAFT_FOLDER, DraftAnswers, read_answers
+from aeromatch.drafting.project_files import ProjectFiles
 from aeromatch.drafting.project_text import map_file, project_text
 from aeromatch.drafting.recordings import (
     RecordedFlights,
@@ -33,10 +36,12 @@ from aeromatch.drafting.recordings import (
     read_flights,
 )
 from aeromatch.drafting.sources import Sources, quote, source_folders, sources_of
+from aeromatch.planning.match_plan import make_plan
 from aeromatch.project.project import read_project
-from flightmech.support.atomic_write import write_text, written_atomically
 from flightmech.support.toml_quantities import UNFILLED
-from flighttest.records.manoeuvre_table import write_manoeuvres
+from flighttest.records.manoeuvre_table import read_manoeuvres, write_manoeuvres
+
+_PROJECT, _TABLE, _NAMES = "aeromatch.toml", "manoeuvres.csv", "names.toml"
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,12 @@ class Drafted:
         By record: ``channels`` (number), ``manoeuvres`` (names), ``file``.
     complete : bool
         Whether `aeromatch match` accepts the project as it is.
+    columns : tuple of ColumnRow
+        What each column of the recordings is taken for.
+    is_empty : bool
+        Whether the project neither identifies nor proves, as no record allows either.
+    problems : tuple of str
+        Problems that `aeromatch match --plan` reports; values that are not given yet come before.
     """
 
     files: tuple[Path, ...]
@@ -62,6 +73,9 @@ class Drafted:
     roles: tuple[tuple[str, str, str, str, str], ...]
     records: dict[str, dict[str, Any]]
     complete: bool
+    columns: tuple[ColumnRow, ...] = ()
+    is_empty: bool = False
+    problems: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return all as plain data."""
@@ -70,6 +84,8 @@ class Drafted:
             "files": [str(file) for file in self.files],
             "complete": self.complete,
             "remarks": list(self.remarks),
+            "problems": list(self.problems),
+            "columns": [row.to_dict() for row in self.columns],
             "listings": [dict(zip(keys, row, strict=True)) for row in self.roles],
             "records": self.records,
         }
@@ -91,22 +107,22 @@ def draft_project(
     ----------
     folder : path
         Gets ``aircraft.toml names.toml manoeuvres.csv aeromatch.toml cases/``. Its other files
-        stay.
+        stay. In a drafted folder, what its author has changed stays, and the rest is drafted anew.
     datcom, records : sequence of Path
-        Listings, decks and recordings, or folders of them. The default is `folder` and its
-        subfolders.
+        Listings, decks and recordings, or folders of them. The default is that of the last draft,
+        else `folder` and its subfolders.
     known : StatedFacts, optional
-        Further facts.
+        Further facts, in addition to those of the last draft.
     prove : sequence of str
         Records, by file name without extension, that prove the model and identify nothing. The
         default is the last of several manoeuvres of a test.
     force : bool
-        Overwrite older files.
+        Draft all files anew. The edits of the author stay in copies only.
     step : callable
         ``with step("text"):`` surrounds every step, for progress.
     own_map : str or Path, optional
-        Name map of the recordings, a TOML file or a shipped map, which is used unchanged. Without
-        it a name map is drafted.
+        Name map outside of the project, a TOML file or a shipped map, which is used unchanged.
+        Without it a name map is drafted; that of the project keeps the lines of its author.
 
     Returns
     -------
@@ -114,22 +130,31 @@ def draft_project(
 
     Raises
     ------
-    FileExistsError
-        Files of these names exist and `force` is false; with all names.
+    ParseError
+        A file of the author is not TOML.
     SchemaError
         No source was found, or the recordings cannot be mapped.
     """
-    folder, facts = Path(folder), known or StatedFacts()
+    folder = Path(folder)
+    given = DraftAnswers(known or StatedFacts(), tuple(datcom), tuple(records), tuple(prove))
+    answers = read_answers(folder).extended(given)
+    datcom, records, prove = answers.datcom, answers.records, answers.prove
     if not datcom and not records and folder.is_dir():
         datcom = records = source_folders(folder)
     sources = sources_of([Path(path) for path in datcom], [Path(path) for path in records])
     with step(f"read {len(sources.listings)} listings and {len(sources.decks)} decks"):
         geometry = geometry_of(sources.listings, sources.decks)
     remarks: list[str] = []
+    own_map, author = _find_own_map(folder, own_map, force)
     if sources.records:
         with step(f"read {len(sources.records)} recordings, find names, units and signs"):
             flights = read_flights(
-                sources, geometry.flap, known=facts, own_map=own_map, remarks=remarks
+                sources,
+                geometry.flap,
+                known=answers.facts,
+                own_map=own_map,
+                remarks=remarks,
+                author=author,
             )
     else:
         flights = RecordedFlights(NamesDraft(identity=True))
@@ -137,84 +162,96 @@ def draft_project(
             f"no recording was given: replace the {UNFILLED!r} of flights in aeromatch.toml"
         )
     with step("find manoeuvres"):
-        add_manoeuvres(flights, remarks)
-    with_engine = [name for name, record in flights.records.items() if has_engine_speed(record)]
-    cases = held_for_proof(flights.marks, prove, with_engine)
-    targets = _target_files(folder, flights, cases)
-    # No file is written before it is certain that all may be written.
-    _check_targets(targets, force)
-    with step("write and check the project"), _all_or_none(folder, targets):
-        text, gaps = aircraft_text(geometry, facts, list(flights.records.values()))
+        add_manoeuvres(flights, {} if force else _own_manoeuvres(folder), remarks)
+    with step("write the project"), ProjectFiles(folder, is_anew=force) as files:
+        text, gaps = aircraft_text(geometry, answers.facts, list(flights.records.values()))
         remarks += gaps
-        write_text(folder / "aircraft.toml", text)
-        _write_project(
-            folder,
-            geometry,
-            sources,
-            flights=flights,
-            cases=cases,
-            prove=prove,
-            name=facts.name,
-            remarks=remarks,
-        )
-        complete = _check_project(folder)
+        files.write("aircraft.toml", text)
+        _write_project(files, geometry, sources, flights, answers=answers, remarks=remarks)
+        files.replace(folder / DRAFT_FOLDER / ANSWERS, answers.to_json(folder))
+        is_filled = _read_files(folder)
+    problems: list[str] = []
+    is_empty = False
+    if is_filled:
+        with step("check the project as match --plan does"):
+            plan = make_plan(read_project(folder / _PROJECT), folder / "out")
+        problems = plan.problems
+        is_empty = not plan.project.fit and not plan.cases
     return Drafted(
-        files=tuple(file for file in targets if file.exists()),
-        remarks=tuple(remarks),
+        files=tuple(file for file in files.written if file.exists()),
+        remarks=(*remarks, *files.remarks),
         roles=tuple(_role_rows(geometry)),
         records=_summarise_records(sources, flights),
-        complete=complete,
+        complete=is_filled and not problems,
+        columns=tuple(flights.columns),
+        is_empty=is_empty,
+        problems=tuple(problems),
     )
 
 
-def _check_targets(targets: Sequence[Path], force: bool) -> None:
-    """Raise if a file exists and may not be overwritten."""
-    existing = [str(file) for file in targets if file.exists()]
-    if existing and not force:
-        raise FileExistsError(
-            f"{', '.join(existing)}: there already; give another folder, or --force to overwrite"
-        )
+def _find_own_map(
+    folder: Path, own_map: str | Path | None, force: bool
+) -> tuple[str | Path | None, AuthorMap | None]:
+    """Return a map outside of the project, or the lines of the author in that of the project."""
+    file = folder / _NAMES
+    is_outside = own_map is not None and Path(own_map).resolve() != file.resolve()
+    if is_outside:
+        return own_map, None
+    if force and own_map is None:
+        return None, None
+    return None, read_author_map(file, folder / DRAFT_FOLDER / _NAMES)
+
+
+def _own_manoeuvres(folder: Path) -> dict[str, pd.DataFrame]:
+    """Return the manoeuvres of the records whose rows the author has edited."""
+    file, drafted = folder / _TABLE, folder / DRAFT_FOLDER / _TABLE
+    if not file.exists():
+        return {}
+    before = drafted.read_text(encoding="utf-8") if drafted.exists() else ""
+    edited = edited_records(before, file.read_text(encoding="utf-8"))
+    return {name: table for name, table in read_manoeuvres(file).items() if name in edited}
 
 
 def _write_project(
-    folder: Path,
+    files: ProjectFiles,
     geometry: Geometry,
     sources: Sources,
     flights: RecordedFlights,
-    cases: Sequence[CaseDraft],
-    prove: Sequence[str],
-    name: str,
+    answers: DraftAnswers,
     remarks: list[str],
 ) -> None:
     """Write name map, table of manoeuvres, cases and project file."""
+    folder = files.folder
     if flights.has_drafted_map:
-        write_text(folder / "names.toml", names_text(flights.names, sources.records))
+        files.write(_NAMES, names_text(flights.names, sources.records))
     if flights.has_table:
-        tables: dict[str, pd.DataFrame] = {}
-        for record, table in flights.marks.items():
-            if record not in flights.marked and len(table):
-                tables[record] = table
-        write_manoeuvres(tables, folder / "manoeuvres.csv")
-    windows = written_cases(
-        cases,
+        files.write(_TABLE, _manoeuvre_text(files, flights))
+    unable = unable_to_identify(flights.records)
+    remarks += describe_unable(unable)
+    able = {name: table for name, table in flights.marks.items() if name not in unable}
+    with_engine = [name for name, record in flights.records.items() if has_engine_speed(record)]
+    proving = write_cases(
+        held_for_proof(able, answers.prove, with_engine),
         {file.stem: file for file in sources.records},
-        folder / "cases",
+        files,
         names=map_file(folder, flights.names),
         aircraft=folder / "aircraft.toml",
         remarks=remarks,
     )
-    # A case without a window could not be written.
-    proving = [case for case in cases if case.file in windows]
-    replayed: dict[str, list[tuple[float, float]]] = {}
-    for case in proving:
-        replayed.setdefault(case.record, []).append(windows[case.file])
-    channels = channel_names(flights.records.values())
-    fits = fits_of(flights.marks, replayed, channels, set(prove))
+    _remove_old_cases(files, proving)
+    case_files = sorted((folder / "cases").glob("*.toml"))
+    fits = fits_of(
+        able,
+        replayed_windows(case_files),
+        channel_names(flights.records.values()),
+        answers.prove,
+    )
     if not fits:
         remarks.append(
-            "no manoeuvre that identifies was found: add [[fit]] with windows to aeromatch.toml"
+            "no manoeuvre that identifies was found, so the match proves the a-priori model: add "
+            "[[fit]] with windows to aeromatch.toml"
         )
-    if not proving:
+    if not case_files:
         remarks.append(
             "no case was drafted: write one with 'aeromatch pom init RECORD --test ...' "
             "into the folder cases"
@@ -225,71 +262,51 @@ def _write_project(
         sources,
         names=flights.names,
         fits=fits,
-        cases=proving,
-        name=name,
+        has_cases=bool(case_files),
+        name=answers.facts.name,
         has_table=flights.has_table,
     )
-    write_text(folder / "aeromatch.toml", text)
+    files.write(_PROJECT, text)
 
 
-def _target_files(folder: Path, flights: RecordedFlights, cases: Sequence[CaseDraft]) -> list[Path]:
-    """Return the files that the draft will write."""
-    files = ["aircraft.toml"]
-    if flights.has_drafted_map:
-        files.append("names.toml")
-    if flights.has_table:
-        files.append("manoeuvres.csv")
-    files.append("aeromatch.toml")
-    targets = [folder / file for file in files]
-    return targets + [folder / "cases" / case.file for case in cases]
-
-
-@contextmanager
-def _all_or_none(folder: Path, targets: Sequence[Path]) -> Iterator[None]:
-    """Make the folder, and restore its files and remove new folders after an error."""
-    # From the innermost folder outward, so that each is empty when it is removed.
-    chain = (folder / "cases", folder, *folder.parents)
-    new_folders = [item for item in chain if not item.exists()]
-    before = {file: file.read_bytes() for file in targets if file.exists()}
-    (folder / "cases").mkdir(parents=True, exist_ok=True)
+def _manoeuvre_text(files: ProjectFiles, flights: RecordedFlights) -> str:
+    """Return the table of the manoeuvres of all records that do not mark their own."""
+    tables: dict[str, pd.DataFrame] = {}
+    for record, table in flights.marks.items():
+        if record not in flights.marked and len(table):
+            tables[record] = table
+    place = files.drafted(f"new_{_TABLE}")
     try:
-        yield
-    except BaseException:
-        # On a defective disk a file may stay that is complete and new. No older file is emptied, and
-        # the first error is raised.
-        for file in targets:
-            with suppress(OSError):
-                if file in before:
-                    with written_atomically(file) as part:
-                        part.write_bytes(before[file])
-                else:
-                    file.unlink(missing_ok=True)
-        for new_folder in new_folders:
-            with suppress(OSError):
-                new_folder.rmdir()
-        raise
+        write_manoeuvres(tables, place)
+        return place.read_text(encoding="utf-8")
+    finally:
+        place.unlink(missing_ok=True)
 
 
-def _check_project(folder: Path) -> bool:
-    """Read all files as `aeromatch match` does, and return whether the project is complete.
+def _remove_old_cases(files: ProjectFiles, cases: Sequence[CaseDraft]) -> None:
+    """Remove the drafted cases that the new draft does not have and nobody has edited."""
+    names = {case.file for case in cases}
+    for file in sorted((files.folder / "cases").glob("*.toml")):
+        if file.name not in names:
+            files.remove_unedited(f"cases/{file.name}")
 
-    A file with a placeholder is not read. An error of another file is raised.
+
+def _read_files(folder: Path) -> bool:
+    """Return whether no value of the project waits for its author.
+
+    Raises
+    ------
+    SchemaError, ParseError
+        A file of the author has problems.
     """
-    complete = True
-    readers: Mapping[str, Callable[[Path], Any]] = {
-        "aircraft.toml": flightmech.read_aircraft,
-        "aeromatch.toml": read_project,
-    }
-    for file, read in readers.items():
-        text = (folder / file).read_text(encoding="utf-8")
+    is_filled = True
+    for name in ("aircraft.toml", _PROJECT):
+        text = (folder / name).read_text(encoding="utf-8")
         # A file with placeholders must be correct TOML too.
         tomllib.loads(text)
-        has_no_fit = file == "aeromatch.toml" and "[[fit]]" not in text
-        if quote(UNFILLED) in text or has_no_fit:
-            complete = False
-        else:
-            read(folder / file)
-    return complete
+        if quote(UNFILLED) in text:
+            is_filled = False
+    return is_filled
 
 
 def _summarise_records(sources: Sources, flights: RecordedFlights) -> dict[str, dict[str, Any]]:

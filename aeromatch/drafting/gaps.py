@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import xarray as xr
 
+from aeromatch.drafting.name_map.name_rows import REQUIRED
+
 # Alternative channels, their common name, and the consequence if all of them are absent.
 _NEEDED = (
     (("delta_e",), "elevator", "no pitch manoeuvre can be found"),
@@ -48,6 +50,31 @@ def missing_channels(flights: Mapping[str, xr.DataTree]) -> list[str]:
     return remarks
 
 
+def unable_to_identify(flights: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
+    """Return the channels that the reconstruction needs and a record does not have, by record."""
+    absent: dict[str, list[str]] = {}
+    for record, tree in flights.items():
+        channels = channel_names([tree])
+        missing = [name for name in REQUIRED if name not in channels]
+        if missing:
+            absent[record] = missing
+    return absent
+
+
+def describe_unable(unable: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return a remark for each set of absent channels, with the records that lack them."""
+    records: dict[tuple[str, ...], list[str]] = {}
+    for record, absent in unable.items():
+        records.setdefault(tuple(absent), []).append(record)
+    remarks = []
+    for missing, names in records.items():
+        verb = "neither identify nor prove" if len(names) > 1 else "neither identifies nor proves"
+        remarks.append(
+            f"{', '.join(names)}: {verb}, because the reconstruction needs {', '.join(missing)}"
+        )
+    return remarks
+
+
 def listed_columns(record: xr.DataTree) -> list[str]:
     """Return the columns of a recording that its name map leaves out."""
     return [name for name in str(record.attrs.get("unmapped", "")).split(", ") if name]
@@ -60,7 +87,7 @@ def unknown_columns(columns: Sequence[str], has_map: bool) -> list[str]:
     names = ", ".join(columns[:_MOST])
     if len(columns) > _MOST:
         names += f" and {len(columns) - _MOST} more"
-    remedy = "add them to names.toml and run init again with --names names.toml --force"
+    remedy = "add them to names.toml and run init again"
     if has_map:
         remedy = "add them to the name map and run init again"
     return [f"columns without a quantity: {names}; where one is a channel, {remedy}"]

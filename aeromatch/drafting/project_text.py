@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from aeromatch.drafting.flown import CaseDraft, FitDraft
+from aeromatch.drafting.flown import FitDraft
 from aeromatch.drafting.geometry import Geometry
 from aeromatch.drafting.name_map.names import NamesDraft
 from aeromatch.drafting.sources import Sources, quote
@@ -20,7 +20,7 @@ def project_text(
     sources: Sources,
     names: NamesDraft,
     fits: Sequence[FitDraft],
-    cases: Sequence[CaseDraft],
+    has_cases: bool,
     name: str,
     has_table: bool,
 ) -> str:
@@ -34,7 +34,8 @@ def project_text(
     sources : Sources
     names : NamesDraft
     fits : sequence of FitDraft
-    cases : sequence of CaseDraft
+    has_cases : bool
+        Whether the project has a case.
     name : str
         Name of the aircraft; empty if it is not stated.
     has_table : bool
@@ -57,12 +58,13 @@ def project_text(
             "confirm kinds and times"
         )
     lines += [
-        'cases = ["cases/*.toml"]' if cases else "cases = []",
+        'cases = ["cases/*.toml"]' if has_cases else "cases = []",
         '# cutoff = "4 Hz"             # low-pass before coefficients are formed, 2 to 3 '
         "times the fastest mode of motion",
         "",
         *_listing_lines(folder, geometry),
     ]
+    lines += _term_lines(geometry, fits)
     for fit in fits:
         lines += _fit_lines(fit)
     return "\n".join(lines) + "\n"
@@ -89,6 +91,52 @@ def _listing_lines(folder: Path, geometry: Geometry) -> list[str]:
             f"(aeromatch datcom run), then name it here"
         )
     return lines
+
+
+# Terms that no listing gives, by their regressor and coefficient, with a standard error about zero
+# that covers common aircraft. [1] or [1/rad]
+_OPENED = {
+    "delta_e": {"CL": 1.0, "CD": 0.1, "Cm": 2.0},
+    "delta_a": {"Cl": 0.3, "Cn": 0.05},
+    "delta_r": {"CY": 0.3, "Cl": 0.05, "Cn": 0.15},
+    "rhat": {"CY": 0.5},
+    "1": {"CY": 0.01, "Cl": 0.002, "Cn": 0.002},
+}
+_TERM_NAMES = {
+    "delta_e": "elevator",
+    "delta_a": "aileron",
+    "delta_r": "rudder",
+    "rhat": "rhat",
+    "1": "basic",
+}
+
+
+def _term_lines(geometry: Geometry, fits: Sequence[FitDraft]) -> list[str]:
+    """Return the terms of the fits that the listings cannot give, zero with a standard error."""
+    used: dict[str, None] = {}
+    for fit in fits:
+        used |= dict.fromkeys(fit.models)
+    lines = []
+    for regressor, errors in _OPENED.items():
+        name = _TERM_NAMES[regressor]
+        # An elevator or aileron with a listing of its own is in the database.
+        if name in geometry.places:
+            continue
+        for coefficient, stderr in errors.items():
+            is_fitted = any(_has_term(model, coefficient, regressor) for model in used)
+            if not is_fitted:
+                continue
+            keys = "" if regressor == "1" else f"regressors = [{quote(regressor)}], "
+            lines.append(f"{quote(f'{coefficient}/{name}')} = {{ {keys}stderr = {stderr:g} }}")
+    if not lines:
+        return []
+    head = "[terms]   # what the listings cannot give: zero before flight, with a standard error; CONFIRM"
+    return ["", head, *lines]
+
+
+def _has_term(model: str, coefficient: str, regressor: str) -> bool:
+    left, _, right = model.partition(" = ")
+    return left == coefficient and regressor in right.split(" + ")
 
 
 def _fit_lines(fit: FitDraft) -> list[str]:

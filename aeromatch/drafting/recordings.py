@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,6 +18,9 @@ from aeromatch.drafting.gaps import (
     missing_channels,
     unknown_columns,
 )
+from aeromatch.drafting.name_map.author_map import AuthorMap
+from aeromatch.drafting.name_map.candidates import candidates_of
+from aeromatch.drafting.name_map.column_table import ColumnRow, describe_columns
 from aeromatch.drafting.name_map.name_repair import check_draft
 from aeromatch.drafting.name_map.names import NamesDraft, draft_names, own_names
 from aeromatch.drafting.sources import Sources
@@ -43,12 +46,15 @@ class RecordedFlights:
         Manoeuvres by record. [s]
     marked : set of str
         Records that mark their manoeuvres themselves.
+    columns : list of ColumnRow
+        What every column of the recordings is taken for.
     """
 
     names: NamesDraft
     records: dict[str, xr.DataTree] = field(default_factory=dict)
     marks: dict[str, pd.DataFrame] = field(default_factory=dict)
     marked: set[str] = field(default_factory=set)
+    columns: list[ColumnRow] = field(default_factory=list)
 
     @property
     def has_table(self) -> bool:
@@ -67,6 +73,7 @@ def read_flights(
     known: StatedFacts,
     own_map: str | Path | None,
     remarks: list[str],
+    author: AuthorMap | None = None,
 ) -> RecordedFlights:
     """Return the recordings with the author's or a drafted name map.
 
@@ -77,25 +84,32 @@ def read_flights(
         Largest flap deflection of the listings. [rad]
     known : StatedFacts
     own_map : path or None
-        Name map of the author.
+        Name map of the author outside of the project, which is used unchanged.
     remarks : list of str
         Receives what the author has to confirm.
+    author : AuthorMap, optional
+        Lines of the author in the name map of the project.
     """
     if own_map is not None:
         draft = own_names(own_map)
     else:
-        draft = draft_names(sources.records, flap)
+        draft = draft_names(sources.records, flap, author)
     names, records, findings = check_draft(_add_facts(draft, known), sources.records)
     names, records = _add_temperature(names, records, sources.records, remarks)
-    remarks += [*names.remarks, *missing_channels(records), *findings]
+    remarks += [*names.remarks, *missing_channels(records)]
+    remarks += [finding.line for finding in findings]
     if names.own is None:
-        remarks += unknown_columns(names.left_out, has_map=False)
+        left_out = [item.column for item in names.left_out]
+        candidates = candidates_of(names.all_rows(), sources.records, left_out)
+        remarks += [candidate.text() for candidate in candidates]
+        remarks += unknown_columns(left_out, has_map=False)
     else:
         unmapped: dict[str, None] = {}
         for record in records.values():
             unmapped |= dict.fromkeys(listed_columns(record))
-        remarks += unknown_columns(list(unmapped), has_map=True)
-    return RecordedFlights(names, records)
+        left_out = list(unmapped)
+        remarks += unknown_columns(left_out, has_map=True)
+    return RecordedFlights(names, records, columns=describe_columns(names, findings, left_out))
 
 
 def has_engine_speed(record: xr.DataTree) -> bool:
@@ -165,14 +179,21 @@ def _median_height(records: Iterable[xr.DataTree]) -> float | None:
     return sorted(heights)[len(heights) // 2]
 
 
-def add_manoeuvres(flights: RecordedFlights, remarks: list[str]) -> None:
-    """Add the manoeuvres of every record, as marked or as found in the movements."""
+def add_manoeuvres(
+    flights: RecordedFlights, own_tables: Mapping[str, pd.DataFrame], remarks: list[str]
+) -> None:
+    """Add the manoeuvres of every record, as marked or as found in the movements.
+
+    `own_tables` has the records whose manoeuvres the author has edited in the table of the project.
+    """
     for name, record in flights.records.items():
         table = flighttest.manoeuvres(record)
         # The marks of the author come before a search.
         if len(table):
             flights.marked.add(name)
             table = named_by_response(record, table)
+        elif name in own_tables:
+            table = own_tables[name]
         else:
             try:
                 table = without_unknown(find_manoeuvres(record))

@@ -111,6 +111,8 @@ def _resting_terms(model: RegressionModel, states: xr.Dataset, samples: np.ndarr
         name = variable_of(next(iter(factors)))
         if name not in states:
             continue
+        if name in str(states.attrs.get("unknown", "")).split():
+            continue
         single = RegressionModel(model.coefficient, [term])
         column = single.design({name: states.variables[name].values[samples]})[:, 0]
         least = _CERTAIN * LEAST_MOVEMENT.get(lookup(name).units, 0.0)

@@ -93,9 +93,9 @@ def steps_of(project: Project, records: Mapping[str, bool], cases: int, compare:
     steps += [
         f"swap terms on {cases} cases, build the corrected database",
         "write three databases, aircraft and FMUs",
-        replay_step(cases, models, len(project.devices)),
-        "write the report",
     ]
+    if cases:
+        steps += [replay_step(cases, models, len(project.devices)), "write the report"]
     return steps
 
 
@@ -108,8 +108,11 @@ def products_of(project: Project, cases: Sequence[Any], compare: bool) -> list[s
     files: list[str] = []
     for name in OWN_MODELS:
         files += [f"{name}.nc", f"{name}.toml", f"{name}.fmu"]
-    files.append(FLOWN)
+    if project.fit or project.ground_effect is not None:
+        files.append(FLOWN)
     if compare:
         files.append(COMPARED)
-    files += [f"{REPORT}/{name}" for name in _REPORT_FILES]
-    return [*files, f"{REPORT}/csv/ ({len(cases)} files)"]
+    if cases:
+        files += [f"{REPORT}/{name}" for name in _REPORT_FILES]
+        files.append(f"{REPORT}/csv/ ({len(cases)} files)")
+    return files

@@ -204,7 +204,9 @@ class Project(Strict):
         description="Training devices, by name: their recordings are judged as models are.",
     )
     fit: tuple[FitSection, ...] = Field(
-        description="Local models: what is fitted to which manoeuvres."
+        default=(),
+        description="Local models: what is fitted to which manoeuvres; without any, the match "
+        "proves the a-priori model.",
     )
     published: InputFiles = Field(
         default=(),

@@ -44,8 +44,8 @@ class MatchOutcome:
         Terms and parts that differ between the a-priori and the final model.
     tables : Kept
         Final database without its submodels, and the tabulation behind it.
-    report : Path
-        Of ``report.html``.
+    report : Path or None
+        Of ``report.html``; None without a case.
     files : list of str
         All written files, relative to the output folder.
     record_errors : list of str
@@ -58,7 +58,7 @@ class MatchOutcome:
     joint_terms: dict[str, list[str]]
     differing: int
     tables: Kept[tuple[Any, Any]]
-    report: Path
+    report: Path | None
     files: list[str]
     record_errors: list[str] = field(default_factory=list)
 
@@ -70,7 +70,7 @@ class MatchOutcome:
     def to_dict(self) -> dict[str, Any]:
         """Return the verdicts as plain data."""
         return {
-            "report": str(self.report),
+            "report": str(self.report) if self.report else None,
             "corrected_terms": self.corrected_terms,
             "corrected_submodels": self.corrected_submodels,
             "joint_terms": self.joint_terms,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -13,16 +14,22 @@ import xarray as xr
 import aerodb
 import flightmech
 import flighttest
+from aerodb.update.tabulation_report import make_empty_tabulation
 from aeromatch.project.project import Project
 from aeromatch.workflow.submodels import Submodels, with_engine
 from aeromatch.workflow.windows import IdentificationWindows, raise_problems, records_of
 from datcom_io.reading.reader import read_place
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.errors import UnknownName
+from flightmech.errors import AeromatchWarning, UnknownName
 from flighttest.regression.combining.joined_fits import coloured_covariance, table_samples
 from flighttest.regression.combining.published_table import read_published
 from flighttest.submodels.control_loading.hinge_terms import replace_hinge_moments
 from flighttest.submodels.ground_effect.database_terms import replace_ground_effect
+
+_NO_FIT = (
+    "the project has no [[fit]] and no published models: no term is identified, and the models "
+    "corrected and final keep the a-priori aerodynamics"
+)
 
 
 def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
@@ -264,7 +271,11 @@ def final_database(
     samples : sequence of Dataset
         From `samples_of`. Only the method ``direct`` uses them.
     """
-    tabulation = WAYS[project.tabulation](project, start, fits, samples)
+    if fits:
+        tabulation = WAYS[project.tabulation](project, start, fits, samples)
+    else:
+        warnings.warn(_NO_FIT, AeromatchWarning, stacklevel=2)
+        tabulation = make_empty_tabulation(_NO_FIT)
     final = aerodb.replace_terms(start, tabulation, note="identified from flight")
     final.attrs["title"] = f"{project.title}: database after flight"
     return final, tabulation

@@ -138,20 +138,22 @@ def perform_match(
             # No file may have changed between its identification and its replay.
             result.custody.check()
             replays = with_report_checks(with_record_checks(replays, Values(result.checks)))
-            with step("write the report"):
-                pom.write_report(
-                    replays,
-                    new / REPORT,
-                    title=f"{project.title}: Proof of Match",
-                    provenance=_provenance(result, fmus, command),
-                    diagnoses=result.diagnoses,
-                    kept=_make_chapters(result, stages).value,
-                    chapters=project.chapters,
-                    jobs=jobs,
-                    stages=stages,
-                )
+            # A report proves something by at least one case.
+            if replays:
+                with step("write the report"):
+                    pom.write_report(
+                        replays,
+                        new / REPORT,
+                        title=f"{project.title}: Proof of Match",
+                        provenance=_provenance(result, fmus, command),
+                        diagnoses=result.diagnoses,
+                        kept=_make_chapters(result, stages).value,
+                        chapters=project.chapters,
+                        jobs=jobs,
+                        stages=stages,
+                    )
     stages.close()
-    return _summarise(result, replays, folder / REPORT / "report.html")
+    return _summarise(result, replays, folder)
 
 
 def replay_step(cases: int, fmus: int, devices: int) -> str:
@@ -232,8 +234,13 @@ def _provenance(result: Identified, fmus: Mapping[str, Path], command: str) -> R
 
 
 def _make_evidence(result: Identified, stages: Stages) -> Kept[tuple[bytes, Any]]:
-    """Return ``flown.nc``, and the 1 g lines of the final model at the flight conditions."""
+    """Return ``flown.nc``, and the 1 g lines of the final model at the flight conditions.
+
+    Both are empty if no window of a record identifies the aerodynamics.
+    """
     spans = result.windows.aerodynamic_spans()
+    if not any(spans):
+        return Kept(made=((b"", {}),))
     final, aircraft = result.databases["final"], result.aircraft["final"]
 
     def make() -> tuple[bytes, Any]:
@@ -273,7 +280,9 @@ def _write_models(result: Identified, folder: Path, stages: Stages) -> dict[str,
     for name, database in result.databases.items():
         files = model_files(stages, name, database, result.aircraft[name])
         write_files(files.value, folder)
-    (folder / FLOWN).write_bytes(_make_evidence(result, stages).value[0])
+    evidence = _make_evidence(result, stages).value[0]
+    if evidence:
+        (folder / FLOWN).write_bytes(evidence)
     fmus = {name: folder / f"{name}.fmu" for name in result.databases}
     return fmus | result.project.fmus
 
@@ -305,7 +314,7 @@ def _make_chapters(result: Identified, stages: Stages) -> Kept[Any]:
     return stages.one("chapters", inputs, make)
 
 
-def _summarise(result: Identified, replays: list[Any], report: Path) -> MatchOutcome:
+def _summarise(result: Identified, replays: list[Any], folder: Path) -> MatchOutcome:
     """Return the outcome of a match whose folder is complete."""
     # The first database is the a-priori one, the last one is final.
     databases = [stored.value for stored in result.databases.values()]
@@ -322,8 +331,8 @@ def _summarise(result: Identified, replays: list[Any], report: Path) -> MatchOut
         joint_terms=joint_terms(result.diagnoses),
         differing=len(terms) + len(parts),
         tables=result.tables,
-        report=report,
-        files=_list_outputs(report.parents[1]),
+        report=folder / REPORT / "report.html" if replays else None,
+        files=_list_outputs(folder),
         record_errors=record_errors,
     )
 

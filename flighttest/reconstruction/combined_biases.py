@@ -99,6 +99,8 @@ def run_information(biases: xr.Dataset) -> RunInformation:
     # marginal information of posterior and prior on the estimated constants
     after = invert_covariance(posterior_covariance[block])
     before = invert_covariance(prior_covariance[block])
+    vector = after @ estimate[free] - before @ prior[free]
+    information, vector = _keep_gained_information(after - before, vector, prior_stderr[free])
     return RunInformation(
         names=[str(name) for name in constants["parameter"].values],
         units=[str(unit) for unit in constants["unit"].values],
@@ -109,9 +111,35 @@ def run_information(biases: xr.Dataset) -> RunInformation:
         held=held,
         covariance=prior_covariance,
         free=free,
-        information=after - before,
-        vector=after @ estimate[free] - before @ prior[free],
+        information=information,
+        vector=vector,
     )
+
+
+def _keep_gained_information(
+    information: np.ndarray, vector: np.ndarray, scale: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the information that a run has gained, without directions in which it has none.
+
+    Standard errors that were widened for coloured residuals may exceed those of the prior. A run
+    never knows less than its prior; it has no information in such a direction.
+
+    Parameters
+    ----------
+    information : array (n, n)
+        Posterior less prior information.
+    vector : array (n,)
+        Product of information and estimate.
+    scale : array (n,)
+        Prior standard errors, which make the directions comparable.
+    """
+    gains, directions = np.linalg.eigh(information * np.outer(scale, scale))
+    gained = gains > 0.0
+    if gained.all():
+        return information, vector
+    kept = directions[:, gained]
+    scaled = (kept * gains[gained]) @ kept.T
+    return scaled / np.outer(scale, scale), kept @ (kept.T @ (vector * scale)) / scale
 
 
 def combine_runs(runs: Sequence[RunInformation]) -> xr.Dataset:

@@ -150,10 +150,12 @@ def _solve_turbulence(setup: Setup) -> tuple[Setup, Solution]:
     rms = np.sqrt(np.mean(first.x[:, problem.gusts] ** 2, axis=0))
     sigma = np.maximum(rms, _LEAST_GUST * first_sigma)
     problem = replace(problem, gust=sigma)
-    # 2. Constants for this intensity. The equations belong to another problem than the last one.
-    constants_fit = replace(_iterate_until_settled(problem, first, hidden), equations=None)
-    # the equations of the first iterations need much memory
+    # 2. Constants for this intensity. Cost and equations of the first iterations belong to another
+    # problem.
+    start = replace(first, settled=False, equations=None)
+    # they also need much memory
     del first
+    constants_fit = replace(_iterate_until_settled(problem, start, hidden), equations=None)
     # 3. Gust velocities for fixed constants.
     intensity = gust_intensity(setup, constants_fit, sigma)
     gusty, x = with_gusts(

@@ -9,6 +9,11 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.names import quantity_attributes
 from flighttest.reconstruction.path_quantities import path_columns
 from flighttest.reconstruction.problem.assembly import assemble_problem
+from flighttest.records.record import find_channel_leaf
+
+# Vane of each flow angle, and channels that show both angles in uniform air.
+_FLOW_ANGLES = {"alpha": "alpha_vane", "beta": "beta_vane"}
+_INERTIAL = ("psi", "vn", "ve", "vd")
 
 
 def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) -> xr.Dataset:
@@ -30,7 +35,8 @@ def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) ->
     Returns
     -------
     Dataset (time,)
-        Variables as `FlightPath.states`. [SI]
+        Variables as `FlightPath.states`. [SI] The attribute ``unknown`` names the angles ``alpha``
+        and ``beta`` that neither a vane nor velocity and heading show.
 
     Raises
     ------
@@ -44,9 +50,21 @@ def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) ->
     # channels.
     with np.errstate(all="ignore"):
         columns = path_columns(record, aircraft, setup=setup, x=setup.x, c=setup.c)
+    has_velocity = all(find_channel_leaf(record, name) for name in _INERTIAL)
+    unknown = []
+    for angle, vane in _FLOW_ANGLES.items():
+        # Without inertial velocity and heading, only a vane shows an angle.
+        if has_velocity:
+            continue
+        if vane in setup.problem.vanes:
+            columns[angle] = setup.x[:, 7 + setup.problem.vanes.index(vane)]
+        else:
+            unknown.append(angle)
     variables = {}
     for name, values in columns.items():
         variables[name] = ("time", values, quantity_attributes(name))
     clock = ("time", setup.problem.time, quantity_attributes("time"))
     attributes = {"record": str(record.attrs.get("title", "")), "rate": rate}
+    if unknown:
+        attributes["unknown"] = " ".join(unknown)
     return xr.Dataset(variables, {"time": clock}, attributes)

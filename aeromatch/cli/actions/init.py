@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
-from aeromatch.drafting.folder import StatedFacts, draft_project
+from aeromatch.drafting.folder import Drafted, StatedFacts, draft_project
+from aeromatch.drafting.previous import read_answers
 from flightmech.support.console import (
     print_json,
     print_remark,
     print_table,
     show_progress,
 )
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_quantities import UNFILLED
 
 _ASKED = {
     "mass": "Gross mass, such as 2400 kg",
@@ -33,12 +37,12 @@ def init_project(
     **stated,
 ) -> None:
     """Perform the command ``init``."""
+    answered = read_answers(folder).facts.values | _filled_values(folder / "aircraft.toml")
     if sys.stdin.isatty() and not as_json:
-        stated |= {
-            key: click.prompt(text, default="", show_default=False)
-            for key, text in _ASKED.items()
-            if not stated[key]
-        }
+        for key, text in _ASKED.items():
+            # Each answer is requested once.
+            if not stated[key] and key not in answered:
+                stated[key] = click.prompt(text, default="", show_default=False)
     name, prove, cg, imu = (stated.pop(key) for key in ("name", "prove", "cg", "imu"))
     known = StatedFacts(
         name, {key: value for key, value in stated.items() if value}, cg or None, imu or None
@@ -47,19 +51,50 @@ def init_project(
     if as_json:
         print_json(done.to_dict())
         return
+    _print_draft(done)
+    project, output = folder / "aeromatch.toml", folder / "out"
+    if done.complete and done.is_empty:
+        click.echo(
+            f"no record identifies or proves the model yet; next: correct names.toml as listed "
+            f"above, then aeromatch init {folder} again"
+        )
+    elif done.complete:
+        click.echo(
+            f"aeromatch match accepts the project; next: aeromatch match {project} -o {output}"
+        )
+    elif done.problems:
+        click.echo(f"aeromatch match refuses the project for {len(done.problems)} reasons:")
+        for text in done.problems:
+            click.echo(f"  - {text}")
+        click.echo(f"next: mend them, then aeromatch init {folder} again")
+    else:
+        click.echo(
+            f'next: replace each "?" in the files as listed above, then aeromatch init {folder} again'
+        )
+
+
+def _filled_values(file: Path) -> dict[str, Any]:
+    """Return the values of an aircraft file that do not wait for their author."""
+    if not file.exists():
+        return {}
+    content = read_toml(file)
+    return {key: value for key, value in content.items() if value != UNFILLED}
+
+
+def _print_draft(done: Drafted) -> None:
+    """Print what was read, what each column was taken for, the remarks and the files."""
     if done.roles:
         print_table(["listing", "case", "name", "taken for", "because"], done.roles)
+    if done.columns:
+        rows = [tuple(row.to_dict().values()) for row in done.columns]
+        print_table(["column", "taken as", "unit", "sign", "confidence", "because"], rows)
     if done.records:
-        rows = [
-            (name, about["channels"], ", ".join(about["manoeuvres"]) or "-")
-            for name, about in done.records.items()
-        ]
-        print_table(["record", "channels", "manoeuvres"], rows, right=["channels"])
+        manoeuvres = []
+        for name, about in done.records.items():
+            found = ", ".join(about["manoeuvres"]) or "-"
+            manoeuvres.append((name, about["channels"], found))
+        print_table(["record", "channels", "manoeuvres"], manoeuvres, right=["channels"])
     for text in done.remarks:
         print_remark(f"  - {text}")
     for file in done.files:
         click.echo(f"written: {file}")
-    if done.complete:
-        click.echo(f"next: aeromatch match {folder / 'aeromatch.toml'} -o {folder / 'out'}")
-    else:
-        click.echo("next: give what is listed above")

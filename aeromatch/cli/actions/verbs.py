@@ -422,13 +422,18 @@ def _plan(
 
 
 def _print(shown: Mapping[str, Any]) -> None:
-    title = "Verdicts: worst difference / tolerance, of the alternatives the better one"
-    print_table(shown["columns"], [tuple(row) for row in shown["rows"]], title=title)
+    if shown["rows"]:
+        title = "Verdicts: worst difference / tolerance, of the alternatives the better one"
+        print_table(shown["columns"], [tuple(row) for row in shown["rows"]], title=title)
     for text in shown["lines"]:
         click.echo(text)
     for text in shown["failures"]:
         print_remark(text)
-    click.echo(f"report: {shown['document']['report']}")
+    report = shown["document"]["report"]
+    if report:
+        click.echo(f"report: {report}")
+    else:
+        click.echo("the project has no case: nothing was proven, and no report was written")
 
 
 def _cell(result: Any, run: str) -> str:

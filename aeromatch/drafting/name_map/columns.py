@@ -5,127 +5,29 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
+from aeromatch.drafting.name_map.heading_words import (
+    DECORATION,
+    NAME_QUANTITY,
+    OTHER_SUBJECT,
+    QUALIFIERS,
+    RECORDED,
+    SENSE_WORDS,
+    SENSES,
+    SIDES,
+)
 from flightmech.errors import UnitError, UnknownName, find_symbol
 from flightmech.names import COEFFICIENTS, lookup
-from flightmech.units import fitted_unit, parse_unit
+from flightmech.units import fitted_unit, known_unit, parse_unit
 from flighttest.records.readers.columns import split_heading, units_at_the_end, words_of
 
-# Names of channels in recorders, in lower case without separators. The symbols of the field are
-# known to `flightmech.errors.find_symbol`.
-HEADING_WORDS = {
-    "p": "p ratep rollrate bodyrollrate gyrox gyrp wx",
-    "q": "q rateq pitchrate bodypitchrate gyroy gyrq wy",
-    "r": "r rater yawrate bodyyawrate gyroz gyrr wz",
-    "phi": "bank roll euler1 attroll",
-    "theta": "pitch attpitch pitchattitude",
-    "psi": "hdgtrue trueheading headingtrue trueyaw yaw heading",
-    "ax_imu": "ax nx accx xacc accelx axb axbody longacc longitudinalacc longitudinalaccel "
-    "longitudinalacceleration forwardacceleration",
-    "ay_imu": "ay ny accy yacc accely ayb aybody latacc lateralacc lateralaccel lateralacceleration",
-    "az_imu": "az nz accz zacc accelz azb azbody normacc normalacc normalaccel normalacceleration "
-    "verticalacceleration loadfactor "
-    "normalloadfactor gload",
-    "alpha_vane": "alpha aoa alphavane aoavane vanealpha angleofattack incidence",
-    "beta_vane": "beta aos betavane aosvane vanebeta sideslip sideslipangle angleofsideslip ssa",
-    "V": "tas ktas vtas vtrue trueairspeed v airspeedtrue",
-    "V_cas": "cas ias vcas vias kcas kias calibratedairspeed indicatedairspeed vc vi airspeed",
-    "mach": "mach machnumber ma",
-    "q_c": "qc impactpressure pitotpressure diffpressure differentialpressure dynamicpressure",
-    "qbar": "qbar",
-    "p_static": "ps pstat staticpress staticpressure pstatic baropressure ambientpressure",
-    "temperature": "oat sat temperature outsideairtemperature outsidetemperature "
-    "statictemperature airtemperature temp",
-    "h_baro": "h hp alt altitude height pressurealtitude pressalt baroaltitude baroalt altbaro "
-    "palt hbaro altpress",
-    "h_gps": "hgps altgps gpsalt gpsaltitude gpsheight altitudegps gnssaltitude gnssheight",
-    "h_radio": "hradio radioaltitude radioalt radalt ralt radaralt radaraltitude radioheight "
-    "raltitude",
-    "vn": "vn vnorth velnorth velocitynorth northvelocity gpsvn veln vgn northspeed gsnorth "
-    "groundspeednorth",
-    "ve": "ve veast veleast velocityeast eastvelocity gpsve vele vge eastspeed gseast "
-    "groundspeedeast",
-    "vd": "vd vdown veldown velocitydown downvelocity gpsvd veld vgd downspeed",
-    "hdot": "hdot climbrate rateofclimb roc vsi verticalspeed verticalvelocity vs vspeed",
-    "lat": "lat latitude gpslat gpslatitude",
-    "lon": "lon long longitude gpslon gpslongitude",
-    "delta_e": "elevator elev de ele deltae dele",
-    "delta_a": "aileron ail da deltaa dail",
-    "delta_r": "rudder rud dr deltar drud",
-    "delta_f": "flap flaps df deltaf flapangle",
-    "delta_t": "trimtab elevatortab elevatortrim elevtrim pitchtrim elevatortrimtab",
-    "gear": "gear landinggear undercarriage gearextension geardown",
-    "speedbrake": "speedbrake airbrake speedbrakes airbrakes",
-    "column": "column controlcolumn pitchstick sticklong stickpitch columntravel",
-    "wheel": "wheel controlwheel rollstick sticklat stickroll",
-    "pedal": "pedal pedals rudderpedal rudderpedals",
-    "F_column": "fcolumn stickforce elevatorforce columnforce stickforcepitch pitchforce "
-    "stickforcelong",
-    "F_wheel": "fwheel wheelforce stickforceroll rollforce",
-    "F_pedal": "fpedal pedalforce rudderforce",
-    "mass": "mass grossmass weight grossweight grosswt gw wt",
-    "x_cg_b": "xcg",
-    "y_cg_b": "ycg",
-    "z_cg_b": "zcg",
-    "engine.throttle": "throttle powerlever thr thrustlever tla throttlelever",
-    "engine.pla": "pla powerleverangle",
-    "engine.n1": "n1 fanspeed",
-    "engine.n2": "n2",
-    "engine.fuel_flow": "fuelflow ff wf",
-    "engine.thrust": "thrust netthrust fn enginethrust",
-    "engine.itt": "itt",
-    "engine.torque": "torque trq",
-}
-# Quantity of each name of a channel.
-_NAME: dict[str, str] = {}
-for _quantity, _names in HEADING_WORDS.items():
-    _NAME |= dict.fromkeys(_names.split(), _quantity)
-# Recorded quantity of each canonical name that is a corrected quantity.
-_RECORDED = {
-    "x_cg": "x_cg_b",
-    "alpha": "alpha_vane",
-    "beta": "beta_vane",
-    "h": "h_baro",
-    "ax": "ax_imu",
-    "ay": "ay_imu",
-    "az": "az_imu",
-}
-# Words of a heading that do not name a quantity.
-_DECORATION_TEXT = (
-    "pos position defl deflection angle ang meas measured sensor raw value act actual filtered "
-    "filt corr corrected body rec surf surface lever adc ins ahrs imu ads fms efis irs dau daq "
-    "fdr egi nav air adhrs"
-)
-_DECORATION = frozenset(_DECORATION_TEXT.split())
-# Sign of a heading with a word for a direction: +1 if it is the positive direction of the quantity,
-# -1 if it is the opposite one. Positive are trailing edge down, trailing edge left, and an aileron
-# deflection that rolls to the left.
-_TRAILING_EDGE = {"teu": -1, "ted": 1}
-_NOSE_UP = {"anu": 1, "nu": 1, "and": -1, "nd": -1}
-_RIGHT_WING_DOWN = {"rwd": 1, "lwd": -1}
-_NOSE_RIGHT = {"anr": 1, "nr": 1, "anl": -1, "nl": -1}
-_SENSES = {
-    "delta_e": {"teu": -1, "ted": 1, "anu": -1, "nu": -1, "and": 1, "nd": 1, "up": -1, "dn": 1},
-    "delta_a": {"lwd": 1, "rwd": -1, "teu": -1, "ted": 1},
-    "delta_a_left": _TRAILING_EDGE,
-    "delta_a_right": _TRAILING_EDGE,
-    "delta_f": _TRAILING_EDGE,
-    "delta_t": _TRAILING_EDGE,
-    "delta_r": {"tel": 1, "ter": -1, "anl": 1, "nl": 1, "anr": -1, "nr": -1},
-    "theta": _NOSE_UP,
-    "q": _NOSE_UP,
-    "alpha_vane": _NOSE_UP,
-    "phi": _RIGHT_WING_DOWN,
-    "p": _RIGHT_WING_DOWN,
-    "psi": _NOSE_RIGHT,
-    "r": _NOSE_RIGHT,
-}
-# Number of an engine or of a surface by the word for its side.
-_SIDES = {"l": 1, "lh": 1, "left": 1, "port": 1, "r": 2, "rh": 2, "right": 2, "stbd": 2}
-_SENSE_WORDS = frozenset().union(*_SENSES.values())
-_OF_ENGINES = ("throttle", "pla", "n1", "n2", "fuel_flow", "thrust", "itt", "torque")
+_OF_ENGINES = ("throttle", "pla", "n1", "n2", "fuel_flow", "thrust", "itt", "torque", "epr")
 _NO_CHANNELS = ("time", "t", "S", "cbar", "b", *COEFFICIENTS)
 _ENGINE_NUMBER = re.compile(r"(?:eng|engine|e)?([1-9])")
-_NUMBERED_QUANTITY = re.compile(r"(throttle|thrust|pla|tla|thr|torque|itt)([1-9])")
+# A word with the number of its engine or sensor, such as FN1 or AOA2.
+_NUMBERED_WORD = re.compile(r"([a-z]{2,})([1-9])")
+_ANGLE_UNITS = ("deg", "rad")
+# Words of a demand, which the position follows later.
+_DEMANDS = frozenset({"cmd", "command", "commanded", "demand", "demanded", "dem", "target"})
 # Letters of a name that is too short to be recognised in a part of a heading.
 _SHORT = 2
 
@@ -181,18 +83,72 @@ def guess_quantity(column: str) -> Guess | None:
     True
     """
     heading, stated = split_heading(column)
-    name = heading.rpartition("/")[2] or heading
+    name = _without_group(heading)
     guess = _guess_name(name, heading)
     # Some recorders add a field to the name of the channel: NAME.FIELD
     head, _, tail = name.rpartition(".")
     if guess is None and head and tail:
         guess = _guess_name(head, heading)
-    if guess is None or not stated:
-        return guess
-    unit = fitted_unit(stated, lookup(guess.name).units)
-    if not _is_same_kind(unit, guess.name):
+    if guess is None:
         return None
-    return replace(guess, unit=unit)
+    unit = guess.unit
+    if stated:
+        unit = fitted_unit(stated, lookup(guess.name).units)
+        if not _is_same_kind(unit, guess.name):
+            return None
+    return replace(guess, name=_lever_by_unit(guess.name, unit), unit=unit)
+
+
+def explain_unknown(column: str) -> str:
+    """Return why a known heading of another subject gives no channel; empty for other headings.
+
+    Examples
+    --------
+    >>> explain_unknown("Prop RPM")
+    'a propeller or engine speed, which no model uses'
+    >>> explain_unknown("spare_7")
+    ''
+    """
+    heading, _ = split_heading(column)
+    words = words_of(_without_group(heading))
+    words, _ = _split_number([word for word in words if word not in SENSE_WORDS])
+    # The last words may be a unit.
+    for length in range(len(words), 0, -1):
+        part = [word for word in words[:length] if word not in DECORATION]
+        reason = OTHER_SUBJECT.get("".join(part))
+        if reason:
+            return reason
+    demand = sorted(_DEMANDS.intersection(words))
+    if demand:
+        return f"a demand ({demand[0]}) and no position"
+    return ""
+
+
+def _without_group(heading: str) -> str:
+    """Return a heading without the table or group before its name: ``adc/KIAS`` gives KIAS.
+
+    The slash of a unit, as in ``FF1 KG/H``, does not separate a group.
+    """
+    head, _, name = heading.rpartition("/")
+    if not name:
+        return heading
+    last_word = re.split(r"[\s_]", head)[-1]
+    return heading if last_word and _is_unit(f"{last_word}/{name}") else name
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        parse_unit(known_unit(text))
+    except UnitError:
+        return False
+    return True
+
+
+def _lever_by_unit(name: str, unit: str | None) -> str:
+    """Return the angle of a power lever for a lever that is recorded as an angle."""
+    if name.endswith(".throttle") and unit in _ANGLE_UNITS:
+        return name.replace(".throttle", ".pla")
+    return name
 
 
 def _guess_name(name: str, column: str) -> Guess | None:
@@ -202,7 +158,7 @@ def _guess_name(name: str, column: str) -> Guess | None:
     # An index at the end, such as accel[2], is not a word.
     words = words_of(re.sub(r"\[\d+\]$", "", name.rpartition(".")[2] or name))
     for position in range(len(words) - 1, 0, -1):
-        if words[position] in _SENSE_WORDS:
+        if words[position] in SENSE_WORDS:
             remaining = words[:position] + words[position + 1 :]
             guess = _guess_with_sense(remaining, words[position], name=name, column=column)
             if guess is not None:
@@ -215,7 +171,7 @@ def _guess_with_sense(words: list[str], sense: str, name: str, column: str) -> G
     guess = _guess_words(words, name, column)
     if guess is None:
         return None
-    sign = _SENSES.get(guess.name, {}).get(sense)
+    sign = SENSES.get(guess.name, {}).get(sense)
     if sign is None:
         return None
     return replace(guess, sign=sign)
@@ -255,21 +211,26 @@ def _canonical_channel(name: str) -> str:
         return ""
     if name in _OF_ENGINES:
         return f"engine1.{name}"
-    return _RECORDED.get(name, name)
+    return RECORDED.get(name, name)
 
 
 def _quantity_of_words(words: list[str], column: str) -> tuple[str, int] | None:
     """Return the quantity of words, and the rank by the number of words that are ignored."""
     plain, engine = _split_number(words)
-    bare = [word for word in plain if word not in _DECORATION]
+    bare = [word for word in plain if word not in DECORATION]
     # From all words to the last word, which names the quantity best.
     tries = [(words, 1), (plain, 1), (bare, 2)]
     for start in range(1, len(bare)):
+        # A MAG heading, a CABIN altitude and a TRIM position are other quantities.
+        if QUALIFIERS.intersection(bare[:start]):
+            break
         tries.append((bare[start:], 2 + start))
     for part, rank in tries:
         text = "".join(part)
+        if text in OTHER_SUBJECT:
+            return None
         name = _quantity_of_text(text)
-        if not name:
+        if not name or name in _NO_CHANNELS:
             continue
         if rank > 2 and len(text) <= _SHORT and text not in ("n1", "n2"):
             continue
@@ -281,10 +242,10 @@ def _quantity_of_words(words: list[str], column: str) -> tuple[str, int] | None:
 
 def _quantity_of_text(text: str) -> str | None:
     """Return the recorded quantity of a name of a channel or of a symbol, or None."""
-    if text in _NAME:
-        return _NAME[text]
+    if text in NAME_QUANTITY:
+        return NAME_QUANTITY[text]
     symbol = find_symbol(text)
-    return _RECORDED.get(symbol or "", symbol)
+    return RECORDED.get(symbol or "", symbol)
 
 
 def _split_number(words: list[str]) -> tuple[list[str], int]:
@@ -296,12 +257,12 @@ def _split_number(words: list[str]) -> tuple[list[str], int]:
     number = 0
     for position, word in enumerate(words):
         match = _ENGINE_NUMBER.fullmatch(word)
-        numbered = _NUMBERED_QUANTITY.fullmatch(word)
+        numbered = _NUMBERED_WORD.fullmatch(word)
         if _is_side(words, position):
-            number = _SIDES[word]
+            number = SIDES[word]
         elif match and len(words) > 1:
             number = int(match[1])
-        elif numbered:
+        elif numbered and word not in NAME_QUANTITY and _is_name(numbered[1]):
             plain.append(numbered[1])
             number = int(numbered[2])
         elif word not in ("eng", "engine"):
@@ -309,10 +270,14 @@ def _split_number(words: list[str]) -> tuple[list[str], int]:
     return plain, number
 
 
+def _is_name(word: str) -> bool:
+    return word in NAME_QUANTITY or word in OTHER_SUBJECT
+
+
 def _is_side(words: list[str], position: int) -> bool:
     """Return whether a word is the side of an engine or surface."""
     word = words[position]
-    if word not in _SIDES or len(words) == 1:
+    if word not in SIDES or len(words) == 1:
         return False
     # r_dot and r_rate are a yaw rate, not a right side.
     is_rate = len(words) == 2 and position == 0 and words[1] in ("dot", "rate")

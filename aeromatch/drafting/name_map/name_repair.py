@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +22,24 @@ _REPAIRED = ("sign", "unit", "axis", "definition")
 _ROUNDS, _RECORDS = 4, 4
 
 
+@dataclass(frozen=True)
+class MapFinding:
+    """An error of a record that no line of the draft corrects, and the channels that it names."""
+
+    channels: tuple[str, ...]
+    text: str
+    line: str
+
+    @classmethod
+    def of(cls, file: Path, finding: Any) -> MapFinding:
+        """Return a finding of the check of a record."""
+        line = f"{file.name}: {finding.name}: {finding.text}; {finding.remedy}"
+        return cls(tuple(finding.channels), finding.text, line)
+
+
 def check_draft(
     draft: NamesDraft, files: Sequence[Path]
-) -> tuple[NamesDraft, dict[str, xr.DataTree], list[str]]:
+) -> tuple[NamesDraft, dict[str, xr.DataTree], list[MapFinding]]:
     """Return a corrected map, the records read with it, and the remaining findings.
 
     The largest records are checked. A map of the author is not corrected.
@@ -35,18 +50,18 @@ def check_draft(
     other remedy explains the record as well. So columns without a stated unit and sign are
     corrected. The reason of a corrected line states the finding.
     """
-    remaining: list[str] = []
+    remaining: list[MapFinding] = []
     largest = sorted(files, key=lambda file: -file.stat().st_size)[:_RECORDS]
     for file in largest:
         if draft.own is not None:
-            remaining += [_finding_text(file, finding) for finding in _find_errors(draft, file)]
+            remaining += [MapFinding.of(file, finding) for finding in _find_errors(draft, file)]
         else:
             draft = _repair_by_record(draft, file, remaining)
     records = {file.stem: flighttest.read(file, draft.mapping()) for file in files}
     return draft, records, remaining
 
 
-def _repair_by_record(draft: NamesDraft, file: Path, remaining: list[str]) -> NamesDraft:
+def _repair_by_record(draft: NamesDraft, file: Path, remaining: list[MapFinding]) -> NamesDraft:
     """Return the draft after the corrections that one record gives.
 
     A correction may reveal a further error, so the record is checked again after each.
@@ -60,14 +75,10 @@ def _repair_by_record(draft: NamesDraft, file: Path, remaining: list[str]) -> Na
                 certain.append(finding)
         repaired = _apply_remedies(draft, certain)
         if repaired is None:
-            remaining += [_finding_text(file, finding) for finding in findings]
+            remaining += [MapFinding.of(file, finding) for finding in findings]
             break
         draft = repaired
     return draft
-
-
-def _finding_text(file: Path, finding: Any) -> str:
-    return f"{file.name}: {finding.name}: {finding.text}; {finding.remedy}"
 
 
 def _find_errors(draft: NamesDraft, file: Path) -> list[Any]:
@@ -106,6 +117,8 @@ def _correct_row(row: NameMapRow, corrections: Mapping[str, tuple[Channel, str]]
         row,
         channel=channel.changed(optional=row.channel.optional),
         reason=f"by the check of the record: {text}",
+        unit=str(channel.unit or row.unit),
+        confidence="by the check",
     )
 
 

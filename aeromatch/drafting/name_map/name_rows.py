@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from aeromatch.drafting.name_map.column_units import stated_unit, unit_from_size
-from aeromatch.drafting.name_map.columns import Guess, guess_quantity
+from aeromatch.drafting.name_map.columns import Guess, explain_unknown, guess_quantity
 from flightmech.errors import UnitError
 from flightmech.names import lookup
 from flightmech.units import G0, fitted_unit, known_unit, parse_unit
@@ -24,8 +24,8 @@ _GROUPS = {
     "radio_altimeter": ("h_radio",),
     "mass": ("mass", "x_cg_b", "y_cg_b", "z_cg_b"),
 }
-# Channels without which the reconstruction is not possible.
-_REQUIRED = ("p", "q", "r", "phi", "theta", "ax_imu", "ay_imu", "az_imu")
+REQUIRED = ("p", "q", "r", "phi", "theta", "ax_imu", "ay_imu", "az_imu")
+"""Channels without which the reconstruction is not possible."""
 # Rank of a guess above which the author has to confirm it.
 _CERTAIN_RANK = 2
 _CONFIRM = "CONFIRM"
@@ -33,12 +33,34 @@ _CONFIRM = "CONFIRM"
 
 @dataclass(frozen=True)
 class NameMapRow:
-    """One line of a name map with the reason for it."""
+    """One line of a name map with the reason for it.
+
+    Attributes
+    ----------
+    leaf, name : str
+    channel : Channel
+    reason : str
+    unit : str
+        Unit of the column, also where the file states it and the map does not.
+    confidence : str
+        ``stated`` (name and unit in heading or file), ``by size`` (unit or sign by the values),
+        ``CONFIRM``, ``by the check`` (corrected by the check of the record), or ``yours``.
+    """
 
     leaf: str
     name: str
     channel: Channel
     reason: str = ""
+    unit: str = ""
+    confidence: str = "stated"
+
+
+@dataclass(frozen=True)
+class LeftColumn:
+    """A column of a recording from which no channel is drafted, and the reason."""
+
+    column: str
+    reason: str
 
 
 @dataclass
@@ -49,7 +71,7 @@ class AssignedColumns:
     ----------
     assigned : dict of str to (str, str, Guess)
         Table, column and guess of every quantity.
-    left_out : list of str
+    left_out : list of LeftColumn
         Columns without a quantity, or with one that another column has.
     remarks : list of str
         Values that the author has to give or confirm.
@@ -58,7 +80,7 @@ class AssignedColumns:
     """
 
     assigned: dict[str, tuple[str, str, Guess]] = field(default_factory=dict)
-    left_out: list[str] = field(default_factory=list)
+    left_out: list[LeftColumn] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     constants: dict[str, float] = field(default_factory=dict)
 
@@ -67,14 +89,18 @@ class AssignedColumns:
         if guess.name in self.assigned:
             _, former, former_guess = self.assigned[guess.name]
             if former_guess.rank <= guess.rank:
-                self.left_out.append(f"{location} (another {guess.name})")
+                self.left_out.append(LeftColumn(location, f"another {guess.name}"))
                 return
-            self.left_out.append(f"{former} (another {guess.name})")
+            self.left_out.append(LeftColumn(former, f"another {guess.name}"))
         self.assigned[guess.name] = table, column, guess
 
 
 def assign_columns(
-    tables: Mapping[str, RecordedTable], flap: float | None, stamps: set[str]
+    tables: Mapping[str, RecordedTable],
+    flap: float | None,
+    stamps: set[str],
+    confirmed: Mapping[str, Collection[str]],
+    removed: Collection[str] = (),
 ) -> AssignedColumns:
     """Return the quantities of all columns.
 
@@ -85,42 +111,74 @@ def assign_columns(
         Largest deflection of the flaps in the listings. [rad]
     stamps : set of str
         Columns that are clocks.
+    confirmed : mapping of str to collection of str
+        Quantities that the author has mapped, with their columns.
+    removed : collection of str
+        Columns whose line the author has removed from the map.
     """
     result = AssignedColumns()
+    used = {column for columns in confirmed.values() for column in columns}
     for table, content in tables.items():
         excluded = {*stamps, *CLOCK_NAMES, clock_name(content.columns)}
         for column in content.columns:
-            if column in excluded:
-                continue
             location = f"{table}/{column}" if len(tables) > 1 else column
+            if column in excluded or used & {column, location, f"{table}/{column}"}:
+                continue
             guess = guess_quantity(f"{table}/{column}")
-            if guess is None or _contradicts_unit(content.units.get(column), guess.name):
-                result.left_out.append(location)
-            elif _is_fraction(content, column, guess) and (flap is None or guess.name != "delta_f"):
-                result.left_out.append(
-                    f"{location}: a position 0 ... 1; {guess.name} = {{ column = "
-                    f'"{location}", scale '
-                    f'= "40 deg" }} with the angle at 1'
-                )
+            reason = _reason_to_leave(content, column, guess, flap)
+            if guess is None or reason:
+                result.left_out.append(LeftColumn(location, reason))
+            elif location in removed:
+                result.left_out.append(LeftColumn(location, "you removed its line"))
+            elif guess.name in confirmed:
+                result.left_out.append(LeftColumn(location, f"another {guess.name}, by your map"))
+            else:
+                result.assign(guess, table, column, location=location)
+            is_position = guess is not None and _is_fraction(content, column, guess)
+            if guess is not None and reason and is_position:
                 result.remarks.append(
                     f"{guess.name}: column {location} is a position 0 ... 1: give its angle at 1 "
                     f"as scale in names.toml"
                 )
-            else:
-                result.assign(guess, table, column, location=location)
-    for name in _REQUIRED:
-        if name not in result.assigned:
+    _remark_absent_quantities(result, flap, confirmed)
+    return result
+
+
+def _reason_to_leave(
+    content: RecordedTable, column: str, guess: Guess | None, flap: float | None
+) -> str:
+    """Return why a column gives no channel; an empty text if it gives one."""
+    if guess is None:
+        return explain_unknown(column) or "its heading is not known"
+    unit = content.units.get(column)
+    if _contradicts_unit(unit, guess.name):
+        expected = lookup(guess.name).units
+        return f"its unit {unit} contradicts {guess.name}, which is in {expected}"
+    if _is_fraction(content, column, guess) and (flap is None or guess.name != "delta_f"):
+        return (
+            f"a position 0 ... 1; {guess.name} = {{ column = {column!r}, "
+            f'scale = "40 deg" }} with the angle at 1'
+        )
+    return ""
+
+
+def _remark_absent_quantities(
+    result: AssignedColumns, flap: float | None, confirmed: Collection[str]
+) -> None:
+    """Add a remark for each absent quantity that is required, and take absent flaps as retracted."""
+    present = {*result.assigned, *confirmed}
+    for name in REQUIRED:
+        if name not in present:
             result.remarks.append(
                 f"no column was recognised as {name} ({lookup(name).long_name}); the "
                 f"reconstruction needs it: add it to names.toml"
             )
-    if flap is not None and not {"delta_f", "delta_f_left"} & set(result.assigned):
+    if flap is not None and not {"delta_f", "delta_f_left"} & present:
         result.constants["delta_f"] = 0.0
         result.remarks.append(
             "no column shows the flaps and the listings have them: delta_f = 0 stands in "
             "[constants] of names.toml; confirm it"
         )
-    return result
 
 
 def _is_fraction(table: RecordedTable, column: str, guess: Guess) -> bool:
@@ -171,7 +229,7 @@ def make_rows(
         Largest deflection of the flaps in the listings. [rad]
     """
     columns_by_recording = [_all_columns(recording) for recording in recordings]
-    units = _find_units(columns, tables)
+    units, by_text = _find_units(columns, tables)
 
     def sort_key(name: str) -> tuple[Any, ...]:
         group, position = _order(name)
@@ -205,9 +263,24 @@ def make_rows(
             in_unit = f" in {unit}" if unit else ""
             columns.remarks.append(f"{name} from column {column!r}{in_unit}: {reason}")
         location = f"{table}/{column}" if len(tables) > 1 else column
-        channel = Channel(column=location, **keys)
-        rows.append(NameMapRow(_leaf(name, table, tables), name, channel, reason=reason))
+        rows.append(
+            NameMapRow(
+                _leaf(name, table, tables),
+                name,
+                Channel(column=location, **keys),
+                reason=reason,
+                unit=unit,
+                confidence=_confidence(reason, is_unit_stated=by_text[name]),
+            )
+        )
     return rows
+
+
+def _confidence(reason: str, is_unit_stated: bool) -> str:
+    """Return the confidence of a drafted row, as in `NameMapRow`."""
+    if reason.startswith(_CONFIRM):
+        return _CONFIRM
+    return "stated" if is_unit_stated else "by size"
 
 
 def _all_columns(recording: Any) -> set[str]:
@@ -220,8 +293,9 @@ def _all_columns(recording: Any) -> set[str]:
 
 def _find_units(
     columns: AssignedColumns, tables: Mapping[str, RecordedTable]
-) -> dict[str, tuple[str, dict[str, Any], str]]:
-    """Return the unit of each quantity, the keys of its channel, and the reason.
+) -> tuple[dict[str, tuple[str, dict[str, Any], str]], dict[str, bool]]:
+    """Return the unit of each quantity, the keys of its channel and the reason; and whether a text
+    states the unit.
 
     The unit of the file comes first, then the unit in the name of the column, then the size of the
     values.
@@ -246,7 +320,7 @@ def _find_units(
         else:
             unit, reason = by_size[name]
             units[name] = unit, {"unit": unit}, reason
-    return units
+    return units, {name: name not in without_unit for name in columns.assigned}
 
 
 def _force_unit(unit: str | None, name: str) -> str | None:

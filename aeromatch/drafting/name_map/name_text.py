@@ -21,6 +21,8 @@ _BENCH = (
 )
 # Facts that the author may add, each with an example.
 _EXAMPLES = {"latitude": '"45 deg"', "runway_elevation": '"120 m"'}
+LEFT_OUT = "# Columns without a quantity:"
+"""First line of the comment about columns without a channel, at the end of the text."""
 # Files that the head of the text names.
 _MOST_FILES = 3
 
@@ -54,8 +56,8 @@ def names_text(draft: NamesDraft, files: Sequence[Path]) -> str:
         lines += ["", head, *_BENCH]
     lines += [*_clock_lines(draft), *_channel_lines(draft)]
     if draft.left_out:
-        lines += ["", "# Columns without a quantity:"]
-        lines += [f"#   {column}" for column in draft.left_out]
+        lines += ["", LEFT_OUT]
+        lines += [f"#   {item.column}: {item.reason}" for item in draft.left_out]
     return "\n".join(lines) + "\n"
 
 

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from aeromatch.drafting.name_map.author_map import AuthorMap, rows_of_map
 from aeromatch.drafting.name_map.name_rows import (
     AssignedColumns,
+    LeftColumn,
     NameMapRow,
     assign_columns,
     make_rows,
@@ -48,14 +50,16 @@ class NamesDraft:
         A shipped map, empty for none.
     identity : bool
         Whether the files have canonical names with units, so that no map is needed.
-    left_out : tuple of str
+    left_out : tuple of LeftColumn
         Columns without a quantity.
     remarks : tuple of str
         Lines that the author has to confirm.
     own : NameMap or None
-        The author's name map, which is used unchanged.
+        A name map of the author outside of the project, which is used unchanged.
     file : str
         Its file, or the name of a shipped one.
+    author : AuthorMap or None
+        Lines of the author in the name map of the project, which are used in place of the rows.
     """
 
     rows: tuple[NameMapRow, ...] = ()
@@ -66,10 +70,11 @@ class NamesDraft:
     constants: dict[str, float] = field(default_factory=dict)
     extends: str = ""
     identity: bool = False
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[LeftColumn, ...] = ()
     remarks: tuple[str, ...] = ()
     own: NameMap | None = None
     file: str = ""
+    author: AuthorMap | None = None
 
     def mapping(self) -> NameMap | None:
         """Return the map for `flighttest.read`, or None if no map is needed."""
@@ -79,13 +84,24 @@ class NamesDraft:
             return None
         if self.extends:
             base = read_names(self.extends)
-            return replace(base, facts=Facts(**self.facts), constants=self.constants)
+            shipped = replace(base, facts=Facts(**self.facts), constants=self.constants)
+            return self.author.extend(shipped) if self.author else shipped
         leaves: dict[str, dict[str, Channel]] = {}
         for row in self.rows:
             leaves.setdefault(row.leaf, {})[row.name] = row.channel
-        return NameMap(
+        drafted = NameMap(
             leaves, self.clock, Facts(**self.facts), "draft", self.clocks, constants=self.constants
         )
+        return self.author.extend(drafted) if self.author else drafted
+
+    def all_rows(self) -> list[NameMapRow]:
+        """Return the drafted rows and the lines of the author."""
+        if self.own is not None:
+            return rows_of_map(self.own)
+        if self.identity:
+            return []
+        own = self.author.rows() if self.author else []
+        return [*self.rows, *own]
 
 
 def own_names(names: str | Path) -> NamesDraft:
@@ -107,7 +123,9 @@ def own_names(names: str | Path) -> NamesDraft:
     )
 
 
-def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
+def draft_names(
+    files: Sequence[Path], flap: float | None = None, author: AuthorMap | None = None
+) -> NamesDraft:
     """Return a name map for recordings of one recorder.
 
     Parameters
@@ -115,6 +133,8 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
     files : sequence of Path
     flap : float, optional
         Largest deflection of the flaps in the listings, for records with a position 0 ... 1. [rad]
+    author : AuthorMap, optional
+        Lines of the author. Their quantities and columns are not drafted.
 
     Raises
     ------
@@ -128,8 +148,10 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
             f"surface to [controls] of names.toml, then write manoeuvres.csv with "
             f"'aeromatch flight manoeuvres RECORD --names names.toml -o manoeuvres.csv'"
         )
-        return NamesDraft(extends=LOGS[kind], remarks=(remark,))
-    if not any(needs_names(file) for file in files):
+        has_controls = author is not None and bool(author.names.leaves)
+        remarks = () if has_controls else (remark,)
+        return NamesDraft(extends=LOGS[kind], remarks=remarks, author=author)
+    if author is None and not any(needs_names(file) for file in files):
         return NamesDraft(identity=True)
     recordings = [open_recording(file, NameMap({})) for file in files]
     # The first recording with a table gives the values from which units and signs follow.
@@ -138,13 +160,16 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
         for name, table in recording.tables.items():
             tables.setdefault(name, table)
     clocks: dict[str, tuple[Clock, str]] = {}
+    has_clock = author is not None and author.names.clock != Clock()
     for name, table in tables.items():
-        clock = _clock_of(name, table)
+        clock = None if has_clock else _clock_of(name, table)
         if clock is not None:
             clocks[name] = clock
     stamps = {clock.column for clock, _ in clocks.values() if clock.column}
-    columns = assign_columns(tables, flap, stamps)
-    if not columns.assigned:
+    confirmed = author.confirmed() if author else {}
+    removed = author.removed if author else frozenset()
+    columns = assign_columns(tables, flap, stamps, confirmed=confirmed, removed=removed)
+    if not columns.assigned and not confirmed:
         problem = (
             f"no column of {files[0].name} has the name of a quantity; see 'aeromatch flight info'"
         )
@@ -161,6 +186,7 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
         constants=columns.constants,
         left_out=tuple(columns.left_out),
         remarks=tuple(columns.remarks),
+        author=author,
     )
 
 

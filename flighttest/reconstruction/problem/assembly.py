@@ -19,7 +19,7 @@ from flighttest.reconstruction.problem.problem import (
     Sensor,
     bias_estimates,
 )
-from flighttest.reconstruction.problem.record_inputs import RecordInputs, first_path
+from flighttest.reconstruction.problem.record_inputs import TRACK, RecordInputs, first_path
 from flighttest.reconstruction.problem.sensor_groups import group_sensors
 from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.records.sensors.instruments import IMU, SPEEDS, instruments_of
@@ -29,7 +29,16 @@ from flighttest.records.signals.differentiation import derivative
 # Standard deviations of the state at the start of a window: angles [rad], velocity [m/s], height
 # [m], vane angles [rad]. They prevent drift of a start that no reading determines. Without a
 # compass the heading counts from the start.
-_START = {"phi": 0.2, "theta": 0.2, "psi": 3.0, "no psi": 1e-3, "v": 50.0, "h": 500.0, "vane": 0.3}
+_START = {
+    "phi": 0.2,
+    "theta": 0.2,
+    "psi": 3.0,
+    "no psi": 1e-3,
+    "track": 0.5,
+    "v": 50.0,
+    "h": 500.0,
+    "vane": 0.3,
+}
 # Standard deviation of the lag equation over the noise of the vane. It adds (factor * deviation)^2
 # to the variance of a reading. A mode of the joint density takes this as a reason to enlarge the
 # factor: by N share^2 s^2 of a factor with standard error s from N readings.
@@ -171,9 +180,12 @@ def _sample_noise(inputs: RecordInputs, name: str) -> float:
 
 def _start_sigma(inputs: RecordInputs) -> np.ndarray:
     """Return the standard deviations of the state at the start of a window (7 + vanes,)."""
+    # Without heading and track the heading counts from the start.
     heading = "no psi"
     if inputs.can_use("psi"):
         heading = "psi"
+    elif inputs.can_use(*TRACK):
+        heading = "track"
     names = ["phi", "theta", heading, "v", "v", "v", "h"]
     names += ["vane"] * len(inputs.vanes)
     return np.array([_START[name] for name in names])

@@ -128,6 +128,10 @@ class RecordInputs:
         return np.array(self.specification.of(channel).position) - self.cg
 
 
+TRACK = ("vn", "ve")
+"""Channels that show the track over the ground."""
+
+
 def first_path(inputs: RecordInputs) -> np.ndarray:
     """Return a first trajectory (N, 7 + vanes) from the readings."""
     x = np.zeros((len(inputs.time), 7 + len(inputs.vanes)))
@@ -136,6 +140,8 @@ def first_path(inputs: RecordInputs) -> np.ndarray:
             x[:, i] = inputs.resample(name)
     if "psi" not in inputs.channels:
         x[:, 2] = _integrated_heading(inputs, x)
+        if inputs.can_use(*TRACK):
+            x[:, 2] = _turn_to_track(inputs, x[:, 2])
     alpha = np.zeros(len(inputs.time))
     for i, name in enumerate(inputs.vanes):
         factor, _ = inputs.specification.of(name).factor.get(name, EXACT_FACTOR)
@@ -171,6 +177,21 @@ def _integrated_heading(inputs: RecordInputs, x: np.ndarray) -> np.ndarray:
         steps = np.append(0.0, (piece[1:] + piece[:-1]) / 2.0)
         headings.append(np.cumsum(steps) / inputs.rate)
     return np.concatenate(headings)
+
+
+def _turn_to_track(inputs: RecordInputs, psi: np.ndarray) -> np.ndarray:
+    """Return the heading of each window turned so that it is the track on average.
+
+    The ground velocities fix the heading; a heading from zero would contradict them.
+    """
+    north, east = (inputs.resample_undelayed(name) for name in TRACK)
+    turned = []
+    pieces = (inputs.split_windows(signal) for signal in (psi, north, east))
+    for heading, along, across in zip(*pieces, strict=True):
+        # The mean of the difference, on the circle, weighted by the speed.
+        difference = np.mean((along + 1j * across) * np.exp(-1j * heading))
+        turned.append(heading + np.angle(difference))
+    return np.concatenate(turned)
 
 
 def _number_or_none(record: xr.DataTree, attribute: str) -> float | None:
