@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from aeromatch.drafting.name_map.columns import HEADING_WORDS, guess_quantity
+from aeromatch.drafting.name_map.columns import guess_quantity
+from aeromatch.drafting.name_map.heading_words import HEADING_WORDS
 from flightmech.names import VOCABULARY
 from pom.status import STATUSES
 

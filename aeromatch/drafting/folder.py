@@ -36,8 +36,6 @@ from aeromatch.drafting.recordings import (
     read_flights,
 )
 from aeromatch.drafting.sources import Sources, quote, source_folders, sources_of
-from aeromatch.planning.match_plan import make_plan
-from aeromatch.project.project import read_project
 from flightmech.support.toml_quantities import UNFILLED
 from flighttest.records.manoeuvre_table import read_manoeuvres, write_manoeuvres
 
@@ -59,13 +57,9 @@ class Drafted:
     records : dict of str to dict
         By record: ``channels`` (number), ``manoeuvres`` (names), ``file``.
     complete : bool
-        Whether `aeromatch match` accepts the project as it is.
+        Whether no value waits for its author; then `aeromatch match` accepts the project as it is.
     columns : tuple of ColumnRow
         What each column of the recordings is taken for.
-    is_empty : bool
-        Whether the project neither identifies nor proves, as no record allows either.
-    problems : tuple of str
-        Problems that `aeromatch match --plan` reports; values that are not given yet come before.
     """
 
     files: tuple[Path, ...]
@@ -74,8 +68,6 @@ class Drafted:
     records: dict[str, dict[str, Any]]
     complete: bool
     columns: tuple[ColumnRow, ...] = ()
-    is_empty: bool = False
-    problems: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return all as plain data."""
@@ -84,7 +76,6 @@ class Drafted:
             "files": [str(file) for file in self.files],
             "complete": self.complete,
             "remarks": list(self.remarks),
-            "problems": list(self.problems),
             "columns": [row.to_dict() for row in self.columns],
             "listings": [dict(zip(keys, row, strict=True)) for row in self.roles],
             "records": self.records,
@@ -170,22 +161,13 @@ def draft_project(
         _write_project(files, geometry, sources, flights, answers=answers, remarks=remarks)
         files.replace(folder / DRAFT_FOLDER / ANSWERS, answers.to_json(folder))
         is_filled = _read_files(folder)
-    problems: list[str] = []
-    is_empty = False
-    if is_filled:
-        with step("check the project as match --plan does"):
-            plan = make_plan(read_project(folder / _PROJECT), folder / "out")
-        problems = plan.problems
-        is_empty = not plan.project.fit and not plan.cases
     return Drafted(
         files=tuple(file for file in files.written if file.exists()),
         remarks=(*remarks, *files.remarks),
         roles=tuple(_role_rows(geometry)),
         records=_summarise_records(sources, flights),
-        complete=is_filled and not problems,
+        complete=is_filled,
         columns=tuple(flights.columns),
-        is_empty=is_empty,
-        problems=tuple(problems),
     )
 
 

@@ -1,12 +1,13 @@
 """Page ``column-headings.md``, the headings of recordings that are recognised. The site has the page
 (`make_site`); ``python docs/scripts/make_column_headings.py`` prints it.
 
-The words come from `aeromatch.drafting.name_map.columns`, quantities and units from `flightmech.names`.
+The words come from `aeromatch.drafting.name_map.heading_words`, quantities and units from `flightmech.names`.
 """
 
 from __future__ import annotations
 
-from aeromatch.drafting.name_map.columns import HEADING_WORDS, guess_quantity
+from aeromatch.drafting.name_map.columns import guess_quantity
+from aeromatch.drafting.name_map.heading_words import HEADING_WORDS
 from flightmech.names import lookup
 
 HEAD = """# Recognised column headings

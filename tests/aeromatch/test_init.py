@@ -19,8 +19,9 @@ from aeromatch.drafting.flown import held_for_proof
 from aeromatch.drafting.folder import StatedFacts, draft_project
 from aeromatch.drafting.geometry import geometry_of
 from aeromatch.drafting.name_map.column_units import unit_from_size
-from aeromatch.drafting.name_map.columns import guess_quantity
+from aeromatch.drafting.name_map.columns import explain_unknown, guess_quantity
 from aeromatch.drafting.name_map.names import draft_names
+from aeromatch.planning.match_plan import make_plan
 from aeromatch.project.project import read_project
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
@@ -92,6 +93,8 @@ def drafted(recordings, tmp_path_factory):
         ("Elevator_Pos_deg", "delta_e", "deg"), ("AIL_L_deg", "delta_a_left", "deg"), ("AileronRight", "delta_a_right", None),
         ("N1_2", "engine2.n1", None), ("thrust_left_lbf", "engine1.thrust", "lbf"), ("Eng2N1", "engine2.n1", None),
         ("OAT_C", "temperature", "degC"), ("fuel_flow_pph", "engine1.fuel_flow", "lb/h"), ("weight_lb", "mass", "lb"),
+        ("FN1 [lbf]", "engine1.thrust", "lbf"), ("ALT_STD_M", "h_baro", "m"), ("GS_N_KMH", "vn", "km/h"), ("FF1 KG/H", "engine1.fuel_flow", "kg/h"),
+        ("TLA 1 DEG", "engine1.pla", "deg"), ("INERTIAL VERT SPEED", "hdot", None), ("TRUE HDG", "psi", None), ("AOA1_DEG", "alpha_vane", "deg"),
         ("flightdata.Pitch", "theta", None), ("stick_force_lbf", "F_column", "lbf"), ("x_cg", "x_cg_b", None), ("delta_r", "delta_r", None),
     ],
 )  # fmt: skip
@@ -100,9 +103,22 @@ def test_columns_are_recognised_by_their_names(column, name, unit):
     assert (found.name, found.unit) == (name, unit)
 
 
-@pytest.mark.parametrize("column", ["spare_7", "Event", "TAT", "gs_kt", "time", "status"])
+@pytest.mark.parametrize("column", [
+        "spare_7", "Event", "TAT", "gs_kt", "time", "status", "MAG HDG", "CG %MAC", "ELEV_CMD", "CABIN ALT", "TQ1 [%]", "FLAP LEVER",
+        "TOTAL PRESS", "AIL TRIM",
+    ],
+)  # fmt: skip
 def test_columns_without_a_quantity_are_left_out(column):
     assert guess_quantity(column) is None
+
+
+@pytest.mark.parametrize(
+    ("column", "reason"),
+    [("MAG HDG", "a magnetic heading"), ("ELEV_CMD", "a demand (cmd)"), ("EGT1", "a temperature of the engine"), ("spare_7", "")],
+)  # fmt: skip
+def test_a_known_heading_of_another_subject_has_a_reason(column, reason):
+    assert explain_unknown(column).startswith(reason)
+    assert bool(explain_unknown(column)) == bool(reason)
 
 
 def test_units_follow_from_the_size_of_the_values():
@@ -227,17 +243,12 @@ def test_what_a_case_replays_does_not_identify(drafted):
                 )
 
 
-def test_nothing_is_overwritten_without_force(drafted, aeromatch):
-    folder, _ = drafted
-    (folder / "aircraft.toml").write_text("mine")
-    try:
-        done = aeromatch("init", folder, "--datcom", CLEAN)
-        assert done.returncode == 2
-        assert "aircraft.toml" in done.stderr
-        assert "--force" in done.stderr
-        assert (folder / "aircraft.toml").read_text() == "mine"
-    finally:
-        (folder / "aircraft.toml").unlink()
+def test_a_file_of_another_origin_is_left_alone(tmp_path, aeromatch):
+    (tmp_path / "aircraft.toml").write_text("mine = 1\n")
+    done = aeromatch("init", tmp_path, "--datcom", CLEAN)
+    assert done.returncode == 0
+    assert "aircraft.toml: not drafted by init, and left alone" in done.stderr
+    assert (tmp_path / "aircraft.toml").read_text() == "mine = 1\n"
 
 
 def test_what_nobody_knows_is_marked_and_refused_with_a_sentence(tmp_path, aeromatch):
@@ -368,31 +379,98 @@ def test_an_engine_is_judged_where_its_speed_is_recorded():
 
 
 @pytest.mark.slow
-def test_a_corrected_map_is_used_and_what_was_not_recognised_is_named(columns, tmp_path):
-    """A column E1, which no name explains, is named; with the author's map its manoeuvres are
-    drafted.
-    """
+def test_an_unknown_column_is_found_corrected_and_kept(columns, tmp_path):
+    """The elevator in a column E1: it is named as a candidate, and the author's line stays."""
     renamed = {("E1" if name == "Elev_deg" else name): values for name, values in columns.items()}
-    pd.DataFrame({**renamed, "Event": 0.0}).to_csv(
-        tmp_path / "monday.csv", index=False, float_format="%.7g"
-    )
-    first = draft_project(tmp_path / "one", [CLEAN], [tmp_path / "monday.csv"], MASS)
-    assert any(text.startswith("columns without a quantity: E1, Event") for text in first.remarks)
-    assert any(
-        text.startswith("no elevator (delta_e)") and "no pitch manoeuvre" in text
-        for text in first.remarks
-    )
-    text = (tmp_path / "one" / "names.toml").read_text()
-    (tmp_path / "mine.toml").write_text(
-        text.replace("[vanes]", '[surfaces]\ndelta_e = { column = "E1", unit = "deg" }\n[vanes]')
-    )
-    again = draft_project(
-        tmp_path / "two", [CLEAN], [tmp_path / "monday.csv"], MASS, own_map=tmp_path / "mine.toml"
-    )
+    flight = tmp_path / "monday.csv"
+    pd.DataFrame({**renamed, "Event": 0.0}).to_csv(flight, index=False, float_format="%.7g")
+    folder = tmp_path / "project"
+    first = draft_project(folder, [CLEAN], [flight], MASS)
+    assert {row.column for row in first.columns if row.quantity == "-"} == {"E1", "Event"}
+    assert any(text.startswith("no elevator (delta_e)") for text in first.remarks)
+    (candidate,) = [text for text in first.remarks if text.startswith("column E1 moves")]
+    assert 'delta_e = { column = "E1", unit = "..." }' in candidate
+
+    names = folder / "names.toml"
+    text = names.read_text()
+    mine = 'delta_e = { column = "E1", unit = "deg" }   # mine\n'
+    names.write_text(text.replace("[controls]\n", f"[controls]\n{mine}"))
+    again = draft_project(folder)
+    assert mine in names.read_text()
+    assert "#   E1" not in names.read_text()
+    assert mine in (folder / "names.toml.1.bak").read_text()
     assert any("elevator" in flown for flown in again.records["monday"]["manoeuvres"])
-    assert not any("E1" in text for text in again.remarks)
-    assert not (tmp_path / "two" / "names.toml").exists()
-    assert (
-        read_project(tmp_path / "two" / "aeromatch.toml").names.resolve()
-        == (tmp_path / "mine.toml").resolve()
-    )
+    (row,) = [row for row in again.columns if row.quantity == "delta_e"]
+    assert (row.column, row.confidence) == ("E1", "yours")
+    assert flightmech.read_aircraft(folder / "aircraft.toml").mass == 2150.0
+    before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    draft_project(folder)
+    assert {file: file.read_bytes() for file in before} == before
+
+
+@pytest.mark.slow
+def test_a_map_outside_of_the_project_is_used_as_it_stands(recordings, drafted, tmp_path):
+    folder, _ = drafted
+    (tmp_path / "mine.toml").write_bytes((folder / "names.toml").read_bytes())
+    flight = recordings / "monday.csv"
+    done = draft_project(tmp_path / "new", [CLEAN], [flight], MASS, own_map=tmp_path / "mine.toml")
+    assert not (tmp_path / "new" / "names.toml").exists()
+    assert {row.confidence for row in done.columns} == {"yours", "not taken"}
+    project = read_project(tmp_path / "new" / "aeromatch.toml")
+    assert project.names.resolve() == (tmp_path / "mine.toml").resolve()
+
+
+@pytest.mark.slow
+def test_answers_and_edits_of_every_file_stay(recordings, tmp_path):
+    folder, flight = tmp_path / "project", recordings / "monday.csv"
+    draft_project(folder, [CLEAN], [flight], StatedFacts(values={"mass": "2150 kg"}))
+    aircraft, project = folder / "aircraft.toml", folder / "aeromatch.toml"
+    aircraft.write_text(aircraft.read_text().replace('Ixx = "?"', 'Ixx = "10826 kg m2"'))
+    project.write_text(project.read_text() + "\n[errors]\nmass = 0.004\n")
+    table = pd.read_csv(folder / "manoeuvres.csv")
+    table["end"] += 0.5
+    table.to_csv(folder / "manoeuvres.csv", index=False)
+    done = draft_project(folder, known=StatedFacts(values={"Iyy": "8135 kg m2"}))
+    text = aircraft.read_text()
+    assert 'mass = "2150 kg"' in text
+    assert 'Ixx = "10826 kg m2"' in text
+    assert 'Iyy = "8135 kg m2"' in text
+    assert tomllib.loads(project.read_text())["errors"] == {"mass": 0.004}
+    assert pd.read_csv(folder / "manoeuvres.csv")["end"].tolist() == table["end"].tolist()
+    assert (folder / "aircraft.toml.1.bak").read_text().count('"?"') == 2
+    assert not done.complete  # Izz
+    draft_project(folder, force=True)
+    assert pd.read_csv(folder / "manoeuvres.csv")["end"].tolist() != table["end"].tolist()
+    assert (folder / "manoeuvres.csv.1.bak").exists()
+
+
+def _check_random_columns(columns, folder, seed):
+    """Draft a record with ten columns renamed or removed, and plan its match."""
+    rng = np.random.default_rng(seed)
+    chosen = [str(name) for name in rng.choice(list(COLUMNS), 10, replace=False)]
+    kept = {}
+    for name, values in columns.items():
+        if name not in chosen:
+            kept[name] = values
+        elif rng.random() < 0.5:
+            kept[f"X{rng.integers(1000)}"] = values
+    flight = folder / "flight.csv"
+    folder.mkdir(parents=True)
+    pd.DataFrame(kept).to_csv(flight, index=False, float_format="%.7g")
+    done = draft_project(folder / "project", [CLEAN], [flight], MASS)
+    assert done.complete, chosen
+    plan = make_plan(read_project(folder / "project" / "aeromatch.toml"), folder / "out")
+    assert plan.problems == [], chosen
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_drafted_project_is_accepted_by_match(columns, tmp_path, seed):
+    _check_random_columns(columns, tmp_path / "new", seed)
+
+
+@pytest.mark.nightly
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2, 50))
+def test_every_drafted_project_is_accepted_by_match(columns, tmp_path, seed):
+    _check_random_columns(columns, tmp_path / "new", seed)

@@ -10,6 +10,8 @@ import click
 
 from aeromatch.drafting.folder import Drafted, StatedFacts, draft_project
 from aeromatch.drafting.previous import read_answers
+from aeromatch.planning.match_plan import make_plan
+from aeromatch.project.project import read_project
 from flightmech.support.console import (
     print_json,
     print_remark,
@@ -48,28 +50,34 @@ def init_project(
         name, {key: value for key, value in stated.items() if value}, cg or None, imu or None
     )
     done = draft_project(folder, datcom, records, known, prove, force, show_progress, own_map)
+    project, output = folder / "aeromatch.toml", folder / "out"
+    plan = None
+    if done.complete:
+        with show_progress("check the project as match --plan does"):
+            plan = make_plan(read_project(project), output)
     if as_json:
-        print_json(done.to_dict())
+        problems = plan.problems if plan else []
+        is_accepted = plan is not None and not problems
+        print_json({**done.to_dict(), "complete": is_accepted, "problems": problems})
         return
     _print_draft(done)
-    project, output = folder / "aeromatch.toml", folder / "out"
-    if done.complete and done.is_empty:
+    if plan is None:
+        click.echo(
+            f'next: replace each "?" in the files as listed above, then aeromatch init {folder} again'
+        )
+    elif plan.problems:
+        click.echo(f"aeromatch match refuses the project for {len(plan.problems)} reasons:")
+        for text in plan.problems:
+            click.echo(f"  - {text}")
+        click.echo(f"next: correct them, then aeromatch init {folder} again")
+    elif not plan.project.fit and not plan.cases:
         click.echo(
             f"no record identifies or proves the model yet; next: correct names.toml as listed "
             f"above, then aeromatch init {folder} again"
         )
-    elif done.complete:
-        click.echo(
-            f"aeromatch match accepts the project; next: aeromatch match {project} -o {output}"
-        )
-    elif done.problems:
-        click.echo(f"aeromatch match refuses the project for {len(done.problems)} reasons:")
-        for text in done.problems:
-            click.echo(f"  - {text}")
-        click.echo(f"next: mend them, then aeromatch init {folder} again")
     else:
         click.echo(
-            f'next: replace each "?" in the files as listed above, then aeromatch init {folder} again'
+            f"aeromatch match accepts the project; next: aeromatch match {project} -o {output}"
         )
 
 

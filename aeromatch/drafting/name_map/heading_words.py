@@ -173,6 +173,7 @@ _OTHER_SUBJECTS = {
     "a trim position of another surface": "ailtrim ailerontrim rudtrim ruddertrim rolltrim yawtrim",
     "a ground speed or a glide slope: which one is not stated": "gs",
     "a relative humidity or a radio height: which one is not stated": "rh",
+    "a lever; delta_f is the surface": "flaplever flaphandle flapselector",
     "slats, which no model has": "slat slats",
     "a spoiler; delta_s, delta_sp and speedbrake differ: add it by hand": "spoiler spoilers splr",
 }

@@ -1,6 +1,7 @@
 """Reconstruction of a simulated flight whose truth is known."""
 
 import copy
+import itertools
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from flighttest.reconstruction.problem.trajectory import estimate_trajectory, st
 from flighttest.reconstruction.smoother import solve_record
 from flighttest.reconstruction.state_errors import state_errors
 from flighttest.reconstruction.turbulence import has_gusts
+from flighttest.records.record import find_channel_leaf
 from flighttest.records.signals.delays import lag_weights
 
 ERROR_FREE = {"V": 0.05, "alpha": 0.0012, "beta": 0.0012, "theta": 0.0008, "h": 0.6}  # m/s, rad, m
@@ -136,6 +138,38 @@ def test_windows_share_their_constants(flown, aircraft):
     assert path.states.sizes["time"] == 2 * 651
     known = truth.sel(time=path.states["time"], method="nearest")
     assert np.sqrt(np.mean((path.states["alpha"].values - known["alpha"].values) ** 2)) < 0.002
+
+
+def test_without_a_heading_the_ground_velocity_turns_the_path(flown, aircraft):
+    """The heading starts at 1 rad, not at zero, and follows from track and airspeed."""
+    record, _, truth = flown(2)
+    leaf = find_channel_leaf(record, "psi")
+    blind = record.copy()
+    blind[leaf] = record[leaf].to_dataset().drop_vars("psi")
+    path = flighttest.reconstruct(blind, aircraft)
+    error = path.states["psi"].values - truth["psi"].values
+    error = (error + np.pi) % (2.0 * np.pi) - np.pi
+    assert abs(error.mean()) < 0.02
+    assert rms(path, truth, "beta") < 0.002
+    assert "vn" in path.fit.index
+
+
+def test_the_second_stage_in_turbulence_starts_with_equations_of_its_own(
+    flown, aircraft, monkeypatch
+):
+    """The intensity of the gusts changes between the stages, and with it the cost of a path."""
+    stages = []
+    estimate = smoother.estimate_trajectory
+
+    def record_start(problem, x, c, *rest, known=None, **options):
+        stages.append((problem, known))
+        return estimate(problem, x, c, *rest, known=known, **options)
+
+    monkeypatch.setattr(smoother, "estimate_trajectory", record_start)
+    solve_record(flown(3, gust=0.6, duration=20.0)[0], aircraft)
+    assert len(stages) > 2
+    for (before, _), (problem, known) in itertools.pairwise(stages):
+        assert known is None or problem is before
 
 
 def test_without_ground_velocity_the_air_path_remains(flown, aircraft):
@@ -307,6 +341,18 @@ def test_combination_is_the_sum_of_information(flown, aircraft):
     # is 1/30 of the information
     ratio = (twice["stderr"] / once["stderr"]).sel(parameter="bias.p")
     assert float(ratio) == pytest.approx(np.sqrt(0.5), rel=5e-3)
+
+
+def test_a_run_with_wider_errors_than_its_prior_adds_nothing(flown, aircraft):
+    """Errors are widened for coloured residuals, beyond the prior if the data say little."""
+    found = flighttest.reconstruct(flown(0)[0], aircraft).biases
+    alone = flighttest.reconstruction.combine_biases([found])
+    blurred = found.copy(deep=True)
+    blurred["stderr"] = 3.0 * found["prior_stderr"]
+    blurred["correlation"] = (found["correlation"].dims, np.eye(found.sizes["parameter"]))
+    together = flighttest.reconstruction.combine_biases([found, blurred])
+    np.testing.assert_allclose(together["estimate"], alone["estimate"], rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(together["stderr"], alone["stderr"], rtol=1e-9)
 
 
 def test_runs_with_different_priors_are_not_combined(flown, aircraft):

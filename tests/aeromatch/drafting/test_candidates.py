@@ -1,0 +1,61 @@
+"""Columns that move as an absent quantity does, on a record of the light aircraft."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aeromatch.drafting.name_map.candidates import find_candidates
+from aeromatch.drafting.name_map.names import draft_names
+from flighttest.records.readers.name_map import NameMap
+from flighttest.records.readers.opening import open_recording
+
+FLIGHT = Path(__file__).parents[3] / "data" / "c182" / "flight" / "cruise.csv"
+# Sign and unit of each column; the recorder counts a right roll as positive.
+COLUMNS = {
+    "delta_e": ("Elevator", 1, ""),
+    "delta_a": ("Aileron", -1, ""),
+    "delta_r": ("Rudder", 1, ""),
+    "p": ("Roll Rate", 1, "deg/s"),
+    "q": ("Pitch Rate", 1, "deg/s"),
+    "r": ("Yaw Rate", 1, "deg/s"),
+    "phi": ("Roll", 1, "deg"),
+    "theta": ("Pitch", 1, "deg"),
+    "alpha_vane": ("AOA", 1, None),
+    "beta_vane": ("AOS", 1, None),
+    "V_cas": ("CAS", 1, None),
+    "h_baro": ("Press Alt", 1, "ft"),
+}
+
+
+@pytest.fixture(scope="module")
+def table():
+    (table,) = open_recording(FLIGHT, NameMap({})).tables.values()
+    return table
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return draft_names([FLIGHT]).rows
+
+
+@pytest.mark.parametrize("quantity", COLUMNS)
+def test_a_hidden_column_comes_first(table, rows, quantity):
+    column, sign, unit = COLUMNS[quantity]
+    known = [row for row in rows if row.name != quantity]
+    used = {name for row in known for name in row.channel.columns}
+    free = [name for name in table.columns if name not in used and name != "Time"]
+    found = find_candidates(known, table, free, step=0.04)
+    best = next(item for item in found if item.quantity == quantity)
+    assert (best.column, best.sign) == (column, sign)
+    if unit is not None:
+        assert best.unit == unit
+
+
+def test_noise_is_no_candidate(table, rows):
+    rng = np.random.default_rng(1)
+    columns = {name: np.asarray(values, float) for name, values in table.columns.items()}
+    columns["Elevator"] = rng.normal(size=len(columns["Elevator"]))
+    noisy = type(table)(columns, units=table.units)
+    known = [row for row in rows if row.name != "delta_e"]
+    assert find_candidates(known, noisy, ["Elevator"], step=0.04) == []
