@@ -61,7 +61,9 @@ def _place_in_the_run(item):
     if item.path.name == "test_docs.py":
         page = item.callspec.params["page"] if hasattr(item, "callspec") else None
         return 2 if page and "./run demo" in page.read_text(encoding="utf-8") else 1
-    is_long = item.path.is_relative_to(ROOT / "tests" / "real")
+    if item.path.name == "test_model_exchange.py":  # reads the demo
+        return 2
+    is_long = item.path.parent.name in ("real", "published")
     return 1 if item.path.parent == ROOT / "tests" or is_long else 3
 
 
