@@ -129,9 +129,10 @@ def make_term(
             leaf[name] = table
     if stderr is not None:
         errors = np.broadcast_to(np.asarray(stderr, float), array.shape).copy()
-        leaf["stderr"] = leaf["value"].dims, errors
+        leaf["stderr"] = _make_variable(leaf["value"].dims, errors)
     if source is not None:
-        leaf["source"] = leaf["value"].dims, np.full(array.shape, SOURCES.index(source), np.uint8)
+        sources = np.full(array.shape, SOURCES.index(source), np.uint8)
+        leaf["source"] = _make_variable(leaf["value"].dims, sources)
         leaf["source"].attrs = dict(SOURCE_ATTRS)
     leaf.attrs = {"regressors": " ".join(regressors), "outside": outside, **text}
     if power is not None:
@@ -151,10 +152,18 @@ def _make_value_table(value: Any, axes: Mapping[str, Any]) -> xr.Dataset:
     import xarray as xr
 
     coords = {name: np.asarray(points, float) for name, points in axes.items()}
-    leaf = xr.Dataset({"value": (tuple(coords), np.asarray(value, float))}, coords=coords)
+    values = _make_variable(tuple(coords), np.asarray(value, float))
+    leaf = xr.Dataset({"value": values}, coords=coords)
     for name in coords:
         leaf[name].attrs.update(quantity_attributes(name))
     return leaf
+
+
+def _make_variable(dims: tuple[Any, ...], values: np.ndarray) -> xr.Variable:
+    """Return a variable of an array. Without `fastpath` xarray imports dask, if it is installed."""
+    import xarray as xr
+
+    return xr.Variable(dims, values, fastpath=True)
 
 
 def power_factor(leaf: HasAttributes) -> PowerFactor | None:

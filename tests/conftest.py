@@ -61,26 +61,34 @@ def _place_in_the_run(item):
     if item.path.name == "test_docs.py":
         page = item.callspec.params["page"] if hasattr(item, "callspec") else None
         return 2 if page and "./run demo" in page.read_text(encoding="utf-8") else 1
-    return 1 if item.path.parent == ROOT / "tests" else 3
+    if item.path.name == "test_model_exchange.py":  # reads the demo
+        return 2
+    is_long = item.path.parent.name in ("real", "published")
+    return 1 if item.path.parent == ROOT / "tests" or is_long else 3
+
+
+@pytest.hookimpl(optionalhook=True)  # a hook of pytest-xdist
+def pytest_xdist_make_scheduler(config, log):
+    """Keep the tests of a file in one process."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from scheduling import FileScheduling  # needs pytest-xdist
+
+    return FileScheduling(config, log)
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m selects
 def pytest_collection_modifyitems(items):
-    """Mark what follows from the place of a test: its group of `--dist loadgroup`, by default its
-    file, and the fits.
+    """Order the tests, and mark what follows from the place of a test: the fits, for one.
 
-    Each page of the documentation is a group.  A process that begins a long group last keeps the
-    other waiting, so the order is stated: the demo, which takes longest, then what does not wait
-    for it among the pages and the tests next to this file, then the pages that read it, then all
-    else (``--no-loadscope-reorder`` keeps this order).
+    All tests of a file run in one process (`scheduling.FileScheduling`).  A process that begins a
+    long file last keeps the others waiting, so the order is stated: the demo, which takes longest,
+    then what does not wait for it among the pages and the tests next to this file, and the longest
+    files, then the pages that read the demo, then all else (``--no-loadscope-reorder`` keeps this
+    order).
     """
     items.sort(key=_place_in_the_run)
     for item in items:
-        if item.get_closest_marker("xdist_group") is None:
-            group = (
-                item.nodeid if item.path.name == "test_docs.py" else item.nodeid.partition("::")[0]
-            )
-            item.add_marker(pytest.mark.xdist_group(group))
         if item.get_closest_marker("browser"):
             item.add_marker(pytest.mark.serial)
         if item.get_closest_marker("nightly"):

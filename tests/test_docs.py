@@ -76,6 +76,8 @@ NIGHTLY_PAGES = (
     "batch-on-a-cluster.md",
     "diagnosis.md",
     "edit-a-database.md",
+    "reconstruct-a-flight.md",  # the tutorial runs the verbs of this page and of the next
+    "fit-a-manoeuvre.md",
 )
 FENCE = re.compile(
     r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: "

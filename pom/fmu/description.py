@@ -15,7 +15,6 @@ from flightmech.support.input_files import file_kind, file_sha256
 from flightmech.units import parse_unit
 from pom.fmu.run_cache import FileState
 from pom.fmu.variable_map import Fmu, Link, Links, canonical_unit
-from pom.fmu.worker.model import platform_problem, read_description
 
 _ABSENT = (
     "the case needs it and the FMU does not offer it; name it in a table of names, or "
@@ -79,6 +78,9 @@ def read_fmu_interface(path: str | Path) -> Fmu:
 
 def _read_description_of_file(path: Path) -> Any:
     """Return the description of an FMU; ParseError for every error of the parser."""
+    # with FMPy, whose import takes a tenth of a second: a match that reuses its flights reads no FMU
+    from pom.fmu.worker.model import read_description
+
     try:
         return read_description(path)
     # FMPy raises the errors of its parsers, which have no common class.
@@ -118,6 +120,9 @@ def demand_platform(fmu: Fmu) -> None:
     SchemaError
         With this platform, and the platforms of its libraries.
     """
+    # with FMPy, as above
+    from pom.fmu.worker.model import platform_problem, read_description
+
     problem = platform_problem(fmu.path, read_description(fmu.path))
     if problem:
         raise SchemaError(f"FMU {fmu.path}", [f"{fmu.path.name}: {problem}"])

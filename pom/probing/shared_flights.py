@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import correlate
+import scipy
 
 from pom.cases.case import PomCase
 from pom.judging.condition_coverage import SHARED
@@ -160,7 +160,7 @@ def _noise_correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """
     rows = [cut_steps(np.diff(values, 3)) for values in (a, b)]
     rows = [row / row.std() for row in rows]
-    product = correlate(rows[0], rows[1], "full", "fft")
+    product = scipy.signal.correlate(rows[0], rows[1], "full", "fft")
     lags = np.arange(1 - rows[1].size, rows[0].size)
     count = np.minimum(rows[0].size, lags + rows[1].size) - np.maximum(lags, 0)
     return np.where(count < LEAST_SAMPLES, 0.0, product / count)

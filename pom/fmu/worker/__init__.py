@@ -5,9 +5,7 @@ other rooms it imports only the math pilot, so that the child starts fast. A for
 access the memory of the parent process.
 """
 
-from __future__ import annotations
+from flightmech.support.imports import attach_stub
 
-from pom.fmu.worker.model import UnpackedFmu
-from pom.fmu.worker.run import replay_job
-
-__all__ = ["UnpackedFmu", "replay_job"]
+# the parent, which reads replies only, needs no FMPy
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -19,8 +19,9 @@ from functools import partial
 import numpy as np
 
 from flightmech.support.foreign_code.launch import set_limit
-from pom.fmu.worker import UnpackedFmu, replay_job
 from pom.fmu.worker.messages import reply_bytes, reply_columns
+from pom.fmu.worker.model import UnpackedFmu
+from pom.fmu.worker.run import replay_job
 
 
 def answer_jobs(path: str, folder: str, parent: str, written: str, unpacked: str) -> None:

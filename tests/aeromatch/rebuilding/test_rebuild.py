@@ -18,7 +18,7 @@ from aeromatch.rebuilding.products import FLIGHTS
 from flightmech.support.kept_stages.store import PLACE
 from pom.diagnosis.joint_correction import SWAPS
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("rebuild")]
+pytestmark = pytest.mark.slow
 FIT = """
 [[fit]]
 name = "pitch"

@@ -54,13 +54,12 @@ def test_the_bootstrap_scatters_as_the_fit_states(fitted):
     assert "300 replicates" in found.report()
 
 
-@pytest.mark.slow
+# .ci/run compares one process with the processes of a cluster, below
+@pytest.mark.nightly
 def test_the_bootstrap_is_the_same_however_it_is_shared_out():
     fit = regress(LIFT, record(np.random.default_rng(2), 15.0))
     one, two = bootstrap(fit, 40, seed=7), bootstrap(fit, 40, seed=7, jobs=2)
     xr.testing.assert_identical(one.replicates, two.replicates)
-    with pytest.raises(IdentificationError, match="5 replicates; 20 at least"):
-        bootstrap(fit, 5)
 
 
 def test_a_study_counts_bias_and_coverage():
@@ -76,6 +75,8 @@ def test_a_study_counts_bias_and_coverage():
 
 
 def test_studies_without_sense_are_refused():
+    with pytest.raises(IdentificationError, match="5 replicates; 20 at least"):
+        bootstrap(line(17), 5)
     with pytest.raises(
         IdentificationError, match="3 seeds; 20 at least, and 200 to distinguish 95 % from 92 %"
     ):

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import scipy
 import xarray as xr
 
 import flighttest
@@ -43,6 +44,17 @@ def test_lowpass_keeps_a_straight_line():
     np.testing.assert_allclose(
         y, x, atol=0.03
     )  # within a seventh of a sample's step at the ends, which count as lost
+
+
+@pytest.mark.parametrize("samples", [1, 2, 9, 600])
+def test_lowpass_has_the_bytes_of_the_filter_of_scipy(samples):
+    x = np.random.default_rng(samples).normal(size=samples).cumsum()
+    design = 4.0 / (np.sqrt(2.0) - 1.0) ** 0.125
+    # three time constants of the slowest pole, 0.28 s, in samples of 50 Hz; at least 0.5/cutoff
+    pad = int(np.ceil(50.0 * max(0.125, 3.0 / (2.0 * np.pi * design * np.sin(np.pi / 8.0)))))
+    sections = scipy.signal.butter(4, design, fs=50.0, output="sos")
+    expected = scipy.signal.sosfiltfilt(sections, x, padlen=min(pad, samples - 1))
+    np.testing.assert_array_equal(lowpass(x, 50.0, 4.0), expected)
 
 
 def test_cutoff_above_half_the_rate():
