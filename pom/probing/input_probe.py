@@ -101,7 +101,7 @@ def changed_job(job: ReplayJob, outputs: Traces) -> ChangedJob:
             inputs[name] = recorded
             continue
         deviation = values - values[0]
-        is_moved |= _is_moved(name, job.time, values)
+        is_moved = is_moved or _is_moved(name, job.time, values)
         inputs[name] = values[0] + SCALE * deviation
     if not is_moved:
         pulse = _pulse_shape(job.time)

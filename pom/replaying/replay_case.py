@@ -22,7 +22,7 @@ from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
 from pom.probing.input_probe import SIZES
-from pom.probing.model_probes import tables_of, with_probes, with_run_remarks
+from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
 from pom.probing.record_leak import find_leaks
 from pom.replaying.replay_channels import (
     judged_channels,
@@ -197,7 +197,7 @@ def perform_plan(
         attrs=_describe_models(models),
         more=remarks,
     )
-    result = with_probes(
+    found = probe_models(
         result,
         models,
         jobs,
@@ -206,22 +206,22 @@ def perform_plan(
         timeout=timeout,
         store=store,
     )
-    return _with_table_agreement(result, models, jobs, outputs_by_run)
-
-
-def _with_table_agreement(
-    result: PomResult,
-    models: Mapping[str, FmuModel],
-    jobs: Mapping[str, ReplayJob],
-    outputs: Mapping[str, Mapping[str, np.ndarray]],
-) -> PomResult:
-    """Return a result with the remark on the tables inside every FMU that passes."""
-    own: dict[str, tuple[RowRemark, ...]] = {}
     for name, model in models.items():
-        tables = tables_of(model) if result.status(name) in PASSED else None
-        if tables is not None:
-            own[name] = compare_model_tables(model, tables, jobs[name], outputs[name])
-    return with_run_remarks(result, own)
+        is_driven = all(remark.kind != "not_driven" for remark in found.get(name, ()))
+        if is_driven and result.status(name) in PASSED:
+            agreement = _table_agreement(model, jobs[name], outputs_by_run[name])
+            found[name] = (*found.get(name, ()), *agreement)
+    return with_run_remarks(result, found)
+
+
+def _table_agreement(
+    model: FmuModel, job: ReplayJob, outputs: Mapping[str, np.ndarray]
+) -> tuple[RowRemark, ...]:
+    """Return the remark on the tables inside an FMU; none for an FMU of another program."""
+    tables = tables_of(model)
+    if tables is None:
+        return ()
+    return compare_model_tables(model, tables, job, outputs)
 
 
 def _describe_models(models: Mapping[str, FmuModel]) -> dict[str, str]:
