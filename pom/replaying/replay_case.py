@@ -24,6 +24,7 @@ from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_rem
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
 from pom.probing.record_leak import find_leaks
+from pom.probing.temperature_effect import weigh_temperature
 from pom.replaying.replay_channels import (
     judged_channels,
     moved_controls,
@@ -210,7 +211,16 @@ def perform_plan(
         is_driven = all(remark.kind != "not_driven" for remark in found.get(name, ()))
         if is_driven and result.status(name) in PASSED:
             agreement = _table_agreement(model, jobs[name], outputs_by_run[name])
-            found[name] = (*found.get(name, ()), *agreement)
+            weighed = weigh_temperature(
+                result,
+                name,
+                model=model,
+                job=jobs[name],
+                outputs=outputs_by_run[name],
+                timeout=timeout,
+                store=store,
+            )
+            found[name] = (*found.get(name, ()), *agreement, *weighed)
     return with_run_remarks(result, found)
 
 
