@@ -25,7 +25,7 @@ from pom.cases.resolve import SEGMENTS
 from pom.judging.applicability import reason_not_judged
 from pom.tolerances import rows
 from pom.tolerances.bands import RowRemark
-from pom.tolerances.channels import limit_to_si_factor
+from pom.tolerances.channels import limit_to_si_factor, plain_words
 from pom.tolerances.criteria import PARTS, Band, Criterion, Limit
 from pom.tolerances.editions import RESTS_ON, different_rows
 
@@ -153,19 +153,23 @@ def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[R
         times = _width_ratio(own, row.band)
         ratio = "" if times is None else f", {times:.3g} times as wide"
         printed = f"printed {row.band.text}" if row.band.limits else "its number was not read"
-        text = f"tolerance of {own.name} {own.band.text}, {printed}{ratio}"
+        text = f"tolerance of {plain_words(own.name)} {own.band.text}, {printed}{ratio}"
         yield _departure(text, own.name)
     start, stop = _clip(_asked_window(case, own), case.window)
     if own.window[0] > start + _SAME_TIME or own.window[1] < stop - _SAME_TIME:
         text = (
-            f"{own.name} is judged in {own.window[0]:g} ... {own.window[1]:g} s, the row in "
+            f"{plain_words(own.name)} is judged in {own.window[0]:g} ... {own.window[1]:g} s, the row in "
             f"{start:g} ... {stop:g} s"
         )
         yield _departure(text, own.name)
     if own.group != row.group:
-        others = [c.name for c in case.criteria if c.group == own.group and c.name != own.name]
+        others = [
+            plain_words(c.name)
+            for c in case.criteria
+            if c.group == own.group and c.name != own.name
+        ]
         if others:
-            text = f"{own.name} is an alternative of {', '.join(others)}, in the table it is not"
+            text = f"{plain_words(own.name)} is an alternative of {', '.join(others)}, in the table it is not"
             yield _departure(text, own.name)
 
 
@@ -297,13 +301,13 @@ def _unrecorded(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
         if name in stated and abs(value - stated[name]) > SAME * max(abs(stated[name]), 1.0):
             shown = [value_text(name, item, ".5g") for item in (value, stated[name])]
             text = (
-                f"{name} ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, "
+                f"'{name}' ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, "
                 f"the aircraft file has {shown[1]}"
             )
             yield _departure(text, name)
         elif name in _HELD & _WATCHED and value != 0.0:
             text = (
-                f"{name} ({lookup(name).long_name}) is held at {value_text(name, value, '.5g')} by "
+                f"'{name}' ({lookup(name).long_name}) is held at {value_text(name, value, '.5g')} by "
                 f"the conditions of the case; the record does not show it"
             )
             yield _departure(text, name)
@@ -313,7 +317,7 @@ def _unrecorded(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
     recorded = T - float(atmosphere(h).temperature)
     if abs(given["delta_T"] - recorded) > LEAST_TEMPERATURE:
         text = (
-            f"delta_T is {given['delta_T']:.3g} K by the conditions of the case, the record has "
+            f"'delta_T' is {given['delta_T']:.3g} K by the conditions of the case, the record has "
             f"{recorded:.3g} K"
         )
         yield _departure(text, "delta_T")
@@ -354,7 +358,7 @@ def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
             continue
         shown = [value_text(name, item, ".5g") for item in (value, recorded)]
         text = (
-            f"{name} ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, the "
+            f"'{name}' ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, the "
             f"record has {shown[1]}"
         )
         yield _departure(text, name)

@@ -142,7 +142,7 @@ def compare_inputs(
     if not is_scaled and not is_late:
         return (RowRemark("probe", text, values=values, unit="1"),)
     reason = (
-        f"departure: {text}. Check gain and time of the pick-ups (delta_e, delta_a, delta_r or the "
+        f"departure: {text}. Check gain and time of the pick-ups (elevator, aileron, rudder or the "
         f"forces), and the effectiveness of the controls of the model"
     )
     return (RowRemark("departure", reason, "inputs", values=values, unit="1"),)

@@ -15,6 +15,7 @@ import xarray as xr
 
 from pom.judging.signals import traces_of
 from pom.tolerances.bands import RowRemark, unwrapped_difference
+from pom.tolerances.channels import quantity_words
 
 CHANNELS = ("p", "q", "r", "nz", "ny", "nx", "theta", "phi", "psi", "alpha", "beta", "V_cas", "h")
 LEAST_CHANNELS = 3
@@ -196,7 +197,9 @@ def judge_difference(
     if len(correlations) < LEAST_CHANNELS:
         return ()
     largest = max(correlations.values())
-    listed = ", ".join(f"{name} {value:.2f}" for name, value in correlations.items())
+    listed = ", ".join(
+        f"{quantity_words(name)} {value:.2f}" for name, value in correlations.items()
+    )
     text = f"difference of flight and model over {LAG:g} s correlated by {listed}"
     if largest >= DRIFTS:
         return (RowRemark("probe", text, values=correlations, unit="1"),)

@@ -22,6 +22,7 @@ from pom.judging.air_checks import AIR, SPEED
 from pom.judging.verdict import judge_criterion
 from pom.result import PomResult
 from pom.tolerances.bands import RowRemark
+from pom.tolerances.channels import plain_words
 
 MATTERS = 0.25
 """Share of a tolerance that a doubtful temperature moves, from which on it is a departure.
@@ -95,7 +96,7 @@ def weigh_temperature(
     if doubt is None:
         return ()
     if doubt.quantity == AIR and "delta_T" in result.case.conditions:
-        text = "the temperature is confirmed by delta_T of the case; its effect is not weighed"
+        text = "the temperature is confirmed by 'delta_T' of the case; its effect is not weighed"
         return (RowRemark("probe", text, AIR),)
     changed = supposed_air(job, doubt)
     if changed is None:
@@ -120,9 +121,9 @@ def weigh_temperature(
     worst = max(effects, key=lambda name: effects[name])
     text = (
         f"air {-error:+.0f} K off the record moves the answer by {effects[worst]:.2f} tolerances "
-        f"({worst}; limit {MATTERS:g})"
+        f"({plain_words(worst)}; limit {MATTERS:g})"
     )
     if effects[worst] < MATTERS:
         return (RowRemark("probe", text, AIR, values=effects, unit="1"),)
-    text = f"departure: {text}; confirm the temperature by a second source, and give it as delta_T in [conditions]"
+    text = f"departure: {text}; confirm the temperature by a second source, and give it as 'delta_T' in [conditions]"
     return (RowRemark("departure", text, AIR, values=effects, unit="1"),)

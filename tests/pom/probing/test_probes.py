@@ -68,7 +68,7 @@ def test_a_stored_answer_is_named():
     stored = short_period(elevator())
     (remark,) = probe(lambda delta_e: stored, delta_e=elevator())
     assert remark.kind == "not_driven"
-    assert "q" in remark.text
+    assert "body pitch rate" in remark.text
     assert "stored" in remark.text
 
 
