@@ -137,7 +137,6 @@ DECEPTIONS = {
             b, "26", PILOTED, more=lines_of_a_pilot("delta_e", "alpha", "-0.3 deg/deg")
         ),
     ),
-    "no_trim": ("21", lambda b: with_edit(b, "21", ("trim = true", "trim = false"))),
     "calm_air": ("25", lambda b: with_edit(b, "25", ("trim = ", 'wind = "none"\ntrim = '))),
     "device_called_absent": (
         "29",

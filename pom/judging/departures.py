@@ -25,7 +25,7 @@ from pom.cases.resolve import SEGMENTS
 from pom.judging.applicability import reason_not_judged
 from pom.tolerances import rows
 from pom.tolerances.bands import RowRemark
-from pom.tolerances.channels import limit_to_si_factor, plain_words
+from pom.tolerances.channels import limit_to_si_factor, plain_words, quantity_words
 from pom.tolerances.criteria import PARTS, Band, Criterion, Limit
 from pom.tolerances.editions import RESTS_ON, different_rows
 
@@ -65,7 +65,7 @@ def case_departures(case: PomCase) -> tuple[RowRemark, ...]:
                 f"[facts] without of its file"
             )
             remarks.append(_departure(text, criterion.name))
-    return (*remarks, *_driven_departures(case))
+    return (*remarks, *_driven_departures(case), *_piloted_departures(case))
 
 
 def _mode_departure(criterion: Criterion, row: Criterion) -> Iterator[RowRemark]:
@@ -76,6 +76,27 @@ def _mode_departure(criterion: Criterion, row: Criterion) -> Iterator[RowRemark]
             f"{row.channel}"
         )
         yield _departure(text, criterion.name)
+
+
+_AXES = {
+    "2.c.": ("delta_e", "column", "F_column", "throttle", "thrust"),
+    "2.d.": ("delta_a", "delta_r", "wheel", "pedal", "F_wheel", "F_pedal"),
+}
+"""Controls of the axis of a test, by the start of its number."""
+
+
+def _piloted_departures(case: PomCase) -> Iterator[RowRemark]:
+    """Yield the loops of a math pilot that damp or drive the mode that a row judges."""
+    if not any(item.applies and item.measure in MODAL for item in case.criteria):
+        return
+    controls = next((own for start, own in _AXES.items() if case.id.startswith(start)), ())
+    for loop in case.drive.pilot:
+        if loop.control.rpartition(".")[2] in controls:
+            text = (
+                f"the math pilot moves the {quantity_words(loop.control)} in the axis of the mode "
+                f"that is judged, which is then not a free response"
+            )
+            yield _departure(text, loop.control)
 
 
 def _driven_departures(case: PomCase) -> Iterator[RowRemark]:

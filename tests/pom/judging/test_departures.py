@@ -2,6 +2,8 @@
 
 import math
 import re
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import xarray as xr
@@ -9,11 +11,14 @@ import xarray as xr
 import flightmech
 from flightmech.errors import SchemaError
 from pom.cases.case import PomCase, read_case
+from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import RECORD_SPAN
 from pom.cases.resolve import LIMIT_UNITS
 from pom.judging.departures import case_departures, record_departures
 from pom.replaying.trim import _limit_remark
 from pom.status import status_of
+
+PHUGOID = Path(__file__).parents[3] / "data" / "t37" / "cases" / "26_phugoid.toml"
 
 
 def departures(path):
@@ -240,3 +245,12 @@ def test_a_trim_beyond_its_limit_is_named_in_words():
         assert not RAW.findall(text)
         # the key of a rationale stays
         assert text.endswith(f"('trim.{name}')")
+
+
+@pytest.mark.parametrize(("control", "count"), [("delta_e", 1), ("delta_a", 0)])
+def test_a_pilot_in_the_axis_of_a_mode_is_a_departure(control, count):
+    case = read_case(PHUGOID)
+    loop = PilotLoop(control, "alpha", -0.3, 0.0, 0.1)
+    piloted = replace(case, drive=replace(case.drive, pilot=(loop,)))
+    texts = [item.text for item in case_departures(piloted)]
+    assert len([text for text in texts if "the math pilot moves" in text]) == count
