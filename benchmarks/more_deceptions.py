@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from deceptions import LAT, Bench, Deception, judge, scaled, shifted
+from deceptions import LAT, Bench, Deception, guided_answer, judge, scaled, shifted
 from scipy.ndimage import gaussian_filter1d
 
 
@@ -96,6 +96,19 @@ def flight_of_other_test(b: Bench) -> Deception:
     return Deception([b.case("27"), b.case("27", *edits, record=record)], b.final)
 
 
+def few_channels_shown(b: Bench) -> Deception:
+    """An answer that follows the smoothed record, in a case that shows hardly any channel."""
+    guided = guided_answer(b)
+    guided.cases = [b.case("26", ('title = "', 'show = ["alpha"]\ntitle = "'))]
+    return guided
+
+
+def unseen_airspeed(b: Bench) -> Deception:
+    """A model with half the drag, in a case that shows neither airspeed nor height."""
+    case = b.case("21", ('title = "', 'show = ["alpha"]\ntitle = "'))
+    return Deception([case], b.spoilt(CD__basic=0.3))
+
+
 def lines_of_a_pilot(control: str, channel: str, gain: str) -> str:
     loop = f'control = "{control}"\nchannel = "{channel}"\ngain = "{gain}"\nlimit = "5 deg"'
     return f"[[drive.pilot]]\n{loop}"
@@ -171,6 +184,8 @@ DECEPTIONS = {
     "mirrored_flight": ("27", mirrored_flight),
     "flight_of_another_test": ("27", flight_of_other_test),
     # models
+    "few_channels_shown": ("26", few_channels_shown),
+    "unseen_airspeed": ("21", unseen_airspeed),
     "inertia_of_the_model": (
         "21",
         lambda b: Deception(

@@ -10,6 +10,7 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError
 from flightmech.simulation.compiler import SimModel
+from pom.cases.case_file import SHOWN
 from pom.cases.job import ReplayJob
 from pom.fmu.models import FmuModel
 from pom.fmu.run_cache import KeptFlights
@@ -19,7 +20,12 @@ from pom.judging.signals import traces_of
 from pom.probing.flight_consistency import CHANNELS, compare_inputs, compare_lift, on_wheels
 from pom.probing.input_probe import SIZES, changed_job, judge_change
 from pom.probing.model_agreement import compare_aircraft, compare_controls
-from pom.probing.scatter_probe import RecordScatter, measure_scatter
+from pom.probing.scatter_probe import (
+    RecordScatter,
+    judge_difference,
+    judge_scatter,
+    measure_scatter,
+)
 from pom.result import PomResult, make_verdict_table
 from pom.status import PASSED
 from pom.tolerances.bands import RowRemark
@@ -53,6 +59,10 @@ def probe_models(
     flight = flight_traces(states, CHANNELS)
     touches_ground = bool(on_wheels(states).any())
     scatter = RecordScatter(traces_of(result.signals, "flight"))
+    hidden = None
+    if not set(SHOWN) <= set(result.case.show):
+        # A case that shows few channels would leave the probes of the noise out.
+        hidden = RecordScatter(flight_traces(states, (*SHOWN, "V")))
     for run, model in models.items():
         if result.status(run) not in PASSED or result.case.reference == "footprint":
             continue
@@ -81,6 +91,8 @@ def probe_models(
                 remarks += compare_inputs(time, outputs[run], after, flight, surfaces=surfaces)
         if result.case.reference == "flight":
             remarks += measure_scatter(result.signals, run, scatter)
+            if hidden:
+                remarks += _measure_hidden(hidden, outputs[run], jobs[run].time, remarks)
         if tables is not None:
             remarks += compare_aircraft(result.case, tables, jobs[run])
             remarks += compare_controls(result.case, tables)
@@ -88,6 +100,21 @@ def probe_models(
                 remarks += compare_lift(tables, states)
         found[run] = remarks
     return found
+
+
+def _measure_hidden(
+    scatter: RecordScatter,
+    outputs: Mapping[str, np.ndarray],
+    time: np.ndarray,
+    known: tuple[RowRemark, ...],
+) -> tuple[RowRemark, ...]:
+    """Return what the noise of channels shows that a case does not show, unless it is known."""
+    if any(item.kind == "not_driven" or item.quantity == "difference" for item in known):
+        return ()
+    found = judge_scatter(scatter, outputs)
+    if all(item.kind == "probe" for item in found):
+        found = judge_difference(time, scatter, outputs)
+    return tuple(item for item in found if item.kind != "probe")
 
 
 def is_on_wheels(outputs: Mapping[str, np.ndarray]) -> bool:

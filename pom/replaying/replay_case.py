@@ -12,6 +12,7 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
 from pom.cases.case import PomCase
+from pom.cases.case_file import SHOWN
 from pom.cases.fact_agreement import check_record_facts
 from pom.cases.job import ReplayJob, job_of
 from pom.cases.reference_states import flight_states
@@ -168,6 +169,8 @@ def perform_plan(
         axes = [item.variable for item in ranges]
         # The velocity over the ground shows the track, which no row judges.
         names = [*channels, *axes, *GROUND_VELOCITY]
+        # Probes and watched channels do not depend on what a case shows.
+        names += SHOWN
         requested = {*_output_names(names, model.links.outputs), *OBSERVED, *SIZES}
         job, trim_remarks, refused = solve_trim_surfaces(
             plan.job,

@@ -12,6 +12,7 @@ import xarray as xr
 from flightmech.names import WRAPPED, lookup
 from flightmech.support.console import to_json_types
 from pom.cases.case import PomCase
+from pom.cases.case_file import SHOWN
 from pom.cases.job import ReplayJob, initial_configuration
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.air_checks import air_remarks
@@ -127,8 +128,11 @@ def _verdict_rows(
         watched: tuple[RowRemark, ...] = ()
     else:
         reasons = beyond_limits(limits, outputs, demanded=True)
+        # A channel that the case does not show is watched, too.
+        flown = {**_usual_traces(match.flight), **traces_of(signals, "flight")}
+        answer = {**_usual_traces(match.against(outputs).model), **traces_of(signals, run)}
         watched = (
-            *watch_channels(case, time, traces_of(signals, "flight"), traces_of(signals, run)),
+            *watch_channels(case, time, flown, answer),
             *watch_track(case, time, match.flight, outputs),
         )
     remarks = (*usual, *watched, *more)
@@ -139,6 +143,15 @@ def _verdict_rows(
         row = verdict_row(run, criterion, outcome)
         rows.append({**row, "remarks": (*row["remarks"], *remarks)})
     return rows
+
+
+def _usual_traces(signals: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the channels that a case shows unless it states others, as far as a run has them."""
+    traces = {}
+    for name in SHOWN:
+        if name in signals:
+            traces[name] = np.asarray(signals[name], float)
+    return traces
 
 
 def _outcome_unless_invalid(

@@ -21,6 +21,7 @@ from pom.probing import (
 )
 from pom.probing.flight_consistency import judge_lift
 from pom.probing.input_probe import SCALE
+from pom.probing.model_probes import _measure_hidden
 from pom.probing.scatter_probe import RecordScatter, judge_difference, judge_scatter
 
 STEP = 0.02  # [s]
@@ -278,3 +279,18 @@ def test_a_small_effect_of_size_and_time_of_the_inputs_is_no_departure():
     (remark,) = compare_inputs(TIME, before, after, flight, surfaces=True)
     assert remark.kind == "probe"
     assert remark.values["gain"] == pytest.approx(1 / 1.15, abs=0.01)
+
+
+def test_channels_that_a_case_does_not_show_are_probed_once():
+    generator = np.random.default_rng(8)
+    truth = short_period(elevator())["theta"]
+    names = ("phi", "theta", "psi")
+    flight = {name: truth + 5e-4 * generator.standard_normal(TIME.size) for name in names}
+    copy = {name: smoothed(values) for name, values in flight.items()}
+    (remark,) = _measure_hidden(RecordScatter(flight), copy, TIME, ())
+    assert remark.kind == "departure"
+    # what the shown channels have shown is not stated again
+    assert _measure_hidden(RecordScatter(flight), copy, TIME, (remark,)) == ()
+    honest = dict.fromkeys(names, 0.97 * truth)
+    honest["psi"] = truth + np.radians(0.02) * TIME
+    assert _measure_hidden(RecordScatter(flight), honest, TIME, ()) == ()
