@@ -178,8 +178,8 @@ def end_to_end(plane: Any, count: int, jobs: int, folder: Path) -> None:
 def without_probes() -> Iterator[None]:
     """Leave the probes of passing models out, in the threads of this process."""
     kept = replay_case.probe_models, replay_case.compare_model_tables
-    replay_case.probe_models = lambda *given, **options: {}  # type: ignore[assignment]
-    replay_case.compare_model_tables = lambda *given: ()  # type: ignore[assignment]
+    replay_case.probe_models = lambda *given, **options: {}
+    replay_case.compare_model_tables = lambda *given: ()
     try:
         yield
     finally:
