@@ -175,7 +175,7 @@ class _SharedSearch:
             return ""
         return (
             f"{overlap:.1f} s of {first.record.name} are in {second.record.name}, correlation of "
-            f"the {kind} {correlation:.4g}"
+            f"the {kind} {min(correlation, 1.0):.4g}"
         )
 
 
