@@ -36,7 +36,7 @@ from pom.fmu.models import Models
 from pom.probing import model_probes
 from pom.replaying import batch, replay_case
 from pom.replaying.batch import replay_all
-from pom.result import run_notices
+from pom.result_notices import run_notices
 
 DATA = Path(__file__).parents[1] / "data" / "t37"
 CASES = DATA / "cases"

@@ -22,7 +22,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.store.evaluation import cruise_state, evaluate_held
-from aerodb.store.plausible_ranges import TAIL_PRESSURE, derivative_ranges
+from aerodb.store.plausible_ranges import TAIL_PRESSURE, derivative_ranges, tailless_words
 from aerodb.store.schema import database_coefficients, terms
 from flightmech.errors import SchemaError
 from flightmech.names import VOCABULARY
@@ -371,7 +371,10 @@ def _check_derivatives(
                 subject, found = f"{coefficient}/{variable}", item.at(mach)
                 if subject == "Cl/rhat":
                     found = found.at_lift(_lift_at(db, mach, base))
-                yield from _outside(subject, slope, found.low, found.high, found.source, mach)
+                why = found.source
+                if not configuration:
+                    why += tailless_words(subject, slope, mach)
+                yield from _outside(subject, slope, found.low, found.high, why, mach)
 
 
 def _check_aircraft(aircraft: Any) -> Iterator[PlausibilityFinding]:

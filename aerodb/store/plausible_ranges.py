@@ -144,3 +144,23 @@ def _widen(lowest: float, highest: float) -> tuple[float, float]:
     if lowest < 0.0:
         return lowest * _WIDENED, highest / _WIDENED
     return lowest / _WIDENED, highest * _WIDENED
+
+
+def tailless_words(subject: str, slope: float, mach: float) -> str:
+    """Return the words on a value that an aircraft without horizontal tail may have.
+
+    An imported database does not state its surfaces, and a tail with this value is wrong.
+    """
+    coefficient, _, variable = subject.partition("/")
+    other = derivative_ranges("WING-BODY").get((coefficient, variable))
+    if other is None or variable != "qhat":
+        return ""
+    low, high = other.at(mach).low, other.at(mach).high
+    if not low <= slope <= high:
+        return ""
+    return (
+        f"; the database does not state its surfaces. Without horizontal tail {low:.3g} to "
+        f"{high:.3g} is usual: if the aircraft has none, write "
+        f'"{subject}" = "no horizontal tail: ..." below [acknowledged] of the aircraft file; '
+        f"with a tail the value is too small"
+    )

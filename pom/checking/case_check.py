@@ -23,6 +23,10 @@ from pom.replaying.replay_case import ReplayPlan, check_plan, plan_of
 from pom.result import PomResult, make_verdict_table
 from pom.tolerances.bands import RowRemark
 
+AIRSPEED = "scale:V"
+"""Start of the name of the finding on a scale of the airspeed, or of the temperature in it."""
+SMALL = "small_scale"
+"""Kind of that finding where it is a note on the record: a position error can be as large."""
 MOST_CHANNELS = 40
 """Largest number of missing channels that the check of a case lists; a case needs fewer."""
 
@@ -216,10 +220,15 @@ class RecordCheck:
             return cls(name, f"not checked: {error}")
         found: dict[str, list[RecordError]] = {"error": [], "warning": []}
         for item in quality.findings:
-            if item.severity in found:
+            severity = item.severity
+            if severity == "note" and item.name.startswith(AIRSPEED):
+                # small for a record, but rows judge the model with it
+                severity = "warning"
+                item = replace(item, kind=SMALL)
+            if severity in found:
                 text = _join_lines(item.text, item.remedy)
                 finding = RecordError(item.name, text, start=item.start, stop=item.stop)
-                found[item.severity].append(finding)
+                found[severity].append(finding)
         return cls(name, quality.verdict, tuple(found["error"]), tuple(found["warning"]))
 
     def lines(self) -> list[str]:
@@ -292,7 +301,9 @@ def _add_record_remarks(result: PomResult, checks: Mapping[str, RecordCheck]) ->
             continue
         text = f"warning on the flight record: {warning.name}: {warning.text}"
         kind, _, channels = warning.name.partition(":")
-        if kind == "lag" and driven.intersection(channels.split("+")):
+        is_late = kind == "lag" and driven.intersection(channels.split("+"))
+        # dynamic pressure and damping of the model go with it
+        if is_late or warning.name.startswith(AIRSPEED):
             remarks.append(RowRemark("departure", f"departure: {text}", warning.name))
         else:
             remarks.append(RowRemark("record_warning", text, warning.name))

@@ -25,18 +25,12 @@ def with_report_checks(results: Sequence[PomResult]) -> list[PomResult]:
     -------
     list of PomResult
         With the remarks on conditions over several cases (`with_report_conditions`), on flights
-        that several cases of a test show, and on records that disagree with the others on mass or
+        that several cases show, and on records that disagree with the others on mass or
         temperature.
     """
     results = with_report_conditions(results)
-    groups: dict[tuple[str, str, str], list[int]] = {}
-    for k, result in enumerate(results):
-        case = result.case
-        groups.setdefault((case.standard, case.edition, case.id), []).append(k)
-    for places in groups.values():
-        shared = shared_flight_remarks([results[k] for k in places])
-        for k, remarks in zip(places, shared, strict=True):
-            results[k] = _with_remarks(results[k], remarks)
+    shared = shared_flight_remarks(results)
+    results = [_with_remarks(*pair) for pair in zip(results, shared, strict=True)]
     disagreements = disagreement_remarks(results)
     return [with_run_remarks(*pair) for pair in zip(results, disagreements, strict=True)]
 

@@ -15,12 +15,13 @@ from flightmech.air import P_SEA, atmosphere, true_airspeed
 from pom.cases.case import PomCase
 from pom.tolerances.bands import RowRemark
 
+AIR, SPEED = "temperature", "V"
+"""Quantities of the remarks: on the air alone, and on the true airspeed against it."""
 MOST_WARMTH = 15.0
 """Difference from the standard atmosphere that needs a word. [K]  Most flight tests are within."""
 USUAL_PRESSURE = (96000.0, 104500.0)  # at sea level; beyond it are storms and records [Pa]
 SPEEDS = 0.02  # relative difference of true airspeeds; 25 K of a wrong temperature give 0.04
 FLYING = 30.0  # [m s-1] below it air data mean little
-LEAST_CLIMB = 50.0  # [m] a climb in which pressure and height show the temperature
 
 
 def air_remarks(case: PomCase, states: xr.Dataset) -> tuple[RowRemark, ...]:
@@ -35,49 +36,54 @@ def air_remarks(case: PomCase, states: xr.Dataset) -> tuple[RowRemark, ...]:
     Returns
     -------
     tuple of RowRemark
-        ``record_warning`` for air that is unusual or contradicts another channel, ``not_checked``
-        if the flight shows nothing of its temperature.
+        ``record_warning`` for air that is unusual or contradicts another channel, with the error
+        that it supposes (`pom.probing.temperature_effect`); ``not_checked`` otherwise.
     """
     if case.reference != "flight" or not {"h", "temperature"} <= set(states):
         return ()
-    texts = [*_weather_texts(states), *_speed_texts(states)]
-    remarks = [RowRemark("record_warning", text, "temperature") for text in texts]
-    climb = float(np.nanmax(states["h"].values) - np.nanmin(states["h"].values))
-    if climb < LEAST_CLIMB and not remarks:
+    remarks = [*_weather_remarks(states), *_speed_remarks(states)]
+    if not remarks:
+        # A height that was computed from the pressure shows nothing of the temperature.
         text = (
-            f"not checked: the level of the temperature (climb or descent of {climb:.0f} m in the "
-            f"window, {LEAST_CLIMB:g} m show it; 25 K too much are 9 % of density and 4 % of true "
-            f"airspeed)"
+            f"not checked: an error of the temperature within {MOST_WARMTH:g} K of the standard "
+            f"atmosphere (25 K too much are 9 % of density and 4 % of true airspeed)"
         )
-        remarks.append(RowRemark("not_checked", text, "temperature"))
+        remarks.append(RowRemark("not_checked", text, AIR))
     return tuple(remarks)
 
 
-def _weather_texts(states: xr.Dataset) -> Iterator[str]:
+def _warn(text: str, quantity: str, error: float) -> RowRemark:
+    """Return a warning; `error`: what the temperature may be too high by. [K]"""
+    return RowRemark("record_warning", f"record: {text}", quantity, {"error": error}, "K")
+
+
+def _weather_remarks(states: xr.Dataset) -> Iterator[RowRemark]:
     """Yield what is unusual of temperature and pressure at the start."""
     h, T = (float(np.atleast_1d(states[name].values)[0]) for name in ("h", "temperature"))
     if not np.isfinite([h, T]).all():
         return
     warmth = T - float(atmosphere(h).temperature)
     if abs(warmth) > MOST_WARMTH:
-        yield (
-            f"record: the air is {warmth:+.0f} K off the standard atmosphere, more than "
-            f"{MOST_WARMTH:g} K; check the temperature"
+        text = (
+            f"the air is {warmth:+.0f} K off the standard atmosphere, more than {MOST_WARMTH:g} K; "
+            f"check the temperature"
         )
+        yield _warn(text, AIR, warmth)
     if "p_static" not in states:
         return
     p = float(np.atleast_1d(states["p_static"].values)[0])
     sea = P_SEA * p / float(atmosphere(h, warmth).p_static)
     least, most = USUAL_PRESSURE
     if not least <= sea <= most:
-        yield (
-            f"record: height, pressure and temperature together are those of {sea / 100.0:.0f} hPa "
+        text = (
+            f"height, pressure and temperature together are those of {sea / 100.0:.0f} hPa "
             f"at sea level, usual are {least / 100.0:.0f} to {most / 100.0:.0f} hPa; check the "
             f"temperature ({warmth:+.0f} K off the standard atmosphere) and the height"
         )
+        yield _warn(text, AIR, warmth)
 
 
-def _speed_texts(states: xr.Dataset) -> Iterator[str]:
+def _speed_remarks(states: xr.Dataset) -> Iterator[RowRemark]:
     """Yield the contradiction of true and calibrated airspeed."""
     if not {"V", "V_cas", "p_static"} <= set(states):
         return
@@ -90,8 +96,11 @@ def _speed_texts(states: xr.Dataset) -> Iterator[str]:
     p, T = (np.broadcast_to(item, is_flying.shape)[is_flying] for item in (p, T))
     ratio = float(np.median(V / true_airspeed(V_cas, p, T)))
     if abs(ratio - 1.0) > SPEEDS:
-        yield (
-            f"record: the true airspeed is {ratio:.3f} of what calibrated airspeed, pressure and "
+        # V ~ sqrt(T) at equal calibrated airspeed and pressure
+        error = float(np.median(T)) * (1.0 - ratio**2)
+        text = (
+            f"the true airspeed is {ratio:.3f} of what calibrated airspeed, pressure and "
             f"temperature give (tolerance {100 * SPEEDS:g} %); check the temperature and the two "
             f"airspeeds"
         )
+        yield _warn(text, SPEED, error)

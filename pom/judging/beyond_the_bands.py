@@ -11,6 +11,7 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -239,6 +240,15 @@ def flown_model(fmu: str | Path) -> SimModel | None:
         if BLOCK not in archive.namelist():
             return None
         return SimModel(archive.read(BLOCK))
+
+
+@lru_cache(maxsize=16)
+def kept_model(fmu: Path, sha256: str) -> SimModel | None:
+    """Return `flown_model` of a file with this content; the cases of a batch share it.
+
+    `sha256` is a key.  Names and entries of a model are read from its block once.
+    """
+    return flown_model(fmu)
 
 
 def nodes_from_flight(leaf: xr.Dataset) -> np.ndarray:

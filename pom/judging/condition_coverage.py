@@ -59,6 +59,8 @@ SHARED = "shared_flight"
 """Quantity of the remark on a flight that another case of the test has already shown
 (`pom.probing.shared_flights`).
 """
+SHARED_TESTS = "shared_flight_of_tests"
+"""The same for a flight that a case of another test shows; it does not change the coverage."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from pom.cases.resolve import SEGMENTS
 from pom.judging.applicability import reason_not_judged
 from pom.tolerances import rows
 from pom.tolerances.bands import RowRemark
-from pom.tolerances.channels import limit_to_si_factor
+from pom.tolerances.channels import limit_to_si_factor, plain_words, quantity_words
 from pom.tolerances.criteria import PARTS, Band, Criterion, Limit
 from pom.tolerances.editions import RESTS_ON, different_rows
 
@@ -65,7 +65,7 @@ def case_departures(case: PomCase) -> tuple[RowRemark, ...]:
                 f"[facts] without of its file"
             )
             remarks.append(_departure(text, criterion.name))
-    return (*remarks, *_driven_departures(case))
+    return (*remarks, *_driven_departures(case), *_piloted_departures(case))
 
 
 def _mode_departure(criterion: Criterion, row: Criterion) -> Iterator[RowRemark]:
@@ -76,6 +76,27 @@ def _mode_departure(criterion: Criterion, row: Criterion) -> Iterator[RowRemark]
             f"{row.channel}"
         )
         yield _departure(text, criterion.name)
+
+
+_AXES = {
+    "2.c.": ("delta_e", "column", "F_column", "throttle", "thrust"),
+    "2.d.": ("delta_a", "delta_r", "wheel", "pedal", "F_wheel", "F_pedal"),
+}
+"""Controls of the axis of a test, by the start of its number."""
+
+
+def _piloted_departures(case: PomCase) -> Iterator[RowRemark]:
+    """Yield the loops of a math pilot that damp or drive the mode that a row judges."""
+    if not any(item.applies and item.measure in MODAL for item in case.criteria):
+        return
+    controls = next((own for start, own in _AXES.items() if case.id.startswith(start)), ())
+    for loop in case.drive.pilot:
+        if loop.control.rpartition(".")[2] in controls:
+            text = (
+                f"the math pilot moves the {quantity_words(loop.control)} in the axis of the mode "
+                f"that is judged, which is then not a free response"
+            )
+            yield _departure(text, loop.control)
 
 
 def _driven_departures(case: PomCase) -> Iterator[RowRemark]:
@@ -153,19 +174,23 @@ def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[R
         times = _width_ratio(own, row.band)
         ratio = "" if times is None else f", {times:.3g} times as wide"
         printed = f"printed {row.band.text}" if row.band.limits else "its number was not read"
-        text = f"tolerance of {own.name} {own.band.text}, {printed}{ratio}"
+        text = f"tolerance of {plain_words(own.name)} {own.band.text}, {printed}{ratio}"
         yield _departure(text, own.name)
     start, stop = _clip(_asked_window(case, own), case.window)
     if own.window[0] > start + _SAME_TIME or own.window[1] < stop - _SAME_TIME:
         text = (
-            f"{own.name} is judged in {own.window[0]:g} ... {own.window[1]:g} s, the row in "
+            f"{plain_words(own.name)} is judged in {own.window[0]:g} ... {own.window[1]:g} s, the row in "
             f"{start:g} ... {stop:g} s"
         )
         yield _departure(text, own.name)
     if own.group != row.group:
-        others = [c.name for c in case.criteria if c.group == own.group and c.name != own.name]
+        others = [
+            plain_words(c.name)
+            for c in case.criteria
+            if c.group == own.group and c.name != own.name
+        ]
         if others:
-            text = f"{own.name} is an alternative of {', '.join(others)}, in the table it is not"
+            text = f"{plain_words(own.name)} is an alternative of {', '.join(others)}, in the table it is not"
             yield _departure(text, own.name)
 
 
@@ -297,13 +322,13 @@ def _unrecorded(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
         if name in stated and abs(value - stated[name]) > SAME * max(abs(stated[name]), 1.0):
             shown = [value_text(name, item, ".5g") for item in (value, stated[name])]
             text = (
-                f"{name} ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, "
+                f"'{name}' ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, "
                 f"the aircraft file has {shown[1]}"
             )
             yield _departure(text, name)
         elif name in _HELD & _WATCHED and value != 0.0:
             text = (
-                f"{name} ({lookup(name).long_name}) is held at {value_text(name, value, '.5g')} by "
+                f"'{name}' ({lookup(name).long_name}) is held at {value_text(name, value, '.5g')} by "
                 f"the conditions of the case; the record does not show it"
             )
             yield _departure(text, name)
@@ -313,7 +338,7 @@ def _unrecorded(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
     recorded = T - float(atmosphere(h).temperature)
     if abs(given["delta_T"] - recorded) > LEAST_TEMPERATURE:
         text = (
-            f"delta_T is {given['delta_T']:.3g} K by the conditions of the case, the record has "
+            f"'delta_T' is {given['delta_T']:.3g} K by the conditions of the case, the record has "
             f"{recorded:.3g} K"
         )
         yield _departure(text, "delta_T")
@@ -354,7 +379,7 @@ def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
             continue
         shown = [value_text(name, item, ".5g") for item in (value, recorded)]
         text = (
-            f"{name} ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, the "
+            f"'{name}' ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, the "
             f"record has {shown[1]}"
         )
         yield _departure(text, name)

@@ -4,6 +4,7 @@ from .flight_consistency import compare_inputs as compare_inputs
 from .flight_consistency import compare_lift as compare_lift
 from .input_probe import changed_job as changed_job
 from .input_probe import judge_change as judge_change
-from .model_probes import with_probes as with_probes
+from .model_probes import probe_models as probe_models
 from .record_leak import find_leaks as find_leaks
 from .scatter_probe import measure_scatter as measure_scatter
+from .temperature_effect import weigh_temperature as weigh_temperature

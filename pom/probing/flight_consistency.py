@@ -142,7 +142,7 @@ def compare_inputs(
     if not is_scaled and not is_late:
         return (RowRemark("probe", text, values=values, unit="1"),)
     reason = (
-        f"departure: {text}. Check gain and time of the pick-ups (delta_e, delta_a, delta_r or the "
+        f"departure: {text}. Check gain and time of the pick-ups (elevator, aileron, rudder or the "
         f"forces), and the effectiveness of the controls of the model"
     )
     return (RowRemark("departure", reason, "inputs", values=values, unit="1"),)
@@ -192,15 +192,17 @@ def judge_lift(measured: np.ndarray, expected: np.ndarray, limit: float) -> tupl
     """Return the remark of `compare_lift` for lift coefficients of flight and model (sample,)."""
     # a mass that is wrong by a share multiplies both numbers by one plus the share
     tests = {"level": (float(np.median(measured / expected)), limit)}
-    slope, stderr = _lift_slope(measured, expected)
-    if np.ptp(expected) >= LEAST_RANGE and stderr <= MOST_STDERR:
-        tests["slope"] = (slope, LIFT_SLOPE)
+    if np.ptp(expected) >= LEAST_RANGE:
+        slope, stderr = _lift_slope(measured, expected)
+        if stderr <= MOST_STDERR:
+            tests["slope"] = (slope, LIFT_SLOPE)
     ratio = tests["level"][0]
     text = (
         f"lift: the flight needs {ratio:.3f} of what the model has at the recorded angle of attack"
     )
     values = {"ratio": ratio, "limit": limit}
     if "slope" in tests:
+        slope, _ = tests["slope"]
         text += f", and {slope:.3f} of the slope"
         values["slope"] = slope
     if all(abs(value - 1.0) < most for value, most in tests.values()):
@@ -220,16 +222,17 @@ def judge_lift(measured: np.ndarray, expected: np.ndarray, limit: float) -> tupl
 
 def _lift_slope(measured: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
     """Return the slope of measured over expected lift, and its standard error by the jackknife."""
-    places = np.arange(measured.size)
     if not np.ptp(expected) > 0.0:
         return math.nan, math.inf
 
-    def fit(kept: np.ndarray) -> float:
-        x, y = expected[kept] - expected[kept].mean(), measured[kept] - measured[kept].mean()
+    def fit(x: np.ndarray, y: np.ndarray) -> float:
+        x, y = x - x.mean(), y - y.mean()
         return float(x @ y / max(x @ x, 1e-30))
 
-    left_out = [fit(np.setdiff1d(places, block)) for block in np.array_split(places, _BLOCKS)]
-    return fit(places), float(np.sqrt((_BLOCKS - 1) * np.var(left_out)))
+    left_out = []
+    for block in np.array_split(np.arange(measured.size), _BLOCKS):
+        left_out.append(fit(np.delete(expected, block), np.delete(measured, block)))
+    return fit(expected, measured), float(np.sqrt((_BLOCKS - 1) * np.var(left_out)))
 
 
 def _lift_not_checked(reason: str) -> tuple[RowRemark, ...]:
@@ -249,7 +252,7 @@ def lift_pair(model: SimModel, states: xr.Dataset) -> tuple[np.ndarray, np.ndarr
     area = float(model.meta["database"]["S"])
 
     def channel(name: str) -> np.ndarray:
-        return np.broadcast_to(states[name].values.astype(float), count)
+        return np.broadcast_to(states.variables[name].values.astype(float), count)
 
     columns = np.zeros((count, len(model.variables)))
     for k, name in enumerate(model.variables):
@@ -286,5 +289,5 @@ def on_wheels(states: xr.Dataset) -> np.ndarray:
     rolling = np.zeros(states.sizes["time"], bool)
     for name in map(str, states.data_vars):
         if name.startswith("wow"):
-            rolling |= states[name].values.astype(float) >= 0.5
+            rolling |= states.variables[name].values.astype(float) >= 0.5
     return rolling

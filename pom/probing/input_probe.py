@@ -20,6 +20,7 @@ from flightmech.units import DEGREE
 from pom.cases.case_file import WIND
 from pom.cases.job import ReplayJob
 from pom.tolerances.bands import RowRemark
+from pom.tolerances.channels import quantity_words
 
 SCALE = 0.9
 """Factor on the deviations of the inputs; smaller deviations stay inside the tables."""
@@ -101,7 +102,7 @@ def changed_job(job: ReplayJob, outputs: Traces) -> ChangedJob:
             inputs[name] = recorded
             continue
         deviation = values - values[0]
-        is_moved |= _is_moved(name, job.time, values)
+        is_moved = is_moved or _is_moved(name, job.time, values)
         inputs[name] = values[0] + SCALE * deviation
     if not is_moved:
         pulse = _pulse_shape(job.time)
@@ -192,7 +193,7 @@ def _judge_shares(shares: Mapping[str, float], judged: Collection[str]) -> tuple
     if not considered:
         return (_probe_remark("no channel responds enough to be judged", {}),)
     middle = sorted(considered.values())[len(considered) // 2]
-    listed = ", ".join(f"{name} {share:.2f}" for name, share in considered.items())
+    listed = ", ".join(f"{quantity_words(name)} {share:.2f}" for name, share in considered.items())
     text = (
         f"with inputs scaled by {SCALE:g} the answer changes by this share of what the inputs "
         f"explain: {listed} (1 for an aeroplane that is linear)"
@@ -216,7 +217,7 @@ def _judge_pulse(time: np.ndarray, before: Traces, after: Traces) -> tuple[RowRe
         change = np.nan_to_num(np.abs(after[name] - before[name]))
         if change.max() > LEAST_CHANGE * SIZES[name]:
             left[name] = float(rms(change[is_last]) / change.max())
-    listed = ", ".join(f"{name} {share:.2f}" for name, share in left.items())
+    listed = ", ".join(f"{quantity_words(name)} {share:.2f}" for name, share in left.items())
     text = f"no control moves; after a pulse on the controls this part remains: {listed}"
     if not left or max(left.values()) >= LEAST_LEFT:
         return (_probe_remark(text, left),)
@@ -228,7 +229,7 @@ def _unchanged_remark(
     names: Collection[str], means: str, changes: Mapping[str, float]
 ) -> RowRemark:
     text = (
-        f"not driven by the inputs: {', '.join(names)} do not change with {means}; the answer is "
+        f"not driven by the inputs: {', '.join(map(quantity_words, names))} do not change with {means}; the answer is "
         f"stored in the model or read by it"
     )
     values = {name: changes[name] for name in names}

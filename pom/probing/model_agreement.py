@@ -72,8 +72,10 @@ def compare_controls(case: PomCase, model: SimModel) -> tuple[RowRemark, ...]:
     model : SimModel
         Inside the FMU.
     """
+    if case.facts.get(REVERSIBLE) is not False:
+        return ()
     hinges = [name for name in model.terms if name.startswith("Ch_")]
-    if case.facts.get(REVERSIBLE) is not False or not hinges:
+    if not hinges:
         return ()
     text = (
         f"departure: pilot forces are not judged, since {REVERSIBLE} is false in the facts of the "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,21 +10,28 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError
 from flightmech.simulation.compiler import SimModel
+from pom.cases.case_file import SHOWN
 from pom.cases.job import ReplayJob
 from pom.fmu.models import FmuModel
 from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import fly_job
-from pom.judging.beyond_the_bands import SLOWEST, flown_model
-from pom.probing.flight_consistency import compare_inputs, compare_lift, on_wheels
+from pom.judging.beyond_the_bands import SLOWEST, kept_model
+from pom.judging.signals import traces_of
+from pom.probing.flight_consistency import CHANNELS, compare_inputs, compare_lift, on_wheels
 from pom.probing.input_probe import SIZES, changed_job, judge_change
 from pom.probing.model_agreement import compare_aircraft, compare_controls
-from pom.probing.scatter_probe import measure_scatter
+from pom.probing.scatter_probe import (
+    RecordScatter,
+    judge_difference,
+    judge_scatter,
+    measure_scatter,
+)
 from pom.result import PomResult, make_verdict_table
 from pom.status import PASSED
 from pom.tolerances.bands import RowRemark
 
 
-def with_probes(
+def probe_models(
     result: PomResult,
     models: Mapping[str, FmuModel],
     jobs: Mapping[str, ReplayJob],
@@ -32,8 +39,8 @@ def with_probes(
     states: xr.Dataset,
     timeout: float,
     store: KeptFlights | None = None,
-) -> PomResult:
-    """Return a result with the remarks of the probes on every model that passes.
+) -> dict[str, tuple[RowRemark, ...]]:
+    """Return the remarks of the probes on every model that passes, by model.
 
     A model that does not pass proves nothing, so it is not flown again.
 
@@ -48,6 +55,14 @@ def with_probes(
         As `pom.fmu.simulate.fly_job`.
     """
     found: dict[str, tuple[RowRemark, ...]] = {}
+    # What depends on the flight alone is computed once for all models.
+    flight = flight_traces(states, CHANNELS)
+    touches_ground = bool(on_wheels(states).any())
+    scatter = RecordScatter(traces_of(result.signals, "flight"))
+    hidden = None
+    if not set(SHOWN) <= set(result.case.show):
+        # A case that shows few channels would leave the probes of the noise out.
+        hidden = RecordScatter(flight_traces(states, (*SHOWN, "V")))
     for run, model in models.items():
         if result.status(run) not in PASSED or result.case.reference == "footprint":
             continue
@@ -69,22 +84,37 @@ def with_probes(
                 time, outputs[run], after, judged, moved=changed.moved, on_wheels=is_slow
             )
             # wheels take a part of the forces, also at a high speed
-            is_compared = changed.moved and not (is_slow or on_wheels(states).any())
+            is_compared = changed.moved and not (is_slow or touches_ground)
             is_compared = is_compared and all(item.kind == "probe" for item in remarks)
             if is_compared and result.case.reference == "flight":
                 surfaces = result.case.drive.level == "recorded"
-                remarks += compare_inputs(
-                    time, outputs[run], after, flight_traces(states), surfaces=surfaces
-                )
+                remarks += compare_inputs(time, outputs[run], after, flight, surfaces=surfaces)
         if result.case.reference == "flight":
-            remarks += measure_scatter(result.signals, run)
+            remarks += measure_scatter(result.signals, run, scatter)
+            if hidden:
+                remarks += _measure_hidden(hidden, outputs[run], jobs[run].time, remarks)
         if tables is not None:
             remarks += compare_aircraft(result.case, tables, jobs[run])
             remarks += compare_controls(result.case, tables)
             if result.case.reference == "flight":
                 remarks += compare_lift(tables, states)
         found[run] = remarks
-    return with_run_remarks(result, found)
+    return found
+
+
+def _measure_hidden(
+    scatter: RecordScatter,
+    outputs: Mapping[str, np.ndarray],
+    time: np.ndarray,
+    known: tuple[RowRemark, ...],
+) -> tuple[RowRemark, ...]:
+    """Return what the noise of channels shows that a case does not show, unless it is known."""
+    if any(item.kind == "not_driven" or item.quantity == "difference" for item in known):
+        return ()
+    found = judge_scatter(scatter, outputs)
+    if all(item.kind == "probe" for item in found):
+        found = judge_difference(time, scatter, outputs)
+    return tuple(item for item in found if item.kind != "probe")
 
 
 def is_on_wheels(outputs: Mapping[str, np.ndarray]) -> bool:
@@ -92,11 +122,14 @@ def is_on_wheels(outputs: Mapping[str, np.ndarray]) -> bool:
     return "V" in outputs and bool(np.nanmin(outputs["V"]) < SLOWEST)
 
 
-def flight_traces(states: xr.Dataset) -> dict[str, np.ndarray]:
-    """Return the channels of a flight that have a value per sample (time,). [SI]"""
+def flight_traces(
+    states: xr.Dataset, names: Collection[str] | None = None
+) -> dict[str, np.ndarray]:
+    """Return the channels of a flight that have a value per sample (time,), by default all. [SI]"""
     traces = {}
-    for name, item in states.data_vars.items():
-        if item.dims == ("time",) and item.dtype.kind == "f":
+    for name, item in states.variables.items():
+        is_wanted = name in states.data_vars if names is None else name in names
+        if is_wanted and item.dims == ("time",) and item.dtype.kind == "f":
             traces[str(name)] = item.values.astype(float)
     return traces
 
@@ -104,7 +137,7 @@ def flight_traces(states: xr.Dataset) -> dict[str, np.ndarray]:
 def tables_of(model: FmuModel) -> SimModel | None:
     """Return the tables inside the FMU of a model; None for an FMU of another program."""
     try:
-        return flown_model(model.fmu.path)
+        return kept_model(model.fmu.path, model.fmu.sha256)
     except AeromatchError:
         return None
 

@@ -8,12 +8,14 @@ record, sample by sample, was made from the record.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
 
 from pom.judging.signals import traces_of
 from pom.tolerances.bands import RowRemark, unwrapped_difference
+from pom.tolerances.channels import quantity_words
 
 CHANNELS = ("p", "q", "r", "nz", "ny", "nx", "theta", "phi", "psi", "alpha", "beta", "V_cas", "h")
 LEAST_CHANNELS = 3
@@ -47,7 +49,47 @@ LAG = 1.0  # [s]
 _CUT = 4.0  # medians of the scatter, so that steps of the inputs do not decide
 
 
-def measure_scatter(signals: xr.Dataset, run: str) -> tuple[RowRemark, ...]:
+class RecordScatter:
+    """Scatter of a record, computed once for all models of a case.
+
+    Parameters
+    ----------
+    flight : mapping of str to array (time,)
+        [SI]
+    """
+
+    def __init__(self, flight: Mapping[str, np.ndarray]):
+        self.flight = flight
+
+    @cached_property
+    def noise(self) -> dict[str, np.ndarray | None]:
+        """Third differences of the channels without gaps, cut; None where they are not noise."""
+        found: dict[str, np.ndarray | None] = {}
+        for name in CHANNELS:
+            if name in self.flight and np.isfinite(self.flight[name]).all():
+                found[name] = noise_of(np.diff(self.flight[name], 3))
+        return found
+
+    @cached_property
+    def noisy(self) -> frozenset[str]:
+        """Channels of `DRIFTING` whose scatter is noise."""
+        present = [name for name in DRIFTING if name in self.flight]
+        return frozenset(name for name in present if is_noisy(self.flight[name]))
+
+
+def noise_of(differences: np.ndarray) -> np.ndarray | None:
+    """Return third differences without single steps; None unless they are noise, by `NOISE`."""
+    recorded = cut_steps(differences)
+    if recorded.size < LEAST_SAMPLES or not recorded.std():
+        return None
+    if np.corrcoef(recorded[1:], recorded[:-1])[0, 1] > NOISE:
+        return None
+    return recorded
+
+
+def measure_scatter(
+    signals: xr.Dataset, run: str, scatter: RecordScatter | None = None
+) -> tuple[RowRemark, ...]:
     """Return the remark on the scatter of a model; empty if the record has no noise.
 
     Parameters
@@ -55,33 +97,40 @@ def measure_scatter(signals: xr.Dataset, run: str) -> tuple[RowRemark, ...]:
     signals : Dataset (run, time)
         Of a result.
     run : str
+    scatter : RecordScatter, optional
+        Of the flight of these signals.
 
     Returns
     -------
     tuple of RowRemark
         Of kind ``probe``, or ``not_driven`` if the scatter is that of the record.
     """
-    flight, model = traces_of(signals, "flight"), traces_of(signals, run)
-    remarks = judge_scatter(flight, model)
+    scatter = scatter or RecordScatter(traces_of(signals, "flight"))
+    model = traces_of(signals, run)
+    remarks = judge_scatter(scatter, model)
     if any(remark.kind == "not_driven" for remark in remarks):
         return remarks
-    return (*remarks, *judge_difference(signals["time"].values.astype(float), flight, model))
+    return (*remarks, *judge_difference(signals["time"].values.astype(float), scatter, model))
 
 
-def judge_scatter(
-    flight: Mapping[str, np.ndarray], model: Mapping[str, np.ndarray]
-) -> tuple[RowRemark, ...]:
-    """Return the remark of `measure_scatter` for the traces of flight and model (time,)."""
+def judge_scatter(scatter: RecordScatter, model: Mapping[str, np.ndarray]) -> tuple[RowRemark, ...]:
+    """Return the remark of `measure_scatter` for a record and the traces of a model (time,)."""
+    flight = scatter.flight
     ratios, correlations = {}, {}
     for name in CHANNELS:
         if name not in flight or name not in model:
             continue
-        recorded, answer = np.diff(flight[name], 3), np.diff(model[name], 3)
-        is_finite = np.isfinite(recorded) & np.isfinite(answer)
-        recorded, answer = cut_steps(recorded[is_finite]), cut_steps(answer[is_finite])
-        if recorded.size < LEAST_SAMPLES or not recorded.std() or not answer.std():
+        answer = np.diff(model[name], 3)
+        if name in scatter.noise and np.isfinite(answer).all():
+            recorded = scatter.noise[name]
+        else:
+            differences = np.diff(flight[name], 3)
+            is_finite = np.isfinite(differences) & np.isfinite(answer)
+            recorded, answer = noise_of(differences[is_finite]), answer[is_finite]
+        if recorded is None:
             continue
-        if np.corrcoef(recorded[1:], recorded[:-1])[0, 1] > NOISE:
+        answer = cut_steps(answer)
+        if not answer.std():
             continue
         ratios[name] = float(answer.std() / recorded.std())
         correlations[name] = float(np.corrcoef(recorded, answer)[0, 1])
@@ -106,7 +155,7 @@ _MOTION = 5.0
 
 
 def judge_difference(
-    time: np.ndarray, flight: Mapping[str, np.ndarray], model: Mapping[str, np.ndarray]
+    time: np.ndarray, scatter: RecordScatter, model: Mapping[str, np.ndarray]
 ) -> tuple[RowRemark, ...]:
     """Return the remark on a difference of flight and model that is nothing but noise.
 
@@ -117,7 +166,8 @@ def judge_difference(
     ----------
     time : array (time,)
         [s]
-    flight, model : mapping of str to array (time,)
+    scatter : RecordScatter
+    model : mapping of str to array (time,)
         [SI]
 
     Returns
@@ -129,9 +179,10 @@ def judge_difference(
     count = round(LAG / float(np.median(np.diff(time)))) if time.size > LEAST_SAMPLES else 0
     if not 0 < count < time.size // 2:
         return ()
+    flight = scatter.flight
     correlations = {}
     for name in DRIFTING:
-        if name not in flight or name not in model or not is_noisy(flight[name]):
+        if name not in model or name not in scatter.noisy:
             continue
         difference = unwrapped_difference(name, flight[name], model[name])
         difference = difference - difference.mean()
@@ -146,7 +197,9 @@ def judge_difference(
     if len(correlations) < LEAST_CHANNELS:
         return ()
     largest = max(correlations.values())
-    listed = ", ".join(f"{name} {value:.2f}" for name, value in correlations.items())
+    listed = ", ".join(
+        f"{quantity_words(name)} {value:.2f}" for name, value in correlations.items()
+    )
     text = f"difference of flight and model over {LAG:g} s correlated by {listed}"
     if largest >= DRIFTS:
         return (RowRemark("probe", text, values=correlations, unit="1"),)

@@ -12,6 +12,7 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
 from pom.cases.case import PomCase
+from pom.cases.case_file import SHOWN
 from pom.cases.fact_agreement import check_record_facts
 from pom.cases.job import ReplayJob, job_of
 from pom.cases.reference_states import flight_states
@@ -22,8 +23,9 @@ from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
 from pom.probing.input_probe import SIZES
-from pom.probing.model_probes import tables_of, with_probes, with_run_remarks
+from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
 from pom.probing.record_leak import find_leaks
+from pom.probing.temperature_effect import weigh_temperature
 from pom.replaying.replay_channels import (
     judged_channels,
     moved_controls,
@@ -167,6 +169,8 @@ def perform_plan(
         axes = [item.variable for item in ranges]
         # The velocity over the ground shows the track, which no row judges.
         names = [*channels, *axes, *GROUND_VELOCITY]
+        # Probes and watched channels do not depend on what a case shows.
+        names += SHOWN
         requested = {*_output_names(names, model.links.outputs), *OBSERVED, *SIZES}
         job, trim_remarks, refused = solve_trim_surfaces(
             plan.job,
@@ -197,7 +201,7 @@ def perform_plan(
         attrs=_describe_models(models),
         more=remarks,
     )
-    result = with_probes(
+    found = probe_models(
         result,
         models,
         jobs,
@@ -206,22 +210,31 @@ def perform_plan(
         timeout=timeout,
         store=store,
     )
-    return _with_table_agreement(result, models, jobs, outputs_by_run)
-
-
-def _with_table_agreement(
-    result: PomResult,
-    models: Mapping[str, FmuModel],
-    jobs: Mapping[str, ReplayJob],
-    outputs: Mapping[str, Mapping[str, np.ndarray]],
-) -> PomResult:
-    """Return a result with the remark on the tables inside every FMU that passes."""
-    own: dict[str, tuple[RowRemark, ...]] = {}
     for name, model in models.items():
-        tables = tables_of(model) if result.status(name) in PASSED else None
-        if tables is not None:
-            own[name] = compare_model_tables(model, tables, jobs[name], outputs[name])
-    return with_run_remarks(result, own)
+        is_driven = all(remark.kind != "not_driven" for remark in found.get(name, ()))
+        if is_driven and result.status(name) in PASSED:
+            agreement = _table_agreement(model, jobs[name], outputs_by_run[name])
+            weighed = weigh_temperature(
+                result,
+                name,
+                model=model,
+                job=jobs[name],
+                outputs=outputs_by_run[name],
+                timeout=timeout,
+                store=store,
+            )
+            found[name] = (*found.get(name, ()), *agreement, *weighed)
+    return with_run_remarks(result, found)
+
+
+def _table_agreement(
+    model: FmuModel, job: ReplayJob, outputs: Mapping[str, np.ndarray]
+) -> tuple[RowRemark, ...]:
+    """Return the remark on the tables inside an FMU; none for an FMU of another program."""
+    tables = tables_of(model)
+    if tables is None:
+        return ()
+    return compare_model_tables(model, tables, job, outputs)
 
 
 def _describe_models(models: Mapping[str, FmuModel]) -> dict[str, str]:

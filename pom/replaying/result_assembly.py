@@ -12,11 +12,13 @@ import xarray as xr
 from flightmech.names import WRAPPED, lookup
 from flightmech.support.console import to_json_types
 from pom.cases.case import PomCase
+from pom.cases.case_file import SHOWN
 from pom.cases.job import ReplayJob, initial_configuration
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.air_checks import air_remarks
 from pom.judging.beyond_the_bands import watch_channels, watch_track
 from pom.judging.departures import case_departures, record_departures
+from pom.judging.input_end_check import input_end_remarks
 from pom.judging.report_conditions import VALUES, report_values
 from pom.judging.row_conditions import condition_remarks
 from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
@@ -79,6 +81,7 @@ def assemble_result(
         *case_departures(case),
         *record_departures(case, states),
         *condition_remarks(case, flight),
+        *input_end_remarks(case, flight),
         *air_remarks(case, states),
     )
     rows: list[dict[str, Any]] = []
@@ -125,8 +128,11 @@ def _verdict_rows(
         watched: tuple[RowRemark, ...] = ()
     else:
         reasons = beyond_limits(limits, outputs, demanded=True)
+        # A channel that the case does not show is watched, too.
+        flown = {**_usual_traces(match.flight), **traces_of(signals, "flight")}
+        answer = {**_usual_traces(match.against(outputs).model), **traces_of(signals, run)}
         watched = (
-            *watch_channels(case, time, traces_of(signals, "flight"), traces_of(signals, run)),
+            *watch_channels(case, time, flown, answer),
             *watch_track(case, time, match.flight, outputs),
         )
     remarks = (*usual, *watched, *more)
@@ -137,6 +143,15 @@ def _verdict_rows(
         row = verdict_row(run, criterion, outcome)
         rows.append({**row, "remarks": (*row["remarks"], *remarks)})
     return rows
+
+
+def _usual_traces(signals: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the channels that a case shows unless it states others, as far as a run has them."""
+    traces = {}
+    for name in SHOWN:
+        if name in signals:
+            traces[name] = np.asarray(signals[name], float)
+    return traces
 
 
 def _outcome_unless_invalid(

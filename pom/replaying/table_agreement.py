@@ -26,6 +26,7 @@ from pom.fmu.models import FmuModel
 from pom.probing.input_probe import SIZES
 from pom.replaying.kernel_replay import fly_once
 from pom.tolerances.bands import RowRemark, unwrapped_difference
+from pom.tolerances.channels import quantity_words
 
 OWN_TABLES = 0.02
 """Largest rms difference of the answers of FMU and tables, in units of `SIZES`.
@@ -86,7 +87,7 @@ def compare_tables(model: SimModel, job: ReplayJob, outputs: Traces) -> tuple[Ro
         return ()
     worst = max(sizes, key=lambda name: sizes[name])
     size = value_text(worst, sizes[worst] * SIZES[worst], ".2g")
-    text = f"the answer differs from that of the tables in the FMU by {size} rms ({worst})"
+    text = f"the answer differs from that of the tables in the FMU by {size} rms ({quantity_words(worst)})"
     if sizes[worst] < OWN_TABLES:
         return (RowRemark("probe", text, values=sizes, unit="1"),)
     reason = (

@@ -26,6 +26,7 @@ from pom.fmu.simulate import fly_job
 from pom.judging.signals import trace_of
 from pom.result import PomResult
 from pom.tolerances.bands import ALLOWED, RowRemark
+from pom.tolerances.channels import quantity_words
 
 STATE = (
     *("V", "V_cas", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h"),
@@ -175,7 +176,11 @@ def _limit_remark(name: str, value: float, size: float, *, reason: str) -> RowRe
     unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
     suffix = "" if unit == "1" else f" {unit}"
     values = {"found": float(from_si(value, unit)), "limit": float(from_si(size, unit))}
-    text = f"trim.{name} {values['found']:+.3g}{suffix} is beyond {values['limit']:.3g}{suffix}"
+    # the quoted word is the key of a rationale
+    text = (
+        f"trim: {quantity_words(name)} {values['found']:+.3g}{suffix} is beyond "
+        f"{values['limit']:.3g}{suffix} ('trim.{name}')"
+    )
     if not reason:
         return RowRemark("trim", text, name, values=values, unit=unit)
     refusal = rationale_problem(reason)

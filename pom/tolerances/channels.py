@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container
 
-from flightmech.errors import UnitError
+from flightmech.errors import UnitError, UnknownName
 from flightmech.names import VOCABULARY, lookup, value_text
 from flightmech.units import parse_unit
 from pom.tolerances.criteria import Criterion
@@ -241,5 +241,31 @@ def display_unit(criterion: Criterion) -> str:
 
 
 def channel_value_text(channel: str, value: float) -> str:
-    """Return a channel and its value in the display unit."""
-    return f"{channel} {value_text(channel, value)}"
+    """Return a channel in words, and its value in the display unit."""
+    return f"{quantity_words(channel)} {value_text(channel, value)}"
+
+
+def quantity_words(name: str) -> str:
+    """Return a quantity in words: those of the vocabulary, or the name without underscores.
+
+    Examples
+    --------
+    >>> quantity_words("delta_e"), quantity_words("nz")
+    ('elevator deflection', 'load factor at the c.g.')
+    """
+    try:
+        # a definition may follow the words
+        return lookup(name).long_name.partition(",")[0]
+    except UnknownName:
+        return plain_words(name)
+
+
+def plain_words(name: str) -> str:
+    """Return the name of a row or a measure in words.
+
+    Examples
+    --------
+    >>> plain_words("pitch_angle")
+    'pitch angle'
+    """
+    return name.replace("_", " ")

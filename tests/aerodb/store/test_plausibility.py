@@ -366,3 +366,19 @@ def test_roll_due_to_yaw_is_small_at_low_lift(aeroplane) -> None:
     assert subjects(check_plausibility(aeroplane)) == set()
     aeroplane["Cl/rhat"] = xr.DataTree(make_term(-0.05, regressors=["rhat"]))
     assert subjects(check_plausibility(aeroplane)) == {"Cl/rhat"}
+
+
+def test_a_small_pitch_damping_of_unknown_surfaces_names_the_tailless_range(aeroplane) -> None:
+    aeroplane["Cm/qhat"]["value"][...] = -0.9
+    (item,) = [item for item in check_plausibility(aeroplane) if item.subject == "Cm/qhat"]
+    assert item.stops
+    assert "Without horizontal tail -15 to -0.25 is usual" in item.source
+    assert '"Cm/qhat" = "no horizontal tail: ..."' in item.source
+    # a value that no aircraft has, and a deck that states the surfaces, get no such words
+    aeroplane["Cm/qhat"]["value"][...] = 0.5
+    (item,) = [item for item in check_plausibility(aeroplane) if item.subject == "Cm/qhat"]
+    assert "horizontal tail" not in item.source
+    aeroplane.attrs["configuration"] = "WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL"
+    aeroplane["Cm/qhat"]["value"][...] = -0.9
+    (item,) = [item for item in check_plausibility(aeroplane) if item.subject == "Cm/qhat"]
+    assert "Without horizontal tail" not in item.source

@@ -240,7 +240,7 @@ def test_a_trim_beyond_its_limits_that_no_row_states_is_found(
     pom.write_report([result], tmp_path / "report", title="Toy", paper=None)
     assert (
         changed(tmp_path)["verdict", "a_case, toy"].detail
-        == "trim.delta_e +2 deg is beyond 1 deg: not stated"
+        == "trim: elevator deflection +2 deg is beyond 1 deg ('trim.delta_e'): not stated"
     )
 
 

@@ -211,3 +211,14 @@ def test_a_warning_on_the_record_is_stated_and_a_late_control_is_a_departure(pas
     # what does not drive the model is a notice
     (made,) = with_record_checks([passed], {passed.case.record: RecordCheck("r", "", (), (noise,))})
     assert made.status("final") == "pass"
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"), [("scale", "departure"), ("small_scale", "record_warning")]
+)
+def test_a_scale_of_the_airspeed_is_a_departure_unless_it_is_small(passed, kind, expected):
+    scale = RecordError(f"{kind}:V", "V shows 0.948 of the airspeed that accelerations give")
+    check = RecordCheck("roll", "fit for use, with care", (), (scale,))
+    (result,) = with_record_checks([passed], {passed.case.record: check})
+    kinds = {item.kind for item in result.rows[0]["remarks"] if item.quantity == scale.name}
+    assert kinds == {expected}

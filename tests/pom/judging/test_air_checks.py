@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 import xarray as xr
 
 from flightmech.air import atmosphere, true_airspeed
@@ -36,21 +37,19 @@ def texts(flight):
     return [(item.kind, item.text) for item in air_remarks(CASE, flight)]
 
 
-def test_usual_air_has_no_warning():
-    assert texts(states()) == []
-    assert texts(states(warmth=-12.0)) == []
-
-
-def test_a_flight_without_climb_states_that_the_temperature_is_not_checked():
-    ((kind, text),) = texts(states(climb=5.0))
+@pytest.mark.parametrize("warmth", [5.0, -12.0])
+def test_usual_air_has_no_warning_and_is_stated_as_not_checked(warmth):
+    ((kind, text),) = texts(states(warmth=warmth))
     assert kind == "not_checked"
-    assert "level of the temperature" in text
+    assert "error of the temperature within 15 K" in text
 
 
 def test_a_temperature_that_contradicts_the_airspeeds_is_named():
-    ((kind, text),) = texts(states(error=-14.0))
-    assert kind == "record_warning"
-    assert "tolerance 2 %" in text
+    (remark,) = air_remarks(CASE, states(error=-14.0))
+    assert remark.kind == "record_warning"
+    assert "tolerance 2 %" in remark.text
+    # the airspeeds give the error back
+    assert remark.values["error"] == pytest.approx(-14.0, abs=0.6)
 
 
 def test_unusual_air_is_named():

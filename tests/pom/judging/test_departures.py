@@ -1,6 +1,9 @@
 """Departures from the printed row: found from the case, stated as remarks, never a plain pass."""
 
 import math
+import re
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import xarray as xr
@@ -8,9 +11,14 @@ import xarray as xr
 import flightmech
 from flightmech.errors import SchemaError
 from pom.cases.case import PomCase, read_case
+from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import RECORD_SPAN
+from pom.cases.resolve import LIMIT_UNITS
 from pom.judging.departures import case_departures, record_departures
+from pom.replaying.trim import _limit_remark
 from pom.status import status_of
+
+PHUGOID = Path(__file__).parents[3] / "data" / "t37" / "cases" / "26_phugoid.toml"
 
 
 def departures(path):
@@ -28,14 +36,14 @@ def test_the_printed_rows_are_no_departure(write_case):
 @pytest.mark.parametrize(
     ("entry", "text"),
     [
-        ('pitch_angle = "9 deg"', "pitch_angle 9 deg, printed 1.5 deg, 6 times as wide"),
-        ('theta = "0.0525 rad"', "pitch_angle 0.0525 rad, printed 1.5 deg, 2.01 times as wide"),
+        ('pitch_angle = "9 deg"', "pitch angle 9 deg, printed 1.5 deg, 6 times as wide"),
+        ('theta = "0.0525 rad"', "pitch angle 0.0525 rad, printed 1.5 deg, 2.01 times as wide"),
         # the greater of a wide and a narrow limit is wide
         (
             'pitch_angle = { abs = "1 deg", percent = 50 }',
-            "pitch_angle 50 % of the flight value or 1 deg, the greater, printed 1.5 deg",
+            "pitch angle 50 % of the flight value or 1 deg, the greater, printed 1.5 deg",
         ),
-        ("pitch_angle = { percent = 1 }", "pitch_angle 1 % of the flight value, printed 1.5 deg"),
+        ("pitch_angle = { percent = 1 }", "pitch angle 1 % of the flight value, printed 1.5 deg"),
     ],
 )
 def test_a_band_that_may_be_wider_is_a_departure(write_case, entry, text):
@@ -65,7 +73,7 @@ def test_a_narrowed_window_is_a_departure(write_case):
     entry = f'[tolerance]\npitch_angle = {{ abs = "1.5 deg", window = [{start}, {stop - 1.0}] }}'
     (found,) = departures(write_case(more=entry))
     assert found == (
-        f"departure: pitch_angle is judged in {start:g} ... {stop - 1.0:g} s, the row in "
+        f"departure: pitch angle is judged in {start:g} ... {stop - 1.0:g} s, the row in "
         f"{start:g} ... {stop:g} s"
     )
     whole = f'[tolerance]\npitch_angle = {{ abs = "1.5 deg", window = [{start}, {stop}] }}'
@@ -75,7 +83,7 @@ def test_a_narrowed_window_is_a_departure(write_case):
 def test_a_row_that_becomes_an_alternative_is_a_departure(write_case):
     entry = '[tolerance]\nnormal_acceleration = { abs = "0.1 g", group = "pitch" }'
     (found,) = departures(write_case(more=entry))
-    assert "normal_acceleration is an alternative of pitch_angle" in found
+    assert "normal acceleration is an alternative of pitch angle" in found
 
 
 def test_a_larger_share_of_the_tolerance_is_a_departure(write_case):
@@ -113,13 +121,13 @@ def test_a_mass_or_a_state_against_the_record_is_a_departure(write_case):
     # what the record does not have is no override
     assert overrides(path) == []
     (text,) = overrides(path, mass=1900.0, theta=0.0)
-    assert text.startswith("departure: theta")
+    assert text.startswith("departure: 'theta'")
 
 
 def test_a_wind_that_the_record_does_not_have_is_a_departure(write_case):
     path = write_case(more="[conditions]\nwind_d = 0.6")
     (text,) = overrides(path)
-    assert text.startswith("departure: wind_d")
+    assert text.startswith("departure: 'wind_d'")
     assert len(overrides(path, wind_d=0.1)) == 1
     assert overrides(path, wind_d=0.6) == []
 
@@ -203,7 +211,7 @@ def test_a_temperature_against_the_record_is_a_departure(write_case):
     assert overrides(path) == []
     # 1500 m in the standard atmosphere: 278.4 K
     (text,) = overrides(path, h=1500.0, temperature=283.4)
-    assert "delta_T is 30 K by the conditions of the case, the record has 5 K" in text
+    assert "'delta_T' is 30 K by the conditions of the case, the record has 5 K" in text
     assert overrides(path, h=1500.0, temperature=308.2) == []
 
 
@@ -214,3 +222,35 @@ def test_a_mode_of_another_channel_is_a_departure(write_case):
     assert len(texts) == 3
     for text in texts:
         assert "is measured on p by case.mode_channel, usual is r" in text
+
+
+# a name of the vocabulary or of a row with an underscore, not in quotes
+RAW = re.compile(r"(?<!['\w.])[A-Za-z]+\w*_\w+")
+
+
+def test_departures_name_quantities_in_words(write_case):
+    entries = ('pitch_angle = "9 deg"', 'pitch_angle = { abs = "1.5 deg", window = [1.0, 2.0] }')
+    texts = []
+    for entry in entries:
+        texts += departures(write_case(more=f"[tolerance]\n{entry}"))
+    path = write_case(more="[conditions]\nx_cg_b = 0.3\nwind_d = 0.6\ndelta_T = 30.0")
+    texts += overrides(path, x_cg_b=0.1, h=0.0, temperature=288.15)
+    assert len(texts) == 5
+    assert [RAW.findall(text) for text in texts] == [[]] * 5
+
+
+def test_a_trim_beyond_its_limit_is_named_in_words():
+    for name in LIMIT_UNITS:
+        text = _limit_remark(name, 1.0, 0.1, reason="").text
+        assert not RAW.findall(text)
+        # the key of a rationale stays
+        assert text.endswith(f"('trim.{name}')")
+
+
+@pytest.mark.parametrize(("control", "count"), [("delta_e", 1), ("delta_a", 0)])
+def test_a_pilot_in_the_axis_of_a_mode_is_a_departure(control, count):
+    case = read_case(PHUGOID)
+    loop = PilotLoop(control, "alpha", -0.3, 0.0, 0.1)
+    piloted = replace(case, drive=replace(case.drive, pilot=(loop,)))
+    texts = [item.text for item in case_departures(piloted)]
+    assert len([text for text in texts if "the math pilot moves" in text]) == count

@@ -72,7 +72,13 @@ CLEAN, OUT = {"delta_f": 0.0, "gear": 0.0}, {"delta_f": 0.3, "gear": 1.0}
         ("1.b.7", REJECTED, {}, {"brake_left": step(0.5)}, "brakes at 50 % of the pedal"),
         ("2.c.1", CHANGE, OUT, CLEAN, "flown with flaps at 0 deg; the row has approach"),
         ("2.c.3", CHANGE, CLEAN, OUT, "flaps at 17.2 deg, gear at 1; the row has cruise"),
-        ("2.c.1", CHANGE, OUT, {"delta_e": step(1.5 * DEGREE, 8.0)}, "the pilot moves delta_e"),
+        (
+            "2.c.1",
+            CHANGE,
+            OUT,
+            {"delta_e": step(1.5 * DEGREE, 8.0)},
+            "the pilot moves elevator deflection",
+        ),
         (
             "2.b.4",
             {"input_start": 5.0},

@@ -47,7 +47,7 @@ def test_an_answer_of_another_program_is_named(sim, job):
     (remark,) = compare_tables(sim, job, outputs)
     assert remark.kind == "not_driven"
     assert "not driven by its tables" in remark.text
-    assert "(nz)" in remark.text
+    assert "(load factor at the c.g.)" in remark.text
 
 
 def rewritten(path, out, changes):

@@ -21,7 +21,8 @@ from pom.probing import (
 )
 from pom.probing.flight_consistency import judge_lift
 from pom.probing.input_probe import SCALE
-from pom.probing.scatter_probe import judge_difference, judge_scatter
+from pom.probing.model_probes import _measure_hidden
+from pom.probing.scatter_probe import RecordScatter, judge_difference, judge_scatter
 
 STEP = 0.02  # [s]
 TIME = np.arange(0.0, 12.0, STEP)
@@ -68,7 +69,7 @@ def test_a_stored_answer_is_named():
     stored = short_period(elevator())
     (remark,) = probe(lambda delta_e: stored, delta_e=elevator())
     assert remark.kind == "not_driven"
-    assert "q" in remark.text
+    assert "body pitch rate" in remark.text
     assert "stored" in remark.text
 
 
@@ -127,19 +128,19 @@ def test_the_noise_of_the_record_in_an_answer_is_named():
     for name, values in truth.items():
         flight[name] = values + 1e-3 * generator.standard_normal(TIME.size)
         own[name] = values + 1e-3 * generator.standard_normal(TIME.size)
-    (remark,) = judge_scatter(flight, own)
+    (remark,) = judge_scatter(RecordScatter(flight), own)
     assert remark.kind == "probe"
     assert abs(remark.values["correlation"]) < 0.2
-    (remark,) = judge_scatter(flight, {name: 1.01 * flight[name] for name in flight})
+    (remark,) = judge_scatter(RecordScatter(flight), {name: 1.01 * flight[name] for name in flight})
     assert remark.kind == "not_driven"
     assert remark.values["correlation"] > 0.99
     # the noise of an input, such as a recorded thrust, leaves a trace in an honest answer
     traced = {name: truth[name] + 0.01 * (flight[name] - truth[name]) for name in truth}
-    (remark,) = judge_scatter(flight, traced)
+    (remark,) = judge_scatter(RecordScatter(flight), traced)
     assert remark.values["correlation"] > 0.9
     assert remark.kind == "probe"
     # a record without noise, such as that of a simulator, shows nothing
-    assert judge_scatter(truth, truth) == ()
+    assert judge_scatter(RecordScatter(truth), truth) == ()
 
 
 def test_a_difference_that_is_only_noise_is_a_departure():
@@ -148,22 +149,24 @@ def test_a_difference_that_is_only_noise_is_a_departure():
     names = ("phi", "theta", "psi")
     flight = {name: truth["theta"] + 5e-4 * generator.standard_normal(TIME.size) for name in names}
     copy = {name: smoothed(values) for name, values in flight.items()}
-    (remark,) = judge_difference(TIME, flight, copy)
+    (remark,) = judge_difference(TIME, RecordScatter(flight), copy)
     assert remark.kind == "departure"
     assert "nothing but the noise of the record" in remark.text
     # a model with 3 % less response and a drift of 0.02 deg/s in heading
     honest = {**dict.fromkeys(names, 0.97 * truth["theta"])}
     honest["psi"] = truth["theta"] + np.radians(0.02) * TIME
-    (remark,) = judge_difference(TIME, flight, honest)
+    (remark,) = judge_difference(TIME, RecordScatter(flight), honest)
     assert remark.kind == "probe"
     # a record without noise shows nothing
-    assert judge_difference(TIME, dict.fromkeys(names, np.sin(TIME)), honest) == ()
+    sine = RecordScatter(dict.fromkeys(names, np.sin(TIME)))
+    assert judge_difference(TIME, sine, honest) == ()
     # nor does a flight without motion, of which an honest model leaves the noise alone
     rest = {name: flight[name] - truth["theta"] for name in names}
-    assert judge_difference(TIME, rest, dict.fromkeys(names, np.zeros(TIME.size))) == ()
+    still = dict.fromkeys(names, np.zeros(TIME.size))
+    assert judge_difference(TIME, RecordScatter(rest), still) == ()
     # nor does a window below twice the lag
     short = {name: values[:60] for name, values in flight.items()}
-    assert judge_difference(TIME[:60], short, short) == ()
+    assert judge_difference(TIME[:60], RecordScatter(short), short) == ()
 
 
 def smoothed(values):
@@ -276,3 +279,18 @@ def test_a_small_effect_of_size_and_time_of_the_inputs_is_no_departure():
     (remark,) = compare_inputs(TIME, before, after, flight, surfaces=True)
     assert remark.kind == "probe"
     assert remark.values["gain"] == pytest.approx(1 / 1.15, abs=0.01)
+
+
+def test_channels_that_a_case_does_not_show_are_probed_once():
+    generator = np.random.default_rng(8)
+    truth = short_period(elevator())["theta"]
+    names = ("phi", "theta", "psi")
+    flight = {name: truth + 5e-4 * generator.standard_normal(TIME.size) for name in names}
+    copy = {name: smoothed(values) for name, values in flight.items()}
+    (remark,) = _measure_hidden(RecordScatter(flight), copy, TIME, ())
+    assert remark.kind == "departure"
+    # what the shown channels have shown is not stated again
+    assert _measure_hidden(RecordScatter(flight), copy, TIME, (remark,)) == ()
+    honest = dict.fromkeys(names, 0.97 * truth)
+    honest["psi"] = truth + np.radians(0.02) * TIME
+    assert _measure_hidden(RecordScatter(flight), honest, TIME, ()) == ()

@@ -86,3 +86,43 @@ def test_parts_of_one_record_are_two_flights():
     later = case_of("two", window=(middle, stop + middle - start))
     earlier = case_of("one", window=(start, middle))
     assert [kinds(item) for item in with_report_checks([earlier, later])] == [[], []]
+
+
+def smooth_result(name, seed, **more):
+    """Return a result whose flight has a motion of its own and no noise."""
+    result = fixture.roll_result()
+    time = result.signals["time"].values
+    generator = np.random.default_rng(seed)
+    signals = result.signals.copy(deep=True)
+    for channel in ("p", "q", "r"):
+        motion = np.cumsum(generator.standard_normal(time.size // 10 + 2))
+        clock = time[0] + 10 * np.arange(motion.size) * (time[1] - time[0])
+        values = np.interp(time, clock, motion)
+        rows = np.stack([values] * signals.sizes["run"])
+        signals[channel] = (("run", "time"), rows, {"units": "rad s-1"})
+    case = replace(result.case, name=name, title=name, **more)
+    return replace(result, signals=signals, case=case)
+
+
+@pytest.mark.parametrize(
+    ("more", "kind"),
+    [
+        ({"id": "2.d.7", "record": "copy.nc"}, "departure"),
+        # the same record, openly: rules let some tests be flown together
+        ({"id": "2.d.7"}, "record_warning"),
+        ({"id": "2.d.7", "record": "copy.nc", "additional": "once more"}, "probe"),
+        ({"record": "copy.nc"}, "departure"),
+    ],
+)
+def test_one_flight_of_two_tests_is_named(more, kind):
+    _, second = with_report_checks([smooth_result("one", 1), smooth_result("two", 1, **more)])
+    (found,) = [r for r in second.rows[0]["remarks"] if r.quantity.startswith("shared_flight")]
+    assert found.kind == kind
+    assert "the same flight is judged as case one" in found.text
+
+
+def test_another_motion_is_another_flight():
+    cases = [smooth_result("one", 1), smooth_result("two", 2, id="2.d.7", record="other.nc")]
+    for result in with_report_checks(cases):
+        remarks = result.rows[0]["remarks"]
+        assert not [r for r in remarks if r.quantity.startswith("shared_flight")]

@@ -56,7 +56,9 @@ def test_a_bias_beyond_the_default_limit_is_judged_and_no_plain_pass(flown):
     result = flown(trim_delta_e=-1.5 * DEGREE)
     assert result.status("model") == "limits_exceeded"
     assert not result.passed("model")
-    assert trim_remarks(result, "model") == ["trim.delta_e -1.5 deg is beyond 1 deg"]
+    assert trim_remarks(result, "model") == [
+        "trim: elevator deflection -1.5 deg is beyond 1 deg ('trim.delta_e')"
+    ]
     assert (
         flown(trim_delta_e=np.nan).status("model") == "limits_exceeded"
     )  # no number is not within a limit
@@ -64,7 +66,9 @@ def test_a_bias_beyond_the_default_limit_is_judged_and_no_plain_pass(flown):
     assert (
         result.verdict["remarks"]
         .map(remarks_text)
-        .str.contains("trim.delta_e -1.5 deg is beyond 1 deg", regex=False)
+        .str.contains(
+            "trim: elevator deflection -1.5 deg is beyond 1 deg ('trim.delta_e')", regex=False
+        )
         .all()
     )
 
@@ -75,7 +79,7 @@ def test_a_bias_beyond_the_limit_of_the_case_file_makes_the_run_invalid(flown):
     assert (
         result.verdict["remarks"]
         .map(remarks_text)
-        .str.startswith("trim.delta_e +0.9 deg is beyond 0.5 deg")
+        .str.startswith("trim: elevator deflection +0.9 deg is beyond 0.5 deg ('trim.delta_e')")
         .all()
     )
     wide = 'limits = { delta_e = "3 deg" }'
@@ -85,7 +89,7 @@ def test_a_bias_beyond_the_limit_of_the_case_file_makes_the_run_invalid(flown):
     reason = '\n[rationale]\n"trim.delta_e" = "J. Smith, 2026-11-28, calibrated to 2 deg"'
     stated = flown(wide + reason, trim_delta_e=2.0 * DEGREE)
     assert stated.status("model") == "pass_with_departures"
-    text = "trim.delta_e +2 deg is beyond 1 deg; allowed: J. Smith, 2026-11-28, calibrated to 2 deg"
+    text = "trim: elevator deflection +2 deg is beyond 1 deg ('trim.delta_e'); allowed: J. Smith, 2026-11-28, calibrated to 2 deg"
     assert run_notices(stated, "model") == [text]
     assert stated.verdict["remarks"].map(remarks_text).str.contains(text, regex=False).all()
     assert flown(wide + reason, trim_delta_e=4.0 * DEGREE).status("model") == "invalid"
@@ -112,7 +116,7 @@ def test_a_rationale_needs_text_name_and_date_and_does_not_lift_every_bias(
 def test_thrust_is_limited_by_a_share_of_what_was_recorded(flown):
     """5 % of 3000 N, as the longitudinal trim of 2.c.5 allows."""
     assert (
-        "trim.thrust +33.9 lbf is beyond 33.7 lbf"
+        "trim: net thrust +33.9 lbf is beyond 33.7 lbf ('trim.thrust')"
         in flown(trim_thrust=151.0).verdict["remarks"].map(remarks_text)[0]
     )
     assert "trim" not in flown(trim_thrust=149.0).verdict["remarks"].map(remarks_text)[0]
@@ -122,7 +126,7 @@ def test_what_the_trim_leaves_is_limited_and_a_roll_on_the_wheels_only_where_it_
     flown, write_case
 ):
     assert (
-        "trim.q_dot -0.172 deg/s2 is beyond 0.115 deg/s2"
+        "trim: body pitch acceleration -0.172 deg/s2 is beyond 0.115 deg/s2 ('trim.q_dot')"
         in flown(trim_q_dot=-3e-3).verdict["remarks"].map(remarks_text)[0]
     )
     path = write_case()
