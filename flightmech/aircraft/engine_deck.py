@@ -31,9 +31,9 @@ from pydantic import ConfigDict, Field
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
+from flightmech.support.array_files.netcdf_trees import read_netcdf_tree
+from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
-from flightmech.support.netcdf_trees import read_netcdf_tree
-from flightmech.support.netcdf_writing import write_netcdf
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import check_term, make_term

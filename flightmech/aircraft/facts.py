@@ -25,7 +25,7 @@ from typing import Annotated, Any
 from pydantic import Field, StrictBool, StrictInt, field_validator, model_validator
 
 from flightmech.errors import UnitError
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from flightmech.errors import SchemaError, near_names
-from flightmech.support.input_files import foreign_kind
+from flightmech.support.file_kinds import foreign_kind
 from flightmech.support.toml_quantities import UNIT
 
 T = TypeVar("T", bound="Strict")

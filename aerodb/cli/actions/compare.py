@@ -12,7 +12,7 @@ from aerodb.comparison.comparison import compare as compared
 from aerodb.comparison.conditions import read_conditions
 from aerodb.figures.lr743_set.flown import FLOWN, read_flown
 from aerodb.store.files import open as open_database
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.console import (

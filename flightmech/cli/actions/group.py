@@ -20,6 +20,7 @@ from flightmech.simulation.run import simulate as fly
 from flightmech.steady_flight.table_ends import describe_limits_beyond_tables
 from flightmech.steady_flight.trim_search import start_of
 from flightmech.steady_flight.trim_search import trim as search
+from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import (
     print_json,
@@ -27,7 +28,6 @@ from flightmech.support.console import (
     show_progress,
 )
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
-from flightmech.support.netcdf_writing import write_netcdf
 from flightmech.units import from_si, parse_quantity, to_si
 
 _DIGITS = 9  # behind the point: less than that is rounding
