@@ -1,5 +1,5 @@
-"""Write docs/design/folders.md, the folders of every package and what they import: ``python
-docs/scripts/make_folders.py``.
+"""Page ``folders.md``, the folders of every package and what they import. The site has the page
+(`make_site`); ``python docs/scripts/make_folders.py`` prints it.
 """
 
 from __future__ import annotations
@@ -10,19 +10,20 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
-from test_chain import CHAIN, ORDER, imported, modules  # noqa: E402  (the order is declared, and enforced, there)
+# the order is declared, and enforced, there
+from test_chain import CHAIN, ORDER, imported, modules  # noqa: E402
 
-PAGE = ROOT / "docs" / "design" / "folders.md"
 HEAD = """# Folders
 
-Each package consists of a folder `cli` for its command line and folders by subject. A folder is a namespace: the stub `__init__.pyi`
-lists its public names, and `__init__.py` loads them from that list when they are first used (`flighttest.equation_error.regress`). The
-stub of the package lists its namespaces and, once more, the names that a user needs first (`flighttest.regress`); every other name is
-listed once.
+Each package consists of a folder `cli` for its command line and folders by subject. A folder is a
+namespace: the stub `__init__.pyi` lists its public names, and `__init__.py` loads them from that
+list when they are first used (`flighttest.equation_error.regress`). The stub of the package lists
+its namespaces and, once more, the names that a user needs first (`flighttest.regress`); every other
+name is listed once.
 
-Folders and loose modules have an order: each imports only from those above it in the tables below. `tests/test_chain.py` enforces that,
-counts circles over all imports (deferred and type-only ones too) and refuses a folder with more than twelve modules.
-`docs/scripts/make_folders.py` writes this page.
+Folders and loose modules have an order: each imports only from those above it in the tables below.
+`tests/test_chain.py` enforces that, counts circles over all imports (deferred and type-only ones
+too) and refuses a folder with more than thirteen modules. The page is made with the site.
 """
 
 
@@ -71,4 +72,4 @@ def _holds(file: Path) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    print(page(), end="")

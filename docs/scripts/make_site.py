@@ -27,6 +27,7 @@ OUTSIDE = {
     "CHANGELOG.md": "changes.md",
 }  # file of the repository: page of the site
 SCRIPTS = {
+    "design/folders.md": "make_folders.py",
     "reference/project-keys.md": "make_project_keys.py",
     "reference/column-headings.md": "make_column_headings.py",
     "reference/nomenclature.md": "make_nomenclature.py",
