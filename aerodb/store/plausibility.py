@@ -1,10 +1,11 @@
-"""Plausibility of a database: signs and sizes of its derivatives as a knowledgeable reader sees them.
+"""Plausibility of a database: signs and sizes of its derivatives as a knowledgeable reader sees
+them.
 
-A valid file can hold the numbers of no aeroplane: a derivative with the wrong sign, a wrong chord, a
-table of one angle of attack. `check_plausibility` evaluates the sum of all terms in cruise
-configuration at every Mach number of the tables and compares the derivatives with ranges. Each range
-states its source. A finding of an unusual aeroplane is acknowledged in its aircraft file with a
-reason.
+A valid file can hold the numbers of no aeroplane: a derivative with the wrong sign, a wrong chord,
+a table of one angle of attack. `check_plausibility` evaluates the sum of all terms in cruise
+configuration at every Mach number of the tables and compares the derivatives with ranges. Each
+range states its source. A finding of an unusual aeroplane is acknowledged in its aircraft file with
+a reason.
 
 The ranges of derivatives (`aerodb.store.plausible_ranges`) rest on Teper, NASA CR-96008 (1969),
 Heffley and Jewell, NASA CR-2144 (1972), Roskam, Airplane Flight Dynamics, Appendix B, Seckel,
@@ -141,7 +142,9 @@ def check_plausibility(
 def _find_unused(
     reasons: Mapping[str, str], subjects: Sequence[str]
 ) -> Iterator[PlausibilityFinding]:
-    """Yield the acknowledgements whose subject is not one of `subjects`, which is often misspelt."""
+    """Yield the acknowledgements whose subject is not one of `subjects`, which is often
+    misspelt.
+    """
     listed = ", ".join(subjects) or "none"
     for subject in reasons:
         if subject not in subjects:

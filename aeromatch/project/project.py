@@ -357,7 +357,9 @@ class Project(Strict):
 
     @property
     def points(self) -> dict[str, Path]:
-        """Files for the engine: settled ``points``, ``climbs``, and the ``structure`` of its deck."""
+        """Files for the engine: settled ``points``, ``climbs``, and the ``structure`` of its
+        deck.
+        """
         return {name: self.file.parent / file for name, file in self._engine_files().items()}
 
     def with_changes(self, **changes: Any) -> Project:

@@ -41,12 +41,8 @@ def _table(package: str, known: dict[str, Path], graph: dict[str, set[str]]) -> 
         whole = f"{package}.{place}"
         inside = [name for name in graph if name == whole or name.startswith(f"{whole}.")]
         count = sum(known[name].name != "__init__.py" for name in inside)
-        used = {
-            other.split(".")[1]
-            for name in inside
-            for other in graph[name]
-            if other.startswith(f"{package}.")
-        }
+        others = set().union(*(graph[name] for name in inside))
+        used = {name.split(".")[1] for name in others if name.startswith(f"{package}.")}
         before = ", ".join(other for other in ORDER[package] if other in used - {place})
         ending = "/" if known[whole].name == "__init__.py" else ".py"
         rows.append(f"| `{place}{ending}` | {count} | {_holds(known[whole])} | {before} |\n")

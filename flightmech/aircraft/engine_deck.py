@@ -1,7 +1,7 @@
 """Full engine deck: governor schedule, spools, flame, and tables of thrust, air and fuel flow.
 
-The deck is the section ``[engine.deck]`` of the aircraft file. docs/explanation/simulation/engine.md has the equations of
-the kernel::
+The deck is the section ``[engine.deck]`` of the aircraft file.
+docs/explanation/simulation/engine.md has the equations of the kernel::
 
     [engine.deck]
     file = "engine.nc"                 # one group per target, or tables here

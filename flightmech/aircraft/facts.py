@@ -1,4 +1,5 @@
-"""Facts of an aircraft that decide which conditions of a flight test hold: weights, speeds, controls.
+"""Facts of an aircraft that decide which conditions of a flight test hold: weights, speeds,
+controls.
 
 They are the section ``[facts]`` of the aircraft file::
 

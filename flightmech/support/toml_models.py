@@ -146,7 +146,9 @@ def file_schema(model: type[BaseModel], text: str) -> dict[str, Any]:
 
 
 def part_schema(model: type[BaseModel]) -> dict[str, Any]:
-    """Return the schema of one table in the form of `file_schema`, with inner models in ``$defs``."""
+    """Return the schema of one table in the form of `file_schema`, with inner models in
+    ``$defs``.
+    """
     return _simplify(model.model_json_schema())
 
 

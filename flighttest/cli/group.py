@@ -166,4 +166,6 @@ def cut_command() -> None:
 @json_option
 @performed_by("flighttest.cli.actions.group:run_reconstruct")
 def reconstruct_command() -> None:
-    """Reconstruct the states of one record, or of all runs of a programme with common instruments."""
+    """Reconstruct the states of one record, or of all runs of a programme with common
+    instruments.
+    """

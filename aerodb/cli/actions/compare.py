@@ -136,7 +136,9 @@ def _held(text: str) -> tuple[str, float]:
 
 
 def _print(frame: pd.DataFrame) -> None:
-    """Print coefficients, terms that differ, and in a line each what is equal or on one side only."""
+    """Print coefficients, terms that differ, and in a line each what is equal or on one side
+    only.
+    """
     along = "share" in frame
     is_term = frame.index.str.contains("/")
     same = is_term & (frame["max_difference"] == 0.0) & (frame["found_in"] == "both")

@@ -301,7 +301,8 @@ def _misplaced(
 
 
 def _match(kinds: str, texts: _Texts, allow_cut: bool) -> tuple[tuple[int, ...] | None, int]:
-    """Return the end of each condition in a text of letters, None for no match, and how far it fits.
+    """Return the end of each condition in a text of letters, None for no match, and how far it
+    fits.
 
     With `allow_cut` the text may end within a condition.
     """

@@ -87,7 +87,7 @@ def _units(sim: SimModel) -> dict[str, str]:
     among them.
     """
 
-    rows = [row for kind in (OUTPUT, INPUT, PARAMETER) for row in sim.entries(kind)]
+    rows = [*sim.entries(OUTPUT), *sim.entries(INPUT), *sim.entries(PARAMETER)]
     plain = {
         row.name.removeprefix("init."): row.units for row in rows if row.name.startswith("init.")
     }
@@ -124,11 +124,8 @@ def si_value(name: str, text: str, units: Mapping[str, str]) -> float:
 
 def _print(sim: SimModel, found: xr.Dataset) -> None:
 
-    display = {
-        row.name: row.display_units
-        for kind in (PARAMETER, INPUT, OUTPUT)
-        for row in sim.entries(kind)
-    }
+    rows = [*sim.entries(PARAMETER), *sim.entries(INPUT), *sim.entries(OUTPUT)]
+    display = {row.name: row.display_units for row in rows}
 
     def line(name: str, value: float, units: str) -> tuple[str, str, str]:
         unit = (
@@ -215,7 +212,8 @@ def run_simulate(
 def _values(sim: SimModel, given: tuple[Any, ...]) -> dict[str, float]:
     """Return the values of parameters and inputs in SI; parts of tables are taken as they stand."""
 
-    units = {row.name: row.units for kind in (INPUT, PARAMETER) for row in sim.entries(kind)}
+    rows = [*sim.entries(INPUT), *sim.entries(PARAMETER)]
+    units = {row.name: row.units for row in rows}
     return {name: si_value(name, text, units) for name, text in given}
 
 

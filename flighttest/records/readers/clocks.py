@@ -69,8 +69,8 @@ def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Tabl
     Raises
     ------
     SchemaError
-        There are fewer than two stamps, the clock steps back or has a gap of days, or the stamps are
-        too coarse for their samples.
+        There are fewer than two stamps, the clock steps back or has a gap of days, or the stamps
+        are too coarse for their samples.
     """
     time = np.asarray(raw, float) * scale
     is_finite = np.isfinite(time)
