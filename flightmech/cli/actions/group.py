@@ -124,8 +124,8 @@ def si_value(name: str, text: str, units: Mapping[str, str]) -> float:
 
 def _print(sim: SimModel, found: xr.Dataset) -> None:
 
-    rows = [*sim.entries(PARAMETER), *sim.entries(INPUT), *sim.entries(OUTPUT)]
-    display = {row.name: row.display_units for row in rows}
+    entries = [*sim.entries(PARAMETER), *sim.entries(INPUT), *sim.entries(OUTPUT)]
+    display = {row.name: row.display_units for row in entries}
 
     def line(name: str, value: float, units: str) -> tuple[str, str, str]:
         unit = (
