@@ -194,7 +194,8 @@ class Project(Strict):
     )
     terms: dict[str, NewTerm] = Field(
         default={},
-        description="Terms that the listings cannot give, zero at first, by a name such as CL/gear.",
+        description="Terms that the listings cannot give, zero at first, by a name such as "
+        "CL/gear.",
     )
     models: dict[str, ThirdPartyModel] = Field(
         default={}, description="Models from elsewhere that are replayed as well, by name."

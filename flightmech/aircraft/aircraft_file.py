@@ -237,7 +237,8 @@ class _AircraftFile(_NumberOrText):
     )
     instruments: dict[str, dict[str, Any]] = Field(
         default_factory=dict,
-        description="Instruments of the recorder, one table each; the names of the tables are free.",
+        description="Instruments of the recorder, one table each; the names of the tables are "
+        "free.",
     )
     control: dict[str, _ControlTable] = Field(
         json_schema_extra={"propertyNames": {"enum": list(TRAVEL)}},

@@ -196,7 +196,8 @@ class DeckTable(Strict):
     sustain_speed: Annotated[float, InUnits("1")] | None = Field(
         default=None,
         examples=[0.05],
-        description="Least speed of the gas generator at which it goes on burning; 0.05 without it.",
+        description="Least speed of the gas generator at which it goes on burning; 0.05 without "
+        "it.",
     )
     flame_time: Annotated[float, InUnits("s")] | None = Field(
         default=None,

@@ -44,7 +44,8 @@ class MapFile(click.Path):
 names_option = click.option(
     "--names",
     type=MapFile(),
-    help="Name map: a TOML file, or a shipped one (px4, ardupilot); not needed for canonical names.",
+    help="Name map: a TOML file, or a shipped one (px4, ardupilot); not needed for canonical "
+    "names.",
 )
 
 

@@ -72,7 +72,8 @@ def check_cases_command() -> None:
     "starts",
     multiple=True,
     metavar="NAME=SECONDS",
-    help="Instant of the recordings of a device at the start of the window.  [default: the clock of "
+    help="Instant of the recordings of a device at the start of the window.  [default: the clock "
+    "of "
     "the flight record]",
 )
 @click.option(

@@ -274,7 +274,8 @@ def _place_parts(case: PlotCase, parts: list[_Part], file: str, *, is_last: bool
             raise ParseError(
                 file,
                 case.line,
-                f"{len(parts)} parts that fit the flight conditions of the case in {len(found)} ways",
+                f"{len(parts)} parts that fit the flight conditions of the case in {len(found)} "
+                "ways",
                 "parts that fit in one way; run the program with a subsonic Mach number first",
             )
     raise _misplaced(case, parts, file, possible)

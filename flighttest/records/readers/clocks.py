@@ -115,7 +115,8 @@ def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Tabl
     if gaps[longest] > _LONGEST:
         text = (
             f"its clock goes from {time[0]:g} s to {time[-1]:g} s; the gap behind sample "
-            f"{samples[longest]} at {time[longest]:g} s is longer than the {_LONGEST / 86400:g} days "
+            f"{samples[longest]} at {time[longest]:g} s is longer than the {_LONGEST / 86400:g} "
+            "days "
             f"that are allowed: correct or remove these stamps"
         )
         raise SchemaError(what, [text])
