@@ -10,9 +10,22 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
-# the order is declared, and enforced, there
-from test_chain import CHAIN, ORDER, imported, modules  # noqa: E402
+from import_graph import CHAIN, imported, modules  # noqa: E402
 
+
+def declared_order() -> dict[str, list[str]]:
+    """Return the order of folders that `tests/test_chain.py` declares.
+
+    It is read and not imported, since the site is made without pytest.
+    """
+    source = (ROOT / "tests" / "test_chain.py").read_text(encoding="utf-8")
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "ORDER":
+            return ast.literal_eval(node.value)
+    raise LookupError("tests/test_chain.py declares no ORDER")
+
+
+ORDER = declared_order()
 HEAD = """# Folders
 
 Each package consists of a folder `cli` for its command line and folders by subject. A folder is a
