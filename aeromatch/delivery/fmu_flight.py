@@ -10,11 +10,12 @@ import contextlib
 import re
 import sys
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import xarray as xr
 
 from aeromatch.delivery.flown_checks import OUTPUTS, RATE, inputs_and_parameters
 from aeromatch.delivery.foreign_flight import Case, Job, answer_jobs, demand_flight, fly_in_child
@@ -92,6 +93,18 @@ def fly_cases_by_fmu(fmu: Path, cases: Sequence[Case]) -> list[np.ndarray | str]
         )
         shapes.append((case.sizes["time"], len(OUTPUTS)))
     return fly_in_child(__name__, jobs, shapes, [fmu])
+
+
+def fly_by_fmu(fmu: Path, case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, np.ndarray]:
+    """Return the outputs of a check case, simulated by an FMU in FMPy in a child process.
+
+    Raises
+    ------
+    SimulationError
+        The flight failed.
+    """
+    (flight,) = fly_cases_by_fmu(fmu, [(case, facts)])
+    return named_outputs(flight)
 
 
 def named_outputs(flight: np.ndarray | str) -> dict[str, np.ndarray]:

@@ -75,6 +75,27 @@ def jsbsim_installed() -> bool:
     return importlib.util.find_spec("jsbsim") is not None
 
 
+def fly_by_jsbsim(
+    model: Path, case: xr.Dataset, facts: Mapping[str, float]
+) -> dict[str, np.ndarray]:
+    """Return the outputs of `BANDS` of a check case, simulated by JSBSim. [SI]
+
+    Parameters
+    ----------
+    model : Path
+        File of `aerodb.exchange.export_jsbsim`.
+    case, facts
+        From `read_flown_check`.
+
+    Raises
+    ------
+    SimulationError
+        JSBSim does not load the file, or its run ends early; with its message.
+    """
+    (flight,) = fly_cases_by_jsbsim(model, [(case, facts)])
+    return jsbsim_outputs(flight, case, model.name)
+
+
 def foreign_elements(model: Path) -> list[str]:
     """Return the elements of a file that our exporter does not write, as ``parent/element``.
 

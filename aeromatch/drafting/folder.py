@@ -255,8 +255,8 @@ def _all_or_none(folder: Path, targets: Sequence[Path]) -> Iterator[None]:
     try:
         yield
     except BaseException:
-        # On a defective disk a file may stay that is complete and new. No older file is emptied,
-        # and the first error is raised.
+        # On a defective disk a file may stay that is complete and new. No older file is emptied, and
+        # the first error is raised.
         for file in targets:
             with suppress(OSError):
                 if file in before:

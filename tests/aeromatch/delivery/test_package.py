@@ -17,8 +17,8 @@ import pom
 from aerodb.exchange.jsbsim.write import export_jsbsim
 from aeromatch.cli.delivery import package
 from aeromatch.delivery import flown_checks
-from aeromatch.delivery.fmu_flight import fly_cases_by_fmu, named_outputs
-from aeromatch.delivery.jsbsim_flight import BANDS, PART, fly_cases_by_jsbsim, jsbsim_outputs
+from aeromatch.delivery.fmu_flight import fly_by_fmu
+from aeromatch.delivery.jsbsim_flight import BANDS, PART, fly_by_jsbsim
 from aeromatch.delivery.package_files import unpack_package
 from aeromatch.delivery.verification import verify_package
 from flightmech.errors import ParseError, SchemaError, SimulationError
@@ -28,16 +28,6 @@ T37 = Path(__file__).parents[3] / "data" / "t37"
 pytestmark = pytest.mark.filterwarnings(
     "ignore:.*loop over several flight conditions"
 )  # of the shipped listing of the flaps
-
-
-def fly_by_fmu(fmu, case, facts):
-    return named_outputs(fly_cases_by_fmu(fmu, [(case, facts)])[0])
-
-
-def fly_by_jsbsim(model, case, facts):
-    return jsbsim_outputs(fly_cases_by_jsbsim(model, [(case, facts)])[0], case, model.name)
-
-
 CONDITION = {
     "V": 100.0,
     "h": 1500.0,
