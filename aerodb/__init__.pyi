@@ -9,8 +9,8 @@ from . import prior as prior
 from . import store as store
 from . import update as update
 from .comparison.comparison import compare as compare
-from .edit.table_edits import delete_terms as delete_terms
-from .edit.table_edits import replace_terms as replace_terms
+from .edit.term_edits import delete_terms as delete_terms
+from .edit.term_edits import replace_terms as replace_terms
 from .prior.build import from_datcom as from_datcom
 from .store.evaluation import contributions as contributions
 from .store.evaluation import evaluate as evaluate

@@ -3,8 +3,8 @@ output error, in four kinds of air.
 
     python benchmarks/filter_error.py [RECORDS] [KIND ...]     of each kind, 40 unless given
 
-A short period (two states, elevator multistep and sine of 20 s at 25 Hz, four unknown elements), its
-angle of attack by a vane or by an inertial platform:
+A short period (two states, elevator multistep and sine of 20 s at 25 Hz, four unknown elements),
+its angle of attack by a vane or by an inertial platform:
 
 - calm: noise of the instruments alone;
 - process: white noise in the rates of both states;

@@ -1,12 +1,14 @@
-"""Local models of CL over alpha and Mach number joined into tables: how large is the remaining error?
+"""Local models of CL over alpha and Mach number joined into tables: how large is the remaining
+error?
 
     python benchmarks/local_model_join.py [--seeds 20]
 
 Sets of 36 local models `CL = 1 + alpha`, whose true values are known, on tables of several spacings
 and against handbooks that are wrong in several ways; each set twice, the second time with one model
-that is wrong by six standard errors.  For each kind of set: rms error before and after, the share of nodes within two
-standard errors, rms of error over standard error, and the median standard error of the nodes in and
-next to the flown region; and how often the wrong model is listed, and a good one.
+that is wrong by six standard errors.  For each kind of set: rms error before and after, the share
+of nodes within two standard errors, rms of error over standard error, and the median standard error
+of the nodes in and next to the flown region; and how often the wrong model is listed, and a good
+one.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from typing import Any
 import flighttest
 from aeromatch.planning.match_plan import make_plan
 from aeromatch.project.project import read_project
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from pom.checking.case_check import check_records
 
 DATA = Path(__file__).parents[1] / "data"

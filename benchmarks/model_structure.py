@@ -2,11 +2,11 @@
 
 Truths: linear, with alpha**2, with alpha*qhat, with alpha*delta_e; each strong (clear in every
 record) and weak (a fifth of it).  Nine candidates, all products of alpha, qhat and delta_e up to
-second order.  Disturbances: white, AR(1) of 0.3 and 1 s, oscillating at 0.5 Hz.  Counted are records
-whose structure is the truth, whose moment has lost its damping, and whose set of models holds the
-truth; the size of the set, the weight of the truth in it, and the share of the estimates of the true
-terms within two standard errors, with and without the spread of the models.  A truth counts as missing
-an estimate that its best model lacks.
+second order.  Disturbances: white, AR(1) of 0.3 and 1 s, oscillating at 0.5 Hz.  Counted are
+records whose structure is the truth, whose moment has lost its damping, and whose set of models
+holds the truth; the size of the set, the weight of the truth in it, and the share of the estimates
+of the true terms within two standard errors, with and without the spread of the models.  A truth
+counts as missing an estimate that its best model lacks.
 
 The last table has residuals that grow with the motion: coverage of a regression whose model is the
 truth.

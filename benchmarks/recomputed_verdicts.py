@@ -5,8 +5,8 @@
 
 Of aeromatch only the outputs are read: the time histories ``csv/CASE.csv``, the case files, the
 tolerance table and, for the comparison, ``results.json``.  Bands, windows, modes, elapsed times and
-steady values are computed by numpy here, with formulae of their own.  Printed: a line per judged row
-and model with both verdicts and both ratios; the exit code is 1 if a verdict differs.
+steady values are computed by numpy here, with formulae of their own.  Printed: a line per judged
+row and model with both verdicts and both ratios; the exit code is 1 if a verdict differs.
 """
 
 from __future__ import annotations

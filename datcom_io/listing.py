@@ -56,7 +56,8 @@ class Case(PrintedCase):
         Parameters
         ----------
         name : str
-            ``conditions static downwash dynamic symflp`` and the others of ``docs/explanation/datcom/listings.md``.
+            ``conditions static downwash dynamic symflp`` and the others of
+            ``docs/explanation/datcom/listings.md``.
 
         Returns
         -------

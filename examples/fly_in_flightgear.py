@@ -286,7 +286,9 @@ def newest(controls: socket.socket) -> dict | None:
 
 
 def ticks(period: float) -> Iterator[None]:
-    """Return at every full period of the clock on the wall; what is later than `LATE` is left out."""
+    """Return at every full period of the clock on the wall; what is later than `LATE` is left
+    out.
+    """
     due = time.monotonic()
     while True:
         yield

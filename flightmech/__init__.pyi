@@ -15,7 +15,7 @@ from . import steady_flight as trimming
 from . import terms as terms
 from . import units as units
 from .aircraft.aircraft import Aircraft as Aircraft
-from .aircraft.aircraft import read_aircraft as read_aircraft
+from .aircraft.aircraft_file import read_aircraft as read_aircraft
 from .aircraft.writing import write_aircraft as write_aircraft
 from .flying_qualities.evaluation import characteristics as characteristics
 from .fmu_export.fmu_file import write_fmu as write_fmu

@@ -97,7 +97,9 @@ def stability_to_body(vector: ArrayLike, alpha: ArrayLike) -> np.ndarray:
 
 
 def to_stability(vector: ArrayLike, alpha: ArrayLike) -> np.ndarray:
-    """Return a vector (..., 3) of body axes in stability axes, the inverse of `stability_to_body`."""
+    """Return a vector (..., 3) of body axes in stability axes, the inverse of
+    `stability_to_body`.
+    """
     return stability_to_body(vector, -np.asarray(alpha, float))
 
 

@@ -47,9 +47,10 @@ COPIED_NOISE = 0.95
 """Least correlation of all channels from which on a window with two channels of noise is a copy.
 
 A channel that does not move, such as the roll rate of a pitch manoeuvre, holds noise, which only
-copies share.  On another clock such channels of the T-37 correlate by 0.970 and more, and the median
-of all channels by 0.987 only.  Different flights have 0.81 at most in the least alike channel, and
-like ones of a simulated C182, whose small motion is alike too, have no two channels of noise.
+copies share.  On another clock such channels of the T-37 correlate by 0.970 and more, and the
+median of all channels by 0.987 only.  Different flights have 0.81 at most in the least alike
+channel, and like ones of a simulated C182, whose small motion is alike too, have no two channels of
+noise.
 """
 _WHITE = 0.45  # correlation of means two to six steps later, which share no sample; noise has less
 _LIKELY = 0.6  # at a shift that is up to half a step wrong; below it no finer shift is tried

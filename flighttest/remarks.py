@@ -12,7 +12,8 @@ from typing import Any, Protocol
 from flightmech.errors import AeromatchWarning
 
 SEVERITIES = ("error", "warning", "note")
-"""With an error the figure must not be used; a warning restricts its use; a note is worth knowing."""
+"""With an error the figure must not be used; a warning restricts its use; a note is worth knowing.
+"""
 
 
 @dataclass(frozen=True)

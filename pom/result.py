@@ -182,14 +182,13 @@ class PomResult:
         """Return one of `STATUSES`.
 
         ``pass``: every group has a passing alternative.  ``pass_with_departures``: as ``pass``, but
-        the case departs from the printed row or from normal practice.  ``limits_exceeded``: as ``pass``, but the
-        trim of the model is beyond its limits and the case file does not state why that is
-        allowed.  ``record_error``: as ``pass``, but the flight record has an error
+        the case departs from the printed row or from normal practice.  ``limits_exceeded``: as
+        ``pass``, but the trim of the model is beyond its limits and the case file does not state
+        why that is allowed.  ``record_error``: as ``pass``, but the flight record has an error
         (`pom.checking.with_record_checks`).  ``leak``: as ``pass``, but samples of the record
         identified the model.  ``not_driven``: as ``pass``, but the answer of the model does not
-        follow its inputs (`pom.probing`).  A group of advisory rows only (correct trend) waits
-        for an engineer's tick and does not count.  A case without any passing group is never a
-        pass.
+        follow its inputs (`pom.probing`).  A group of advisory rows only (correct trend) waits for
+        an engineer's tick and does not count.  A case without any passing group is never a pass.
         """
         rows = [row for row in self.rows if row["run"] == run]
         return status_of(

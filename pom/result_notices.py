@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 from pom.result import PomResult
 from pom.status import BEYOND, DEPARTURES, NOTICES, PASSED, has_remark
 
@@ -51,7 +53,8 @@ def lacks_evidence(result: PomResult) -> bool:
     for run in result.runs:
         if result.status(run) not in PASSED:
             continue
-        kinds = {item.kind for row in result.rows if row["run"] == run for item in row["remarks"]}
+        own = (row["remarks"] for row in result.rows if row["run"] == run)
+        kinds = {item.kind for item in chain.from_iterable(own)}
         if not kinds & {"evidence", "no_evidence"}:
             return True
     return False
@@ -71,6 +74,8 @@ def collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[s
 
 
 def is_additional(result: PomResult) -> bool:
-    """Return whether the case states itself as additional: in another configuration than its row."""
-    kinds = {remark.kind for row in result.rows for remark in row["remarks"]}
-    return "additional" in kinds
+    """Return whether the case states itself as additional: in another configuration than its
+    row.
+    """
+    remarks = chain.from_iterable(row["remarks"] for row in result.rows)
+    return any(remark.kind == "additional" for remark in remarks)

@@ -206,7 +206,7 @@ def mat_files_in_this_process(monkeypatch):
     """Read MAT files without the child process that protects users from a crash of SciPy: it takes
     half a second a file.
     """
-    from flightmech.support import mat_files
+    from flightmech.support.array_files import mat_files
 
     monkeypatch.setattr(mat_files, "_decode_in_child", mat_files.decode_mat)
 

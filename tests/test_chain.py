@@ -4,7 +4,6 @@ package, no circle anywhere.
 Every import counts: at the top of a module, inside a function, and for type checking only.
 """
 
-import ast
 import runpy
 import subprocess
 import sys
@@ -13,9 +12,9 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from import_graph import CHAIN, imported, modules
 
 ROOT = Path(__file__).parents[1]
-CHAIN = ["flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch"]
 # folders and loose modules of each package: one imports only from those before it
 ORDER = {
     "flightmech": [
@@ -121,54 +120,6 @@ WINGS = {
 }
 
 
-def module_name(file: Path, root: Path = ROOT) -> str:
-    parts = file.relative_to(root).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-
-
-def modules(root: Path = ROOT) -> dict[str, Path]:
-    return {
-        module_name(file, root): file
-        for package in CHAIN
-        for file in sorted((root / package).rglob("*.py"))
-    }
-
-
-def imported(file: Path, known: dict[str, Path], root: Path = ROOT) -> set[str]:
-    """Return the modules that a file imports, wherever the import stands; names that leave their
-    package by dots begin with one.
-    """
-    own = module_name(file, root)
-    package = own.split(".") if file.name == "__init__.py" else own.split(".")[:-1]
-    found = set()
-    stub = file.with_suffix(
-        ".pyi"
-    )  # the public names of a package, which its __init__.py loads when they are used
-    texts = [part.read_text(encoding="utf-8") for part in (file, stub) if part.is_file()]
-    for node in (node for text in texts for node in ast.walk(ast.parse(text))):
-        if isinstance(node, ast.Import):
-            found |= {nearest(alias.name, known) for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            if node.level > len(package):
-                found.add("." * node.level)
-                continue
-            base = ".".join(
-                [
-                    *(package[: len(package) - node.level + 1] if node.level else []),
-                    *filter(None, [node.module]),
-                ]
-            )
-            found |= {nearest(f"{base}.{alias.name}", known) for alias in node.names}
-    return found - {"", own}
-
-
-def nearest(name: str, known: dict[str, Path]) -> str:
-    """Return the module that a dotted name is, or that holds it; empty for what is not ours."""
-    while name and name not in known:
-        name = name.rpartition(".")[0]
-    return name
-
-
 def circle(edges: dict[str, set[str]]) -> list[str]:
     """Return one circle of a graph, empty when there is none."""
     try:
@@ -266,10 +217,13 @@ def test_folders_are_small():
 
 
 @pytest.mark.slow
-def test_the_page_of_folders_is_up_to_date():
-    program = runpy.run_path(str(ROOT / "docs" / "scripts" / "make_folders.py"))
-    page = (ROOT / "docs" / "design" / "folders.md").read_text(encoding="utf-8")
-    assert page == program["page"](), "run: python docs/scripts/make_folders.py"
+def test_the_page_of_folders_has_a_row_for_each():
+    page = runpy.run_path(str(ROOT / "docs" / "scripts" / "make_folders.py"))["page"]()
+    sections = page.split("\n## ")[1:]
+    assert [section.split("\n")[0] for section in sections] == CHAIN
+    for section, places in zip(sections, ORDER.values(), strict=True):
+        rows = [line.split("`")[1] for line in section.splitlines() if line.startswith("| `")]
+        assert [row.removesuffix("/").removesuffix(".py") for row in rows] == places
 
 
 def test_every_kind_of_import_is_seen(tmp_path):

@@ -22,6 +22,17 @@ def test_the_page_of_quantities_has_a_row_for_each():
     assert rows == [(one.name, one.units, one.long_name) for one in quantities]
 
 
+def test_the_first_page_of_the_site_has_the_sections_of_the_readme():
+    page = (DOCS / "index.md").read_text(encoding="utf-8")
+    made = runpy.run_path(str(DOCS / "scripts" / "make_site.py"))["with_readme"](page)
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    program = readme.partition("```python\n")[2].partition("```")[0]
+    assert program.count("\n") == 10
+    assert program in made
+    assert made.count("](images/report-case.png)") == 1
+    assert "<!-- README" not in made
+
+
 def test_the_page_of_headings_names_every_quantity():
     page = runpy.run_path(str(DOCS / "scripts" / "make_column_headings.py"))["page"]()
     symbols = [name.replace("engine.", "engine1.") for name in HEADING_WORDS]

@@ -12,8 +12,8 @@ from .ground_effect import in_ground_effect as in_ground_effect
 from .ground_effect import with_height_table as with_height_table
 from .reference_point import move_reference as move_reference
 from .rescaling import rescale as rescale
-from .table_edits import delete_terms as delete_terms
-from .table_edits import replace_terms as replace_terms
 from .table_edits import scale as scale
 from .table_edits import set_nodes as set_nodes
 from .table_edits import shift as shift
+from .term_edits import delete_terms as delete_terms
+from .term_edits import replace_terms as replace_terms

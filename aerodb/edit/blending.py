@@ -36,7 +36,7 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from aerodb.edit.table_edits import match_names
+from aerodb.edit.term_edits import match_names
 from aerodb.store.grids import (
     fold_factors,
     is_within,

@@ -10,18 +10,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from aerodb.prior import control_devices as devices
 from aerodb.prior import ground_increments, increments
 from aerodb.prior.damping import with_tail_arm
-from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
+from aerodb.prior.effect_to_terms import terms_of_effect
 from aerodb.prior.power import power_effect, with_idle_engines, with_power_in_it
 from aerodb.prior.print_remarks import describe_tail_pressure, list_missing_numbers
 from aerodb.prior.prior_errors import errors_with
 from aerodb.prior.reference_quantities import (
     Point,
+    find_basic_ranges,
+    find_reference_altitude,
     find_reference_point,
     refer_to_aircraft,
     warn_of_other_place,
@@ -63,7 +64,6 @@ _FLAP_OR_ELEVATOR = (
     "the program computed it on the horizontal tail: run the flap of a wing without HTPLNF; if it "
     "is an elevator, check its stations and chords, and give it its upward deflections"
 )
-_INCOMPRESSIBLE = 0.3  # tables that begin below this Mach number are extended to Mach 0
 
 
 def from_datcom(
@@ -200,14 +200,14 @@ def from_datcom(
         prior = with_idle_engines(prior, clean_source)
     reference = find_reference_point(aircraft, sources, move_reference)
     warn_of_other_place(aircraft, sources, reference)
-    h_ref = _reference_altitude(clean_source, altitude)
+    h_ref = find_reference_altitude(clean_source, altitude)
     for remark in list_missing_numbers(clean_source, h_ref):
         warn_user(f"clean: {remark}")
     # All effects in the axes and with the reference of the program, then of the aircraft.
     program_effects = _collect_effects(sources, h_ref, b=aircraft.b, z_ref=reference[2])
     effects = refer_to_aircraft(program_effects, sources, aircraft, reference=reference)
     # Every table covers the range of the basic ones, so that a flight stays inside all tables.
-    ranges = _basic_ranges(effects["basic"].tables["CL"])
+    ranges = find_basic_ranges(effects["basic"].tables["CL"])
     leaves: dict[str, xr.Dataset] = {}
     for effect in (*effects.values(), *_hinge_effects(sources, h_ref)):
         leaves |= terms_of_effect(effect, prior, ranges)
@@ -413,48 +413,6 @@ def _require_tail(clean: Source) -> None:
                 "(--tailless) for an aircraft that has no tail"
             ],
         )
-
-
-def _reference_altitude(clean: Source, altitude: float | None) -> float:
-    """Return the printed altitude nearest to the requested one, or the middle one. [m]
-
-    It is 0 if the pages state Reynolds numbers, or pressure and temperature, and no altitude.
-    """
-    if not clean.has("static"):
-        problem = f"the static pages of {clean.file} hold no row with an angle of attack; give "
-        raise SchemaError(clean.role, [f"{problem}ALSCHD and NALPHA in the deck and run it again"])
-    if not clean.has_altitude:
-        warn_user(
-            f"{clean.role}: the pages of {clean.file} state no altitude (Reynolds number, or "
-            f"pressure and temperature, in the deck); the tables go over Mach number alone"
-        )
-        return 0.0
-    heights = clean.grid("static")["h"].values
-    if altitude is None:
-        return float(heights[len(heights) // 2])
-    nearest = float(heights[np.argmin(np.abs(heights - altitude))])
-    if abs(nearest - altitude) > 1.0:
-        printed = ", ".join(f"{h:.1f}" for h in heights)
-        raise SchemaError(
-            "clean", [f"altitude {altitude:.1f} m is not printed; choose one of {printed} m"]
-        )
-    return nearest
-
-
-def _basic_ranges(CL: xr.DataArray) -> dict[str, tuple[float, float]]:
-    """Return the ranges of Mach number and incidence that every table must cover.
-
-    They are those of the basic lift coefficient, down to Mach 0 if it begins incompressible.
-    """
-    filled, _, _ = fill_unprinted_cells(CL)
-    machs, alphas = filled["mach"].values, filled["alpha"].values
-    lowest = float(machs[0])
-    if lowest <= _INCOMPRESSIBLE:
-        lowest = 0.0
-    return {
-        "mach": (lowest, float(machs[-1])),
-        "alpha": (float(alphas[0]), float(alphas[-1])),
-    }
 
 
 def _scheme_order(name: str) -> tuple[int, str]:

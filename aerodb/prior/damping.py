@@ -6,7 +6,8 @@ At supersonic speed strips of the planforms take its place.  The standard error 
 printed one.  Other suspect numbers count as not printed.
 
 CMAD over CLAD is the arm of the tail in chords, and so is D(CM) over D(CL) of an elevator: 0.79 to
-1.02 of it on sound listings, 0.11 to 0.27 on a public one whose run carries D(CM) on from its flaps.
+1.02 of it on sound listings, 0.11 to 0.27 on a public one whose run carries D(CM) on from its
+flaps.
 """
 
 from __future__ import annotations

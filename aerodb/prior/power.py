@@ -34,8 +34,8 @@ _INDUCED_BY_JET = {"CL": 0.15, "Cm": 0.1}  # JETPWE sets the drag increment to z
 _INDUCED_BY_PROPELLER = {"CL": 0.25, "CD": 0.2, "Cm": 0.3}
 # Largest normal force of an inlet or a propeller without thrust, and its drag and moment, over the
 # angles from -4 to 12 deg of an own light aircraft of two engines: the difference of its pages with
-# engines of zero thrust to those without engines (CL 0.024, Cm 0.026 of two jets; CL 0.007, CD 0.004, Cm 0.046 of two
-# propellers), rounded.
+# engines of zero thrust to those without engines (CL 0.024, Cm 0.026 of two jets; CL 0.007, CD
+# 0.004, Cm 0.046 of two propellers), rounded.
 _IDLE = {
     "jet": {"CL": 0.025, "Cm": 0.03},
     "propeller": {"CL": 0.01, "CD": 0.005, "Cm": 0.05},

@@ -9,7 +9,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
 
+from aerodb.prior.effect_to_terms import fill_unprinted_cells
 from aerodb.prior.sources import Source, warn_user
 from aerodb.store.effects import (
     Effect,
@@ -34,6 +36,7 @@ _DIFFERENCE = 0.02
 # Difference of the mean chord of the cards from that of the aircraft from which on the place means
 # another chord, of that of the aircraft.
 _OTHER_CHORD = 0.1
+_INCOMPRESSIBLE = 0.3  # tables that begin below this Mach number are extended to Mach 0
 Point = tuple[float, float, float]
 
 
@@ -240,3 +243,45 @@ def warn_of_other_place(
         f"point {-reference[0]:.4g} m aft of the drawing datum): places of the c.g. and neutral "
         f"point in chords are shifted by the difference; set x_ref_mac = {place:.4g}"
     )
+
+
+def find_reference_altitude(clean: Source, altitude: float | None) -> float:
+    """Return the printed altitude nearest to the requested one, or the middle one. [m]
+
+    It is 0 if the pages state Reynolds numbers, or pressure and temperature, and no altitude.
+    """
+    if not clean.has("static"):
+        problem = f"the static pages of {clean.file} hold no row with an angle of attack; give "
+        raise SchemaError(clean.role, [f"{problem}ALSCHD and NALPHA in the deck and run it again"])
+    if not clean.has_altitude:
+        warn_user(
+            f"{clean.role}: the pages of {clean.file} state no altitude (Reynolds number, or "
+            f"pressure and temperature, in the deck); the tables go over Mach number alone"
+        )
+        return 0.0
+    heights = clean.grid("static")["h"].values
+    if altitude is None:
+        return float(heights[len(heights) // 2])
+    nearest = float(heights[np.argmin(np.abs(heights - altitude))])
+    if abs(nearest - altitude) > 1.0:
+        printed = ", ".join(f"{h:.1f}" for h in heights)
+        raise SchemaError(
+            "clean", [f"altitude {altitude:.1f} m is not printed; choose one of {printed} m"]
+        )
+    return nearest
+
+
+def find_basic_ranges(CL: xr.DataArray) -> dict[str, tuple[float, float]]:
+    """Return the ranges of Mach number and incidence that every table must cover.
+
+    They are those of the basic lift coefficient, down to Mach 0 if it begins incompressible.
+    """
+    filled, _, _ = fill_unprinted_cells(CL)
+    machs, alphas = filled["mach"].values, filled["alpha"].values
+    lowest = float(machs[0])
+    if lowest <= _INCOMPRESSIBLE:
+        lowest = 0.0
+    return {
+        "mach": (lowest, float(machs[-1])),
+        "alpha": (float(alphas[0]), float(alphas[-1])),
+    }

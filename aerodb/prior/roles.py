@@ -87,9 +87,9 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
         SYMFLP that of the shortest run.  A device beyond the tip of its surface, or with a larger
         chord, has no role.  Neither has a spoiler without height, nor the flap of a wing that the
         program computes on the tail: its FTYPE, the cards of another case, its name and
-        deflections, or its stations and chords show it (`datcom_io.decks.device_fit`).  If every case of the whole
-        aeroplane has a device, the static pages of these cases, those of the elevator first, are
-        the clean ones: the program prints them without deflection.
+        deflections, or its stations and chords show it (`datcom_io.decks.device_fit`).  If every
+        case of the whole aeroplane has a device, the static pages of these cases, those of the
+        elevator first, are the clean ones: the program prints them without deflection.
 
     Raises
     ------

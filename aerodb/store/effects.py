@@ -5,9 +5,10 @@ tables of CL, CD, CY, Cl, Cm, Cn that share a contribution name and a regressor.
 reference quantities, of axes and of the moment reference point involve forces and moments together.
 They therefore apply to effects and not to single terms.
 
-Axes of the listings (docs/explanation/database/from-datcom.md): DATCOM's lift and drag, and its lateral moments and
-rates, refer to stability axes, which are body axes turned by alpha about y.  ``d`` is the vector
-from the new moment reference point to the old one, in body axes.  It lies in the plane of symmetry.
+Axes of the listings (docs/explanation/database/from-datcom.md): DATCOM's lift and drag, and its
+lateral moments and rates, refer to stability axes, which are body axes turned by alpha about y.
+``d`` is the vector from the new moment reference point to the old one, in body axes.  It lies in
+the plane of symmetry.
 """
 
 from __future__ import annotations

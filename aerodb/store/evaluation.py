@@ -14,7 +14,7 @@ from flightmech.axes import lift_drag
 from flightmech.build_up import evaluation_levels, used_coefficients
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import lookup, quantity_attributes
-from flightmech.support.netcdf_trees import CHECKS
+from flightmech.support.array_files.netcdf_trees import CHECKS
 
 _OF_ANY_AXES = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 _HIGH = 1000.0  # height above ground without ground effect, where no table ends [m]

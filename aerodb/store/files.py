@@ -18,15 +18,15 @@ from aerodb.store.schema import check, find_leaf, terms
 from aerodb.store.seal import read_database_seal
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import COEFFICIENTS
-from flightmech.support.atomic_write import written_atomically
-from flightmech.support.hdf5_seal import add_seal
-from flightmech.support.input_files import file_kind
-from flightmech.support.netcdf_trees import (
+from flightmech.support.array_files.netcdf_trees import (
     CHECKS,
     encode_tree,
     find_unstorable,
     read_netcdf_tree,
 )
+from flightmech.support.atomic_write import written_atomically
+from flightmech.support.file_kinds import file_kind
+from flightmech.support.hdf5_seal import add_seal
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,8 +1,8 @@
 """Stamp of a term as it was identified: a digest of its table, which every later change breaks.
 
 The history of a term states edits by this program only.  A table that was changed in an array
-library, or by a history written by hand, has another digest.  The stamp is not a signature: who knows
-it can write it again.
+library, or by a history written by hand, has another digest.  The stamp is not a signature: who
+knows it can write it again.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""Plausibility of a database: signs and sizes of its derivatives as a knowledgeable reader sees them.
+"""Plausibility of a database: signs and sizes of its derivatives as a knowledgeable reader sees
+them.
 
-A valid file can hold the numbers of no aeroplane: a derivative with the wrong sign, a wrong chord, a
-table of one angle of attack. `check_plausibility` evaluates the sum of all terms in cruise
-configuration at every Mach number of the tables and compares the derivatives with ranges. Each range
-states its source. A finding of an unusual aeroplane is acknowledged in its aircraft file with a
-reason.
+A valid file can hold the numbers of no aeroplane: a derivative with the wrong sign, a wrong chord,
+a table of one angle of attack. `check_plausibility` evaluates the sum of all terms in cruise
+configuration at every Mach number of the tables and compares the derivatives with ranges. Each
+range states its source. A finding of an unusual aeroplane is acknowledged in its aircraft file with
+a reason.
 
 The ranges of derivatives (`aerodb.store.plausible_ranges`) rest on Teper, NASA CR-96008 (1969),
 Heffley and Jewell, NASA CR-2144 (1972), Roskam, Airplane Flight Dynamics, Appendix B, Seckel,
@@ -14,14 +15,15 @@ of Digital DATCOM names.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 import xarray as xr
 
 from aerodb.store.evaluation import cruise_state, evaluate_held
+from aerodb.store.plausibility_findings import PlausibilityFinding, find_outside, merge_findings
 from aerodb.store.plausible_ranges import TAIL_PRESSURE, derivative_ranges, tailless_words
 from aerodb.store.schema import database_coefficients, terms
 from flightmech.errors import SchemaError
@@ -81,56 +83,6 @@ class HasMass(Protocol):
         """Centre of gravity from the moment reference point, body axes. [m]"""
 
 
-@dataclass(frozen=True)
-class PlausibilityFinding:
-    """One quantity outside its range, or one that is missing.
-
-    Attributes
-    ----------
-    subject : str
-        Quantity as it is acknowledged, such as ``Cm/qhat`` or ``static margin``.
-    kind : str
-        ``implausible``, ``missing``, ``not checked``, or ``unused``: an acknowledgement of a
-        subject that no finding has.
-    value, low, high : float
-        Worst value and its range; NaN where there is none.
-    place : str
-        Mach numbers, or empty.
-    source : str
-        Where the range comes from, or why nothing was checked.
-    reason : str
-        Acknowledgement in the aircraft file, empty without one.
-    """
-
-    subject: str
-    kind: str
-    value: float = np.nan
-    low: float = np.nan
-    high: float = np.nan
-    place: str = ""
-    source: str = ""
-    reason: str = ""
-
-    @property
-    def stops(self) -> bool:
-        """Whether the database is implausible: nobody has acknowledged the finding."""
-        return self.kind == "implausible" and not self.reason
-
-    def __str__(self) -> str:
-        text = f"{self.subject} is {self.kind}"
-        if np.isfinite(self.value):
-            text = f"{self.subject} = {self.value:.4g} is {self.kind}"
-        if self.place:
-            text += f" at {self.place}"
-        if np.isfinite(self.low) or np.isfinite(self.high):
-            text += f"; the range is {self.low:.4g} to {self.high:.4g}"
-        if self.source:
-            text += f" ({self.source})"
-        if self.reason:
-            text += f"; acknowledged: {self.reason}"
-        return text
-
-
 def check_plausibility(
     db: xr.DataTree,
     aircraft: HasMass | None = None,
@@ -172,11 +124,11 @@ def check_plausibility(
         findings.append(PlausibilityFinding("tail pressure", "implausible", source=clause))
     # Without lift over several alphas no slope exists.
     if not findings or all(item.subject != "angles of attack" for item in findings):
-        findings += _merge(_check_slopes(db, machs, state, aircraft=aircraft), machs)
-    findings += _merge(_check_derivatives(db, machs, state), machs)
-    findings += _merge(_check_steps_of_damping(db, machs, state), machs)
+        findings += merge_findings(_check_slopes(db, machs, state, aircraft=aircraft), machs)
+    findings += merge_findings(_check_derivatives(db, machs, state), machs)
+    findings += merge_findings(_check_steps_of_damping(db, machs, state), machs)
     if "Cm" in _present_coefficients(db):
-        findings += _merge(_check_trim(db, machs, state), machs)
+        findings += merge_findings(_check_trim(db, machs, state), machs)
     findings += _find_missing(db, machs, state)
     if aircraft is not None:
         findings += _check_aircraft(aircraft)
@@ -190,7 +142,9 @@ def check_plausibility(
 def _find_unused(
     reasons: Mapping[str, str], subjects: Sequence[str]
 ) -> Iterator[PlausibilityFinding]:
-    """Yield the acknowledgements whose subject is not one of `subjects`, which is often misspelt."""
+    """Yield the acknowledgements whose subject is not one of `subjects`, which is often
+    misspelt.
+    """
     listed = ", ".join(subjects) or "none"
     for subject in reasons:
         if subject not in subjects:
@@ -265,7 +219,7 @@ def _check_steps_of_damping(
             largest = _FAR_STEP
         ratio = max(before / here, here / before)
         why = f"ratio of {before:.4g} at Mach {machs[k - 1]:g} and {here:.4g}: one of both is wrong"
-        yield from _outside("Cm/qhat over Mach", ratio, 0.0, largest, why, machs[k])
+        yield from find_outside("Cm/qhat over Mach", ratio, 0.0, largest, why, machs[k])
 
 
 def _check_slopes(
@@ -293,10 +247,10 @@ def _check_slopes(
             )
             why += "it, the tail and the body raise it"
             low, high = _SLOPE[0] * straight, _SLOPE[1] * straight
-            yield from _outside("CL/alpha", CL_alpha, low, high, why, mach)
+            yield from find_outside("CL/alpha", CL_alpha, low, high, why, mach)
         if {"CD", "CX"} & present:
             why = "drag of an aeroplane at low lift"
-            yield from _outside("CD", float(CD.min()), *_DRAG, why, mach)
+            yield from find_outside("CD", float(CD.min()), *_DRAG, why, mach)
         if abs(CL_alpha) < _LEAST or "Cm" not in present:
             continue
         margin, point = -Cm_alpha / CL_alpha, "moment reference point"
@@ -304,13 +258,13 @@ def _check_slopes(
             # The lift acts at the reference point, x_cg behind the centre of gravity.
             margin, point = margin + aircraft.cg[0] / cbar, "centre of gravity of the aircraft file"
         why = f"a stable aeroplane about the {point}; an unstable one is acknowledged"
-        yield from _outside("static margin", margin, *_MARGIN, why, mach)
+        yield from find_outside("static margin", margin, *_MARGIN, why, mach)
         damping = _derivative(db, "Cm", "qhat", mach=mach, base=base)
         if aircraft is not None and damping is not None:
             # h_m = h_n - (rho S cbar / 4 m) Cm_qhat, at sea level.
             manoeuvre = margin - _RHO_0 * S * cbar / (4.0 * aircraft.mass) * damping
             why = "positive elevator per g at sea level about the centre of gravity"
-            yield from _outside("manoeuvre margin", manoeuvre, 0.0, 5.0, why, mach)
+            yield from find_outside("manoeuvre margin", manoeuvre, 0.0, 5.0, why, mach)
 
 
 def _check_trim(
@@ -374,7 +328,7 @@ def _check_derivatives(
                 why = found.source
                 if not configuration:
                     why += tailless_words(subject, slope, mach)
-                yield from _outside(subject, slope, found.low, found.high, why, mach)
+                yield from find_outside(subject, slope, found.low, found.high, why, mach)
 
 
 def _check_aircraft(aircraft: Any) -> Iterator[PlausibilityFinding]:
@@ -416,40 +370,6 @@ def _find_missing(
 def _present_coefficients(db: xr.DataTree) -> set[str]:
     """Return the coefficients that have a term."""
     return {name.split("/")[0] for name in terms(db)}
-
-
-def _outside(
-    subject: str, value: float, low: float, high: float, why: str, mach: float
-) -> Iterator[tuple[PlausibilityFinding, float]]:
-    if not low <= value <= high:
-        yield PlausibilityFinding(subject, "implausible", value, low, high, source=why), mach
-
-
-def _merge(
-    found: Iterable[tuple[PlausibilityFinding, float]], machs: np.ndarray
-) -> list[PlausibilityFinding]:
-    """Return one finding for each subject: the value farthest outside, with all Mach numbers."""
-    worst: dict[str, PlausibilityFinding] = {}
-    places: dict[str, list[float]] = {}
-    for finding, mach in found:
-        places.setdefault(finding.subject, []).append(mach)
-        earlier = worst.get(finding.subject)
-        if earlier is None or _excess(finding) > _excess(earlier):
-            worst[finding.subject] = finding
-    merged = []
-    for subject, finding in worst.items():
-        place = "every Mach number"
-        if len(places[subject]) < machs.size:
-            place = "Mach " + " ".join(f"{mach:g}" for mach in places[subject])
-        merged.append(replace(finding, place=place))
-    return merged
-
-
-def _excess(finding: PlausibilityFinding) -> float:
-    """Return how far a value lies outside its range."""
-    if np.isnan(finding.value):
-        return np.inf
-    return max(finding.low - finding.value, finding.value - finding.high)
 
 
 def _straight_wing_slope(aspect_ratio: float, mach: float) -> float:

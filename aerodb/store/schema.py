@@ -13,7 +13,7 @@ from aerodb.store.templates import lr743
 from flightmech import terms as _terms
 from flightmech.build_up import evaluation_levels
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.support.netcdf_trees import GROUPS
+from flightmech.support.array_files.netcdf_trees import GROUPS
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,8 +11,8 @@ import h5py
 
 from flightmech.errors import ParseError
 from flightmech.support import hdf5_seal as seal
+from flightmech.support.file_kinds import file_kind
 from flightmech.support.hdf5_seal import SIGNATURE, Unbroken
-from flightmech.support.input_files import file_kind
 
 
 def read_database_seal(path: Path) -> Unbroken:

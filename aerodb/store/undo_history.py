@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aerodb.store.schema import require_valid, terms
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.support.netcdf_trees import CHECKS, PREVIOUS
+from flightmech.support.array_files.netcdf_trees import CHECKS, PREVIOUS
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -48,7 +48,9 @@ class StatedFacts:
 def aircraft_text(
     geometry: Geometry, known: StatedFacts, records: Sequence[xr.DataTree]
 ) -> tuple[str, list[str]]:
-    """Return the text of an aircraft file, and the values that its author has to give or confirm."""
+    """Return the text of an aircraft file, and the values that its author has to give or
+    confirm.
+    """
     remarks: list[str] = []
     name = known.name or _title(geometry) or "aircraft"
     imu = [_value(text) for text in known.imu] if known.imu else None

@@ -1,4 +1,6 @@
-"""Looks at flight records before a match: what fits, submodels and cases use, and what is absent."""
+"""Looks at flight records before a match: what fits, submodels and cases use, and what is
+absent.
+"""
 
 from __future__ import annotations
 

@@ -36,7 +36,8 @@ class DeviceSection(Strict):
     master: OptionalFile = Field(
         default=None,
         examples=["master/results.nc"],
-        description="Results of an earlier report, with which a recurrent test compares the device.",
+        description="Results of an earlier report, with which a recurrent test compares the "
+        "device.",
     )
     recurrent_share: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
         default=None,

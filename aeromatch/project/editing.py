@@ -16,11 +16,12 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from aeromatch.project.project import read_project
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.support.atomic_write import ContentAsRead, written_atomically
 from flightmech.support.console import InputFile, NewFile, json_option, print_json
-from flightmech.support.input_files import file_kind, read_toml
+from flightmech.support.file_kinds import file_kind
+from flightmech.support.toml_files import read_toml
 from flighttest.records.readers.name_map_reading import read_names
 from pom.cases.case import read_case
 

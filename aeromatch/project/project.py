@@ -41,14 +41,14 @@ from aeromatch.project.sections import (
 from flightmech import terms
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, file_schema, validate_content
 from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity
 from flighttest.reconstruction.dynamics.coefficient_errors import ERRORS
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.engine.tables import read_structure
-from pom.cases.case_file import Role, Signature
+from pom.cases.signatures import Role, Signature
 
 OWN_MODELS = ("datcom", "corrected", "final")
 """Names of the models that a project makes."""
@@ -194,7 +194,8 @@ class Project(Strict):
     )
     terms: dict[str, NewTerm] = Field(
         default={},
-        description="Terms that the listings cannot give, zero at first, by a name such as CL/gear.",
+        description="Terms that the listings cannot give, zero at first, by a name such as "
+        "CL/gear.",
     )
     models: dict[str, ThirdPartyModel] = Field(
         default={}, description="Models from elsewhere that are replayed as well, by name."
@@ -359,7 +360,9 @@ class Project(Strict):
 
     @property
     def points(self) -> dict[str, Path]:
-        """Files for the engine: settled ``points``, ``climbs``, and the ``structure`` of its deck."""
+        """Files for the engine: settled ``points``, ``climbs``, and the ``structure`` of its
+        deck.
+        """
         return {name: self.file.parent / file for name, file in self._engine_files().items()}
 
     def with_changes(self, **changes: Any) -> Project:

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from aeromatch.project.project import project_schema
-from flightmech.aircraft.aircraft import aircraft_schema as without_instruments
+from flightmech.aircraft.aircraft_file import aircraft_schema as without_instruments
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import json_option, print_json
 from flightmech.support.toml_models import part_schema, schema_text

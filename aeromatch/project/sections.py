@@ -270,7 +270,9 @@ def _require_hinge_moment(text: str, coefficient: str) -> None:
 
 
 def find_faults(position: str, act: Callable[..., object], *items: object) -> Iterator[str]:
-    """Yield the problems that ``act(*items)`` raises, each with the position in the project file."""
+    """Yield the problems that ``act(*items)`` raises, each with the position in the project
+    file.
+    """
     try:
         act(*items)
     except SchemaError as error:

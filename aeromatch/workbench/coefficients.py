@@ -23,13 +23,14 @@ import flighttest
 from aeromatch.workbench.allowed_actions import ActionError
 from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.processes import WorkbenchJob
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchError
-from flightmech.support.atomic_write import remove_leftovers, written_atomically
+from flightmech.support.array_files.netcdf_writing import write_netcdf
+from flightmech.support.atomic_write import written_atomically
 from flightmech.support.input_files import file_sha256
 from flightmech.support.kept_stages.content_hashes import content_hash
 from flightmech.support.kept_stages.program import hash_installation
-from flightmech.support.netcdf_writing import write_netcdf
+from flightmech.support.temporary_names import remove_leftovers
 
 FOLDER = "coefficients"
 MOST_BYTES = 4_000_000_000

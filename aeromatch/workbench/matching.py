@@ -15,8 +15,8 @@ import aerodb
 import pom
 from aeromatch.workbench.opened import MATCH, OpenProject
 from flightmech.errors import UnknownName
-from pom.cases.case_file import plain_signatures, signature_rows
 from pom.cases.resolve import LIMIT_UNITS
+from pom.cases.signatures import plain_signatures, signature_rows
 from pom.report.case.page import case_keys
 from pom.report.models.diagnosis import cause_sentences
 from pom.result import results_name

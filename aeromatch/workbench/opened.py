@@ -16,7 +16,8 @@ import flighttest
 from aeromatch.project.project import Project, read_project
 from aeromatch.workbench.allowed_actions import PlaceholderFolders
 from aeromatch.workbench.processes import WorkbenchJob
-from flightmech.aircraft.aircraft import Aircraft, read_aircraft
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import UnknownName
 from flightmech.support.figures import to_display_quantity
 from flighttest.reconstruction.dynamics.saved_paths import open_path

@@ -16,7 +16,7 @@ import flighttest
 from aerodb.figures.lr743_set.flown import configuration_text, height_text
 from aeromatch.workbench.opened import MATCH, OpenProject, decimate_channels, pack_traces
 from flightmech.air import atmosphere, impact_pressure_at, mach_number
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.figures import to_display_quantity

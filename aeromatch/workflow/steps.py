@@ -27,13 +27,13 @@ from aeromatch.workflow.identification import Step, run_identification
 from aeromatch.workflow.identified import Identified
 from aeromatch.workflow.windows import inputs_of, rests_on
 from flightmech.aircraft.parts import different_parts
+from flightmech.support.array_files.netcdf_writing import encode_netcdf
 from flightmech.support.atomic_write import folder_written_atomically, resolve_folder
 from flightmech.support.console import count_text
 from flightmech.support.kept_stages.sharing import open_cluster
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
-from flightmech.support.netcdf_writing import encode_netcdf
 from pom.archive.origins import ReportProvenance
-from pom.cases.case_file import plain_signatures
+from pom.cases.signatures import plain_signatures
 from pom.checking.case_check import checks_text, with_record_checks
 from pom.checking.report_checks import with_report_checks
 from pom.diagnosis.corrected_model import joint_terms

@@ -257,7 +257,9 @@ def _manoeuvre_spans(
     table: pd.DataFrame,
     problems: list[str],
 ) -> list[tuple[float, float]]:
-    """Return the windows of manoeuvres in one record: ``"3211 elevator"``, or a kind: ``"trim"``."""
+    """Return the windows of manoeuvres in one record: ``"3211 elevator"``, or a kind:
+    ``"trim"``.
+    """
     # A manoeuvre without a control, such as a trim, is named by its kind alone.
     kinds = table["manoeuvre"].tolist()
     labels = []

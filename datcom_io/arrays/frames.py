@@ -21,8 +21,8 @@ from datcom_io.printout.content import Page, PrintedCase, paused_collection
 from datcom_io.printout.layouts import BY_NAME
 from datcom_io.printout.rows import PrintedColumn
 from datcom_io.printout.tables import PrintedTable, PrintedValues
+from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
-from flightmech.support.netcdf_writing import write_netcdf
 
 COLUMNS = (*FIRST_COLUMNS, *AXES, *RARE_AXES, *LAST_COLUMNS)
 """All columns that a frame of cells may have.

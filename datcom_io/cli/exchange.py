@@ -18,7 +18,9 @@ from flightmech.support.console import performed_by
 @console.json_option
 @performed_by("datcom_io.cli.actions.exchange:export_listing")
 def export_listing_command() -> None:
-    """Write a listing as the structure of MATLAB's datcomimport; report what it has no place for."""
+    """Write a listing as the structure of MATLAB's datcomimport; report what it has no place
+    for.
+    """
 
 
 @click.command("plot")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ def case_summary_rows(listing: Listing) -> list[dict[str, Any]]:
 
 
 def _case(case: Case) -> dict[str, Any]:
-    printed = [item for page in case.pages for item in page.printed]
+    printed = list(chain.from_iterable(page.printed for page in case.pages))
     flags: Counter[str] = Counter()
     for item in printed:
         flags.update(
@@ -36,13 +37,11 @@ def _case(case: Case) -> dict[str, Any]:
             }
         )
     suspect = flags.pop(FLAGS[SUSPECT], 0)
-    tables = [table for page in case.pages for table in page.tables]
-    alphas = [
-        x
-        for table in tables
-        if table.columns[0].quantity == "alpha"
-        for x in table.values[:, 0].tolist()
-    ]
+    tables = list(chain.from_iterable(page.tables for page in case.pages))
+    alphas: list[float] = []
+    for table in tables:
+        if table.columns[0].quantity == "alpha":
+            alphas += table.values[:, 0].tolist()
     return {
         "case": case.name,
         "ordinal": case.ordinal,

@@ -20,13 +20,8 @@ from datcom_io.decks.deck import Deck, assignments_of, parse_cards
 from datcom_io.decks.namelists import CARD_COLUMNS, CASEID_COLUMNS, VARIABLES, format_namelist_value
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support.atomic_write import write_text
-from flightmech.support.input_files import (
-    MISSILE_FILE,
-    file_kind,
-    marked_encoding,
-    read_bytes,
-    with_line_feeds,
-)
+from flightmech.support.file_kinds import MISSILE_FILE, file_kind
+from flightmech.support.input_files import marked_encoding, read_bytes, with_line_feeds
 
 _REPEATED_CARDS = ("DAMP", "PART")  # by DATCOM+, in cases that SAVE continues
 _DECK = "an input deck (unit 5): namelists $NAME ... $ and control cards"

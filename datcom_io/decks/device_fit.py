@@ -23,8 +23,8 @@ from datcom_io.decks.planforms import sample_chords
 
 _SPOILERS, _DIFFERENTIAL_TAIL = (1, 2, 3), 5  # STYPE of ASYFLP
 # Part of the semispan by which the device of a careless deck may pass the tip of its own surface.
-# The elevator of a public deck passes it by 0.05 %, an aileron by 1.8 %; a flap of the wing that the
-# program computes on the tail passes it by half the span and more.
+# The elevator of a public deck passes it by 0.05 %, an aileron by 1.8 %; a flap of the wing that
+# the program computes on the tail passes it by half the span and more.
 _CARELESS_SPAN = 0.05
 _FLAP_ON_TAIL = (
     "with a wing and a horizontal tail the program computes a SYMFLP on the tail, so run the flap "

@@ -33,8 +33,9 @@ def check_nose_height(deck: Deck) -> Iterator[DeckFinding]:
     """Yield a pointed nose that lies off the mean line of the body behind it.
 
     The program takes the step as camber and adds a moment at every angle of attack: 0.10 in CM for
-    a nose 0.3 m below the line of an own light aircraft of two engines, whose second station is 0.7 m high. The height of
-    the whole body does not count: the T-37 with its nose at 0.35 ft or at 0 prints the same.
+    a nose 0.3 m below the line of an own light aircraft of two engines, whose second station is 0.7
+    m high. The height of the whole body does not count: the T-37 with its nose at 0.35 ft or at 0
+    prints the same.
     """
     upper, lower = deck.values("BODY", "ZU"), deck.values("BODY", "ZL")
     if len(upper) < 2 or len(lower) < 2 or upper[0] != lower[0]:

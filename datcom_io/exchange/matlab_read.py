@@ -25,8 +25,8 @@ from datcom_io.exchange.matlab_fields import (
 from datcom_io.exchange.matlab_structure import NUMERIC, CaseStructure, find_structures
 from datcom_io.printout.rows import PrintedColumn
 from flightmech.errors import ParseError
+from flightmech.support.array_files.mat_files import load_mat
 from flightmech.support.input_files import read_bytes
-from flightmech.support.mat_files import load_mat
 from flightmech.units import DEGREE
 
 # Leaves with conditions of their own, and leaves over configurations.

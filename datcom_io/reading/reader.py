@@ -14,7 +14,7 @@ from datcom_io.reading.faults import Observer
 from datcom_io.reading.lines import ControlColumn, line_blocks
 from datcom_io.reading.scanner import Scanner
 from flightmech.errors import ParseError
-from flightmech.support.input_files import MISSILE_FILE, file_kind
+from flightmech.support.file_kinds import MISSILE_FILE, file_kind
 
 Source = str | os.PathLike[str] | Iterable[str]
 

@@ -24,6 +24,7 @@ from datcom_io.printout.content import ListingMessage
 from datcom_io.reading.reader import read
 from flightmech.errors import AeromatchError, ParseError, SchemaError, SimulationError
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.file_kinds import file_kind
 from flightmech.support.foreign_code.process import (
     RunLimits,
     describe_exit,
@@ -31,7 +32,7 @@ from flightmech.support.foreign_code.process import (
     sandbox_for,
 )
 from flightmech.support.foreign_code.sandbox import read_sandbox_mode
-from flightmech.support.input_files import file_kind, marked_encoding
+from flightmech.support.input_files import marked_encoding
 
 _DECK_NAME = "for005.dat"
 # Print file (unit 6) and plot files by the names of known builds, best first.

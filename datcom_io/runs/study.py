@@ -29,7 +29,7 @@ from datcom_io.decks.cards import Namelist
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import DeckFile, read_deck
 from flightmech.errors import SchemaError
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 
 # Word of a device: its namelist, and whether the device is on the tail.
 DEVICES = {

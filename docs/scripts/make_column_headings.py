@@ -1,7 +1,8 @@
-"""Page ``column-headings.md``, the headings of recordings that are recognised. The site has the page
-(`make_site`); ``python docs/scripts/make_column_headings.py`` prints it.
+"""Page ``column-headings.md``, the headings of recordings that are recognised. The site has the
+page (`make_site`); ``python docs/scripts/make_column_headings.py`` prints it.
 
-The words come from `aeromatch.drafting.name_map.heading_words`, quantities and units from `flightmech.names`.
+The words come from `aeromatch.drafting.name_map.heading_words`, quantities and units from
+`flightmech.names`.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Take the waterfalls of docs/explanation/proof-of-match/diagnosis.md from a report: ``python docs/scripts/make_diagnosis_images.py
-out/t37/report/report.html``.
+"""Take the waterfalls of docs/explanation/proof-of-match/diagnosis.md from a report: ``python
+docs/scripts/make_diagnosis_images.py out/t37/report/report.html``.
 
 Needs Debian's ``chromium`` and the package ``playwright``.
 """

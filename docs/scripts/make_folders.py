@@ -1,5 +1,5 @@
-"""Write docs/design/folders.md, the folders of every package and what they import: ``python
-docs/scripts/make_folders.py``.
+"""Page ``folders.md``, the folders of every package and what they import. The site has the page
+(`make_site`); ``python docs/scripts/make_folders.py`` prints it.
 """
 
 from __future__ import annotations
@@ -10,19 +10,33 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
-from test_chain import CHAIN, ORDER, imported, modules  # noqa: E402  (the order is declared, and enforced, there)
+from import_graph import CHAIN, imported, modules  # noqa: E402
 
-PAGE = ROOT / "docs" / "design" / "folders.md"
+
+def declared_order() -> dict[str, list[str]]:
+    """Return the order of folders that `tests/test_chain.py` declares.
+
+    It is read and not imported, since the site is made without pytest.
+    """
+    source = (ROOT / "tests" / "test_chain.py").read_text(encoding="utf-8")
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "ORDER":
+            return ast.literal_eval(node.value)
+    raise LookupError("tests/test_chain.py declares no ORDER")
+
+
+ORDER = declared_order()
 HEAD = """# Folders
 
-Each package consists of a folder `cli` for its command line and folders by subject. A folder is a namespace: the stub `__init__.pyi`
-lists its public names, and `__init__.py` loads them from that list when they are first used (`flighttest.equation_error.regress`). The
-stub of the package lists its namespaces and, once more, the names that a user needs first (`flighttest.regress`); every other name is
-listed once.
+Each package consists of a folder `cli` for its command line and folders by subject. A folder is a
+namespace: the stub `__init__.pyi` lists its public names, and `__init__.py` loads them from that
+list when they are first used (`flighttest.equation_error.regress`). The stub of the package lists
+its namespaces and, once more, the names that a user needs first (`flighttest.regress`); every other
+name is listed once.
 
-Folders and loose modules have an order: each imports only from those above it in the tables below. `tests/test_chain.py` enforces that,
-counts circles over all imports (deferred and type-only ones too) and refuses a folder with more than twelve modules.
-`docs/scripts/make_folders.py` writes this page.
+Folders and loose modules have an order: each imports only from those above it in the tables below.
+`tests/test_chain.py` enforces that, counts circles over all imports (deferred and type-only ones
+too) and refuses a folder with more than thirteen modules. The page is made with the site.
 """
 
 
@@ -40,12 +54,8 @@ def _table(package: str, known: dict[str, Path], graph: dict[str, set[str]]) -> 
         whole = f"{package}.{place}"
         inside = [name for name in graph if name == whole or name.startswith(f"{whole}.")]
         count = sum(known[name].name != "__init__.py" for name in inside)
-        used = {
-            other.split(".")[1]
-            for name in inside
-            for other in graph[name]
-            if other.startswith(f"{package}.")
-        }
+        others = set().union(*(graph[name] for name in inside))
+        used = {name.split(".")[1] for name in others if name.startswith(f"{package}.")}
         before = ", ".join(other for other in ORDER[package] if other in used - {place})
         ending = "/" if known[whole].name == "__init__.py" else ".py"
         rows.append(f"| `{place}{ending}` | {count} | {_holds(known[whole])} | {before} |\n")
@@ -71,4 +81,4 @@ def _holds(file: Path) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    print(page(), end="")

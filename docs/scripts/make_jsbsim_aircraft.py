@@ -1,5 +1,5 @@
-"""Write docs/evidence/jsbsim-aircraft.md, the aircraft of JSBSim that `import_jsbsim` reads: ``python
-docs/scripts/make_jsbsim_aircraft.py``.
+"""Write docs/evidence/jsbsim-aircraft.md, the aircraft of JSBSim that `import_jsbsim` reads:
+``python docs/scripts/make_jsbsim_aircraft.py``.
 """
 
 from __future__ import annotations

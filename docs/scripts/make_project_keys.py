@@ -15,7 +15,7 @@ from typing import Any
 
 from aeromatch.project.schemas import SCHEMAS
 from flightmech.names import VOCABULARY
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import unit_of
 from flighttest.records.readers.name_map import TOP
 

@@ -13,7 +13,7 @@ HEAD = """# Conditions of the rows
 
 What the rows of `tolerances.csv` require of a flight, and how each condition is evaluated.
 
-A condition that does not hold is a [departure](../explanation/proof-of-match/tolerances.md#verdicts).
+A condition that does not hold is a [departure](../explanation/proof-of-match/verdicts.md).
 A condition that cannot be evaluated, because record or `[facts]` of the
 [aircraft file](project-keys.md#aircraft-file) lack what it needs, is stated as *not checked* on the page of the
 case. Bounds of windows (`brake_release` ... `200ft_agl`) are events of the case; a window that is

@@ -27,6 +27,7 @@ OUTSIDE = {
     "CHANGELOG.md": "changes.md",
 }  # file of the repository: page of the site
 SCRIPTS = {
+    "design/folders.md": "make_folders.py",
     "reference/project-keys.md": "make_project_keys.py",
     "reference/column-headings.md": "make_column_headings.py",
     "reference/nomenclature.md": "make_nomenclature.py",
@@ -51,11 +52,24 @@ def on_files(files, config):
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Let links to the files of the repository that have a page lead to that page."""
+    """Add the sections of the README to the first page; let links to the files of the repository
+    that have a page lead to that page.
+    """
+    if page.file.src_uri == "index.md":
+        markdown = with_readme(markdown)
     for source, target in OUTSIDE.items():
         up = "../" * page.file.src_uri.count("/")
         markdown = re.sub(rf"\]\((?:\.\./)+{re.escape(source)}", f"]({up}{target}", markdown)
     return markdown
+
+
+def with_readme(markdown: str) -> str:
+    """Return a page with the sections of the README that its comments name, each text once."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8").replace("](docs/", "](")
+    sections = {}
+    for heading, text in re.findall(r"^##? (.+)\n((?:(?!## ).*\n)*)", readme, re.M):
+        sections[heading] = text if heading == "aeromatch" else f"## {heading}\n{text}"
+    return re.sub(r"<!-- README: (.+) -->\n", lambda match: sections[match[1]], markdown)
 
 
 def script_pages() -> dict[str, str]:

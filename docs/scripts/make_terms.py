@@ -1,5 +1,6 @@
-"""Page ``terms.md``, every term that a database can hold, what Digital DATCOM gives, and the a-priori
-standard errors. The site has the page (`make_site`); ``python docs/scripts/make_terms.py`` prints it.
+"""Page ``terms.md``, every term that a database can hold, what Digital DATCOM gives, and the
+a-priori standard errors. The site has the page (`make_site`); ``python docs/scripts/make_terms.py``
+prints it.
 
 The rows are those of the scheme of LR-743, `aerodb.store.templates`, and of
 `aerodb.prior.prior_errors`.

@@ -530,7 +530,9 @@ def tree_file(fits: str | None = None) -> str:
 
 
 def main(folder: Path) -> None:
-    """Write three flights and the vehicle, whose tail is that of the fits in the folder tail_fits."""
+    """Write three flights and the vehicle, whose tail is that of the fits in the folder
+    tail_fits.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     for seed in (1, 2, 3):
         markers(fly(seed), seed).round(7).to_csv(folder / f"flight_{seed}.csv", index=False)

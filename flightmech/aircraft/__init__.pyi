@@ -2,8 +2,8 @@
 
 from . import similarity as similarity
 from .aircraft import Aircraft as Aircraft
-from .aircraft import aircraft_schema as aircraft_schema
-from .aircraft import read_aircraft as read_aircraft
+from .aircraft_file import aircraft_schema as aircraft_schema
+from .aircraft_file import read_aircraft as read_aircraft
 from .controls import Circuit as Circuit
 from .controls import ControlGeometry as Control
 from .controls import ControlGeometry as ControlGeometry

@@ -1,87 +1,26 @@
-"""Aircraft: geometry, mass, engines, limits and instruments, and the reader of aircraft files.
+"""Aircraft: geometry, mass, engines, limits and instruments.
 
-In a file bare numbers are SI, and texts have their unit. Positions are in body axes from the moment
-reference point. Only `reference` is relative to the drawing datum::
-
-    name = "T-37"
-    S = "182 ft2"
-    cbar = 1.66726
-    b = "33.83 ft"
-    reference = [-4.1, 0.0, 0.3]
-    x_ref_mac = 0.25
-    mass = 2400.0
-    Ixx = 10826.0
-    Iyy = 8135.0
-    Izz = 15162.0
-    cg = [0.0, 0.0, 0.2235]
-
-    [[engine]]
-    position = [0.0, -0.762, 0.0]
-    direction = [1.0, 0.0, 0.0]
-    time_constant = "1.2 s"
-
-    [engine.thrust]
-    throttle = [0.0, 1.0]
-    mach = [0.0, 0.6]
-    value = [[300.0, 150.0], [4559.0, 4100.0]]
-
-    [limits]
-    delta_e = ["-20 deg", "17 deg"]
-
-    [control.delta_e]
-    S_hinge = 1.5
-    c_hinge = 0.35
-    gearing = "-1.2 rad/m"
-
-    [instruments.imu]
-    position = [0.9, 0.25, 0.32]
+All numbers are SI. Positions are in body axes from the moment reference point. Only `reference` is
+relative to the drawing datum.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import (
-    ConfigDict,
-    Field,
-    StringConstraints,
-    WithJsonSchema,
-    field_validator,
-    model_validator,
-)
 
 from flightmech.aircraft.controls import (
-    CONTROLS,
-    DEVICE,
-    TRAVEL,
     Circuit,
-    CircuitsTable,
     ControlGeometry,
-    circuits_of,
 )
-from flightmech.aircraft.engine import Engine, EngineTable, engine_of
-from flightmech.aircraft.engine_deck import DeckFiles
-from flightmech.aircraft.facts import AircraftFacts, FactsTable, fact_problems
-from flightmech.aircraft.fuel import Fuel, FuelSection, fuel_of
+from flightmech.aircraft.engine import Engine
+from flightmech.aircraft.facts import AircraftFacts
+from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import LandingGear
-from flightmech.aircraft.landing_gear_file import GearTable, gear_of
-from flightmech.errors import SchemaError, UnitError
-from flightmech.names import lookup
 from flightmech.support.figures import html_table
-from flightmech.support.input_files import read_toml
-from flightmech.support.toml_models import (
-    Strict,
-    file_schema,
-    fixed_array,
-    validate_content,
-)
-from flightmech.support.toml_quantities import InUnits, quantity_schema
-from flightmech.units import parse_quantity
 
 Vector = tuple[float, float, float]
 
@@ -193,274 +132,9 @@ def reference_in(aircraft: Any, attrs: Mapping[Any, Any]) -> Vector:
     return x, y, z
 
 
-def read_aircraft(path: str | Path) -> Aircraft:
-    """Read an aircraft file.
-
-    Parameters
-    ----------
-    path : str or path
-        TOML file. Paths in the file are relative to its folder.
-
-    Raises
-    ------
-    ParseError
-        The text is not TOML.
-    SchemaError
-        With all problems: unknown keys, missing values, wrong units, invalid numbers.
-    """
-    path = Path(path)
-    content = validate_content(_AircraftFile, read_toml(path), str(path))
-    # Problems in the tables of the parts are collected, so that one error has all of them.
-    problems: list[str] = []
-    files = DeckFiles(path.parent)
-    engines = []
-    for number, item in enumerate(content.engine, 1):
-        engines.append(engine_of(item, number, files, problems))
-    gear = gear_of(content.gear, problems) if content.gear else None
-    fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
-    controls = {name: ControlGeometry(**dict(item)) for name, item in content.control.items()}
-    circuits = circuits_of(content.circuit, controls, problems)
-    facts = content.facts.facts()
-    problems += fact_problems(facts, content.mass, cbar=content.cbar, engines=len(engines))
-    if problems:
-        raise SchemaError(str(path), problems)
-    parts: dict[str, Any] = {
-        "engines": tuple(engines),
-        "controls": controls,
-        "circuits": circuits,
-        "gear": gear,
-        "fuel": fuel,
-        "facts": facts,
-    }
-    # all other fields have the same name and type in the file
-    for name in Aircraft.__dataclass_fields__:
-        if name not in parts:
-            parts[name] = getattr(content, name)
-    return Aircraft(**parts)
-
-
-# a reason that a reader can judge has more than a word; blanks and dots are none
-Reason = Annotated[
-    str, StringConstraints(strip_whitespace=True, min_length=15, pattern=r"[^\W_]\W+[^\W_]")
-]
-_Length = Annotated[float, InUnits("m")]
-_Vector = tuple[_Length, _Length, _Length]
-# JSON schema of a quantity whose unit depends on the control
-_OF_CONTROL = quantity_schema("of the control")
-_DEVICES = r"^device\.\w+\.(deflection|setting)$"
-_LIMITS = {
-    "type": "object",
-    "propertyNames": {"anyOf": [{"enum": list(CONTROLS)}, {"pattern": _DEVICES}]},
-    "additionalProperties": fixed_array([_OF_CONTROL] * 2),
-}
-
-
-class _NumberOrText(Strict):
-    """Table of numbers, which can be texts with a unit. No other text is converted."""
-
-    model_config = ConfigDict(protected_namespaces=())
-
-
-# [control.NAME] of the file
-class _ControlTable(_NumberOrText):
-    S_hinge: Annotated[float, InUnits("m2")] = Field(
-        description="Area behind the hinge line of all surfaces that the control moves together."
-    )
-    c_hinge: _Length = Field(description="Mean chord behind the hinge line.")
-    gearing: Annotated[float, WithJsonSchema(_OF_CONTROL)] | None = Field(
-        default=None,
-        description="Deflection per travel of the cockpit control, negative in an ordinary "
-        "aeroplane [rad/m; ailerons rad/rad].",
-    )
-
-    @field_validator("S_hinge", "c_hinge")
-    @classmethod
-    def _positive(cls, value: float) -> float:
-        return _positive(value)
-
-    @field_validator("gearing")
-    @classmethod
-    def _not_zero(cls, value: float | None) -> float | None:
-        if value is not None and not (np.isfinite(value) and value != 0.0):
-            raise ValueError(
-                "expected a deflection per travel other than zero; leave it out when it is "
-                "not known"
-            )
-        return value
-
-
-# The descriptions are those of the JSON schema, which editors show.
-class _AircraftFile(_NumberOrText):
-    name: str = Field(description="Name of the type.")
-    S: Annotated[float, InUnits("m2")] = Field(description="Reference area.")
-    cbar: _Length = Field(description="Reference chord.")
-    b: _Length = Field(description="Reference span.")
-    reference: _Vector | None = Field(
-        default=None,
-        description="Moment reference point from the drawing datum, body directions; without it "
-        "that of the database.",
-    )
-    x_ref_mac: Annotated[float, InUnits("1")] = Field(
-        default=X_REF_MAC,
-        description="Place of the reference point behind the leading edge of the mean chord, in "
-        "chords.",
-    )
-    mass: Annotated[float, InUnits("kg")] = Field(description="Gross mass with the fuel on board.")
-    Ixx: Annotated[float, InUnits("kg m2")] = Field(
-        description="Moment of inertia in roll about the c.g."
-    )
-    Iyy: Annotated[float, InUnits("kg m2")] = Field(
-        description="Moment of inertia in pitch about the c.g."
-    )
-    Izz: Annotated[float, InUnits("kg m2")] = Field(
-        description="Moment of inertia in yaw about the c.g."
-    )
-    Ixy: Annotated[float, InUnits("kg m2")] = Field(
-        default=0.0,
-        examples=[0.0],
-        description="Product of inertia about the c.g., integral of xy dm.",
-    )
-    Ixz: Annotated[float, InUnits("kg m2")] = Field(
-        default=0.0, description="Product of inertia about the c.g., integral of xz dm."
-    )
-    Iyz: Annotated[float, InUnits("kg m2")] = Field(
-        default=0.0,
-        examples=[0.0],
-        description="Product of inertia about the c.g., integral of yz dm.",
-    )
-    cg: _Vector = Field(
-        default=(0.0, 0.0, 0.0),
-        description="Centre of gravity from the moment reference point, body axes.",
-    )
-    engine: list[EngineTable] = Field(default_factory=list, description="Engines, engine 1 first.")
-    limits: Annotated[dict[str, tuple[float, float]], WithJsonSchema(_LIMITS)] = Field(
-        default_factory=dict,
-        examples=[{"delta_e": ["-20 deg", "17 deg"]}],
-        description="Travel of the controls, [low, high] of each in its SI unit or with units.",
-    )
-    instruments: dict[str, dict[str, Any]] = Field(
-        default_factory=dict,
-        description="Instruments of the recorder, one table each; the names of the tables are free.",
-    )
-    control: dict[str, _ControlTable] = Field(
-        json_schema_extra={"propertyNames": {"enum": list(TRAVEL)}},
-        default_factory=dict,
-        description="Hinge geometry and gearing of delta_e, delta_a and delta_r.",
-    )
-    circuit: CircuitsTable = Field(
-        default=CircuitsTable(),
-        description="Control circuits: what moves with column, wheel and pedal.",
-    )
-    gear: GearTable | None = Field(
-        default=None, description="Landing gear: wheels, skids, steering, brakes and runway."
-    )
-    fuel: FuelSection | None = Field(
-        default=None,
-        description="Fuel on board, part of the mass; without it the mass does not change.",
-    )
-    earth_outputs: bool = Field(
-        default=False,
-        description="Whether models have outputs in Earth-fixed and inertial axes (earth.x, "
-        "inertial.vx) and the gravitation.",
-    )
-    acknowledged: dict[str, Reason] = Field(
-        default={},
-        examples=[{"static margin": "relaxed stability by design"}],
-        description="Why unusual values of the database are right, by the subject that "
-        "`aeromatch db check` prints; the report prints the reason.",
-    )
-    facts: FactsTable = FactsTable()
-    history: str = Field(
-        default="",
-        examples=["rescaled to a span of 11 m"],
-        description="Where computed numbers come from, one line per step.",
-    )
-
-    @field_validator("S", "cbar", "b", "mass", "Ixx", "Iyy", "Izz")
-    @classmethod
-    def _positive(cls, value: float) -> float:
-        return _positive(value)
-
-    @field_validator("control", mode="before")
-    @classmethod
-    def _gearings(cls, table: Any) -> Any:
-        """Convert the gearings to SI. Their unit depends on the control."""
-        if not isinstance(table, dict):
-            # the check of the type follows
-            return table
-        unknown = sorted(set(table) - set(TRAVEL))
-        if unknown:
-            raise ValueError(f"unknown control {', '.join(unknown)}; allowed: {', '.join(TRAVEL)}")
-        return {name: _convert_gearing(item, TRAVEL[name][1]) for name, item in table.items()}
-
-    @field_validator("limits", mode="before")
-    @classmethod
-    def _travel(cls, table: Any) -> dict[str, tuple[float, float]]:
-        if not isinstance(table, dict):
-            raise ValueError(
-                'expected a table of control = [low, high], e.g. delta_e = ["-20 deg", "17 deg"]'
-            )
-        return {name: _parse_limits(name, item) for name, item in table.items()}
-
-    @model_validator(mode="after")
-    def _inertia(self) -> _AircraftFile:
-        # moments and products of a body with mass have a positive definite tensor
-        tensor = inertia_tensor(self)
-        if not (np.linalg.eigvalsh(tensor) > 0.0).all():
-            raise ValueError(
-                "the inertia tensor is not positive definite; check moments and products of inertia"
-            )
-        return self
-
-
-def aircraft_schema() -> dict[str, Any]:
-    """Return the JSON schema of aircraft files, without the keys of the instruments.
-
-    `flighttest` has the schema of the instruments.
-    """
-    return file_schema(
-        _AircraftFile,
-        "An aircraft: geometry, mass, engines, limits, instruments, control circuits, "
-        "landing gear and fuel.",
-    )
-
-
 def inertia_tensor(aircraft: Any) -> np.ndarray:
     """Return the inertia tensor (3, 3) about the c.g., body axes. [kg m2]"""
     Ixx, Iyy, Izz = aircraft.Ixx, aircraft.Iyy, aircraft.Izz
     Ixy, Ixz, Iyz = aircraft.Ixy, aircraft.Ixz, aircraft.Iyz
     # products are the integrals of xy dm and so on, so they have a minus sign here
     return np.array([[Ixx, -Ixy, -Ixz], [-Ixy, Iyy, -Iyz], [-Ixz, -Iyz, Izz]])
-
-
-def _positive(value: float) -> float:
-    if not (np.isfinite(value) and value > 0.0):
-        raise ValueError("expected a positive number")
-    return value
-
-
-def _convert_gearing(item: Any, units: str) -> Any:
-    if not isinstance(item, dict) or "gearing" not in item:
-        return item
-    try:
-        return {**item, "gearing": parse_quantity(item["gearing"], units)}
-    except UnitError as error:
-        raise ValueError(f"gearing: {error}") from error
-
-
-def _parse_limits(name: str, item: Any) -> tuple[float, float]:
-    # other controls exist only in the tables of a database
-    if name not in CONTROLS and not re.match(_DEVICES, name):
-        raise ValueError(
-            f"unknown control {name}; allowed: {', '.join(CONTROLS)}, and "
-            f"{DEVICE}NAME.deflection or {DEVICE}NAME.setting"
-        )
-    if not isinstance(item, list | tuple) or len(item) != 2:
-        raise ValueError(f"{name}: expected [low, high]")
-    try:
-        low, high = (parse_quantity(limit, lookup(name).units) for limit in item)
-    except UnitError as error:
-        raise ValueError(f"{name}: {error}") from error
-    if not low < high:
-        raise ValueError(f"{name}: low {low:g} is not below high {high:g}")
-    return low, high

@@ -1,7 +1,7 @@
 """Full engine deck: governor schedule, spools, flame, and tables of thrust, air and fuel flow.
 
-The deck is the section ``[engine.deck]`` of the aircraft file. docs/explanation/simulation/engine.md has the equations of
-the kernel::
+The deck is the section ``[engine.deck]`` of the aircraft file.
+docs/explanation/simulation/engine.md has the equations of the kernel::
 
     [engine.deck]
     file = "engine.nc"                 # one group per target, or tables here
@@ -31,9 +31,9 @@ from pydantic import ConfigDict, Field
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
+from flightmech.support.array_files.netcdf_trees import read_netcdf_tree
+from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
-from flightmech.support.netcdf_trees import read_netcdf_tree
-from flightmech.support.netcdf_writing import write_netcdf
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import check_term, make_term
@@ -196,7 +196,8 @@ class DeckTable(Strict):
     sustain_speed: Annotated[float, InUnits("1")] | None = Field(
         default=None,
         examples=[0.05],
-        description="Least speed of the gas generator at which it goes on burning; 0.05 without it.",
+        description="Least speed of the gas generator at which it goes on burning; 0.05 without "
+        "it.",
     )
     flame_time: Annotated[float, InUnits("s")] | None = Field(
         default=None,

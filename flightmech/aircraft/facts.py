@@ -1,4 +1,5 @@
-"""Facts of an aircraft that decide which conditions of a flight test hold: weights, speeds, controls.
+"""Facts of an aircraft that decide which conditions of a flight test hold: weights, speeds,
+controls.
 
 They are the section ``[facts]`` of the aircraft file::
 
@@ -25,7 +26,7 @@ from typing import Annotated, Any
 from pydantic import Field, StrictBool, StrictInt, field_validator, model_validator
 
 from flightmech.errors import UnitError
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity

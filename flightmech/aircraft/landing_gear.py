@@ -1,8 +1,8 @@
 """Landing gear: contacts, tyres, brakes, nose-wheel steering and the runway (LR-743 3.5, 4.5.4).
 
 The equations and assumptions are in ``gear.c``, ``tyre.c`` and ``steering.c`` of
-``kernel/src/gear``, and in docs/explanation/simulation/landing-gear.md. `landing_gear_file` has the section ``[gear]`` of
-the aircraft file.
+``kernel/src/gear``, and in docs/explanation/simulation/landing-gear.md. `landing_gear_file` has the
+section ``[gear]`` of the aircraft file.
 """
 
 from __future__ import annotations

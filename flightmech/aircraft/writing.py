@@ -19,8 +19,8 @@ from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import CONDITIONS, LandingGear
 from flightmech.aircraft.landing_gear_file import ORDERS
+from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
-from flightmech.support.netcdf_writing import write_netcdf
 
 # keys before the first section of the file
 _MAIN_KEYS = (

@@ -179,8 +179,8 @@ def make_program_files(sim: SimModel, version: str) -> dict[str, bytes]:
 def is_unaltered(path: str | os.PathLike[str]) -> bool:
     """Return whether an FMU is, but for its documentation, what `write_fmu` writes of its block.
 
-    Libraries, description and block are compared byte by byte with those of this installation.
-    Such an FMU flies its block by this kernel.  An FMU of another version of the program, of another
+    Libraries, description and block are compared byte by byte with those of this installation. Such
+    an FMU flies its block by this kernel.  An FMU of another version of the program, of another
     program, or with a further file is not unaltered.
     """
     with zipfile.ZipFile(path) as archive:

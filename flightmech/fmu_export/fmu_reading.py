@@ -13,7 +13,7 @@ from fmpy.model_description import ValidationError
 from fmpy.validation import validate_fmu
 
 from flightmech.errors import ParseError
-from flightmech.support.input_files import file_kind
+from flightmech.support.file_kinds import file_kind
 
 # Part of a structured name without quotes (FMI 2.0.2, section 2.2.9).
 _PART = r"[A-Za-z_]\w*(?:\[\d+(?:,\d+)*\])?"

@@ -17,10 +17,11 @@ from flightmech.errors import SchemaError
 from flightmech.fmu_export.description import CHOICES, REPLAY, TIME, Description, FmuVariable
 from flightmech.units import parse_unit
 
-# Relative tolerance for the importer's solver.  Importers such as FMPy hold the inputs over an output
-# interval: at its end q_dot jumps, and a multistep method that is not started afresh there has to
-# shrink its step until the jump is within the tolerance. CVode gives up after 7 reductions. 1e-6 is
-# the smallest power of ten at which it never does with full steps of the controls; 1e-7 fails.
+# Relative tolerance for the importer's solver.  Importers such as FMPy hold the inputs over an
+# output interval: at its end q_dot jumps, and a multistep method that is not started afresh there
+# has to shrink its step until the jump is within the tolerance. CVode gives up after 7 reductions.
+# 1e-6 is the smallest power of ten at which it never does with full steps of the controls; 1e-7
+# fails.
 TOLERANCE = 1e-6
 # Largest integers of the two standards.
 _INT32_MAX, _INT64_MAX = 2**31 - 1, 2**63 - 1

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.aircraft import Aircraft, read_aircraft
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.build_up import evaluation_levels, term_level
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import lookup, unit_suffix
@@ -35,9 +36,9 @@ from flightmech.simulation.kernel import (
 from flightmech.simulation.model_block import FORCES, MOMENTS, Packer, Term, list_table_axes
 from flightmech.simulation.model_checks import HINGES, check_leaf, check_root, get_force_axes
 from flightmech.simulation.submodels.devices import with_devices
+from flightmech.support.array_files.netcdf_trees import GROUPS, read_netcdf_tree
+from flightmech.support.file_kinds import file_kind
 from flightmech.support.hdf5_seal import demand_self_contained, read_if_sealed
-from flightmech.support.input_files import file_kind
-from flightmech.support.netcdf_trees import GROUPS, read_netcdf_tree
 from flightmech.terms import SOURCES, list_model_variables, power_factor
 from flightmech.units import from_si
 

@@ -12,7 +12,7 @@ from flightmech.build_up import COEFFICIENTS, used_coefficients
 from flightmech.errors import UnknownName
 from flightmech.names import IMPLICIT
 from flightmech.simulation.model_block import FORCES, MOMENTS, list_table_axes
-from flightmech.support.netcdf_trees import GROUPS
+from flightmech.support.array_files.netcdf_trees import GROUPS
 from flightmech.terms import check_term, list_regressors, power_factor
 
 HINGES = ("Ch_e", "Ch_a", "Ch_r")

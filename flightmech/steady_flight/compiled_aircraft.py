@@ -8,8 +8,10 @@ from functools import cached_property
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.axes import lift_drag
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import PARAMETER
 from flightmech.steady_flight.trim_search import trimmed_outputs
@@ -72,6 +74,37 @@ class CompiledAircraft:
         """Return all outputs of the trim at the start, by name. [SI]"""
         values = trimmed_outputs(self.sim, parameters)
         return dict(zip(self.sim.outputs, map(float, values), strict=True))
+
+    def to_stability(
+        self, coefficients: np.ndarray, alpha: ArrayLike, beta: ArrayLike
+    ) -> np.ndarray:
+        """Return CL and CD in stability axes and CY in body axes, then the moments (6, ...).
+
+        The forces are in the axes of the database, in the order of `model_block.FORCES`.
+        """
+        if self.force_axes == "stability":
+            return coefficients
+        if self.force_axes == "body":
+            CL, CD = lift_drag(coefficients[0], coefficients[1], alpha)
+            return np.stack([CL, CD, *coefficients[2:]])
+        # wind axes: drag and side force are turned by the sideslip angle
+        along = -coefficients[1] * np.cos(beta) - coefficients[2] * np.sin(beta)
+        side = -coefficients[1] * np.sin(beta) + coefficients[2] * np.cos(beta)
+        return np.stack([coefficients[0], -along, side, *coefficients[3:]])
+
+    def to_database_axes(
+        self, coefficients: np.ndarray, variables: Mapping[str, ArrayLike]
+    ) -> dict[str, np.ndarray]:
+        """Return the coefficients in the axes of the database, in which its terms use them."""
+        CL, CD, CY, Cl, Cm, Cn = coefficients
+        alpha, beta = np.asarray(variables["alpha"]), np.asarray(variables["beta"])
+        by_name = {"CL": CL, "CD": CD, "CY": CY, "Cl": Cl, "Cm": Cm, "Cn": Cn}
+        by_name["CX"] = CL * np.sin(alpha) - CD * np.cos(alpha)
+        by_name["CZ"] = -CL * np.cos(alpha) - CD * np.sin(alpha)
+        if self.force_axes == "wind":
+            by_name["CD"] = CD * np.cos(beta) - CY * np.sin(beta)
+            by_name["CY"] = CD * np.sin(beta) + CY * np.cos(beta)
+        return by_name
 
 
 def _narrow_ranges(ranges: dict[str, tuple[float, float]], node: xr.DataTree) -> None:

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 
 from flightmech import build_up, terms
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.axes import lift_drag
 from flightmech.errors import SimulationError
 from flightmech.names import COEFFICIENTS, IMPLICIT, REDUCED_RATES
 from flightmech.simulation.compiler import SimModel
@@ -261,7 +260,7 @@ class Point:
             {**variables, **dict.fromkeys(coupled, 0.0)}, shape=shape
         )
         for _ in coupled:
-            estimates = self._to_database_axes(coefficients, variables)
+            estimates = self.compiled.to_database_axes(coefficients, variables)
             inserted = {name: estimates[name] for name in coupled}
             coefficients = self._evaluate_build_up({**variables, **inserted}, shape=shape)
         return coefficients
@@ -282,24 +281,10 @@ class Point:
         sums = self._scaled_simulation.evaluate(table)[0].T.reshape(6, *shape)
         biases = np.array([self.parameter(f"bias.{name}") for name in COEFFICIENTS])
         biases = biases.reshape(6, *[1] * len(shape))
-        stability = _to_stability(
-            sums, self.compiled.force_axes, alpha=variables["alpha"], beta=variables["beta"]
+        stability = self.compiled.to_stability(
+            sums, alpha=variables["alpha"], beta=variables["beta"]
         )
         return stability + biases
-
-    def _to_database_axes(
-        self, coefficients: np.ndarray, variables: Mapping[str, ArrayLike]
-    ) -> dict[str, np.ndarray]:
-        """Return the coefficients in the axes of the database, in which its terms use them."""
-        CL, CD, CY, Cl, Cm, Cn = coefficients
-        alpha, beta = np.asarray(variables["alpha"]), np.asarray(variables["beta"])
-        by_name = {"CL": CL, "CD": CD, "CY": CY, "Cl": Cl, "Cm": Cm, "Cn": Cn}
-        by_name["CX"] = CL * np.sin(alpha) - CD * np.cos(alpha)
-        by_name["CZ"] = -CL * np.cos(alpha) - CD * np.sin(alpha)
-        if self.compiled.force_axes == "wind":
-            by_name["CD"] = CD * np.cos(beta) - CY * np.sin(beta)
-            by_name["CY"] = CD * np.sin(beta) + CY * np.cos(beta)
-        return by_name
 
     def body_coefficients(self, x_cg_b: float | None = None, **values: ArrayLike) -> np.ndarray:
         """Return CX, CY, CZ and Cl, Cm, Cn about the centre of gravity (6, ...), body axes.
@@ -450,21 +435,3 @@ def _is_at_limit(point: Point, control: str) -> bool:
     if limits is None:
         return False
     return bool(np.isclose(point[f"applied.{control}"], limits, atol=1e-9).any())
-
-
-def _to_stability(
-    coefficients: np.ndarray, force_axes: str, alpha: ArrayLike, beta: ArrayLike
-) -> np.ndarray:
-    """Return CL and CD in stability axes and CY in body axes, then the moments (6, ...).
-
-    The forces are in the axes of the database, in the order of `model_block.FORCES`.
-    """
-    if force_axes == "stability":
-        return coefficients
-    if force_axes == "body":
-        CL, CD = lift_drag(coefficients[0], coefficients[1], alpha)
-        return np.stack([CL, CD, *coefficients[2:]])
-    # wind axes: drag and side force are turned by the sideslip angle
-    along = -coefficients[1] * np.cos(beta) - coefficients[2] * np.sin(beta)
-    side = -coefficients[1] * np.sin(beta) + coefficients[2] * np.cos(beta)
-    return np.stack([coefficients[0], -along, side, *coefficients[3:]])

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from flightmech.errors import SchemaError, near_names
-from flightmech.support.input_files import foreign_kind
+from flightmech.support.file_kinds import foreign_kind
 from flightmech.support.toml_quantities import UNIT
 
 T = TypeVar("T", bound="Strict")
@@ -146,7 +146,9 @@ def file_schema(model: type[BaseModel], text: str) -> dict[str, Any]:
 
 
 def part_schema(model: type[BaseModel]) -> dict[str, Any]:
-    """Return the schema of one table in the form of `file_schema`, with inner models in ``$defs``."""
+    """Return the schema of one table in the form of `file_schema`, with inner models in
+    ``$defs``.
+    """
     return _simplify(model.model_json_schema())
 
 

@@ -44,7 +44,8 @@ class MapFile(click.Path):
 names_option = click.option(
     "--names",
     type=MapFile(),
-    help="Name map: a TOML file, or a shipped one (px4, ardupilot); not needed for canonical names.",
+    help="Name map: a TOML file, or a shipped one (px4, ardupilot); not needed for canonical "
+    "names.",
 )
 
 
@@ -166,4 +167,6 @@ def cut_command() -> None:
 @json_option
 @performed_by("flighttest.cli.actions.group:run_reconstruct")
 def reconstruct_command() -> None:
-    """Reconstruct the states of one record, or of all runs of a programme with common instruments."""
+    """Reconstruct the states of one record, or of all runs of a programme with common
+    instruments.
+    """

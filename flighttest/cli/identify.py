@@ -1,5 +1,5 @@
-"""The verbs ``aeromatch flight fit | fit-linear | identify | select | join | partition | inertia | tabulate``:
-reconstructed paths to estimates and tables.
+"""The verbs ``aeromatch flight fit | fit-linear | identify | select | join | partition | inertia |
+tabulate``: reconstructed paths to estimates and tables.
 """
 
 from __future__ import annotations
@@ -282,7 +282,9 @@ def partition_command() -> None:
 @click.pass_context
 @performed_by("flighttest.cli.actions.identify:run_inertia")
 def inertia_command() -> None:
-    """Estimate moments of inertia from coupled manoeuvres; exit code 1 when no body can have them."""
+    """Estimate moments of inertia from coupled manoeuvres; exit code 1 when no body can have
+    them.
+    """
 
 
 @click.command("tabulate")

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import to_json_types
-from flightmech.support.netcdf_writing import write_netcdf
 from flighttest.maximum_likelihood.innovations import whiteness_remarks
 from flighttest.maximum_likelihood.residual_covariance import ResidualNoise, innovation_coupling
 from flighttest.maximum_likelihood.search import (

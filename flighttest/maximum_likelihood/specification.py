@@ -37,7 +37,7 @@ from pydantic import Field
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, Simulation
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity
 from flighttest.maximum_likelihood.unknowns import Unknown

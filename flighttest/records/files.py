@@ -13,9 +13,9 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchError
+from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.hdf5_seal import write_seal
-from flightmech.support.netcdf_writing import write_netcdf
 from flighttest.records.readers.clocks import Clocks, TableClock
 from flighttest.records.readers.columns import clear_unit
 from flighttest.records.readers.formats.chapter10.packets import index_packets

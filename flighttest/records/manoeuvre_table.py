@@ -21,7 +21,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import SchemaError, UnitError
 from flightmech.support.atomic_write import ContentAsRead, write_text
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity
 from flighttest.records.text_tables import read_text_table

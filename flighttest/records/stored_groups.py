@@ -57,9 +57,9 @@ def plain_group(group: h5py.Group, described: bool = True) -> xr.Dataset | None:
     Returns
     -------
     Dataset or None
-        The result of ``xarray.load_dataset`` without the encoding.  None if the group needs decoding
-        (packed numbers, dates, missing values other than NaN), has other types than numbers and
-        text, or has its dimensions in another group.
+        The result of ``xarray.load_dataset`` without the encoding.  None if the group needs
+        decoding (packed numbers, dates, missing values other than NaN), has other types than
+        numbers and text, or has its dimensions in another group.
     """
     items: dict[str, h5d.DatasetID] = {}
     for name in group:

@@ -134,7 +134,9 @@ def _estimate_noise(squares: np.ndarray, count: np.ndarray) -> float:
 def _pose_covariances(
     A: np.ndarray, R: np.ndarray, middle: np.ndarray, *, count: np.ndarray, noise: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return covariances (frame, 3, 3) of the position [m2] and of a turn about body axes [rad2]."""
+    """Return covariances (frame, 3, 3) of the position [m2] and of a turn about body axes
+    [rad2].
+    """
     # the information on a turn is the inertia of unit masses at the markers
     squares = np.einsum("nmk,nmk->n", A, A)[:, None, None] * np.eye(3)
     turn = noise**2 * np.linalg.inv(squares - np.einsum("nmi,nmj->nij", A, A))

@@ -25,7 +25,7 @@ from scipy.interpolate import CubicSpline
 from flightmech.axes import euler_from_matrix, matrix_from_quaternion
 from flightmech.errors import IdentificationError, SchemaError
 from flightmech.names import lookup
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
 from flightmech.units import to_si

@@ -25,10 +25,10 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
+from flightmech.support.array_files.netcdf_writing import encode_hdf5
 from flightmech.support.console import to_json_types
 from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.support.input_files import file_sha256
-from flightmech.support.netcdf_writing import encode_hdf5
 from pom.archive.origins import case_found_from, case_seen_from
 from pom.cases.case import PomCase
 from pom.fmu.run_cache import FileState

@@ -37,11 +37,12 @@ class ModelFile(TypedDict, total=False):
 class ReportProvenance(TypedDict, total=False):
     """Origin of a report; every key may be absent.
 
-    ``program`` (tolerance table and package to SHA-256), ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs``
-    (file to SHA-256), ``places`` (input to path), ``models`` (run to file, SHA-256 and path),
-    ``units`` (set of units that the pages show, `pom.report.presentation.unit_sets`),
-    ``records`` (part of the model or case to the names of its flight records), ``record_errors``
-    (name of a flight record to its errors), ``signatures`` (role to name, date, organisation).
+    ``program`` (tolerance table and package to SHA-256), ``date`` of the results (text),
+    ``command`` line, ``versions`` (name to version), ``inputs`` (file to SHA-256), ``places``
+    (input to path), ``models`` (run to file, SHA-256 and path), ``units`` (set of units that the
+    pages show, `pom.report.presentation.unit_sets`), ``records`` (part of the model or case to the
+    names of its flight records), ``record_errors`` (name of a flight record to its errors),
+    ``signatures`` (role to name, date, organisation).
     """
 
     date: str

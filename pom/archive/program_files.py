@@ -1,7 +1,7 @@
 """Digests of the program that made a report, and their comparison with this installation.
 
-A pass is worth what the program is worth that judged it.  An edited tolerance table or module of the
-installation that wrote a report shows in a clean installation of the same version.
+A pass is worth what the program is worth that judged it.  An edited tolerance table or module of
+the installation that wrote a report shows in a clean installation of the same version.
 """
 
 from __future__ import annotations

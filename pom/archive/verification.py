@@ -52,12 +52,12 @@ class VerificationResult:
 def verify(folder: str | os.PathLike) -> list[VerificationResult]:
     """Check a report: its files, its statements, its tolerances and its verdicts.
 
-    All outputs and inputs are hashed again, and the tolerance table and the files of the program are
-    compared with those of this installation.  Every field of ``manifest.json`` and ``results.json``
-    is compared with ``results.nc``.  The criteria of every case are compared with the rows of the
-    table of its standard and edition, except for bands of the case file.  All verdicts are judged
-    again from ``results.nc``.  Not covered: the author of the report, and the content of page and
-    PDF, of which only the hashes are checked.
+    All outputs and inputs are hashed again, and the tolerance table and the files of the program
+    are compared with those of this installation.  Every field of ``manifest.json`` and
+    ``results.json`` is compared with ``results.nc``.  The criteria of every case are compared with
+    the rows of the table of its standard and edition, except for bands of the case file.  All
+    verdicts are judged again from ``results.nc``.  Not covered: the author of the report, and the
+    content of page and PDF, of which only the hashes are checked.
 
     Parameters
     ----------

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.errors import SchemaError
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import validate_content
+from pom.cases import pilot_loops
 from pom.cases import resolve as parts
 from pom.cases.case_checks import check_case_names, check_table_names, loose_problems
 from pom.cases.case_facts import resolve_facts
-from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, CaseFile, plain_signatures
+from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, CaseFile
 from pom.cases.own_table import find_own_table, table_excerpt
 from pom.cases.pilot import PilotLoop
+from pom.cases.signatures import plain_signatures
 from pom.tolerances import rows
 from pom.tolerances.criteria import Criterion
 from pom.tolerances.own_tables import OwnTable
@@ -83,7 +85,7 @@ class CaseInputs:
             return self.surfaces
         # `resolve_pilot_loops` allows the controls of one level only
         for loop in self.pilot:
-            level = parts.drive_level(loop.control)
+            level = pilot_loops.drive_level(loop.control)
             if level:
                 return level
         return "recorded"
@@ -407,10 +409,10 @@ def _resolve_drive(
     file: CaseFile, criteria: Sequence[Criterion], problems: list[str]
 ) -> CaseInputs:
     table = file.drive
-    loops = parts.resolve_pilot_loops(file, problems)
+    loops = pilot_loops.resolve_pilot_loops(file, problems)
     # a footprint has no verdict, so a loop may hold any channel
     if file.case.reference != "footprint":
-        parts.forbid_judged(loops, criteria, problems)
+        pilot_loops.forbid_judged(loops, criteria, problems)
     if any(loop.control == "throttle" for loop in loops) and table.engine != "throttle":
         problems.append(
             f'drive.pilot: a loop moves the throttle, but drive.engine is "{table.engine}"; '

@@ -65,7 +65,8 @@ def resolve_facts(
     loaded = stated.hinge_loaded if stated is not None else ()
     if facts.get(REVERSIBLE) is False and loaded:
         problems.append(
-            f"facts.{REVERSIBLE}: no, and [circuit.{loaded[0]}] of the aircraft file {aircraft} has "
+            f"facts.{REVERSIBLE}: no, and [circuit.{loaded[0]}] of the aircraft file {aircraft} "
+            "has "
             f"no centring spring, so the hinge moment of the surface is all that the pilot feels; "
             f"correct one of the two"
         )

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 import flighttest
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError
 from flightmech.names import WRAPPED
 from pom.cases.case import PomCase

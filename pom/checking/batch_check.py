@@ -11,7 +11,7 @@ from typing import Any
 from joblib import delayed
 
 import flighttest
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.support.atomic_write import write_text
 from flightmech.support.kept_stages.sharing import process_pool

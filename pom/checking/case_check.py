@@ -258,7 +258,9 @@ def check_records(
 
 
 def check_key(case: PomCase) -> str:
-    """Return the name of the check of a record as the case reads it: with its name map and aircraft."""
+    """Return the name of the check of a record as the case reads it: with its name map and
+    aircraft.
+    """
     return " | ".join([case.record, case.names, case.aircraft])
 
 

@@ -8,6 +8,7 @@ temperature is of another day.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,8 @@ LEAST_RECORDS = 3
 LIFT_APART = 0.9
 """Share of the limit of a record alone by which its lift may differ from that of the others.
 
-The error of the model is the same in all of them.  The 16 records of the T-37 differ by at most 0.008
-from their median with the calibrated vanes of the programme, where the limit is 0.031.
+The error of the model is the same in all of them.  The 16 records of the T-37 differ by at most
+0.008 from their median with the calibrated vanes of the programme, where the limit is 0.031.
 """
 AIR_APART = 10.0
 """The same for the temperature above that of the standard atmosphere. [K]"""
@@ -43,7 +44,7 @@ def disagreement_remarks(results: Sequence[PomResult]) -> list[dict[str, tuple[R
         temperature beyond `AIR_APART`, which is right for a record of another day.
     """
     found: list[dict[str, tuple[RowRemark, ...]]] = [{} for _ in results]
-    runs = dict.fromkeys(run for result in results for run in result.runs)
+    runs = dict.fromkeys(chain.from_iterable(result.runs for result in results))
     for run in runs:
         numbers = [_lift_numbers(result, run) for result in results]
         ratios = [item.get("ratio", np.nan) for item in numbers]

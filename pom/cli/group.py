@@ -72,7 +72,8 @@ def check_cases_command() -> None:
     "starts",
     multiple=True,
     metavar="NAME=SECONDS",
-    help="Instant of the recordings of a device at the start of the window.  [default: the clock of "
+    help="Instant of the recordings of a device at the start of the window.  [default: the clock "
+    "of "
     "the flight record]",
 )
 @click.option(
@@ -151,7 +152,8 @@ def run_cases_command() -> None:
 
     All cases and records are checked before the first flight. Exit code 0 when all pass, 1 when one
     does not; a pass with a trim beyond its limits (LIMITS) is not enough, unless [rationale] of the
-    case file states who allows the bias, when and why, and neither is a pass against a flight record
-    with an error (RECORD), against a record that identified the model (LEAK), or of a model whose
-    answer its inputs do not drive (NOT DRIVEN). Departures of a case from the printed row are named and leave the exit code.
+    case file states who allows the bias, when and why, and neither is a pass against a flight
+    record with an error (RECORD), against a record that identified the model (LEAK), or of a model
+    whose answer its inputs do not drive (NOT DRIVEN). Departures of a case from the printed row are
+    named and leave the exit code.
     """

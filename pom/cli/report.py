@@ -49,7 +49,8 @@ biases_option = click.option(
 @click.argument("record", type=_FILE)
 @click.option(
     "--test",
-    help="Number of the test in the tolerance table, such as 2.c.10. On a terminal it is requested.",
+    help="Number of the test in the tolerance table, such as 2.c.10. On a terminal it is "
+    "requested.",
 )
 @click.option(
     "-o",

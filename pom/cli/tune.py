@@ -32,7 +32,8 @@ _FILE = InputFile()
 @click.option(
     "--aircraft",
     type=_FILE,
-    help="Aircraft of the model.  [default: the .toml next to the database, else that of the cases]",
+    help="Aircraft of the model.  [default: the .toml next to the database, else that of the "
+    "cases]",
 )
 @click.option(
     "--evidence",

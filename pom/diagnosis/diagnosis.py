@@ -91,12 +91,12 @@ def diagnose(
     -------
     DataFrame
         Columns ``stage term explained stderr interaction correlation partner bound verdict
-        mismatch`` and, for every judged criterion, its ``mismatch`` (rms of difference over half width for a time history,
-        the ratio itself for a scalar), ``ratio`` (largest), ``explained`` and ``stderr``.
-        ``explained`` is the share of the gap between the mismatches of `prior` and `final`; the
-        total mismatch is the root mean square over the groups, of each group the best alternative,
-        at most `CEILING`.  NaN when `final` is not better by `LEAST_GAP`, of a criterion likewise.
-        Stages:
+        mismatch`` and, for every judged criterion, its ``mismatch`` (rms of difference over half
+        width for a time history, the ratio itself for a scalar), ``ratio`` (largest), ``explained``
+        and ``stderr``. ``explained`` is the share of the gap between the mismatches of `prior` and
+        `final`; the total mismatch is the root mean square over the groups, of each group the best
+        alternative, at most `CEILING`.  NaN when `final` is not better by `LEAST_GAP`, of a
+        criterion likewise. Stages:
 
         - ``prior`` and ``final``;
         - ``single``, one row per term that was flown alone, best first; ``group``, best first;

@@ -90,7 +90,9 @@ def _find_added_terms(
 def _add_until_all_pass(
     benches: Mapping[str, SwapBench | LateBench], union: Sequence[str], jobs: int
 ) -> _Addition:
-    """Return the union with further terms, with which every case is as good as with the final model."""
+    """Return the union with further terms, with which every case is as good as with the final
+    model.
+    """
     terms, case_of_term = set(union), dict[str, str]()
     is_failing = True
     while is_failing:

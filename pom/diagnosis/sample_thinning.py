@@ -55,7 +55,9 @@ def _find_jumps(inputs: Iterable[np.ndarray]) -> np.ndarray:
 
 
 def _locate_samples(nodes: np.ndarray, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the index of the node before each position, and the share of the interval behind it."""
+    """Return the index of the node before each position, and the share of the interval behind
+    it.
+    """
     before = np.clip(np.searchsorted(nodes, positions, side="right") - 1, 0, nodes.size - 2)
     return before, (positions - nodes[before]) / np.diff(nodes)[before]
 

@@ -11,8 +11,8 @@ import numpy as np
 # [half widths] No mismatch counts more. A criterion without a number, for example of a mode that
 # the model does not have, counts as much.
 CEILING = 10.0
-# [half widths] If the mismatches of the two models differ by less, shares of the gap have no meaning.
-# That holds for the total and for every criterion.
+# [half widths] If the mismatches of the two models differ by less, shares of the gap have no
+# meaning. That holds for the total and for every criterion.
 LEAST_GAP = 0.05
 # Statuses of a model within tolerance. With the second one, its trim exceeds the usual limits.
 MATCHED = ("pass", "limits_exceeded")

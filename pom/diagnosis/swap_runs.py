@@ -1,4 +1,6 @@
-"""The bench for term swaps: a case, two models, and each choice of their differences judged once."""
+"""The bench for term swaps: a case, two models, and each choice of their differences judged
+once.
+"""
 
 from __future__ import annotations
 

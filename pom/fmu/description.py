@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
-from flightmech.support.input_files import file_kind, file_sha256
+from flightmech.support.file_kinds import file_kind
+from flightmech.support.input_files import file_sha256
 from flightmech.units import parse_unit
 from pom.fmu.run_cache import FileState
 from pom.fmu.variable_map import Fmu, Link, Links, canonical_unit

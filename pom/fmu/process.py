@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from flightmech.support.atomic_write import remove_leftovers, temporary_name
 from flightmech.support.foreign_code.process import ForeignProcess, module_command
+from flightmech.support.temporary_names import remove_leftovers, temporary_name
 from pom.fmu.limits import WorkerLimits, read_worker_limits, sandboxed
 from pom.fmu.run_cache import FileState
 from pom.fmu.worker.messages import moved_controls, read_reply

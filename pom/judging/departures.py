@@ -1,8 +1,9 @@
 """Departures of a case from the printed row and from normal practice.
 
-A pass of a case that departs is a ``pass_with_departures``.  Every departure is a remark of the kind
-``departure``, so that terminal, page, index and files state it.  All are found from the criteria of
-the case and the tolerance table, so a stored report shows those of an older case as well.
+A pass of a case that departs is a ``pass_with_departures``.  Every departure is a remark of the
+kind ``departure``, so that terminal, page, index and files state it.  All are found from the
+criteria of the case and the tolerance table, so a stored report shows those of an older case as
+well.
 """
 
 from __future__ import annotations

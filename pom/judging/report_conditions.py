@@ -167,7 +167,8 @@ def _check_rudder(results: Sequence[PomResult]) -> str:
     plural = "s" if count != 1 else ""
     return (
         f"{count} rudder position{plural} of the test in this report, the largest "
-        f"{largest / DEGREE:.3g} deg of {travel / DEGREE:.3g} deg; the row has two, one near maximum"
+        f"{largest / DEGREE:.3g} deg of {travel / DEGREE:.3g} deg; the row has two, one near "
+        "maximum"
     )
 
 

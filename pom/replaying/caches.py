@@ -19,13 +19,13 @@ import pandas as pd
 import xarray as xr
 
 import flightmech
+from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.hdf5_seal import decoding_errors
 from flightmech.support.input_files import file_sha256
 from flightmech.support.kept_stages.checked_files import read_checked, write_checked
 from flightmech.support.kept_stages.content_hashes import content_hash
 from flightmech.support.kept_stages.program import hash_installation
-from flightmech.support.netcdf_writing import write_netcdf
 from flighttest.records.stored_groups import plain_group
 from pom.cases.case import PomCase
 from pom.cases.reference_states import recorded_states

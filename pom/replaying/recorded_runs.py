@@ -1,7 +1,7 @@
 """Runs that are recorded, not flown: results of a device, and runs of an earlier report.
 
-A qualification test guide holds the results of the device.  Its host records a run that is driven by
-the inputs of the flight; the recording is judged as the output of a model is.  Recurrent tests
+A qualification test guide holds the results of the device.  Its host records a run that is driven
+by the inputs of the flight; the recording is judged as the output of a model is.  Recurrent tests
 compare a run with the same run of the first report, the master.
 """
 

@@ -76,7 +76,9 @@ def helping_channels(case: PomCase) -> list[str]:
 
 
 def unwrapped_near(angle: np.ndarray, flight: np.ndarray) -> np.ndarray:
-    """Return an angle (time,) without jumps, which starts within half a turn of the flight. [rad]"""
+    """Return an angle (time,) without jumps, which starts within half a turn of the flight.
+    [rad]
+    """
     if not np.isfinite(angle).all() or not np.isfinite(flight[0]):
         return angle
     smooth = np.unwrap(angle)

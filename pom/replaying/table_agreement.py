@@ -2,8 +2,8 @@
 
 An FMU of this program holds its tables next to its program.  Evidence, lift and shared windows are
 judged from these tables.  Another program in the same file would be judged by tables that it does
-not use, so the tables are flown by the kernel and both answers are compared.  An FMU whose files are
-those of this installation, byte by byte, needs no such flight.
+not use, so the tables are flown by the kernel and both answers are compared.  An FMU whose files
+are those of this installation, byte by byte, needs no such flight.
 """
 
 from __future__ import annotations

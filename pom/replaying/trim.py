@@ -145,9 +145,8 @@ def beyond_limits(
     Returns
     -------
     tuple of RowRemark
-        Of kind ``trim``, or ``trim_allowed`` if the case file states who allows it, when and why, and
-        the bias is at most `MOST_LIFTED` times the usual
-        limit is allowed.
+        Of kind ``trim``, or ``trim_allowed`` if the case file states who allows it, when and why,
+        and the bias is at most `MOST_LIFTED` times the usual limit is allowed.
     """
     remarks = []
     for name, limit in limits.items():

@@ -1,7 +1,8 @@
-"""Texts that a qualification test guide needs in addition to the verdicts, and how many are missing.
+"""Texts that a qualification test guide needs in addition to the verdicts, and how many are
+missing.
 
-14 CFR Part 60, Appendix A, paragraph 11 lists them: objective, procedures, evaluation, source of the
-data, statements of compliance.  Initial conditions are on the page of every case.
+14 CFR Part 60, Appendix A, paragraph 11 lists them: objective, procedures, evaluation, source of
+the data, statements of compliance.  Initial conditions are on the page of every case.
 """
 
 from __future__ import annotations

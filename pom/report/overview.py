@@ -9,7 +9,7 @@ from typing import Any
 
 import xarray as xr
 
-from pom.cases.case_file import signature_rows
+from pom.cases.signatures import signature_rows
 from pom.judging.condition_coverage import cover_conditions
 from pom.report.case.page import run_line_classes
 from pom.report.presentation.quantities import quantity_label

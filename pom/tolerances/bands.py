@@ -36,17 +36,17 @@ class RowRemark:
         ``precondition``, ``certified``, ``no_value`` (a sample is NaN), ``trim`` (a trim quantity
         beyond its limit), ``trim_allowed`` (the same, allowed by the case file), ``trim_surface``
         (a trim surface that the trim solved for), ``tables_left``, ``below_runway``, ``waived``
-        (inputs that the model does not have), ``record`` (an error of the flight record), ``watch`` (a channel
-        without a tolerance beyond its band), ``evidence`` (distance of the model from the flight
-        estimates), ``no_evidence`` (a model without terms to compare), ``far_from_evidence``
-        (terms beyond three standard errors),
-        ``edited_evidence`` (terms of the evidence that are edited), ``departure`` (from the printed
-        row or from normal practice), ``not_checked`` (a condition of the row), ``additional`` (the
-        case is not the test of its row), ``record_warning`` (on the flight record), ``probe``
-        (answer of the model to changed inputs, and its scatter), ``not_driven`` (an answer that
-        the inputs do not drive), ``leak`` (samples of the record identified the model),
-        ``device`` (recording of a device and its inputs), ``recurrent`` and ``recurrent_beyond``
-        (comparison with a master run), ``row`` (note of the tolerance table), ``note`` (text of a report from before remarks had kinds).
+        (inputs that the model does not have), ``record`` (an error of the flight record), ``watch``
+        (a channel without a tolerance beyond its band), ``evidence`` (distance of the model from
+        the flight estimates), ``no_evidence`` (a model without terms to compare),
+        ``far_from_evidence`` (terms beyond three standard errors), ``edited_evidence`` (terms of
+        the evidence that are edited), ``departure`` (from the printed row or from normal practice),
+        ``not_checked`` (a condition of the row), ``additional`` (the case is not the test of its
+        row), ``record_warning`` (on the flight record), ``probe`` (answer of the model to changed
+        inputs, and its scatter), ``not_driven`` (an answer that the inputs do not drive), ``leak``
+        (samples of the record identified the model), ``device`` (recording of a device and its
+        inputs), ``recurrent`` and ``recurrent_beyond`` (comparison with a master run), ``row``
+        (note of the tolerance table), ``note`` (text of a report from before remarks had kinds).
     text : str
         The remark for a reader, with its numbers.
     quantity : str

@@ -1,7 +1,8 @@
-"""Tolerance tables of the user: CSV files with the columns of ``tolerances.csv``, checked row by row.
+"""Tolerance tables of the user: CSV files with the columns of ``tolerances.csv``, checked row by
+row.
 
-A table that is not read as its author meant it gives a wrong pass without a word.  So every cell that
-a judgement depends on is checked, and all problems of a file are reported at once.
+A table that is not read as its author meant it gives a wrong pass without a word.  So every cell
+that a judgement depends on is checked, and all problems of a file are reported at once.
 """
 
 from __future__ import annotations

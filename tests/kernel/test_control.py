@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import flightmech
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import SchemaError, SimulationError

@@ -33,7 +33,7 @@ def test_wanted_accelerations_are_reached(earth, case, sim):
     assert float(y["psi"]) == pytest.approx(0.7, abs=1e-12)
 
 
-def test_trimmed_flight_stays(sim):
+def test_trim_point_stays(sim):
     import xarray as xr
 
     time = np.arange(0.0, 10.0, 0.1)

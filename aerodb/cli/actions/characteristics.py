@@ -13,7 +13,7 @@ from aerodb.store.files import save
 from aerodb.store.overview import summary
 from aerodb.store.templates import scheme_texts
 from aerodb.update.standard_errors import with_standard_errors
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import UnknownName
 from flightmech.flying_qualities.evaluation import characteristics as compute
 from flightmech.names import VOCABULARY

@@ -12,7 +12,7 @@ from aerodb.comparison.comparison import compare as compared
 from aerodb.comparison.conditions import read_conditions
 from aerodb.figures.lr743_set.flown import FLOWN, read_flown
 from aerodb.store.files import open as open_database
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.console import (
@@ -136,7 +136,9 @@ def _held(text: str) -> tuple[str, float]:
 
 
 def _print(frame: pd.DataFrame) -> None:
-    """Print coefficients, terms that differ, and in a line each what is equal or on one side only."""
+    """Print coefficients, terms that differ, and in a line each what is equal or on one side
+    only.
+    """
     along = "share" in frame
     is_term = frame.index.str.contains("/")
     same = is_term & (frame["max_difference"] == 0.0) & (frame["found_in"] == "both")

@@ -10,13 +10,13 @@ import xarray as xr
 
 from aerodb.edit.blending import blend as blended
 from aerodb.edit.blending import consistency
+from aerodb.edit.breakpoint_edits import extend as extended
+from aerodb.edit.breakpoint_edits import regrid as regridded
 from aerodb.edit.reference_point import move_reference as moved
-from aerodb.edit.table_edits import delete_terms, match_names, replace_terms
-from aerodb.edit.table_edits import extend as extended
-from aerodb.edit.table_edits import regrid as regridded
 from aerodb.edit.table_edits import scale as scaled
 from aerodb.edit.table_edits import set_nodes as with_nodes
 from aerodb.edit.table_edits import shift as shifted
+from aerodb.edit.term_edits import delete_terms, match_names, replace_terms
 from aerodb.store.files import open as open_database
 from aerodb.store.files import save
 from aerodb.store.schema import terms

@@ -12,7 +12,7 @@ import xarray as xr
 
 import flightmech
 from aerodb.edit.ground_effect import with_height_table
-from aerodb.edit.table_edits import replace_terms
+from aerodb.edit.term_edits import replace_terms
 from aerodb.exchange.daveml.airframe import import_daveml_aircraft
 from aerodb.exchange.daveml.document.model import DaveModel
 from aerodb.exchange.daveml.document.reading import read as read_daveml
@@ -23,7 +23,8 @@ from aerodb.store.files import open as open_database
 from aerodb.store.files import save
 from aerodb.store.overview import describe_database, summary
 from aerodb.store.schema import terms
-from flightmech.aircraft.aircraft import Aircraft, read_aircraft
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import AeromatchWarning, UnknownName
 from flightmech.names import lookup

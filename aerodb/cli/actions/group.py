@@ -22,7 +22,8 @@ from aerodb.store.schema import terms
 from aerodb.update.cautions.notices import note_plausibility, notices_of
 from aerodb.update.term_decisions import DECISIONS, decision_rows
 from datcom_io.reading.reader import ListingCase, listings_in, read, read_place
-from flightmech.aircraft.aircraft import Aircraft, read_aircraft
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchWarning
 from flightmech.support.console import (
     print_json,

@@ -16,7 +16,7 @@ from aerodb.store.evaluation import contributions
 from aerodb.store.schema import FORCE_AXES, terms
 from flightmech.errors import AeromatchWarning
 from flightmech.names import REDUCED_RATES, lookup
-from flightmech.support.netcdf_trees import CHECKS
+from flightmech.support.array_files.netcdf_trees import CHECKS
 from flightmech.terms import list_model_variables
 
 _STEP = "  "  # indentation of the children of an element

@@ -38,7 +38,7 @@ from aerodb.exchange.daveml.vocabulary import file_unit_conversion, quantity_of,
 from aerodb.exchange.spelling import spell
 from aerodb.store.schema import FORCE_AXES, make_database
 from flightmech.errors import AeromatchWarning, SchemaError
-from flightmech.support.netcdf_trees import CHECKS
+from flightmech.support.array_files.netcdf_trees import CHECKS
 from flightmech.terms import list_model_variables
 
 _ATTEMPTS = 4  # refinements of the sampling before the import fails

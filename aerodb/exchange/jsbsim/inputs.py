@@ -224,8 +224,8 @@ def _sine(variable: str) -> OpaqueFactor:
     return OpaqueFactor(f"sin({variable})", frozenset((variable,)), lambda at: np.sin(at[variable]))
 
 
-# Components of the airspeed and pressures of its projections: powers of symbols, and functions.
-# u = V cos(alpha) cos(beta), v = V sin(beta), w = V sin(alpha) cos(beta), qbarUW = rho (u^2 + w^2)/2
+# Components of the airspeed and pressures of its projections: powers of symbols, and functions. u =
+# V cos(alpha) cos(beta), v = V sin(beta), w = V sin(alpha) cos(beta), qbarUW = rho (u^2 + w^2)/2
 _PROJECTED: dict[str, tuple[dict[str, int], tuple[OpaqueFactor, ...]]] = {
     "velocities/u-aero-fps": ({"V": 1}, (_cosine("alpha"), _cosine("beta"))),
     "velocities/v-aero-fps": ({"V": 1}, (_sine("beta"),)),

@@ -25,7 +25,8 @@ def describe_devices(inputs: Inputs, leaves: Mapping[str, xr.Dataset]) -> str:
         return ""
     text = (
         f"properties that are not a quantity of the vocabulary became inputs, which are 0 unless "
-        f"they are set: {', '.join(parts)}; name one that is meant with {spell('names =', '--names')}"
+        f"they are set: {', '.join(parts)}; name one that is meant with "
+        f"{spell('names =', '--names')}"
     )
     used = _used_variables(leaves)
     for variable in sorted(fractions):

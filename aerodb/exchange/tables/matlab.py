@@ -27,9 +27,9 @@ from aerodb.store.schema import check, require_valid, terms
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import lookup
+from flightmech.support.array_files.mat_files import load_mat
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.input_files import read_bytes
-from flightmech.support.mat_files import load_mat
 
 _TABLE = ("axes", "breakpoints", "values")
 _TEXTS = ("outside", "references", "comment", "history")

@@ -8,7 +8,8 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from aerodb.store.plausibility import PlausibilityFinding, check_plausibility
+from aerodb.store.plausibility import check_plausibility
+from aerodb.store.plausibility_findings import PlausibilityFinding
 
 NOTICES = "notices"
 INCOMPATIBLE = 1e-6

@@ -18,7 +18,7 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_quantities import UNFILLED
 
 _ASKED = {

@@ -9,6 +9,7 @@ import tempfile
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -348,7 +349,7 @@ def _summary(outcome: Any) -> dict[str, Any]:
     # a match without a change loads nothing that computes
     from pom.report.case.remarks import sampled_line
 
-    runs = list(dict.fromkeys(run for result in outcome.results for run in result.runs))
+    runs = list(dict.fromkeys(chain.from_iterable(result.runs for result in outcome.results)))
     rows = [
         [result.case.id, result.case.title, *(_cell(result, run) for run in runs)]
         for result in outcome.results

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Any
 
 import click
@@ -46,7 +47,8 @@ def print_listing(file: str, name: str | None, partial: bool, as_json: bool) -> 
     _print_cases(listing, found)
     if pages is not None:
         _print_pages(pages)
-    _print_messages([message for row in found for message in row["messages"]] + remarks)
+    messages = chain.from_iterable(row["messages"] for row in found)
+    _print_messages([*messages, *remarks])
     if listing.unread:
         numbers = " ".join(map(str, listing.unread[:20]))
         if len(listing.unread) > 20:

@@ -274,7 +274,8 @@ def _place_parts(case: PlotCase, parts: list[_Part], file: str, *, is_last: bool
             raise ParseError(
                 file,
                 case.line,
-                f"{len(parts)} parts that fit the flight conditions of the case in {len(found)} ways",
+                f"{len(parts)} parts that fit the flight conditions of the case in {len(found)} "
+                "ways",
                 "parts that fit in one way; run the program with a subsonic Mach number first",
             )
     raise _misplaced(case, parts, file, possible)
@@ -301,7 +302,8 @@ def _misplaced(
 
 
 def _match(kinds: str, texts: _Texts, allow_cut: bool) -> tuple[tuple[int, ...] | None, int]:
-    """Return the end of each condition in a text of letters, None for no match, and how far it fits.
+    """Return the end of each condition in a text of letters, None for no match, and how far it
+    fits.
 
     With `allow_cut` the text may end within a condition.
     """

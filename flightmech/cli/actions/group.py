@@ -20,6 +20,7 @@ from flightmech.simulation.run import simulate as fly
 from flightmech.steady_flight.table_ends import describe_limits_beyond_tables
 from flightmech.steady_flight.trim_search import start_of
 from flightmech.steady_flight.trim_search import trim as search
+from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import (
     print_json,
@@ -27,7 +28,6 @@ from flightmech.support.console import (
     show_progress,
 )
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
-from flightmech.support.netcdf_writing import write_netcdf
 from flightmech.units import from_si, parse_quantity, to_si
 
 _DIGITS = 9  # behind the point: less than that is rounding
@@ -87,7 +87,7 @@ def _units(sim: SimModel) -> dict[str, str]:
     among them.
     """
 
-    rows = [row for kind in (OUTPUT, INPUT, PARAMETER) for row in sim.entries(kind)]
+    rows = [*sim.entries(OUTPUT), *sim.entries(INPUT), *sim.entries(PARAMETER)]
     plain = {
         row.name.removeprefix("init."): row.units for row in rows if row.name.startswith("init.")
     }
@@ -124,11 +124,8 @@ def si_value(name: str, text: str, units: Mapping[str, str]) -> float:
 
 def _print(sim: SimModel, found: xr.Dataset) -> None:
 
-    display = {
-        row.name: row.display_units
-        for kind in (PARAMETER, INPUT, OUTPUT)
-        for row in sim.entries(kind)
-    }
+    entries = [*sim.entries(PARAMETER), *sim.entries(INPUT), *sim.entries(OUTPUT)]
+    display = {row.name: row.display_units for row in entries}
 
     def line(name: str, value: float, units: str) -> tuple[str, str, str]:
         unit = (
@@ -215,7 +212,8 @@ def run_simulate(
 def _values(sim: SimModel, given: tuple[Any, ...]) -> dict[str, float]:
     """Return the values of parameters and inputs in SI; parts of tables are taken as they stand."""
 
-    units = {row.name: row.units for kind in (INPUT, PARAMETER) for row in sim.entries(kind)}
+    rows = [*sim.entries(INPUT), *sim.entries(PARAMETER)]
+    units = {row.name: row.units for row in rows}
     return {name: si_value(name, text, units) for name, text in given}
 
 

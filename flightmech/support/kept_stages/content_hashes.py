@@ -23,8 +23,8 @@ def content_hash(*items: Any) -> str:
     ----------
     *items : object
         Numbers, texts, None, arrays, labelled data, dataclasses, pydantic models, and mappings,
-        sequences and sets of them. An object with a ``content_digest`` is hashed by this text. Other
-        objects are hashed by their pickle, because a ``repr`` can be abbreviated.
+        sequences and sets of them. An object with a ``content_digest`` is hashed by this text.
+        Other objects are hashed by their pickle, because a ``repr`` can be abbreviated.
 
     Examples
     --------

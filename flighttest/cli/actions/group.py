@@ -7,7 +7,7 @@ from typing import Any, NoReturn
 
 import click
 
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError
 from flightmech.support.console import (
     NewFile,

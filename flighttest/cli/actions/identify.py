@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 import aerodb
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text

@@ -10,7 +10,7 @@ import click
 
 import aerodb
 import flightmech
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchWarning
 from flightmech.names import lookup
 from flightmech.simulation.compiler import compile_files

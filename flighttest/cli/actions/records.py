@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from aerodb.store.files import open as open_database
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.console import (
     print_json,

@@ -51,7 +51,8 @@ def coefficient_fits(
     model.
     """
 
-    # A balance measures at rest: no damping term, and published models have products without factors.
+    # A balance measures at rest: no damping term, and published models have products without
+    # factors.
     how = {"hierarchy": False, **rule}
     del how["domain"]
     if rule["domain"] == "frequency":
@@ -75,7 +76,9 @@ def coefficient_fits(
 
 
 def candidates_of(candidates: str, over: str, order: int) -> list[str]:
-    """Return the terms to choose from: those of ``--candidates``, else all products of ``--over``."""
+    """Return the terms to choose from: those of ``--candidates``, else all products of
+    ``--over``.
+    """
 
     return candidates.split() or monomials(over.split(), order)
 

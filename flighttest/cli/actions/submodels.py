@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 import aerodb
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.engine_deck import open_tables
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError

@@ -35,7 +35,7 @@ from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.sensors.measurements import pressure
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.submodels.aircraft_properties.eigenmotion import Motion
+from flighttest.submodels.aircraft_properties.eigenmotion import Eigenmotion
 
 # Fewest points of a line. Two points are drawn by any error; three say little about their scatter.
 LEAST = 4
@@ -359,7 +359,7 @@ def collect_figures(
     quality: Quality,
     lines: Sequence[FittedLine],
     fits: Sequence[Fit],
-    motions: Mapping[str, Motion],
+    motions: Mapping[str, Eigenmotion],
     aircraft: Aircraft,
 ) -> dict[str, FigureOfMerit]:
     """Return the figures of an evaluation by name."""

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import pandas as pd
 import xarray as xr
 
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchError, OutOfRange, SchemaError, UnknownName
 from flighttest.flight_programme.evaluation.figures_of_merit import (
     FittedLine,
@@ -46,7 +46,7 @@ from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.submodels.aircraft_properties.eigenmotion import Motion, fit_motion
+from flighttest.submodels.aircraft_properties.eigenmotion import Eigenmotion, fit_motion
 
 T = TypeVar("T")
 # Largest rate of the reconstruction at stationary points [Hz]; the motion there is slow.
@@ -101,7 +101,7 @@ class _Evaluator:
         points = pd.DataFrame()
         lines: list[FittedLine] = []
         fits: list[Fit] = []
-        motions: dict[str, Motion] = {}
+        motions: dict[str, Eigenmotion] = {}
         if quality.usable:
             self.record = add_computed_mass(
                 self.record, self.aircraft, loading=self.plan.loading, deck=self.plan.thrust
@@ -144,7 +144,7 @@ class _Evaluator:
         fits = [self._try_part(table.name, self._fit_model, table) for table in self.plan.fit]
         return [fit for fit in fits if fit is not None]
 
-    def _fit_motions(self) -> dict[str, Motion]:
+    def _fit_motions(self) -> dict[str, Eigenmotion]:
         motions = {}
         for mode in self.plan.mode:
             motion = self._try_part(mode.name, self._fit_motion, mode)
@@ -257,7 +257,7 @@ class _Evaluator:
             self.manoeuvre_data[name, window] = self._reconstruct_manoeuvre(name, window)
         return self.manoeuvre_data[name, window]
 
-    def _fit_motion(self, mode: PlannedMode) -> Motion:
+    def _fit_motion(self, mode: PlannedMode) -> Eigenmotion:
         start = self.start(mode.on)
         leaves = channel_leaves(self.record)
         names = (*mode.channels, *mode.inputs)

@@ -66,7 +66,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from flightmech.errors import ParseError, SchemaError, UnitError
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
 from flightmech.units import to_si

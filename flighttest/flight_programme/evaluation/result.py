@@ -42,7 +42,7 @@ from flighttest.reconstruction.quality.result import format_quality as quality_r
 from flighttest.records.files import save_record
 from flighttest.regression.equation_error.fit import Fit, save_fit
 from flighttest.remarks import Remark, is_forbidden, remarks_to_json
-from flighttest.submodels.aircraft_properties.eigenmotion import Motion
+from flighttest.submodels.aircraft_properties.eigenmotion import Eigenmotion
 
 # Characters that a name of a file should not have.
 _ODD = re.compile(r"[^\w.-]+")
@@ -71,7 +71,7 @@ class Evaluation:
         Means over the stationary points.
     lines : list of FittedLine
     fits : list of Fit
-    motions : dict of str to Motion
+    motions : dict of str to Eigenmotion
     figures : dict of str to FigureOfMerit
     judged : DataFrame
         Bounds and verdicts.
@@ -87,7 +87,7 @@ class Evaluation:
     points: pd.DataFrame
     lines: list[FittedLine]
     fits: list[Fit]
-    motions: dict[str, Motion]
+    motions: dict[str, Eigenmotion]
     figures: dict[str, FigureOfMerit]
     judged: pd.DataFrame
     refused: dict[str, str]
@@ -350,7 +350,7 @@ def _fit_section(fit: Fit) -> dict[str, Any]:
     }
 
 
-def _motion_section(name: str, motion: Motion) -> dict[str, Any]:
+def _motion_section(name: str, motion: Eigenmotion) -> dict[str, Any]:
     """Return figures, remarks and one chart per channel of an eigenmotion."""
     charts = []
     for channel in motion.channels:

@@ -1,4 +1,6 @@
-"""Manoeuvres found in a record that carries no marks: which control moved, when, and as what input."""
+"""Manoeuvres found in a record that carries no marks: which control moved, when, and as what
+input.
+"""
 
 from flightmech.support.imports import attach_stub
 

@@ -65,7 +65,7 @@ from pydantic import Field, field_validator, model_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity

@@ -20,7 +20,7 @@ import pandas as pd
 import xarray as xr
 
 import flightmech
-from aerodb.edit.table_edits import replace_terms
+from aerodb.edit.term_edits import replace_terms
 from aerodb.update.tabulation import tabulate
 from aerodb.update.tabulation_report import Tabulation
 from flightmech.aircraft.aircraft import Aircraft

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from aerodb.edit.table_edits import replace_terms
+from aerodb.edit.term_edits import replace_terms
 from aerodb.store.schema import terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import (

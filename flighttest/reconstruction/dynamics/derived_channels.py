@@ -308,7 +308,9 @@ def _channel_noise(data: xr.Dataset, name: str) -> float:
 
 
 def _bandwidth(data: xr.Dataset, *names: str) -> float:
-    """Return the frequency up to which the derivative of the slowest channel is exact to 1 %. [Hz]"""
+    """Return the frequency up to which the derivative of the slowest channel is exact to 1 %.
+    [Hz]
+    """
     # The recorder with the largest step has the smallest bandwidth.
     step = max(_recorded_samples(data, name)[2] for name in names)
     f = np.linspace(0.0, 0.5, 501)[1:] / step

@@ -26,7 +26,8 @@ from flightmech.errors import IdentificationError
 from flightmech.simulation.driven_path import DrivenPath
 from flightmech.simulation.normal_sums import Elimination, NormalSums
 
-# Number of directions of the constants that are substituted together. More do not stay in the cache.
+# Number of directions of the constants that are substituted together. More do not stay in the
+# cache.
 AT_ONCE = 8
 
 

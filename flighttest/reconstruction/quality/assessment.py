@@ -1,6 +1,7 @@
 """Assessment of the quality of a flight record by all checks.
 
-The checks run in order. Each check works on channels without the mistakes that earlier checks found.
+The checks run in order. Each check works on channels without the mistakes that earlier checks
+found.
 """
 
 from __future__ import annotations

@@ -69,8 +69,8 @@ def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Tabl
     Raises
     ------
     SchemaError
-        There are fewer than two stamps, the clock steps back or has a gap of days, or the stamps are
-        too coarse for their samples.
+        There are fewer than two stamps, the clock steps back or has a gap of days, or the stamps
+        are too coarse for their samples.
     """
     time = np.asarray(raw, float) * scale
     is_finite = np.isfinite(time)
@@ -115,7 +115,8 @@ def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Tabl
     if gaps[longest] > _LONGEST:
         text = (
             f"its clock goes from {time[0]:g} s to {time[-1]:g} s; the gap behind sample "
-            f"{samples[longest]} at {time[longest]:g} s is longer than the {_LONGEST / 86400:g} days "
+            f"{samples[longest]} at {time[longest]:g} s is longer than the {_LONGEST / 86400:g} "
+            "days "
             f"that are allowed: correct or remove these stamps"
         )
         raise SchemaError(what, [text])

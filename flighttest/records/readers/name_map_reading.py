@@ -11,7 +11,9 @@ from typing import Any, TypeVar
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.input_files import WESTERN, foreign_kind, read_text, read_toml
+from flightmech.support.file_kinds import foreign_kind
+from flightmech.support.input_files import WESTERN, read_text
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import fitted_unit, parse_quantity, parse_unit
 from flighttest.records.readers.bus_words import KINDS, Decode

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from flightmech.errors import ParseError
 from flightmech.plugins import RECORD_READERS, recognise_plugin
+from flightmech.support.file_kinds import file_kind, packed_kind
 from flightmech.support.hdf5_seal import read_if_sealed
-from flightmech.support.input_files import demand_regular, file_kind, marked_encoding, packed_kind
+from flightmech.support.input_files import demand_regular, marked_encoding
 from flighttest.records.readers.columns import with_units_of_headings
 from flighttest.records.readers.foreign_readers import read_foreign
 from flighttest.records.readers.name_map import NameMap

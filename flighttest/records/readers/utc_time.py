@@ -23,8 +23,8 @@ _LEAST_SPAN = 10.0  # s of record that a drift needs
 class _StampLine(NamedTuple):
     """Straight line through UTC over record time.
 
-    `offset` is the UTC at zero of the record clock, `is_used` distinguishes the stamps near the line, and
-    `sigma` is their scatter. [s]
+    `offset` is the UTC at zero of the record clock, `is_used` distinguishes the stamps near the
+    line, and `sigma` is their scatter. [s]
     """
 
     slope: float

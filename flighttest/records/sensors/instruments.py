@@ -222,7 +222,9 @@ class Instruments(Strict):
         return self.table[name] if name else Instrument()
 
     def noise(self, channel: str) -> float:
-        """Return the standard deviation of the noise of a channel, which an instrument must give."""
+        """Return the standard deviation of the noise of a channel, which an instrument must
+        give.
+        """
         return self.of(channel).noise[channel]
 
     def delay_of(self, channel: str) -> str:

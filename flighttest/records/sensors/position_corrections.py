@@ -1,8 +1,8 @@
 """Corrections for position, upwash and static pressure, from sensor readings to the c.g.
 
 All positions `arm` are from the c.g. to the sensor in body axes.  With `position` and c.g. from the
-moment reference point, arm = position - c.g.  In the reconstruction the vane corrections are part of
-the output equations, so that a reading is corrected once and with the reconstructed rates.
+moment reference point, arm = position - c.g.  In the reconstruction the vane corrections are part
+of the output equations, so that a reading is corrected once and with the reconstructed rates.
 """
 
 from __future__ import annotations

@@ -23,10 +23,10 @@ from flightmech.errors import (
     UnknownName,
 )
 from flightmech.names import quantity_attributes
+from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.figures import html_table
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
-from flightmech.support.netcdf_writing import write_netcdf
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit_remarks import FitData, fit_figure, remarks_of
 from flighttest.regression.equation_error.model import RegressionModel, term_regressors

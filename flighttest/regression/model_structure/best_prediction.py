@@ -5,7 +5,8 @@ model. How far its estimates move in the other models is a further error of them
 the fit contains it, so that tables made from the fit inherit it [Buckland1997]_.
 
 Parameters of polynomials are compared at the mean of the flown variables. The slope at zero of a
-model with a square and of one without it are different quantities; their slopes at the mean are not.
+model with a square and of one without it are different quantities; their slopes at the mean are
+not.
 
 References
 ----------

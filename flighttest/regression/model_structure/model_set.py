@@ -8,8 +8,8 @@ The rating of a model is the logarithm of the density that `HeldOutPrediction` g
 parts, less `PRICE` for each term. The price is a prior: without it a void term would enter in one
 record of six, because prediction alone is a weak judge of void terms [Shao1993]_.
 
-The difference d of two ratings has a standard error s, from the differences part by part. A model is
-in the set if d/sqrt(1 + pi s^2/8) is below `WORSE`, and its weight is the exponential of it. The
+The difference d of two ratings has a standard error s, from the differences part by part. A model
+is in the set if d/sqrt(1 + pi s^2/8) is below `WORSE`, and its weight is the exponential of it. The
 divisor is the mean of the weight over the error of d [MacKay1992]_. A model that has two terms more
 than a better one inside it is left out: sets would otherwise consist of combinations of void terms.
 Both rules are those of Occam's window [Madigan1994]_; the second one is milder here, so that a term

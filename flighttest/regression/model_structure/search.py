@@ -10,8 +10,8 @@ With correlated variables an early choice may be a mixture of later ones. If no 
 worth its price, void terms are dropped, and one term is exchanged for another candidate as long as
 this lowers the error.
 
-A product enters together with the factors that it needs, and a moment keeps its damping term, unless
-the hierarchy is switched off. Both ways return one structure and nothing about its rivals;
+A product enters together with the factors that it needs, and a moment keeps its damping term,
+unless the hierarchy is switched off. Both ways return one structure and nothing about its rivals;
 `select_by_prediction` compares them.
 
 References

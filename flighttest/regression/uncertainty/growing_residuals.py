@@ -1,15 +1,16 @@
 """Residuals that grow with the motion, as those of a missing term do.
 
-The disturbance is a stationary one times an envelope s(t), a modulated process [Priestley1965]_. The
-mean of the squared residual is linear in the squares of the regressors about their means, in
+The disturbance is a stationary one times an envelope s(t), a modulated process [Priestley1965]_.
+The mean of the squared residual is linear in the squares of the regressors about their means, in
 units of their variance, with coefficients that are not negative [Amemiya1977]_:
 
     s^2 = c_0 + sum_j c_j (x_j - mean x_j)^2 / var x_j
 
-A squared residual of a coloured disturbance has few independent samples, and c_j of a stationary one
-is not zero by chance. Only what exceeds `CHANCE` standard errors of c_j counts. The standard errors
-are those for the autocorrelation of the squares, which is the square of the autocorrelation of a
-normal process. A stationary residual thus keeps its standard errors, and the change is continuous.
+A squared residual of a coloured disturbance has few independent samples, and c_j of a stationary
+one is not zero by chance. Only what exceeds `CHANCE` standard errors of c_j counts. The standard
+errors are those for the autocorrelation of the squares, which is the square of the autocorrelation
+of a normal process. A stationary residual thus keeps its standard errors, and the change is
+continuous.
 
 References
 ----------
@@ -95,7 +96,8 @@ def _memory_of_squares(v: np.ndarray, pieces: Sequence[slice]) -> float:
 
 
 def _standard_errors(design: np.ndarray, target: np.ndarray, memory: float) -> np.ndarray:
-    """Return standard errors of the regression of squares whose scatter is that of a normal process.
+    """Return standard errors of the regression of squares whose scatter is that of a normal
+    process.
 
     A square of unit mean has the variance two; `memory` samples count as one.
     """

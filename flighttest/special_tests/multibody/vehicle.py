@@ -65,7 +65,7 @@ import xarray as xr
 from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import SchemaError
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity, to_si

@@ -1,6 +1,7 @@
 """Public names of `flighttest.submodels.aircraft_properties`."""
 
-from .eigenmotion import Motion as Motion
+from .eigenmotion import Eigenmotion as Eigenmotion
+from .eigenmotion import Eigenmotion as Motion
 from .eigenmotion import fit_motion as fit_motion
 from .inertia import Inertia as Inertia
 from .inertia import inertia_from_flight as inertia_from_flight

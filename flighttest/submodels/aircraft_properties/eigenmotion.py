@@ -18,9 +18,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flightmech.errors import IdentificationError
 from flighttest.remarks import Convergence, PrintedResult, Remark, is_forbidden
-from flighttest.submodels.aircraft_properties.mode_response import SAME, WRONG, ModeResponse
+from flighttest.submodels.aircraft_properties.mode_response import (
+    SAME,
+    WRONG,
+    ModeResponse,
+    take_samples,
+)
 from flighttest.submodels.aircraft_properties.moved_windows import (
     SHIFT,
     Figures,
@@ -28,7 +33,6 @@ from flighttest.submodels.aircraft_properties.moved_windows import (
     fits_in_moved_windows,
 )
 
-KINDS = ("oscillation", "aperiodic")
 # Smallest part of a cycle that a window must contain.
 LEAST_CYCLES = 0.5
 # Share of the variance about a straight line that a mode must explain, and share below which it is
@@ -42,14 +46,10 @@ EXCITED = 1e-3
 GROWING = -0.1
 # Relative standard error of the frequency up to which a motion is determined.
 KNOWN = 0.2
-# Range below which an input or a channel does not move: 0.006 deg or 0.1 mm/s. [SI]
-MOVES = 1e-4
-# Fewest samples of a window, and largest range of its steps over their mean.
-_FEWEST, _UNEVEN = 12, 1e-3
 
 
 @dataclass(frozen=True)
-class Motion(PrintedResult):
+class Eigenmotion(PrintedResult):
     """One mode as a record shows it.
 
     Attributes
@@ -164,7 +164,7 @@ def fit_motion(
     kind: str = "oscillation",
     inputs: Sequence[str] = (),
     trend: bool = True,
-) -> Motion:
+) -> Eigenmotion:
     """Fit one mode to recorded channels.
 
     An oscillation is also fitted in shorter windows, which must give the same figures.
@@ -186,7 +186,7 @@ def fit_motion(
 
     Returns
     -------
-    Motion
+    Eigenmotion
 
     Raises
     ------
@@ -226,9 +226,9 @@ def fit_motion(
 
 def _fit_window(
     data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Sequence[str], trend: bool
-) -> Motion:
+) -> Eigenmotion:
     """Fit one mode to the whole window."""
-    y, u, time = _samples(data, channels, kind=kind, inputs=inputs)
+    y, u, time = take_samples(data, channels, kind=kind, inputs=inputs)
     model = ModeResponse(time - time[0], y, u, kind=kind, trend=trend)
     x, search = model.search_root()
     omega = abs(float(x[1])) if kind == "oscillation" else 0.0
@@ -239,7 +239,7 @@ def _fit_window(
     )
     rms = np.sqrt(np.mean((y - fitted) ** 2, axis=0))
     covariance, test = model.covariance(x), model.test_amplitudes(x)
-    return Motion(
+    return Eigenmotion(
         kind=kind,
         sigma=float(x[0]),
         omega=omega,
@@ -292,7 +292,7 @@ def _motion_name(kind: str) -> str:
     return "aperiodic motion" if kind == "aperiodic" else kind
 
 
-def _excitation_remarks(motion: Motion) -> list[Remark]:
+def _excitation_remarks(motion: Eigenmotion) -> list[Remark]:
     """Return the error that the motion does not stand out, or is not alone."""
     if motion.F_probability <= EXCITED and motion.share >= PURE:
         return []
@@ -310,7 +310,7 @@ def _excitation_remarks(motion: Motion) -> list[Remark]:
     return [Remark("no excitation", text, channels, value, limit, severity="error")]
 
 
-def _growth_remarks(motion: Motion) -> list[Remark]:
+def _growth_remarks(motion: Eigenmotion) -> list[Remark]:
     """Return the error that something drives the oscillation inside the window."""
     ratio = motion.sigma / math.hypot(motion.sigma, motion.omega)
     if motion.kind != "oscillation" or ratio >= GROWING:
@@ -322,7 +322,7 @@ def _growth_remarks(motion: Motion) -> list[Remark]:
     return [Remark("growth", text, " ".join(motion.channels), ratio, GROWING, severity="error")]
 
 
-def _convergence_remarks(motion: Motion) -> list[Remark]:
+def _convergence_remarks(motion: Eigenmotion) -> list[Remark]:
     """Return a remark on a root that is not that of the least residual."""
     channels = " ".join(motion.channels)
     advice = (
@@ -335,7 +335,7 @@ def _convergence_remarks(motion: Motion) -> list[Remark]:
     )
 
 
-def _unsettled_remarks(motion: Motion) -> list[Remark]:
+def _unsettled_remarks(motion: Eigenmotion) -> list[Remark]:
     """Return a remark on shorter windows whose fit did not converge; a note if others remain.
 
     An oscillation that no shorter window confirms has a warning.
@@ -361,7 +361,7 @@ def _unsettled_remarks(motion: Motion) -> list[Remark]:
     return [Remark("window", text, channels, motion.unsettled, 0.0, severity)]
 
 
-def _significance_remarks(motion: Motion) -> list[Remark]:
+def _significance_remarks(motion: Eigenmotion) -> list[Remark]:
     """Return remarks on a frequency or a decay with a large standard error."""
     remarks = []
     errors = np.sqrt(np.maximum(np.diag(motion.covariance), 0.0))
@@ -379,7 +379,7 @@ def _significance_remarks(motion: Motion) -> list[Remark]:
     return remarks
 
 
-def _window_remarks(motion: Motion) -> list[Remark]:
+def _window_remarks(motion: Eigenmotion) -> list[Remark]:
     """Return the error that a shorter window changes an oscillation."""
     # Of all windows that change a figure, the remark names the largest change.
     largest, changed, figure = -math.inf, None, ""
@@ -402,52 +402,3 @@ def _window_remarks(motion: Motion) -> list[Remark]:
         "inputs that drive it"
     )
     return [Remark("window", text, figure, largest, SHIFT, severity="error")]
-
-
-def _samples(
-    data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Sequence[str]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return outputs (time, channel), inputs (time, input) and time, after all checks."""
-    if kind not in KINDS:
-        raise SchemaError("motion", [f"kind is {kind!r}; allowed: {', '.join(KINDS)}"])
-    for name in (*channels, *inputs):
-        if name not in data:
-            raise UnknownName(name, map(str, data.data_vars), "channel")
-    time = data["time"].values.astype(float)
-    steps = np.diff(time)
-    if len(time) < _FEWEST or not np.ptp(steps) <= _UNEVEN * steps.mean():
-        raise SchemaError(
-            "motion",
-            [
-                f"its time is not uniform or does not rise, or it has fewer than {_FEWEST} "
-                f"samples; cut it with flighttest.cut"
-            ],
-        )
-    incomplete = [n for n in (*channels, *inputs) if not np.isfinite(data[n].values).all()]
-    if incomplete:
-        raise SchemaError(
-            "motion",
-            [f"{', '.join(incomplete)}: samples are missing; choose a window without gaps"],
-        )
-    y, u = _columns(data, channels), _columns(data, inputs)
-    for name, column in zip(inputs, u.T):
-        if np.ptp(column) < MOVES:
-            raise IdentificationError(
-                f"no excitation: {name} moves by {np.ptp(column):.2g} in the window; choose "
-                f"one in which it moves"
-            )
-    for name, column in zip(channels, y.T):
-        if np.ptp(column) < MOVES:
-            raise IdentificationError(
-                f"no motion: {name} moves by {np.ptp(column):.2g} in the window; it is dead "
-                f"or nothing happens there"
-            )
-    return y, u, time
-
-
-def _columns(data: xr.Dataset, names: Sequence[str]) -> np.ndarray:
-    """Return variables as columns (time, name); no columns without names."""
-    columns = np.empty((data.sizes["time"], len(names)))
-    for k, name in enumerate(names):
-        columns[:, k] = data[name].values
-    return columns

@@ -17,14 +17,17 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
 from scipy import stats
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.regression.uncertainty.significance import degrees_of_freedom
 from flighttest.remarks import Convergence
@@ -44,6 +47,11 @@ SAME, WRONG = 0.5, 1.0
 _RELATIVE = 1e-6
 # Exponents are clipped at this size, so that no response overflows.
 _LARGEST_EXPONENT = 60.0
+KINDS = ("oscillation", "aperiodic")
+# Range below which an input or a channel does not move: 0.006 deg or 0.1 mm/s. [SI]
+MOVES = 1e-4
+# Fewest samples of a window, and largest range of its steps over their mean.
+_FEWEST, _UNEVEN = 12, 1e-3
 # Smallest length of a column, and smallest weight.
 _TINY = 1e-300
 
@@ -297,3 +305,52 @@ def _driven_response(pole: complex, u: np.ndarray, step: float) -> np.ndarray:
     response = lfilter([late, early], [1.0, -E], u.astype(complex))
     # The response starts from zero.
     return response - late * u[0] * E ** np.arange(len(u))
+
+
+def take_samples(
+    data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return outputs (time, channel), inputs (time, input) and time, after all checks."""
+    if kind not in KINDS:
+        raise SchemaError("motion", [f"kind is {kind!r}; allowed: {', '.join(KINDS)}"])
+    for name in (*channels, *inputs):
+        if name not in data:
+            raise UnknownName(name, map(str, data.data_vars), "channel")
+    time = data["time"].values.astype(float)
+    steps = np.diff(time)
+    if len(time) < _FEWEST or not np.ptp(steps) <= _UNEVEN * steps.mean():
+        raise SchemaError(
+            "motion",
+            [
+                f"its time is not uniform or does not rise, or it has fewer than {_FEWEST} "
+                f"samples; cut it with flighttest.cut"
+            ],
+        )
+    incomplete = [n for n in (*channels, *inputs) if not np.isfinite(data[n].values).all()]
+    if incomplete:
+        raise SchemaError(
+            "motion",
+            [f"{', '.join(incomplete)}: samples are missing; choose a window without gaps"],
+        )
+    y, u = _columns(data, channels), _columns(data, inputs)
+    for name, column in zip(inputs, u.T):
+        if np.ptp(column) < MOVES:
+            raise IdentificationError(
+                f"no excitation: {name} moves by {np.ptp(column):.2g} in the window; choose "
+                f"one in which it moves"
+            )
+    for name, column in zip(channels, y.T):
+        if np.ptp(column) < MOVES:
+            raise IdentificationError(
+                f"no motion: {name} moves by {np.ptp(column):.2g} in the window; it is dead "
+                f"or nothing happens there"
+            )
+    return y, u, time
+
+
+def _columns(data: xr.Dataset, names: Sequence[str]) -> np.ndarray:
+    """Return variables as columns (time, name); no columns without names."""
+    columns = np.empty((data.sizes["time"], len(names)))
+    for k, name in enumerate(names):
+        columns[:, k] = data[name].values
+    return columns

@@ -16,7 +16,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError, SchemaError
 
 Figures = Mapping[str, tuple[float, float, str]]
-"""Value, standard error and unit by name, as `Motion.values`."""
+"""Value, standard error and unit by name, as `Eigenmotion.values`."""
 
 # Parts of the period by which the ends move: 1 and 2 s for a Dutch roll.
 TRIMS = (1.0 / 3.0, 2.0 / 3.0)
@@ -91,7 +91,7 @@ def fits_in_moved_windows(
     inputs : sequence of str
         Controls that drive the oscillation. They must begin to move inside every window.
     fit : callable
-        Function that returns the figures of a Dataset, as `Motion.values`; None if the fit did
+        Function that returns the figures of a Dataset, as `Eigenmotion.values`; None if the fit did
         not converge, whose figures show nothing about the window.
     """
     windows = []

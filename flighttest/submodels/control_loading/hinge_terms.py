@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from aerodb.edit.table_edits import delete_terms, replace_terms
+from aerodb.edit.term_edits import delete_terms, replace_terms
 from aerodb.store.identified_terms import stamp_identified
 from aerodb.store.schema import terms
 from flightmech import terms as _terms

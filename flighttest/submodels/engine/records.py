@@ -69,9 +69,9 @@ def engine_channels(
         record from it at Mach numbers above 0.1, because a thermometer without flow does not show
         the air temperature.  ``h`` is geometric: the height at which air with this difference has
         the pressure of a pressure altitude ``h_baro``, which is geopotential; other heights are not
-        changed. ``pressure_ratio`` is that pressure over the standard pressure at sea level.  Attribute ``height_change`` of a pressure
-        altitude: the last change of the height over its tolerance of 1 m, at most 1 if it
-        converged.
+        changed. ``pressure_ratio`` is that pressure over the standard pressure at sea level.
+        Attribute ``height_change`` of a pressure altitude: the last change of the height over its
+        tolerance of 1 m, at most 1 if it converged.
 
     Raises
     ------

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from flightmech.errors import AeromatchError, IdentificationError
 from flightmech.names import lookup
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, file_schema, validate_content
 from flightmech.support.toml_quantities import quantity_schema
 from flightmech.terms import basis, make_term

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.edit.ground_effect import in_ground_effect, with_height_table
-from aerodb.edit.table_edits import delete_terms, replace_terms
+from aerodb.edit.term_edits import delete_terms, replace_terms
 from aerodb.store.identified_terms import stamp_identified
 from aerodb.store.schema import terms
 from aerodb.update.posterior import without_posterior

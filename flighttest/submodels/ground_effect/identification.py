@@ -197,7 +197,7 @@ class _CoefficientIdentification:
         best = _best_closed(closed, form, richest.n)
         law = best.law if best else POWER
         identified = best.terms if best else ()
-        taken = {*(t for f in closed.values() for t in f.terms)}
+        taken = set[str]().union(*(fit.terms for fit in closed.values()))
         taken.update(*(table.terms for table in tables.values()))
         return CoefficientOverGround(
             model=self.model,

@@ -2,9 +2,9 @@
 
 A factor is linear between breakpoints, and zero from its last one on.  Landings pass the heights
 above the low passes in seconds and with one angle of attack.  There a factor of the constant and
-one of the slope are determined by their sum only, and noise of the angle of attack lowers the slope:
-the T-37's were +0.7 and -0.8 from 16 to 36 m, where its ground effect is zero.  So a table ends at
-the highest node that is determined.
+one of the slope are determined by their sum only, and noise of the angle of attack lowers the
+slope: the T-37's were +0.7 and -0.8 from 16 to 36 m, where its ground effect is zero.  So a table
+ends at the highest node that is determined.
 """
 
 from __future__ import annotations

@@ -169,7 +169,8 @@ class LoadFit:
         remarks = convergence_remarks(self.fit, "wheel loads")
         if self.uncertain:
             text = (
-                f"wheel loads: {', '.join(self.uncertain)} left out by a fit that is not converged; "
+                f"wheel loads: {', '.join(self.uncertain)} left out by a fit that is not "
+                "converged; "
                 f"give more records, or constants of the aircraft nearer to the truth"
             )
             remarks.append(Remark("convergence", text))

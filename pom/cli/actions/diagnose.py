@@ -14,7 +14,8 @@ import pandas as pd
 import xarray as xr
 
 import aerodb
-from flightmech.aircraft.aircraft import Aircraft, read_aircraft
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError
 from flightmech.support.console import count_text, print_json, print_table, show_progress

@@ -27,8 +27,9 @@ from flighttest.reconstruction.flight_programme import open_biases
 from pom.archive.origins import NAME, ReportProvenance
 from pom.archive.results_document import join_reports
 from pom.archive.verification import KINDS, VerificationResult, verify
-from pom.cases.case_file import Signatures, case_schema, plain_signatures
+from pom.cases.case_file import case_schema
 from pom.cases.drafting.draft import init_case
+from pom.cases.signatures import Signatures, plain_signatures
 from pom.checking.case_check import RecordCheck
 from pom.replaying.replay_case import files_by_name
 from pom.report.writer import SAMPLES, write_report

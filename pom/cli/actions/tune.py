@@ -11,7 +11,8 @@ import click
 import xarray as xr
 
 import aerodb
-from flightmech.aircraft.aircraft import Aircraft, read_aircraft
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.fmu_export.fmu_file import write_fmu
@@ -25,7 +26,7 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from pom.archive.archive import Custody
 from pom.cases.case import PomCase, read_case
 from pom.cli.actions.report import case_files, read_biases

@@ -25,6 +25,7 @@ the cases of its gain times its weight, with the distance along the flight of th
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -88,7 +89,7 @@ def rank_culprits(
     measured = list(Parallel(n_jobs=jobs, backend="threading")(calls))
     counted = [one for one in measured if one is not None]
     cases = [name for name, one in zip(benches, measured, strict=True) if one is not None]
-    names = dict.fromkeys(name for one in counted for name in one.names)
+    names = dict.fromkeys(chain.from_iterable(one.names for one in counted))
     by_nodes: dict[str, float] = {}
     if counted and evidence is not None:
         by_nodes = node_distances(counted[0].model, evidence)
@@ -241,11 +242,12 @@ def order_corrections(benches: Benches, ranked: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        The first row is the a-priori model (``term`` empty), the last one the final model
-        (``term`` ``final``). ``mismatch`` over all cases with this term and those before it
-        [half widths]; ``matched``, the number of cases within tolerance, and ``cases``, all of
-        them that are judged; ``partner`` and ``correlation``, for a term that makes the mismatch larger: the later
-        term whose effect on the judged outputs opposes its effect most, and their correlation.
+        The first row is the a-priori model (``term`` empty), the last one the final model (``term``
+        ``final``). ``mismatch`` over all cases with this term and those before it [half widths];
+        ``matched``, the number of cases within tolerance, and ``cases``, all of them that are
+        judged; ``partner`` and ``correlation``, for a term that makes the mismatch larger: the
+        later term whose effect on the judged outputs opposes its effect most, and their
+        correlation.
     """
     felt = ranked[(ranked["felt"] > 0) & (ranked["score"] > 0.0)]
     names = list(felt["term"][:MOST_CORRECTED])

@@ -20,7 +20,8 @@ import pandas as pd
 import xarray as xr
 from joblib import Parallel, delayed
 
-from flightmech.aircraft.aircraft import Aircraft, read_aircraft
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError, UnknownName
 from pom.cases.case import PomCase
 from pom.diagnosis.sampling.draws import DrawnModels, InstrumentErrors

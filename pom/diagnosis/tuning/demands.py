@@ -198,7 +198,9 @@ def _directions_of(
 def _interpolation_weights(
     db: xr.DataTree, leaves: Mapping[str, xr.Dataset], flights: Sequence[xr.Dataset]
 ) -> np.ndarray:
-    """Return the weights of the nodes of some terms at the samples of all flights (sample, node)."""
+    """Return the weights of the nodes of some terms at the samples of all flights (sample,
+    node).
+    """
     rows = []
     for states in flights:
         samples = flown_conditions(db, leaves, states)

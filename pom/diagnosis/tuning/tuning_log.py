@@ -20,8 +20,8 @@ from pom.status import status_text
 KIND = "log of aeromatch pom tune, 1"
 BASES = ("database", "aircraft", "evidence", "rationale", "biases")
 MISSING = "\N{EN DASH}"
-# A term is listed if it has so much of the squared distance, moved by so many standard errors, or has
-# a rationale. The others are counted in the text.
+# A term is listed if it has so much of the squared distance, moved by so many standard errors, or
+# has a rationale. The others are counted in the text.
 LEAST_SHARE = 0.01
 LEAST_MOVE = 0.5  # standard errors, of the model or from the evidence
 _NEEDED = {"kind", "refusal", "bound", "distance", "model", "files", "moves", "rows"}

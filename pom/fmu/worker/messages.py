@@ -226,7 +226,9 @@ class Course:
         return self._middles[k] + self.added
 
     def slope(self, k: int) -> np.ndarray:
-        """Return the rates of the inputs from sample `k` to the next; zero if not continuous. [1/s]"""
+        """Return the rates of the inputs from sample `k` to the next; zero if not continuous.
+        [1/s]
+        """
         return self._slopes[k]
 
     def between(self, t: float) -> np.ndarray:

@@ -187,7 +187,9 @@ class Exchange:
         self.apply(t)
 
     def apply(self, t: float) -> None:
-        """Set the continuous inputs of an instant. The solver calls it before it searches events."""
+        """Set the continuous inputs of an instant. The solver calls it before it searches
+        events.
+        """
         self.continuous.put(self.course.between(t)[self.columns])
 
     def advance(self, k: int) -> None:

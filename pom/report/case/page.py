@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from pom.cases.case_file import signature_rows
+from pom.cases.signatures import signature_rows
 from pom.report.case import remarks
 from pom.report.case.case_figure import draw_case_figures
 from pom.report.case.driving import describe_driving

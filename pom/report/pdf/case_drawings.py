@@ -33,7 +33,8 @@ _TEXT = {"a4": 128, "letter": 132}  # characters that surely fit into a line of 
 
 
 def panel_room(page: Mapping[str, Any], paper: str) -> tuple[float, float]:
-    """Return the estimated height for panels on the first page of a case, and that of a full column.
+    """Return the estimated height for panels on the first page of a case, and that of a full
+    column.
 
     Both are in units.  If the estimate is too large, the layout shrinks the panels.
 

@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from pom.cases.case import PomCase
-from pom.cases.case_file import signature_rows
+from pom.cases.signatures import signature_rows
 from pom.report.case import remarks
 from pom.report.case.driving import describe_driving
 from pom.report.case.page import digest_rows, outcome_rows, run_line_classes

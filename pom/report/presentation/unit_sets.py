@@ -1,8 +1,8 @@
 """Sets of units in which a report shows quantities.
 
-The tolerance table prints kt, ft, deg, lbf and g, and a report without a set shows those, with masses
-in kg.  A set has one unit for each kind of quantity on every page, in remarks too.  Verdicts stay in
-the units of the table, and files of numbers in SI.
+The tolerance table prints kt, ft, deg, lbf and g, and a report without a set shows those, with
+masses in kg.  A set has one unit for each kind of quantity on every page, in remarks too.  Verdicts
+stay in the units of the table, and files of numbers in SI.
 """
 
 from __future__ import annotations

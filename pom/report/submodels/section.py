@@ -1,4 +1,6 @@
-"""Parts of a section on a submodel, for the HTML page and for paper, and the layout of its figures."""
+"""Parts of a section on a submodel, for the HTML page and for paper, and the layout of its
+figures.
+"""
 
 from __future__ import annotations
 
@@ -121,7 +123,9 @@ class PanelOf:
 
 
 def estimate_cells(value: float, stderr: float) -> tuple[str, str]:
-    """Return a value and its standard error as cells; a standard error that is not finite is a dash."""
+    """Return a value and its standard error as cells; a standard error that is not finite is a
+    dash.
+    """
     if not np.isfinite(stderr):
         return format_number(value, 4), MISSING
     return format_number(value, 4), format_number(stderr, 2)

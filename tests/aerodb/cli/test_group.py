@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import aerodb
 from aerodb.cli.group import db
 from aerodb.store import overview
-from aerodb.store.plausibility import PlausibilityFinding
+from aerodb.store.plausibility_findings import PlausibilityFinding
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError, UnknownName
 

@@ -15,7 +15,7 @@ import aerodb
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support import hdf5_seal
-from flightmech.support import netcdf_trees as netcdf
+from flightmech.support.array_files import netcdf_trees as netcdf
 
 
 @pytest.fixture

@@ -9,8 +9,9 @@ import pytest
 from scipy.linalg import block_diag
 
 import aerodb
+from aerodb.edit.breakpoint_edits import regrid
 from aerodb.edit.ground_effect import in_ground_effect
-from aerodb.edit.table_edits import regrid, scale, shift
+from aerodb.edit.table_edits import scale, shift
 from aerodb.figures.lr743_set.combinations import combine_coefficients
 from aerodb.store.schema import make_database
 from aerodb.update.correlation import PARTS, prior_covariance, prior_parts

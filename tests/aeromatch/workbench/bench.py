@@ -65,7 +65,7 @@ def reconstructed_project(folder: Path, work: Path, records: list[str]) -> Path:
     import flighttest
     from aeromatch.project.project import read_project
     from aeromatch.workflow.aerodynamics import a_priori
-    from flightmech.aircraft.aircraft import read_aircraft
+    from flightmech.aircraft.aircraft_file import read_aircraft
     from flightmech.errors import AeromatchWarning
 
     project = read_project(file := small_project(folder))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightmech.aircraft.aircraft import inertia_tensor, read_aircraft
+from flightmech.aircraft.aircraft import inertia_tensor
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import ParseError, SchemaError
 from flightmech.terms import evaluate_term, make_term
 

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from flightmech.cli.group import fmu
 from flightmech.errors import ParseError, SchemaError
 from flightmech.simulation.compiler import compile_files
+from flightmech.support.array_files.netcdf_trees import encode_tree
 from flightmech.support.hdf5_seal import add_seal
-from flightmech.support.netcdf_trees import encode_tree
 from flightmech.terms import make_term
 
 AIRCRAFT = """

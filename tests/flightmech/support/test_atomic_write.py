@@ -8,10 +8,10 @@ import pytest
 from flightmech.support import atomic_write
 from flightmech.support.atomic_write import (
     folder_written_atomically,
-    temporary_name,
     write_text,
     written_atomically,
 )
+from flightmech.support.temporary_names import temporary_name
 
 
 def test_the_file_appears_when_the_block_ends(tmp_path):

@@ -3,7 +3,7 @@
 import h5py
 import pytest
 
-from flightmech.support.input_files import file_kind
+from flightmech.support.file_kinds import file_kind
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,11 @@ import flighttest
 from aerodb.exchange.formats import recognise_format
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support import input_files as texts
-from flightmech.support import mat_files as mat_file
 from flightmech.support import toml_text
-from flightmech.support.input_files import csv_rows, file_kind, json_content, read_text, read_toml
+from flightmech.support.array_files import mat_files as mat_file
+from flightmech.support.file_kinds import file_kind
+from flightmech.support.input_files import csv_rows, json_content, read_text
+from flightmech.support.toml_files import read_toml
 from flighttest.flight_programme.input_design.timetable import open_timetable
 from flighttest.records.manoeuvre_table import read_manoeuvres
 

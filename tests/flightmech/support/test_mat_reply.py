@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from flightmech.support.mat_files import _ArrayUnpickler
+from flightmech.support.array_files.mat_files import _ArrayUnpickler
 
 
 class Command:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from flightmech.support import netcdf_writing
+from flightmech.support.array_files import netcdf_writing
+from flightmech.support.array_files.netcdf_writing import ErrorKeepingFile, write_netcdf
 from flightmech.support.atomic_write import written_atomically
-from flightmech.support.netcdf_writing import ErrorKeepingFile, write_netcdf
 
 # the two ways of writing: formed in memory, and through a temporary file
 BOTH_WAYS = pytest.mark.parametrize("largest", [2**28, 0], ids=["memory", "file"])

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import OutOfRange, ParseError, SchemaError
 from flightmech.names import quantity_attributes
 from flighttest.cli.group import flight

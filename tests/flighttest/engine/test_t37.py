@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import flighttest
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.engine_deck import open_tables
 from flighttest.records.signals.conditioning import cut
 from flighttest.submodels.engine.bench import fly_deck

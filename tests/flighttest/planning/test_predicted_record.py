@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flighttest.flight_programme.planning.pilot import PredictedFlight
 from flighttest.flight_programme.planning.predicted_record import predicted_record
 

@@ -6,7 +6,7 @@ import xarray as xr
 
 from flightmech.aircraft.engine_deck import open_tables
 from flightmech.errors import ParseError
-from flightmech.support.input_files import file_kind
+from flightmech.support.file_kinds import file_kind
 from flighttest.reconstruction.dynamics.saved_paths import open_path
 
 TIME = np.arange(20) / 50

@@ -7,7 +7,7 @@ import jsonschema
 import pytest
 
 from flightmech.errors import SchemaError
-from flightmech.support.input_files import read_toml
+from flightmech.support.toml_files import read_toml
 from pom.cases.case import read_case
 from pom.cases.case_file import CaseFile, CaseTable, DriveTable, LoopTable, case_schema
 

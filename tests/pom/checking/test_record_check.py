@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 import flighttest
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError
 from pom.archive.archive import read_archive
 from pom.cases.case import read_case

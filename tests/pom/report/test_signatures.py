@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 import pom
 from flightmech.errors import SchemaError
-from pom.cases.case_file import ROLES, signature_rows
+from pom.cases.signatures import ROLES, signature_rows
 from pom.cli.group import pom as group
 from pom.report.pdf import content
 from pom.result import results_name

@@ -325,7 +325,9 @@ def pilot_to_surface(signals: ResampledChannels) -> pd.DataFrame:
 def _correlate(
     x: np.ndarray, y: np.ndarray, *, expected: int, mask: np.ndarray, step: float
 ) -> tuple[float, float]:
-    """Return the correlation of a surface y with a control x, and the delay of the surface. [1, s]"""
+    """Return the correlation of a surface y with a control x, and the delay of the surface.
+    [1, s]
+    """
     longest = round(LONGEST / step)
     delays = np.arange(-longest, longest + 1)
     correlations = np.zeros(len(delays))

@@ -326,7 +326,9 @@ def _is_lasting_jump(x: np.ndarray, i: int) -> bool:
 
 
 def _saturation_findings(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
-    """Return the runs at exactly an extreme value that the channel enters or leaves with a slope."""
+    """Return the runs at exactly an extreme value that the channel enters or leaves with a
+    slope.
+    """
     name = row.channel.rpartition(".")[2]
     if row.repeated > 0.5 or name.startswith((*_DEVICES, "throttle", "pla")):
         return _radio_height_finding(x, row)

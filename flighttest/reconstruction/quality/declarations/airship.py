@@ -41,8 +41,8 @@ def afloat(aircraft: Aircraft) -> float:
 
 
 def floats(aircraft: Aircraft) -> bool:
-    """Whether an aircraft is about as light as the air that its hull displaces; aeroplanes are three
-    times as heavy and more.
+    """Whether an aircraft is about as light as the air that its hull displaces; aeroplanes are
+    three times as heavy and more.
     """
     return _AFLOAT[0] <= afloat(aircraft) <= _AFLOAT[1]
 

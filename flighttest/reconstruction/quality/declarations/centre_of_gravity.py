@@ -1,7 +1,7 @@
 """Centre of gravity of an aircraft file against the mean chord and against the recorded one.
 
-A wrong unit, sign or origin moves the c.g. off the chord.  An error of a tenth of the chord stays on
-it, and kinematics hold about any point of the body: only a second statement shows it.
+A wrong unit, sign or origin moves the c.g. off the chord.  An error of a tenth of the chord stays
+on it, and kinematics hold about any point of the body: only a second statement shows it.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.geometry import is_airship
 from flighttest.reconstruction.quality.finding import Finding
 
-# Place on the mean chord behind its leading edge: aeroplanes fly at 0.1 to 0.4, canards and tailless
-# ones further off. [chords]
+# Place on the mean chord behind its leading edge: aeroplanes fly at 0.1 to 0.4, canards and
+# tailless ones further off. [chords]
 _CHORD, _CHORD_CERTAIN = (0.0, 0.6), (-0.5, 1.2)
 _AGREE = 0.05  # chords along x by which file and record may differ: fuel and load
 _AGREE_ACROSS = 0.15  # the same along y and z, which fuel and load move more

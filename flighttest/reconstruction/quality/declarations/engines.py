@@ -125,7 +125,8 @@ def _direction_findings(aircraft: Aircraft) -> list[Finding]:
         if engine.direction[0] < 0.0:
             text = (
                 f"engine {number} of the aircraft file pushes backwards: direction = "
-                f"{[float(part) for part in engine.direction]}; x is forward, [1, 0, 0] pushes forward"
+                f"{[float(part) for part in engine.direction]}; x is forward, [1, 0, 0] pushes "
+                "forward"
             )
             remedy = "turn the direction of the engine in the aircraft file"
             findings.append(Finding("error", "sign", ("engine_direction",), text, remedy))

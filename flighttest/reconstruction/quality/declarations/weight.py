@@ -92,7 +92,9 @@ def weight_findings(
 def _compare_lift(
     signals: ResampledChannels, aircraft: Aircraft, database: xr.DataTree | None
 ) -> tuple[float | None, float | None, str]:
-    """Return slope and level of the lift over the expected ones, None if not determined, and why."""
+    """Return slope and level of the lift over the expected ones, None if not determined, and
+    why.
+    """
     full = signals.completed(("V", "p_static", "temperature"))
     missing = [name for name in _NEEDS if name not in full]
     if missing:

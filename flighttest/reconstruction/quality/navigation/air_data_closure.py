@@ -191,7 +191,8 @@ def _delay_finding(
         return None
     direction = "later" if fit.delay > 0.0 else "earlier"
     text = (
-        f"{channels[0]} is {1e3 * abs(fit.delay):.0f} ms {direction} than {', '.join(channels[1:])} "
+        f"{channels[0]} is {1e3 * abs(fit.delay):.0f} ms {direction} than "
+        f"{', '.join(channels[1:])} "
         f"(standard error {1e3 * fit.stderr:.0f} ms), and one computer gives both"
     )
     remedy = (

@@ -65,7 +65,8 @@ def heading_reference_findings(
         f"magnetic heading or that of a grid, and psi is true heading"
     )
     remedy = (
-        f"add {-error / DEGREE:+.1f} deg to psi in the name map (offset), or the declination of the "
+        f"add {-error / DEGREE:+.1f} deg to psi in the name map (offset), or the declination of "
+        "the "
         f"place, positive east"
     )
     evidence = {"error": error, "stderr": stderr}

@@ -57,7 +57,9 @@ class InertialFit:
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Detrended references (samples, references), and the channel at each shift (shifts, samples)."""
+    """Detrended references (samples, references), and the channel at each shift (shifts,
+    samples).
+    """
 
     references: np.ndarray
     shifted: np.ndarray
@@ -200,7 +202,9 @@ def _without_drift(x: np.ndarray, order: int) -> np.ndarray:
 def _minimize(
     normal: np.ndarray, cross: np.ndarray, power: np.ndarray
 ) -> tuple[float, np.ndarray, float]:
-    """Return the index of the best shift (a fraction), its coefficients, and the explained share."""
+    """Return the index of the best shift (a fraction), its coefficients, and the explained
+    share.
+    """
     total = power.sum(axis=0)
     products = cross.sum(axis=0)
     scales = np.linalg.solve(normal.sum(axis=0), products.T).T
@@ -217,7 +221,9 @@ def _minimize(
 
 
 def _jackknife(normal: np.ndarray, cross: np.ndarray, power: np.ndarray) -> np.ndarray:
-    """Return the standard errors of shift (of the grid) and coefficients by leaving out stretches."""
+    """Return the standard errors of shift (of the grid) and coefficients by leaving out
+    stretches.
+    """
     estimates = []
     count = len(normal)
     for left_out in range(count):

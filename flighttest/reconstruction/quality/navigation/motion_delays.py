@@ -31,7 +31,8 @@ _AGAINST_AIR = "ax_imu az_imu"
 _VANES = ("alpha_vane", "beta_vane")
 # s of a vane whose place is not known: a boom of 12 m at 80 m/s looks as much early
 _PLACE = 0.15
-# s of an airspeed: gusts are in it and not in the accelerations, and a few of them look like a delay
+# s of an airspeed: gusts are in it and not in the accelerations, and a few of them look like a
+# delay
 _GUSTS = 0.15
 # s, and standard errors, between the delays of two airspeeds that are reported both
 _APART, _SIGMAS = 0.1, 3.0
@@ -71,7 +72,9 @@ def motion_delays(fits: MotionFits, placed: Collection[str] = ()) -> pd.DataFram
 
 
 def merge_delays(usual: pd.DataFrame, inertial: pd.DataFrame) -> pd.DataFrame:
-    """Return the table of `find_lags` with its rows replaced where inertial motion gives a delay."""
+    """Return the table of `find_lags` with its rows replaced where inertial motion gives a
+    delay.
+    """
     kept = usual[~usual["channel"].isin(inertial["channel"])].assign(margin=0.0)
     if inertial.empty:
         return kept

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import ParseError
-from flightmech.support.mat_files import load_mat
+from flightmech.support.array_files.mat_files import load_mat
 from flighttest.records.readers.formats.nested import Array, Group, as_one_array, nested_tables
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import Recording, decoding_errors, not_spread

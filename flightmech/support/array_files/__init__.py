@@ -1,0 +1,1 @@
+"""Files of arrays: netCDF-4 read and written, and the reader of MATLAB files."""
