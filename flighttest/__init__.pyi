@@ -39,6 +39,7 @@ from .records.record import read as read
 from .records.signals.conditioning import cut as cut
 from .regression import combining as combining
 from .regression import equation_error as equation_error
+from .regression import errors_in_variables as errors_in_variables
 from .regression import model_structure as model_structure
 from .regression import separable as separable
 from .regression import uncertainty as uncertainty
