@@ -18,19 +18,21 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
-from flightmech.units import to_si
+from flightmech.units import parse_quantity, to_si
 from flighttest.maximum_likelihood.fit_job import perform_fit_job
 from flighttest.maximum_likelihood.fit_page import render_fit_page as page_of
 from flighttest.maximum_likelihood.linear.motion_fit import fit_motion
 from flighttest.maximum_likelihood.result import save_output_error
 from flighttest.maximum_likelihood.specification import read_specification
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
+from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
 from flighttest.reconstruction.quality.manoeuvre_faults import report_faults
 from flighttest.regression.combining.data_partition import fit_bins
 from flighttest.regression.combining.joined_fits import join_fits
 from flighttest.regression.combining.mixed_estimation import mix_with_prior, prior_of
 from flighttest.regression.equation_error.fit import (
+    constraint_lines,
     correlation_lines,
     open_fit,
     save_fit,
@@ -39,6 +41,8 @@ from flighttest.regression.equation_error.fit import (
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.errors_in_variables.instrumental_variables import regress_instrumental
+from flighttest.regression.errors_in_variables.total_least_squares import regress_total
 from flighttest.regression.model_structure.best_prediction import select_by_prediction
 from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
@@ -93,6 +97,7 @@ def run_fit_linear(
     disturbance: str,
     angle: str | None,
     scale: float | None,
+    constraints: tuple[str, ...],
     output: str | None,
     as_json: bool,
 ) -> None:
@@ -112,7 +117,14 @@ def run_fit_linear(
             names.append(Path(path).name)
     report_faults(records, names)
     with show_progress(f"estimate the {motion} motion"):
-        done = fit_motion(records, motion, disturbance, angle=angle or "", scale=scale)
+        done = fit_motion(
+            records,
+            motion,
+            disturbance,
+            angle=angle or "",
+            scale=scale,
+            constraints=constraints,
+        )
     if output:
         save_output_error(done.fit, output)
     if as_json:
@@ -138,15 +150,41 @@ def run_identify(
     weights,
     ridge,
     prior,
+    method,
+    noises,
+    instrument_files,
+    constraints,
     output,
     correlation,
     as_json,
 ) -> None:
     """Perform the command ``identify``."""
     model = RegressionModel.parse(model_text)
-    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
+    _demand_options(method, band, weights, ridge, prior, noises, instrument_files, constraints)
+    if instrument_files and len(instrument_files) != len(paths):
+        raise SchemaError(
+            "flight identify",
+            [f"{len(instrument_files)} --instruments for {len(paths)} paths; give one for each"],
+        )
+    manoeuvres, sources = _sourced_manoeuvres(
+        paths, aircraft_file, windows, cutoff, own_windows, errors
+    )
     with show_progress(f"estimate {model}"):
-        fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge))
+        if method == "iv":
+            instruments = _read_instruments(instrument_files, aircraft_file, sources)
+            fit = regress_instrumental(
+                model,
+                manoeuvres,
+                intercepts=intercepts,
+                instruments=instruments,
+                constraints=constraints,
+            )
+        elif method == "tls":
+            fit = regress_total(
+                model, manoeuvres, _noise(noises), intercepts=intercepts, constraints=constraints
+            )
+        else:
+            fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge), constraints)
     joined, remarks = None, fit.remarks
     if prior:
         joined = mix_with_prior(fit, prior_of(fit, aerodb.open(prior)))
@@ -300,9 +338,63 @@ def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_js
     ctx.exit(1 if is_forbidden(found.remarks) else 0)
 
 
+def _demand_options(
+    method, band, weights, ridge, prior, noises, instrument_files, constraints
+) -> None:
+    """Raise for options of ``identify`` that do not go together."""
+    problems = []
+    if method != "least-squares" and (band is not None or weights != "equal" or ridge != "0"):
+        problems.append(
+            f"--method {method} works in time with equal weights; leave out --band, --weights and "
+            f"--ridge"
+        )
+    if (noises and method != "tls") or (method == "tls" and not noises):
+        problems.append(
+            "--noise and --method tls go together: state the noise of each noisy variable, as "
+            "--noise alpha '0.3 deg'"
+        )
+    if instrument_files and method != "iv":
+        problems.append("--instruments goes with --method iv")
+    if constraints and (band is not None or ridge != "0" or prior):
+        problems.append(
+            "--constraint works in time, without ridge and prior; leave out --band, --ridge and "
+            "--prior"
+        )
+    if problems:
+        raise SchemaError("flight identify", problems)
+
+
+def _noise(noises) -> dict[str, float]:
+    """Standard deviations in SI by variable."""
+    found = {}
+    for name, text in noises:
+        try:
+            value: float | str = float(text)
+        except ValueError:
+            value = text
+        found[name] = parse_quantity(value, lookup(name).units)
+    return found
+
+
+def _read_instruments(files, aircraft_file, sources) -> list | None:
+    """States of the instruments with reduced rates, one for each manoeuvre; None without files."""
+    if not files:
+        return None
+    aircraft = read_aircraft(aircraft_file)
+    records = [reduced_rates(open_states(file), aircraft) for file in files]
+    return [records[k] for k in sources]
+
+
 def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:
-    """Coefficients along all windows of all paths, path by path; a path takes `windows` and its
-    own.
+    """Coefficients along all windows of all paths."""
+    return _sourced_manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)[0]
+
+
+def _sourced_manoeuvres(
+    paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
+) -> tuple[list, list[int]]:
+    """Coefficients along all windows of all paths, path by path, and the number of the path of
+    each; a path takes `windows` and its own.
     """
 
     names = [Path(path).stem for path in paths]
@@ -325,23 +417,31 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
             ],
         )
     aircraft = read_aircraft(aircraft_file)
-    found, labels = [], []
+    found, labels, sources = [], [], []
     with show_progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
-        for path, name in zip(paths, names, strict=True):
+        for number, (path, name) in enumerate(zip(paths, names, strict=True)):
             data = coefficients(open_path(path), aircraft, dict(errors), cutoff)
             parts = [select_time(data, *window) for window in (*windows, *own.get(name, ()))] or [
                 data
             ]
             found += parts
             labels += [Path(path).name] * len(parts)
+            sources += [number] * len(parts)
     report_faults(found, labels, known=("excitation",))
-    return found
+    return found, sources
 
 
-def _fit(model, manoeuvres, band, intercepts, weights, ridge):
+def _fit(model, manoeuvres, band, intercepts, weights, ridge, constraints=()):
 
     if band is None:
-        return regress(model, manoeuvres, intercepts=intercepts, weights=weights, ridge=ridge)
+        return regress(
+            model,
+            manoeuvres,
+            intercepts=intercepts,
+            weights=weights,
+            ridge=ridge,
+            constraints=constraints,
+        )
     if weights != "equal":
         raise SchemaError(
             "flight identify", ["--weights goes with a fit in time; leave out --band"]
@@ -413,6 +513,8 @@ def _show(fit, remarks, correlation: bool) -> None:
         "high": "high",
         "stderr_white": "if white",
     }
+    if "least_squares" in e:
+        shown["least_squares"] = "least squares"
     shown |= {"stderr_systematic": "systematic", "t": "t", "p_value": "p", "vif": "VIF"}
     rows = [
         (str(term), *(_cell(float(e[name].sel(term=term))) for name in shown))
@@ -427,6 +529,7 @@ def _show(fit, remarks, correlation: bool) -> None:
     print_table(["term", *shown.values()], rows, title, right=list(shown.values()))
     for line in [
         *slope_test_lines(e.attrs),
+        *constraint_lines(e.attrs),
         *(correlation_lines(e) if correlation else []),
         *remark_lines(remarks),
     ]:

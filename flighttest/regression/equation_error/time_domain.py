@@ -176,8 +176,13 @@ class LinearSolution:
         Free parameters.
     E : array (samples, free)
         Equivalent regressors of the weighted measurements, A = pinv(E).
+    carrier : array (samples, free)
+        As E, with regressors that are orthogonal to the weighted residual: they carry the
+        disturbance into the estimate.
     X : array (samples, free)
         Regressors whose collinearity counts, with weights.
+    motion : array (samples, free)
+        Regressors with whose size a disturbance may grow: without the noise that the residual has.
     information : array (free, free)
         Matrix of the quadratic cost.
     root : array (samples,)
@@ -191,7 +196,9 @@ class LinearSolution:
     elimination: Elimination
     phi: np.ndarray
     E: np.ndarray
+    carrier: np.ndarray
     X: np.ndarray
+    motion: np.ndarray
     information: np.ndarray
     root: np.ndarray
     added: np.ndarray
@@ -406,7 +413,9 @@ def _solve_least_squares(
         elimination,
         phi,
         E=E,
+        carrier=E,
         X=Xw,
+        motion=X,
         information=Xw.T @ Xw,
         root=root,
         added=np.zeros((len(phi), len(phi))),
@@ -430,14 +439,15 @@ def _describe_solution(
     v = z - X @ theta
     s2 = float(v * root @ (v * root)) / (len(z) - len(solution.phi))
     pieces, steps = samples.pieces()
-    coloured = coloured_covariance_of(E, v * root, pieces=pieces, steps=steps, lag=lag)
+    carrier = solution.carrier
+    coloured = coloured_covariance_of(carrier, v * root, pieces=pieces, steps=steps, lag=lag)
     stationary = elimination.expand_covariance(coloured.covariance + solution.added)
     covariance, growing = stationary, None
-    envelope = growth_envelope(X, v * root, pieces)
+    envelope = growth_envelope(solution.motion, v * root, pieces)
     if lag is None and np.ptp(envelope) > 0.0:
         growing = elimination.expand_covariance(
             coloured_covariance_of(
-                E, v * root, pieces=pieces, steps=steps, envelope=envelope
+                carrier, v * root, pieces=pieces, steps=steps, envelope=envelope
             ).covariance
             + solution.added
         )

@@ -12,9 +12,11 @@ derivatives by the noisy variables, averaged over the samples.
 
 The covariance of the estimate is that of [Gleser1981]_ and [Fuller1987]_ (2.2.20),
 
-    (X'X - N S)^-1 [X'R X + N c S theta theta' S] (X'X - N S)^-1
+    (X'X - N S)^-1 [Y'R Y + 2 N c S theta theta' S] (X'X - N S)^-1
 
-with the autocovariance R of a coloured residual, and the samples c per independent square.
+with the autocovariance R of a coloured residual, the regressors Y without the part that the residual
+v explains (x + S theta v/var(v)), and the samples c per independent square. For white residuals it
+is theirs, with Y'Y = X'X - N S theta theta' S/var(v).
 
 References
 ----------
@@ -192,19 +194,27 @@ def _solve_total(
     theta = elimination.expand(phi)
     v = problem.z - problem.X @ theta
     memory = memory_of_squares(v, problem.samples.pieces()[0]) if v.any() else 1.0
-    # The projections of the noise on itself: N c S theta theta' S
+    # The noise n of the regressors is part of the residual, cov(n, v) = -S theta. The regressors
+    # x + S theta v/var(v) are orthogonal to v. With them the covariance of white residuals is
+    # var(v) X'X - N S theta theta' S; twice this last part is added.
     push = T.T @ S @ theta
+    variance = max(float(v @ v) / count, np.finfo(float).tiny)
+    motion = X + np.outer(v, push / variance)
     information = R.T @ reduced @ R
+    basis, corner = np.linalg.qr(motion)
+    carrier = basis @ np.linalg.solve(corner.T, information)
     left = np.linalg.solve(information, push)
     biased = elimination.expand(least_squares.solve_least_squares(X, z)[0])
     return LinearSolution(
         elimination,
         phi,
         E=E,
+        carrier=carrier,
         X=X,
+        motion=motion,
         information=0.5 * (information + information.T),
         root=np.ones(count),
-        added=count * memory * np.outer(left, left),
+        added=2.0 * count * memory * np.outer(left, left),
         variables={
             "least_squares": ("term", biased, {"long_name": "estimate by equation error"}),
         },
