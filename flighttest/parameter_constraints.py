@@ -33,6 +33,7 @@ from flighttest.remarks import Remark
 
 CONTRADICTED = 3.0  # standard errors between data and constraint above which it is remarked
 _RELATION = re.compile(r"^(.*?)(>=|<=|=|>|<)(.*)$")
+_TWO_WORDS = re.compile(r"[\w.)\]]\s+[\w.(]")
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _FACTOR = r"[A-Za-z_][\w.]*(?:\([^()]*\))?(?:\[[^\[\]]*\])?(?:@\d+)?(?:\*\*\d)?"
 _NAME = rf"{_FACTOR}(?:\*{_FACTOR})*"
@@ -141,6 +142,9 @@ def parse_constraints(
 
 def _parse(text: str, names: list[str], spell: Callable[[str], str]) -> Constraint:
     """Return one constraint; raise ValueError with the problem."""
+    # Two words without an operator: without the space they would read as one.
+    if _TWO_WORDS.search(re.sub(r"\([^()]*\)", "()", text)):
+        raise ValueError(f"two words without an operator between them; {_EXPECTED}")
     match = _RELATION.match(re.sub(r"\s+", "", text))
     if not match:
         raise ValueError(f"no relation; {_EXPECTED}")

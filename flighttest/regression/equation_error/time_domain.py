@@ -488,7 +488,7 @@ def _describe_solution(
         **solution.attributes,
         **significance.residual_whiteness(v * root, pieces, steps),
     }
-    dof = significance.of_slopes(A, v, pieces=pieces, fixed=is_constant)
+    dof = significance.of_slopes(A, v, pieces=pieces, fixed=is_constant, terms=len(solution.phi))
     not_inflated = np.ones(len(problem.terms))
     # The F test is that of the free slopes; the others follow them.
     tested = elimination.is_free & ~is_constant
