@@ -340,6 +340,25 @@ def is_constrained(stored: str) -> bool:
     return any(row["active"] for row in json.loads(stored or "[]"))
 
 
+def demand_unconstrained(stored: str, purpose: str) -> None:
+    """Raise SchemaError if one of the constraints of `rate_constraints` holds as an equality.
+
+    Parameters
+    ----------
+    stored : str
+    purpose : str
+        What needs estimates without constraints.
+    """
+    if is_constrained(stored):
+        raise SchemaError(
+            purpose,
+            [
+                "a fit holds constraints, and its covariance is singular; fit it without "
+                "constraints"
+            ],
+        )
+
+
 def describe_constraints(stored: str) -> list[str]:
     """Return the constraints of `rate_constraints` as lines of a report."""
     lines = []
