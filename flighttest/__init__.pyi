@@ -1,6 +1,7 @@
 """Public names of `flighttest`."""
 
 from . import flight_programme as flight_programme
+from . import in_flight as in_flight
 from . import maximum_likelihood as maximum_likelihood
 from . import reconstruction as reconstruction
 from . import records as records

@@ -352,10 +352,7 @@ def demand_unconstrained(stored: str, purpose: str) -> None:
     if is_constrained(stored):
         raise SchemaError(
             purpose,
-            [
-                "a fit holds constraints, and its covariance is singular; fit it without "
-                "constraints"
-            ],
+            ["a fit holds constraints, and its covariance is singular; fit it without constraints"],
         )
 
 
