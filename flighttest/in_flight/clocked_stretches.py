@@ -57,7 +57,10 @@ class ClockedSamples:
             Whether the stream ends here.
         """
         if not self.step:
-            self._waiting.append((time, values))
+            if len(time):
+                self._waiting.append((time, values))
+            if not self._waiting:
+                return
             waiting = np.concatenate([part[0] for part in self._waiting])
             if len(waiting) < _FIRST and not (final and len(waiting) > 1):
                 return

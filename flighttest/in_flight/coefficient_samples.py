@@ -74,6 +74,11 @@ class CoefficientSamples:
     def _is_differenced(self) -> bool:
         return self.aircraft is not None and not all(name in self.channels for name in _RATES)
 
+    @property
+    def delay(self) -> int:
+        """Samples that an output of `convert` is behind its input."""
+        return _REACH if self._is_differenced else 0
+
     def begin(self) -> None:
         """Begin a new stretch: no difference reaches across its start."""
         self._times = np.zeros(0)

@@ -192,6 +192,7 @@ class FlightFollower:
         self.samples = 0
         self._kept: list[_Window] = []
         self._open: RunningTransform | None = None
+        self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
         self._next = math.nan
         self._met = 0
         self._time = math.nan
@@ -218,19 +219,44 @@ class FlightFollower:
         """
         for is_new, times, rows in self.clock.divide(time, values, final):
             if is_new:
+                yield from self._flush(left_out)
                 self._close()
                 self.source.begin()
-            times, rows = self.source.convert(times, rows)
-            # With a wheel on the ground there is no coefficient: a stretch ends there.
-            usable = np.isfinite(rows).all(axis=1)
-            edges = np.flatnonzero(np.diff(usable)) + 1
-            for part in np.split(np.arange(len(times)), edges):
-                if len(part) and not usable[part[0]]:
-                    self._close()
-                elif len(part):
-                    yield from self._add_part(times[part], rows[part], left_out=left_out)
+                self._next = math.nan
+            self._waiting.append((times, rows))
+            if self._is_due(float(times[-1])):
+                yield from self._flush(left_out)
+        if final:
+            yield from self._flush(left_out)
         if final and self.samples:
             yield self.estimate(left_out)
+
+    def _is_due(self, time: float) -> bool:
+        """Return whether the waiting samples complete a second, or begin a stretch.
+
+        Samples wait for it because a conversion of many takes as long as that of one.
+        """
+        if math.isnan(self._next):
+            count = sum(len(times) for times, _ in self._waiting)
+            return count > self.source.delay
+        return time >= self._next + (self.source.delay - 0.5) * self.clock.step
+
+    def _flush(self, left_out: int) -> Iterator[RunningEstimate]:
+        """Convert the waiting samples, and yield the estimates of all whole seconds."""
+        if not self._waiting:
+            return
+        times = np.concatenate([part[0] for part in self._waiting])
+        rows = np.concatenate([part[1] for part in self._waiting])
+        self._waiting = []
+        times, rows = self.source.convert(times, rows)
+        # With a wheel on the ground there is no coefficient: a stretch ends there.
+        usable = np.isfinite(rows).all(axis=1)
+        edges = np.flatnonzero(np.diff(usable)) + 1
+        for part in np.split(np.arange(len(times)), edges):
+            if len(part) and not usable[part[0]]:
+                self._close()
+            elif len(part):
+                yield from self._add_part(times[part], rows[part], left_out=left_out)
 
     def _add_part(
         self, times: np.ndarray, rows: np.ndarray, left_out: int
@@ -248,8 +274,7 @@ class FlightFollower:
                         f"{self.frequencies[-1]:g} Hz is beyond half the sampling rate, "
                         f"{0.5 / self.clock.step:g} Hz; lower the band"
                     )
-            if math.isnan(self._next) or times[first] < self._time - EVERY:
-                # The first second, or one after the clock has jumped back.
+            if math.isnan(self._next):
                 self._next = times[first] + EVERY
             last = min(len(times), first + longest - self._open.samples)
             due = np.flatnonzero(times[first:last] >= self._next - 0.5 * self.clock.step)
