@@ -70,7 +70,7 @@ class Constraint:
 
 
 @dataclass(frozen=True)
-class Elimination:
+class ParameterElimination:
     """All parameters as a linear function of the free ones: theta = matrix @ phi + offset.
 
     Attributes
@@ -179,7 +179,7 @@ def _find(name: str, names: list[str], spell: Callable[[str], str]) -> int:
     raise ValueError(f"no parameter {name!r}; there are {', '.join(names)}")
 
 
-def eliminate(constraints: Iterable[Constraint], parameters: int) -> Elimination:
+def eliminate(constraints: Iterable[Constraint], parameters: int) -> ParameterElimination:
     """Return the elimination of all constraints, each taken as an equality.
 
     The parameter on the left side is eliminated if an earlier constraint leaves it free.
@@ -220,12 +220,12 @@ def eliminate(constraints: Iterable[Constraint], parameters: int) -> Elimination
     free = np.flatnonzero(np.abs(T).any(axis=0))
     if not len(free):
         raise SchemaError("constraints", ["no parameter is left to estimate; leave one out"])
-    return Elimination(T[:, free], t, free)
+    return ParameterElimination(T[:, free], t, free)
 
 
 def choose_active(
     constraints: Sequence[Constraint],
-    held: Elimination,
+    held: ParameterElimination,
     phi: np.ndarray,
     information: np.ndarray,
 ) -> list[Constraint]:
@@ -235,7 +235,7 @@ def choose_active(
     ----------
     constraints : sequence of Constraint
         Inequalities.
-    held : Elimination
+    held : ParameterElimination
         Of the equalities.
     phi : array (free parameter,)
         Estimate without the inequalities.

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,7 @@ from flighttest.regression.equation_error.transformed_stretches import Transform
 BAND = (0.1, 2.0)  # [Hz]
 SPACING = 0.01  # of the grid of frequencies [Hz]
 STRONG = 6.0  # rise of the criterion with which a candidate enters: odds of twenty to one
+STEADY, RECENT = 2.5, 5  # standard errors of a move, and updates over which it is looked for
 LASTING = 3  # updates in a row in which a goal must be met
 EVERY = 1.0  # data between two estimates [s]
 _ROUNDING = 1e-9  # cycles of the lower band edge that a stretch may miss by rounding
@@ -48,7 +49,7 @@ _SHORTEST = 8  # samples of a transform
 
 
 @dataclass(frozen=True)
-class Goal:
+class AccuracyGoal:
     """Accuracy of a term at which the stream may end.
 
     Attributes
@@ -63,7 +64,7 @@ class Goal:
     limit: float
     is_share: bool
 
-    def is_met(self, estimate: RunningEstimate) -> bool:
+    def is_met(self, estimate: FlightEstimate) -> bool:
         """Return whether an estimate is as accurate."""
         if self.term not in estimate.terms:
             return False
@@ -73,7 +74,7 @@ class Goal:
 
 
 @dataclass(frozen=True)
-class RunningEstimate:
+class FlightEstimate:
     """Estimates from all samples up to a time.
 
     Attributes
@@ -91,8 +92,11 @@ class RunningEstimate:
         Why there is no estimate; empty if there is one.
     counts : dict of str to int
         Samples that were left out or filled in, and breaks of the stream, so far.
+    unsteady : tuple of str
+        Terms that have left an estimate of the last `RECENT` updates by more than `STEADY` of its
+        standard errors. The disturbance or the model is then not what the standard errors assume.
     is_accurate : bool
-        Whether all goals have been met in `LASTING` updates in a row.
+        Whether all goals have been met by steady terms in `LASTING` updates in a row.
     """
 
     time: float
@@ -103,6 +107,7 @@ class RunningEstimate:
     R2: float = math.nan
     waiting: str = ""
     counts: dict[str, int] = field(default_factory=dict)
+    unsteady: tuple[str, ...] = ()
     is_accurate: bool = False
 
     def as_dict(self) -> dict[str, Any]:
@@ -116,6 +121,7 @@ class RunningEstimate:
             "terms": terms,
             "R2": None if math.isnan(self.R2) else self.R2,
             "waiting": self.waiting,
+            "unsteady": list(self.unsteady),
             "accurate": self.is_accurate,
             **self.counts,
         }
@@ -132,6 +138,8 @@ class RunningEstimate:
         parts += [
             f"{name.replace('_', ' ')} {count}" for name, count in self.counts.items() if count
         ]
+        if self.unsteady:
+            parts.append(f"unsteady {', '.join(self.unsteady)}")
         if self.is_accurate:
             parts.append("accurate")
         return "  ".join(parts)
@@ -152,7 +160,7 @@ class FlightFollower:
         Of the frequencies. [Hz]
     candidates : sequence of str
         Further terms, which enter by evidence.
-    goals : sequence of Goal
+    goals : sequence of AccuracyGoal
     rate : float, optional
         Sampling rate; by default it is taken from the first stamps. [Hz]
 
@@ -171,7 +179,7 @@ class FlightFollower:
         band: tuple[float, float] = BAND,
         spacing: float = SPACING,
         candidates: Sequence[str] = (),
-        goals: Sequence[Goal] = (),
+        goals: Sequence[AccuracyGoal] = (),
         rate: float | None = None,
     ):
         if not spacing > 0.0:
@@ -195,6 +203,7 @@ class FlightFollower:
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
         self._next = math.nan
         self._met = 0
+        self._recent: list[FlightEstimate] = []
         self._time = math.nan
 
     def choose_channels(self, available: Sequence[str]) -> list[str]:
@@ -203,7 +212,7 @@ class FlightFollower:
 
     def add(
         self, time: np.ndarray, values: np.ndarray, left_out: int = 0, final: bool = False
-    ) -> Iterator[RunningEstimate]:
+    ) -> Iterator[FlightEstimate]:
         """Yield the estimates of all whole seconds up to the given samples.
 
         Parameters
@@ -241,7 +250,7 @@ class FlightFollower:
             return count > self.source.delay
         return time >= self._next + (self.source.delay - 0.5) * self.clock.step
 
-    def _flush(self, left_out: int) -> Iterator[RunningEstimate]:
+    def _flush(self, left_out: int) -> Iterator[FlightEstimate]:
         """Convert the waiting samples, and yield the estimates of all whole seconds."""
         if not self._waiting:
             return
@@ -260,7 +269,7 @@ class FlightFollower:
 
     def _add_part(
         self, times: np.ndarray, rows: np.ndarray, left_out: int
-    ) -> Iterator[RunningEstimate]:
+    ) -> Iterator[FlightEstimate]:
         """Add samples (samples, 1 + terms) of one stretch; yield at every second."""
         longest = max(_SHORTEST, round(1.0 / (self.spacing * self.clock.step)))
         first = 0
@@ -302,7 +311,7 @@ class FlightFollower:
         is_whole = window.duration * self.band[0] >= 1.0 - _ROUNDING
         return is_whole and window.samples >= _SHORTEST
 
-    def estimate(self, left_out: int = 0) -> RunningEstimate:
+    def estimate(self, left_out: int = 0) -> FlightEstimate:
         """Return the estimates from all samples so far."""
         counts = {
             "left_out": left_out,
@@ -325,7 +334,7 @@ class FlightFollower:
         except IdentificationError as error:
             return self._without_estimate(str(error), counts)
         stderr = np.sqrt(np.diag(solved.errors.covariance))
-        found = RunningEstimate(
+        found = FlightEstimate(
             self._time,
             self.samples,
             tuple(self.terms[k] for k in used),
@@ -334,13 +343,27 @@ class FlightFollower:
             R2=solved.R2,
             counts=counts,
         )
-        is_met = bool(self.goals) and all(goal.is_met(found) for goal in self.goals)
+        unsteady = self._find_unsteady(found)
+        is_met = bool(self.goals)
+        for goal in self.goals:
+            is_met = is_met and goal.is_met(found) and goal.term not in unsteady
         self._met = self._met + 1 if is_met else 0
-        return _with_accuracy(found, self._met >= LASTING)
+        self._recent = [*self._recent, found][-RECENT:]
+        return replace(found, unsteady=unsteady, is_accurate=self._met >= LASTING)
 
-    def _without_estimate(self, text: str, counts: dict[str, int]) -> RunningEstimate:
+    def _find_unsteady(self, found: FlightEstimate) -> tuple[str, ...]:
+        """Return the terms that have left one of the recent estimates."""
+        unsteady = {}
+        for earlier in self._recent:
+            # Another choice of terms changes the meaning of all of them.
+            if earlier.terms == found.terms:
+                moved = np.abs(found.values - earlier.values) > STEADY * earlier.stderr
+                unsteady |= {found.terms[k]: None for k in np.flatnonzero(moved)}
+        return tuple(unsteady)
+
+    def _without_estimate(self, text: str, counts: dict[str, int]) -> FlightEstimate:
         self._met = 0
-        return RunningEstimate(self._time, self.samples, waiting=text, counts=counts)
+        return FlightEstimate(self._time, self.samples, waiting=text, counts=counts)
 
     def _choose_terms(
         self, rows: np.ndarray, parts: list[TransformedStretch], largest: np.ndarray
@@ -463,7 +486,3 @@ def _most_explaining(rows: np.ndarray, used: list[int], remaining: list[int], v:
         is_own = size > 1e-12 * float(x @ x)
         gains.append(float(own @ residual) ** 2 / size if is_own else 0.0)
     return remaining[int(np.argmax(gains))]
-
-
-def _with_accuracy(estimate: RunningEstimate, is_accurate: bool) -> RunningEstimate:
-    return RunningEstimate(**{**vars(estimate), "is_accurate": is_accurate})

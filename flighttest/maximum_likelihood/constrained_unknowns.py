@@ -24,7 +24,7 @@ from flighttest.maximum_likelihood.search import (
 from flighttest.maximum_likelihood.unknowns import UnknownVector
 from flighttest.parameter_constraints import (
     Constraint,
-    Elimination,
+    ParameterElimination,
     eliminate,
     parse_constraints,
     rate_constraints,
@@ -43,13 +43,13 @@ class ConstrainedUnknowns:
     ----------
     full, layout : UnknownVector
         All unknowns, and the free ones.
-    elimination : Elimination
+    elimination : ParameterElimination
     constraints : tuple of Constraint
     """
 
     full: UnknownVector
     layout: UnknownVector
-    elimination: Elimination
+    elimination: ParameterElimination
     constraints: tuple[Constraint, ...]
 
     def wrap(self, pieces: Sequence[Any], kind: type | None = None) -> list[Any]:
@@ -229,7 +229,7 @@ def _limit(vector: UnknownVector, k: int, constraint: Constraint) -> UnknownVect
     return replace(vector, low=low, high=high)
 
 
-def _select_free(full: UnknownVector, elimination: Elimination) -> UnknownVector:
+def _select_free(full: UnknownVector, elimination: ParameterElimination) -> UnknownVector:
     """Return the free unknowns, with their positions in every manoeuvre."""
     free, T = elimination.free, elimination.matrix
     columns, bases = [], []

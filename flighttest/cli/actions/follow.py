@@ -15,7 +15,7 @@ import numpy as np
 
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import ParseError, SchemaError
-from flighttest.in_flight.following import FlightFollower, Goal, RunningEstimate
+from flighttest.in_flight.following import AccuracyGoal, FlightEstimate, FlightFollower
 from flighttest.in_flight.sample_stream import SampleStream
 from flighttest.records.readers.name_map_reading import read_names
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, term_text
@@ -65,7 +65,7 @@ def run_follow(
     ctx.exit(0 if is_useful and is_reached else 1)
 
 
-def _parse_goal(term: str, limit: str) -> Goal:
+def _parse_goal(term: str, limit: str) -> AccuracyGoal:
     is_share = limit.strip().endswith("%")
     try:
         value = float(limit.strip().removesuffix("%"))
@@ -76,12 +76,14 @@ def _parse_goal(term: str, limit: str) -> Goal:
             "flight follow",
             [f"--until {term} {limit!r}; a positive standard error or share, as 0.4 or 5%"],
         )
-    return Goal(term_text(term_powers(term)), value / 100.0 if is_share else value, is_share)
+    return AccuracyGoal(
+        term_text(term_powers(term)), value / 100.0 if is_share else value, is_share
+    )
 
 
 def _estimates(
     follower: FlightFollower, samples: SampleStream, stream: str, wait: float
-) -> Iterator[RunningEstimate]:
+) -> Iterator[FlightEstimate]:
     """Yield the estimates of a stream up to its end, or to an interruption."""
     decoder = codecs.getincrementaldecoder("utf-8")("replace")
     try:

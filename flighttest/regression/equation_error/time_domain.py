@@ -22,7 +22,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError, ParseError, UnknownName
 from flightmech.names import lookup
 from flighttest.parameter_constraints import (
-    Elimination,
+    ParameterElimination,
     choose_active,
     eliminate,
     parse_constraints,
@@ -117,7 +117,7 @@ def regress(
         needed.append(weights)
     problem = prepare_problem(model, data, name=name, intercepts=intercepts, needed=needed)
 
-    def solve(elimination: Elimination) -> LinearSolution:
+    def solve(elimination: ParameterElimination) -> LinearSolution:
         return _solve_least_squares(problem, elimination, weights=weights, ridge=ridge)
 
     return fit_problem(problem, solve, constraints=constraints, lag=lag)
@@ -170,7 +170,7 @@ class LinearSolution:
 
     Attributes
     ----------
-    elimination : Elimination
+    elimination : ParameterElimination
         T and t.
     phi : array (free,)
         Free parameters.
@@ -193,7 +193,7 @@ class LinearSolution:
         Further variables of the free parameters, and attributes.
     """
 
-    elimination: Elimination
+    elimination: ParameterElimination
     phi: np.ndarray
     E: np.ndarray
     carrier: np.ndarray
@@ -206,7 +206,7 @@ class LinearSolution:
     attributes: dict[str, Any]
 
 
-Solve = Callable[[Elimination], LinearSolution]
+Solve = Callable[[ParameterElimination], LinearSolution]
 
 
 def prepare_problem(
@@ -276,7 +276,7 @@ def fit_problem(
     )
 
 
-def _demand_free(problem: RegressionProblem, elimination: Elimination) -> None:
+def _demand_free(problem: RegressionProblem, elimination: ParameterElimination) -> None:
     """Raise when the samples cannot determine the free parameters."""
     demand_determined(
         problem.name,
@@ -394,7 +394,7 @@ def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None
 
 
 def _solve_least_squares(
-    problem: RegressionProblem, elimination: Elimination, weights: str, ridge: float | str
+    problem: RegressionProblem, elimination: ParameterElimination, weights: str, ridge: float | str
 ) -> LinearSolution:
     """Return the weighted least-squares estimate with a ridge."""
     T, data = elimination.matrix, problem.samples.data

@@ -32,7 +32,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.parameter_constraints import Elimination
+from flighttest.parameter_constraints import ParameterElimination
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
@@ -106,7 +106,7 @@ def regress_instrumental(
     Z = _instrument_terms(problem, replaced)
     is_noisy_term = np.array([bool(_noisy_factors(term)) for term in problem.terms])
 
-    def solve(elimination: Elimination) -> LinearSolution:
+    def solve(elimination: ParameterElimination) -> LinearSolution:
         return _solve_two_stages(problem, elimination, Z=Z, is_noisy_term=is_noisy_term)
 
     fit = fit_problem(problem, solve, constraints=constraints)
@@ -209,7 +209,7 @@ def _instrument_terms(problem: RegressionProblem, replaced: dict[str, np.ndarray
 
 def _solve_two_stages(
     problem: RegressionProblem,
-    elimination: Elimination,
+    elimination: ParameterElimination,
     Z: np.ndarray,
     is_noisy_term: np.ndarray,
 ) -> LinearSolution:

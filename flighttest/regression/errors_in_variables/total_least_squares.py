@@ -35,7 +35,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.names import lookup
-from flighttest.parameter_constraints import Elimination
+from flighttest.parameter_constraints import ParameterElimination
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
@@ -99,7 +99,7 @@ def regress_total(
     noisy = list(covariance["variable"].values)
     S = _term_noise(problem, noisy, covariance.values)
 
-    def solve(elimination: Elimination) -> LinearSolution:
+    def solve(elimination: ParameterElimination) -> LinearSolution:
         return _solve_total(problem, elimination, S)
 
     fit = fit_problem(problem, solve, constraints=constraints)
@@ -167,7 +167,7 @@ def _term_noise(problem: RegressionProblem, noisy: list[str], covariance: np.nda
 
 
 def _solve_total(
-    problem: RegressionProblem, elimination: Elimination, S: np.ndarray
+    problem: RegressionProblem, elimination: ParameterElimination, S: np.ndarray
 ) -> LinearSolution:
     """Return the estimate; raise if the noise is as large as the motion."""
     T = elimination.matrix

@@ -11,7 +11,7 @@ from flown_lift import TRUTH as _TRUTH
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, IdentificationError, ParseError, UnknownName
 from flighttest.cli.group import flight
-from flighttest.in_flight.following import FlightFollower, Goal
+from flighttest.in_flight.following import AccuracyGoal, FlightFollower
 from flighttest.in_flight.sample_stream import SampleStream
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.records.readers.name_map import Channel, Clock, NameMap
@@ -171,14 +171,28 @@ def test_a_candidate_enters_by_evidence_only():
 @pytest.mark.slow
 def test_the_stream_may_end_when_the_goals_are_met():
     data = record(np.random.default_rng(8), duration=40.0)
-    goals = [Goal("alpha", 0.05, True), Goal("delta_e", 0.2, False)]
+    goals = [AccuracyGoal("alpha", 0.05, True), AccuracyGoal("delta_e", 0.2, False)]
     found, _, _ = follow(text_of(data), goals=goals)
     first = next(k for k, estimate in enumerate(found) if estimate.is_accurate)
     for estimate in found[first - 2 : first + 1]:
         assert estimate.stderr[0] <= 0.05 * abs(estimate.values[0])
         assert estimate.stderr[2] <= 0.2
     with pytest.raises(UnknownName):
-        follow("", goals=[Goal("beta", 0.1, False)])
+        follow("", goals=[AccuracyGoal("beta", 0.1, False)])
+
+
+@pytest.mark.slow
+def test_terms_that_wander_do_not_end_the_stream():
+    """After 15 s the lift slope is another one, by 40 %: the goal of 5 % is met, the term moves."""
+    data = record(np.random.default_rng(13), duration=30.0, noise=0.002)
+    late = data["time"].values > 15.0
+    data["CL"] = data["CL"] + np.where(late, 2.0 * data["alpha"].values, 0.0)
+    found, _, _ = follow(text_of(data), goals=[AccuracyGoal("alpha", 0.1, True)])
+    assert found[9].is_accurate
+    moving = [estimate for estimate in found if "alpha" in estimate.unsteady]
+    assert moving
+    assert not any(estimate.is_accurate for estimate in moving)
+    assert "unsteady" in moving[0].line()
 
 
 def flown():
