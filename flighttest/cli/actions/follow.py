@@ -110,14 +110,15 @@ def _pieces_of_input(source: BinaryIO) -> Iterator[bytes]:
 def _pieces_of_file(path: str, wait: float) -> Iterator[bytes]:
     """Yield the content of a file, and what is appended until nothing comes for `wait` seconds."""
     with open(path, "rb") as source:
-        since = time.monotonic()
+        since, count = time.monotonic(), 0
         while True:
             piece = source.read(_PIECE)
             if piece:
+                count += len(piece)
                 yield piece
                 since = time.monotonic()
                 continue
-            if os.fstat(source.fileno()).st_size < source.tell():
+            if os.fstat(source.fileno()).st_size < count:
                 raise ParseError(path, 0, "a file that was cut while it was read", "one that grows")
             if time.monotonic() - since >= wait:
                 return

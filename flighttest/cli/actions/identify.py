@@ -10,7 +10,7 @@ import click
 
 import aerodb
 from flightmech.aircraft.aircraft import read_aircraft
-from flightmech.errors import SchemaError, UnknownName
+from flightmech.errors import SchemaError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import (
@@ -18,15 +18,21 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
-from flightmech.units import parse_quantity, to_si
+from flightmech.units import to_si
+from flighttest.cli.actions.manoeuvres import (
+    demand_options,
+    read_instruments,
+    read_manoeuvres,
+    read_noise,
+    read_sourced_manoeuvres,
+)
 from flighttest.maximum_likelihood.fit_job import perform_fit_job
 from flighttest.maximum_likelihood.fit_page import render_fit_page as page_of
 from flighttest.maximum_likelihood.linear.motion_fit import fit_motion
 from flighttest.maximum_likelihood.result import save_output_error
 from flighttest.maximum_likelihood.specification import read_specification
-from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
-from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
-from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
+from flighttest.reconstruction.dynamics.force_coefficients import select_time
+from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.reconstruction.quality.manoeuvre_faults import report_faults
 from flighttest.regression.combining.data_partition import fit_bins
 from flighttest.regression.combining.joined_fits import join_fits
@@ -160,18 +166,18 @@ def run_identify(
 ) -> None:
     """Perform the command ``identify``."""
     model = RegressionModel.parse(model_text)
-    _demand_options(method, band, weights, ridge, prior, noises, instrument_files, constraints)
+    demand_options(method, band, weights, ridge, prior, noises, instrument_files, constraints)
     if instrument_files and len(instrument_files) != len(paths):
         raise SchemaError(
             "flight identify",
             [f"{len(instrument_files)} --instruments for {len(paths)} paths; give one for each"],
         )
-    manoeuvres, sources = _sourced_manoeuvres(
+    manoeuvres, sources = read_sourced_manoeuvres(
         paths, aircraft_file, windows, cutoff, own_windows, errors
     )
     with show_progress(f"estimate {model}"):
         if method == "iv":
-            instruments = _read_instruments(instrument_files, aircraft_file, sources)
+            instruments = read_instruments(instrument_files, aircraft_file, sources)
             fit = regress_instrumental(
                 model,
                 manoeuvres,
@@ -181,7 +187,11 @@ def run_identify(
             )
         elif method == "tls":
             fit = regress_total(
-                model, manoeuvres, _noise(noises), intercepts=intercepts, constraints=constraints
+                model,
+                manoeuvres,
+                read_noise(noises),
+                intercepts=intercepts,
+                constraints=constraints,
             )
         else:
             fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge), constraints)
@@ -247,7 +257,7 @@ def run_select(
             "flight select", ["no candidates: give --variables, or --term once for each"]
         )
     candidates = [*monomials(variables.split(), order), *terms] if variables else ["1", *terms]
-    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
+    manoeuvres = read_manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
     with show_progress(f"select among {len(candidates)} candidates"):
         found = _WAYS_TO_SELECT[method](
             coefficient,
@@ -295,7 +305,7 @@ def run_join(fits, method, as_json) -> None:
 def run_partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_json) -> None:
     """Perform the command ``partition``."""
     edges = {name: _edges(name, text) for name, text in conditions}
-    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
+    manoeuvres = read_manoeuvres(paths, aircraft_file, windows, cutoff)
     with show_progress(f"estimate {model_text} bin by bin"):
         found = fit_bins(RegressionModel.parse(model_text), manoeuvres, edges)
     if as_json:
@@ -336,99 +346,6 @@ def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_js
     else:
         click.echo(found.report())
     ctx.exit(1 if is_forbidden(found.remarks) else 0)
-
-
-def _demand_options(
-    method, band, weights, ridge, prior, noises, instrument_files, constraints
-) -> None:
-    """Raise for options of ``identify`` that do not go together."""
-    problems = []
-    if method != "least-squares" and (band is not None or weights != "equal" or ridge != "0"):
-        problems.append(
-            f"--method {method} works in time with equal weights; leave out --band, --weights and "
-            f"--ridge"
-        )
-    if (noises and method != "tls") or (method == "tls" and not noises):
-        problems.append(
-            "--noise and --method tls go together: state the noise of each noisy variable, as "
-            "--noise alpha '0.3 deg'"
-        )
-    if instrument_files and method != "iv":
-        problems.append("--instruments goes with --method iv")
-    if constraints and (band is not None or ridge != "0" or prior):
-        problems.append(
-            "--constraint works in time, without ridge and prior; leave out --band, --ridge and "
-            "--prior"
-        )
-    if problems:
-        raise SchemaError("flight identify", problems)
-
-
-def _noise(noises) -> dict[str, float]:
-    """Standard deviations in SI by variable."""
-    found = {}
-    for name, text in noises:
-        try:
-            value: float | str = float(text)
-        except ValueError:
-            value = text
-        found[name] = parse_quantity(value, lookup(name).units)
-    return found
-
-
-def _read_instruments(files, aircraft_file, sources) -> list | None:
-    """States of the instruments with reduced rates, one for each manoeuvre; None without files."""
-    if not files:
-        return None
-    aircraft = read_aircraft(aircraft_file)
-    records = [reduced_rates(open_states(file), aircraft) for file in files]
-    return [records[k] for k in sources]
-
-
-def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:
-    """Coefficients along all windows of all paths."""
-    return _sourced_manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)[0]
-
-
-def _sourced_manoeuvres(
-    paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
-) -> tuple[list, list[int]]:
-    """Coefficients along all windows of all paths, path by path, and the number of the path of
-    each; a path takes `windows` and its own.
-    """
-
-    names = [Path(path).stem for path in paths]
-    own: dict[str, list[tuple[float, float]]] = {}
-    for name, start, stop in own_windows:
-        if names.count(name) != 1:
-            raise UnknownName(
-                name,
-                names,
-                "path",
-                "--window-of names one of the paths by its file without extension",
-            )
-        own.setdefault(name, []).append((start, stop))
-    if own and not windows and (without := [name for name in names if name not in own]):
-        raise SchemaError(
-            "windows",
-            [
-                f"{name}: no window; give --window-of {name}, or leave the path out"
-                for name in without
-            ],
-        )
-    aircraft = read_aircraft(aircraft_file)
-    found, labels, sources = [], [], []
-    with show_progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
-        for number, (path, name) in enumerate(zip(paths, names, strict=True)):
-            data = coefficients(open_path(path), aircraft, dict(errors), cutoff)
-            parts = [select_time(data, *window) for window in (*windows, *own.get(name, ()))] or [
-                data
-            ]
-            found += parts
-            labels += [Path(path).name] * len(parts)
-            sources += [number] * len(parts)
-    report_faults(found, labels, known=("excitation",))
-    return found, sources
 
 
 def _fit(model, manoeuvres, band, intercepts, weights, ridge, constraints=()):
