@@ -10,6 +10,7 @@ from flown_lift import TRUTH as _TRUTH
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, IdentificationError, ParseError, UnknownName
+from flighttest.cli.actions.follow import _pieces_of_file
 from flighttest.cli.group import flight
 from flighttest.in_flight.following import AccuracyGoal, FlightFollower
 from flighttest.in_flight.sample_stream import SampleStream
@@ -304,3 +305,24 @@ def test_the_command_on_a_file_and_on_an_input(tmp_path):
     assert never.exit_code == 1
     wrong = CliRunner().invoke(flight, ["follow", str(file), *options, "--until", "alpha", "-5%"])
     assert wrong.exit_code != 0
+
+
+def test_a_file_that_grows_is_followed_to_its_end(tmp_path):
+    """The second half arrives while the reader waits, in the middle of a line."""
+    file = tmp_path / "growing.csv"
+    text = "time,CL\n" + "".join(f"{0.02 * k:.2f},{k}\n" for k in range(100))
+    file.write_text(text[:703])
+    pieces = []
+    for piece in _pieces_of_file(str(file), wait=5.0):
+        pieces.append(piece)
+        if len(pieces) > 1:
+            break
+        with open(file, "a") as more:
+            more.write(text[703:])
+    assert b"".join(pieces).decode() == text
+    assert list(_pieces_of_file(str(file), wait=0.0)) == [text.encode()]
+    cut = _pieces_of_file(str(file), wait=5.0)
+    next(cut)
+    file.write_text("short")
+    with pytest.raises(ParseError, match="cut"):
+        next(cut)
