@@ -95,7 +95,7 @@ class ParameterElimination:
     @property
     def is_fixed(self) -> np.ndarray:
         """Mask of the parameters that no free parameter changes, (parameter,)."""
-        return ~self.matrix.any(axis=1)
+        return np.asarray(~self.matrix.any(axis=1))
 
     def expand(self, phi: np.ndarray) -> np.ndarray:
         """Return all parameters."""

@@ -67,7 +67,9 @@ class ClockedSamples:
             self.step = _sampling_interval(waiting)
             time, values = waiting, np.concatenate([part[1] for part in self._waiting])
             self._waiting = []
-        starts_new, times, rows = False, [], []
+        starts_new = False
+        times: list[float] = []
+        rows: list[np.ndarray] = []
         for t, row in zip(time.tolist(), values):
             place = (t - self._start) / self.step - self._count
             if self._last_row is None or not -0.5 <= place <= 0.5:
@@ -78,8 +80,8 @@ class ClockedSamples:
                     continue
                 missing = round(place)
                 is_short = missing > 0 and missing * self.step <= BRIDGED
-                if not is_first and is_short and abs(place - missing) <= 0.5:
-                    times += self._bridge(missing, row, rows)
+                if self._last_row is not None and is_short and abs(place - missing) <= 0.5:
+                    times += self._bridge(missing, self._last_row, row, rows)
                     place = 0.0
                 if is_first or place != 0.0:
                     if rows or starts_new:
@@ -95,9 +97,10 @@ class ClockedSamples:
         if rows:
             yield starts_new, np.array(times), np.array(rows)
 
-    def _bridge(self, missing: int, row: np.ndarray, rows: list[np.ndarray]) -> list[float]:
+    def _bridge(
+        self, missing: int, before: np.ndarray, row: np.ndarray, rows: list[np.ndarray]
+    ) -> list[float]:
         """Append samples of a straight line to the next sample; return their times."""
-        before = self._last_row
         times = []
         for k in range(1, missing + 1):
             share = k / (missing + 1.0)

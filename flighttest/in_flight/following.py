@@ -353,7 +353,7 @@ class FlightFollower:
 
     def _find_unsteady(self, found: FlightEstimate) -> tuple[str, ...]:
         """Return the terms that have left one of the recent estimates."""
-        unsteady = {}
+        unsteady: dict[str, None] = {}
         for earlier in self._recent:
             # Another choice of terms changes the meaning of all of them.
             if earlier.terms == found.terms:

@@ -199,7 +199,7 @@ class SampleStream:
         if problems:
             raise SchemaError(f"name map {names.source} for a stream", problems)
         for name, value in names.constants.items():
-            found.append(_Column(name, -1, lambda x, value=value: np.full(len(x), value)))
+            found.append(_Column(name, -1, _constant(value)))
         return found
 
 
@@ -216,6 +216,14 @@ def _converter(channel: Channel, unit: str | None, name: str) -> Callable[[np.nd
     return lambda values: channel.convert(values, unit, name)
 
 
+def _constant(value: float) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda values: np.full(len(values), value)
+
+
+def _unit_change(unit: str, si: str) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda values: np.asarray(to_si(values, unit, si))
+
+
 def _canonical_columns(
     heads: list[str], plain: list[str], units: list[str | None]
 ) -> list[_Column]:
@@ -229,7 +237,7 @@ def _canonical_columns(
         unit = units[k] or si
         if name in plain[:k]:
             raise ParseError("<stream>", 1, f"the heading {name} twice", "each quantity once")
-        found.append(_Column(name, k, lambda x, unit=unit, si=si: np.asarray(to_si(x, unit, si))))
+        found.append(_Column(name, k, _unit_change(unit, si)))
     if not found:
         raise ParseError(
             "<stream>", 1, ", ".join(heads[:20]), "canonical names, or a name map (--names)"

@@ -221,7 +221,7 @@ def _solve_two_stages(
     is_tested = (T[is_noisy_term] != 0.0).any(axis=0)
     strength = np.full(X.shape[1], np.nan)
     for k in np.flatnonzero(is_tested):
-        strength[k] = _first_stage_F(problem, X, projected, k)
+        strength[k] = _first_stage_F(problem, X, projected, int(k))
     weak = []
     for k in np.flatnonzero(strength < WEAK):
         weak.append(f"{problem.terms[elimination.free[k]]} (F {strength[k]:.3g})")
