@@ -44,6 +44,7 @@ STRONG = 6.0  # rise of the criterion with which a candidate enters: odds of twe
 STEADY, RECENT = 2.5, 5  # standard errors of a move, and updates over which it is looked for
 LASTING = 3  # updates in a row in which a goal must be met
 EVERY = 1.0  # data between two estimates [s]
+KEPT = 18  # windows that are kept, half an hour at the default spacing: the work stays bounded
 _ROUNDING = 1e-9  # cycles of the lower band edge that a stretch may miss by rounding
 _SHORTEST = 8  # samples of a transform
 
@@ -199,6 +200,7 @@ class FlightFollower:
         self.clock = ClockedSamples(step=0.0 if rate is None else 1.0 / rate)
         self.samples = 0
         self._kept: list[_Window] = []
+        self._forgotten = 0
         self._open: RunningTransform | None = None
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
         self._next = math.nan
@@ -306,6 +308,8 @@ class FlightFollower:
         self._open = None
         if window is not None and self._is_long(window):
             self._kept.append(_window_of(window))
+            self._forgotten += len(self._kept) > KEPT
+            self._kept = self._kept[-KEPT:]
 
     def _is_long(self, window: RunningTransform) -> bool:
         is_whole = window.duration * self.band[0] >= 1.0 - _ROUNDING
@@ -319,6 +323,7 @@ class FlightFollower:
             "gaps": self.clock.gaps,
             "clock_jumps": self.clock.jumps,
             "repeated": self.clock.repeated,
+            "forgotten_windows": self._forgotten,
         }
         windows = list(self._kept)
         if self._open is not None and self._is_long(self._open):

@@ -307,6 +307,20 @@ def test_the_command_on_a_file_and_on_an_input(tmp_path):
     assert wrong.exit_code != 0
 
 
+def test_the_work_is_bounded(monkeypatch):
+    """Of four windows of 5 s two are kept: the estimates are those of the later half."""
+    monkeypatch.setattr("flighttest.in_flight.following.KEPT", 2)
+    data = record(np.random.default_rng(14), duration=20.0)
+    follower = FlightFollower(LIFT, band=BAND, spacing=0.2)
+    names = follower.choose_channels([str(name) for name in data.data_vars])
+    values = np.column_stack([data[name].values for name in names])
+    last = list(follower.add(data["time"].values, values, final=True))[-1]
+    assert last.counts["forgotten_windows"] == 2
+    later = [data.isel(time=slice(500, 750)), data.isel(time=slice(750, 1000))]
+    batch = regress_frequency(LIFT, later, BAND, spacing=0.2).estimates["estimate"].values[1:]
+    np.testing.assert_allclose(last.values, batch, rtol=1e-9)
+
+
 def test_a_file_that_grows_is_followed_to_its_end(tmp_path):
     """The second half arrives while the reader waits, in the middle of a line."""
     file = tmp_path / "growing.csv"
