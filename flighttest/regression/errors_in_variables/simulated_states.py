@@ -6,8 +6,8 @@ The auxiliary model of [Young1976]_ and [Soderstrom2002]_ is a linear one in con
 
 for the noisy variables x and the moving controls u. F and G follow from least squares on integrals
 of the records, x = x(0) + F int x + G int u + g t. Integration attenuates noise from sample to
-sample. They are then estimated `ROUNDS` times with the simulated x as instruments, which removes
-the remaining bias. The simulated response depends on the noise of the record only through a few
+sample. The further of `ROUNDS` rounds take the simulated x as instruments, which removes the
+remaining bias. The simulated response depends on the noise of the record only through a few
 numbers, and so it is independent of the noise of each sample.
 
 References

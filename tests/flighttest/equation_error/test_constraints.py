@@ -8,8 +8,11 @@ import scipy
 from flown_lift import LIFT, record
 from flown_lift import TRUTH as _TRUTH
 
+from aerodb.update.observations import _demand_no_constraint
 from flightmech.errors import IdentificationError, SchemaError
 from flighttest.parameter_constraints import choose_active, eliminate, parse_constraints
+from flighttest.regression.combining.joined_fits import join_fits
+from flighttest.regression.combining.mixed_estimation import mix_with_prior
 from flighttest.regression.equation_error.fit import open_fit, save_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
@@ -174,3 +177,17 @@ def test_instrumental_variables_take_constraints():
     data = record(np.random.default_rng(7), duration=60.0)
     fit = regress_instrumental(LIFT, data, instruments=data * 1.0001, constraints=["qhat = 8"])
     np.testing.assert_allclose(fit.estimates["estimate"], TRUTH, rtol=0.1)
+
+
+def test_joins_priors_and_tables_refuse_an_active_constraint():
+    data = record(np.random.default_rng(8))
+    held = regress(LIFT, data, constraints=["qhat = 8"])
+    free = regress(LIFT, data, constraints=["alpha > 0"])
+    with pytest.raises(SchemaError, match="constraints"):
+        join_fits([free, held])
+    with pytest.raises(SchemaError, match="constraints"):
+        mix_with_prior(held, {"alpha": (5.0, 0.1)})
+    with pytest.raises(SchemaError, match="qhat = 8"):
+        _demand_no_constraint(held)
+    _demand_no_constraint(free)
+    join_fits([free, free])
