@@ -22,9 +22,10 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -354,6 +355,13 @@ def demand_unconstrained(stored: str, purpose: str) -> None:
             purpose,
             ["a fit holds constraints, and its covariance is singular; fit it without constraints"],
         )
+
+
+def constraints_to_json(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the attributes of estimates with the constraints as a list in place of their text."""
+    if "constraints" not in attributes:
+        return dict(attributes)
+    return {**attributes, "constraints": json.loads(str(attributes["constraints"]))}
 
 
 def describe_constraints(stored: str) -> list[str]:

@@ -24,7 +24,11 @@ from flighttest.maximum_likelihood.search import (
     invert_information,
 )
 from flighttest.maximum_likelihood.unknowns import UnknownVector
-from flighttest.parameter_constraints import constraint_remarks, describe_constraints
+from flighttest.parameter_constraints import (
+    constraint_remarks,
+    constraints_to_json,
+    describe_constraints,
+)
 from flighttest.regression.equation_error.fit import open_tree
 from flighttest.remarks import PrintedResult, Remark, remarks_to_json
 
@@ -129,7 +133,7 @@ class OutputError(PrintedResult):
         """Return estimates, noise, covariance and remarks as JSON types."""
         return to_json_types(
             {
-                **self.estimates.attrs,
+                **constraints_to_json(self.estimates.attrs),
                 "parameters": _list_columns(self.estimates, "parameter"),
                 "noise": _noise_by_output(self.noise),
                 "whiteness": _list_columns(self.noise, "output", _WHITENESS),

@@ -31,6 +31,7 @@ from flighttest.maximum_likelihood.fit_page import render_fit_page as page_of
 from flighttest.maximum_likelihood.linear.motion_fit import fit_motion
 from flighttest.maximum_likelihood.result import save_output_error
 from flighttest.maximum_likelihood.specification import read_specification
+from flighttest.parameter_constraints import constraints_to_json
 from flighttest.reconstruction.dynamics.force_coefficients import select_time
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.reconstruction.quality.manoeuvre_faults import report_faults
@@ -404,7 +405,7 @@ def _fitted(fit) -> dict:
     """A fit as a document."""
     return {
         "model": str(fit.model),
-        **fit.estimates.attrs,
+        **constraints_to_json(fit.estimates.attrs),
         **_numbers(fit.estimates),
         "remarks": remarks_to_json(fit.remarks),
     }
