@@ -16,6 +16,7 @@ from flightmech.errors import IdentificationError
 
 BRIDGED = 0.15  # longest gap that a straight line fills [s]
 _FIRST = 25  # stamps from which the sampling interval is taken
+_OTHER = 0.05  # relative difference of stated and seen interval that is a mistake
 _NEAR = 0.01  # relative difference from a whole number of hertz that is rounding of the stamps
 
 
@@ -27,12 +28,15 @@ class ClockedSamples:
     ----------
     step : float
         Sampling interval; zero until it is known. [s]
+    given : float
+        Sampling interval that the user states; zero for none. [s]
     bridged, gaps, jumps, repeated : int
         Samples that were filled in, gaps that were too long for it, jumps of the clock, and stamps
         that were left out.
     """
 
     step: float = 0.0
+    given: float = 0.0
     bridged: int = 0
     gaps: int = 0
     jumps: int = 0
@@ -65,6 +69,9 @@ class ClockedSamples:
             if len(waiting) < _FIRST and not (final and len(waiting) > 1):
                 return
             self.step = _sampling_interval(waiting)
+            if self.given:
+                _demand_same(self.given, self.step)
+                self.step = self.given
             time, values = waiting, np.concatenate([part[1] for part in self._waiting])
             self._waiting = []
         starts_new = False
@@ -115,6 +122,15 @@ class ClockedSamples:
             self.jumps += 1
         else:
             self.gaps += 1
+
+
+def _demand_same(given: float, seen: float) -> None:
+    """Raise when a stated sampling interval is not that of the stamps."""
+    if abs(seen - given) > _OTHER * given:
+        raise IdentificationError(
+            f"the stamps of the stream have {1.0 / seen:.4g} Hz, {1.0 / given:.4g} Hz is stated; "
+            f"leave the rate out, or correct the unit of the clock"
+        )
 
 
 def _sampling_interval(time: np.ndarray) -> float:

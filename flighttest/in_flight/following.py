@@ -197,7 +197,7 @@ class FlightFollower:
         self.model, self.goals = model, tuple(goals)
         full = RegressionModel(model.coefficient, self.terms, model.reference)
         self.source = CoefficientSamples(full, aircraft)
-        self.clock = ClockedSamples(step=0.0 if rate is None else 1.0 / rate)
+        self.clock = ClockedSamples(given=0.0 if rate is None else 1.0 / rate)
         self.samples = 0
         self._kept: list[_Window] = []
         self._forgotten = 0
@@ -467,6 +467,8 @@ class _Solved:
 def _solve(rows: np.ndarray, used: list[int], parts: list[TransformedStretch]) -> _Solved:
     """Return the complex least-squares estimate, as `regress_frequency` with equal weights."""
     zf, Xf = rows[:, 0], rows[:, [1 + k for k in used]]
+    if not zf.any():
+        raise IdentificationError("the coefficient is constant; look at its accelerations")
     whitened = equal_weights(len(zf))
     X, z = whitened.equations(Xf), whitened.equations(zf[:, None])[:, 0]
     theta, E = least_squares.solve_least_squares(X, z)

@@ -60,6 +60,13 @@ def run_follow(
         click.echo("the last line has no end, it is left out", err=True)
     if not samples.channels:
         raise ParseError(stream, 1, "no heading", "CSV with one heading line")
+    if not samples.read and samples.left_out:
+        raise ParseError(
+            stream,
+            2,
+            f"no sample in {samples.left_out} lines",
+            "numbers with decimal points, one for each heading",
+        )
     is_useful = last is not None and not last.waiting
     is_reached = last is not None and (last.is_accurate or not goals)
     ctx.exit(0 if is_useful and is_reached else 1)

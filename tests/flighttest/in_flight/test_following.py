@@ -260,6 +260,25 @@ def test_what_the_stream_lacks_is_named():
         follow(text_of(still))
 
 
+def test_a_rate_that_is_not_that_of_the_stamps_is_refused():
+    data = record(np.random.default_rng(15), duration=8.0)
+    with pytest.raises(IdentificationError, match="50 Hz, 100 Hz is stated"):
+        follow(text_of(data), rate=100.0)
+    found, follower, _ = follow(text_of(data), rate=50.0)
+    assert follower.clock.step == 0.02
+    assert not found[-1].waiting
+    still = data.assign(CL=0.0 * data["CL"])
+    assert "constant" in follow(text_of(still))[0][-1].waiting
+
+
+def test_decimal_commas_are_refused(tmp_path):
+    file = tmp_path / "commas.csv"
+    file.write_text("time;CL;alpha\n" + "".join(f"0,{k:02d};1,5;0,1\n" for k in range(50)))
+    done = CliRunner().invoke(flight, ["follow", str(file), "--model", "CL = 1 + alpha"])
+    assert isinstance(done.exception, ParseError)
+    assert "no sample in 50 lines" in str(done.exception)
+
+
 def test_units_of_headings_and_name_maps():
     data = record(np.random.default_rng(11), duration=8.0)
     degrees = data.assign(alpha=np.degrees(data["alpha"]))
