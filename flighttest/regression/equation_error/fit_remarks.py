@@ -102,7 +102,8 @@ class FitData:
     design : DataArray (sample, term)
         Equivalent regressors: the estimate is their ordinary least squares over the samples. They
         differ from the regressors of the model for weights, ridge and frequency. The estimate is
-        then the same linear function of the measurements.
+        then the same linear function of the measurements. Of total least squares they are the
+        regressors: a model without error is then returned from its values at the samples.
     regressors : DataArray (sample, term)
         The regressors of the model.
     """

@@ -176,6 +176,9 @@ class LinearSolution:
         Free parameters.
     E : array (samples, free)
         Equivalent regressors of the weighted measurements, A = pinv(E).
+    design : array (samples, free)
+        Equivalent regressors that return the parameters of a model without error from its samples;
+        with them tables are compared.
     carrier : array (samples, free)
         As E, with regressors that are orthogonal to the weighted residual: they carry the
         disturbance into the estimate.
@@ -196,6 +199,7 @@ class LinearSolution:
     elimination: ParameterElimination
     phi: np.ndarray
     E: np.ndarray
+    design: np.ndarray
     carrier: np.ndarray
     X: np.ndarray
     motion: np.ndarray
@@ -413,6 +417,7 @@ def _solve_least_squares(
         elimination,
         phi,
         E=E,
+        design=E,
         carrier=E,
         X=Xw,
         motion=X,
@@ -496,7 +501,7 @@ def _describe_solution(
     for name in ("t", "p_value"):
         estimates[name] = estimates[name].where(~elimination.is_fixed)
     if T.shape[0] == T.shape[1] and solution.attributes["weights"] == "equal":
-        return estimates, E, errors
+        return estimates, solution.design, errors
     if T.shape[0] == T.shape[1]:
         return estimates, least_squares.equivalent_regressors(A), errors
     return estimates, np.linalg.pinv(A), errors

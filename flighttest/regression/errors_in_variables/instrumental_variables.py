@@ -240,6 +240,7 @@ def _solve_two_stages(
         elimination,
         phi,
         E=E,
+        design=E,
         carrier=E,
         X=projected,
         motion=projected,

@@ -209,6 +209,9 @@ def _solve_total(
         elimination,
         phi,
         E=E,
+        # Samples X theta return theta by least squares. (X'X - N S)^-1 X' would return more: it
+        # expects noise in X, which tables at the same samples share.
+        design=X,
         carrier=carrier,
         X=X,
         motion=motion,
