@@ -4,7 +4,9 @@ import xarray as xr
 from flown_lift import STEP, coloured_noise
 from scipy.linalg import expm
 
+import aerodb
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.terms import make_term
 from flighttest.regression.equation_error.fit import open_fit, save_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
@@ -101,6 +103,24 @@ def test_tables_with_the_local_model_are_expected_to_give_its_parameters():
         values = fit.regressors.values @ TRUTH
         found = np.linalg.lstsq(fit.design.values, values, rcond=None)[0]
         np.testing.assert_allclose(found, TRUTH, rtol=1e-8)
+
+
+@pytest.mark.slow
+def test_fits_enter_tables_without_the_bias():
+    """Tables with a wide prior take the estimates; equation error would give -0.58 for -0.7."""
+    leaves = {}
+    for name, value in {"basic": 0.0, "alpha": -1.0, "qhat": -10.0, "delta_e": -1.0}.items():
+        term = make_term(value, regressors=[] if name == "basic" else [name])
+        leaves[f"/Cm/{name}"] = term.assign(stderr=0.0 * term["value"] + 5.0 * abs(value - 1.0))
+    about = {"title": "", "aircraft": "", "source": "", "force_axes": "stability"}
+    about |= {"S": 17.0, "cbar": 1.67, "b": 10.3, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
+    prior = xr.DataTree.from_dict({"/": xr.Dataset(attrs=about), **leaves})
+    record, _ = short_period(3)
+    for fit in (regress_instrumental(MOMENT, record), regress_total(MOMENT, record, NOISE)):
+        found = aerodb.tabulate([fit], prior)
+        for name in ("alpha", "qhat", "delta_e"):
+            estimate = float(fit.estimates["estimate"].sel(term=name))
+            assert float(found[f"Cm/{name}"]["value"]) == pytest.approx(estimate, rel=0.01)
 
 
 def test_a_covariance_of_the_noise_may_be_given():
