@@ -1,6 +1,7 @@
 """Public names of `flighttest`."""
 
 from . import flight_programme as flight_programme
+from . import in_flight as in_flight
 from . import maximum_likelihood as maximum_likelihood
 from . import reconstruction as reconstruction
 from . import records as records
@@ -39,6 +40,7 @@ from .records.record import read as read
 from .records.signals.conditioning import cut as cut
 from .regression import combining as combining
 from .regression import equation_error as equation_error
+from .regression import errors_in_variables as errors_in_variables
 from .regression import model_structure as model_structure
 from .regression import separable as separable
 from .regression import uncertainty as uncertainty

@@ -59,9 +59,11 @@ ORDER = {
     ],
     "flighttest": [
         "remarks",
+        "parameter_constraints",
         "records",
         "regression",
         "reconstruction",
+        "in_flight",
         "special_tests",
         "maximum_likelihood",
         "submodels",

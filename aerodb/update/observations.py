@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -121,6 +122,22 @@ def common_errors_of_fits(fits: Sequence[Any]) -> list[str]:
     return list(names)
 
 
+def _demand_no_constraint(fit: Any) -> None:
+    """Raise for a fit whose terms follow constraints: tables cannot learn from them separately."""
+    attributes = fit.estimates.attrs
+    stored = json.loads(str(attributes.get("constraints", "") or "[]"))
+    texts = [row["text"] for row in stored if row["active"]]
+    if texts:
+        raise SchemaError(
+            str(attributes.get("name") or attributes["coefficient"]),
+            [
+                f"the fit holds the constraints {'; '.join(texts)}, and its estimates are not "
+                f"those of its samples alone; fit it without constraints, or put the value into "
+                f"the database as a prior"
+            ],
+        )
+
+
 def observe_fit(
     fit: Any, coefficient_terms: CoefficientTerms, sources: Sequence[str]
 ) -> Observation:
@@ -133,6 +150,7 @@ def observe_fit(
     sources : sequence of str
         Names of the common errors in the first columns of D.
     """
+    _demand_no_constraint(fit)
     # Least squares with the design X = Q R: samples z give the estimates R^-1 Q' z.
     Q, R = np.linalg.qr(fit.design.values)
     bases = coefficient_terms.bases_at(fit.data)

@@ -71,6 +71,7 @@ _ELSEWHERE = {
     "modes": "programme",
     "fit": "identify",
     "fit-linear": "identify",
+    "follow": "follow",
     "ground-effect": "submodels",
     "controls": "submodels",
     "engine": "submodels",

@@ -4,6 +4,8 @@ tabulate``: reconstructed paths to estimates and tables.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import click
 
 from flightmech.support.console import (
@@ -12,6 +14,17 @@ from flightmech.support.console import (
     json_option,
     performed_by,
 )
+
+
+def constraint_option(what: str) -> Callable[[Callable], Callable]:
+    """Return the option of constraints among parameters."""
+    return click.option(
+        "--constraint",
+        "constraints",
+        multiple=True,
+        metavar="TEXT",
+        help=f"Relation that {what} obeys, as 'NAME = 1.2*OTHER', 'NAME = 0.4' or 'NAME < 0'; SI.",
+    )
 
 
 @click.command("fit")
@@ -68,6 +81,7 @@ def fit_command() -> None:
 @click.option(
     "--scale", type=float, help="Scale of the gusts [m]. Default: it is estimated, from 150 m."
 )
+@constraint_option("a derivative")
 @click.option(
     "-o",
     "--output",
@@ -132,6 +146,7 @@ _BAND = click.option(
 _CORRELATION = click.option(
     "--correlation", is_flag=True, help="Print the correlation matrix of the estimates."
 )
+_CONSTRAINTS = constraint_option("a term")
 _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to this netCDF file.")
 
 
@@ -165,6 +180,31 @@ _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to 
 @click.option(
     "--prior", type=InputFile(), help="Database whose terms are the prior, with standard errors."
 )
+@click.option(
+    "--method",
+    type=click.Choice(["least-squares", "iv", "tls"]),
+    default="least-squares",
+    show_default=True,
+    help="Estimator: least squares, or for noisy regressors instrumental variables (iv) or total "
+    "least squares (tls).",
+)
+@click.option(
+    "--noise",
+    "noises",
+    type=(str, str),
+    multiple=True,
+    metavar="NAME SIZE",
+    help="Standard deviation of the noise of a variable, as alpha '0.3 deg'; tls needs it.",
+)
+@click.option(
+    "--instruments",
+    "instrument_files",
+    type=InputFile(),
+    multiple=True,
+    help="Path with independent errors, or simulated response, whose variables are the instruments "
+    "of iv; one per path. Default: a response to the controls, simulated from the records.",
+)
+@_CONSTRAINTS
 @_OUTPUT
 @_CORRELATION
 @json_option

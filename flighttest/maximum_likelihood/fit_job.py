@@ -179,5 +179,6 @@ def perform_fit_job(specification: Specification) -> FitJobResult:
         conditions=specification.fixed_conditions(sim),
         noise=specification.noise,
         iterations=specification.iterations,
+        constraints=specification.constraints,
     )
     return FitJobResult(specification, sim, records=tuple(records), fit=fit)

@@ -24,10 +24,16 @@ from flighttest.maximum_likelihood.search import (
     invert_information,
 )
 from flighttest.maximum_likelihood.unknowns import UnknownVector
+from flighttest.parameter_constraints import (
+    constraint_remarks,
+    constraints_to_json,
+    describe_constraints,
+)
 from flighttest.regression.equation_error.fit import open_tree
 from flighttest.remarks import PrintedResult, Remark, remarks_to_json
 
 HIGH = 0.9  # correlation that is reported
+_COUPLED = 1.0 - 1e-9  # correlation of two parameters that a constraint makes proportional
 # standard error over the a-priori one, above which a record contains hardly any information
 SILENT = 0.9
 _CONTENT = "output error"
@@ -127,7 +133,7 @@ class OutputError(PrintedResult):
         """Return estimates, noise, covariance and remarks as JSON types."""
         return to_json_types(
             {
-                **self.estimates.attrs,
+                **constraints_to_json(self.estimates.attrs),
                 "parameters": _list_columns(self.estimates, "parameter"),
                 "noise": _noise_by_output(self.noise),
                 "whiteness": _list_columns(self.noise, "output", _WHITENESS),
@@ -308,9 +314,12 @@ def _list_remarks(fit: OutputError) -> list[Remark]:
             )
             limit = SILENT * float(prior)
             remarks.append(Remark("not significant", text, name, float(stderr), limit))
-    # Pairs below the diagonal, each once.
+    remarks += constraint_remarks(e.attrs.get("constraints", ""))
+    # Pairs below the diagonal, each once. Those that a constraint couples are expected.
     rho = e["correlation"].values
     for i, j in zip(*np.nonzero(np.tril(np.abs(rho) > HIGH, -1))):
+        if "constraints" in e.attrs and abs(rho[i, j]) > _COUPLED:
+            continue
         text = f"{names[j]} and {names[i]} are correlated by {rho[i, j]:.3f}"
         remarks.append(Remark("collinear", text, names[j], float(rho[i, j]), HIGH))
     return remarks
@@ -335,6 +344,7 @@ def _report_lines(fit: OutputError) -> list[str]:
                 number = _without_rounding(number, float(e["stderr"].values[k]))
             line += f"{number:13{form}}"
         lines.append(line)
+    lines += describe_constraints(a.get("constraints", ""))
     heads = "".join(f"{f'noise {k}':>13s}" for k in fit.noise["manoeuvre"].values)
     is_tested = _PRINTED in fit.noise
     if is_tested:

@@ -4,6 +4,7 @@ title = "Citation II, short period"
 aircraft = "citation.toml"          # files are relative to this one
 database = "prior.nc"
 outputs = ["alpha", "q", "theta", "az"]
+constraints = ["term.Cm.qhat = 0.8*term.Cm.basic"]   # optional; numbers in SI
 noise = "common"                    # or "own": a noise variance per record
 
 [conditions]                        # fixed values of all records; numbers in SI, texts with unit
@@ -76,6 +77,7 @@ class Specification(Strict):
     outputs: tuple[str, ...] = Field(min_length=1)
     noise: Literal["common", "own"] = "common"
     iterations: int = Field(default=50, ge=1)
+    constraints: tuple[str, ...] = ()
     conditions: dict[str, _Number] = Field(default_factory=dict)
     record: tuple[RecordTable, ...] = Field(min_length=1)
     parameter: dict[str, ParameterTable] = Field(min_length=1)

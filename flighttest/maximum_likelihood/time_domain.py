@@ -13,6 +13,7 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.simulation.batch import fly_batch
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.run import read_inputs
+from flighttest.maximum_likelihood.constrained_unknowns import constrain_unknowns
 from flighttest.maximum_likelihood.residual_covariance import (
     coloured_likelihood_covariance,
     effect_on_motion,
@@ -157,6 +158,7 @@ def output_error(
     noise: str = "common",
     step: float | None = None,
     iterations: int = 50,
+    constraints: Sequence[str] = (),
 ) -> OutputError:
     """Estimate parameters of a compiled model by maximum likelihood, from full responses.
 
@@ -191,6 +193,9 @@ def output_error(
         [s]
     iterations : int
         Largest number of iterations.
+    constraints : sequence of str
+        Linear constraints among the parameters, as ``M_q = 0.5*M_alpha`` or ``M_q < 0``; see
+        `parse_constraints`. [SI]
 
     Returns
     -------
@@ -234,22 +239,31 @@ def output_error(
     # The starts of the records complete the unknowns, whose names then reach the records.
     for piece, names in zip(pieces, layout.bases):
         piece.set_unknowns(names)
-    maximum = maximise_likelihood(Likelihood(pieces, layout, groups), iterations)
-    covariance, colours = coloured_likelihood_covariance(
-        maximum, layout.columns, [piece.interval for piece in pieces]
-    )
+    constrained = constrain_unknowns(layout, constraints)
+    free = constrained.layout
+    likelihood = Likelihood(constrained.wrap(pieces), free, groups)
+    maximum = maximise_likelihood(likelihood, iterations)
+    intervals = [piece.interval for piece in pieces]
+    covariance, colours = coloured_likelihood_covariance(maximum, free.columns, intervals)
     measured = [piece.measured for piece in pieces]
-    effect = effect_on_motion(maximum, layout.columns, covariance=covariance, measured=measured)
+    effect = effect_on_motion(maximum, free.columns, covariance=covariance, measured=measured)
     scatter = noise_dataset(
         maximum, list(outputs), colours=colours, measured=measured, effect=effect
     )
+    estimates = estimates_dataset(
+        maximum,
+        free,
+        covariance=covariance,
+        about={"method": "output error in time", "title": sim.title},
+    )
+    estimates = constrained.rate(
+        constrained.expand(estimates),
+        Likelihood(pieces, constrained.full, groups),
+        maximum.theta,
+        lambda end, full: coloured_likelihood_covariance(end, full.columns, intervals)[0],
+    )
     return OutputError(
-        estimates=estimates_dataset(
-            maximum,
-            layout,
-            covariance=covariance,
-            about={"method": "output error in time", "title": sim.title},
-        ),
+        estimates=estimates,
         residuals=tuple(piece.residual(v) for piece, v in zip(pieces, maximum.residuals)),
         noise=scatter,
         warnings=warn_of_turbulence(scatter),

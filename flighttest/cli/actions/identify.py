@@ -10,7 +10,7 @@ import click
 
 import aerodb
 from flightmech.aircraft.aircraft_file import read_aircraft
-from flightmech.errors import SchemaError, UnknownName
+from flightmech.errors import SchemaError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import (
@@ -19,18 +19,27 @@ from flightmech.support.console import (
     show_progress,
 )
 from flightmech.units import to_si
+from flighttest.cli.actions.manoeuvres import (
+    demand_options,
+    read_instruments,
+    read_manoeuvres,
+    read_noise,
+    read_sourced_manoeuvres,
+)
 from flighttest.maximum_likelihood.fit_job import perform_fit_job
 from flighttest.maximum_likelihood.fit_page import render_fit_page as page_of
 from flighttest.maximum_likelihood.linear.motion_fit import fit_motion
 from flighttest.maximum_likelihood.result import save_output_error
 from flighttest.maximum_likelihood.specification import read_specification
-from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
-from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
+from flighttest.parameter_constraints import constraints_to_json
+from flighttest.reconstruction.dynamics.force_coefficients import select_time
+from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.reconstruction.quality.manoeuvre_faults import report_faults
 from flighttest.regression.combining.data_partition import fit_bins
 from flighttest.regression.combining.joined_fits import join_fits
 from flighttest.regression.combining.mixed_estimation import mix_with_prior, prior_of
 from flighttest.regression.equation_error.fit import (
+    constraint_lines,
     correlation_lines,
     open_fit,
     save_fit,
@@ -39,6 +48,8 @@ from flighttest.regression.equation_error.fit import (
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.errors_in_variables.instrumental_variables import regress_instrumental
+from flighttest.regression.errors_in_variables.total_least_squares import regress_total
 from flighttest.regression.model_structure.best_prediction import select_by_prediction
 from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
@@ -93,6 +104,7 @@ def run_fit_linear(
     disturbance: str,
     angle: str | None,
     scale: float | None,
+    constraints: tuple[str, ...],
     output: str | None,
     as_json: bool,
 ) -> None:
@@ -112,7 +124,14 @@ def run_fit_linear(
             names.append(Path(path).name)
     report_faults(records, names)
     with show_progress(f"estimate the {motion} motion"):
-        done = fit_motion(records, motion, disturbance, angle=angle or "", scale=scale)
+        done = fit_motion(
+            records,
+            motion,
+            disturbance,
+            angle=angle or "",
+            scale=scale,
+            constraints=constraints,
+        )
     if output:
         save_output_error(done.fit, output)
     if as_json:
@@ -138,15 +157,45 @@ def run_identify(
     weights,
     ridge,
     prior,
+    method,
+    noises,
+    instrument_files,
+    constraints,
     output,
     correlation,
     as_json,
 ) -> None:
     """Perform the command ``identify``."""
     model = RegressionModel.parse(model_text)
-    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
+    demand_options(method, band, weights, ridge, prior, noises, instrument_files, constraints)
+    if instrument_files and len(instrument_files) != len(paths):
+        raise SchemaError(
+            "flight identify",
+            [f"{len(instrument_files)} --instruments for {len(paths)} paths; give one for each"],
+        )
+    manoeuvres, sources = read_sourced_manoeuvres(
+        paths, aircraft_file, windows, cutoff, own_windows, errors
+    )
     with show_progress(f"estimate {model}"):
-        fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge))
+        if method == "iv":
+            instruments = read_instruments(instrument_files, aircraft_file, sources)
+            fit = regress_instrumental(
+                model,
+                manoeuvres,
+                intercepts=intercepts,
+                instruments=instruments,
+                constraints=constraints,
+            )
+        elif method == "tls":
+            fit = regress_total(
+                model,
+                manoeuvres,
+                read_noise(noises),
+                intercepts=intercepts,
+                constraints=constraints,
+            )
+        else:
+            fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge), constraints)
     joined, remarks = None, fit.remarks
     if prior:
         joined = mix_with_prior(fit, prior_of(fit, aerodb.open(prior)))
@@ -209,7 +258,7 @@ def run_select(
             "flight select", ["no candidates: give --variables, or --term once for each"]
         )
     candidates = [*monomials(variables.split(), order), *terms] if variables else ["1", *terms]
-    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
+    manoeuvres = read_manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
     with show_progress(f"select among {len(candidates)} candidates"):
         found = _WAYS_TO_SELECT[method](
             coefficient,
@@ -257,7 +306,7 @@ def run_join(fits, method, as_json) -> None:
 def run_partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_json) -> None:
     """Perform the command ``partition``."""
     edges = {name: _edges(name, text) for name, text in conditions}
-    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
+    manoeuvres = read_manoeuvres(paths, aircraft_file, windows, cutoff)
     with show_progress(f"estimate {model_text} bin by bin"):
         found = fit_bins(RegressionModel.parse(model_text), manoeuvres, edges)
     if as_json:
@@ -300,48 +349,17 @@ def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_js
     ctx.exit(1 if is_forbidden(found.remarks) else 0)
 
 
-def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:
-    """Coefficients along all windows of all paths, path by path; a path takes `windows` and its
-    own.
-    """
-
-    names = [Path(path).stem for path in paths]
-    own: dict[str, list[tuple[float, float]]] = {}
-    for name, start, stop in own_windows:
-        if names.count(name) != 1:
-            raise UnknownName(
-                name,
-                names,
-                "path",
-                "--window-of names one of the paths by its file without extension",
-            )
-        own.setdefault(name, []).append((start, stop))
-    if own and not windows and (without := [name for name in names if name not in own]):
-        raise SchemaError(
-            "windows",
-            [
-                f"{name}: no window; give --window-of {name}, or leave the path out"
-                for name in without
-            ],
-        )
-    aircraft = read_aircraft(aircraft_file)
-    found, labels = [], []
-    with show_progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
-        for path, name in zip(paths, names, strict=True):
-            data = coefficients(open_path(path), aircraft, dict(errors), cutoff)
-            parts = [select_time(data, *window) for window in (*windows, *own.get(name, ()))] or [
-                data
-            ]
-            found += parts
-            labels += [Path(path).name] * len(parts)
-    report_faults(found, labels, known=("excitation",))
-    return found
-
-
-def _fit(model, manoeuvres, band, intercepts, weights, ridge):
+def _fit(model, manoeuvres, band, intercepts, weights, ridge, constraints=()):
 
     if band is None:
-        return regress(model, manoeuvres, intercepts=intercepts, weights=weights, ridge=ridge)
+        return regress(
+            model,
+            manoeuvres,
+            intercepts=intercepts,
+            weights=weights,
+            ridge=ridge,
+            constraints=constraints,
+        )
     if weights != "equal":
         raise SchemaError(
             "flight identify", ["--weights goes with a fit in time; leave out --band"]
@@ -387,7 +405,7 @@ def _fitted(fit) -> dict:
     """A fit as a document."""
     return {
         "model": str(fit.model),
-        **fit.estimates.attrs,
+        **constraints_to_json(fit.estimates.attrs),
         **_numbers(fit.estimates),
         "remarks": remarks_to_json(fit.remarks),
     }
@@ -413,6 +431,8 @@ def _show(fit, remarks, correlation: bool) -> None:
         "high": "high",
         "stderr_white": "if white",
     }
+    if "least_squares" in e:
+        shown["least_squares"] = "least squares"
     shown |= {"stderr_systematic": "systematic", "t": "t", "p_value": "p", "vif": "VIF"}
     rows = [
         (str(term), *(_cell(float(e[name].sel(term=term))) for name in shown))
@@ -427,6 +447,7 @@ def _show(fit, remarks, correlation: bool) -> None:
     print_table(["term", *shown.values()], rows, title, right=list(shown.values()))
     for line in [
         *slope_test_lines(e.attrs),
+        *constraint_lines(e.attrs),
         *(correlation_lines(e) if correlation else []),
         *remark_lines(remarks),
     ]:

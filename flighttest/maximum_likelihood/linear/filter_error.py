@@ -26,7 +26,11 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError
+from flightmech.errors import IdentificationError, SchemaError
+from flighttest.maximum_likelihood.constrained_unknowns import (
+    ConstrainedPiece,
+    constrain_unknowns,
+)
 from flighttest.maximum_likelihood.innovations import whiteness_variables
 from flighttest.maximum_likelihood.linear.gust_states import DrydenGust, add_gusts, gust_starts
 from flighttest.maximum_likelihood.linear.positive_unknowns import (
@@ -54,6 +58,7 @@ from flighttest.maximum_likelihood.result import OutputError, estimates_dataset,
 from flighttest.maximum_likelihood.search import LikelihoodMaximum, maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
+from flighttest.parameter_constraints import parse_constraints
 from flighttest.regression.equation_error.samples import list_manoeuvres
 
 _INTENSITIES = ("process", "gust")
@@ -69,6 +74,7 @@ def filter_error(
     parameters: Wanted,
     gusts: Sequence[DrydenGust] = (),
     iterations: int = 50,
+    constraints: Sequence[str] = (),
 ) -> OutputError:
     """Estimate parameters of a linear model from records in turbulence.
 
@@ -90,6 +96,9 @@ def filter_error(
         manoeuvre, ``init.gust_w``, is an unknown. [SI]
     iterations : int
         Largest number of iterations.
+    constraints : sequence of str
+        Linear constraints among the parameters of the model, as of `linear_output_error`; not of
+        noises, intensities and scales. [SI]
 
     Returns
     -------
@@ -125,14 +134,19 @@ def filter_error(
     unknowns: Wanted = {f"noise.{name}": Unknown(start) for name, start in zip(outputs, starts)}
     # Every output has a noise; given parameters replace the starts from the record.
     natural = lay_out({**unknowns, **gust_starts(gusts), **parameters}, [{} for _ in records])
-    transformed = transform_positive(natural)
+    _demand_natural(natural, constraints)
+    constrained = constrain_unknowns(natural, constraints)
+    transformed = transform_positive(constrained.layout)
     layout = transformed.layout
+    everything = replace(constrained, full=transform_positive(constrained.full).layout)
     pieces = []
-    for record, names, columns in zip(records, layout.bases, layout.columns):
+    for record, names, columns in zip(records, natural.bases, natural.columns):
         starts = natural.start[columns]
         pieces.append(_FilteredRecord(moved, record, gusts=gusts, names=names, starts=starts))
     maximum, worse = _search_from_several_starts(
-        _InnovationLikelihood(pieces, layout), layout, iterations=iterations
+        _InnovationLikelihood(constrained.wrap(pieces, _ConstrainedFilter), layout),
+        layout,
+        iterations=iterations,
     )
     white = _whiten_innovations(maximum)
     covariance, colours = coloured_likelihood_covariance(
@@ -148,9 +162,17 @@ def filter_error(
     )
     estimates = estimates_dataset(
         in_deviations,
-        natural,
+        constrained.layout,
         covariance=covariance * size,
         about={"method": "filter error", "worse_starts": worse},
+    )
+    estimates = everything.rate(
+        constrained.expand(estimates),
+        _InnovationLikelihood(pieces, everything.full),
+        maximum.theta,
+        lambda end, full: coloured_likelihood_covariance(
+            _whiten_innovations(end), full.columns, [piece.step for piece in pieces]
+        )[0],
     )
 
     # The noise is reported in the unit of the outputs, the effect in white units.
@@ -169,6 +191,20 @@ def filter_error(
         warnings = warn_of_turbulence(scatter)
     residuals = tuple(piece.residual(e) for piece, e in zip(pieces, innovations))
     return OutputError(estimates, residuals, noise=scatter, warnings=warnings)
+
+
+def _demand_natural(natural: UnknownVector, constraints: Sequence[str]) -> None:
+    """Raise for constraints of noises, intensities and scales, which are not searched as such."""
+    problems = []
+    for constraint in parse_constraints(constraints, natural.names):
+        for k in np.flatnonzero(constraint.weights):
+            if natural.names[k].split(".")[0] in (*DEVIATIONS, *LENGTHS):
+                problems.append(
+                    f"{constraint.text!r}: {natural.names[k]} is a noise or a scale; give it a "
+                    f"start, or leave it out"
+                )
+    if problems:
+        raise SchemaError("constraints", problems)
 
 
 def _search_from_several_starts(
@@ -310,6 +346,15 @@ def _whiten_innovations(maximum: LikelihoodMaximum) -> LikelihoodMaximum:
         e.append(np.linalg.solve(root, part.T).T)
         slopes.append(np.linalg.solve(root, slope.e))
     return replace(maximum, residuals=e, slopes=slopes, noise=np.ones_like(maximum.noise))
+
+
+class _ConstrainedFilter(ConstrainedPiece):
+    """A filtered record as a function of its free unknowns."""
+
+    def slopes(self, values: np.ndarray, steps: np.ndarray, *central: bool) -> _InnovationSlopes:
+        """Return slopes by the free unknowns."""
+        slopes = self.piece.slopes(self.T @ values + self.t, self.all_steps(steps))
+        return _InnovationSlopes(slopes.e @ self.T, np.tensordot(self.T.T, slopes.S, axes=1))
 
 
 class _FilteredRecord:

@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flighttest.maximum_likelihood.constrained_unknowns import constrain_unknowns
 from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
     demand_known,
@@ -49,6 +50,7 @@ def frequency_output_error(
     band: tuple[float, float] = BAND,
     noise: str = "common",
     iterations: int = 50,
+    constraints: Sequence[str] = (),
 ) -> OutputError:
     """Estimate parameters of a linear model by maximum likelihood in the frequency domain.
 
@@ -67,6 +69,9 @@ def frequency_output_error(
         One noise spectrum per output, or one per output and manoeuvre.
     iterations : int
         Largest number of iterations.
+    constraints : sequence of str
+        Linear constraints among the parameters, as ``M_q = 0.5*M_alpha`` or ``M_q < 0``; see
+        `parse_constraints`. [SI]
 
     Returns
     -------
@@ -107,11 +112,19 @@ def frequency_output_error(
             f"{len(layout.names)} unknowns and fewer values of the spectra; widen the band "
             f"or take longer records"
         )
-    likelihood = Likelihood(pieces, layout, noise_groups(noise, len(records)))
-    maximum = maximise_likelihood(likelihood, iterations)
-    covariance = _coloured_covariance(maximum, layout)
+    groups = noise_groups(noise, len(records))
+    constrained = constrain_unknowns(layout, constraints)
+    free = constrained.layout
+    maximum = maximise_likelihood(Likelihood(constrained.wrap(pieces), free, groups), iterations)
+    covariance = _coloured_covariance(maximum, free)
     estimates = estimates_dataset(
-        maximum, layout, covariance=covariance, about={"method": "output error in frequency"}
+        maximum, free, covariance=covariance, about={"method": "output error in frequency"}
+    )
+    estimates = constrained.rate(
+        constrained.expand(estimates),
+        Likelihood(pieces, constrained.full, groups),
+        maximum.theta,
+        _coloured_covariance,
     )
     # The changes of the states are not results.
     estimated = [name for name in layout.names if not name.startswith(f"{_JUMP}.")]

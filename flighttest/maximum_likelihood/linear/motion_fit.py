@@ -90,6 +90,7 @@ def fit_motion(
     disturbance: str = "none",
     angle: str = "",
     scale: float | None = None,
+    constraints: Sequence[str] = (),
 ) -> MotionFit:
     """Estimate the dimensional derivatives of a linear motion.
 
@@ -106,6 +107,8 @@ def fit_motion(
         Source of the angle of the airflow in the records; gusts need it.
     scale : float, optional
         Scale of the gusts; it is estimated without it. [m]
+    constraints : sequence of str
+        Linear constraints among the derivatives, as of `linear_output_error`.
 
     Raises
     ------
@@ -145,9 +148,9 @@ def fit_motion(
         if scale is None:
             wanted[f"scale.{gusts[0].name}"] = Unknown(_SCALE)
     if disturbance == "none":
-        fit = linear_output_error(model, records, wanted)
+        fit = linear_output_error(model, records, wanted, constraints=constraints)
     else:
-        fit = filter_error(model, records, wanted, gusts=gusts)
+        fit = filter_error(model, records, wanted, gusts=gusts, constraints=constraints)
     held = tuple(name for name in kind.controls if name not in moving)
     notes = tuple(_list_notes(records, steady, kind.angle))
     return MotionFit(fit, motion, steady, held, notes)

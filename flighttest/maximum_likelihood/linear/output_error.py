@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flighttest.maximum_likelihood.constrained_unknowns import constrain_unknowns
 from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
     Predictor,
@@ -40,6 +41,7 @@ def linear_output_error(
     parameters: Wanted,
     noise: str = "common",
     iterations: int = 50,
+    constraints: Sequence[str] = (),
 ) -> OutputError:
     """Estimate parameters of a linear model by maximum likelihood, from full responses in time.
 
@@ -58,6 +60,9 @@ def linear_output_error(
         One noise variance per output, or one per output and manoeuvre.
     iterations : int
         Largest number of iterations.
+    constraints : sequence of str
+        Linear constraints among the parameters, as ``M_q = 0.5*M_alpha`` or ``M_q < 0``; see
+        `parse_constraints`. [SI]
 
     Returns
     -------
@@ -99,22 +104,31 @@ def linear_output_error(
     layout = lay_out(parameters, [{} for _ in records])
     pieces = [_RecordResponse(model, record, names) for record, names in zip(records, layout.bases)]
     # Standard errors are those of coloured residuals, as in `output_error`.
-    maximum = maximise_likelihood(Likelihood(pieces, layout, groups), iterations)
-    covariance, colours = coloured_likelihood_covariance(
-        maximum, layout.columns, [piece.step for piece in pieces]
-    )
+    constrained = constrain_unknowns(layout, constraints)
+    free = constrained.layout
+    likelihood = Likelihood(constrained.wrap(pieces), free, groups)
+    maximum = maximise_likelihood(likelihood, iterations)
+    steps = [piece.step for piece in pieces]
+    covariance, colours = coloured_likelihood_covariance(maximum, free.columns, steps)
     measured = [piece.measured for piece in pieces]
-    effect = effect_on_motion(maximum, layout.columns, covariance=covariance, measured=measured)
+    effect = effect_on_motion(maximum, free.columns, covariance=covariance, measured=measured)
     scatter = noise_dataset(
         maximum, list(model.outputs), colours=colours, measured=measured, effect=effect
     )
+    estimates = estimates_dataset(
+        maximum,
+        free,
+        covariance=covariance,
+        about={"method": "output error in time, linear model"},
+    )
+    estimates = constrained.rate(
+        constrained.expand(estimates),
+        Likelihood(pieces, constrained.full, groups),
+        maximum.theta,
+        lambda end, full: coloured_likelihood_covariance(end, full.columns, steps)[0],
+    )
     return OutputError(
-        estimates=estimates_dataset(
-            maximum,
-            layout,
-            covariance=covariance,
-            about={"method": "output error in time, linear model"},
-        ),
+        estimates=estimates,
         residuals=tuple(piece.residual(v) for piece, v in zip(pieces, maximum.residuals)),
         noise=scatter,
         warnings=warn_of_turbulence(scatter),

@@ -124,6 +124,34 @@ def coefficients(
     return states.assign(variables).assign_attrs(force_axes="stability")
 
 
+def sample_coefficients(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
+    """Return states with reduced rates and coefficients, sample by sample, without their errors.
+
+    The values are those of `coefficients`. With angular accelerations in the states, each sample
+    depends on itself alone, so that a stream can be converted in parts.
+
+    Parameters
+    ----------
+    states : Dataset (time,)
+        As of `coefficients`. [SI]
+    aircraft : Aircraft
+    """
+    states = reduced_rates(states, aircraft)
+    columns = read_columns(states)
+    if aircraft.engines:
+        columns["CT"] = thrust_coefficient(columns, aircraft)
+    total = load_coefficients(*air_load(columns, aircraft), columns, aircraft)
+    airborne = is_airborne(columns, 0.0)
+    variables = {}
+    for name in NAMES:
+        variables[name] = "time", np.where(airborne, total[name], np.nan)
+    nz = -read_column(columns, "az") / G0
+    variables |= {"nz": ("time", nz), "dnz": ("time", nz - 1.0)}
+    if "CT" in columns:
+        variables["CT"] = "time", columns["CT"]
+    return states.assign(variables)
+
+
 def _all_changes(
     path: Any,
     columns: Columns,

@@ -26,7 +26,7 @@ from flightmech.errors import IdentificationError
 # Angle 2 pi f step below which the corrections are evaluated by their series. [rad]
 _SMALL = 0.1
 # Samples at each end that are corrected.
-_ENDS = 4
+ENDS = 4
 # Frequencies of the adjoint in one block, so that its matrix stays small.
 _CHUNK = 64
 
@@ -110,12 +110,12 @@ def finite_fourier(x: np.ndarray, step: float, frequencies: np.ndarray) -> np.nd
     x, frequencies = np.asarray(x, float), np.atleast_1d(np.asarray(frequencies, float))
     _check_band(len(x), step, frequencies)
     angle = 2.0 * np.pi * frequencies * step
-    weight, ends = _corrections(angle)
+    weight, ends = end_corrections(angle)
     flat = x.reshape(len(x), -1)
     total = weight[:, None] * _sum_samples(flat, angle)
     # The correction at the end is the conjugate of the one at the start, turned by its phase.
     end_phase = np.exp(-1j * angle * (len(x) - 1))
-    total += ends @ flat[:_ENDS] + end_phase[:, None] * (ends.conj() @ flat[: -_ENDS - 1 : -1])
+    total += ends @ flat[:ENDS] + end_phase[:, None] * (ends.conj() @ flat[: -ENDS - 1 : -1])
     return (step * total).reshape(len(frequencies), *x.shape[1:])
 
 
@@ -139,7 +139,7 @@ def adjoint_fourier(
     array (samples, ...)
     """
     angle = 2.0 * np.pi * np.asarray(frequencies, float) * step
-    weight, ends = _corrections(angle)
+    weight, ends = end_corrections(angle)
     flat = np.asarray(values).reshape(len(angle), -1)
     end_phase = np.exp(-1j * angle * (samples - 1))
     adjoint = np.zeros((samples, flat.shape[1]))
@@ -148,15 +148,15 @@ def adjoint_fourier(
         part = slice(first, first + _CHUNK)
         weighted = weight[part, None] * flat[part]
         adjoint += (np.exp(1j * np.outer(i, angle[part])) @ weighted).real
-    adjoint[:_ENDS] += (ends.conj().T @ flat).real
-    adjoint[: -_ENDS - 1 : -1] += (ends.T @ (end_phase.conj()[:, None] * flat)).real
+    adjoint[:ENDS] += (ends.conj().T @ flat).real
+    adjoint[: -ENDS - 1 : -1] += (ends.T @ (end_phase.conj()[:, None] * flat)).real
     return (step * adjoint).reshape(samples, *np.shape(values)[1:])
 
 
 def _check_band(samples: int, step: float, frequencies: np.ndarray) -> None:
-    if samples < 2 * _ENDS:
+    if samples < 2 * ENDS:
         raise IdentificationError(
-            f"{samples} samples for a Fourier transform; {2 * _ENDS} are needed"
+            f"{samples} samples for a Fourier transform; {2 * ENDS} are needed"
         )
     if frequencies.max() > 0.5 / step * (1 + 1e-9):
         raise IdentificationError(
@@ -173,7 +173,7 @@ def _sum_samples(x: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.exp(-1j * np.outer(angle, np.arange(len(x)))) @ x
 
 
-def _corrections(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def end_corrections(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return weight of the sum (frequency,) and corrections of the first samples (frequency, 4).
 
     The formulas are in [Press2007]_, section 13.9, for cubic interpolation; t = 2 pi f step.

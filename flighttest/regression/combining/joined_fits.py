@@ -16,6 +16,7 @@ import xarray as xr
 import aerodb
 from flightmech import terms as _terms
 from flightmech.errors import UnknownName
+from flighttest.parameter_constraints import demand_unconstrained
 from flighttest.regression.combining.pooling import (
     METHODS,
     common_coefficient,
@@ -206,6 +207,8 @@ def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str =
     if method not in METHODS:
         raise ValueError(f"method is {method!r}; allowed: {', '.join(METHODS)}")
     coefficient = common_coefficient(fits, "joined")
+    for fit in fits:
+        demand_unconstrained(str(fit.estimates.attrs.get("constraints", "")), "joined fits")
     terms = list_terms(fits)
     pooled = [pool_term(fits, term, method) for term in terms]
     white = []

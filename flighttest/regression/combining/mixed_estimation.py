@@ -18,6 +18,7 @@ from aerodb.update.observations import basis_at
 from aerodb.update.posterior import joint_covariance
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import list_model_variables
+from flighttest.parameter_constraints import demand_unconstrained
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.fit_remarks import against_prior
@@ -141,6 +142,7 @@ def mix_with_prior(fit: Fit, prior: Prior) -> Mixed:
     With the fit theta and its total covariance C, the prior values theta_0 and their covariance P,
     theta + C (C + P)^-1 (theta_0 - theta), in the rows and columns of the terms with a prior.
     """
+    demand_unconstrained(str(fit.estimates.attrs.get("constraints", "")), "fit with a prior")
     terms = [str(term) for term in fit.estimates["term"].values]
     rows, value, P = _read_prior(prior, terms)
     theta, C = fit.estimates["estimate"].values, total_covariance(fit.estimates)

@@ -27,6 +27,7 @@ from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.figures import html_table
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
+from flighttest.parameter_constraints import describe_constraints
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit_remarks import FitData, fit_figure, remarks_of
 from flighttest.regression.equation_error.model import RegressionModel, term_regressors
@@ -276,6 +277,7 @@ class Fit(FitData):
             _title(self),
             _describe_quality(a),
             *slope_test_lines(a),
+            *constraint_lines(a),
             f"{'term':<{width}}{'estimate':>11}{'stderr':>10}{'95 % interval':>24}{heads}",
         ]
         for k, term in enumerate(e["term"].values):
@@ -491,6 +493,8 @@ def _describe_quality(a: Mapping[str, Any]) -> str:
     )
     if a.get("domain") == "frequency":
         text += f", {a['frequencies']} frequencies in {a['band']} Hz"
+    if a.get("method"):
+        text += f", {a['method']}"
     if a.get("weights", "equal") != "equal":
         text += f", weights {a['weights']}"
     if a.get("ridge"):
@@ -519,6 +523,20 @@ def slope_test_lines(a: Mapping[str, Any]) -> list[str]:
             f"{a['portmanteau_lags']} lags, probability "
             f"{a['portmanteau_probability']:.2g}, correlation time {a['correlation_time']:.2g} s"
         )
+    return lines
+
+
+def constraint_lines(a: Mapping[str, Any]) -> list[str]:
+    """Return the constraints and the noise of the regressors, as text.
+
+    Parameters
+    ----------
+    a : mapping
+        Attributes of the estimates.
+    """
+    lines = describe_constraints(a.get("constraints", ""))
+    if "noise_treatment" in a:
+        lines.append(str(a["noise_treatment"]))
     return lines
 
 

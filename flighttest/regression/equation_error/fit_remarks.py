@@ -16,9 +16,14 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flightmech.support.figures import new_figure
+from flighttest.parameter_constraints import constraint_remarks
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.equation_error.structure_remarks import remark_growth, remark_structure
+from flighttest.regression.equation_error.structure_remarks import (
+    remark_growth,
+    remark_noise,
+    remark_structure,
+)
 from flighttest.regression.uncertainty import collinearity
 from flighttest.regression.uncertainty.residual_spectrum import HIDDEN
 from flighttest.remarks import Convergence, Remark
@@ -97,7 +102,8 @@ class FitData:
     design : DataArray (sample, term)
         Equivalent regressors: the estimate is their ordinary least squares over the samples. They
         differ from the regressors of the model for weights, ridge and frequency. The estimate is
-        then the same linear function of the measurements.
+        then the same linear function of the measurements. Of total least squares they are the
+        regressors: a model without error is then returned from its values at the samples.
     regressors : DataArray (sample, term)
         The regressors of the model.
     """
@@ -175,6 +181,8 @@ def remarks_of(fit: FitData) -> list[Remark]:
         *_remark_convergence(fit),
         *remark_structure(fit.estimates),
         *remark_growth(fit.estimates),
+        *constraint_remarks(fit.estimates.attrs.get("constraints", "")),
+        *remark_noise(fit.estimates),
     ]
     return sorted(remarks, key=lambda remark: remark.severity != "error")
 
@@ -299,6 +307,8 @@ def _remark_signs(fit: FitData) -> list[Remark]:
         value = float(slope @ e["estimate"].values)
         sigma = float(np.sqrt(max(0.0, slope @ C @ slope)))
         dof = float(e["dof"].values[slope != 0.0].min(initial=np.inf))
+        if not sigma > 0.0 and "constraints" in e.attrs:
+            continue  # a value that a constraint gives is not an estimate
         if not (sign * value < 0.0 and _probability(value / max(sigma, _TINY), dof) < WRONG):
             continue
         expected = "positive" if sign > 0 else "negative"
@@ -362,6 +372,8 @@ def _describe_without(fit: FitData, spikes: Collection[int]) -> str:
     """Return the largest change of an estimate without the spikes; empty for a weighted fit."""
     e, a = fit.estimates, fit.estimates.attrs
     if a["domain"] != "time" or a["weights"] != "equal" or a["ridge"]:
+        return ""
+    if "method" in a or "constraints" in a:
         return ""
     rows = np.setdiff1d(np.arange(fit.data.sizes["sample"]), list(spikes))
     z = fit.data[fit.model.coefficient].values

@@ -316,7 +316,7 @@ def _fit_slopes(
 
     # The contribution of a term is its share in the rms of the coefficient inside the band.
     variables = least_squares.regressor_diagnostics(X2, no_constant)
-    variables = _spread_diagnostics(variables, is_constant)
+    variables = least_squares.spread_diagnostics(variables, is_constant)
     share = np.sqrt((np.abs(Xf) ** 2).sum(axis=0) / (np.abs(zf) ** 2).sum())
     variables["contribution"] = "term", _fill_terms(is_constant, share * np.abs(theta))
     variables["stderr_window"] = (
@@ -413,20 +413,3 @@ def _fill_terms(is_constant: np.ndarray, values: np.ndarray) -> np.ndarray:
     filled = np.zeros(len(is_constant))
     filled[~is_constant] = values
     return filled
-
-
-def _spread_diagnostics(diagnostics: dict[str, Any], is_constant: np.ndarray) -> dict[str, Any]:
-    """Return the diagnostics of the slopes for all terms; removed constants are not collinear."""
-    n, columns = len(is_constant), np.flatnonzero(~is_constant)
-    # Constants have no variance inflation, and are not correlated with the slopes.
-    vif, correlation = np.full(n, np.nan), np.eye(n)
-    vif[columns] = diagnostics["vif"][1]
-    correlation[np.ix_(columns, columns)] = diagnostics["regressor_correlation"][1]
-    proportion = np.zeros((len(diagnostics["condition_index"][1]), n))
-    proportion[:, columns] = diagnostics["proportion"][1]
-    return {
-        **diagnostics,
-        "vif": ("term", vif, diagnostics["vif"][2]),
-        "regressor_correlation": (("term", "term_"), correlation),
-        "proportion": (("component", "term"), proportion, diagnostics["proportion"][2]),
-    }

@@ -128,6 +128,31 @@ def regressor_diagnostics(X: np.ndarray, fixed: np.ndarray) -> dict[str, Any]:
     }
 
 
+def spread_diagnostics(diagnostics: dict[str, Any], is_missing: np.ndarray) -> dict[str, Any]:
+    """Return diagnostics of some terms for all terms; the missing ones are not collinear.
+
+    Parameters
+    ----------
+    diagnostics : dict
+        As from `regressor_diagnostics`, of the other terms.
+    is_missing : array of bool (terms,)
+        Terms that are removed or eliminated.
+    """
+    n, columns = len(is_missing), np.flatnonzero(~is_missing)
+    # Missing terms have no variance inflation, and are not correlated with the others.
+    vif, correlation = np.full(n, np.nan), np.eye(n)
+    vif[columns] = diagnostics["vif"][1]
+    correlation[np.ix_(columns, columns)] = diagnostics["regressor_correlation"][1]
+    proportion = np.zeros((len(diagnostics["condition_index"][1]), n))
+    proportion[:, columns] = diagnostics["proportion"][1]
+    return {
+        **diagnostics,
+        "vif": ("term", vif, diagnostics["vif"][2]),
+        "regressor_correlation": (("term", "term_"), correlation),
+        "proportion": (("component", "term"), proportion, diagnostics["proportion"][2]),
+    }
+
+
 def regression_estimates(
     terms: Sequence[str],
     theta: np.ndarray,

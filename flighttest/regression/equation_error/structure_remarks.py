@@ -73,3 +73,13 @@ def remark_growth(estimates: xr.Dataset) -> list[Remark]:
         limit = GROWTH if ratio > 1.0 else 1.0 / GROWTH
         remarks.append(Remark("growth", text, str(term), ratio, limit))
     return remarks
+
+
+def remark_noise(estimates: xr.Dataset) -> list[Remark]:
+    """Return remarks on the noise of the regressors that an estimator stored as attributes."""
+    remarks = []
+    for kind in ("stated noise", "nonlinear noise"):
+        text = estimates.attrs.get(kind.replace(" ", "_"))
+        if text:
+            remarks.append(Remark(kind, str(text)))
+    return remarks

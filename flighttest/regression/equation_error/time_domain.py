@@ -12,19 +12,32 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError
+from flightmech.errors import IdentificationError, ParseError, UnknownName
 from flightmech.names import lookup
+from flighttest.parameter_constraints import (
+    ParameterElimination,
+    choose_active,
+    eliminate,
+    parse_constraints,
+    rate_constraints,
+)
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.fit_remarks import unsettled_attributes
 from flighttest.regression.equation_error.least_squares import WEIGHTS, ridge_penalty, weight_roots
-from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
+from flighttest.regression.equation_error.model import (
+    RegressionModel,
+    term_powers,
+    term_text,
+    variable_of,
+)
 from flighttest.regression.equation_error.samples import RegressionSamples, slopes_of, stack_samples
 from flighttest.regression.uncertainty import collinearity, significance
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
@@ -44,6 +57,7 @@ def regress(
     lag: float | None = None,
     weights: str = "equal",
     ridge: float | str = 0.0,
+    constraints: Sequence[str] = (),
 ) -> Fit:
     """Fit a model to measured coefficients by least squares.
 
@@ -70,6 +84,9 @@ def regress(
         Ridge parameter on standardised regressors without the intercepts. ``auto`` takes the
         parameter of Hoerl, Kennard and Baldwin [Hoerl1975]_. A ridge biases the estimates towards
         zero; the variable ``shrinkage`` is the bias.
+    constraints : sequence of str
+        Linear constraints among the terms, as ``qhat = 1.2*alphadothat`` or ``delta_e < 0``; see
+        `parse_constraints`. Not together with a ridge.
 
     Returns
     -------
@@ -82,6 +99,8 @@ def regress(
         standard errors in `weights` that are not positive.
     UnknownName
         A variable that the data do not hold.
+    SchemaError
+        Constraints that cannot be read, or that contradict each other.
 
     References
     ----------
@@ -90,27 +109,201 @@ def regress(
        Statistics 4, 1975.
     """
     demand_choice("intercepts", intercepts, ("common", "separate"))
+    if constraints and ridge:
+        raise IdentificationError("a ridge and constraints; take one of them")
     # Weights may be the standard errors in a variable of the data.
     needed = list(model.variables)
     if weights not in WEIGHTS:
         needed.append(weights)
+    problem = prepare_problem(model, data, name=name, intercepts=intercepts, needed=needed)
+
+    def solve(elimination: ParameterElimination) -> LinearSolution:
+        return _solve_least_squares(problem, elimination, weights=weights, ridge=ridge)
+
+    return fit_problem(problem, solve, constraints=constraints, lag=lag)
+
+
+@dataclass(frozen=True)
+class RegressionProblem:
+    """Samples and regressors of one model.
+
+    Attributes
+    ----------
+    name : str
+    model : RegressionModel
+    samples : RegressionSamples
+    X : array (samples, terms)
+    terms : list of str
+        One constant per manoeuvre may replace the term ``1``.
+    intercepts : {"common", "separate"}
+    """
+
+    name: str
+    model: RegressionModel
+    samples: RegressionSamples
+    X: np.ndarray
+    terms: list[str]
+    intercepts: str
+
+    @property
+    def z(self) -> np.ndarray:
+        """Measured coefficient, (samples,)."""
+        return self.samples.data[self.model.coefficient].values
+
+    @property
+    def is_constant(self) -> np.ndarray:
+        """Mask of the intercepts, (terms,)."""
+        return least_squares.intercept_mask(self.terms)
+
+    def spell(self, name: str) -> str:
+        """Return the spelling of a term in a constraint: ``CL_qhat`` is the term ``qhat``."""
+        own = name.removeprefix(f"{self.model.coefficient}_")
+        try:
+            return term_text(term_powers(own))
+        except (ParseError, UnknownName):
+            return own
+
+
+@dataclass(frozen=True)
+class LinearSolution:
+    """Estimate that is linear in the measurements, theta = T A (z - X t) + t.
+
+    Attributes
+    ----------
+    elimination : ParameterElimination
+        T and t.
+    phi : array (free,)
+        Free parameters.
+    E : array (samples, free)
+        Equivalent regressors of the weighted measurements, A = pinv(E).
+    design : array (samples, free)
+        Equivalent regressors that return the parameters of a model without error from its samples;
+        with them tables are compared.
+    carrier : array (samples, free)
+        As E, with regressors that are orthogonal to the weighted residual: they carry the
+        disturbance into the estimate.
+    X : array (samples, free)
+        Regressors whose collinearity counts, with weights.
+    motion : array (samples, free)
+        Regressors with whose size a disturbance may grow: without the noise that the residual has.
+    information : array (free, free)
+        Matrix of the quadratic cost.
+    root : array (samples,)
+        Roots of the weights.
+    added : array (free, free)
+        Covariance beyond that of a disturbance that is independent of the regressors.
+    variables, attributes : dict
+        Further variables of the free parameters, and attributes.
+    """
+
+    elimination: ParameterElimination
+    phi: np.ndarray
+    E: np.ndarray
+    design: np.ndarray
+    carrier: np.ndarray
+    X: np.ndarray
+    motion: np.ndarray
+    information: np.ndarray
+    root: np.ndarray
+    added: np.ndarray
+    variables: dict[str, Any]
+    attributes: dict[str, Any]
+
+
+Solve = Callable[[ParameterElimination], LinearSolution]
+
+
+def prepare_problem(
+    model: RegressionModel,
+    data: xr.Dataset | Sequence[xr.Dataset],
+    name: str,
+    intercepts: str,
+    needed: Sequence[str],
+) -> RegressionProblem:
+    """Return the samples and regressors of a model; arguments as of `regress`.
+
+    Parameters
+    ----------
+    model, data, name, intercepts
+    needed : sequence of str
+        Variables without which a sample is ignored.
+    """
     samples = stack_samples(model.coefficient, needed, data, purpose=model)
     X, terms = model.design(samples.data), list(model.terms)
     if intercepts == "separate":
         X, terms = separate_intercepts(X, terms, samples.data["manoeuvre"].values)
-    demand_determined(name, model, z=samples.data[model.coefficient].values, X=X, terms=terms)
-    estimates, design, errors = _solve(
-        model, samples, X=X, terms=terms, lag=lag, weights=weights, ridge=ridge
-    )
-    estimates.attrs.update(name=name, intercepts=intercepts)
+    return RegressionProblem(name, model, samples, X=X, terms=terms, intercepts=intercepts)
+
+
+def fit_problem(
+    problem: RegressionProblem,
+    solve: Solve,
+    constraints: Sequence[str] = (),
+    lag: float | None = None,
+) -> Fit:
+    """Return the fit of a problem by an estimator, with constraints among its parameters.
+
+    Parameters
+    ----------
+    problem : RegressionProblem
+    solve : callable
+        The estimator: from an elimination to a `LinearSolution`.
+    constraints : sequence of str
+    lag : float, optional
+        As of `regress`. [s]
+    """
+    parsed = parse_constraints(constraints, problem.terms, problem.spell)
+    equalities = [constraint for constraint in parsed if constraint.is_equality]
+    limits = [constraint for constraint in parsed if not constraint.is_equality]
+    held = eliminate(equalities, len(problem.terms))
+    _demand_free(problem, held)
+    solution, active = solve(held), equalities
+    if limits:
+        violated = choose_active(limits, held, solution.phi, solution.information)
+        if violated:
+            active = [*equalities, *violated]
+            solution = solve(eliminate(active, len(problem.terms)))
+    estimates, design, errors = _describe_solution(problem, solution, lag)
+    estimates.attrs.update(name=problem.name, intercepts=problem.intercepts)
+    if parsed:
+        # Without any constraint: what the data alone state about them.
+        theta, covariance = _estimate_freely(problem, solve, lag)
+        rated = rate_constraints(parsed, active, theta, covariance)
+        estimates.attrs["constraints"] = rated
     return Fit(
-        name=name,
-        model=model,
+        name=problem.name,
+        model=problem.model,
         estimates=estimates,
-        data=samples.for_fit(model.coefficient, errors),
-        design=least_squares.label_terms(design, terms),
-        regressors=least_squares.label_terms(X, terms),
+        data=problem.samples.for_fit(problem.model.coefficient, errors),
+        design=least_squares.label_terms(design, problem.terms),
+        regressors=least_squares.label_terms(problem.X, problem.terms),
     )
+
+
+def _demand_free(problem: RegressionProblem, elimination: ParameterElimination) -> None:
+    """Raise when the samples cannot determine the free parameters."""
+    demand_determined(
+        problem.name,
+        problem.model,
+        z=problem.z,
+        X=problem.X @ elimination.matrix,
+        terms=[problem.terms[k] for k in elimination.free],
+    )
+
+
+def _estimate_freely(
+    problem: RegressionProblem, solve: Solve, lag: float | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return estimate and covariance without constraints; NaN if the samples cannot give them."""
+    count = len(problem.terms)
+    none = eliminate([], count)
+    try:
+        _demand_free(problem, none)
+        estimates = _describe_solution(problem, solve(none), lag)[0]
+    except IdentificationError:
+        return np.full(count, np.nan), np.zeros((count, count))
+    D = estimates["systematic"].values
+    return estimates["estimate"].values, estimates["covariance"].values + D @ D.T
 
 
 def demand_choice(what: str, choice: str, allowed: Sequence[str]) -> None:
@@ -204,47 +397,83 @@ def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None
             )
 
 
-def _solve(
-    model: RegressionModel,
-    samples: RegressionSamples,
-    X: np.ndarray,
-    terms: list[str],
-    lag: float | None,
-    weights: str,
-    ridge: float | str,
+def _solve_least_squares(
+    problem: RegressionProblem, elimination: ParameterElimination, weights: str, ridge: float | str
+) -> LinearSolution:
+    """Return the weighted least-squares estimate with a ridge."""
+    T, data = elimination.matrix, problem.samples.data
+    X, z = problem.X @ T, problem.z - problem.X @ elimination.offset
+    # Weighted least squares with a ridge: theta = (X'WX + K)^-1 X'W z, W the squares of `root`.
+    root, weighting = weight_roots(weights, X, z=z, data=data)
+    Xw, zw = X * root[:, None], z * root
+    is_constant = problem.is_constant[elimination.free]
+    penalty, parameter = ridge_penalty(ridge, Xw, z=zw, fixed=is_constant)
+    phi, E = least_squares.solve_least_squares(Xw, zw, penalty)
+    variables: dict[str, Any] = {}
+    if parameter:
+        bias = least_squares.ridge_bias(Xw, zw, penalty)
+        variables["shrinkage"] = "term", T @ bias, {"long_name": least_squares.RIDGE_BIAS}
+    return LinearSolution(
+        elimination,
+        phi,
+        E=E,
+        design=E,
+        carrier=E,
+        X=Xw,
+        motion=X,
+        information=Xw.T @ Xw,
+        root=root,
+        added=np.zeros((len(phi), len(phi))),
+        variables=variables,
+        attributes={
+            "weights": weights,
+            "ridge": parameter,
+            **unsettled_attributes("weights", weighting),
+        },
+    )
+
+
+def _describe_solution(
+    problem: RegressionProblem, solution: LinearSolution, lag: float | None
 ) -> tuple[xr.Dataset, np.ndarray, np.ndarray]:
     """Return estimates, equivalent regressors (samples, terms), and errors of the samples."""
-    z = samples.data[model.coefficient].values
-    is_constant = least_squares.intercept_mask(terms)
-    # Weighted least squares with a ridge: theta = (X'WX + K)^-1 X'W z, W the squares of `root`.
-    root, weighting = weight_roots(weights, X, z=z, data=samples.data)
-    Xw, zw = X * root[:, None], z * root
-    penalty, parameter = ridge_penalty(ridge, Xw, z=zw, fixed=is_constant)
-    theta, E = least_squares.solve_least_squares(Xw, zw, penalty)
+    model, samples, z, X = problem.model, problem.samples, problem.z, problem.X
+    elimination, root, E = solution.elimination, solution.root, solution.E
+    T, is_constant = elimination.matrix, problem.is_constant
+    theta = elimination.expand(solution.phi)
     v = z - X @ theta
-    s2 = float(v * root @ (v * root)) / (len(z) - len(terms))
+    s2 = float(v * root @ (v * root)) / (len(z) - len(solution.phi))
     pieces, steps = samples.pieces()
-    coloured = coloured_covariance_of(E, v * root, pieces=pieces, steps=steps, lag=lag)
-    covariance, growing = coloured.covariance, None
-    envelope = growth_envelope(X, v * root, pieces)
+    carrier = solution.carrier
+    coloured = coloured_covariance_of(carrier, v * root, pieces=pieces, steps=steps, lag=lag)
+    stationary = elimination.expand_covariance(coloured.covariance + solution.added)
+    covariance, growing = stationary, None
+    envelope = growth_envelope(solution.motion, v * root, pieces)
     if lag is None and np.ptp(envelope) > 0.0:
-        growing = coloured_covariance_of(
-            E, v * root, pieces=pieces, steps=steps, envelope=envelope
-        ).covariance
-        covariance = _larger_covariance(growing, coloured.covariance)
+        growing = elimination.expand_covariance(
+            coloured_covariance_of(
+                carrier, v * root, pieces=pieces, steps=steps, envelope=envelope
+            ).covariance
+            + solution.added
+        )
+        covariance = _larger_covariance(growing, stationary)
     # A maps the samples without weights to the estimates, theta = A z.
-    A = least_squares.estimator_matrix(E) * root
+    A = T @ (least_squares.estimator_matrix(E) * root)
     sources, errors = samples.errors(model.coefficient, model.variables, slopes_of(model, theta))
 
     contribution = np.std(X, axis=0) * np.abs(theta) / float(np.std(z))
-    bias = least_squares.ridge_bias(Xw, zw, penalty) if parameter else None
+    windowed = _expand_stderr(T, coloured.windowed)
     variables = {
-        **least_squares.regressor_diagnostics(Xw, is_constant),
-        **_term_variables(contribution, bias=bias, windowed=coloured.windowed),
+        **least_squares.spread_diagnostics(
+            least_squares.regressor_diagnostics(solution.X, is_constant[elimination.free]),
+            ~elimination.is_free,
+        ),
+        **solution.variables,
+        **_term_variables(contribution, windowed=windowed),
     }
     white = np.sqrt(s2 * ((A / root) ** 2).sum(axis=1))
     estimates = least_squares.regression_estimates(
-        terms,
+        problem.terms,
         theta,
         covariance=covariance,
         white=white,
@@ -252,7 +481,7 @@ def _solve(
         extra=variables,
     )
     if growing is not None:
-        estimates = estimates.assign(_growth_errors(growing, coloured.covariance))
+        estimates = estimates.assign(_growth_errors(growing, stationary))
     estimates.attrs = {
         "coefficient": model.coefficient,
         "domain": "time",
@@ -261,17 +490,26 @@ def _solve(
         "offset": coloured.offset,
         "hidden": coloured.hidden,
         "edge": coloured.edge,
-        "weights": weights,
-        "ridge": parameter,
+        **solution.attributes,
         **significance.residual_whiteness(v * root, pieces, steps),
-        **unsettled_attributes("weights", weighting),
     }
-    dof = significance.of_slopes(A, v, pieces=pieces, fixed=is_constant)
-    not_inflated = np.ones(len(terms))
-    estimates = significance.add_tests(estimates, is_constant, dof=dof, inflated=not_inflated)
-    if weights == "equal":
-        return estimates, E, errors
-    return estimates, least_squares.equivalent_regressors(A), errors
+    dof = significance.of_slopes(A, v, pieces=pieces, fixed=is_constant, terms=len(solution.phi))
+    not_inflated = np.ones(len(problem.terms))
+    # The F test is that of the free slopes; the others follow them.
+    tested = elimination.is_free & ~is_constant
+    estimates = significance.add_tests(estimates, ~tested, dof=dof, inflated=not_inflated)
+    for name in ("t", "p_value"):
+        estimates[name] = estimates[name].where(~elimination.is_fixed)
+    if T.shape[0] == T.shape[1] and solution.attributes["weights"] == "equal":
+        return estimates, solution.design, errors
+    if T.shape[0] == T.shape[1]:
+        return estimates, least_squares.equivalent_regressors(A), errors
+    return estimates, np.linalg.pinv(A), errors
+
+
+def _expand_stderr(T: np.ndarray, stderr: np.ndarray) -> np.ndarray:
+    """Return standard errors of all parameters that follow one free parameter each."""
+    return np.sqrt((T**2) @ stderr**2)
 
 
 def _larger_covariance(growing: np.ndarray, stationary: np.ndarray) -> np.ndarray:
@@ -307,13 +545,10 @@ def _quality_of_fit(z: np.ndarray, v: np.ndarray) -> dict[str, float | int]:
     }
 
 
-def _term_variables(
-    contribution: np.ndarray, bias: np.ndarray | None, windowed: np.ndarray
-) -> dict[str, Any]:
-    """Return contribution, bias of the ridge and lag-window error of the terms for a Dataset."""
-    variables: dict[str, Any] = {"contribution": ("term", contribution)}
-    if bias is not None:
-        variables["shrinkage"] = "term", bias, {"long_name": least_squares.RIDGE_BIAS}
+def _term_variables(contribution: np.ndarray, windowed: np.ndarray) -> dict[str, Any]:
+    """Return contribution and lag-window error of the terms for a Dataset."""
     window_name = {"long_name": "standard error by a lag window, for comparison"}
-    variables["stderr_window"] = "term", windowed, window_name
-    return variables
+    return {
+        "contribution": ("term", contribution),
+        "stderr_window": ("term", windowed, window_name),
+    }

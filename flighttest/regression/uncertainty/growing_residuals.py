@@ -56,7 +56,7 @@ def growth_envelope(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice]) -> np
     if not is_moving.any() or not power > 0.0:
         return ones
     squares = departures[:, is_moving] ** 2 / variances[is_moving]
-    memory = _memory_of_squares(v, pieces)
+    memory = memory_of_squares(v, pieces)
     # The fit takes up most of the disturbance where the motion is large.
     target = v**2 / (1.0 - np.minimum(_MOST_ABSORBED, memory * _leverage(X)))
     target /= target.mean()
@@ -82,7 +82,7 @@ def _leverage(X: np.ndarray) -> np.ndarray:
     return np.einsum("ij,ij->i", Q, Q)
 
 
-def _memory_of_squares(v: np.ndarray, pieces: Sequence[slice]) -> float:
+def memory_of_squares(v: np.ndarray, pieces: Sequence[slice]) -> float:
     """Return the samples per independent square: 1 + 2 sum of rho^2 of the residual."""
     longest = max(piece.stop - piece.start for piece in pieces)
     size = 1 << (2 * longest).bit_length()

@@ -52,7 +52,11 @@ def degrees_of_freedom(
 
 
 def of_slopes(
-    A: np.ndarray, v: np.ndarray, pieces: Sequence[slice], fixed: np.ndarray
+    A: np.ndarray,
+    v: np.ndarray,
+    pieces: Sequence[slice],
+    fixed: np.ndarray,
+    terms: int | None = None,
 ) -> np.ndarray:
     """Return the degrees of freedom of all terms.
 
@@ -64,8 +68,10 @@ def of_slopes(
         As in `degrees_of_freedom`.
     fixed : array of bool (terms,)
         Intercepts.
+    terms : int, optional
+        Fitted parameters; all terms by default.
     """
-    dof = degrees_of_freedom(A, v, pieces=pieces, terms=len(A))
+    dof = degrees_of_freedom(A, v, pieces=pieces, terms=len(A) if terms is None else terms)
     if fixed.all():
         return dof
     return np.where(fixed, dof[~fixed].min(), dof)

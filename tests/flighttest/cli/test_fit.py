@@ -339,3 +339,24 @@ def test_estimates_in_a_database_fly_as_the_parameters_do(model):
                 estimates.assign_coords(parameter=["term.Cm.rudder", *names[1:]]), (), xr.Dataset()
             ),
         )
+
+
+@pytest.mark.slow
+def test_constraints_of_the_file(folder):
+    text = 'constraints = ["term.Cm.elevator = 1.15", "term.Cm.qhat < 2"]'
+    fit = folder / "fit.toml"
+    free = FIT.replace('"term.Cm.elevator" = { low = 0.5, high = 2.0 }', '"term.Cm.elevator" = {}')
+    fit.write_text(f"{text}\n{free}")
+    done = call(fit, "--json", "-o", folder / "held.nc")
+    assert done.exit_code == 0
+    found = json.loads(done.stdout)
+    assert found["parameters"]["term.Cm.elevator"] == pytest.approx(
+        found["parameters"]["term.Cm.elevator"] | {"estimate": 1.15, "stderr": 0.0}, nan_ok=True
+    )
+    assert [row["active"] for row in found["constraints"]] == [True, False]
+    assert abs(found["constraints"][0]["t"]) < 3.5
+    again = flighttest.maximum_likelihood.open_output_error(folder / "held.nc")
+    assert "constraint term.Cm.elevator = 1.15: holds" in again.report()
+    fit.write_text(f"{text}\n{FIT}")
+    with pytest.raises(SchemaError, match="a prior or a bound as well"):
+        call(fit)

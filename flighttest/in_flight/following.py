@@ -1,0 +1,495 @@
+"""Estimates of a coefficient during flight: one per second of data.
+
+Every second the transforms of all samples so far give a complex least-squares problem
+[Morelli1999]_. Its estimates and standard errors are those of `regress_frequency` on the same
+samples: the standard errors follow the spectrum of the residual. A stretch longer than the period of
+the grid of frequencies is divided at that period, so that no information between its lines is lost.
+
+Terms may be candidates. A candidate enters where the evidence for it is strong: the Bayesian
+information criterion [Schwarz1978]_, with the coloured standard error, rises by `STRONG`. The choice
+is made anew each second from the data alone.
+
+References
+----------
+.. [Morelli1999] Morelli, Real-time parameter estimation in the frequency domain, AIAA 99-4043, 1999;
+   J. Guidance 23, 2000.
+.. [Schwarz1978] Schwarz, Estimating the dimension of a model, Annals of Statistics 6, 1978.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.errors import IdentificationError, UnknownName
+from flighttest.in_flight.clocked_stretches import ClockedSamples
+from flighttest.in_flight.coefficient_samples import CoefficientSamples
+from flighttest.in_flight.running_transform import RunningTransform
+from flighttest.records.signals.fourier import harmonics
+from flighttest.regression.equation_error import least_squares
+from flighttest.regression.equation_error.frequency_domain import demand_frequencies
+from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.slope_errors import SlopeErrors, estimate_slope_errors
+from flighttest.regression.equation_error.spectral_weights import equal_weights
+from flighttest.regression.equation_error.transformed_stretches import TransformedStretch
+
+BAND = (0.1, 2.0)  # [Hz]
+SPACING = 0.01  # of the grid of frequencies [Hz]
+STRONG = 6.0  # rise of the criterion with which a candidate enters: odds of twenty to one
+STEADY, RECENT = 2.5, 5  # standard errors of a move, and updates over which it is looked for
+LASTING = 3  # updates in a row in which a goal must be met
+EVERY = 1.0  # data between two estimates [s]
+KEPT = 18  # windows that are kept, half an hour at the default spacing: the work stays bounded
+_ROUNDING = 1e-9  # cycles of the lower band edge that a stretch may miss by rounding
+_SHORTEST = 8  # samples of a transform
+
+
+@dataclass(frozen=True)
+class AccuracyGoal:
+    """Accuracy of a term at which the stream may end.
+
+    Attributes
+    ----------
+    term : str
+    limit : float
+        Standard error; [unit of the term], or a share of the estimate.
+    is_share : bool
+    """
+
+    term: str
+    limit: float
+    is_share: bool
+
+    def is_met(self, estimate: FlightEstimate) -> bool:
+        """Return whether an estimate is as accurate."""
+        if self.term not in estimate.terms:
+            return False
+        k = estimate.terms.index(self.term)
+        limit = self.limit * (abs(estimate.values[k]) if self.is_share else 1.0)
+        return bool(estimate.stderr[k] <= limit)
+
+
+@dataclass(frozen=True)
+class FlightEstimate:
+    """Estimates from all samples up to a time.
+
+    Attributes
+    ----------
+    time : float
+        Of the last sample. [s]
+    samples : int
+    terms : tuple of str
+        Without the constant, which has no frequency.
+    values, stderr : array (terms,)
+        Standard errors are those for the spectrum of the residual, with Student's factor.
+    R2 : float
+        Inside the band.
+    waiting : str
+        Why there is no estimate; empty if there is one.
+    counts : dict of str to int
+        Samples that were left out or filled in, and breaks of the stream, so far.
+    unsteady : tuple of str
+        Terms that have left an estimate of the last `RECENT` updates by more than `STEADY` of its
+        standard errors. The disturbance or the model is then not what the standard errors assume.
+    is_accurate : bool
+        Whether all goals have been met by steady terms in `LASTING` updates in a row.
+    """
+
+    time: float
+    samples: int
+    terms: tuple[str, ...] = ()
+    values: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    stderr: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    R2: float = math.nan
+    waiting: str = ""
+    counts: dict[str, int] = field(default_factory=dict)
+    unsteady: tuple[str, ...] = ()
+    is_accurate: bool = False
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the estimate as JSON types."""
+        terms = {}
+        for name, value, stderr in zip(self.terms, self.values, self.stderr):
+            terms[name] = {"estimate": float(value), "stderr": float(stderr)}
+        return {
+            "time": self.time,
+            "samples": self.samples,
+            "terms": terms,
+            "R2": None if math.isnan(self.R2) else self.R2,
+            "waiting": self.waiting,
+            "unsteady": list(self.unsteady),
+            "accurate": self.is_accurate,
+            **self.counts,
+        }
+
+    def line(self) -> str:
+        """Return the estimate as one line."""
+        parts = [f"{self.time:9.2f} s"]
+        if self.waiting:
+            parts.append(self.waiting)
+        for name, value, stderr in zip(self.terms, self.values, self.stderr):
+            parts.append(f"{name} {value:.4g} ({stderr:.2g})")
+        if not math.isnan(self.R2):
+            parts.append(f"R2 {self.R2:.3f}")
+        parts += [
+            f"{name.replace('_', ' ')} {count}" for name, count in self.counts.items() if count
+        ]
+        if self.unsteady:
+            parts.append(f"unsteady {', '.join(self.unsteady)}")
+        if self.is_accurate:
+            parts.append("accurate")
+        return "  ".join(parts)
+
+
+class FlightFollower:
+    """Running estimates of one model.
+
+    Parameters
+    ----------
+    model : RegressionModel
+        Its terms are always estimated.
+    aircraft : Aircraft, optional
+        For coefficients and reduced rates; without it the stream must give them.
+    band : (low, high)
+        [Hz]
+    spacing : float
+        Of the frequencies. [Hz]
+    candidates : sequence of str
+        Further terms, which enter by evidence.
+    goals : sequence of AccuracyGoal
+    rate : float, optional
+        Sampling rate; by default it is taken from the first stamps. [Hz]
+
+    Raises
+    ------
+    IdentificationError
+        A band or a spacing that gives no frequencies, or a model without a slope.
+    UnknownName
+        A goal of a term that is not in the model.
+    """
+
+    def __init__(
+        self,
+        model: RegressionModel,
+        aircraft: Aircraft | None = None,
+        band: tuple[float, float] = BAND,
+        spacing: float = SPACING,
+        candidates: Sequence[str] = (),
+        goals: Sequence[AccuracyGoal] = (),
+        rate: float | None = None,
+    ):
+        if not spacing > 0.0:
+            raise IdentificationError(f"spacing is {spacing:g} Hz; a positive one is needed")
+        self.frequencies = harmonics(1.0 / spacing, *band)
+        self.band, self.spacing = band, spacing
+        self.always = [term for term in model.terms if term != "1"]
+        self.terms = list(RegressionModel(model.coefficient, [*self.always, *candidates]).terms)
+        if not self.always:
+            raise IdentificationError(f"{model} has no slope; give at least one term")
+        for goal in goals:
+            if goal.term not in self.terms:
+                raise UnknownName(goal.term, self.terms, "term of a goal", "the model lacks it")
+        self.model, self.goals = model, tuple(goals)
+        full = RegressionModel(model.coefficient, self.terms, model.reference)
+        self.source = CoefficientSamples(full, aircraft)
+        self.clock = ClockedSamples(given=0.0 if rate is None else 1.0 / rate)
+        self.samples = 0
+        self._kept: list[_Window] = []
+        self._forgotten = 0
+        self._open: RunningTransform | None = None
+        self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
+        self._next = math.nan
+        self._met = 0
+        self._recent: list[FlightEstimate] = []
+        self._time = math.nan
+
+    def choose_channels(self, available: Sequence[str]) -> list[str]:
+        """Return the channels that the model needs; raise UnknownName for a missing one."""
+        return self.source.choose_channels(available)
+
+    def add(
+        self, time: np.ndarray, values: np.ndarray, left_out: int = 0, final: bool = False
+    ) -> Iterator[FlightEstimate]:
+        """Yield the estimates of all whole seconds up to the given samples.
+
+        Parameters
+        ----------
+        time : array (samples,)
+            [s]
+        values : array (samples, channels)
+            In the order of `choose_channels`. [SI]
+        left_out : int
+            Lines of the stream that were left out so far, for the counts.
+        final : bool
+            Whether the stream ends here; the last estimate is then that of all samples.
+        """
+        for is_new, times, rows in self.clock.divide(time, values, final):
+            if is_new:
+                yield from self._flush(left_out)
+                self._close()
+                self.source.begin()
+                self._next = math.nan
+            self._waiting.append((times, rows))
+            if self._is_due(float(times[-1])):
+                yield from self._flush(left_out)
+        if final:
+            yield from self._flush(left_out)
+        if final and self.samples:
+            yield self.estimate(left_out)
+
+    def _is_due(self, time: float) -> bool:
+        """Return whether the waiting samples complete a second, or begin a stretch.
+
+        Samples wait for it because a conversion of many takes as long as that of one.
+        """
+        if math.isnan(self._next):
+            count = sum(len(times) for times, _ in self._waiting)
+            return count > self.source.delay
+        return time >= self._next + (self.source.delay - 0.5) * self.clock.step
+
+    def _flush(self, left_out: int) -> Iterator[FlightEstimate]:
+        """Convert the waiting samples, and yield the estimates of all whole seconds."""
+        if not self._waiting:
+            return
+        times = np.concatenate([part[0] for part in self._waiting])
+        rows = np.concatenate([part[1] for part in self._waiting])
+        self._waiting = []
+        times, rows = self.source.convert(times, rows)
+        # With a wheel on the ground there is no coefficient: a stretch ends there.
+        usable = np.isfinite(rows).all(axis=1)
+        edges = np.flatnonzero(np.diff(usable)) + 1
+        for part in np.split(np.arange(len(times)), edges):
+            if len(part) and not usable[part[0]]:
+                self._close()
+            elif len(part):
+                yield from self._add_part(times[part], rows[part], left_out=left_out)
+
+    def _add_part(
+        self, times: np.ndarray, rows: np.ndarray, left_out: int
+    ) -> Iterator[FlightEstimate]:
+        """Add samples (samples, 1 + terms) of one stretch; yield at every second."""
+        longest = max(_SHORTEST, round(1.0 / (self.spacing * self.clock.step)))
+        first = 0
+        while first < len(times):
+            if self._open is None:
+                self._open = RunningTransform(
+                    self.frequencies, self.clock.step, 1 + len(self.terms)
+                )
+                if self.frequencies[-1] > 0.5 / self.clock.step:
+                    raise IdentificationError(
+                        f"{self.frequencies[-1]:g} Hz is beyond half the sampling rate, "
+                        f"{0.5 / self.clock.step:g} Hz; lower the band"
+                    )
+            if math.isnan(self._next):
+                self._next = times[first] + EVERY
+            last = min(len(times), first + longest - self._open.samples)
+            due = np.flatnonzero(times[first:last] >= self._next - 0.5 * self.clock.step)
+            if len(due):
+                last = first + int(due[0]) + 1
+            self._open.add(rows[first:last])
+            self.samples += last - first
+            self._time = float(times[last - 1])
+            if self._open.samples >= longest:
+                self._close()
+            if len(due):
+                behind = (self._time - self._next) / EVERY
+                self._next += EVERY * max(1.0, math.floor(behind + 0.5) + 1.0)
+                yield self.estimate(left_out)
+            first = last
+
+    def _close(self) -> None:
+        """Keep the transform of the open window if it reaches down to the band."""
+        window = self._open
+        self._open = None
+        if window is not None and self._is_long(window):
+            self._kept.append(_window_of(window))
+            self._forgotten += len(self._kept) > KEPT
+            self._kept = self._kept[-KEPT:]
+
+    def _is_long(self, window: RunningTransform) -> bool:
+        is_whole = window.duration * self.band[0] >= 1.0 - _ROUNDING
+        return is_whole and window.samples >= _SHORTEST
+
+    def estimate(self, left_out: int = 0) -> FlightEstimate:
+        """Return the estimates from all samples so far."""
+        counts = {
+            "left_out": left_out,
+            "bridged": self.clock.bridged,
+            "gaps": self.clock.gaps,
+            "clock_jumps": self.clock.jumps,
+            "repeated": self.clock.repeated,
+            "forgotten_windows": self._forgotten,
+        }
+        windows = list(self._kept)
+        if self._open is not None and self._is_long(self._open):
+            windows.append(_window_of(self._open))
+        if not windows:
+            text = f"waiting for {1.0 / self.band[0]:.3g} s without a gap"
+            return self._without_estimate(text, counts)
+        rows = np.concatenate([window.rows for window in windows])
+        parts = _stretches(windows, self.frequencies)
+        largest = np.max([window.largest for window in windows], axis=0)
+        try:
+            used, solved = self._choose_terms(rows, parts, largest)
+        except IdentificationError as error:
+            return self._without_estimate(str(error), counts)
+        stderr = np.sqrt(np.diag(solved.errors.covariance))
+        found = FlightEstimate(
+            self._time,
+            self.samples,
+            tuple(self.terms[k] for k in used),
+            solved.theta,
+            stderr,
+            R2=solved.R2,
+            counts=counts,
+        )
+        unsteady = self._find_unsteady(found)
+        is_met = bool(self.goals)
+        for goal in self.goals:
+            is_met = is_met and goal.is_met(found) and goal.term not in unsteady
+        self._met = self._met + 1 if is_met else 0
+        self._recent = [*self._recent, found][-RECENT:]
+        return replace(found, unsteady=unsteady, is_accurate=self._met >= LASTING)
+
+    def _find_unsteady(self, found: FlightEstimate) -> tuple[str, ...]:
+        """Return the terms that have left one of the recent estimates."""
+        unsteady: dict[str, None] = {}
+        for earlier in self._recent:
+            # Another choice of terms changes the meaning of all of them.
+            if earlier.terms == found.terms:
+                moved = np.abs(found.values - earlier.values) > STEADY * earlier.stderr
+                unsteady |= {found.terms[k]: None for k in np.flatnonzero(moved)}
+        return tuple(unsteady)
+
+    def _without_estimate(self, text: str, counts: dict[str, int]) -> FlightEstimate:
+        self._met = 0
+        return FlightEstimate(self._time, self.samples, waiting=text, counts=counts)
+
+    def _choose_terms(
+        self, rows: np.ndarray, parts: list[TransformedStretch], largest: np.ndarray
+    ) -> tuple[list[int], _Solved]:
+        """Return the positions of the terms of the model and of the candidates with evidence, and
+        their estimates.
+        """
+        used = list(range(len(self.always)))
+        self._demand(rows, used, parts, largest)
+        solved = _solve(rows, used, parts)
+        remaining = list(range(len(self.always), len(self.terms)))
+        while remaining:
+            best = _most_explaining(rows, used, remaining, solved.v)
+            trial = [*used, best]
+            remaining.remove(best)
+            try:
+                self._demand(rows, trial, parts, largest)
+            except IdentificationError:
+                continue
+            tried = _solve(rows, trial, parts)
+            # Rise of the criterion by one term: t^2 - ln n, with the independent equations n.
+            stderr = math.sqrt(tried.errors.covariance[-1, -1]) / float(tried.errors.factor[-1])
+            t = float(tried.theta[-1]) / stderr if stderr > 0.0 else math.inf
+            count = _independent_equations(parts)
+            if t * t - math.log(count) < STRONG:
+                break
+            used, solved = trial, tried
+        return used, solved
+
+    def _demand(
+        self,
+        rows: np.ndarray,
+        used: list[int],
+        parts: list[TransformedStretch],
+        largest: np.ndarray,
+    ) -> None:
+        columns = [1 + k for k in used]
+        demand_frequencies(
+            str(self.model.coefficient),
+            rows[:, columns],
+            X=largest[None, columns],
+            parts=parts,
+            terms=[self.terms[k] for k in used],
+        )
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Transforms (frequency, 1 + terms) of one window."""
+
+    rows: np.ndarray
+    samples: int
+    step: float
+    largest: np.ndarray
+
+
+def _window_of(running: RunningTransform) -> _Window:
+    return _Window(running.transform(), running.samples, running.step, running.largest)
+
+
+def _stretches(windows: Sequence[_Window], frequencies: np.ndarray) -> list[TransformedStretch]:
+    """Return the positions of the windows in samples and rows."""
+    parts, sample, row = [], 0, 0
+    for window in windows:
+        parts.append(
+            TransformedStretch(
+                slice(sample, sample + window.samples),
+                window.step,
+                frequencies,
+                slice(row, row + len(frequencies)),
+            )
+        )
+        sample, row = sample + window.samples, row + len(frequencies)
+    return parts
+
+
+def _independent_equations(parts: Sequence[TransformedStretch]) -> float:
+    """Return the number of independent real equations: two for each 1/T of the band."""
+    total = 0.0
+    for part in parts:
+        width = float(part.frequencies[-1] - part.frequencies[0])
+        total += 2.0 * min(len(part.frequencies), 1.0 + width * part.duration)
+    return max(2.0, total)
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """Estimates of some terms, their errors, the complex residual, and R2 inside the band."""
+
+    theta: np.ndarray
+    errors: SlopeErrors
+    v: np.ndarray
+    R2: float
+
+
+def _solve(rows: np.ndarray, used: list[int], parts: list[TransformedStretch]) -> _Solved:
+    """Return the complex least-squares estimate, as `regress_frequency` with equal weights."""
+    zf, Xf = rows[:, 0], rows[:, [1 + k for k in used]]
+    if not zf.any():
+        raise IdentificationError("the coefficient is constant; look at its accelerations")
+    whitened = equal_weights(len(zf))
+    X, z = whitened.equations(Xf), whitened.equations(zf[:, None])[:, 0]
+    theta, E = least_squares.solve_least_squares(X, z)
+    v = whitened.residual(zf, Xf, theta)
+    D = least_squares.estimator_matrix(E)
+    errors = estimate_slope_errors(v, E, D=D, whitened=whitened, parts=parts)
+    R2 = 1.0 - float((np.abs(v) ** 2).sum() / (np.abs(zf) ** 2).sum())
+    return _Solved(theta, errors, v, R2)
+
+
+def _most_explaining(rows: np.ndarray, used: list[int], remaining: list[int], v: np.ndarray) -> int:
+    """Return the remaining term that reduces the residual most."""
+    whitened = equal_weights(len(v))
+    Q = np.linalg.qr(whitened.equations(rows[:, [1 + k for k in used]]))[0]
+    residual = whitened.equations(v[:, None])[:, 0]
+    gains = []
+    for k in remaining:
+        x = whitened.equations(rows[:, 1 + k, None])[:, 0]
+        own = x - Q @ (Q.T @ x)
+        size = float(own @ own)
+        # A candidate that the terms in the model explain has nothing of its own.
+        is_own = size > 1e-12 * float(x @ x)
+        gains.append(float(own @ residual) ** 2 / size if is_own else 0.0)
+    return remaining[int(np.argmax(gains))]
