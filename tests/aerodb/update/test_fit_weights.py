@@ -111,14 +111,21 @@ def test_without_a_majority_no_fit_is_chosen() -> None:
 
 
 def test_databases_without_a_stored_reach_keep_theirs() -> None:
-    """The fade of the a-priori correlation has one correlation length, and earlier ones half."""
+    """The fade of the a-priori correlation is smooth at the edge of the flown region.  In earlier
+    databases it is an exponential of one correlation length, and in the first ones of half.
+    """
     prior, truth = prior_and_truth()
     leaf = tabulate(local_models(truth, 9, {})[:1], prior)["CL/basic"]
     for name in ("level", "long", "short"):
         leaf["prior_error"].attrs[name] = 0.0
     distance = leaf["flown_distance"].values.ravel()
     i, j = np.argmin(distance), np.argmax(distance)
-    for reach in (1.0, 0.5):
+    d = distance[j] - distance[i]
+    for fade, attribute in (
+        (np.exp(-(d**2) / 2.0), "fade_power"),
+        (np.exp(-d), "reach_length"),
+        (np.exp(-2.0 * d), None),
+    ):
         P = covariance_between_nodes(leaf, np.array([i, i]), np.array([i, j]))
-        assert P[1] / P[0] == pytest.approx(np.exp(-(distance[j] - distance[i]) / reach))
-        leaf["prior_error"].attrs.pop("reach_length", None)
+        assert P[1] / P[0] == pytest.approx(fade)
+        leaf["prior_error"].attrs.pop(attribute, None)
