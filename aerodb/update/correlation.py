@@ -63,7 +63,7 @@ PARTS = tuple(SHARES)
 # Correlation lengths of the distance D, and of the smooth curves of `long`.  A longer reach, or one
 # that is smooth at the edge, gives nodes outside smaller errors and covers fewer of them beyond a
 # kink.
-REACH, _LONG = 1.0, 2.0
+REACH, _LONG = 0.8, 2.0
 FADE_POWER, EARLIER_POWER, _EARLIER_LONG = 2.0, 1.0, 4.0
 # A table is odd in an axis if breakpoints and values change their sign within rounding: of the range
 # of the axis, and of the sum of the standard errors of both nodes.
