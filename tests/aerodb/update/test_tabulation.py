@@ -405,6 +405,22 @@ def test_an_error_of_effectiveness_turns_with_the_deflection():
     np.testing.assert_allclose(P, np.outer(0.1 * delta, 0.1 * delta), atol=1e-12)
 
 
+def test_the_constant_error_of_an_odd_table_turns_with_the_deflection():
+    """Both ailerons together have no yaw, so that its error has none either, however small the
+    printed values are.  In a table that is not odd, the constant error keeps its sign.
+    """
+    delta = np.array([-20.0, -10.0, 0.0, 10.0, 20.0]) * DEG
+    stderr = np.where(delta == 0.0, 0.0, 0.005)
+    odd = terms.make_term(0.001 * delta, {"delta_a": delta}, stderr=stderr, source="datcom")
+    P = prior_covariance(odd, level=1.0)
+    np.testing.assert_allclose(P, np.outer(stderr, stderr) * np.sign(np.outer(delta, delta)))
+    even = odd.assign(value=odd["value"].copy(data=0.02 * delta**2))
+    assert prior_covariance(even, level=1.0)[0, -1] > 0.0
+    # An error at zero deflection is that of a constant.
+    shifted = odd.assign(stderr=odd["stderr"].copy(data=np.full(5, 0.005)))
+    assert prior_covariance(shifted, level=1.0)[0, -1] > 0.0
+
+
 def test_slope_and_offset_errors_are_distinguished_by_the_standard_errors():
     alpha = np.arange(-8, 21, 2.0) * DEG
     value = 0.1 + 5.0 * alpha
