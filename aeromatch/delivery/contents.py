@@ -7,10 +7,9 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 import shutil
 import zipfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -30,24 +29,32 @@ from aerodb.exchange.tables.csv_checks import export_checkcases
 from aerodb.exchange.tables.csv_terms import export_csv
 from aerodb.exchange.tables.matlab import export_matlab
 from aeromatch.delivery.flown_checks import conditions_of, write_flown_checks
-from aeromatch.delivery.signing import MANIFEST, SIGNATURE, read_private_key, signature_text
+from aeromatch.delivery.package_documents import format_roadmap, readme_text
+from aeromatch.delivery.places import (
+    CONTENT,
+    FLOWN,
+    LICENCE,
+    MANIFEST,
+    README,
+    RECORDINGS,
+    ROADMAP,
+    SIGNATURE,
+    STATE_COUNT,
+    STATES,
+)
+from aeromatch.delivery.signing import read_private_key, signature_text
 from aeromatch.project.project import OWN_MODELS, Project
 from aeromatch.workflow.steps import REPORT
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.errors import AeromatchError, SchemaError, UnknownName
+from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 from flightmech.support.figures import make_template_environment
 from flightmech.support.input_files import file_sha256
 from flightmech.terms import power_factor
-from pom.report.overview import departure_table
-from pom.result_notices import departure_remarks, run_notices
 
-FLOWN, STATES = "check_cases/flown", "check_cases/states.csv"
 # Greatest height of the tables that replace formulas of the ground effect. [m]
 _HIGHEST = 1000.0
-# Number of check cases of the database.
-_STATES = 200
 # Folder in a zip.
 _FOLDER = "data_package"
 # Time stamp of every file in a zip, so that a repetition gives the same bytes.
@@ -141,40 +148,29 @@ def _fill(
     with step("write the database in every format"):
         refused = _export_database(folder / "database", database, aircraft)
     with step("write the check cases"):
-        export_checkcases(database, _make_parent(folder / STATES), _STATES)
+        export_checkcases(database, _make_parent(folder / STATES), STATE_COUNT)
         (folder / FLOWN).mkdir(parents=True)
         flown = write_flown_checks(
             database, aircraft, conditions_of(archive.results), folder / FLOWN
         )
     if not flown:
         refused[FLOWN] = "no case starts from a trimmed flight in the air"
-    _write_text(folder / "roadmap.csv", format_roadmap(archive.results))
-    _write_text(folder / "recordings.csv", _recordings_text(project, archive))
-    results = []
-    for result in archive.results:
-        statuses = [(run, result.status(run)) for run in result.runs]
-        results.append((result.case.id, result.case.title, statuses))
-    keys = [result.case.name for result in archive.results]
+    _write_text(folder / ROADMAP, format_roadmap(archive.results))
+    _write_text(folder / RECORDINGS, _recordings_text(project, archive))
     facts = {
         "title": project.title,
         "revision": wishes.revision,
         "version": version("aeromatch"),
-        "results": results,
-        "departures": departure_table(keys, archive.results),
-        "notices": _notice_lines(archive.results),
         "refused": refused,
-        "flown": [file.name for file in flown],
-        "recordings": wishes.recordings,
         "platforms": list_fmu_platforms(match / "final.fmu"),
-        "licence": wishes.licence is not None,
     }
-    pages = make_template_environment(PackageLoader("aeromatch.delivery", "."))
-    _write_text(folder / "README.md", pages.get_template("README.md.j2").render(facts))
+    _write_text(folder / README, readme_text(folder, facts, archive.results))
     if wishes.licence:
         licence = wishes.licence.read_text(encoding="utf-8")
     else:
-        licence = pages.get_template("LICENCE.md.j2").render(facts)
-    _write_text(folder / "LICENCE.md", licence)
+        pages = make_template_environment(PackageLoader("aeromatch.delivery", "."))
+        licence = pages.get_template(f"{LICENCE}.j2").render(facts)
+    _write_text(folder / LICENCE, licence)
     # The manifest is last, because it has the hashes of all other files.
     manifest = manifest_text(folder, facts)
     _write_text(folder / MANIFEST, manifest)
@@ -182,18 +178,6 @@ def _fill(
         key = read_private_key(wishes.sign)
         _write_text(folder / SIGNATURE, signature_text(manifest.encode(), key))
     return refused
-
-
-def _notice_lines(results: Sequence[pom.PomResult]) -> list[tuple[str, str, str]]:
-    """Return case, model and text of the notices that are not departures."""
-    lines = []
-    for result in results:
-        for run in result.runs:
-            departures = set(departure_remarks(result, run))
-            for text in run_notices(result, run):
-                if text not in departures:
-                    lines.append((result.case.name, run, text))
-    return lines
 
 
 def _copy_files(folder: Path, project: Project, match: Path, wishes: PackageOptions) -> None:
@@ -228,7 +212,7 @@ def _export_database(folder: Path, database: xr.DataTree, aircraft: Aircraft) ->
     writers: dict[str, Callable[[Path], None]] = {
         "final.mat": lambda path: export_matlab(database, path),
         "final_csv": lambda path: export_csv(database, path),
-        "final.dml": lambda path: export_daveml(tables, path, aircraft, _STATES),
+        "final.dml": lambda path: export_daveml(tables, path, aircraft, STATE_COUNT),
         "final_jsbsim.xml": lambda path: export_jsbsim(tables, path, aircraft),
     }
     refused = {}
@@ -249,103 +233,6 @@ def _with_height_tables(database: xr.DataTree) -> xr.DataTree:
         if factor is not None and lookup(factor.variable).units == "m":
             tables[name] = with_height_table(leaf, _HIGHEST)
     return aerodb.replace_terms(database, tables, "tables for formulas over the height")
-
-
-def format_roadmap(results: Sequence[Any]) -> str:
-    """Return the validation data roadmap as CSV.
-
-    A line has the row of the standard, the record that proves it, the configuration, and the
-    verdicts.
-    """
-    runs: dict[str, None] = {}
-    for result in results:
-        runs |= dict.fromkeys(result.runs)
-    target = io.StringIO()
-    rows = csv.writer(target, lineterminator="\n")
-    columns = (
-        "row",
-        "title",
-        "standard",
-        "edition",
-        "case",
-        "record",
-        "start [s]",
-        "end [s]",
-        "configuration",
-        "mass [kg]",
-        "h [m]",
-        "V [m/s]",
-        "c.g. [% MAC]",
-        "flight condition of the row",
-        "source of data",
-        *_SOURCE_COLUMNS,
-        "departures",
-    )
-    verdicts = [f"{run}: verdict" for run in runs]
-    ratios = [f"{run}: worst ratio" for run in runs]
-    rows.writerow([*columns, *verdicts, *ratios])
-    for result in results:
-        rows.writerow([*_case_cells(result), *_verdict_cells(result, runs)])
-    return target.getvalue()
-
-
-_SOURCES = {
-    "flight": "flight test",
-    "engineering": "engineering simulator",
-    "footprint": "footprint of the device",
-}
-_SOURCE_COLUMNS = {
-    "document": "document",
-    "pages": "pages",
-    "revision": "revision",
-    "date": "date",
-    "engine standard": "engine",
-    "avionics standard": "avionics",
-}
-"""By column of the roadmap: key of ``[source]`` of a case."""
-
-
-def _case_cells(result: Any) -> list[str]:
-    """Return the cells of a case in the roadmap: its row, record, window, condition and source."""
-    case, condition = result.case, dict(result.conditions)
-    cells = [case.id, case.title, case.standard, case.edition, case.name, Path(case.record).name]
-    cells += [f"{time:g}" for time in case.window]
-    gear = "down" if condition.get("gear", 0.0) > 0.5 else "up"
-    flaps = condition.get("delta_f", 0.0) * 57.29577951308232
-    cells.append(f"flaps {flaps:.1f} deg; gear {gear}")
-    for name in ("mass", "h", "V"):
-        cells.append(f"{condition[name]:.1f}" if name in condition else "")
-    cells.append(f"{100.0 * condition['x_cg']:.1f}" if "x_cg" in condition else "")
-    cells.append(_row_condition(case))
-    cells.append(_SOURCES.get(case.reference, case.reference))
-    cells += [case.source.get(key, "") for key in _SOURCE_COLUMNS.values()]
-    # what all models share is printed once
-    departures: dict[str, None] = {}
-    for run in result.runs:
-        departures |= dict.fromkeys(departure_remarks(result, run))
-    cells.append("; ".join(text.removeprefix("departure: ") for text in departures))
-    return cells
-
-
-def _row_condition(case: Any) -> str:
-    """Return the flight condition of the row of a case; empty for a test of another table."""
-    try:
-        return case.printed_rows()[0]["flight_condition"].replace("_", " ")
-    except UnknownName:
-        return ""
-
-
-def _verdict_cells(result: Any, runs: Iterable[str]) -> list[str]:
-    """Return the verdicts of all runs, then their worst ratios; empty where there is none."""
-    verdicts, ratios = [], []
-    for run in runs:
-        verdict, ratio = "", math.nan
-        if run in result.runs:
-            verdict = result.status(run)
-            ratio = result.deciding_row(run).get("worst_ratio", math.nan)
-        verdicts.append(verdict)
-        ratios.append(f"{ratio:.3f}" if math.isfinite(ratio) else "")
-    return verdicts + ratios
 
 
 def _recordings_text(project: Project, archive: Any) -> str:
@@ -387,7 +274,7 @@ def manifest_text(folder: Path, about: dict[str, Any]) -> str:
         if file.is_file() and name not in (MANIFEST, SIGNATURE):
             files[name] = file_sha256(file)
     keys = ("title", "revision", "version", "refused", "platforms")
-    content = {"content": "aeromatch data package, format 1", "files": files}
+    content = {"content": CONTENT, "files": files}
     content |= {key: about[key] for key in keys if key in about}
     return json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
 

@@ -1,30 +1,33 @@
-"""Files of a data package: unpacking, structure and hashes. Nothing in them is read or run."""
+"""Files of a data package: structure, manifest and hashes. Nothing in them is read or run."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import stat
-import tempfile
-import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from aeromatch.delivery.contents import FLOWN, STATES
-from aeromatch.delivery.signing import MANIFEST, SIGNATURE
-from flightmech.errors import AeromatchError, ParseError, SchemaError
+from aeromatch.delivery.package_opening import MOST_FILES
+from aeromatch.delivery.places import (
+    CONTENT,
+    FORMATS,
+    MANIFEST,
+    README,
+    RECORDINGS,
+    ROADMAP,
+    SIGNATURE,
+    STATES,
+)
+from flightmech.errors import ParseError
 from flightmech.support.foreign_code.process import printable
 from flightmech.support.input_files import file_sha256, json_content
 
-# Largest unpacked size of a zip, and of the manifest. [byte]
-_MOST, _LARGEST_MANIFEST = 20_000_000_000, 64_000_000
-# Unpacked size against that of the zip; tables of numbers shrink to a tenth at best. [byte]
-_SMALL, _MOST_TIMES = 100_000_000, 100
-# Greatest number of files: a package has one hundred.
-_MOST_FILES = 100_000
+_LARGEST_MANIFEST = 64_000_000  # byte
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 # Every package has these files, so that a check is not avoided by leaving its file out.
 _NEEDED = (
@@ -33,14 +36,9 @@ _NEEDED = (
     "models/final.fmu",
     "report/manifest.json",
     STATES,
-)
-# These are left out only if the manifest states the reason.
-FORMATS = (
-    "database/final.mat",
-    "database/final_csv",
-    "database/final.dml",
-    "database/final_jsbsim.xml",
-    FLOWN,
+    README,
+    ROADMAP,
+    RECORDINGS,
 )
 
 
@@ -64,82 +62,13 @@ class PackageCheck:
     detail: str = ""
 
 
-@contextmanager
-def unpack_package(package: str | Path) -> Iterator[Path]:
-    """Yield the folder of a package; a zip is unpacked into a temporary folder.
-
-    Raises
-    ------
-    SchemaError
-        The path is not a data package, or the zip is damaged, too large, has members outside of its
-        folder or two of one name.
-    """
-    package = Path(package)
-    if package.is_dir():
-        yield _require_manifest(package)
-        return
-    if not (package.is_file() and zipfile.is_zipfile(package)):
-        raise SchemaError(
-            str(package), ["neither a folder nor a zip; give what `aeromatch package make` wrote"]
-        )
-    with tempfile.TemporaryDirectory() as temporary:
-        try:
-            with zipfile.ZipFile(package) as content:
-                _demand_members(content, package)
-                content.extractall(temporary)
-        except (AeromatchError, OSError):
-            raise
-        # zipfile and its decoders raise BadZipFile, zlib.error, EOFError, RuntimeError and others
-        except Exception as error:
-            fault = f"a damaged zip ({str(error)[:100]}); copy it again"
-            raise SchemaError(str(package), [printable(fault)]) from None
-        root = Path(temporary)
-        folders = [item for item in root.iterdir() if item.is_dir()]
-        if len(folders) == 1:
-            root = folders[0]
-        yield _require_manifest(root)
-
-
-def _demand_members(content: zipfile.ZipFile, package: Path) -> None:
-    """Raise unless the members of a zip are as `aeromatch package make` writes them."""
-    members = content.infolist()
-    # A small zip can unpack to fill the disk.
-    size, packed = sum(item.file_size for item in members), package.stat().st_size
-    if size > min(_MOST, _SMALL + _MOST_TIMES * packed):
-        text = f"unpacks to {size:g} bytes, from {packed:g}; at most {_MOST_TIMES} times as much"
-        raise SchemaError(str(package), [text])
-    if len(members) > _MOST_FILES:
-        raise SchemaError(str(package), [f"{len(members)} files; at most {_MOST_FILES}"])
-    seen: set[str] = set()
-    for item in members:
-        name = item.filename
-        if name.startswith("/") or "\\" in name or ".." in Path(name).parts:
-            raise SchemaError(str(package), [f"{name!r} leads out of the package"])
-        if item.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise SchemaError(str(package), [f"{name!r} is not packed as a data package is"])
-        if name in seen:
-            raise SchemaError(str(package), [f"two files are named {name!r}"])
-        seen.add(name)
-    # What lies outside the folder of the package would escape every check.
-    folders = {name.split("/")[0] for name in seen}
-    if MANIFEST not in seen and len(folders) > 1:
-        names = ", ".join(map(repr, sorted(folders)[:4]))
-        raise SchemaError(str(package), [f"more than one folder ({names}); a package is one"])
-
-
-def _require_manifest(folder: Path) -> Path:
-    if not (folder / MANIFEST).is_file():
-        raise SchemaError(str(folder), [f"no {MANIFEST}; give what `aeromatch package make` wrote"])
-    return folder
-
-
 def read_package_manifest(folder: Path) -> dict[str, Any]:
     """Return the manifest of a package.
 
     Raises
     ------
     ParseError
-        The file is not a manifest.
+        The file is not a manifest, or has a key twice.
     """
     file = folder / MANIFEST
     if file.stat().st_size > _LARGEST_MANIFEST:
@@ -154,7 +83,24 @@ def read_package_manifest(folder: Path) -> dict[str, Any]:
         raise ParseError(str(file), 0, found, "a manifest of a data package")
     if not isinstance(content.get("refused", {}), dict):
         raise ParseError(str(file), 0, "'refused' that is not a table", "reasons by file")
+    # Of a key that stands twice, one program reads the first value and another one the last.
+    repeated = _repeated_key(text)
+    if repeated is not None:
+        raise ParseError(str(file), 0, f"the key {repeated!r} twice", "each key once")
     return content
+
+
+def _repeated_key(text: str) -> str | None:
+    """Return a key that stands twice in an object of a JSON text, or None."""
+    repeated: list[str] = []
+
+    def note_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        names = [name for name, _ in pairs]
+        repeated.extend(name for name in names if names.count(name) > 1)
+        return dict(pairs)
+
+    json.loads(text, object_pairs_hook=note_keys)
+    return repeated[0] if repeated else None
 
 
 def check_structure(folder: Path) -> list[PackageCheck]:
@@ -164,37 +110,108 @@ def check_structure(folder: Path) -> list[PackageCheck]:
     """
     manifest = read_package_manifest(folder)
     faults: dict[str, str] = {}
-    present: set[str] = set()
+    present: dict[str, bool] = {}
     for parent, folders, names in os.walk(folder):
         for name in [*folders, *names]:
             path = Path(parent) / name
             relative = path.relative_to(folder).as_posix()
-            present.add(relative)
             mode = path.lstat().st_mode
+            present[relative] = stat.S_ISDIR(mode)
             if not relative.isprintable():
                 faults[repr(relative)] = "a name with control characters"
             elif not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
                 faults[relative] = "a link or a device; a package has files and folders only"
-        if len(present) > _MOST_FILES:
-            faults["files"] = f"more than {_MOST_FILES}"
+        if len(present) > MOST_FILES:
+            faults["files"] = f"more than {MOST_FILES}"
             break
-    for name, digest in manifest["files"].items():
-        if not _is_plain(name):
-            faults[repr(name)] = f"a name in {MANIFEST} that leads out of the package"
-        elif not (isinstance(digest, str) and _DIGEST.fullmatch(digest)):
-            faults[name] = f"no SHA-256 in {MANIFEST}"
+    faults |= _manifest_faults(manifest)
+    faults |= _find_alike(dict.fromkeys([*present, *manifest["files"]]))
     for name in _NEEDED:
-        if name not in present:
+        if present.get(name, True):
             faults[name] = "missing; every package has it"
     for name in FORMATS:
-        if name not in present and not manifest.get("refused", {}).get(name):
+        reason = manifest.get("refused", {}).get(name)
+        if name not in present and not reason:
             faults[name] = f"missing, and {MANIFEST} states no reason"
+        elif reason and not _is_empty(folder / name):
+            faults[name] = f"there, but {MANIFEST} states why it is not"
     checks = []
     for name, fault in faults.items():
         checks.append(PackageCheck("structure", name, good=False, detail=fault))
     if not checks:
         checks.append(PackageCheck("structure", "files", good=True, detail=f"{len(present)}"))
     return checks
+
+
+def _is_empty(path: Path) -> bool:
+    """Return whether a path is nothing, or a folder without files."""
+    if path.is_dir() and not path.is_symlink():
+        return not any(path.iterdir())
+    return not os.path.lexists(path)
+
+
+def _manifest_faults(manifest: Mapping[str, Any]) -> dict[str, str]:
+    """Return what is wrong with the keys of a manifest, by name."""
+    faults: dict[str, str] = {}
+    for key in manifest.keys() - _KEYS.keys():
+        faults[f"{MANIFEST}: {printable(key)[:40]}"] = "a key that no package has"
+    for key, is_right in _KEYS.items():
+        if key not in manifest or not is_right(manifest[key]):
+            faults[f"{MANIFEST}: {key}"] = "missing, or not as a package states it"
+    for name, digest in manifest["files"].items():
+        if not _is_plain(name):
+            faults[repr(name)] = f"a name in {MANIFEST} that leads out of the package"
+        elif not (isinstance(digest, str) and _DIGEST.fullmatch(digest)):
+            faults[name] = f"no SHA-256 in {MANIFEST}"
+    return faults
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _are_texts(value: Any) -> bool:
+    return isinstance(value, list) and value != [] and all(map(_is_text, value))
+
+
+def _are_reasons(value: Any) -> bool:
+    """Return whether a value is a table of reasons for files that a package may lack."""
+    if not isinstance(value, dict) or not value.keys() <= {*FORMATS}:
+        return False
+    return all(isinstance(reason, str) and reason for reason in value.values())
+
+
+# Keys of a manifest, each with the function that accepts its value.
+_KEYS: dict[str, Callable[[Any], bool]] = {
+    "content": lambda value: value == CONTENT,
+    "title": _is_text,
+    "revision": _is_text,
+    "version": _is_text,
+    "platforms": _are_texts,
+    "refused": _are_reasons,
+    "files": lambda value: isinstance(value, dict),
+}
+
+
+def _find_alike(names: Iterable[str]) -> dict[str, str]:
+    """Return the names that other systems take for another name of the list.
+
+    On Windows and macOS one of the two files would replace the other.
+    """
+    faults: dict[str, str] = {}
+    seen: dict[tuple[str, ...], str] = {}
+    for name in names:
+        parts = [_portable_part(part) for part in name.split("/")]
+        first = seen.setdefault(tuple(parts), name)
+        if first != name:
+            faults[printable(name)] = f"other systems take it for {printable(first)}"
+    return faults
+
+
+def _portable_part(part: str) -> str:
+    """Return the part of a path without case, form of its accents, and the ends Windows ignores."""
+    folded = unicodedata.normalize("NFKC", part).casefold()
+    return folded.split(":")[0].rstrip(" .")
 
 
 def _is_plain(name: Any) -> bool:

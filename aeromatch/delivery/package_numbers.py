@@ -24,10 +24,18 @@ from aerodb.exchange.daveml.importer import import_daveml
 from aerodb.exchange.jsbsim.read import import_jsbsim
 from aerodb.exchange.tables.csv_checks import run_checkcases
 from aerodb.exchange.tables.csv_terms import import_csv
+from aerodb.exchange.tables.csv_text import read_csv
 from aerodb.exchange.tables.matlab import import_matlab
-from aeromatch.delivery.contents import FLOWN, STATES
-from aeromatch.delivery.flown_checks import compare_outputs, fly_by_kernel, read_flown_check
-from aeromatch.delivery.package_files import PackageCheck
+from aerodb.store.evaluation import SEED, outputs_at, random_states
+from aeromatch.delivery.flown_checks import (
+    compare_outputs,
+    find_wide_tolerances,
+    fly_by_kernel,
+    read_flown_check,
+)
+from aeromatch.delivery.package_documents import compare_documents
+from aeromatch.delivery.package_files import PackageCheck, read_package_manifest
+from aeromatch.delivery.places import FLOWN, README, RECORDINGS, ROADMAP, STATE_COUNT, STATES
 from flightmech.errors import AeromatchError
 from flightmech.support.foreign_code.process import (
     RunLimits,
@@ -87,8 +95,12 @@ def check_numbers(folder: Path) -> list[PackageCheck]:
 def _expected_checks(folder: Path) -> set[tuple[str, str]]:
     """Return kind and name of the checks that a package with these files has."""
     expected = {("states", name) for name in _READERS if (folder / name).exists()}
+    expected.add(("states", STATES))
+    expected |= {("report", name) for name in (README, ROADMAP, RECORDINGS)}
+    for file in (folder / "models").glob("*.fmu"):
+        expected.add(("report", f"models/{file.name}"))
     for file in (folder / FLOWN).glob("*.csv"):
-        expected.add(("flown", f"{file.name} by kernel"))
+        expected |= {("flown", f"{file.name}{end}") for end in (" by kernel", ", its tolerances")}
     return expected
 
 
@@ -121,11 +133,16 @@ def compute_checks(folder: Path) -> Iterator[PackageCheck]:
             is_other = item.kind == "program file" and item.state == "unknown"
             is_same = item.state == "same" or is_other
             yield PackageCheck("report", f"{item.kind}: {item.name}", good=is_same, detail=detail)
+    results = pom.read_archive(folder / "report").results
+    manifest = read_package_manifest(folder)
+    for name, detail, good in compare_documents(folder, manifest, results):
+        yield PackageCheck("report", name, good=good, detail=detail)
     yield from _check_states(folder)
     yield from _check_kernel_flights(folder)
 
 
 def _check_states(folder: Path) -> Iterator[PackageCheck]:
+    yield _check_coverage(folder)
     for name, (read, allowed) in _READERS.items():
         if not (folder / name).exists():
             continue
@@ -151,6 +168,22 @@ def _check_states(folder: Path) -> Iterator[PackageCheck]:
         )
 
 
+def _check_coverage(folder: Path) -> PackageCheck:
+    """Return the check that the table of states has all of its states, and all outputs."""
+    try:
+        database = aerodb.open(folder / "database/final.nc")
+        table, problems = read_csv(folder / STATES)
+    except AeromatchError as error:
+        return PackageCheck("states", STATES, good=False, detail=str(error))
+    states = random_states(database, count=1, seed=SEED)
+    missing = [name for name in outputs_at(database, states, 1) if name not in table.columns]
+    detail = f"{len(table.lines)} states"
+    if missing:
+        detail += f", without the outputs {', '.join(missing[:10])}"
+    good = len(table.lines) >= STATE_COUNT and not missing and not problems
+    return PackageCheck("states", STATES, good=good, detail=detail)
+
+
 def _check_kernel_flights(folder: Path) -> Iterator[PackageCheck]:
     files = sorted((folder / FLOWN).glob("*.csv"))
     if not files:
@@ -161,6 +194,20 @@ def _check_kernel_flights(folder: Path) -> Iterator[PackageCheck]:
     )
     for file in files:
         yield check_flight(file, "kernel", lambda case, facts: fly_by_kernel(sim, case, facts))
+        yield _check_tolerances(file, sim)
+
+
+def _check_tolerances(file: Path, sim: Any) -> PackageCheck:
+    """Return the check that the tolerances of a check case are not wider than their rule."""
+    name = f"{file.name}, its tolerances"
+    try:
+        wide = find_wide_tolerances(sim, *read_flown_check(file))
+    except (AeromatchError, ValueError, KeyError) as error:
+        return PackageCheck("flown", name, good=False, detail=printable(str(error)))
+    detail = "those of the rule"
+    if wide:
+        detail = f"none, or wider than the rule: {', '.join(wide)}"
+    return PackageCheck("flown", name, good=not wide, detail=detail)
 
 
 def check_flight(

@@ -14,10 +14,10 @@ from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
+from aeromatch.delivery.places import MANIFEST, SIGNATURE
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import written_atomically
 
-MANIFEST, SIGNATURE = "manifest.json", "manifest.sig"
 FORMAT = "aeromatch signature of a data package, format 1"
 # A signature of a package is not one of another text.
 _CONTEXT = FORMAT.encode() + b"\n"

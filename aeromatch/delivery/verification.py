@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from aeromatch.delivery.contents import FLOWN
 from aeromatch.delivery.flown_checks import read_flown_check
 from aeromatch.delivery.fmu_flight import fly_cases_by_fmu, foreign_library, named_outputs
 from aeromatch.delivery.foreign_flight import Case
@@ -29,7 +28,8 @@ from aeromatch.delivery.package_files import (
     read_package_manifest,
 )
 from aeromatch.delivery.package_numbers import check_flight, check_numbers
-from aeromatch.delivery.signing import SIGNATURE, PackageSignature
+from aeromatch.delivery.places import FLOWN, SIGNATURE
+from aeromatch.delivery.signing import PackageSignature
 from flightmech.errors import AeromatchError, SimulationError
 from flightmech.support.foreign_code.sandbox import describe_sandbox
 

@@ -211,7 +211,10 @@ class NormalSums:
         Raises
         ------
         LinAlgError
-            A state is not determined. The arguments are the sample and the state.
+            A state is not determined: twelve digits of its information cancel. The arguments are
+            the sample and the state.
+        ValueError
+            More states than the kernel eliminates at once.
         """
         samples, states, constants = self.G.shape
         if self._elimination is None:
@@ -220,6 +223,8 @@ class NormalSums:
         result.products.fill(0.0)
         pointers = map(double_pointer, (result.L, result.V, result.columns, result.products))
         failed = load_kernel().am_eliminate(byref(self._sums), samples, *pointers)
+        if failed < -1:
+            raise ValueError(f"{states} states: the kernel eliminates 1 ... 32 at once")
         # a failure is the number of the state among all states of all samples
         if failed >= 0:
             raise np.linalg.LinAlgError(*divmod(failed, states))

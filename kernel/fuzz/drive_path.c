@@ -14,6 +14,7 @@ enum {
     MOST_CONSTANTS = 9,
     MOST_ROWS = 3,       /* of a reading */
     READINGS = 4,
+    MOST_STATES = 40,    /* of an elimination; more than AM_MOST_UNKNOWNS are refused */
     STRANGE = 32         /* one size in so many is one that is to be refused */
 };
 
@@ -178,7 +179,8 @@ static void eliminate(const am_normal *e, size_t samples) {
     double *right = room(samples * n * width);
     double *border = zeros(width * width);
     const long long failed = am_eliminate(e, samples, L, V, right, border);
-    promise(failed >= -1 && failed < (long long)(samples * n), "a state that there is");
+    if (n > AM_MOST_UNKNOWNS) promise(failed == -2, "more states are refused");
+    else promise(failed >= -1 && failed < (long long)(samples * n), "a state that there is");
     if (failed == -1) {
         double *x = zeros(samples * n * 3);
         am_substitute(e->states, samples, L, V, 3, x);
@@ -232,6 +234,22 @@ static void add_residuals(const path_t *p, bytes_t *bytes) {
     free_sums(&e);
 }
 
+/* Sums of any numbers, of more states than a path has. */
+static void eliminate_any(bytes_t *bytes) {
+    const size_t samples = 1 + take_byte(bytes) % 3;
+    const int states = 1 + take_byte(bytes) % MOST_STATES;
+    const int constants = take_byte(bytes) % MOST_CONSTANTS;
+    const size_t n = (size_t)states;
+    am_normal e = take_sums(samples, states, constants);
+    fill(e.D, samples * n * n, bytes);
+    fill(e.O, (samples - 1) * n * n, bytes);
+    fill(e.G, samples * n * (size_t)constants, bytes);
+    const double added = take_byte(bytes) % 4 ? 1e4 : 0.0; /* so that all states are determined */
+    for (size_t i = 0; i < samples * n; i++) e.D[i / n * n * n + i % n * (n + 1)] += added;
+    eliminate(&e, samples);
+    free_sums(&e);
+}
+
 static void follow(const path_t *p, bytes_t *bytes) {
     const am_drive *d = &p->drive;
     const size_t n = (size_t)d->states;
@@ -279,5 +297,6 @@ void call_estimation(bytes_t *bytes) {
     take_path(&path, bytes);
     follow(&path, bytes);
     add_residuals(&path, bytes);
+    eliminate_any(bytes);
     free_path(&path);
 }

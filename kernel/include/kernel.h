@@ -423,8 +423,9 @@ AM_API int am_add_residuals(const am_normal *e, size_t samples, const am_residua
  * L[samples * states * states]: its diagonal blocks, lower halves; V[samples * states * states]:
  * the transposed blocks below them, of all samples but the last; right[samples * states * width],
  * width = constants + 1 in fours: F^-1 [G, gx, 0]; border[width * width], which the caller clears:
- * the products of these columns are added to its lower half.  Returns -1, or the number of the
- * state that nothing determines. */
+ * the products of these columns are added to its lower half.  Returns -1; the number of the state
+ * that nothing determines, by a pivot below 1e-12 of its diagonal in D; or -2 for no state or more
+ * than AM_MOST_UNKNOWNS, and nothing is written. */
 AM_API long long am_eliminate(const am_normal *e, size_t samples, double *L, double *V,
                               double *right, double *border);
 

@@ -12,7 +12,7 @@ import click
 
 from aeromatch.delivery.contents import PackageOptions, write_package
 from aeromatch.delivery.package_difference import package_difference
-from aeromatch.delivery.package_files import unpack_package
+from aeromatch.delivery.package_opening import unpack_package
 from aeromatch.delivery.signing import check_signature, make_key
 from aeromatch.delivery.verification import (
     check_package_signature,

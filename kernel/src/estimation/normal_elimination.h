@@ -18,9 +18,13 @@ static inline void add_scaled(int n, double x, const double *row, double *to) {
     for (; j < n; j++) to[j] += x * row[j];
 }
 
-/* Cholesky factor of the lower half of S, in place, and one over its pivots; the row that has no
- * positive pivot, or n. */
-static int factor_cholesky(int n, double *S, double *per_pivot) {
+/* A pivot that is a smaller part of the information on its state is rounding: its twelve leading
+ * digits have cancelled.  Along recorded flights the smallest is 4e-7. */
+static const double LOST = 1e-12;
+
+/* Cholesky factor of the lower half of S, in place, and one over its pivots; D: the same before
+ * neighbours were eliminated.  The row that nothing determines, or n. */
+static int factor_cholesky(int n, const double *D, double *S, double *per_pivot) {
     for (int i = 0; i < n; i++) {
         double *row = S + i * n;
         for (int j = 0; j < i; j++) {
@@ -30,7 +34,7 @@ static int factor_cholesky(int n, double *S, double *per_pivot) {
         }
         double sum = row[i];
         for (int l = 0; l < i; l++) sum -= row[l] * row[l];
-        if (!(sum > 0.0)) return i;
+        if (!(sum > LOST * D[i * n + i])) return i;
         row[i] = sqrt(sum);
         per_pivot[i] = 1.0 / row[i];
     }
@@ -134,7 +138,7 @@ static long long eliminate_samples(const am_normal *e, size_t samples, double *L
         double *S = L + k * n * n;
         double *block = V + k * n * n;
         double *here = right + k * n * width;
-        const int failed = factor_cholesky(n, S, per_pivot);
+        const int failed = factor_cholesky(n, e->D + k * n * n, S, per_pivot);
         if (failed < n) return (long long)k * n + failed;
         forward(n, S, per_pivot, width, here);
         add_to_border(n, width, here, border);

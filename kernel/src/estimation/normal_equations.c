@@ -53,6 +53,7 @@ int am_add_residuals(const am_normal *e, size_t samples, const am_residual_group
 
 long long am_eliminate(const am_normal *e, size_t samples, double *L, double *V, double *right,
                        double *border) {
+    if (e->states < 1 || e->states > AM_MOST_UNKNOWNS || e->constants < 0) return -2;
     return BEST(eliminate_samples, e, samples, L, V, right, border);
 }
 

@@ -19,7 +19,8 @@ from aeromatch.cli.delivery import package
 from aeromatch.delivery import flown_checks
 from aeromatch.delivery.fmu_flight import fly_by_fmu
 from aeromatch.delivery.jsbsim_flight import BANDS, PART, fly_by_jsbsim
-from aeromatch.delivery.package_files import unpack_package
+from aeromatch.delivery.package_documents import compare_documents
+from aeromatch.delivery.package_opening import unpack_package
 from aeromatch.delivery.verification import verify_package
 from flightmech.errors import ParseError, SchemaError, SimulationError
 from flightmech.support.input_files import file_sha256
@@ -313,6 +314,81 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
     dml = inside["database/final.dml"].decode()
     assert dml.count("<staticShot") > 100  # the check cases that DAVE-ML can hold
     assert "short period" in run("diff", tmp_path / "one.zip", tmp_path / "two.zip").output.lower()
+
+
+@pytest.mark.slow
+@pytest.mark.nightly  # with the match of the test before it
+def test_documents_of_a_package_follow_from_its_results(matched, tmp_path):
+    """Changes with true hashes, as by someone who makes the manifest anew."""
+    project, match = matched
+    folder = tmp_path / "folder"
+    assert run("make", project, match, "-o", folder, "--recordings").exit_code == 0
+    manifest = json.loads((folder / "manifest.json").read_text())
+    results = pom.read_archive(folder / "report").results
+
+    def found(manifest, last):
+        """The checks up to the one of a name."""
+        checks = {}
+        for name, _, good in compare_documents(folder, manifest, results):
+            checks[name] = good
+            if name == last:
+                break
+        return checks
+
+    checks = found(manifest, "recordings.csv")
+    assert all(checks.values())
+    assert {"README.md", "roadmap.csv", "models/final.fmu", "models/datcom.fmu"} <= set(checks)
+    assert sum(name.startswith("cases/") for name in checks) == 2
+    other = {
+        "title": "T-38",
+        "revision": "B",
+        "version": "9.9",
+        "platforms": [*manifest["platforms"], "darwin64"],
+        "refused": {"database/final.dml": "a reason"},
+    }
+    for key, value in other.items():
+        assert not found(manifest | {key: value}, "README.md")["README.md"], key
+
+    def harmed(name, change):
+        path = folder / name
+        raw = path.read_bytes()
+        path.write_bytes(change(raw))
+        good = found(manifest, name)[name]
+        path.write_bytes(raw)
+        return not good
+
+    assert harmed("README.md", lambda raw: raw.replace(b" fail |", b" pass |"))
+    assert harmed("roadmap.csv", lambda raw: raw.replace(b"t37_21_val", b"t37_22_val"))
+    datcom = (folder / "models/datcom.fmu").read_bytes()
+    assert harmed("models/corrected.fmu", lambda raw: datcom)
+    # the FMU is the judged one, but the database next to it is another
+    database = (folder / "database/datcom.nc").read_bytes()
+    (folder / "database/datcom.nc").write_bytes((folder / "database/final.nc").read_bytes())
+    assert not found(manifest, "models/datcom.fmu")["models/datcom.fmu"]
+    (folder / "database/datcom.nc").write_bytes(database)
+    (case,) = [item for item in sorted((folder / "cases").iterdir())][:1]
+    assert harmed(f"cases/{case.name}", lambda raw: raw + b"# more")
+    digest = file_sha256(T37 / "flight" / "t37_21_val_short_period_full_flaps_gear_down.nc")
+    assert harmed("recordings.csv", lambda raw: raw.replace(digest.encode(), b"0" * 64))
+    (record,) = [item for item in sorted((folder / "recordings").iterdir())][:1]
+    record.write_bytes(b"x")
+    assert not found(manifest, "recordings.csv")["recordings.csv"]
+
+
+@pytest.mark.slow
+def test_a_tolerance_beyond_its_rule_is_found(checks):
+    files, db, aircraft = checks
+    sim = flightmech.compile(aircraft, db)
+    case, facts, stated = flown_checks.read_flown_check(files[0])
+    assert flown_checks.find_wide_tolerances(sim, case, facts, stated) == []
+    for wide in ({"q": 1.1 * stated["q"]}, {"q": np.nan}, {"q": np.inf}):
+        assert flown_checks.find_wide_tolerances(sim, case, facts, stated | wide) == ["q"]
+    del stated["h"]
+    assert flown_checks.find_wide_tolerances(sim, case, facts, stated) == ["h"]
+    # wrong numbers of the file do not widen what is allowed for them
+    wrong = case.assign(q=case["q"] + 0.01)
+    stated["q"] = 0.1
+    assert flown_checks.find_wide_tolerances(sim, wrong, facts, stated) == ["q", "h"]
 
 
 def test_what_is_no_package_is_refused(tmp_path):

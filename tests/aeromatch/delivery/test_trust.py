@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives.asymmetric.ec import SECP256R1, generate_pri
 
 from aerodb.exchange.jsbsim.written_elements import keep_written_elements
 from aeromatch.cli.delivery import package
-from aeromatch.delivery import flown_checks, package_files
+from aeromatch.delivery import flown_checks, package_opening
 from aeromatch.delivery.flown_checks import OUTPUTS
 from aeromatch.delivery.fmu_flight import fly_cases_by_fmu, foreign_library
 from aeromatch.delivery.foreign_flight import fly_in_child
@@ -25,8 +25,9 @@ from aeromatch.delivery.package_files import (
     PackageCheck,
     check_hashes,
     check_structure,
-    unpack_package,
 )
+from aeromatch.delivery.package_opening import unpack_package
+from aeromatch.delivery.places import CONTENT
 from aeromatch.delivery.signing import (
     PackageSignature,
     check_signature,
@@ -50,6 +51,9 @@ FILES = (
     "models/final.fmu",
     "report/manifest.json",
     "check_cases/states.csv",
+    "README.md",
+    "roadmap.csv",
+    "recordings.csv",
 )
 REFUSED = {
     "database/final.mat": "a reason",
@@ -76,7 +80,15 @@ def write_manifest(folder, **changes):
     for name in FILES:
         if (folder / name).is_file():
             files[name] = file_sha256(folder / name)
-    content = {"files": files, "refused": REFUSED} | changes
+    content = {
+        "content": CONTENT,
+        "title": "x",
+        "revision": "",
+        "version": "1",
+        "platforms": ["linux64"],
+        "files": files,
+        "refused": REFUSED,
+    } | changes
     (folder / "manifest.json").write_text(json.dumps(content))
 
 
@@ -113,7 +125,7 @@ def test_a_changed_package_is_not_read_further(delivery):
 
 
 def test_a_zip_that_unpacks_to_many_times_its_size_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(package_files, "_SMALL", 1000)
+    monkeypatch.setattr(package_opening, "_SMALL", 1000)
     with zipfile.ZipFile(tmp_path / "x.zip", "w", zipfile.ZIP_DEFLATED) as content:
         content.writestr("a/zeros", bytes(10**6))
     refused = pytest.raises(SchemaError, match="at most 100 times as much")

@@ -148,3 +148,21 @@ def test_texts_and_messages_without_a_clock_are_named(tmp_path):
         "NOTE/Text": "text",
         "OLD": "5 messages without a time stamp",
     }
+
+
+def test_bytes_behind_the_end_of_a_unit_label_are_no_part_of_it(log, tmp_path):
+    """A fixed field of C holds anything behind its zero byte, and HDF5 refuses a text with one."""
+    harmed = {**UNITS, "E": "rad/s\0s2", "o": "m/s/s\0", "P": "\0Pa"}
+    log.write_bytes(dataflash.written(MESSAGES, harmed))
+    tables = {}
+    for table in flighttest.records.contents(log)["tables"]:
+        tables[table["table"]] = {one["column"]: one["unit"] for one in table["columns"]}
+    assert tables["IMU"]["GyrX"] == "rad/s"
+    assert tables["IMU"]["AccZ"] == "m/s2"  # the label is looked up without the zero byte
+    assert tables["BARO"]["Press"] == ""
+    (tmp_path / "rates.toml").write_text('[imu]\np = "IMU/GyrX"\naz_imu = "IMU/AccZ"\n')
+    record = flighttest.read(log, tmp_path / "rates.toml")
+    flighttest.save_record(record, tmp_path / "rates.nc")
+    kept = flighttest.read(tmp_path / "rates.nc")["imu"]
+    np.testing.assert_allclose(kept["p"].values, 0.01 * np.arange(COUNT), rtol=1e-6)
+    np.testing.assert_allclose(kept["az_imu"].values, -9.5)
