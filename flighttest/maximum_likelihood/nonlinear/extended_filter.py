@@ -30,7 +30,7 @@ from flighttest.maximum_likelihood.nonlinear.riccati import (
     settled_covariance,
 )
 
-REFRESH = 0.4  # time between two linearisations [s]
+REFRESH = 0.5  # time between two linearisations [s]
 
 
 class Flights(Protocol):
@@ -111,7 +111,7 @@ def filter_flights(
     e, S = np.empty((runs, *z.shape)), np.empty((runs, *z.shape, outputs))
     transition = _lag_transitions(settings.time, step)
     lags, R = settings.lags.copy(), settings.noise**2
-    every = max(1, round(REFRESH / step))
+    every = count_between(step)
     states = settings.intensity.shape[1]
     motion = states - 2 * settings.time.shape[1]
     with np.errstate(all="ignore"):
@@ -123,10 +123,8 @@ def filter_flights(
             if sample % every == 0 and not is_last:
                 slopes = flights.linearise(sample, gusts, coordinates)
                 model = _join_model(slopes, settings, transition, step=step)
-                failed = ~np.isfinite(model.F).all(axis=(1, 2)) | ~np.isfinite(model.H).all(
-                    axis=(1, 2)
-                )
-                flights.failed |= failed
+                for part in (model.F, model.H):
+                    flights.failed |= ~np.isfinite(part).all(axis=(1, 2))
                 model = _Model(*(np.nan_to_num(part) for part in model))
                 if not sample:
                     P = settled_covariance(model.F, model.H, model.Q, R)
@@ -152,6 +150,11 @@ def filter_flights(
             lags = ahead
     e[flights.failed], S[flights.failed] = np.nan, np.nan
     return e, S
+
+
+def count_between(step: float) -> int:
+    """Return the number of samples between two linearisations."""
+    return max(1, round(REFRESH / step))
 
 
 def _gusts_of(lags: np.ndarray, speed: np.ndarray) -> np.ndarray:

@@ -67,27 +67,9 @@ class FilteredFlight:
             self.last = values.copy(), e[0], S[0]
         return self.last[1], self.last[2]
 
-    def slopes(
-        self, values: np.ndarray, steps: np.ndarray, chosen: np.ndarray | None = None
-    ) -> InnovationSlopes:
-        """Return slopes by central differences; one-sided ones where a run fails.
-
-        A variance does not become negative: near zero, the differences are those about one step
-        above it.
-
-        Parameters
-        ----------
-        values : array (unknown,)
-        steps : array (chosen,)
-        chosen : array of int (chosen,), optional
-            Unknowns by which slopes are wanted. Default: all.
-        """
-        if chosen is None:
-            chosen = np.arange(len(values))
-        values, shifts = values.copy(), np.zeros((len(steps), len(values)))
-        shifts[np.arange(len(steps)), chosen] = steps
-        near = np.where(self.is_deviation[chosen], steps, -np.inf)
-        values[chosen] = np.maximum(values[chosen], near)
+    def slopes(self, values: np.ndarray, steps: np.ndarray) -> InnovationSlopes:
+        """Return slopes by central differences; one-sided ones where a run fails."""
+        values, shifts = self.above_zero(values, steps), np.diag(steps)
         e, S = self._filter(values + np.concatenate([shifts, -shifts]))
         succeeded = np.isfinite(e).all(axis=(1, 2))
         count = len(steps)
@@ -107,17 +89,27 @@ class FilteredFlight:
 
     def _filter(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return innovations and variances for rows of unknowns of the search."""
-        natural = np.where(self.is_deviation, self.starts * np.sqrt(np.abs(rows)), rows)
-        natural = np.where(self.is_length, self.starts * np.exp(self.is_length * rows), natural)
-        record = self.record
-        of_simulation = natural[:, self.simulated]
+        record, of_simulation = self.record, self.natural(rows)[:, self.simulated]
         self.flights.start(record.varied, of_simulation[:, record.simulated], record.fixed)
-        settings = self._make_settings(natural, of_simulation)
-        return filter_flights(self.flights, self.z, settings, self.step)
+        return filter_flights(self.flights, self.z, self.settings(rows), self.step)
 
-    def _make_settings(self, natural: np.ndarray, of_simulation: np.ndarray) -> FilterSettings:
-        """Return the settings of the filters of rows of unknowns."""
-        runs, outputs = len(natural), self.record.output_names
+    def natural(self, rows: np.ndarray) -> np.ndarray:
+        """Return rows of unknowns of the search in their natural form."""
+        deviation = self.starts * np.sqrt(np.abs(rows))
+        length = self.starts * np.exp(self.is_length * rows)
+        return np.select([self.is_deviation, self.is_length], [deviation, length], rows)
+
+    def above_zero(self, values: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Return values about which differences are taken.
+
+        A variance stays above zero: near it, the differences are those about two steps above.
+        """
+        return np.where(self.is_deviation, np.maximum(values, 2.0 * steps), values)
+
+    def settings(self, rows: np.ndarray) -> FilterSettings:
+        """Return the settings of the filters of rows of unknowns of the search."""
+        natural, outputs = self.natural(rows), self.record.output_names
+        runs, of_simulation = len(natural), natural[:, self.simulated]
         named = [dict(zip(self.names, row)) for row in natural]
         intensity = np.zeros((runs, len(self.coordinates) + 2 * len(self.gusts)))
         lags, time = np.zeros((runs, len(self.gusts), 2)), np.ones((runs, len(self.gusts)))

@@ -1,8 +1,9 @@
 """Filter error of the compiled simulation: maximum likelihood in turbulence, six degrees of freedom.
 
 The likelihood is that of the innovations of an extended Kalman filter. The search begins at the
-maximum of output error. There the intensities and noises alone are sought from several starts;
-the search of all unknowns follows from the best two of the ends.
+maximum of output error. There the flights are linearised, and the maximum of the linear problem is
+sought from several intensities of the disturbance. The best end is the start of the search with
+the simulation itself.
 """
 
 from __future__ import annotations
@@ -18,9 +19,7 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.simulation.compiler import SimModel
 from flighttest.maximum_likelihood.linear.gust_states import DrydenGust, gust_starts
 from flighttest.maximum_likelihood.linear.innovation_likelihood import (
-    FilteredPiece,
     InnovationLikelihood,
-    InnovationSlopes,
     filtered_datasets,
     intensity_starts,
     noise_starts,
@@ -29,6 +28,7 @@ from flighttest.maximum_likelihood.linear.innovation_likelihood import (
 from flighttest.maximum_likelihood.linear.positive_unknowns import transform_positive
 from flighttest.maximum_likelihood.nonlinear.filtered_flight import FilteredFlight, is_of_filter
 from flighttest.maximum_likelihood.nonlinear.kernel_flights import COORDINATES
+from flighttest.maximum_likelihood.nonlinear.linearised_flights import LinearisedPiece
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import (
@@ -44,9 +44,8 @@ _GROUPS = (("V", "alpha", "theta", "q"), ("beta", "phi", "p", "r"))
 _INTEGRALS = {"h": ("h", "h_agl", "h_baro", "p_static"), "psi": ("psi", "vn", "ve", "lat", "lon")}
 _GUST_ANGLES = ("alpha", "beta")
 _AIR_QUANTITIES = ("V", "alpha", "beta")  # outputs that may be air-relative or inertial
-_NOISE_ITERATIONS = 15  # of the search of intensities and noises alone
-_BEST = 2  # ends of that search from which all unknowns are sought
-_DIFFERENT = 1.0  # ends of that search that differ by less are one
+_LINEAR_ITERATIONS = 12  # of each search with linearised flights
+_STEP, _SIZE = 1e-4, 1e-2  # step of the differences there, in sizes; least size without a prior
 
 
 def simulated_filter_error(
@@ -124,10 +123,8 @@ def simulated_filter_error(
         starts = natural.start[columns]
         pieces.append(FilteredFlight(run, names, starts, coordinates=coordinates, gusts=gusts))
     start = _start_by_output_error(runs, layout, iterations=iterations)
-    starts = _start_by_noise(pieces, layout, start=start)
-    maximum, worse = search_from_starts(
-        InnovationLikelihood(pieces, layout), starts, iterations=iterations
-    )
+    start, worse = _start_by_linear_model(pieces, layout, start=start)
+    maximum = maximise_likelihood(InnovationLikelihood(pieces, layout), iterations, start=start)
     about = {
         "method": "filter error of the simulation",
         "title": sim.title,
@@ -227,31 +224,28 @@ def _start_by_output_error(
     return start
 
 
-def _start_by_noise(
+def _start_by_linear_model(
     pieces: Sequence[FilteredFlight], layout: UnknownVector, start: np.ndarray
-) -> list[np.ndarray]:
-    """Return starts of all unknowns, after searches of those of the filter alone."""
-    chosen = np.array([is_of_filter(name) for name in layout.names])
-    part = _pick_unknowns(layout, chosen)
-    held: list[FilteredPiece] = []
+) -> tuple[np.ndarray, int]:
+    """Return the best end of searches with the flights linearised about a start.
+
+    Also the number of searches that ended above it. Intensities start from several values.
+    """
+    steps = _STEP * np.where(np.isfinite(layout.sigma), layout.sigma, np.maximum(abs(start), _SIZE))
+    linear = []
     for piece, columns in zip(pieces, layout.columns):
-        held.append(_HeldPiece(piece, start[columns], chosen[columns]))
-    likelihood = InnovationLikelihood(held, part)
-    ends = []
-    for first in intensity_starts(part):
-        try:
-            ends.append(maximise_likelihood(likelihood, _NOISE_ITERATIONS, start=first))
-        except IdentificationError:
-            continue
-    starts: list[np.ndarray] = []
-    last = -np.inf
-    for end in sorted(ends, key=lambda end: end.cost):
-        if end.cost > last + _DIFFERENT and len(starts) < _BEST:
-            whole = start.copy()
-            whole[chosen] = end.theta
-            starts.append(whole)
-            last = end.cost
-    return starts or [start]
+        linear.append(LinearisedPiece(piece, start[columns], steps[columns]))
+    starts = []
+    for given in intensity_starts(layout):
+        # of the parameters of the simulation all starts are the same
+        first = np.where([is_of_filter(name) for name in layout.names], given, start)
+        starts.append(first)
+    try:
+        likelihood = InnovationLikelihood(linear, layout)
+        best, worse = search_from_starts(likelihood, starts, iterations=_LINEAR_ITERATIONS)
+    except (IdentificationError, np.linalg.LinAlgError):
+        return start, 0
+    return best.theta, worse
 
 
 def _pick_unknowns(layout: UnknownVector, chosen: np.ndarray) -> UnknownVector:
@@ -272,24 +266,3 @@ def _pick_unknowns(layout: UnknownVector, chosen: np.ndarray) -> UnknownVector:
         low=layout.low[chosen],
         high=layout.high[chosen],
     )
-
-
-class _HeldPiece:
-    """A manoeuvre with some unknowns held at their values."""
-
-    def __init__(self, piece: FilteredFlight, values: np.ndarray, chosen: np.ndarray):
-        self.piece, self.values, self.chosen = piece, values, np.flatnonzero(chosen)
-        self.z, self.step = piece.z, piece.step
-
-    def predict(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return innovations and variances."""
-        return self.piece.predict(self._join(values))
-
-    def slopes(self, values: np.ndarray, steps: np.ndarray) -> InnovationSlopes:
-        """Return the slopes by the unknowns that are not held."""
-        return self.piece.slopes(self._join(values), steps, self.chosen)
-
-    def _join(self, values: np.ndarray) -> np.ndarray:
-        joined = self.values.copy()
-        joined[self.chosen] = values
-        return joined
