@@ -1,12 +1,12 @@
 """How often the estimates of filter error of the simulation lie within two standard errors, and
 their rms against output error, in four kinds of air.
 
-    python benchmarks/simulated_filter_error.py [RECORDS] [KIND ...] [--results FILE]
+    python benchmarks/simulated_filter_error.py [RECORDS] [KIND ...] [--aircraft trainer] [--results FILE]
 
 20 records of each kind unless given. With ``--results`` every record is appended to a file of JSON
 lines, and records of that file are not fitted again.
 
-The T-37 of the tutorial (``./run demo`` makes its database) flies an elevator multistep of 12 s at
+The T-37 of the tutorial (``./run demo`` makes its database) or a trainer of fewer tables flies an elevator multistep of 12 s at
 25 Hz with six degrees of freedom, true airspeed, angle of attack, pitch rate, pitch attitude and
 specific force are measured, and four scales of its terms are estimated with four states at the
 first sample:
@@ -34,6 +34,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads of
 
 import numpy as np
 import xarray as xr
+from output_error import LONGITUDINAL, aeroplane
 from turbulence_warning import vertical_gust
 
 import flighttest
@@ -50,7 +51,10 @@ ROOT = Path(__file__).parents[1]
 STEP, FINE, DURATION = 0.04, 5, 12.0
 SPEED, SCALE = 100.0, 150.0  # [m/s], [m]
 NOISE = {"V": 0.2, "alpha": 2e-3, "q": 1e-3, "theta": 1e-3, "az": 0.1}
-TERMS = ("term.CL.basic", "term.Cm.basic", "term.Cm.qhat", "term.Cm.elevator")
+TERMS = {
+    "t37": ("term.CL.basic", "term.Cm.basic", "term.Cm.qhat", "term.Cm.elevator"),
+    "trainer": tuple(LONGITUDINAL),
+}
 KINDS = ("calm", "process", "vane", "inertial")
 WHITE = {"process.alpha": 0.01, "process.q": 0.02}  # truth of the kind process
 HELD = {"mode.earth": 0.0, "mode.step": STEP / FINE, "init.h": 2000.0}
@@ -122,11 +126,16 @@ def record(sim: SimModel, kind: str, seed: int) -> tuple[xr.Dataset, dict[str, f
     return xr.Dataset(columns, {"time": t[::FINE]}), calm | held
 
 
+def terms_of(sim: SimModel) -> tuple[str, ...]:
+    """Return the estimated scales of an aircraft."""
+    return TERMS["trainer" if sim.title == "trainer" else "t37"]
+
+
 def fit(
     sim: SimModel, data: xr.Dataset, start: dict[str, float], method: str, kind: str
 ) -> OutputError:
     """Return the fit of one record by one method."""
-    wanted = {name: Unknown(0.85) for name in TERMS}
+    wanted = {name: Unknown(0.85) for name in terms_of(sim)}
     for name in ("V", "alpha", "theta", "q"):
         wanted[f"init.{name}"] = Unknown(start[f"init.{name}"])
     fixed = HELD | {name: value for name, value in start.items() if name.startswith("bias.")}
@@ -151,7 +160,7 @@ def fits(sim: SimModel, kind: str, seed: int) -> dict[str, dict]:
     for method in ("output error", *METHODS[kind]):
         began = time.process_time()
         done = fit(sim, data, start, method=method, kind=kind)
-        e = done.estimates.sel(parameter=list(TERMS))
+        e = done.estimates.sel(parameter=list(terms_of(sim)))
         all_of = zip(
             map(str, done.estimates["parameter"].values), done.estimates["estimate"].values
         )
@@ -191,9 +200,13 @@ def main() -> None:
     parser.add_argument("records", nargs="?", type=int, default=20)
     parser.add_argument("kinds", nargs="*", default=KINDS)
     parser.add_argument("--results", type=Path)
+    parser.add_argument("--aircraft", choices=sorted(TERMS), default="t37")
     parser.add_argument("--database", type=Path, default=ROOT / "out/t37/datcom.nc")
     options = parser.parse_args()
-    sim = compile_files(str(ROOT / "data/t37/aircraft.toml"), str(options.database))
+    if options.aircraft == "trainer":
+        sim = aeroplane()
+    else:
+        sim = compile_files(str(ROOT / "data/t37/aircraft.toml"), str(options.database))
     known: dict[tuple[str, int], dict] = {}
     if options.results and options.results.exists():
         for line in options.results.read_text().splitlines():

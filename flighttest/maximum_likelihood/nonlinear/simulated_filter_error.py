@@ -178,7 +178,7 @@ def _demand_filter_names(
         allowed += [f"gust.{name}", f"scale.{name}", f"init.gust_{name}"]
     for name in names:
         if is_of_filter(name) and name not in allowed:
-            raise UnknownName(name, allowed, "unknown of the filter")
+            raise UnknownName(name, allowed, "parameter of the filter")
     if not gusts and not any(name.startswith("process.") for name in names):
         text = (
             "no disturbance; give process.* among the parameters or gusts, or use output_error, "
