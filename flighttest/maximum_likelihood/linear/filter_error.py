@@ -24,6 +24,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from flighttest.maximum_likelihood.linear.disturbance_choice import compare_disturbances
 from flighttest.maximum_likelihood.linear.gust_states import DrydenGust, add_gusts, gust_starts
 from flighttest.maximum_likelihood.linear.innovation_likelihood import (
     InnovationLikelihood,
@@ -139,7 +140,13 @@ def filter_error(
         warnings = warn_of_turbulence(scatter)
     innovations = maximum.residuals.parts
     residuals = tuple(piece.residual(e) for piece, e in zip(pieces, innovations))
-    return OutputError(estimates, residuals, noise=scatter, warnings=warnings)
+    fit = OutputError(estimates, residuals, noise=scatter, warnings=warnings)
+    return compare_disturbances(
+        fit,
+        parameters,
+        gusts,
+        lambda wanted, kept: filter_error(model, records, wanted, kept, iterations),
+    )
 
 
 class _FilteredRecord:

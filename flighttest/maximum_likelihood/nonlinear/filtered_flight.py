@@ -26,7 +26,7 @@ class FilteredFlight:
     names : sequence of str
         Unknowns of this manoeuvre.
     starts : array (unknown,)
-        Their start values: deviations and lengths are sought over their start.
+        Their start values: the search has deviations and lengths over their start.
     coordinates : sequence of str
         That the filter corrects.
     gusts : sequence of DrydenGust

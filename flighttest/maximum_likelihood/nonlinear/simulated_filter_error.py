@@ -1,9 +1,9 @@
 """Filter error of the compiled simulation: maximum likelihood in turbulence, six degrees of freedom.
 
 The likelihood is that of the innovations of an extended Kalman filter. The search begins at the
-maximum of output error. There the flights are linearised, and the maximum of the linear problem is
-sought from several intensities of the disturbance. The best end is the start of the search with
-the simulation itself.
+maximum of output error. There the flights are linearised, and a search of the linear problem begins
+from several intensities of the disturbance. Its best end is the start of the search with the
+simulation itself.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.simulation.compiler import SimModel
+from flighttest.maximum_likelihood.linear.disturbance_choice import compare_disturbances
 from flighttest.maximum_likelihood.linear.gust_states import DrydenGust, gust_starts
 from flighttest.maximum_likelihood.linear.innovation_likelihood import (
     InnovationLikelihood,
@@ -134,7 +135,13 @@ def simulated_filter_error(
     residuals = []
     for run, e in zip(runs, maximum.residuals.parts):
         residuals.append(run.residual(e))
-    return OutputError(estimates, tuple(residuals), noise=scatter)
+    shared = (conditions, noise, step, iterations)
+    return compare_disturbances(
+        OutputError(estimates, tuple(residuals), noise=scatter),
+        parameters,
+        gusts,
+        lambda wanted, kept: simulated_filter_error(sim, records, wanted, outputs, kept, *shared),
+    )
 
 
 def _check_gusts(gusts: Sequence[DrydenGust]) -> None:

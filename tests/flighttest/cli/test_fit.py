@@ -353,7 +353,7 @@ def test_a_scale_of_gusts_is_a_positive_length(folder):
         call(folder / "fit.toml", *words)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_process_noise_of_a_calm_flight_is_at_its_bound(folder):
     head, _, _ = FIT.partition("[[record]]")
     text = head.replace('"V", "alpha", "q", "theta", "az"', '"q", "az"')
