@@ -28,6 +28,7 @@ from flighttest.maximum_likelihood.nonlinear.riccati import (
     correct_covariance,
     noise_of_step,
     settled_covariance,
+    solve_each,
 )
 
 REFRESH = 0.5  # time between two linearisations [s]
@@ -138,7 +139,7 @@ def filter_flights(
             e[:, sample], S[:, sample] = innovation, total
             if is_last:
                 break
-            K = np.linalg.solve(total, PH.swapaxes(1, 2)).swapaxes(1, 2)
+            K = solve_each(total, PH.swapaxes(1, 2)).swapaxes(1, 2)
             change = (K @ innovation[:, :, None])[:, :, 0]
             P = correct_covariance(P, K, H, variance)
             P = model.F @ P @ model.F.swapaxes(1, 2) + model.Q
@@ -148,6 +149,8 @@ def filter_flights(
             first, last = _gusts_of(lags, settings.speed), _gusts_of(ahead, settings.speed)
             flights.advance(sample, first, last, coordinates)
             lags = ahead
+    # A filter without a gain fails as a simulation does.
+    flights.failed |= ~np.isfinite(S).all(axis=(1, 2, 3))
     e[flights.failed], S[flights.failed] = np.nan, np.nan
     return e, S
 

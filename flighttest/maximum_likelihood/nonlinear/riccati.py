@@ -19,6 +19,27 @@ _LOG_TERMS = 6  # of the series of the logarithm, in odd powers: the rest is bel
 _INTEGRAL_TERMS = 10  # of the series of the integral of the process noise
 
 
+def solve_each(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Return A^-1 B of each filter; NaN of a filter whose matrix is singular.
+
+    Parameters
+    ----------
+    A : array (filter, n, n)
+    B : array (filter, n, m)
+    """
+    try:
+        return np.linalg.solve(A, B)
+    except np.linalg.LinAlgError:
+        # One far trial must not end the others.
+        X = np.full(B.shape, np.nan)
+        for number, (left, right) in enumerate(zip(A, B)):
+            try:
+                X[number] = np.linalg.solve(left, right)
+            except np.linalg.LinAlgError:
+                continue
+        return X
+
+
 def noise_of_step(F: np.ndarray, intensity: np.ndarray, step: float) -> np.ndarray:
     """Return the covariance that white noise in the rates adds over one step.
 
@@ -36,7 +57,7 @@ def noise_of_step(F: np.ndarray, intensity: np.ndarray, step: float) -> np.ndarr
     # ln F = 2 (Z + Z^3/3 + Z^5/5 + ...) with Z = (F + 1)^-1 (F - 1): a step is short against the
     # time constants, so that Z is small.
     one = np.eye(F.shape[-1])
-    Z = np.linalg.solve(F + one, F - one)
+    Z = solve_each(F + one, F - one)
     square, power, logarithm = Z @ Z, Z, Z.copy()
     for k in range(1, _LOG_TERMS):
         power = power @ square
@@ -70,7 +91,7 @@ def settled_covariance(F: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarra
     G = H.swapaxes(1, 2) @ (H / R[:, :, None])
     for _ in range(_DOUBLINGS):
         # of both factors (1 + G P)^-1
-        W = np.linalg.solve(one + G @ P, np.concatenate([A, G], axis=2))
+        W = solve_each(one + G @ P, np.concatenate([A, G], axis=2))
         WA, WG = W[:, :, : len(one)], W[:, :, len(one) :]
         P = P + A.swapaxes(1, 2) @ P @ WA
         G = G + A @ WG @ A.swapaxes(1, 2)

@@ -25,6 +25,7 @@ from flighttest.maximum_likelihood.nonlinear.kernel_flights import (
     Slopes,
 )
 from flighttest.maximum_likelihood.nonlinear.linearised_flights import LinearisedFlights
+from flighttest.maximum_likelihood.nonlinear.riccati import solve_each
 
 A = np.array([[-1.2, 0.98], [-6.0, -1.8]])
 B = np.array([[-0.1], [-9.0]])
@@ -156,6 +157,12 @@ def test_a_missing_reading_is_no_reading():
     full, _ = filter_flights(LinearisedFlights([model], 12, y), z, settings(PROCESS), STEP)
     np.testing.assert_allclose(e[0, :21, :2], full[0, :21, :2], rtol=1e-12)
     assert np.abs(e[0, 21:30, :2] - full[0, 21:30, :2]).max() > 1e-4
+
+
+def test_one_singular_filter_does_not_end_the_others():
+    A = np.stack([np.eye(2), np.zeros((2, 2)), 2.0 * np.eye(2)])
+    found = solve_each(A, np.ones((3, 2, 1)))
+    np.testing.assert_array_equal(found[:, 0, 0], [1.0, np.nan, 0.5])
 
 
 ALPHA = np.linspace(-0.2, 0.4, 4)
