@@ -126,7 +126,7 @@ def simulated_filter_error(
     start = _start_by_output_error(runs, layout, iterations=iterations)
     start, worse = _start_by_linear_model(pieces, layout, start=start)
     maximum = maximise_likelihood(InnovationLikelihood(pieces, layout), iterations, start=start)
-    about = {
+    about: dict[str, str | float | int] = {
         "method": "filter error of the simulation",
         "title": sim.title,
         "worse_starts": worse,
