@@ -41,12 +41,25 @@ def constraint_option(what: str) -> Callable[[Callable], Callable]:
     help="Write one self-contained HTML page: estimates, and measured and predicted outputs.",
 )
 @click.option("--database", type=NewFile(), help="Write the database with the estimates in it.")
+@click.option(
+    "--process-noise",
+    type=click.Choice(["none", "process", "gusts", "both"]),
+    help="Disturbance of the motion: none (output error), or white process noise, Dryden gusts or "
+    "both (filter error). Default: that of FIT.",
+)
+@click.option(
+    "--angle",
+    type=click.Choice(["vane", "inertial"]),
+    help="Source of V, alpha and beta in the records; gusts need it. A reconstructed path has "
+    "inertial ones.",
+)
+@click.option("--scale", type=float, help="Scale of the gusts [m]. Default: it is estimated.")
 @json_option
 @click.pass_context
 @performed_by("flighttest.cli.actions.identify:run_fit")
 def fit_command() -> None:
-    """Estimate parameters of the simulation by output error, as specified in FIT (TOML); exit code
-    1 when a figure must not be used.
+    """Estimate parameters of the simulation by output error, or by filter error in turbulence, as
+    specified in FIT (TOML); exit code 1 when a figure must not be used.
     """
 
 

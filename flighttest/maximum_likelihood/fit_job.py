@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 import aerodb
+from flightmech.errors import SchemaError
 from flightmech.flown_samples import (
     CHANNELS,
     FLOWN_SAMPLES,
@@ -21,6 +22,7 @@ from flightmech.flown_samples import (
 from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.support.console import to_json_types
 from flighttest.maximum_likelihood.database_update import updated_database
+from flighttest.maximum_likelihood.nonlinear.simulated_filter_error import simulated_filter_error
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.specification import Specification
 from flighttest.maximum_likelihood.time_domain import output_error, uniform_step
@@ -103,7 +105,10 @@ class FitJobResult(PrintedResult):
         lines = []
         if self.specification.title:
             lines.append(self.specification.title)
-        lines += [self.fit.report(), "", "explained of each output's movement:"]
+        heading = "explained of each output's movement:"
+        if self.specification.process_noise.kind != "none":
+            heading = "explained of each output's movement, predicted one sample ahead:"
+        lines += [self.fit.report(), "", heading]
         explained = self.explained
         width = max(map(len, explained["output"].values))
         for name in explained["output"].values:
@@ -138,7 +143,7 @@ class FitJobResult(PrintedResult):
 
 
 def perform_fit_job(specification: Specification) -> FitJobResult:
-    """Perform an output-error fit.
+    """Perform a fit by output error, or by filter error if the specification has process noise.
 
     Parameters
     ----------
@@ -171,14 +176,31 @@ def perform_fit_job(specification: Specification) -> FitJobResult:
         records.append(states.assign_attrs(record=table.file.stem))
         names.append(table.file.name)
     report_faults(records, names)
-    fit = output_error(
-        sim,
-        records,
-        parameters=specification.unknowns(sim),
-        outputs=specification.outputs,
-        conditions=specification.fixed_conditions(sim),
-        noise=specification.noise,
-        iterations=specification.iterations,
-        constraints=specification.constraints,
-    )
+    unknowns, gusts = specification.disturbances(records)
+    # given parameters replace the starts of the disturbance
+    unknowns = unknowns | specification.unknowns(sim)
+    shared: dict[str, Any] = {
+        "outputs": specification.outputs,
+        "conditions": specification.fixed_conditions(sim),
+        "noise": specification.noise,
+        "iterations": specification.iterations,
+    }
+    if specification.process_noise.kind == "none":
+        constraints = specification.constraints
+        fit = output_error(sim, records, unknowns, constraints=constraints, **shared)
+    else:
+        _refuse_constraints(specification)
+        fit = simulated_filter_error(sim, records, unknowns, gusts=gusts, **shared)
     return FitJobResult(specification, sim, records=tuple(records), fit=fit)
+
+
+def _refuse_constraints(specification: Specification) -> None:
+    """Raise SchemaError if the filter of the simulation shall keep constraints."""
+    if specification.constraints:
+        raise SchemaError(
+            "constraints",
+            [
+                f"{'; '.join(specification.constraints)}: the filter error of the simulation does "
+                f'not take constraints; leave them out, or set kind = "none" in [process_noise]'
+            ],
+        )

@@ -36,6 +36,8 @@ HIGH = 0.9  # correlation that is reported
 _COUPLED = 1.0 - 1e-9  # correlation of two parameters that a constraint makes proportional
 # standard error over the a-priori one, above which a record contains hardly any information
 SILENT = 0.9
+# attribute of estimates that did not converge: which disturbance suffices
+UNDETERMINED = "undetermined"
 _CONTENT = "output error"
 # the test of innovations
 _WHITENESS = ("portmanteau", "portmanteau_lags", "portmanteau_probability", "outside")
@@ -295,6 +297,8 @@ def _list_remarks(fit: OutputError) -> list[Remark]:
             )
             # Below one standard error a kink of the model does less than the noise.
             severity = "warning" if share < 1.0 else "error"
+        if UNDETERMINED in e.attrs:
+            text, severity = str(e.attrs[UNDETERMINED]), "error"
         remarks.append(Remark("convergence", text, severity=severity))
     if _PRINTED in fit.noise:
         is_filtered = any(name.startswith(_DISTURBED) for name in names)

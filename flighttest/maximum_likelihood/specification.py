@@ -7,6 +7,11 @@ outputs = ["alpha", "q", "theta", "az"]
 constraints = ["term.Cm.qhat = 0.8*term.Cm.basic"]   # optional; numbers in SI
 noise = "common"                    # or "own": a noise variance per record
 
+[process_noise]                     # turbulence: filter error in place of output error
+kind = "gusts"                      # none, process, gusts or both
+angle = "vane"                      # or "inertial": source of V, alpha and beta in the records
+scale = "150 m"                     # of the gusts; default: estimated
+
 [conditions]                        # fixed values of all records; numbers in SI, texts with unit
 delta_f = "0 deg"
 
@@ -17,7 +22,8 @@ window = [3634.0, 3645.0]
 [record.conditions]
 "init.h" = 1500.0
 
-# any parameter of the model, sensor.* and factor.* of an output
+# any parameter of the model, sensor.* and factor.* of an output; with process noise also
+# process.*, noise.*, gust.* and scale.*
 [parameter."term.Cm.basic"]
 start = 1.0                         # default: first sample of the record, or value of the model
 sigma = 0.3                         # a-priori standard error; default: infinite
@@ -29,10 +35,11 @@ own = false                         # whether every record has a separate value
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import xarray as xr
 from pydantic import Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
@@ -41,6 +48,14 @@ from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, Simulation
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity
+from flighttest.maximum_likelihood.nonlinear.disturbances import (
+    GUST_NAMES,
+    START_INTENSITY,
+    START_SCALE,
+    Disturbances,
+    choose_disturbances,
+)
+from flighttest.maximum_likelihood.nonlinear.kernel_flights import COORDINATES
 from flighttest.maximum_likelihood.unknowns import Unknown
 
 _Number = float | str
@@ -68,8 +83,21 @@ class ParameterTable(Strict):
     own: bool = False
 
 
+class ProcessNoiseTable(Strict):
+    """Disturbance of the motion."""
+
+    kind: Literal["none", "process", "gusts", "both"] = "none"
+    angle: Literal["", "vane", "inertial"] = ""
+    scale: _Number | None = None
+
+    @property
+    def needs_angle(self) -> bool:
+        """Whether gusts lack the source of the angles."""
+        return self.kind in ("gusts", "both") and not self.angle
+
+
 class Specification(Strict):
-    """An output-error fit."""
+    """A fit by output error, or by filter error with process noise."""
 
     title: str = ""
     aircraft: Path
@@ -78,6 +106,7 @@ class Specification(Strict):
     noise: Literal["common", "own"] = "common"
     iterations: int = Field(default=50, ge=1)
     constraints: tuple[str, ...] = ()
+    process_noise: ProcessNoiseTable = Field(default_factory=ProcessNoiseTable)
     conditions: dict[str, _Number] = Field(default_factory=dict)
     record: tuple[RecordTable, ...] = Field(min_length=1)
     parameter: dict[str, ParameterTable] = Field(min_length=1)
@@ -117,6 +146,34 @@ class Specification(Strict):
             raise SchemaError("fit", problems)
         return unknowns
 
+    def with_process_noise(
+        self, kind: str | None, angle: str | None, scale: float | None
+    ) -> Specification:
+        """Return the fit with another disturbance; None keeps what the file states."""
+        given = {"kind": kind, "angle": angle, "scale": scale}
+        changed = {name: value for name, value in given.items() if value is not None}
+        table = self.process_noise.model_copy(update=changed)
+        return self.model_copy(update={"process_noise": table})
+
+    def disturbances(self, records: Sequence[xr.Dataset]) -> Disturbances:
+        """Return the disturbances of the motion.
+
+        Raises
+        ------
+        SchemaError
+            Gusts without the source of the angles, a scale that is not a positive length.
+        UnknownName
+            A signal that a record does not have.
+        """
+        table = self.process_noise
+        try:
+            scale = None if table.scale is None else parse_quantity(table.scale, "m")
+            return choose_disturbances(
+                table.kind, records, self.outputs, angle=table.angle, scale=scale
+            )
+        except (UnitError, ValueError) as error:
+            raise SchemaError("process_noise", [str(error)]) from None
+
     def fixed_conditions(self, sim: SimModel) -> list[dict[str, float]]:
         """Return the conditions of each record in SI; errors as `unknowns`."""
         entries = _list_entries(sim)
@@ -152,6 +209,12 @@ def _list_entries(sim: SimModel) -> dict[str, Entry]:
     for entry in sim.entries(OUTPUT):
         entries[f"sensor.{entry.name}"] = entry.units, 0.0
         entries[f"factor.{entry.name}"] = "1", 1.0
+        entries[f"noise.{entry.name}"] = entry.units, None
+        if entry.name in COORDINATES:
+            entries[f"process.{entry.name}"] = "1", None
+    for gust in GUST_NAMES.values():
+        entries[f"gust.{gust}"] = "m s-1", START_INTENSITY
+        entries[f"scale.{gust}"] = "m", START_SCALE
     for entry in sim.entries(PARAMETER):
         is_recorded = entry.name.startswith(_AS_RECORDED)
         entries[entry.name] = entry.units, None if is_recorded else entry.value

@@ -230,11 +230,11 @@ def output_error(
     .. [Jategaonkar] Jategaonkar, Flight Vehicle System Identification, 2nd ed., AIAA 2015.
     """
     records = list_manoeuvres(manoeuvres)
-    fixed = _list_conditions(conditions, len(records))
+    fixed = list_conditions(conditions, len(records))
     groups = noise_groups(noise, len(records))
     pieces = []
     for record, values in zip(records, fixed):
-        pieces.append(_SimulatedRecord(sim, record, fixed=values, outputs=list(outputs), step=step))
+        pieces.append(SimulatedRecord(sim, record, fixed=values, outputs=list(outputs), step=step))
     layout = lay_out(parameters, [piece.starts for piece in pieces])
     # The starts of the records complete the unknowns, whose names then reach the records.
     for piece, names in zip(pieces, layout.bases):
@@ -298,7 +298,7 @@ def uniform_step(time: np.ndarray, what: str) -> float:
     return float(steps.mean())
 
 
-def _list_conditions(
+def list_conditions(
     conditions: Mapping[str, float] | Sequence[Mapping[str, float]], count: int
 ) -> list[dict[str, float]]:
     """Return the conditions of each manoeuvre."""
@@ -314,7 +314,7 @@ def _list_conditions(
     return [dict(item) for item in conditions]
 
 
-class _SimulatedRecord:
+class SimulatedRecord:
     """One manoeuvre and its simulation."""
 
     def __init__(

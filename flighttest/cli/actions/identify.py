@@ -69,11 +69,18 @@ def run_fit(
     output: str | None,
     page: str | None,
     database: str | None,
+    process_noise: str | None,
+    angle: str | None,
+    scale: float | None,
     as_json: bool,
 ) -> None:
     """Perform the command ``fit``."""
-    with show_progress("estimate parameters by output error"):
-        done = perform_fit_job(read_specification(fit_file))
+    specification = read_specification(fit_file).with_process_noise(process_noise, angle, scale)
+    if specification.process_noise.needs_angle:
+        raise click.UsageError("gusts need --angle vane or --angle inertial: who measured it")
+    method = "output error" if specification.process_noise.kind == "none" else "filter error"
+    with show_progress(f"estimate parameters by {method}"):
+        done = perform_fit_job(specification)
     files: list[str] = []
     left: list[str] = []
     if output:

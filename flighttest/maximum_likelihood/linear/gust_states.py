@@ -31,10 +31,10 @@ from flighttest.maximum_likelihood.linear.state_space import LinearModel
 from flighttest.maximum_likelihood.unknowns import Unknown
 
 # output of the two lags
-_READ = np.array([np.sqrt(3.0), 1.0 - np.sqrt(3.0)])
+READ = np.array([np.sqrt(3.0), 1.0 - np.sqrt(3.0)])
 # expected states of the two lags over the gust: their covariances with it over its variance,
 # E a^2 = sigma^2 / 2 and E a b = E b^2 = sigma^2 / 4
-_EXPECTED = np.array([[0.5, 0.25], [0.25, 0.25]]) @ _READ
+_EXPECTED = np.array([[0.5, 0.25], [0.25, 0.25]]) @ READ
 _FIRST_SPREAD = 3.0  # prior standard error of the first gust, in given intensities
 
 
@@ -169,9 +169,9 @@ def _add_gust(model: LinearModel, gust: DrydenGust) -> LinearModel:
         whole = np.zeros((n + 2, n + 2))
         whole[:n, :n] = A
         # The air acts through the angle of motion and gust.
-        whole[:n, n:] = np.outer(A[:, position], _READ)
+        whole[:n, n:] = np.outer(A[:, position], READ)
         whole[n:, n:] = np.array([[-1.0, 0.0], [1.0, -1.0]]) / T
-        seen = np.outer(felt * C[:, position], _READ)
+        seen = np.outer(felt * C[:, position], READ)
         return [whole, np.vstack([B, np.zeros((2, B.shape[1]))]), np.hstack([C, seen]), D]
 
     return replace(model, states=(*model.states, *gust.states), matrices=matrices)

@@ -360,3 +360,35 @@ def test_constraints_of_the_file(folder):
     fit.write_text(f"{text}\n{FIT}")
     with pytest.raises(SchemaError, match="a prior or a bound as well"):
         call(fit)
+
+
+def test_gusts_need_the_source_of_the_angles(folder):
+    result = call(folder / "fit.toml", "--process-noise", "gusts")
+    assert result.exit_code == 2
+    assert "--angle vane or --angle inertial" in result.output
+
+
+def test_a_scale_of_gusts_is_a_positive_length(folder):
+    words = ("--process-noise", "gusts", "--angle", "vane", "--scale", "-3")
+    with pytest.raises(SchemaError, match="scale of the gusts is -3"):
+        call(folder / "fit.toml", *words)
+
+
+@pytest.mark.nightly
+def test_process_noise_of_a_calm_flight_is_at_its_bound(folder):
+    head, _, _ = FIT.partition("[[record]]")
+    text = head.replace('"V", "alpha", "q", "theta", "az"', '"q", "az"')
+    text += '[[record]]\nfile = "one.nc"\nwindow = [0.0, 5.0]\n'
+    text += '[process_noise]\nkind = "process"\n[parameter]\n"term.Cm.qhat" = {}\n'
+    text += '"term.Cm.elevator" = {}\n"process.q" = { start = 0.01 }\n'
+    (folder / "fit.toml").write_text(text)
+    result = call(folder / "fit.toml", "--json", "-o", folder / "fit.nc")
+    found = json.loads(result.output)
+    assert found["method"] == "filter error of the simulation"
+    assert found["converged"]
+    values = {name: row["estimate"] for name, row in found["parameters"].items()}
+    assert values["process.q"] < 0.02
+    assert found["parameters"]["process.q"]["start"] == 0.01  # given in the file
+    saved = flighttest.maximum_likelihood.open_output_error(folder / "fit.nc")
+    assert "process.alpha" in saved.estimates["parameter"].values
+    assert "portmanteau_probability" in saved.noise

@@ -168,3 +168,17 @@ def test_a_positive_start_is_demanded_of_gust_and_scale(model):
             filter_error(model, record, {**TRUTH, name: 0.0}, gusts=[gust()])
     with pytest.raises(UnknownName, match=r"unknown parameter 'gust\.v'"):
         filter_error(model, record, {**TRUTH, "gust.v": 1.0}, gusts=[gust()])
+
+
+def test_a_search_that_does_not_converge_names_the_disturbance_that_suffices(model):
+    record = gusty_flight(5).isel(time=slice(0, 150))
+    start = {"A[q,alpha]": -6.0, "B[q,delta_e]": -9.0, "gust.w": 1.5}
+    white = {"process.alpha": 0.003, "process.q": 0.003}
+    fit = filter_error(model, record, start | white, gusts=[gust()], iterations=5)
+    assert not fit.estimates.attrs["converged"]
+    texts = [remark.text for remark in fit.remarks if remark.kind == "convergence"]
+    assert len(texts) == 1
+    assert texts[0].startswith("not identifiable: the records determine no disturbance besides")
+    assert texts[0].endswith("choose gusts")
+    # The platform does not see the gust: white noise alone is much less likely.
+    assert "white process noise (process.*) alone +" in texts[0]

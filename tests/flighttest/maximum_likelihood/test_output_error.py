@@ -174,7 +174,7 @@ def test_slopes_flown_with_the_response_change_nothing_but_the_number_of_batches
     )
     ahead = flighttest.output_error(sim, record, unknowns, list(NOISE), HELD).estimates
     together, batches[:] = list(batches), []
-    monkeypatch.setattr(time_domain._SimulatedRecord, "expect", lambda *_: None)
+    monkeypatch.setattr(time_domain.SimulatedRecord, "expect", lambda *_: None)
     apart = flighttest.output_error(sim, record, unknowns, list(NOISE), HELD).estimates
     assert ahead.identical(apart)
     n, flown = ahead.attrs["iterations"], len(TRUTH) + len(STARTS)

@@ -1,0 +1,1 @@
+"""Filter error of the non-linear simulation: an extended Kalman filter along the kernel."""
