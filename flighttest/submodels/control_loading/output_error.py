@@ -1,0 +1,331 @@
+"""Output error on the control circuit: one likelihood of free motion and of driven sweeps.
+
+Free motion (pulses, releases) is simulated from rest with the recorded force; travel and surface
+are its outputs.  No derivative is formed, and a reversal needs no window of its own.  Where a hand
+drives the control, force and stretch of the cable are the outputs: their equations are linear in
+the constants and hold at every sliding sample.
+
+    F     = offset + bob + C s + P sgn(s) + R sgn(s') + r |g| sgn(a') + (W + w g^2 - e) s'
+            + (m + J g^2) s'' - g qbar S c Ch
+    s - a = [J g^2 a'' + w g^2 a' + r |g| sgn(a') - g H] / K - rigging / g
+
+The search is that of `flighttest.maximum_likelihood`.
+
+References
+----------
+.. [Maine1985] Maine, Iliff, Identification of dynamic systems: theory and formulation, NASA
+   RP-1138, 1985.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
+from flighttest.maximum_likelihood.search import (
+    Likelihood,
+    LikelihoodMaximum,
+    invert_information,
+    maximise_likelihood,
+)
+from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, lay_out
+from flighttest.remarks import Convergence
+from flighttest.submodels.control_loading.driven_rows import DrivenRows
+from flighttest.submodels.control_loading.free_response import (
+    EDGE,
+    ERROR,
+    FreeWindow,
+    simulate_windows,
+)
+from flighttest.submodels.control_loading.joint_fit import estimates_convergence
+from flighttest.submodels.control_loading.loading import ControlLoading
+
+ITERATIONS = 8
+# Standard deviation of a time that lies anywhere between two samples. [steps]
+_ANYWHERE = 12.0**-0.5
+# Constants that cannot be negative, and those that must be positive, with the smallest part of
+# their start.
+_NOT_NEGATIVE = (
+    "friction",
+    "preload",
+    "hinge_friction",
+    "damping",
+    "hinge_damping",
+    "cable_damping",
+)
+_POSITIVE = ("mass", "inertia", "cable_stiffness")
+_LEAST_PART = 0.02
+# Standard deviation of the start of a window over its motion.
+_WIDE = 10.0
+# Steps of the differences over those of the search: a reversal that a shifted unknown adds or
+# removes is a corner of the likelihood, over which a longer step averages.
+_LONGER = 10.0
+
+
+@dataclass(frozen=True)
+class CircuitFit:
+    """Maximum of the likelihood of a circuit.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Common unknowns: constants, cable, terms of the hinge moment, `HAND`.
+    theta : array (names,)
+        Estimates.
+    covariance : array (names, names)
+        With the colour of the residuals and the scatter between the records.
+    iterations : int
+        Number of iterations.
+    rms : dict of str to float
+        Residual of each output over the white noise of its pick-up.
+    """
+
+    names: tuple[str, ...]
+    theta: np.ndarray
+    covariance: np.ndarray
+    iterations: int
+    rms: dict[str, float]
+    maximum: LikelihoodMaximum
+    likelihood: CircuitLikelihood
+
+    @property
+    def convergence(self) -> Convergence:
+        """End of the search, by the last undamped step over the printed standard errors."""
+        count = len(self.names)
+        stderr = np.sqrt(np.diag(self.covariance))
+        return estimates_convergence(
+            self.maximum.remaining[:count], self.theta, stderr=stderr, iterations=self.iterations
+        )
+
+    def change(self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]) -> np.ndarray:
+        """Return the change of the estimates (names,) if the records were these, to first order."""
+        other = self.likelihood.with_records(windows, rows)
+        theta = self.maximum.theta
+        before, after = self.likelihood.residuals(theta), other.residuals(theta)
+        g = np.zeros(len(theta))
+        for columns, S, noise, v, w in zip(
+            self.likelihood.layout.columns,
+            self.maximum.slopes,
+            self.maximum.noise,
+            before,
+            after,
+        ):
+            g[columns] += ((w - v) / noise).ravel() @ S.reshape(-1, S.shape[2])
+        free = np.ones(len(theta), bool)
+        return (invert_information(self.maximum.information, free) @ g)[: len(self.names)]
+
+
+def fit_circuit(
+    loading: ControlLoading,
+    windows: Sequence[FreeWindow],
+    rows: Sequence[DrivenRows],
+    start: Mapping[str, float],
+    prior: Mapping[str, tuple[float, float]],
+) -> CircuitFit:
+    """Return the constants of a circuit by maximum likelihood.
+
+    Parameters
+    ----------
+    loading : ControlLoading
+    windows : sequence of FreeWindow
+    rows : sequence of DrivenRows
+    start : mapping of str to float
+        First values of all constants, from the regressions.
+    prior : mapping of str to (float, float)
+        A-priori values and standard errors.
+    """
+    unknowns = _common_unknowns(start, prior)
+    layout = _lay_out_records(unknowns, windows, len(rows))
+    begin = layout.start.copy()
+    for k, name in enumerate(layout.names):
+        if name in start:
+            begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
+    likelihood = CircuitLikelihood(loading, windows, rows, layout)
+    maximum = maximise_likelihood(likelihood, ITERATIONS, begin)
+    names = tuple(unknowns)
+    covariance = _covariance(maximum, likelihood)[: len(names), : len(names)]
+    return CircuitFit(
+        names=names,
+        theta=maximum.theta[: len(names)],
+        covariance=covariance,
+        iterations=maximum.iterations,
+        rms=_output_rms(maximum, len(windows)),
+        maximum=maximum,
+        likelihood=likelihood,
+    )
+
+
+def _common_unknowns(
+    start: Mapping[str, float], prior: Mapping[str, tuple[float, float]]
+) -> dict[str, Unknown]:
+    """Return the constants as unknowns, with a-priori values and bounds."""
+    unknowns = {}
+    for name, value in start.items():
+        low = -np.inf
+        if name in _POSITIVE:
+            low = _LEAST_PART * abs(value)
+        elif name in _NOT_NEGATIVE:
+            low = 0.0
+        known, sigma = prior.get(name, (value, np.inf))
+        unknowns[name] = Unknown(max(known, low), sigma, low)
+    return unknowns
+
+
+def _lay_out_records(
+    unknowns: Mapping[str, Unknown], windows: Sequence[FreeWindow], rows: int
+) -> UnknownVector:
+    """Return the vector of common unknowns, then those of each window."""
+    count = len(unknowns)
+    layout = lay_out(unknowns, [{}] * (len(windows) + rows))
+    names, fields, columns = list(layout.names), [], []
+    bases = []
+    for number, window in enumerate(windows, start=1):
+        own = window.starts()
+        columns.append(np.r_[np.arange(count), len(names) + np.arange(len(own))])
+        bases.append((*unknowns, *own))
+        for name, value in own.items():
+            names.append(f"{name}@{number}")
+            if name.startswith(EDGE):
+                fields.append((value, _ANYWHERE, 0.0, 1.0))
+            elif name.startswith(ERROR):
+                sigma = window.errors[int(name.removeprefix(ERROR)) - 1][1]
+                fields.append((value, sigma, -np.inf, np.inf))
+            else:
+                # Wide; without a cable the surface has no start of its own.
+                fields.append(
+                    (
+                        value,
+                        _WIDE * np.ptp(window.measured[:, 0]) * window.scale[0],
+                        -np.inf,
+                        np.inf,
+                    )
+                )
+    for _ in range(rows):
+        columns.append(np.arange(count))
+        bases.append(tuple(unknowns))
+    own_fields = np.array(fields).reshape(-1, 4).T
+    joined = []
+    for common, own in zip((layout.start, layout.sigma, layout.low, layout.high), own_fields):
+        joined.append(np.concatenate([common, own]))
+    return UnknownVector(tuple(names), tuple(bases), tuple(columns), *joined)
+
+
+class CircuitLikelihood(Likelihood):
+    """Likelihood of the windows of free motion, then of the driven rows.
+
+    All windows of one sampling interval are simulated together.
+    """
+
+    def __init__(
+        self,
+        loading: ControlLoading,
+        windows: Sequence[FreeWindow],
+        rows: Sequence[DrivenRows],
+        layout: UnknownVector,
+    ):
+        self.loading, self.windows, self.rows = loading, list(windows), list(rows)
+        # A window whose force is recorded too coarsely differs from its simulation by more than
+        # noise, so each has a variance of its own. All driven stretches have one.
+        groups = np.r_[np.arange(len(windows)), np.full(len(rows), len(windows))]
+        super().__init__([*self.windows, *self.rows], layout, groups)
+
+    def with_records(
+        self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]
+    ) -> CircuitLikelihood:
+        """Return the likelihood of other records with the same unknowns."""
+        return CircuitLikelihood(self.loading, windows, rows, self.layout)
+
+    def _predict(self, theta: np.ndarray, steps: np.ndarray | None) -> list[np.ndarray]:
+        """Return the outputs of all pieces (time, output, runs).
+
+        The first run has the values `theta`; with steps, a run with each unknown raised and one
+        with each lowered follow.
+        """
+        values = []
+        for columns, bases in zip(self.layout.columns, self.layout.bases):
+            own = theta[columns][:, None]
+            if steps is not None:
+                shifts = np.diag(steps[columns])
+                own = np.concatenate([own, own + shifts, own - shifts], axis=1)
+            values.append(dict(zip(bases, own)))
+        count = len(self.windows)
+        predicted: list[np.ndarray] = [np.zeros(0)] * count
+        by_step: dict[int, list[int]] = {}
+        for k, window in enumerate(self.windows):
+            by_step.setdefault(round(1e6 * window.step), []).append(k)
+        for indices in by_step.values():
+            responses = simulate_windows(
+                self.loading,
+                [self.windows[k] for k in indices],
+                [values[k] for k in indices],
+            )
+            for k, response in zip(indices, responses):
+                predicted[k] = response
+        for piece, named in zip(self.rows, values[count:]):
+            predicted.append(piece.predict(named))
+        return predicted
+
+    def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
+        """Return measured minus predicted per piece."""
+        residuals = []
+        for piece, y in zip(self.pieces, self._predict(theta, None)):
+            residuals.append(piece.measured - y[:, :, 0])
+        return residuals
+
+    def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[np.ndarray]:
+        """Return the slopes per piece, always by central differences."""
+        slopes, steps = [], _LONGER * steps
+        for columns, y in zip(self.layout.columns, self._predict(theta, steps)):
+            n = len(columns)
+            slopes.append((y[:, :, 1 : n + 1] - y[:, :, n + 1 :]) / (2.0 * steps[columns]))
+        return slopes
+
+
+def _covariance(maximum: LikelihoodMaximum, likelihood: CircuitLikelihood) -> np.ndarray:
+    """Return the covariance of all unknowns for coloured residuals.
+
+    Free and driven motion have different outputs: the covariance is formed for each and joined,
+    D (I_1 + I_2 + P) D with the inner matrices I, the prior P and D, the inverse of M.
+    """
+    columns = likelihood.layout.columns
+    count = len(likelihood.windows)
+    # An unknown at a bound has the error that it would have without the bound.
+    free = replace(maximum, active=np.zeros_like(maximum.active))
+    total = np.zeros_like(maximum.information)
+    parts = 0
+    for place in (slice(0, count), slice(count, None)):
+        pieces = likelihood.pieces[place]
+        if pieces:
+            part = replace(
+                free,
+                residuals=maximum.residuals[place],
+                slopes=maximum.slopes[place],
+                noise=maximum.noise[place],
+            )
+            steps = [piece.step for piece in pieces]
+            covariance, _ = coloured_likelihood_covariance(part, columns[place], steps)
+            total += covariance
+            parts += 1
+    # Each part counts the information of the other one as known.
+    D = invert_information(maximum.information, ~free.active)
+    return total - (parts - 1) * D
+
+
+def _output_rms(maximum: LikelihoodMaximum, windows: int) -> dict[str, float]:
+    """Return the residual of each output over the noise of its pick-up."""
+    rms = {}
+    parts = (
+        (("travel", "surface"), maximum.residuals[:windows]),
+        (
+            ("force", "stretch"),
+            maximum.residuals[windows:],
+        ),
+    )
+    for names, residuals in parts:
+        if residuals:
+            squares = np.concatenate(residuals) ** 2
+            rms.update(zip(names, np.sqrt(squares.mean(axis=0)).tolist()))
+    return rms
