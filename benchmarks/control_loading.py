@@ -44,7 +44,12 @@ SPREAD = 0.25
 SMOOTH_RATE, SMOOTH_TRAVEL = 2e-4, 2e-4
 STEP, RATE = 1e-4, 100.0
 # Dynamic pressure [Pa], angle of attack and tab [rad] of the four conditions.
-CONDITIONS = ((1800.0, 0.10, -0.02), (3600.0, 0.05, 0.0), (6200.0, 0.02, 0.015), (3600.0, 0.05, 0.05))
+CONDITIONS = (
+    (1800.0, 0.10, -0.02),
+    (3600.0, 0.05, 0.0),
+    (6200.0, 0.02, 0.015),
+    (3600.0, 0.05, 0.05),
+)
 NOISE = {
     "F_column": 0.6,
     "column": 5e-5,

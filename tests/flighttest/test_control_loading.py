@@ -101,12 +101,19 @@ def loading(truth) -> ControlLoading:
 
 @pytest.fixture(scope="module")
 def found(loading, records):
+    """The regressions alone: enough for files, priors and remarks."""
+    return identify_control_loading(loading, *records, method="regression")
+
+
+@pytest.fixture(scope="module")
+def fitted(loading, records):
+    """The output error that starts from them."""
     return identify_control_loading(loading, *records)
 
 
 @pytest.mark.slow
-def test_constants_and_hinge_moments_are_found(found, truth):
-    G = truth["G"]
+def test_constants_and_hinge_moments_are_found(fitted, truth):
+    found, G = fitted, truth["G"]
     hinges = {"1": "Ch0", "alpha": "Cha", "delta_e": "Chd", "delta_t": "Cht"}
     names = {
         "preload": "breakout",
@@ -149,7 +156,7 @@ def test_bob_weight_and_angle_of_attack_are_named_as_collinear(found):
 def test_free_motion_follows_the_recorded_forces_and_needs_the_cable(found, loading, records):
     driven, free = records
     misfit = np.array([window.misfit() for window in found.fly(free[:3])])
-    rigid = identify_control_loading(loading, driven, free, order=2)
+    rigid = identify_control_loading(loading, driven, free, order=2, method="regression")
     without = np.array([window.misfit() for window in rigid.fly(free[:3])])
     assert misfit.max() < 0.02  # rms over range: 0.2 to 0.8 % as measured
     assert without[:, 0].mean() > 3.0 * misfit[:, 0].mean()
@@ -319,9 +326,14 @@ def test_prior_moves_what_the_records_leave_open_most(found):
 @pytest.mark.slow
 def test_errors_of_the_pick_ups_widen_what_they_move(loading, records):
     driven, free = records[0], records[1][:1]
-    plain = identify_control_loading(loading, driven, free, order=2)
+    plain = identify_control_loading(loading, driven, free, order=2, method="regression")
     wide = identify_control_loading(
-        loading, driven, free, order=2, errors={"F_column": (2.0, 0.02), "wheel": (1.0, 1.0)}
+        loading,
+        driven,
+        free,
+        order=2,
+        errors={"F_column": (2.0, 0.02), "wheel": (1.0, 1.0)},
+        method="regression",
     )
     assert wide.value("friction")[0] == plain.value("friction")[0]
     expected = np.hypot(plain.value("friction")[1], 0.02 * plain.value("friction")[0])
@@ -490,7 +502,7 @@ def test_iterations_that_stop_at_their_limit_are_remarked(
     assert "not converged" not in found.report()
     # A single pass cannot show that it converged.
     monkeypatch.setattr(module, "_PASSES", 0 if module is identification else 1)
-    stopped = identify_control_loading(loading, *records)
+    stopped = identify_control_loading(loading, *records, method="regression")
     assert not stopped.iterations[name].converged
     assert is_forbidden(stopped.remarks)
     assert f"!! {name}: not converged after 1 iterations" in stopped.report()

@@ -19,13 +19,17 @@ from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
 from flighttest.remarks import Convergence
 from flighttest.submodels.control_loading.cable import NAMES, CableFit, cable_fit
-from flighttest.submodels.control_loading.driven_rows import DrivenRows, driven_rows
-from flighttest.submodels.control_loading.free_response import HAND, FreeWindow, find_windows
 from flighttest.submodels.control_loading.joint_fit import JointFit, estimates_convergence
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import CUTOFF, loading_channels
-from flighttest.submodels.control_loading.output_error import fit_circuit
 from flighttest.submodels.control_loading.regression import SlidingFit, sliding_fit
+from flighttest.submodels.control_loading.responses.circuit_fit import fit_circuit
+from flighttest.submodels.control_loading.responses.driven_rows import DrivenRows, driven_rows
+from flighttest.submodels.control_loading.responses.free_response import (
+    HAND,
+    FreeWindow,
+    find_windows,
+)
 from flighttest.submodels.control_loading.result import (
     DRAWINGS_ERROR,
     SHARED,
@@ -210,12 +214,13 @@ def _fit_responses(
         no_errors,
         {},
     )
-    iterations = {"output error of the circuit": fit.convergence}
+    iterations: dict[str, Convergence] = {}
     return replace(
         started,
         estimates=estimates,
         iterations=iterations,
         response=ResponseFit(
+            convergence=fit.convergence,
             windows=len(windows),
             rms=fit.rms,
             hand_damping=(float(fit.theta[hand]), float(np.sqrt(fit.covariance[hand, hand]))),

@@ -76,6 +76,8 @@ class ResponseFit:
 
     Attributes
     ----------
+    convergence : Convergence
+        End of the search.
     windows : int
         Windows of free motion.
     rms : dict of str to float
@@ -84,6 +86,7 @@ class ResponseFit:
         Force over rate that driven records lack compared with free motion, and its standard error.
     """
 
+    convergence: Convergence
     windows: int
     rms: Mapping[str, float]
     hand_damping: tuple[float, float]
@@ -91,7 +94,11 @@ class ResponseFit:
     @property
     def remarks(self) -> list[Remark]:
         """Remarks on a force that driven and free motion do not share, and on the misfit."""
-        remarks = []
+        remarks = self.convergence.remarks(
+            "output error of the circuit",
+            "the likelihood still rises; give records with more motion, fewer terms, or drawings",
+            severity="warning",
+        )
         value, stderr = self.hand_damping
         if abs(value) > _CERTAIN * stderr:
             text = (

@@ -138,9 +138,10 @@ class _Resistance(NamedTuple):
         jump by the way of a sub-step wherever a parameter moves a reversal from one sub-step to the
         next, and differences of the motion would show nothing else.
         """
-        sliding = self._solve_preloaded(self.minus * v + force - self.friction * np.sign(v), s)
+        pushed = self.minus * v + force - self.friction * np.sign(v)
+        sliding = self._solve_preloaded(pushed, s)
         if self.has_preload:
-            sliding = sliding + self._preload_before_neutral(v, sliding, s)
+            sliding = self._slide_through_neutral(pushed, v, s, sliding)
             from_rest = self._solve_from_rest(force, s)
         else:
             from_rest = _shrink(force, self.friction) / self.plus
@@ -157,17 +158,22 @@ class _Resistance(NamedTuple):
         neutral = 2.0 * s / self.h
         return _shrink(b + self.plus * neutral, self.preload) / self.plus - neutral
 
-    def _preload_before_neutral(
-        self, v: np.ndarray, after: np.ndarray, s: np.ndarray
+    def _slide_through_neutral(
+        self, b: np.ndarray, v: np.ndarray, s: np.ndarray, otherwise: np.ndarray
     ) -> np.ndarray:
-        """Return the velocity that the preload adds before a body slides through its neutral.
+        """Return the velocity of a body that slides through its neutral inside a step.
 
-        The implicit equation takes the sign of the end of the step for the whole step.
+        The implicit equation takes the sign of the end of the step for the whole step. Here the
+        preload changes its sign where the body passes neutral; `otherwise` is for other bodies.
         """
-        first, last = s - 0.5 * self.h * v, s + 0.5 * self.h * after
-        crosses = (first * last < 0.0) & (v * after > 0.0)
-        part = np.where(crosses, first / np.where(first == last, 1.0, first - last), 0.0)
-        return 2.0 * np.sign(last) * self.preload * part / self.plus
+        first = s - 0.5 * self.h * v
+        side = np.sign(first)
+        before = (b - self.preload * side) / self.plus
+        last = s + 0.5 * self.h * before
+        part = first / np.where(first == last, 1.0, first - last)
+        through = before + 2.0 * self.preload * side * (1.0 - part) / self.plus
+        crosses = (first * last < 0.0) & (v * before > 0.0) & (v * through > 0.0)
+        return np.where(crosses, through, otherwise)
 
     def _solve_from_rest(self, b: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Return v of plus v + friction Sgn(v) + preload Sgn(s + h v / 2) = b.

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flightmech.support.arrays import true_runs
-from flighttest.submodels.control_loading.free_response import HAND
 from flighttest.submodels.control_loading.loading import FORCES, ControlLoading
+from flighttest.submodels.control_loading.responses.free_response import HAND
 from flighttest.submodels.control_loading.windows import PreparedRecord
 
 # Size of an output in parts of its range.
@@ -119,6 +119,13 @@ def _regressors(
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Return the regressors of the force at the hand, and of the force on the surface end."""
     moved = {str(name): x.values for name, x in record.moved.data_vars.items()}
+    # Both ends move alike in slow motion.  With a noisy derivative of each, least squares would
+    # take what their noises have in common, which is nothing, for the mass.
+    fore, aft = record.white
+    share = fore / (fore + aft) if fore + aft > 0.0 else 0.5
+    for name in ("rate", "acceleration"):
+        mean = (1.0 - share) * moved[name] + share * moved[f"aft_{name}"]
+        moved[name] = moved[f"aft_{name}"] = mean
     force = {name: FORCES[name](moved) for name in loading.constants}
     by_term = loading.load(record.moved)[:, None] * loading.model.design(record.moved)
     hinge = {}

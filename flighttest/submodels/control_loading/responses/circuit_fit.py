@@ -33,17 +33,19 @@ from flighttest.maximum_likelihood.search import (
 )
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, lay_out
 from flighttest.remarks import Convergence
-from flighttest.submodels.control_loading.driven_rows import DrivenRows
-from flighttest.submodels.control_loading.free_response import (
+from flighttest.submodels.control_loading.loading import ControlLoading
+from flighttest.submodels.control_loading.responses.driven_rows import DrivenRows
+from flighttest.submodels.control_loading.responses.free_response import (
     EDGE,
     ERROR,
     FreeWindow,
     simulate_windows,
 )
-from flighttest.submodels.control_loading.joint_fit import estimates_convergence
-from flighttest.submodels.control_loading.loading import ControlLoading
 
-ITERATIONS = 8
+# Iterations of a search, the largest number of searches that follow each other, and the fall of the
+# cost during a search below which the last one has converged: a reversal that a step adds or
+# removes is a corner of the cost, at which the gradient proves nothing.
+_ITERATIONS, _SEARCHES, _FALL = 5, 4, 1.0
 # Standard deviation of a time that lies anywhere between two samples. [steps]
 _ANYWHERE = 12.0**-0.5
 # Constants that cannot be negative, and those that must be positive, with the smallest part of
@@ -79,6 +81,8 @@ class CircuitFit:
         With the colour of the residuals and the scatter between the records.
     iterations : int
         Number of iterations.
+    fall : float
+        Fall of the cost, -ln of the likelihood, during the last search.
     rms : dict of str to float
         Residual of each output over the white noise of its pick-up.
     """
@@ -87,18 +91,16 @@ class CircuitFit:
     theta: np.ndarray
     covariance: np.ndarray
     iterations: int
+    fall: float
     rms: dict[str, float]
     maximum: LikelihoodMaximum
     likelihood: CircuitLikelihood
 
     @property
     def convergence(self) -> Convergence:
-        """End of the search, by the last undamped step over the printed standard errors."""
-        count = len(self.names)
-        stderr = np.sqrt(np.diag(self.covariance))
-        return estimates_convergence(
-            self.maximum.remaining[:count], self.theta, stderr=stderr, iterations=self.iterations
-        )
+        """End of the search, by the fall of the cost during its last iterations."""
+        change = self.fall / _FALL
+        return Convergence(change <= 1.0, self.iterations, change)
 
     def change(self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]) -> np.ndarray:
         """Return the change of the estimates (names,) if the records were these, to first order."""
@@ -144,15 +146,38 @@ def fit_circuit(
         if name in start:
             begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
     likelihood = CircuitLikelihood(loading, windows, rows, layout)
-    maximum = maximise_likelihood(likelihood, ITERATIONS, begin)
     names = tuple(unknowns)
-    covariance = _covariance(maximum, likelihood)[: len(names), : len(names)]
+    iterations, before = 0, np.inf
+    for _ in range(_SEARCHES):
+        maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
+        iterations += maximum.iterations
+        fall = 0.0 if maximum.converged else before - maximum.cost
+        if fall < _FALL:
+            break
+        begin, before = maximum.theta, maximum.cost
+    return _fit_of(maximum, likelihood, names, iterations, fall)
+
+
+def _fit_of(
+    maximum: LikelihoodMaximum,
+    likelihood: CircuitLikelihood,
+    names: tuple[str, ...],
+    iterations: int,
+    fall: float,
+) -> CircuitFit:
+    """Return estimates and standard errors at the end of a search."""
+    count = len(names)
+    covariance = _admit_scatter(
+        _covariance(maximum, likelihood)[:count, :count],
+        _scatter_covariance(maximum, likelihood, count)[:count, :count],
+    )
     return CircuitFit(
         names=names,
-        theta=maximum.theta[: len(names)],
+        theta=maximum.theta[:count],
         covariance=covariance,
-        iterations=maximum.iterations,
-        rms=_output_rms(maximum, len(windows)),
+        iterations=iterations,
+        fall=fall,
+        rms=_output_rms(maximum, len(likelihood.windows)),
         maximum=maximum,
         likelihood=likelihood,
     )
@@ -314,18 +339,41 @@ def _covariance(maximum: LikelihoodMaximum, likelihood: CircuitLikelihood) -> np
     return total - (parts - 1) * D
 
 
+def _scatter_covariance(
+    maximum: LikelihoodMaximum, likelihood: CircuitLikelihood, constants: int
+) -> np.ndarray:
+    """Return the covariance of all unknowns by the scatter of the records' gradients.
+
+    Residuals of one window may be correlated in any way, as those of a wrong model are. Few records
+    scatter too little, because they have been fitted: hence the factor n / (n - constants).
+
+    References
+    ----------
+    .. [Liang1986] Liang, Zeger, Longitudinal data analysis using generalized linear models,
+       Biometrika 73, 1986.
+    """
+    columns = likelihood.layout.columns
+    inner = np.zeros_like(maximum.information)
+    for at, S, noise, v in zip(columns, maximum.slopes, maximum.noise, maximum.residuals):
+        g = (v / noise).ravel() @ S.reshape(-1, S.shape[2])
+        inner[np.ix_(at, at)] += np.outer(g, g)
+    D = invert_information(maximum.information, np.ones(len(inner), bool))
+    count = len(columns)
+    factor = count / max(1, count - constants)
+    return factor * D @ inner @ D
+
+
+def _admit_scatter(coloured: np.ndarray, scatter: np.ndarray) -> np.ndarray:
+    """Return a covariance with the larger standard error of two, and the correlation of the first.
+
+    What the records scatter beyond their coloured residuals is an error of the model.
+    """
+    first, second = (np.sqrt(np.maximum(np.diag(C), 0.0)) for C in (coloured, scatter))
+    ratio = np.where(first > 0.0, np.maximum(1.0, second / np.where(first > 0.0, first, 1.0)), 1.0)
+    return coloured * np.outer(ratio, ratio)
+
+
 def _output_rms(maximum: LikelihoodMaximum, windows: int) -> dict[str, float]:
-    """Return the residual of each output over the noise of its pick-up."""
-    rms = {}
-    parts = (
-        (("travel", "surface"), maximum.residuals[:windows]),
-        (
-            ("force", "stretch"),
-            maximum.residuals[windows:],
-        ),
-    )
-    for names, residuals in parts:
-        if residuals:
-            squares = np.concatenate(residuals) ** 2
-            rms.update(zip(names, np.sqrt(squares.mean(axis=0)).tolist()))
-    return rms
+    """Return the residual of each end in free motion over the noise of its pick-up."""
+    squares = np.concatenate(maximum.residuals[:windows]) ** 2
+    return dict(zip(("travel", "surface"), np.sqrt(squares.mean(axis=0)).tolist()))

@@ -22,7 +22,7 @@ from flighttest.submodels.control_loading.motion import (
     has_force_jump,
     loading_channels,
 )
-from flighttest.submodels.control_loading.quiet_inputs import quiet_lines
+from flighttest.submodels.control_loading.responses.quiet_inputs import quiet_lines
 from flighttest.submodels.control_loading.simulation import simulate_linkages
 
 # Name of the force error of a driving hand: part of the force proportional to the rate.
