@@ -82,8 +82,8 @@ def hand_force(kind: str, time: float) -> float:
 
 def air(kind: str, alpha0: float, time: float) -> tuple[float, float]:
     """Return angle of attack [rad] and load factor, which follow the slow sweeps."""
-    swing = 0.035 * np.sin(2.0 * np.pi * (time - 1.1) / 20.0) if kind == "sweep" else 0.0
-    return alpha0 + swing, 1.0 + 9.2 * swing
+    surge = 0.035 * np.sin(2.0 * np.pi * (time - 1.1) / 20.0) if kind == "sweep" else 0.0
+    return alpha0 + surge, 1.0 + 9.2 * surge
 
 
 def simulate_kind(kind: str, sets: list[dict[str, float]]) -> list[list[dict[str, np.ndarray]]]:
@@ -103,10 +103,10 @@ def simulate_kind(kind: str, sets: list[dict[str, float]]) -> list[list[dict[str
     for k in range(-round(2.0 / STEP), count * per + 1):
         t = max(k, 0) * STEP
         F = hand_force(kind, t)
-        swing, nz = air(kind, 0.0, t)
+        surge, nz = air(kind, 0.0, t)
         if k >= 0 and k % per == 0:
-            kept.append((t, s.copy(), a.copy(), F, swing, nz))
-        Ch = p["Ch_e: 1"] + p["Ch_e: alpha"] * (alpha0 + swing) + p["Ch_e: delta_t"] * tab
+            kept.append((t, s.copy(), a.copy(), F, surge, nz))
+        Ch = p["Ch_e: 1"] + p["Ch_e: alpha"] * (alpha0 + surge) + p["Ch_e: delta_t"] * tab
         Ch = Ch - p["Ch_e: delta_e"] * GEARING * a
         cable = p["cable_stiffness"] * (s - a) + p["cable_damping"] * (v - w)
         hand = F - p["offset"] - p["bob_weight"] * G0 * (nz - 1.0) - cable
@@ -119,7 +119,7 @@ def simulate_kind(kind: str, sets: list[dict[str, float]]) -> list[list[dict[str
     columns = [np.array(column) for column in zip(*kept)]
     records = []
     for k in range(len(s)):
-        time, travel, surface, F, swing, nz = columns
+        time, travel, surface, F, surge, nz = columns
         records.append(
             {
                 "time": time,
@@ -127,7 +127,7 @@ def simulate_kind(kind: str, sets: list[dict[str, float]]) -> list[list[dict[str
                 "column": travel[:, k],
                 "delta_e": -GEARING * surface[:, k],
                 "qbar": np.full(len(time), qbar[k]),
-                "alpha": alpha0[k] + swing,
+                "alpha": alpha0[k] + surge,
                 "delta_t": np.full(len(time), tab[k]),
                 "nz": nz,
             }
