@@ -6,6 +6,7 @@ both.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -15,7 +16,7 @@ import scipy
 import xarray as xr
 
 from flightmech.aircraft.controls import Circuit
-from flightmech.errors import IdentificationError
+from flightmech.errors import AeromatchWarning, IdentificationError
 from flighttest.regression.equation_error import least_squares
 from flighttest.remarks import Convergence
 from flighttest.submodels.control_loading.cable import NAMES, CableFit, cable_fit
@@ -101,6 +102,11 @@ def identify_control_loading(
     UnknownName
         A record lacks a channel.
 
+    Warns
+    -----
+    AeromatchWarning
+        The free motion cannot be simulated; the result is that of the regressions.
+
     Notes
     -----
     The regressions are biased by the windows between two reversals and by derivatives of noise;
@@ -136,13 +142,17 @@ def identify_control_loading(
     stops = None if drawings is None else drawings.stops
     windows = find_windows(loading, free, stops) if method == METHODS[0] else []
     if windows:
-        return _fit_responses(
-            identified,
-            _Records(slow, list(free), cutoff, stops),
-            sources=sources,
-            drawings=drawings,
-            error=drawings_error,
-        )
+        try:
+            return _fit_responses(
+                identified,
+                _Records(slow, list(free), cutoff, stops),
+                sources=sources,
+                drawings=drawings,
+                error=drawings_error,
+            )
+        except IdentificationError as error:
+            text = f"{loading.item}: the result is that of the regressions, because {error}"
+            warnings.warn(text, AeromatchWarning, stacklevel=2)
     if sources:
         identified = identified.with_errors(fit.changes(slow, quick, sources))
     if drawings is None:

@@ -303,6 +303,10 @@ class CircuitLikelihood(Likelihood):
     def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[np.ndarray]:
         """Return the slopes per piece, always by central differences."""
         slopes, steps = [], _LONGER * steps
+        # A shifted mass or stiffness stays positive.
+        for k, name in enumerate(self.layout.names):
+            if name in _POSITIVE:
+                steps[k] = min(steps[k], 0.3 * abs(theta[k]))
         for columns, y in zip(self.layout.columns, self._predict(theta, steps)):
             n = len(columns)
             slopes.append((y[:, :, 1 : n + 1] - y[:, :, n + 1 :]) / (2.0 * steps[columns]))
