@@ -128,6 +128,13 @@ _FILE = InputFile()
     help="Order of the mechanism: 2 for one mass, 4 for two masses on a cable.",
 )
 @click.option(
+    "--method",
+    type=click.Choice(["regression", "output error"]),
+    default="regression",
+    show_default=True,
+    help="Regressions alone, or output error of the free motion started from them.",
+)
+@click.option(
     "-o",
     "--output",
     type=NewFile(),

@@ -101,12 +101,19 @@ def loading(truth) -> ControlLoading:
 
 @pytest.fixture(scope="module")
 def found(loading, records):
+    """The regressions alone: enough for files, priors and remarks."""
     return identify_control_loading(loading, *records)
 
 
+@pytest.fixture(scope="module")
+def fitted(loading, records):
+    """The output error that starts from them."""
+    return identify_control_loading(loading, *records, method="output error")
+
+
 @pytest.mark.slow
-def test_constants_and_hinge_moments_are_found(found, truth):
-    G = truth["G"]
+def test_constants_and_hinge_moments_are_found(fitted, truth):
+    found, G = fitted, truth["G"]
     hinges = {"1": "Ch0", "alpha": "Cha", "delta_e": "Chd", "delta_t": "Cht"}
     names = {
         "preload": "breakout",
@@ -321,7 +328,11 @@ def test_errors_of_the_pick_ups_widen_what_they_move(loading, records):
     driven, free = records[0], records[1][:1]
     plain = identify_control_loading(loading, driven, free, order=2)
     wide = identify_control_loading(
-        loading, driven, free, order=2, errors={"F_column": (2.0, 0.02), "wheel": (1.0, 1.0)}
+        loading,
+        driven,
+        free,
+        order=2,
+        errors={"F_column": (2.0, 0.02), "wheel": (1.0, 1.0)},
     )
     assert wide.value("friction")[0] == plain.value("friction")[0]
     expected = np.hypot(plain.value("friction")[1], 0.02 * plain.value("friction")[0])

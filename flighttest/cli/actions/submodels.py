@@ -104,6 +104,7 @@ def run_controls(
     constants,
     arm,
     order,
+    method,
     output,
     database_file,
     into,
@@ -138,6 +139,7 @@ def run_controls(
             free,
             int(order),
             errors=pick_up_errors(aircraft.instruments),
+            method=method,
             **drawings,
         )
     if output:

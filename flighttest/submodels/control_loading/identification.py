@@ -1,12 +1,14 @@
 """Identification of the control loading of one control from flight.
 
-The steps are the force at the hand, the stretch of the cable, and the motion that both give.
+The steps are the force at the hand, the stretch of the cable, and the output error that starts from
+both.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +16,7 @@ import scipy
 import xarray as xr
 
 from flightmech.aircraft.controls import Circuit
-from flightmech.errors import IdentificationError
+from flightmech.errors import AeromatchWarning, IdentificationError
 from flighttest.regression.equation_error import least_squares
 from flighttest.remarks import Convergence
 from flighttest.submodels.control_loading.cable import NAMES, CableFit, cable_fit
@@ -22,7 +24,19 @@ from flighttest.submodels.control_loading.joint_fit import JointFit, estimates_c
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import CUTOFF, loading_channels
 from flighttest.submodels.control_loading.regression import SlidingFit, sliding_fit
-from flighttest.submodels.control_loading.result import DRAWINGS_ERROR, SHARED, IdentifiedLoading
+from flighttest.submodels.control_loading.responses.circuit_fit import fit_circuit
+from flighttest.submodels.control_loading.responses.driven_rows import DrivenRows, driven_rows
+from flighttest.submodels.control_loading.responses.free_response import (
+    HAND,
+    FreeWindow,
+    find_windows,
+)
+from flighttest.submodels.control_loading.result import (
+    DRAWINGS_ERROR,
+    SHARED,
+    IdentifiedLoading,
+    ResponseFit,
+)
 from flighttest.submodels.control_loading.windows import (
     PreparedRecord,
     driven_stretches,
@@ -31,6 +45,7 @@ from flighttest.submodels.control_loading.windows import (
     with_error,
 )
 
+METHODS = ("regression", "output error")
 # Repetitions of both regressions, each with the shares from the other.
 _PASSES = 2
 
@@ -44,6 +59,7 @@ def identify_control_loading(
     errors: Mapping[str, tuple[float, float]] | None = None,
     drawings: Circuit | None = None,
     drawings_error: float = DRAWINGS_ERROR,
+    method: str = "regression",
 ) -> IdentifiedLoading:
     """Identify friction, preload, unbalance, masses, cable and hinge moments of one control.
 
@@ -71,6 +87,9 @@ def identify_control_loading(
         does not exceed the noise of the pick-ups.
     drawings_error : float
         Standard error of its constants over their values. [1]
+    method : {"regression", "output error"}
+        The regressions alone; or the likelihood of the simulated free motion and of the driven
+        stretches, started from the regressions. Without free motion both are the same.
 
     Returns
     -------
@@ -83,8 +102,16 @@ def identify_control_loading(
     UnknownName
         A record lacks a channel.
 
+    Warns
+    -----
+    AeromatchWarning
+        The free motion cannot be simulated; the result is that of the regressions.
+
     Notes
     -----
+    The regressions are biased by the windows between two reversals and by derivatives of noise;
+    the output error has neither, see `output_error`.
+
     Both equations of motion are linear in their constants while the control slides, dry friction
     included: inverse dynamics.  Samples at rest, at reversals, near neutral and next to a release
     are excluded, since friction and preload have no certain sign there.
@@ -93,6 +120,8 @@ def identify_control_loading(
     ----------
     .. [LR743] Report LR-743, 1993, 3.4 and 4.5.3.
     """
+    if method not in METHODS:
+        raise IdentificationError(f"method is {method!r}; allowed: {', '.join(METHODS)}")
     if order not in (2, 4):
         raise IdentificationError(
             f"order is {order}; allowed: 2, 4 (two ailerons on two cables move as one of order 4)"
@@ -110,11 +139,103 @@ def identify_control_loading(
         loading, fit.slid, cable=stretch, estimates=fit.estimates(), iterations=iterations
     )
     sources = _error_sources(loading, [*driven, *free], errors or {})
+    stops = None if drawings is None else drawings.stops
+    windows = find_windows(loading, free, stops) if method == METHODS[1] else []
+    if windows:
+        try:
+            return _fit_responses(
+                identified,
+                _Records(slow, list(free), cutoff, stops),
+                sources=sources,
+                drawings=drawings,
+                error=drawings_error,
+            )
+        except IdentificationError as error:
+            text = f"{loading.item}: the result is that of the regressions, because {error}"
+            warnings.warn(text, AeromatchWarning, stacklevel=2)
     if sources:
         identified = identified.with_errors(fit.changes(slow, quick, sources))
     if drawings is None:
         return identified
     return identified.with_prior(drawings, drawings_error)
+
+
+class _Records(NamedTuple):
+    """Records of an output error: driven ones prepared, free ones as recorded."""
+
+    driven: list[PreparedRecord]
+    free: list[xr.Dataset]
+    cutoff: float
+    stops: tuple[float, float] | None
+
+    def pieces(
+        self, loading: ControlLoading, has_cable: bool, source: tuple[str, int, float] | None
+    ) -> tuple[list[FreeWindow], list[DrivenRows]]:
+        """Return windows and rows, with an error of a channel if a source is given."""
+        driven, free = self.driven, self.free
+        if source is not None:
+            driven = [with_error(loading, record, *source) for record in driven]
+        # The windows are those of the records without the error.
+        windows = find_windows(loading, free, self.stops, source)
+        return windows, driven_rows(loading, driven, self.cutoff, has_cable)
+
+
+def _drawn_constants(
+    identified: IdentifiedLoading, drawings: Circuit | None, error: float
+) -> dict[str, tuple[float, float]]:
+    """Return positive constants of the drawings with their standard errors."""
+    if drawings is None:
+        return {}
+    return {name: (value, error * value) for name, value in identified.drawn(drawings).items()}
+
+
+def _fit_responses(
+    started: IdentifiedLoading,
+    records: _Records,
+    sources: Sequence[tuple[str, int, float]],
+    drawings: Circuit | None,
+    error: float,
+) -> IdentifiedLoading:
+    """Return the output error that starts from regressions."""
+    loading, has_cable = started.loading, started.cable is not None
+    names = [str(name) for name in started.estimates["term"].values]
+    # Constants of the drawings move a start that the regressions leave open.
+    joined = started if drawings is None else started.with_prior(drawings, error)
+    start = {name: joined.value(name)[0] for name in names}
+    # Nuisances that are not part of the result.
+    start = {**start, HAND: 0.0} if has_cable else {**start, "rigging": 0.0, HAND: 0.0}
+    prior = _drawn_constants(started, drawings, error)
+    windows, rows = records.pieces(loading, has_cable, None)
+    fit = fit_circuit(loading, windows, rows, start, prior)
+    covariance = fit.covariance
+    changes = []
+    for source in sources:
+        changes.append(fit.change(*records.pieces(loading, has_cable, source)))
+    if changes:
+        covariance = covariance + np.transpose(changes) @ np.array(changes)
+    hand = fit.names.index(HAND)
+    k = [fit.names.index(name) for name in names]
+    no_errors: tuple[list[str], np.ndarray] = ([], np.zeros((len(k), 0)))
+    estimates = least_squares.regression_estimates(
+        names,
+        fit.theta[k],
+        covariance[np.ix_(k, k)],
+        np.full(len(k), np.nan),
+        no_errors,
+        {},
+    )
+    iterations: dict[str, Convergence] = {}
+    return replace(
+        started,
+        estimates=estimates,
+        iterations=iterations,
+        response=ResponseFit(
+            convergence=fit.convergence,
+            windows=len(windows),
+            rms=fit.rms,
+            hand_damping=(float(fit.theta[hand]), float(np.sqrt(fit.covariance[hand, hand]))),
+        ),
+    )
 
 
 class _Drawn(NamedTuple):

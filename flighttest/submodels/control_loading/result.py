@@ -63,9 +63,59 @@ SHARED = {
 }
 # Standard error over value of constants from drawings, weights and cable tables.
 DRAWINGS_ERROR = 0.25
+# Standard errors from which on a nuisance is remarked; misfit over noise from which on it is.
+_CERTAIN, _MISFIT = 3.0, 2.0
 # Constants that may be negative, and constants that must be positive.
 _SIGNED = ("rigging", "bob_weight")
 _NEEDED = ("mass", "inertia", "cable_stiffness")
+
+
+@dataclass(frozen=True)
+class ResponseFit:
+    """Output error on a circuit.
+
+    Attributes
+    ----------
+    convergence : Convergence
+        End of the search.
+    windows : int
+        Windows of free motion.
+    rms : dict of str to float
+        Residual of ``travel`` and ``surface`` over the white noise of their pick-ups.
+    hand_damping : (float, float)
+        Force over rate that driven records lack compared with free motion, and its standard error.
+    """
+
+    convergence: Convergence
+    windows: int
+    rms: Mapping[str, float]
+    hand_damping: tuple[float, float]
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """Remarks on a force that driven and free motion do not share, and on the misfit."""
+        remarks = self.convergence.remarks(
+            "output error of the circuit",
+            "the likelihood still rises; give records with more motion, fewer terms, or drawings",
+            severity="warning",
+        )
+        value, stderr = self.hand_damping
+        if abs(value) > _CERTAIN * stderr:
+            text = (
+                f"driven records have {value:.3g} +- {stderr:.2g} N per m/s less damping than free "
+                f"motion: their force lacks a part proportional to the rate; damping is that of "
+                f"free motion. Check filter and time of the force transducer"
+            )
+            remarks.append(Remark("disturbance", text, "damping", value, _CERTAIN * stderr, "note"))
+        worst = max(self.rms, key=lambda name: self.rms[name])
+        if self.rms[worst] > _MISFIT:
+            text = (
+                f"free motion: {worst} differs from its simulation by {self.rms[worst]:.2g} times "
+                f"the noise of its pick-up; the standard errors contain the difference. Check the "
+                f"times at which the force changes, and stops"
+            )
+            remarks.append(Remark("unexplained", text, worst, self.rms[worst], _MISFIT, "note"))
+        return remarks
 
 
 @dataclass(frozen=True)
@@ -85,6 +135,8 @@ class IdentifiedLoading(PrintedResult):
         mass are those of the cockpit end if there is a cable.
     iterations : dict of str to Convergence
         End of each iteration, by its name.
+    response : ResponseFit or None
+        Output error on free motion; None for regressions alone.
     """
 
     loading: ControlLoading
@@ -92,11 +144,15 @@ class IdentifiedLoading(PrintedResult):
     cable: xr.Dataset | None
     estimates: xr.Dataset
     iterations: Mapping[str, Convergence] = field(default_factory=dict)
+    response: ResponseFit | None = None
 
     @property
     def remarks(self) -> list[Remark]:
-        """Remarks on iterations that did not converge."""
-        return convergence_remarks(self.iterations)
+        """Remarks on iterations that did not converge, and on the output error."""
+        remarks = convergence_remarks(self.iterations)
+        if self.response is not None:
+            remarks += self.response.remarks
+        return remarks
 
     @property
     def order(self) -> int:
@@ -159,21 +215,25 @@ class IdentifiedLoading(PrintedResult):
         .. [Theil1961] Theil, Goldberger, Int. Econ. Review 2, 1961.
         """
         names = [str(name) for name in self.estimates["term"].values]
-        # Order 6 has two cables, of which this model has the sum.
-        cables = 2.0 if known.order == 6 and self.order == 4 else 1.0
-        indices, values = [], []
-        for name in _CIRCUIT:
-            if name not in names or name in _SIGNED or not getattr(known, name) > 0.0:
-                continue
-            factor = cables if name.startswith("cable_") else 1.0
-            indices.append(names.index(name))
-            values.append(getattr(known, name) * factor)
-        prior = np.array(values)
+        drawn = self.drawn(known)
+        indices = [names.index(name) for name in drawn]
+        prior = np.array(list(drawn.values()))
         theta, C = self.estimates["estimate"].values, self.estimates["covariance"].values
         gain = np.linalg.solve(
             C[np.ix_(indices, indices)] + np.diag((error * prior) ** 2), C[indices]
         ).T
         return self._with_estimates(theta + gain @ (prior - theta[indices]), C - gain @ C[indices])
+
+    def drawn(self, known: Circuit) -> dict[str, float]:
+        """Return the positive constants of a circuit that are among the estimates."""
+        names = [str(name) for name in self.estimates["term"].values]
+        # Order 6 has two cables, of which this model has the sum.
+        cables = 2.0 if known.order == 6 and self.order == 4 else 1.0
+        drawn = {}
+        for name in _CIRCUIT:
+            if name in names and name not in _SIGNED and getattr(known, name) > 0.0:
+                drawn[name] = getattr(known, name) * (cables if name.startswith("cable_") else 1.0)
+        return drawn
 
     def _with_estimates(self, theta: np.ndarray, covariance: np.ndarray) -> IdentifiedLoading:
         """Return the result with other estimates and a symmetric covariance."""
@@ -338,6 +398,12 @@ class IdentifiedLoading(PrintedResult):
             rms = self.cable.attrs["rms"]
             size = f"{rms:.2g} rad" if is_wheel else f"{1e3 * rms:.2g} mm"
             lines.append(f"stretch of the cable: rms {size}")
+        if self.response is not None:
+            travel, surface = (self.response.rms[name] for name in ("travel", "surface"))
+            lines.append(
+                f"output error of {self.response.windows} windows of free motion: travel "
+                f"{travel:.2f}, surface {surface:.2f} times the noise"
+            )
         rows = self._rows()
         width = max(len(name) for name, _, _ in rows) + 2
         lines.append(f"{'':<{width}}{'estimate':>12}{'stderr':>10}")

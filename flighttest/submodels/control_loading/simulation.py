@@ -53,6 +53,7 @@ def simulate_linkages(
     force: np.ndarray,
     moment: np.ndarray,
     step: float,
+    edges: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return travel and deflection of linkages that start at rest.
 
@@ -72,6 +73,9 @@ def simulate_linkages(
         Hinge moment as a polynomial of the deflection, from power 0. [N m]
     step : float
         Step of the record; force and moment are linear between its samples. [s]
+    edges : array (time, linkages), optional
+        Where the force jumps between a sample and the next one: the part of the step after the
+        jump, 0 to 1; NaN elsewhere.
 
     Returns
     -------
@@ -84,6 +88,9 @@ def simulate_linkages(
     s, a = (np.array(x, float) for x in start)
     state = _State(s, a, np.zeros_like(s), np.zeros_like(a))
     S, A = np.empty_like(force), np.empty_like(force)
+    jumps = np.zeros(len(force), bool)
+    if edges is not None:
+        jumps = np.isfinite(edges).any(axis=1)
     for k in range(len(force)):
         S[k], A[k] = state.s, state.a if linkage.has_cable else state.s
         if k + 1 == len(force):
@@ -93,7 +100,12 @@ def simulate_linkages(
         for i in range(count):
             # Force and moment at the middle of the sub-step.
             part = i + 0.5
-            state = linkage.advance(state, F + part * dF, M, part=part, dM=dM)
+            f = F + part * dF
+            if edges is not None and jumps[k]:
+                # The sub-step with the jump has the mean force, so the motion is smooth in `edges`.
+                after = np.clip(i + 1.0 - (1.0 - edges[k]) * count, 0.0, 1.0)
+                f = np.where(np.isfinite(after), F + after * count * dF, f)
+            state = linkage.advance(state, f, M, part=part, dM=dM)
     return S, linkage.rigging + gearing * A
 
 
@@ -126,8 +138,10 @@ class _Resistance(NamedTuple):
         jump by the way of a sub-step wherever a parameter moves a reversal from one sub-step to the
         next, and differences of the motion would show nothing else.
         """
-        sliding = self._solve_preloaded(self.minus * v + force - self.friction * np.sign(v), s)
+        pushed = self.minus * v + force - self.friction * np.sign(v)
+        sliding = self._solve_preloaded(pushed, s)
         if self.has_preload:
+            sliding = self._slide_through_neutral(pushed, v, s, sliding)
             from_rest = self._solve_from_rest(force, s)
         else:
             from_rest = _shrink(force, self.friction) / self.plus
@@ -143,6 +157,23 @@ class _Resistance(NamedTuple):
             return b / self.plus
         neutral = 2.0 * s / self.h
         return _shrink(b + self.plus * neutral, self.preload) / self.plus - neutral
+
+    def _slide_through_neutral(
+        self, b: np.ndarray, v: np.ndarray, s: np.ndarray, otherwise: np.ndarray
+    ) -> np.ndarray:
+        """Return the velocity of a body that slides through its neutral inside a step.
+
+        The implicit equation takes the sign of the end of the step for the whole step. Here the
+        preload changes its sign where the body passes neutral; `otherwise` is for other bodies.
+        """
+        first = s - 0.5 * self.h * v
+        side = np.sign(first)
+        before = (b - self.preload * side) / self.plus
+        last = s + 0.5 * self.h * before
+        part = first / np.where(first == last, 1.0, first - last)
+        through = before + 2.0 * self.preload * side * (1.0 - part) / self.plus
+        crosses = (first * last < 0.0) & (v * before > 0.0) & (v * through > 0.0)
+        return np.where(crosses, through, otherwise)
 
     def _solve_from_rest(self, b: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Return v of plus v + friction Sgn(v) + preload Sgn(s + h v / 2) = b.
@@ -237,12 +268,14 @@ class _Linkage(NamedTuple):
         if not self.has_cable:
             v, correction = self.cockpit.next_velocity(f + g * H, v, s)
             return _State(s + 0.5 * h * v - correction, a, v, u)
-        K, D = self.cable_stiffness, self.cable_damping
-        tension, before = K * (s - a), v
-        v, correction = self.cockpit.next_velocity(f - tension + D * u, v, s)
-        # The cable damps the surface with the mean velocity of the cockpit end.
-        pull = tension + 0.5 * D * (before + v) + g * H
-        u, aft_correction = self.surface.next_velocity(pull, u, a)
+        D = self.cable_damping
+        tension = self.cable_stiffness * (s - a)
+        pull = tension + g * H
+        # The cable damps each end with the mean velocity of the other one over the sub-step.  That
+        # of the surface is predicted: its old velocity would act as a mass of D h / 2.
+        before, (likely, _) = v, self.surface.next_velocity(pull + D * v, u, a)
+        v, correction = self.cockpit.next_velocity(f - tension + 0.5 * D * (u + likely), v, s)
+        u, aft_correction = self.surface.next_velocity(pull + 0.5 * D * (before + v), u, a)
         return _State(s + 0.5 * h * v - correction, a + 0.5 * h * u - aft_correction, v, u)
 
 

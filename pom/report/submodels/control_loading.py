@@ -19,6 +19,7 @@ from pom.report.presentation.quantities import fixed_decimals, format_number
 from pom.report.presentation.unit_sets import units_in_text
 from pom.report.submodels.section import (
     EQUATION_ERROR,
+    OUTPUT_ERROR,
     PanelOf,
     Picture,
     Section,
@@ -102,7 +103,8 @@ def _residual_rows(
         least = fixed_decimals(100 * min(misfits), 0)
         largest = fixed_decimals(100 * max(misfits), 0)
         rms = f"rms {least} to {largest} % of the travel"
-        rows.append(("free motion, simulated", "check, not fitted", rms))
+        technique = "check, not fitted" if result.response is None else OUTPUT_ERROR
+        rows.append(("free motion, simulated", technique, rms))
     return tuple(rows)
 
 

@@ -1,0 +1,386 @@
+"""Output error on the control circuit: one likelihood of free motion and of driven sweeps.
+
+Free motion (pulses, releases) is simulated from rest with the recorded force; travel and surface
+are its outputs.  No derivative is formed, and a reversal needs no window of its own.  Where a hand
+drives the control, force and stretch of the cable are the outputs: their equations are linear in
+the constants and hold at every sliding sample.
+
+    F     = offset + bob + C s + P sgn(s) + R sgn(s') + r |g| sgn(a') + (W + w g^2 - e) s'
+            + (m + J g^2) s'' - g qbar S c Ch
+    s - a = [J g^2 a'' + w g^2 a' + r |g| sgn(a') - g H] / K - rigging / g
+
+The search is that of `flighttest.maximum_likelihood`.
+
+References
+----------
+.. [Maine1985] Maine, Iliff, Identification of dynamic systems: theory and formulation, NASA
+   RP-1138, 1985.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
+from flighttest.maximum_likelihood.search import (
+    Likelihood,
+    LikelihoodMaximum,
+    invert_information,
+    maximise_likelihood,
+)
+from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, lay_out
+from flighttest.remarks import Convergence
+from flighttest.submodels.control_loading.loading import ControlLoading
+from flighttest.submodels.control_loading.responses.driven_rows import DrivenRows
+from flighttest.submodels.control_loading.responses.free_response import (
+    EDGE,
+    ERROR,
+    FreeWindow,
+    simulate_windows,
+)
+
+# Iterations of a search, the largest number of searches that follow each other, and the fall of the
+# cost during a search below which the last one has converged: a reversal that a step adds or
+# removes is a corner of the cost, at which the gradient proves nothing.
+_ITERATIONS, _SEARCHES, _FALL = 5, 4, 1.0
+# Standard deviation of a time that lies anywhere between two samples. [steps]
+_ANYWHERE = 12.0**-0.5
+# Constants that cannot be negative, and those that must be positive, with the smallest part of
+# their start.
+_NOT_NEGATIVE = (
+    "friction",
+    "preload",
+    "hinge_friction",
+    "damping",
+    "hinge_damping",
+    "cable_damping",
+)
+_POSITIVE = ("mass", "inertia", "cable_stiffness")
+_LEAST_PART = 0.02
+# Standard deviation of the start of a window over its motion.
+_WIDE = 10.0
+# Steps of the differences over those of the search: a reversal that a shifted unknown adds or
+# removes is a corner of the likelihood, over which a longer step averages.
+_LONGER = 10.0
+
+
+@dataclass(frozen=True)
+class CircuitFit:
+    """Maximum of the likelihood of a circuit.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Common unknowns: constants, cable, terms of the hinge moment, `HAND`.
+    theta : array (names,)
+        Estimates.
+    covariance : array (names, names)
+        With the colour of the residuals and the scatter between the records.
+    iterations : int
+        Number of iterations.
+    fall : float
+        Fall of the cost, -ln of the likelihood, during the last search.
+    rms : dict of str to float
+        Residual of each output over the white noise of its pick-up.
+    """
+
+    names: tuple[str, ...]
+    theta: np.ndarray
+    covariance: np.ndarray
+    iterations: int
+    fall: float
+    rms: dict[str, float]
+    maximum: LikelihoodMaximum
+    likelihood: CircuitLikelihood
+
+    @property
+    def convergence(self) -> Convergence:
+        """End of the search, by the fall of the cost during its last iterations."""
+        change = self.fall / _FALL
+        return Convergence(change <= 1.0, self.iterations, change)
+
+    def change(self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]) -> np.ndarray:
+        """Return the change of the estimates (names,) if the records were these, to first order."""
+        other = self.likelihood.with_records(windows, rows)
+        theta = self.maximum.theta
+        before, after = self.likelihood.residuals(theta), other.residuals(theta)
+        g = np.zeros(len(theta))
+        for columns, S, noise, v, w in zip(
+            self.likelihood.layout.columns,
+            self.maximum.slopes,
+            self.maximum.noise,
+            before,
+            after,
+        ):
+            g[columns] += ((w - v) / noise).ravel() @ S.reshape(-1, S.shape[2])
+        free = np.ones(len(theta), bool)
+        return (invert_information(self.maximum.information, free) @ g)[: len(self.names)]
+
+
+def fit_circuit(
+    loading: ControlLoading,
+    windows: Sequence[FreeWindow],
+    rows: Sequence[DrivenRows],
+    start: Mapping[str, float],
+    prior: Mapping[str, tuple[float, float]],
+) -> CircuitFit:
+    """Return the constants of a circuit by maximum likelihood.
+
+    Parameters
+    ----------
+    loading : ControlLoading
+    windows : sequence of FreeWindow
+    rows : sequence of DrivenRows
+    start : mapping of str to float
+        First values of all constants, from the regressions.
+    prior : mapping of str to (float, float)
+        A-priori values and standard errors.
+    """
+    unknowns = _common_unknowns(start, prior)
+    layout = _lay_out_records(unknowns, windows, len(rows))
+    begin = layout.start.copy()
+    for k, name in enumerate(layout.names):
+        if name in start:
+            begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
+    likelihood = CircuitLikelihood(loading, windows, rows, layout)
+    names = tuple(unknowns)
+    iterations, before = 0, np.inf
+    for _ in range(_SEARCHES):
+        maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
+        iterations += maximum.iterations
+        fall = 0.0 if maximum.converged else before - maximum.cost
+        if fall < _FALL:
+            break
+        begin, before = maximum.theta, maximum.cost
+    return _fit_of(maximum, likelihood, names, iterations, fall)
+
+
+def _fit_of(
+    maximum: LikelihoodMaximum,
+    likelihood: CircuitLikelihood,
+    names: tuple[str, ...],
+    iterations: int,
+    fall: float,
+) -> CircuitFit:
+    """Return estimates and standard errors at the end of a search."""
+    count = len(names)
+    covariance = _admit_scatter(
+        _covariance(maximum, likelihood)[:count, :count],
+        _scatter_covariance(maximum, likelihood, count)[:count, :count],
+    )
+    return CircuitFit(
+        names=names,
+        theta=maximum.theta[:count],
+        covariance=covariance,
+        iterations=iterations,
+        fall=fall,
+        rms=_output_rms(maximum, len(likelihood.windows)),
+        maximum=maximum,
+        likelihood=likelihood,
+    )
+
+
+def _common_unknowns(
+    start: Mapping[str, float], prior: Mapping[str, tuple[float, float]]
+) -> dict[str, Unknown]:
+    """Return the constants as unknowns, with a-priori values and bounds."""
+    unknowns = {}
+    for name, value in start.items():
+        low = -np.inf
+        if name in _POSITIVE:
+            low = _LEAST_PART * abs(value)
+        elif name in _NOT_NEGATIVE:
+            low = 0.0
+        known, sigma = prior.get(name, (value, np.inf))
+        unknowns[name] = Unknown(max(known, low), sigma, low)
+    return unknowns
+
+
+def _lay_out_records(
+    unknowns: Mapping[str, Unknown], windows: Sequence[FreeWindow], rows: int
+) -> UnknownVector:
+    """Return the vector of common unknowns, then those of each window."""
+    count = len(unknowns)
+    layout = lay_out(unknowns, [{}] * (len(windows) + rows))
+    names, fields, columns = list(layout.names), [], []
+    bases = []
+    for number, window in enumerate(windows, start=1):
+        own = window.starts()
+        columns.append(np.r_[np.arange(count), len(names) + np.arange(len(own))])
+        bases.append((*unknowns, *own))
+        for name, value in own.items():
+            names.append(f"{name}@{number}")
+            if name.startswith(EDGE):
+                fields.append((value, _ANYWHERE, 0.0, 1.0))
+            elif name.startswith(ERROR):
+                sigma = window.errors[int(name.removeprefix(ERROR)) - 1][1]
+                fields.append((value, sigma, -np.inf, np.inf))
+            else:
+                # Wide; without a cable the surface has no start of its own.
+                fields.append(
+                    (
+                        value,
+                        _WIDE * np.ptp(window.measured[:, 0]) * window.scale[0],
+                        -np.inf,
+                        np.inf,
+                    )
+                )
+    for _ in range(rows):
+        columns.append(np.arange(count))
+        bases.append(tuple(unknowns))
+    own_fields = np.array(fields).reshape(-1, 4).T
+    joined = []
+    for common, added in zip((layout.start, layout.sigma, layout.low, layout.high), own_fields):
+        joined.append(np.concatenate([common, added]))
+    return UnknownVector(tuple(names), tuple(bases), tuple(columns), *joined)
+
+
+class CircuitLikelihood(Likelihood):
+    """Likelihood of the windows of free motion, then of the driven rows.
+
+    All windows of one sampling interval are simulated together.
+    """
+
+    def __init__(
+        self,
+        loading: ControlLoading,
+        windows: Sequence[FreeWindow],
+        rows: Sequence[DrivenRows],
+        layout: UnknownVector,
+    ):
+        self.loading, self.windows, self.rows = loading, list(windows), list(rows)
+        # A window whose force is recorded too coarsely differs from its simulation by more than
+        # noise, so each has a variance of its own. All driven stretches have one.
+        groups = np.r_[np.arange(len(windows)), np.full(len(rows), len(windows))]
+        pieces: list[Any] = [*self.windows, *self.rows]
+        super().__init__(pieces, layout, groups)
+
+    def with_records(
+        self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]
+    ) -> CircuitLikelihood:
+        """Return the likelihood of other records with the same unknowns."""
+        return CircuitLikelihood(self.loading, windows, rows, self.layout)
+
+    def _predict(self, theta: np.ndarray, steps: np.ndarray | None) -> list[np.ndarray]:
+        """Return the outputs of all pieces (time, output, runs).
+
+        The first run has the values `theta`; with steps, a run with each unknown raised and one
+        with each lowered follow.
+        """
+        values = []
+        for columns, bases in zip(self.layout.columns, self.layout.bases):
+            own = theta[columns][:, None]
+            if steps is not None:
+                shifts = np.diag(steps[columns])
+                own = np.concatenate([own, own + shifts, own - shifts], axis=1)
+            values.append(dict(zip(bases, own)))
+        count = len(self.windows)
+        predicted: list[np.ndarray] = [np.zeros(0)] * count
+        by_step: dict[int, list[int]] = {}
+        for k, window in enumerate(self.windows):
+            by_step.setdefault(round(1e6 * window.step), []).append(k)
+        for indices in by_step.values():
+            responses = simulate_windows(
+                self.loading,
+                [self.windows[k] for k in indices],
+                [values[k] for k in indices],
+            )
+            for k, response in zip(indices, responses):
+                predicted[k] = response
+        for piece, named in zip(self.rows, values[count:]):
+            predicted.append(piece.predict(named))
+        return predicted
+
+    def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
+        """Return measured minus predicted per piece."""
+        residuals = []
+        for piece, y in zip(self.pieces, self._predict(theta, None)):
+            residuals.append(piece.measured - y[:, :, 0])
+        return residuals
+
+    def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[np.ndarray]:
+        """Return the slopes per piece, always by central differences."""
+        slopes, steps = [], _LONGER * steps
+        # A shifted mass or stiffness stays positive.
+        for k, name in enumerate(self.layout.names):
+            if name in _POSITIVE:
+                steps[k] = min(steps[k], 0.3 * abs(theta[k]))
+        for columns, y in zip(self.layout.columns, self._predict(theta, steps)):
+            n = len(columns)
+            slopes.append((y[:, :, 1 : n + 1] - y[:, :, n + 1 :]) / (2.0 * steps[columns]))
+        return slopes
+
+
+def _covariance(maximum: LikelihoodMaximum, likelihood: CircuitLikelihood) -> np.ndarray:
+    """Return the covariance of all unknowns for coloured residuals.
+
+    Free and driven motion have different outputs: the covariance is formed for each and joined,
+    D (I_1 + I_2 + P) D with the inner matrices I, the prior P and D, the inverse of M.
+    """
+    columns = likelihood.layout.columns
+    count = len(likelihood.windows)
+    # An unknown at a bound has the error that it would have without the bound.
+    free = replace(maximum, active=np.zeros_like(maximum.active))
+    total = np.zeros_like(maximum.information)
+    parts = 0
+    for place in (slice(0, count), slice(count, None)):
+        both: list[Any] = [*likelihood.windows, *likelihood.rows]
+        pieces = both[place]
+        if pieces:
+            part = replace(
+                free,
+                residuals=maximum.residuals[place],
+                slopes=maximum.slopes[place],
+                noise=maximum.noise[place],
+            )
+            steps = [piece.step for piece in pieces]
+            covariance, _ = coloured_likelihood_covariance(part, columns[place], steps)
+            total += covariance
+            parts += 1
+    # Each part counts the information of the other one as known.
+    D = invert_information(maximum.information, ~free.active)
+    return total - (parts - 1) * D
+
+
+def _scatter_covariance(
+    maximum: LikelihoodMaximum, likelihood: CircuitLikelihood, constants: int
+) -> np.ndarray:
+    """Return the covariance of all unknowns by the scatter of the records' gradients.
+
+    Residuals of one window may be correlated in any way, as those of a wrong model are. Few records
+    scatter too little, because they have been fitted: hence the factor n / (n - constants).
+
+    References
+    ----------
+    .. [Liang1986] Liang, Zeger, Longitudinal data analysis using generalized linear models,
+       Biometrika 73, 1986.
+    """
+    columns = likelihood.layout.columns
+    inner = np.zeros_like(maximum.information)
+    for at, S, noise, v in zip(columns, maximum.slopes, maximum.noise, maximum.residuals):
+        g = (v / noise).ravel() @ S.reshape(-1, S.shape[2])
+        inner[np.ix_(at, at)] += np.outer(g, g)
+    D = invert_information(maximum.information, np.ones(len(inner), bool))
+    count = len(columns)
+    factor = count / max(1, count - constants)
+    return factor * D @ inner @ D
+
+
+def _admit_scatter(coloured: np.ndarray, scatter: np.ndarray) -> np.ndarray:
+    """Return a covariance with the larger standard error of two, and the correlation of the first.
+
+    What the records scatter beyond their coloured residuals is an error of the model.
+    """
+    first, second = (np.sqrt(np.maximum(np.diag(C), 0.0)) for C in (coloured, scatter))
+    ratio = np.where(first > 0.0, np.maximum(1.0, second / np.where(first > 0.0, first, 1.0)), 1.0)
+    return coloured * np.outer(ratio, ratio)
+
+
+def _output_rms(maximum: LikelihoodMaximum, windows: int) -> dict[str, float]:
+    """Return the residual of each end in free motion over the noise of its pick-up."""
+    squares = np.concatenate(maximum.residuals[:windows]) ** 2
+    return dict(zip(("travel", "surface"), np.sqrt(squares.mean(axis=0)).tolist()))

@@ -1,0 +1,311 @@
+"""Windows of free motion as pieces of a likelihood: recorded force in, both ends of the cable out.
+
+The motion is that of `simulation`.  All windows and all shifted unknowns are integrated together,
+as columns of one call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from flightmech.units import G0
+from flighttest.submodels.control_loading.loading import ControlLoading
+from flighttest.submodels.control_loading.motion import (
+    REST,
+    control_signals,
+    estimate_white_noise,
+    free_motion_windows,
+    has_force_jump,
+    loading_channels,
+)
+from flighttest.submodels.control_loading.responses.quiet_inputs import quiet_lines
+from flighttest.submodels.control_loading.simulation import simulate_linkages
+
+# Name of the force error of a driving hand: part of the force proportional to the rate.
+HAND = "hand_damping"
+# Names of the unknowns of a window.
+TRAVEL, SURFACE, EDGE, ERROR = "start.travel", "start.surface", "edge", "force_error"
+# Length of the pieces over which the noise of the force is an unknown, and length of a line of the
+# force from which on its error is small. [s]
+_PIECE, _LONG = 0.1, 0.25
+# Largest motion of a simulated end, in ranges of the recorded motion; beyond it the fit has failed.
+_BEYOND = 50.0
+# Part of the way between the stops, next to a stop, that is left out.
+_MARGIN = 0.02
+# Shortest window. [samples]
+_SHORTEST = 12
+
+
+@dataclass(frozen=True)
+class FreeWindow:
+    """One window of free motion.
+
+    Attributes
+    ----------
+    time : array (time,)
+        Time. [s]
+    measured : array (time, 2)
+        Travel of the cockpit end and of the surface end (deflection over gearing), over the
+        white noise of each.
+    scale : array (2,)
+        White noise of both. [m or rad]
+    force : array (time,)
+        Recorded force. [N or N m]
+    weight : array (time,)
+        Load factor less one, times standard gravity. [m s-2]
+    load : array (time,)
+        Hinge moment for Ch = 1. [N m]
+    factors : list of (int, array (time,))
+        Power of the deflection and other factors of every term of the hinge moment.
+    ground : float
+        1 if the nose-wheel spring acts.
+    edges : tuple of int
+        Samples before a jump of the force.
+    errors : tuple of (slice, float)
+        Samples over which the noise of the force is one unknown, and its standard deviation.
+    is_driven : bool
+        Whether a hand drives the control all the time: no jump of the force.
+    """
+
+    time: np.ndarray
+    measured: np.ndarray
+    scale: np.ndarray
+    force: np.ndarray
+    weight: np.ndarray
+    load: np.ndarray
+    factors: list[tuple[int, np.ndarray]]
+    ground: float
+    edges: tuple[int, ...]
+    errors: tuple[tuple[slice, float], ...]
+    is_driven: bool
+
+    @property
+    def step(self) -> float:
+        """Sampling interval. [s]"""
+        return float(np.median(np.diff(self.time)))
+
+    def starts(self) -> dict[str, float]:
+        """Return first values of the unknowns of this window."""
+        rest = slice(0, max(1, round(REST / self.step)))
+        s, a = (self.measured[rest] * self.scale).mean(axis=0)
+        starts = {TRAVEL: float(s), SURFACE: float(a)}
+        starts |= {f"{EDGE}{k + 1}": 0.5 for k in range(len(self.edges))}
+        return starts | {f"{ERROR}{k + 1}": 0.0 for k in range(len(self.errors))}
+
+
+def find_windows(
+    loading: ControlLoading,
+    free: Sequence[xr.Dataset],
+    stops: tuple[float, float] | None = None,
+    error: tuple[str, int, float] | None = None,
+) -> list[FreeWindow]:
+    """Return the windows of free motion of pulses and releases.
+
+    A window ends before the control comes to a stop, whose spring is not part of the model.
+
+    Parameters
+    ----------
+    loading : ControlLoading
+    free : sequence of Dataset (time,)
+        Pulses and releases, as for `identify_control_loading`.
+    stops : (float, float), optional
+        Travel at both stops. [m or rad]
+    error : (str, int, float), optional
+        Channel, kind (0 bias, 1 scale error) and size of an error that is added; the windows are
+        those of the records without it.
+    """
+    scale = _noise_scale(loading, free)
+    windows = []
+    for record in free:
+        # Whole records: the longer a line, the better it is determined.
+        quiet, hand = {}, f"F_{loading.item}"
+        for name in loading_channels(loading):
+            if name in record and name not in (loading.item, loading.deflection, "wow"):
+                x = record[name].values.astype(float)
+                noise = estimate_white_noise(x)
+                lines, sizes = quiet_lines(x, noise)
+                quiet[name] = ("time", lines)
+                if name == hand:
+                    quiet["force_noise"] = ("time", np.full(len(x), noise))
+                    quiet["force_line"] = ("time", sizes)
+        for data in free_motion_windows(loading, record):
+            data = _before_stop(loading, data, stops)
+            if data.sizes["time"] >= _SHORTEST:
+                edges = np.flatnonzero(has_force_jump(data[hand].values))
+                inputs = record.assign(quiet).sel(time=data["time"])
+                if error is not None and error[0] in inputs:
+                    channel, kind, size = error
+                    wrong = inputs[channel] * (1.0 + size) if kind else inputs[channel] + size
+                    inputs = inputs.assign({channel: wrong})
+                windows.append(_prepare_window(loading, inputs, scale, tuple(edges.tolist())))
+    return windows
+
+
+def _noise_scale(loading: ControlLoading, free: Sequence[xr.Dataset]) -> np.ndarray:
+    """Return the white noise of travel and surface end, (2,).
+
+    Records without noise get a millionth of the motion.
+    """
+    noise, spans = [], []
+    for record in free:
+        ends = record[loading.item].values, record[loading.deflection].values / loading.gearing
+        noise.append([estimate_white_noise(x) for x in ends])
+        spans.append([float(np.ptp(x)) for x in ends])
+    if not noise:
+        return np.ones(2)
+    return np.maximum(np.median(noise, axis=0), 1e-6 * np.max(spans))
+
+
+def _before_stop(
+    loading: ControlLoading, data: xr.Dataset, stops: tuple[float, float] | None
+) -> xr.Dataset:
+    """Return a window up to the sample before the control reaches a stop."""
+    if stops is None:
+        return data
+    low, high = stops
+    margin = _MARGIN * (high - low)
+    s = data[loading.item].values
+    outside = np.flatnonzero((s < low + margin) | (s > high - margin))
+    end = int(outside[0]) if len(outside) else len(s)
+    return data.isel(time=slice(0, end))
+
+
+def _prepare_window(
+    loading: ControlLoading, data: xr.Dataset, scale: np.ndarray, edges: tuple[int, ...]
+) -> FreeWindow:
+    """Return one window with its signals."""
+    moved = control_signals(loading, data, None)
+    travel = moved["travel"].values
+    aft = moved[loading.deflection].values / loading.gearing
+    weight = np.zeros(len(travel))
+    if "bob_weight" in loading.constants:
+        weight = G0 * (moved["nz"].values - 1.0)
+    force = moved[f"F_{loading.item}"].values
+    return FreeWindow(
+        time=moved["time"].values,
+        measured=np.column_stack([travel, aft]) / scale,
+        scale=scale,
+        force=force,
+        weight=weight,
+        load=loading.load(moved) / -loading.gearing,
+        factors=loading.by_power(moved),
+        ground=float(moved["on_ground"].values.mean()),
+        edges=edges,
+        errors=_force_errors(data),
+        is_driven=not edges,
+    )
+
+
+def _force_errors(data: xr.Dataset) -> tuple[tuple[slice, float], ...]:
+    """Return the pieces of a window over which the noise of the force is an unknown.
+
+    A long line of the force is known; a ramp of a pulse, or a force of any other form, is not.
+    """
+    step = float(np.median(np.diff(data["time"].values)))
+    size, n = max(1, round(_PIECE / step)), data.sizes["time"]
+    is_known = data["force_line"].values * step > _LONG
+    noise = float(data["force_noise"].values[0])
+    pieces = []
+    for start in range(0, n, size):
+        part = slice(start, min(start + size, n))
+        if noise > 0.0 and not is_known[part].all():
+            pieces.append((part, noise / np.sqrt(part.stop - part.start)))
+    return tuple(pieces)
+
+
+def simulate_windows(
+    loading: ControlLoading,
+    windows: Sequence[FreeWindow],
+    values: Sequence[Mapping[str, np.ndarray]],
+) -> list[np.ndarray]:
+    """Return travel and surface end over their noise, one array (time, 2, runs) per window.
+
+    Parameters
+    ----------
+    loading : ControlLoading
+    windows : sequence of FreeWindow
+        All of one sampling interval.
+    values : sequence of mapping of str to array (runs,)
+        Per window the constants and unknowns of every run.
+    """
+    counts = [len(next(iter(named.values()))) for named in values]
+    longest = max(len(window.time) for window in windows)
+    highest = max(power for power, _ in windows[0].factors)
+    total = sum(counts)
+    force, edges = np.zeros((longest, total)), np.full((longest, total), np.nan)
+    moment = np.zeros((longest, 1 + highest, total))
+    start = np.zeros(total), np.zeros(total)
+    constants: dict[str, list[np.ndarray]] = {}
+    columns, first = [], 0
+    for window, named, count in zip(windows, values, counts):
+        place = slice(first, first + count)
+        first += count
+        columns.append(place)
+        n = len(window.time)
+        zero = np.zeros(count)
+        bob = named.get("bob_weight", zero)
+        force[:n, place] = window.force[:, None] - named["offset"] - bob * window.weight[:, None]
+        for k, (part, _) in enumerate(window.errors):
+            force[part, place] -= named[f"{ERROR}{k + 1}"]
+        # After its end a window rests under its last force.
+        force[n:, place] = force[n - 1, place]
+        for (power, factor), term in zip(window.factors, loading.model.terms):
+            by_term = (window.load * factor)[:, None] * named[loading.term(term)]
+            moment[:n, power, place] += by_term
+        moment[n:, :, place] = moment[n - 1, :, place]
+        for k, sample in enumerate(window.edges):
+            edges[sample, place] = named[f"{EDGE}{k + 1}"]
+        start[0][place] = named[TRAVEL]
+        # The surface end of the record contains the rigging.
+        start[1][place] = named[SURFACE] - named.get("rigging", zero) / loading.gearing
+        for name, value in _linkage_constants(loading, window, named, zero).items():
+            constants.setdefault(name, []).append(value)
+    joined = {name: np.concatenate(parts) for name, parts in constants.items()}
+    with np.errstate(over="ignore", invalid="ignore"):
+        S, D = simulate_linkages(
+            joined,
+            loading.gearing,
+            start=start,
+            force=force,
+            moment=moment,
+            step=windows[0].step,
+            edges=edges,
+        )
+    motion = np.stack([S, D / loading.gearing], axis=1)
+    responses = []
+    for window, place in zip(windows, columns):
+        y = motion[: len(window.time), :, place] / window.scale[:, None]
+        limit = _BEYOND * (1.0 + np.abs(window.measured).max())
+        responses.append(np.where(np.abs(y) < limit, y, np.nan))
+    return responses
+
+
+def _linkage_constants(
+    loading: ControlLoading,
+    window: FreeWindow,
+    named: Mapping[str, np.ndarray],
+    zero: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Return the constants of `simulate_linkages` for the runs of a window."""
+    constants = {}
+    for name in ("mass", "friction", "damping", "preload", "rigging"):
+        constants[name] = named.get(name, zero)
+    spring = named.get("stiffness", zero) + named.get("nose_spring", zero) * window.ground
+    constants["stiffness"] = spring
+    if window.is_driven:
+        # The record lacks this part of the force, as if the circuit had less damping.
+        constants["damping"] = constants["damping"] - named.get(HAND, zero)
+    if "cable_stiffness" in named:
+        for name in (
+            "inertia",
+            "cable_stiffness",
+            "cable_damping",
+            "hinge_friction",
+            "hinge_damping",
+        ):
+            constants[name] = named[name]
+    return constants
