@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 
 from aeromatch.drafting.merging import MergedText, merge_manoeuvres, merge_toml
-from aeromatch.drafting.name_map.name_text import LEFT_OUT
+from aeromatch.drafting.name_map.name_text import LEFT_OUT, without_left_out
 from aeromatch.drafting.previous import DRAFT_FOLDER
 from flightmech.support.atomic_write import write_text, written_atomically
 
@@ -101,9 +101,9 @@ class ProjectFiles:
             self.remarks.append(f"{name}: not drafted by init, and left alone")
             return MergedText(own)
         # The comment at the end lists columns of the recordings, and is not a matter of the author.
-        own_keys, _, _ = own.partition(LEFT_OUT)
-        new_keys, mark, columns = new.partition(LEFT_OUT)
-        merged = merge_toml(before.partition(LEFT_OUT)[0], own_keys, new_keys)
+        # What the author has written below it, such as tables of more channels, stays.
+        _, mark, columns = new.partition(LEFT_OUT)
+        merged = merge_toml(without_left_out(before), without_left_out(own), without_left_out(new))
         end = f"\n{mark}{columns}" if mark else ""
         return MergedText(merged.text.rstrip("\n") + "\n" + end, merged.kept)
 
