@@ -19,7 +19,7 @@ from aeromatch.drafting.flown import (
     replayed_windows,
     write_cases,
 )
-from aeromatch.drafting.gaps import channel_names, describe_unable, unable_to_identify
+from aeromatch.drafting.gaps import channel_names, describe_unable, open_gaps, unable_to_identify
 from aeromatch.drafting.geometry import Geometry, geometry_of
 from aeromatch.drafting.merging import edited_records
 from aeromatch.drafting.name_map.author_map import AuthorMap, read_author_map
@@ -156,8 +156,9 @@ def draft_project(
         add_manoeuvres(flights, {} if force else _own_manoeuvres(folder), remarks)
     with step("write the project"), ProjectFiles(folder, is_anew=force) as files:
         text, gaps = aircraft_text(geometry, answers.facts, list(flights.records.values()))
-        remarks += gaps
         files.write("aircraft.toml", text)
+        own = (folder / "aircraft.toml").read_text(encoding="utf-8")
+        remarks += open_gaps(gaps, text, own)
         _write_project(files, geometry, sources, flights, answers=answers, remarks=remarks)
         files.replace(folder / DRAFT_FOLDER / ANSWERS, answers.to_json(folder))
         is_filled = _read_files(folder)

@@ -439,6 +439,9 @@ def test_answers_and_edits_of_every_file_stay(recordings, tmp_path):
     assert pd.read_csv(folder / "manoeuvres.csv")["end"].tolist() == table["end"].tolist()
     assert (folder / "aircraft.toml.1.bak").read_text().count('"?"') == 2
     assert not done.complete  # Izz
+    assert [text for text in done.remarks if "replace the '?'" in text] == [
+        "Izz is not known: replace the '?' in aircraft.toml"
+    ]
     draft_project(folder, force=True)
     assert pd.read_csv(folder / "manoeuvres.csv")["end"].tolist() != table["end"].tolist()
     assert (folder / "manoeuvres.csv.1.bak").exists()
