@@ -10,7 +10,9 @@ import tomlkit
 import xarray as xr
 
 from aeromatch.drafting.name_map.name_rows import REQUIRED
+from flightmech.errors import UnitError
 from flightmech.support.toml_quantities import UNFILLED
+from flightmech.units import parse_quantity
 
 # Alternative channels, their common name, and the consequence if all of them are absent.
 _NEEDED = (
@@ -29,6 +31,8 @@ _NEEDED = (
         "it follows from the reconstruction alone, with a larger standard error",
     ),
 )
+# Largest ratio of the stated mass and a recorded one that a flight explains.
+_SAME_MASS = 1.5
 # Columns that a remark names. The file names.toml lists all columns.
 _MOST = 20
 
@@ -80,6 +84,33 @@ def _item_at(table: Any, place: Sequence[str | int]) -> Any:
         except (KeyError, IndexError, TypeError):
             return None
     return table
+
+
+def compare_mass(own: str, records: Mapping[str, xr.DataTree]) -> list[str]:
+    """Return a remark if the mass of an aircraft file is far from the recorded ones.
+
+    A mass in pounds without its unit is taken in kilograms, and everything else looks right.
+    """
+    stated = tomlkit.parse(own).unwrap().get("mass", UNFILLED)
+    recorded: list[float] = []
+    for record in records.values():
+        for node in record.children.values():
+            if "mass" in node.data_vars:
+                recorded.append(float(node["mass"].median()))
+    if stated == UNFILLED or not recorded:
+        return []
+    try:
+        mass = parse_quantity(stated, "kg")
+    except UnitError:
+        # The check of the project names the fault.
+        return []
+    least, largest = min(recorded), max(recorded)
+    if least / _SAME_MASS <= mass <= largest * _SAME_MASS:
+        return []
+    return [
+        f"mass of aircraft.toml is {mass:.5g} kg, the records have {least:.5g} ... {largest:.5g} "
+        "kg: check both and their units; a number without a unit is in kg"
+    ]
 
 
 def channel_names(records: Iterable[xr.DataTree]) -> set[str]:

@@ -112,12 +112,18 @@ class ProjectFiles:
         self._remember(file)
         write_text(file, text)
 
+    def is_removed(self, name: str) -> bool:
+        """Return whether the author has removed a file of the last draft."""
+        is_absent = not (self.folder / name).exists() and self.drafted(name).exists()
+        return is_absent and not self.is_anew
+
     def remove_unedited(self, name: str) -> None:
         """Remove a drafted file that a new draft does not have, unless the author has edited it."""
         file, draft = self.folder / name, self.drafted(name)
         if file.exists() and draft.exists() and file.read_bytes() == draft.read_bytes():
-            self._remember(file)
-            file.unlink()
+            for item in (file, draft):
+                self._remember(item)
+                item.unlink()
             self.remarks.append(f"{name}: removed, the new draft does not have it")
 
     def _copy(self, file: Path) -> None:
