@@ -32,7 +32,13 @@ from aeromatch.drafting.name_map.author_map import AuthorMap, read_author_map
 from aeromatch.drafting.name_map.column_table import ColumnRow
 from aeromatch.drafting.name_map.name_text import names_text
 from aeromatch.drafting.name_map.names import NamesDraft
-from aeromatch.drafting.previous import ANSWERS, DRAFT_FOLDER, DraftAnswers, read_answers
+from aeromatch.drafting.previous import (
+    ANSWERS,
+    DRAFT_FOLDER,
+    DraftAnswers,
+    read_answers,
+    read_draft,
+)
 from aeromatch.drafting.project_files import ProjectFiles
 from aeromatch.drafting.project_text import map_file, project_text
 from aeromatch.drafting.recordings import (
@@ -231,8 +237,7 @@ def _own_manoeuvres(folder: Path) -> dict[str, pd.DataFrame]:
         return {}
     # The reader names the problems of a faulty table.
     tables = read_manoeuvres(file)
-    before = drafted.read_text(encoding="utf-8") if drafted.exists() else ""
-    edited = edited_records(before, file.read_text(encoding="utf-8-sig"))
+    edited = edited_records(read_draft(drafted), file.read_text(encoding="utf-8-sig"))
     return {name: table for name, table in tables.items() if name in edited}
 
 

@@ -12,8 +12,9 @@ from types import TracebackType
 
 from aeromatch.drafting.merging import MergedText, merge_manoeuvres, merge_toml
 from aeromatch.drafting.name_map.name_text import LEFT_OUT, without_left_out
-from aeromatch.drafting.previous import DRAFT_FOLDER
+from aeromatch.drafting.previous import DRAFT_FOLDER, read_draft
 from flightmech.support.atomic_write import write_text, written_atomically
+from flightmech.support.toml_files import read_toml
 
 
 @dataclass
@@ -78,11 +79,14 @@ class ProjectFiles:
             Text of the new draft.
         """
         file, draft = self.folder / name, self.drafted(name)
-        before = draft.read_text(encoding="utf-8") if draft.exists() else ""
+        before = read_draft(draft)
         merged = MergedText(new)
         if file.exists():
             own = file.read_text(encoding="utf-8")
             if own not in (before, new):
+                if file.suffix == ".toml" and not self.is_anew:
+                    # Its reader names the line of a fault.
+                    read_toml(file)
                 merged = MergedText(new) if self.is_anew else self._merge(name, before, own, new)
                 if merged.text != own:
                     self._copy(file)
