@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from aeromatch.drafting.name_map.candidates import find_candidates
+from aeromatch.drafting.name_map.name_repair import check_draft
 from aeromatch.drafting.name_map.names import draft_names
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.opening import open_recording
@@ -59,3 +61,19 @@ def test_noise_is_no_candidate(table, rows):
     noisy = type(table)(columns, units=table.units)
     known = [row for row in rows if row.name != "delta_e"]
     assert find_candidates(known, noisy, ["Elevator"], step=0.04) == []
+
+
+@pytest.mark.slow
+def test_signs_that_are_wrong_together_are_a_remark(tmp_path):
+    """Bank and roll rate of a left-handed recorder agree, and contradict the turn alone."""
+    table = pd.read_csv(FLIGHT)
+    for name in ("Roll (deg)", "Roll Rate (deg/s)"):
+        table[name] *= -1.0
+    flight = tmp_path / "mirror.csv"
+    table.to_csv(flight, index=False)
+    _, _, findings = check_draft(draft_names([flight]), [flight])
+    (finding,) = findings
+    assert finding.channels == ()
+    assert "yaw rate times airspeed, and bank do not agree" in finding.line
+    _, _, findings = check_draft(draft_names([FLIGHT]), [FLIGHT])
+    assert findings == []
