@@ -55,7 +55,7 @@ class AircraftGap:
 def open_gaps(gaps: Sequence[AircraftGap], drafted: str, own: str) -> list[str]:
     """Return the texts of the gaps that the author's aircraft file leaves open.
 
-    A gap is closed by another value, or by the removal of the word CONFIRM behind a correct one.
+    A gap is filled by another value, or by the removal of the word CONFIRM behind a correct one.
 
     Parameters
     ----------

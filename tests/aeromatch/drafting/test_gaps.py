@@ -20,7 +20,7 @@ GAPS = [
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "closed"),
+    ("old", "new", "filled"),
     [
         ("", "", None),
         ('"?"', '"900 kg"', "mass"),
@@ -30,9 +30,9 @@ GAPS = [
         ("[[engine]]\nposition", "[other]\nposition", "engine"),
     ],
 )
-def test_a_value_of_the_author_closes_its_gap(old, new, closed):
+def test_a_value_of_the_author_fills_its_gap(old, new, filled):
     texts = open_gaps(GAPS, DRAFT, DRAFT.replace(old, new) if old else DRAFT)
-    assert texts == [gap.text for gap in GAPS if gap.text != closed]
+    assert texts == [gap.text for gap in GAPS if gap.text != filled]
 
 
 @pytest.mark.parametrize(
