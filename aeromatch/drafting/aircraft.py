@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import xarray as xr
 
-from aeromatch.drafting.gaps import channel_names
+from aeromatch.drafting.gaps import AircraftGap, channel_names
 from aeromatch.drafting.geometry import Geometry
 from aeromatch.drafting.instruments import instrument_lines
 from aeromatch.project.schemas import schema_lines
@@ -47,11 +47,11 @@ class StatedFacts:
 
 def aircraft_text(
     geometry: Geometry, known: StatedFacts, records: Sequence[xr.DataTree]
-) -> tuple[str, list[str]]:
+) -> tuple[str, list[AircraftGap]]:
     """Return the text of an aircraft file, and the values that its author has to give or
     confirm.
     """
-    remarks: list[str] = []
+    gaps: list[AircraftGap] = []
     name = known.name or _title(geometry) or "aircraft"
     imu = [_value(text) for text in known.imu] if known.imu else None
     lines = [
@@ -62,21 +62,21 @@ def aircraft_text(
         "Keys: `aeromatch schema`, page reference/project-keys of `./run docs`.",
         "",
         f"name = {json.dumps(name, ensure_ascii=False)}",
-        *_reference_lines(geometry, remarks),
-        *_mass_lines(known, remarks),
-        *_engine_lines(geometry, records, remarks),
+        *_reference_lines(geometry, gaps),
+        *_mass_lines(known, gaps),
+        *_engine_lines(geometry, records, gaps),
         *_travel_lines(records),
         *_hinge_lines(geometry),
-        *instrument_lines(records, imu, remarks),
+        *instrument_lines(records, imu, gaps),
     ]
-    return "\n".join(lines) + "\n", remarks
+    return "\n".join(lines) + "\n", gaps
 
 
 def _title(geometry: Geometry) -> str:
     return re.sub(r"\s+", " ", geometry.title).strip().title()
 
 
-def _reference_lines(geometry: Geometry, remarks: list[str]) -> list[str]:
+def _reference_lines(geometry: Geometry, gaps: list[AircraftGap]) -> list[str]:
     lines = []
     for key, text, unit in (
         ("S", "reference area", "m2"),
@@ -86,10 +86,11 @@ def _reference_lines(geometry: Geometry, remarks: list[str]) -> list[str]:
         number = getattr(geometry, key)
         # The listings may lack a card with this reference.
         if number is None:
-            remarks.append(
+            remark = (
                 f"{key} is not known: replace the {UNFILLED!r} in aircraft.toml, or give "
                 f"listings or decks (--datcom)"
             )
+            gaps.append(AircraftGap((key,), remark))
             value = json.dumps(UNFILLED)
         else:
             value = f"{number:.7g}"
@@ -107,7 +108,7 @@ def _reference_lines(geometry: Geometry, remarks: list[str]) -> list[str]:
     return lines
 
 
-def _mass_lines(known: StatedFacts, remarks: list[str]) -> list[str]:
+def _mass_lines(known: StatedFacts, gaps: list[AircraftGap]) -> list[str]:
     lines = ["", "# Mass and moments of inertia about the c.g., of the aircraft as flown."]
     for key, example in MASS.items():
         stated = known.values.get(key)
@@ -118,7 +119,8 @@ def _mass_lines(known: StatedFacts, remarks: list[str]) -> list[str]:
         lines.append(
             f"{key} = {_value(UNFILLED)}   # {lookup(key).long_name}, such as {json.dumps(example)}"
         )
-        remarks.append(f"{key} is not known: replace the {UNFILLED!r} in aircraft.toml")
+        text = f"{key} is not known: replace the {UNFILLED!r} in aircraft.toml"
+        gaps.append(AircraftGap((key,), text))
     # Products of inertia are zero by default, so they need no placeholder.
     for key in ("Ixz", "Ixy", "Iyz"):
         if known.values.get(key):
@@ -126,9 +128,8 @@ def _mass_lines(known: StatedFacts, remarks: list[str]) -> list[str]:
     comment = "   # from the moment reference point"
     if not known.cg:
         comment += "; CONFIRM: taken as there"
-        remarks.append(
-            "the c.g. is taken to be at the moment reference point: confirm cg in aircraft.toml"
-        )
+        text = "the c.g. is taken to be at the moment reference point: confirm cg in aircraft.toml"
+        gaps.append(AircraftGap(("cg",), text))
     cg = known.cg or ("0.0", "0.0", "0.0")
     lines.append(f"cg = [{', '.join(map(_value, cg))}]{comment}")
     return lines
@@ -143,7 +144,7 @@ def _value(text: str) -> str:
 
 
 def _engine_lines(
-    geometry: Geometry, records: Sequence[xr.DataTree], remarks: list[str]
+    geometry: Geometry, records: Sequence[xr.DataTree], gaps: list[AircraftGap]
 ) -> list[str]:
     channels = channel_names(records)
     # The digit after "engine" in names such as engine1.n1.
@@ -156,9 +157,10 @@ def _engine_lines(
         if index < len(geometry.engines):
             position, source = geometry.engines[index], "from JETPWR or PROPWR of the cards"
         else:
-            remarks.append(
+            text = (
                 f"the place of engine {index + 1} is not known: confirm position in aircraft.toml"
             )
+            gaps.append(AircraftGap(("engine", index, "position"), text))
         coordinates = ", ".join(f"{x:.5g}" for x in position)
         lines += [
             "",
@@ -167,10 +169,11 @@ def _engine_lines(
             "direction = [1.0, 0.0, 0.0]",
         ]
     if count and not any(name.endswith(".thrust") for name in channels):
-        remarks.append(
+        text = (
             "no thrust is recorded: give each [[engine]] a deck or a table of thrust, else "
             "the coefficients hold the thrust"
         )
+        gaps.append(AircraftGap((), text))
     return lines
 
 

@@ -148,6 +148,11 @@ def write_cases(
     """
     written = []
     for case in chosen:
+        if files.is_removed(f"cases/{case.file}"):
+            remarks.append(
+                f"cases/{case.file}: removed by you, and not drafted again; --force drafts it"
+            )
+            continue
         # The case is drafted at the depth of its folder, so that its relative paths are right.
         place = files.drafted(f"new_{case.file}")
         try:

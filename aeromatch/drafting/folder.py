@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from aeromatch.drafting.aircraft import StatedFacts, aircraft_text
+from aeromatch.drafting.aircraft import MASS, StatedFacts, aircraft_text
 from aeromatch.drafting.flown import (
     CaseDraft,
     fits_of,
@@ -19,14 +19,26 @@ from aeromatch.drafting.flown import (
     replayed_windows,
     write_cases,
 )
-from aeromatch.drafting.gaps import channel_names, describe_unable, unable_to_identify
+from aeromatch.drafting.gaps import (
+    channel_names,
+    compare_mass,
+    describe_unable,
+    open_gaps,
+    unable_to_identify,
+)
 from aeromatch.drafting.geometry import Geometry, geometry_of
 from aeromatch.drafting.merging import edited_records
 from aeromatch.drafting.name_map.author_map import AuthorMap, read_author_map
 from aeromatch.drafting.name_map.column_table import ColumnRow
 from aeromatch.drafting.name_map.name_text import names_text
 from aeromatch.drafting.name_map.names import NamesDraft
-from aeromatch.drafting.previous import ANSWERS, DRAFT_FOLDER, DraftAnswers, read_answers
+from aeromatch.drafting.previous import (
+    ANSWERS,
+    DRAFT_FOLDER,
+    DraftAnswers,
+    read_answers,
+    read_draft,
+)
 from aeromatch.drafting.project_files import ProjectFiles
 from aeromatch.drafting.project_text import map_file, project_text
 from aeromatch.drafting.recordings import (
@@ -36,7 +48,10 @@ from aeromatch.drafting.recordings import (
     read_flights,
 )
 from aeromatch.drafting.sources import Sources, quote, source_folders, sources_of
+from flightmech.errors import SchemaError, UnitError, UnknownName
+from flightmech.names import lookup
 from flightmech.support.toml_quantities import UNFILLED
+from flightmech.units import number_or_text, parse_quantity
 from flighttest.records.manoeuvre_table import read_manoeuvres, write_manoeuvres
 
 _PROJECT, _TABLE, _NAMES = "aeromatch.toml", "manoeuvres.csv", "names.toml"
@@ -128,6 +143,7 @@ def draft_project(
     """
     folder = Path(folder)
     given = DraftAnswers(known or StatedFacts(), tuple(datcom), tuple(records), tuple(prove))
+    _check_units(given.facts)
     answers = read_answers(folder).extended(given)
     datcom, records, prove = answers.datcom, answers.records, answers.prove
     if not datcom and not records and folder.is_dir():
@@ -135,7 +151,7 @@ def draft_project(
     sources = sources_of([Path(path) for path in datcom], [Path(path) for path in records])
     with step(f"read {len(sources.listings)} listings and {len(sources.decks)} decks"):
         geometry = geometry_of(sources.listings, sources.decks)
-    remarks: list[str] = []
+    remarks = _check_proving(prove, sources.records, is_given=bool(given.prove))
     own_map, author = _find_own_map(folder, own_map, force)
     if sources.records:
         with step(f"read {len(sources.records)} recordings, find names, units and signs"):
@@ -156,8 +172,10 @@ def draft_project(
         add_manoeuvres(flights, {} if force else _own_manoeuvres(folder), remarks)
     with step("write the project"), ProjectFiles(folder, is_anew=force) as files:
         text, gaps = aircraft_text(geometry, answers.facts, list(flights.records.values()))
-        remarks += gaps
         files.write("aircraft.toml", text)
+        own = (folder / "aircraft.toml").read_text(encoding="utf-8")
+        remarks += open_gaps(gaps, text, own)
+        remarks += compare_mass(own, flights.records)
         _write_project(files, geometry, sources, flights, answers=answers, remarks=remarks)
         files.replace(folder / DRAFT_FOLDER / ANSWERS, answers.to_json(folder))
         is_filled = _read_files(folder)
@@ -169,6 +187,34 @@ def draft_project(
         complete=is_filled,
         columns=tuple(flights.columns),
     )
+
+
+def _check_units(facts: StatedFacts) -> None:
+    """Raise for stated masses and inertias that are not a number, or have another unit."""
+    problems = []
+    for key in MASS:
+        if facts.values.get(key):
+            try:
+                parse_quantity(number_or_text(facts.values[key]), lookup(key).units)
+            except UnitError as error:
+                problems.append(f"{key} = {facts.values[key]!r}: {error}")
+    if problems:
+        raise SchemaError("init", problems)
+
+
+def _check_proving(prove: Sequence[str], records: Sequence[Path], is_given: bool) -> list[str]:
+    """Return a remark for each proving record of the last draft that is absent now.
+
+    Raises
+    ------
+    SchemaError
+        A proving record of this call is absent.
+    """
+    known = [file.stem for file in records]
+    problems = [str(UnknownName(name, known, "record")) for name in prove if name not in known]
+    if problems and is_given:
+        raise SchemaError("init --prove", problems)
+    return [f"{problem}; the last draft kept it for the proof" for problem in problems]
 
 
 def _find_own_map(
@@ -189,9 +235,10 @@ def _own_manoeuvres(folder: Path) -> dict[str, pd.DataFrame]:
     file, drafted = folder / _TABLE, folder / DRAFT_FOLDER / _TABLE
     if not file.exists():
         return {}
-    before = drafted.read_text(encoding="utf-8") if drafted.exists() else ""
-    edited = edited_records(before, file.read_text(encoding="utf-8"))
-    return {name: table for name, table in read_manoeuvres(file).items() if name in edited}
+    # The reader names the problems of a faulty table.
+    tables = read_manoeuvres(file)
+    edited = edited_records(read_draft(drafted), file.read_text(encoding="utf-8-sig"))
+    return {name: table for name, table in tables.items() if name in edited}
 
 
 def _write_project(

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
+import tomlkit
 import xarray as xr
 
 from aeromatch.drafting.name_map.name_rows import REQUIRED
+from flightmech.errors import UnitError
+from flightmech.support.toml_quantities import UNFILLED
+from flightmech.units import parse_quantity
 
 # Alternative channels, their common name, and the consequence if all of them are absent.
 _NEEDED = (
@@ -25,8 +31,86 @@ _NEEDED = (
         "it follows from the reconstruction alone, with a larger standard error",
     ),
 )
+# Largest ratio of the stated mass and a recorded one that a flight explains.
+_SAME_MASS = 1.5
 # Columns that a remark names. The file names.toml lists all columns.
 _MOST = 20
+
+
+@dataclass(frozen=True)
+class AircraftGap:
+    """A value of the aircraft file that its author has to give or to confirm.
+
+    Attributes
+    ----------
+    place : tuple of str or int
+        Keys and positions that lead to the value; empty for a gap that no single value fills.
+    text : str
+    """
+
+    place: tuple[str | int, ...]
+    text: str
+
+
+def open_gaps(gaps: Sequence[AircraftGap], drafted: str, own: str) -> list[str]:
+    """Return the texts of the gaps that the author's aircraft file leaves open.
+
+    A gap is filled by another value, or by the removal of the word CONFIRM behind a correct one.
+
+    Parameters
+    ----------
+    gaps : sequence of AircraftGap
+    drafted, own : str
+        New draft, and the file with the edits of its author.
+    """
+    before, present = tomlkit.parse(drafted), tomlkit.parse(own)
+    texts = []
+    for gap in gaps:
+        item = _item_at(present, gap.place)
+        if item is None:
+            continue
+        is_drafted = item == _item_at(before, gap.place)
+        comment = "" if item is present else item.trivia.comment
+        if item is present or item == UNFILLED or (is_drafted and "CONFIRM" in comment):
+            texts.append(gap.text)
+    return texts
+
+
+def _item_at(table: Any, place: Sequence[str | int]) -> Any:
+    """Return a value of a file; None if the file does not have it."""
+    for key in place:
+        try:
+            table = table[key]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return table
+
+
+def compare_mass(own: str, records: Mapping[str, xr.DataTree]) -> list[str]:
+    """Return a remark if the mass of an aircraft file is far from the recorded ones.
+
+    A mass in pounds without its unit is taken in kilograms, and everything else looks right.
+    """
+    stated = tomlkit.parse(own).unwrap().get("mass", UNFILLED)
+    recorded: list[float] = []
+    for record in records.values():
+        for node in record.children.values():
+            if "mass" in node.data_vars:
+                recorded.append(float(node["mass"].median()))
+    if stated == UNFILLED or not recorded:
+        return []
+    try:
+        mass = parse_quantity(stated, "kg")
+    except UnitError:
+        # The check of the project names the fault.
+        return []
+    least, largest = min(recorded), max(recorded)
+    if least / _SAME_MASS <= mass <= largest * _SAME_MASS:
+        return []
+    return [
+        f"mass of aircraft.toml is {mass:.5g} kg, the records have {least:.5g} ... {largest:.5g} "
+        "kg: check both and their units; a number without a unit is in kg"
+    ]
 
 
 def channel_names(records: Iterable[xr.DataTree]) -> set[str]:

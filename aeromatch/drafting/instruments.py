@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import xarray as xr
 
+from aeromatch.drafting.gaps import AircraftGap
 from flightmech.names import lookup
 from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.samples import channel_table
@@ -44,7 +45,7 @@ _PRESSURE_GRADIENT = 12.0
 
 
 def instrument_lines(
-    records: Sequence[xr.DataTree], imu: Sequence[str] | None, remarks: list[str]
+    records: Sequence[xr.DataTree], imu: Sequence[str] | None, gaps: list[AircraftGap]
 ) -> list[str]:
     """Return the tables ``[instruments.*]`` as lines; empty without a channel.
 
@@ -53,7 +54,7 @@ def instrument_lines(
     records : sequence of DataTree
     imu : sequence of str (3,), optional
         Position of the inertial unit.
-    remarks : list of str
+    gaps : list of AircraftGap
         Gets the positions that the author has to confirm.
     """
     noise = noise_by_channel(records)
@@ -66,36 +67,38 @@ def instrument_lines(
         "# bias_sigma is one standard error of the constant error of ordinary instruments: "
         "write what the data sheets state.",
     ]
-    lines += _imu_lines(noise, imu, remarks)
-    lines += _vane_lines(noise, remarks)
+    lines += _imu_lines(noise, imu, gaps)
+    lines += _vane_lines(noise, gaps)
     return lines + _air_data_lines(noise) + _satellite_lines(noise)
 
 
 def _imu_lines(
-    noise: Mapping[str, float], position: Sequence[str] | None, remarks: list[str]
+    noise: Mapping[str, float], position: Sequence[str] | None, gaps: list[AircraftGap]
 ) -> list[str]:
     names = [name for name in _IMU if name in noise]
     if not names:
         return []
     if position is None:
-        remarks.append(
+        text = (
             "the place of the inertial unit is not known: confirm position of "
             "[instruments.imu] in aircraft.toml"
         )
+        gaps.append(AircraftGap(("instruments", "imu", "position"), text))
         line = "position = [0.0, 0.0, 0.0]   # CONFIRM: taken as at the c.g."
     else:
         line = f"position = [{', '.join(position)}]"
     return ["", "[instruments.imu]", line, *_error_lines(noise, names, names)]
 
 
-def _vane_lines(noise: Mapping[str, float], remarks: list[str]) -> list[str]:
+def _vane_lines(noise: Mapping[str, float], gaps: list[AircraftGap]) -> list[str]:
     names = [name for name in ("alpha_vane", "beta_vane") if name in noise]
     if not names:
         return []
-    remarks.append(
+    text = (
         "the place of the vanes is not known: confirm position of [instruments.vanes] in "
         "aircraft.toml"
     )
+    gaps.append(AircraftGap(("instruments", "vanes", "position"), text))
     factors = ", ".join(f"{name} = [1.0, 0.1]" for name in names)
     return [
         "",

@@ -163,7 +163,13 @@ def edited_records(drafted: str, own: str) -> set[str]:
 def _rows_by_record(text: str) -> dict[str, pd.DataFrame]:
     if not text.strip():
         return {}
-    table = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
+    head = text.splitlines()[0]
+    # A spreadsheet may have saved the table with semicolons and decimal commas.
+    separator = ";" if ";" in head and "," not in head else ","
+    table = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False, sep=separator)
+    table.columns = table.columns.str.strip()
+    for name in table.columns.intersection(["start", "end", "confidence"]):
+        table[name] = table[name].str.replace(",", ".", regex=False)
     return {str(name): rows for name, rows in table.groupby("record", sort=False)}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -85,6 +86,33 @@ def read_answers(folder: Path) -> DraftAnswers:
         raise ParseError(
             str(file), 0, f"damaged answers of the last draft ({error})", "the file removed"
         ) from error
+
+
+def read_draft(file: Path) -> str:
+    """Return the text of a file as it was drafted last; empty without a draft.
+
+    Raises
+    ------
+    ParseError
+        The text is damaged.
+    """
+    if not file.exists():
+        return ""
+    try:
+        text = file.read_text(encoding="utf-8")
+        if file.suffix == ".toml":
+            tomllib.loads(text)
+        is_whole = file.suffix != ".csv" or "record" in text.partition("\n")[0].split(",")
+    except ValueError:
+        is_whole = False
+    if not is_whole:
+        raise ParseError(
+            str(file),
+            0,
+            "a damaged file of the last draft",
+            "the file removed; then all of your file of this name counts as yours and stays",
+        )
+    return text
 
 
 def _parse_answers(content: Mapping[str, Any], folder: Path) -> DraftAnswers:

@@ -11,9 +11,10 @@ from pathlib import Path
 from types import TracebackType
 
 from aeromatch.drafting.merging import MergedText, merge_manoeuvres, merge_toml
-from aeromatch.drafting.name_map.name_text import LEFT_OUT
-from aeromatch.drafting.previous import DRAFT_FOLDER
+from aeromatch.drafting.name_map.name_text import LEFT_OUT, without_left_out
+from aeromatch.drafting.previous import DRAFT_FOLDER, read_draft
 from flightmech.support.atomic_write import write_text, written_atomically
+from flightmech.support.toml_files import read_toml
 
 
 @dataclass
@@ -78,11 +79,14 @@ class ProjectFiles:
             Text of the new draft.
         """
         file, draft = self.folder / name, self.drafted(name)
-        before = draft.read_text(encoding="utf-8") if draft.exists() else ""
+        before = read_draft(draft)
         merged = MergedText(new)
         if file.exists():
             own = file.read_text(encoding="utf-8")
             if own not in (before, new):
+                if file.suffix == ".toml" and not self.is_anew:
+                    # Its reader names the line of a fault.
+                    read_toml(file)
                 merged = MergedText(new) if self.is_anew else self._merge(name, before, own, new)
                 if merged.text != own:
                     self._copy(file)
@@ -101,9 +105,9 @@ class ProjectFiles:
             self.remarks.append(f"{name}: not drafted by init, and left alone")
             return MergedText(own)
         # The comment at the end lists columns of the recordings, and is not a matter of the author.
-        own_keys, _, _ = own.partition(LEFT_OUT)
-        new_keys, mark, columns = new.partition(LEFT_OUT)
-        merged = merge_toml(before.partition(LEFT_OUT)[0], own_keys, new_keys)
+        # What the author has written below it, such as tables of more channels, stays.
+        _, mark, columns = new.partition(LEFT_OUT)
+        merged = merge_toml(without_left_out(before), without_left_out(own), without_left_out(new))
         end = f"\n{mark}{columns}" if mark else ""
         return MergedText(merged.text.rstrip("\n") + "\n" + end, merged.kept)
 
@@ -112,12 +116,18 @@ class ProjectFiles:
         self._remember(file)
         write_text(file, text)
 
+    def is_removed(self, name: str) -> bool:
+        """Return whether the author has removed a file of the last draft."""
+        is_absent = not (self.folder / name).exists() and self.drafted(name).exists()
+        return is_absent and not self.is_anew
+
     def remove_unedited(self, name: str) -> None:
         """Remove a drafted file that a new draft does not have, unless the author has edited it."""
         file, draft = self.folder / name, self.drafted(name)
         if file.exists() and draft.exists() and file.read_bytes() == draft.read_bytes():
-            self._remember(file)
-            file.unlink()
+            for item in (file, draft):
+                self._remember(item)
+                item.unlink()
             self.remarks.append(f"{name}: removed, the new draft does not have it")
 
     def _copy(self, file: Path) -> None:

@@ -439,7 +439,18 @@ def test_answers_and_edits_of_every_file_stay(recordings, tmp_path):
     assert pd.read_csv(folder / "manoeuvres.csv")["end"].tolist() == table["end"].tolist()
     assert (folder / "aircraft.toml.1.bak").read_text().count('"?"') == 2
     assert not done.complete  # Izz
+    assert [text for text in done.remarks if "replace the '?'" in text] == [
+        "Izz is not known: replace the '?' in aircraft.toml"
+    ]
+    cases = sorted((folder / "cases").glob("*.toml"))
+    cases[0].unlink()
+    table.to_csv(folder / "manoeuvres.csv", index=False, sep=";", decimal=",")
+    done = draft_project(folder)
+    assert not cases[0].exists()
+    assert any(f"{cases[0].name}: removed by you" in text for text in done.remarks)
+    assert pd.read_csv(folder / "manoeuvres.csv")["end"].tolist() == table["end"].tolist()
     draft_project(folder, force=True)
+    assert cases[0].exists()
     assert pd.read_csv(folder / "manoeuvres.csv")["end"].tolist() != table["end"].tolist()
     assert (folder / "manoeuvres.csv.1.bak").exists()
 
@@ -474,3 +485,15 @@ def test_a_drafted_project_is_accepted_by_match(columns, tmp_path, seed):
 @pytest.mark.parametrize("seed", range(2, 50))
 def test_every_drafted_project_is_accepted_by_match(columns, tmp_path, seed):
     _check_random_columns(columns, tmp_path / "new", seed)
+
+
+def test_an_unknown_proving_record_is_refused(recordings, tmp_path):
+    with pytest.raises(SchemaError, match="unknown record 'mondya'; near it: monday"):
+        draft_project(tmp_path / "mine", [CLEAN], [recordings], MASS, prove=["mondya"])
+    assert not (tmp_path / "mine").exists()
+
+
+def test_a_stated_mass_in_another_unit_is_refused(tmp_path):
+    facts = StatedFacts(values={"mass": "2280 lbm2", "Ixx": "10826"})
+    with pytest.raises(SchemaError, match="mass = '2280 lbm2'"):
+        draft_project(tmp_path / "mine", [CLEAN], [], facts)

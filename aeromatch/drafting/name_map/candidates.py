@@ -15,6 +15,8 @@ import numpy as np
 import pandas as pd
 
 from aeromatch.drafting.name_map.name_rows import NameMapRow
+from flightmech.errors import UnitError
+from flightmech.names import lookup
 from flightmech.units import parse_unit
 from flighttest.records.readers.channel_correction import recorder_units
 from flighttest.records.readers.columns import unit_of_column
@@ -56,7 +58,8 @@ class Candidate:
     reference : str
         What the column was compared with.
     unit : str
-        Unit in which the column has the size of its reference; empty if no unit fits.
+        Unit that the heading states, else that in which the column has the size of its reference;
+        empty if no unit fits.
     """
 
     quantity: str
@@ -289,16 +292,30 @@ def _compare_columns(
         # A constant column and a text column resemble nothing.
         if np.isfinite(values).sum() < _FEWEST or np.nanstd(values) == 0.0:
             continue
+        stated = table.units.get(name) or ""
+        if not _is_possible(quantity, stated):
+            continue
         values = _prepare(values, step, reference.slow)
         if given:
             values = _smooth(values, step)
         value = _largest_correlation(values, expected, given, step)
         if abs(value) >= _LEAST:
             sign = 1 if value > 0.0 else -1
-            unit = "" if given else _unit_by_size(quantity, values, expected)
+            unit = stated
+            if not unit and not given:
+                unit = _unit_by_size(quantity, values, expected)
             found.append(Candidate(quantity, column, value, sign, reference.text, unit))
     found.sort(key=lambda candidate: -abs(candidate.correlation))
     return found[:_MOST]
+
+
+def _is_possible(quantity: str, stated: str) -> bool:
+    """Return whether a column with the unit that its heading states may be a quantity."""
+    try:
+        return not stated or parse_unit(stated)[0] == parse_unit(lookup(quantity).units)[0]
+    except UnitError:
+        # A word in brackets that is not a unit excludes nothing.
+        return True
 
 
 def _unit_by_size(quantity: str, values: np.ndarray, expected: np.ndarray) -> str:

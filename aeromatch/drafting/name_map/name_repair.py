@@ -34,7 +34,9 @@ class MapFinding:
     def of(cls, file: Path, finding: Any) -> MapFinding:
         """Return a finding of the check of a record."""
         line = f"{file.name}: {finding.name}: {finding.text}; {finding.remedy}"
-        return cls(tuple(finding.channels), finding.text, line)
+        # Where no single channel is at fault, no column is marked.
+        channels = () if _is_open(finding) else tuple(finding.channels)
+        return cls(channels, finding.text, line)
 
 
 def check_draft(
@@ -82,13 +84,21 @@ def _repair_by_record(draft: NamesDraft, file: Path, remaining: list[MapFinding]
 
 
 def _find_errors(draft: NamesDraft, file: Path) -> list[Any]:
-    """Return the errors that the check of a record finds; none without a channel of motion."""
+    """Return the errors and contradictions of a record; none without a channel of motion."""
     record = flighttest.read(file, draft.mapping())
     try:
         findings = flighttest.assess(record).findings
     except SchemaError:
         return []
-    return [finding for finding in findings if finding.severity == "error"]
+    return [finding for finding in findings if finding.severity == "error" or _is_open(finding)]
+
+
+def _is_open(finding: Any) -> bool:
+    """Return whether channels contradict each other, and no single line of a map resolves it.
+
+    Two signs that are wrong together, such as those of bank and roll rate, show only here.
+    """
+    return finding.kind == "inconsistent"
 
 
 def _apply_remedies(draft: NamesDraft, findings: Sequence[Any]) -> NamesDraft | None:
@@ -106,7 +116,10 @@ def _apply_remedies(draft: NamesDraft, findings: Sequence[Any]) -> NamesDraft | 
     rows = tuple(_correct_row(row, corrections) for row in draft.rows)
     if rows == draft.rows:
         return None
-    return replace(draft, rows=rows)
+    # A unit that waited for the author is known now.
+    answered = tuple(f"{name} from column " for name in corrections)
+    remarks = tuple(text for text in draft.remarks if not text.startswith(answered))
+    return replace(draft, rows=rows, remarks=remarks)
 
 
 def _correct_row(row: NameMapRow, corrections: Mapping[str, tuple[Channel, str]]) -> NameMapRow:

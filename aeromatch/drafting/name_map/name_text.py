@@ -23,6 +23,8 @@ _BENCH = (
 _EXAMPLES = {"latitude": '"45 deg"', "runway_elevation": '"120 m"'}
 LEFT_OUT = "# Columns without a quantity:"
 """First line of the comment about columns without a channel, at the end of the text."""
+# Begin of each line of this comment.
+_LEFT_OUT_LINE = "#   "
 # Files that the head of the text names.
 _MOST_FILES = 3
 
@@ -57,8 +59,25 @@ def names_text(draft: NamesDraft, files: Sequence[Path]) -> str:
     lines += [*_clock_lines(draft), *_channel_lines(draft)]
     if draft.left_out:
         lines += ["", LEFT_OUT]
-        lines += [f"#   {item.column}: {item.reason}" for item in draft.left_out]
+        lines += [f"{_LEFT_OUT_LINE}{item.column}: {item.reason}" for item in draft.left_out]
     return "\n".join(lines) + "\n"
+
+
+def without_left_out(text: str) -> str:
+    """Return the text of a name map without the comment about columns without a channel.
+
+    Keys between and below the lines of the comment stay.
+
+    Examples
+    --------
+    >>> without_left_out('p = "P"\\n# Columns without a quantity:\\n#   E: not known\\nq = "Q"\\n')
+    'p = "P"\\nq = "Q"\\n'
+    """
+    head, mark, tail = text.partition(LEFT_OUT)
+    if not mark:
+        return text
+    lines = tail.removeprefix("\n").splitlines(keepends=True)
+    return head + "".join(line for line in lines if not line.startswith(_LEFT_OUT_LINE))
 
 
 def _constant_lines(draft: NamesDraft) -> list[str]:

@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from aeromatch.drafting.name_map.candidates import find_candidates
+from aeromatch.drafting.name_map.name_repair import check_draft
 from aeromatch.drafting.name_map.names import draft_names
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.opening import open_recording
@@ -13,17 +15,17 @@ from flighttest.records.readers.opening import open_recording
 FLIGHT = Path(__file__).parents[3] / "data" / "c182" / "flight" / "cruise.csv"
 # Sign and unit of each column; the recorder counts a right roll as positive.
 COLUMNS = {
-    "delta_e": ("Elevator", 1, ""),
-    "delta_a": ("Aileron", -1, ""),
-    "delta_r": ("Rudder", 1, ""),
+    "delta_e": ("Elevator", 1, "deg"),
+    "delta_a": ("Aileron", -1, "deg"),
+    "delta_r": ("Rudder", 1, "deg"),
     "p": ("Roll Rate", 1, "deg/s"),
     "q": ("Pitch Rate", 1, "deg/s"),
     "r": ("Yaw Rate", 1, "deg/s"),
     "phi": ("Roll", 1, "deg"),
     "theta": ("Pitch", 1, "deg"),
-    "alpha_vane": ("AOA", 1, None),
-    "beta_vane": ("AOS", 1, None),
-    "V_cas": ("CAS", 1, None),
+    "alpha_vane": ("AOA", 1, "deg"),
+    "beta_vane": ("AOS", 1, "deg"),
+    "V_cas": ("CAS", 1, "kt"),
     "h_baro": ("Press Alt", 1, "ft"),
 }
 
@@ -47,9 +49,25 @@ def test_a_hidden_column_comes_first(table, rows, quantity):
     free = [name for name in table.columns if name not in used and name != "Time"]
     found = find_candidates(known, table, free, step=0.04)
     best = next(item for item in found if item.quantity == quantity)
-    assert (best.column, best.sign) == (column, sign)
-    if unit is not None:
-        assert best.unit == unit
+    assert (best.column, best.sign, best.unit) == (column, sign, unit)
+
+
+@pytest.mark.parametrize("quantity", ["p", "q", "r", "phi", "theta", "h_baro"])
+def test_the_size_gives_a_unit_that_no_heading_states(table, rows, quantity):
+    column, _, unit = COLUMNS[quantity]
+    known = [row for row in rows if row.name != quantity]
+    units = {name: text for name, text in table.units.items() if name != column}
+    (best, *_) = find_candidates(
+        known, type(table)(table.columns, units=units), [column], step=0.04
+    )
+    assert (best.column, best.unit) == (column, unit)
+
+
+def test_a_column_in_a_unit_of_another_quantity_is_not_a_candidate(table, rows):
+    """A pitch rate moves with the normal force, and is not an angle of attack."""
+    known = [row for row in rows if row.name not in ("q", "alpha_vane")]
+    found = find_candidates(known, table, ["Pitch Rate"], step=0.04)
+    assert {item.quantity for item in found} == {"q"}
 
 
 def test_noise_is_no_candidate(table, rows):
@@ -59,3 +77,19 @@ def test_noise_is_no_candidate(table, rows):
     noisy = type(table)(columns, units=table.units)
     known = [row for row in rows if row.name != "delta_e"]
     assert find_candidates(known, noisy, ["Elevator"], step=0.04) == []
+
+
+@pytest.mark.slow
+def test_signs_that_are_wrong_together_are_a_remark(tmp_path):
+    """Bank and roll rate of a left-handed recorder agree, and contradict the turn alone."""
+    table = pd.read_csv(FLIGHT)
+    for name in ("Roll (deg)", "Roll Rate (deg/s)"):
+        table[name] *= -1.0
+    flight = tmp_path / "mirror.csv"
+    table.to_csv(flight, index=False)
+    _, _, findings = check_draft(draft_names([flight]), [flight])
+    (finding,) = findings
+    assert finding.channels == ()
+    assert "yaw rate times airspeed, and bank do not agree" in finding.line
+    _, _, findings = check_draft(draft_names([FLIGHT]), [FLIGHT])
+    assert findings == []

@@ -5,6 +5,7 @@ import tomllib
 import pytest
 
 from aeromatch.drafting.merging import edited_records, merge_manoeuvres, merge_toml
+from aeromatch.drafting.project_files import ProjectFiles
 
 DRAFT = """# head
 [imu]
@@ -80,3 +81,35 @@ def test_records_of_a_table():
     both = merge_manoeuvres(TABLE, own, TABLE.replace("1,2", "1,9"))
     assert both.text == own
     assert both.kept == ("a",)
+
+
+COLUMNS = "# Columns without a quantity:\n#   E1: its heading is not known\n#   Event: text\n"
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "# Columns",  # above the comment about columns
+        "#   Event",  # in the place of its lines
+        "",  # below it, at the end of the file
+    ],
+)
+def test_tables_of_the_author_stay_around_the_comment_about_columns(tmp_path, place):
+    drafted = '[imu]\np = "P"   # roll\n\n' + COLUMNS
+    mine = '[controls]\ndelta_e = { column = "E1", sign = -1 }   # mine\n'
+    own = drafted.replace(place, mine + place) if place else f"{drafted}\n{mine}"
+    new = drafted.replace("#   E1: its heading is not known\n", "")
+    with ProjectFiles(tmp_path) as files:
+        files.write("names.toml", drafted)
+    (tmp_path / "names.toml").write_text(own)
+    with ProjectFiles(tmp_path) as files:
+        files.write("names.toml", new)
+    merged = (tmp_path / "names.toml").read_text()
+    assert mine in merged
+    assert tomllib.loads(merged) == tomllib.loads(own)
+    assert "E1: its" not in merged
+    assert merged.endswith("#   Event: text\n")
+    # A further draft changes nothing.
+    with ProjectFiles(tmp_path) as files:
+        files.write("names.toml", new)
+    assert (tmp_path / "names.toml").read_text() == merged
