@@ -16,7 +16,6 @@ import datcom_io
 import flightmech
 import flighttest
 import pom
-from flightmech.errors import AeromatchWarning
 
 DATA = Path(__file__).parents[1] / "data" / "t37"
 RECORD = DATA / "flight" / "t37_02_clean_cruise_5kft.nc"
@@ -72,10 +71,7 @@ def fits(path, aircraft):
 
 @pytest.fixture(scope="module")
 def final(fits, prior):
-    with pytest.warns(
-        AeromatchWarning, match="incompatible fits: CD"
-    ):  # DATCOM gives the drag of a smooth aeroplane
-        tables = aerodb.tabulate(fits, prior, held=["CL/altitude", "CD/altitude", "Cm/altitude"])
+    tables = aerodb.tabulate(fits, prior, held=["CL/altitude", "CD/altitude", "Cm/altitude"])
     return aerodb.replace_terms(prior, tables)
 
 

@@ -33,7 +33,7 @@ def test_a_file_is_run_by_one_process_and_two_files_by_two(tmp_path):
     for name in ("test_a.py", "test_b.py"):
         (tmp_path / name).write_text(TESTS)
     # a worker of this run has variables that a run of its own must not see
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_XDIST")}
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")}
     run = subprocess.run(
         [sys.executable, "-m", "pytest", "-n", "2", "--dist", "loadfile"],
         cwd=tmp_path,

@@ -72,7 +72,7 @@ class Drafted:
     records : dict of str to dict
         By record: ``channels`` (number), ``manoeuvres`` (names), ``file``.
     complete : bool
-        Whether no value waits for its author; then `aeromatch match` accepts the project as it is.
+        Whether no value waits for its author. The plan of a match checks the rest.
     columns : tuple of ColumnRow
         What each column of the recordings is taken for.
     """
@@ -142,24 +142,29 @@ def draft_project(
         No source was found, or the recordings cannot be mapped.
     """
     folder = Path(folder)
-    given = DraftAnswers(known or StatedFacts(), tuple(datcom), tuple(records), tuple(prove))
+    given = DraftAnswers(
+        known or StatedFacts(),
+        tuple(datcom),
+        tuple(records),
+        prove=tuple(prove),
+        own_map=_name_outside(own_map),
+    )
     _check_units(given.facts)
     answers = read_answers(folder).extended(given)
-    datcom, records, prove = answers.datcom, answers.records, answers.prove
-    if not datcom and not records and folder.is_dir():
-        datcom = records = source_folders(folder)
+    prove = answers.prove
+    datcom, records = _source_paths(folder, answers)
     sources = sources_of([Path(path) for path in datcom], [Path(path) for path in records])
     with step(f"read {len(sources.listings)} listings and {len(sources.decks)} decks"):
         geometry = geometry_of(sources.listings, sources.decks)
     remarks = _check_proving(prove, sources.records, is_given=bool(given.prove))
-    own_map, author = _find_own_map(folder, own_map, force)
+    outside, author = _find_own_map(folder, answers.own_map, force)
     if sources.records:
         with step(f"read {len(sources.records)} recordings, find names, units and signs"):
             flights = read_flights(
                 sources,
                 geometry.flap,
                 known=answers.facts,
-                own_map=own_map,
+                own_map=outside,
                 remarks=remarks,
                 author=author,
             )
@@ -217,17 +222,39 @@ def _check_proving(prove: Sequence[str], records: Sequence[Path], is_given: bool
     return [f"{problem}; the last draft kept it for the proof" for problem in problems]
 
 
-def _find_own_map(
-    folder: Path, own_map: str | Path | None, force: bool
-) -> tuple[str | Path | None, AuthorMap | None]:
+def _source_paths(folder: Path, answers: DraftAnswers) -> tuple[Sequence[Path], Sequence[Path]]:
+    """Return the places of listings and decks, and those of recordings.
+
+    Places that are not stated are the folder and its subfolders, if both or if the last draft was
+    made from the folder.
+    """
+    datcom, records = answers.datcom, answers.records
+    is_from_folder = not datcom and not records
+    if (folder / DRAFT_FOLDER / ANSWERS).exists():
+        before = read_answers(folder)
+        is_from_folder = not before.datcom and not before.records
+    if not is_from_folder or not folder.is_dir():
+        return datcom, records
+    places = source_folders(folder)
+    return datcom or places, records or places
+
+
+def _name_outside(own_map: str | Path | None) -> str:
+    """Return the full path of a name map or the name of a shipped one; empty without a map."""
+    if own_map is None:
+        return ""
+    file = Path(own_map)
+    # A shipped map has no file.
+    return str(file.resolve()) if file.exists() else str(own_map)
+
+
+def _find_own_map(folder: Path, outside: str, force: bool) -> tuple[str | None, AuthorMap | None]:
     """Return a map outside of the project, or the lines of the author in that of the project."""
-    file = folder / _NAMES
-    is_outside = own_map is not None and Path(own_map).resolve() != file.resolve()
-    if is_outside:
-        return own_map, None
-    if force and own_map is None:
+    if outside and Path(outside).resolve() != (folder / _NAMES).resolve():
+        return outside, None
+    if force:
         return None, None
-    return None, read_author_map(file, folder / DRAFT_FOLDER / _NAMES)
+    return None, read_author_map(folder / _NAMES, folder / DRAFT_FOLDER / _NAMES)
 
 
 def _own_manoeuvres(folder: Path) -> dict[str, pd.DataFrame]:

@@ -66,9 +66,13 @@ def _merge_tables(
 ) -> None:
     """Change a table of the author's file to the new draft, except what the author has changed."""
     for key in list(own):
-        # The draft has dropped an entry that the author has not touched.
-        if key not in new and _plain(own[key]) == before.get(key, _ABSENT):
+        if key in new or key not in before:
+            continue
+        # The draft has dropped an entry.
+        if _plain(own[key]) == before[key]:
             del own[key]
+        else:
+            kept.append(".".join((*place, key)))
     for key, item in new.items():
         drafted = before.get(key, _ABSENT)
         here = (*place, key)
@@ -111,6 +115,16 @@ def _merge_named_tables(
             own.append(item)
         elif before[name] != _plain(item):
             kept.append(".".join(here))
+
+
+def is_other_flight(drafted: str, new: str) -> bool:
+    """Return whether two drafts of a case replay different records or windows.
+
+    The edits of an author then belong to another flight than the new draft.
+    """
+    cases = [tomlkit.parse(text).unwrap().get("case", {}) for text in (drafted, new)]
+    flights = [(case.get("record"), case.get("window")) for case in cases]
+    return flights[0] != flights[1]
 
 
 def _have_names(*lists: AoT) -> bool:

@@ -26,14 +26,18 @@ class DraftAnswers:
     ----------
     facts : StatedFacts
     datcom, records : tuple of Path
-        Listings, decks and recordings, or folders of them; empty for the folder of the project.
+        Listings, decks and recordings, or folders of them; both are empty for the folder of the
+        project.
     prove : tuple of str
+    own_map : str
+        Name map outside of the project, or the name of a shipped one; empty without it.
     """
 
     facts: StatedFacts = field(default_factory=StatedFacts)
     datcom: tuple[Path, ...] = ()
     records: tuple[Path, ...] = ()
     prove: tuple[str, ...] = ()
+    own_map: str = ""
 
     def extended(self, newer: DraftAnswers) -> DraftAnswers:
         """Return these answers with newer ones in their place."""
@@ -44,14 +48,13 @@ class DraftAnswers:
             cg=new.cg or old.cg,
             imu=new.imu or old.imu,
         )
-        has_sources = bool(newer.datcom or newer.records)
-        sources = newer if has_sources else self
         return replace(
             newer,
             facts=facts,
-            datcom=sources.datcom,
-            records=sources.records,
+            datcom=newer.datcom or self.datcom,
+            records=newer.records or self.records,
             prove=newer.prove or self.prove,
+            own_map=newer.own_map or self.own_map,
         )
 
     def to_json(self, folder: Path) -> str:
@@ -64,6 +67,7 @@ class DraftAnswers:
             "prove": self.prove,
             "datcom": [_relative(path, folder) for path in self.datcom],
             "records": [_relative(path, folder) for path in self.records],
+            "names": self.own_map,
         }
         return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
@@ -127,6 +131,7 @@ def _parse_answers(content: Mapping[str, Any], folder: Path) -> DraftAnswers:
         datcom=tuple(folder / path for path in content["datcom"]),
         records=tuple(folder / path for path in content["records"]),
         prove=tuple(map(str, content["prove"])),
+        own_map=str(content["names"]),
     )
 
 

@@ -10,11 +10,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 
-from aeromatch.drafting.merging import MergedText, merge_manoeuvres, merge_toml
+from aeromatch.drafting.merging import (
+    MergedText,
+    is_other_flight,
+    merge_manoeuvres,
+    merge_toml,
+)
 from aeromatch.drafting.name_map.name_text import LEFT_OUT, without_left_out
 from aeromatch.drafting.previous import DRAFT_FOLDER, read_draft
 from flightmech.support.atomic_write import write_text, written_atomically
 from flightmech.support.toml_files import read_toml
+
+# Files that get the news of a draft also if their author has written them.
+_MERGED = ("names.toml", "manoeuvres.csv")
 
 
 @dataclass
@@ -80,6 +88,10 @@ class ProjectFiles:
         """
         file, draft = self.folder / name, self.drafted(name)
         before = read_draft(draft)
+        if file.exists() and not before and name not in _MERGED and not self.is_anew:
+            self.remarks.append(f"{name}: not drafted by init, and left alone")
+            self.written.append(file)
+            return
         merged = MergedText(new)
         if file.exists():
             own = file.read_text(encoding="utf-8")
@@ -101,9 +113,8 @@ class ProjectFiles:
         """Return the author's file with the news of a draft."""
         if name.endswith(".csv"):
             return merge_manoeuvres(before, own, new)
-        if not before and name != "names.toml":
-            self.remarks.append(f"{name}: not drafted by init, and left alone")
-            return MergedText(own)
+        if name.startswith("cases/") and is_other_flight(before, new):
+            return MergedText(own, ("the whole file: another record or window",))
         # The comment at the end lists columns of the recordings, and is not a matter of the author.
         # What the author has written below it, such as tables of more channels, stays.
         _, mark, columns = new.partition(LEFT_OUT)

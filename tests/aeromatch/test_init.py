@@ -497,3 +497,38 @@ def test_a_stated_mass_in_another_unit_is_refused(tmp_path):
     facts = StatedFacts(values={"mass": "2280 lbm2", "Ixx": "10826"})
     with pytest.raises(SchemaError, match="mass = '2280 lbm2'"):
         draft_project(tmp_path / "mine", [CLEAN], [], facts)
+
+
+@pytest.mark.slow
+def test_sources_and_an_outside_map_are_requested_once(recordings, drafted, tmp_path):
+    """New listings do not drop the recordings, and the map of the author stays his map."""
+    mapped, _ = drafted
+    (tmp_path / "mine.toml").write_bytes((mapped / "names.toml").read_bytes())
+    folder, flight = tmp_path / "new", recordings / "monday.csv"
+    draft_project(folder, [CLEAN], [flight], MASS, own_map=tmp_path / "mine.toml")
+    again = draft_project(folder, [CLEAN])
+    assert set(again.records) == {"monday"}
+    assert not (folder / "names.toml").exists()
+    assert {row.confidence for row in again.columns} == {"yours", "not taken"}
+
+
+@pytest.mark.slow
+def test_an_edited_case_stays_with_its_flight(recordings, tmp_path):
+    folder = tmp_path / "new"
+    monday, tuesday = (recordings / f"{name}.csv" for name in ("monday", "tuesday"))
+    draft_project(folder, [CLEAN], [monday], MASS)
+    case = folder / "cases" / "short_period.toml"
+    if not case.exists():
+        pytest.fail(f"cases: {[file.name for file in (folder / 'cases').iterdir()]}")
+    edited = case.read_text() + "\n[conditions]\nmass = 2300.0\n"
+    case.write_text(edited)
+    done = draft_project(folder, records=[monday, tuesday])
+    assert case.read_text() == edited
+    assert any("another record or window" in text for text in done.remarks)
+
+
+def test_a_file_that_is_left_alone_stays_alone(tmp_path):
+    (tmp_path / "aircraft.toml").write_text("name = 'mine'\n")
+    for _ in range(2):
+        draft_project(tmp_path, [CLEAN], known=MASS)
+        assert (tmp_path / "aircraft.toml").read_text() == "name = 'mine'\n"

@@ -265,7 +265,10 @@ def _signals_of(rows: Sequence[NameMapRow], table: RecordedTable) -> dict[str, n
             name = column if column in table.columns else column.rpartition("/")[2]
             if name in table.columns:
                 values = np.asarray(table.columns[name], float)
-                signals[row.name] = row.channel.convert(values, table.units.get(name), row.name)
+                converted = row.channel.convert(values, table.units.get(name), row.name)
+                # A gap would end an integral and the turns of a heading.
+                filled = pd.Series(converted).interpolate(limit_direction="both")
+                signals[row.name] = filled.to_numpy()
                 break
     return signals
 
@@ -357,7 +360,7 @@ def _largest_correlation(
         moved, target = _overlap(values, expected, -lag if given else lag)
         if len(moved) < _FEWEST:
             continue
-        parts = [_overlap(signal, signal, 0)[0][lag:] for signal in given]
+        parts = [signal[lag:] for signal in given]
         value = _partial_correlation(moved, target, parts)
         if abs(value) > abs(best):
             best = value

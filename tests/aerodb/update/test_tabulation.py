@@ -283,8 +283,8 @@ def test_the_flown_region_grows_with_the_samples_without_a_step():
         P = prior_parts(leaf, np.array([1.0, 1.0, 1.0, weight]))[PARTS.index("reach")]
         like.append(P[2, 3] / np.sqrt(P[2, 2] * P[3, 3]))
     assert like[0] == pytest.approx(
-        np.exp(-2.0 / 5.0), rel=1e-6
-    )  # one cell of 2 deg, correlation length 5 deg
+        np.exp(-((2.0 / 5.0 / 0.8) ** 2) / 2.0), rel=1e-6
+    )  # one cell of 2 deg, correlation length 5 deg, fade of 0.8 lengths
     assert like[-1] == pytest.approx(1.0, rel=1e-6)
     assert np.diff(like).min() >= 0.0
     assert np.diff(like).max() < 0.01

@@ -93,3 +93,12 @@ def test_signs_that_are_wrong_together_are_a_remark(tmp_path):
     assert "yaw rate times airspeed, and bank do not agree" in finding.line
     _, _, findings = check_draft(draft_names([FLIGHT]), [FLIGHT])
     assert findings == []
+
+
+def test_a_gap_does_not_hide_a_candidate(table, rows):
+    columns = {name: np.array(values, float) for name, values in table.columns.items()}
+    columns["Roll"][100] = np.nan
+    gappy = type(table)(columns, units=table.units)
+    known = [row for row in rows if row.name != "p"]
+    found = find_candidates(known, gappy, ["Roll Rate"], step=0.04)
+    assert [(item.quantity, item.column) for item in found] == [("p", "Roll Rate")]

@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from aeromatch.drafting.merging import edited_records, merge_manoeuvres, merge_toml
+from aeromatch.drafting.merging import edited_records, is_other_flight, merge_manoeuvres, merge_toml
 from aeromatch.drafting.project_files import ProjectFiles
 
 DRAFT = """# head
@@ -113,3 +113,19 @@ def test_tables_of_the_author_stay_around_the_comment_about_columns(tmp_path, pl
     with ProjectFiles(tmp_path) as files:
         files.write("names.toml", new)
     assert (tmp_path / "names.toml").read_text() == merged
+
+
+def test_a_table_that_the_draft_drops_is_reported_if_it_was_edited():
+    own = DRAFT.replace('"P"', '"mine"')
+    result = merge_toml(DRAFT, own, DRAFT.partition("[engine]")[0].partition("[imu]")[0])
+    assert tomllib.loads(result.text)["imu"]["p"] == "mine"
+    assert result.kept == ("imu",)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "other"),
+    [('record = "a"', 'record = "b"', True), ("[1, 2]", "[1, 3]", True), ("t = 1", "t = 2", False)],
+)
+def test_a_case_of_another_flight(old, new, other):
+    case = '[case]\nrecord = "a"\nwindow = [1, 2]\nt = 1\n'
+    assert is_other_flight(case, case.replace(old, new)) is other
