@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from aeromatch.drafting.project_files import ProjectFiles
-from flightmech.errors import AeromatchError
+from flightmech.errors import AeromatchError, near_names
 from pom.cases.case import read_case
 from pom.cases.drafting.draft import init_case
 
@@ -62,6 +62,8 @@ _IDENTIFYING = (
     "pull_up_push_down",
     "steady_sideslip",
 )
+# Least similarity of a misspelled kind and a known one.
+_MISSPELLED = 0.8
 # Kind of a movement that is not a manoeuvre.
 _UNKNOWN = "unknown"
 _SURFACES = {"elevator": "delta_e", "aileron": "delta_a", "rudder": "delta_r"}
@@ -178,6 +180,34 @@ def write_cases(
         written.append(case)
         remarks += [f"{case.file}: {gap}" for gap in gaps]
     return written
+
+
+def describe_unused(
+    tables: Mapping[str, pd.DataFrame], taken: Mapping[str, Sequence[tuple[float, float]]]
+) -> list[str]:
+    """Return a remark for each manoeuvre of a test that neither identifies nor proves.
+
+    `taken` has the windows of the cases, by record [s].  A kind that the author has misspelled has
+    the near kinds in its remark.
+    """
+    known = {*_IDENTIFYING, *(kind for kind, _ in _TESTS)}
+    remarks = []
+    for record, table in tables.items():
+        for row in table.to_dict("records"):
+            kind, control = str(row["manoeuvre"]), str(row["control"])
+            if kind in _IDENTIFYING or _overlaps(row, taken.get(record, ())):
+                continue
+            near = near_names(kind, known, cutoff=_MISSPELLED)
+            test = _TESTS.get((kind, control))
+            remedy = ""
+            if kind not in known and near:
+                remedy = f"its kind is not known; near it: {', '.join(near)}"
+            elif test is not None and test[0] not in _ENGINE_TESTS:
+                remedy = f"--prove {record} makes a case of it"
+            if remedy:
+                name = _manoeuvre_name(row)
+                remarks.append(f"{name} of {record} neither identifies nor proves: {remedy}")
+    return remarks
 
 
 def replayed_windows(files: Sequence[Path]) -> dict[str, list[tuple[float, float]]]:

@@ -14,6 +14,7 @@ import pandas as pd
 from aeromatch.drafting.aircraft import MASS, StatedFacts, aircraft_text
 from aeromatch.drafting.flown import (
     CaseDraft,
+    describe_unused,
     fits_of,
     held_for_proof,
     replayed_windows,
@@ -296,9 +297,11 @@ def _write_project(
     )
     _remove_old_cases(files, proving)
     case_files = sorted((folder / "cases").glob("*.toml"))
+    taken = replayed_windows(case_files)
+    remarks += describe_unused(able, taken)
     fits = fits_of(
         able,
-        replayed_windows(case_files),
+        taken,
         channel_names(flights.records.values()),
         answers.prove,
     )

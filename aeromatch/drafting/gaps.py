@@ -33,6 +33,8 @@ _NEEDED = (
 )
 # Largest ratio of the stated mass and a recorded one that a flight explains.
 _SAME_MASS = 1.5
+# Share of the largest number of channels below which a record is of another recorder.
+_FEW = 0.5
 # Columns that a remark names. The file names.toml lists all columns.
 _MOST = 20
 
@@ -162,6 +164,24 @@ def describe_unable(unable: Mapping[str, Sequence[str]]) -> list[str]:
 def listed_columns(record: xr.DataTree) -> list[str]:
     """Return the columns of a recording that its name map leaves out."""
     return [name for name in str(record.attrs.get("unmapped", "")).split(", ") if name]
+
+
+def describe_other_recorders(records: Mapping[str, xr.DataTree]) -> list[str]:
+    """Return a remark for each record that has few of the channels that another one has.
+
+    One name map is drafted for one recorder; the columns of a second one are hardly in it.
+    """
+    counts = {name: len(channel_names([record])) for name, record in records.items()}
+    most = max(counts.values(), default=0)
+    remarks = []
+    for name, count in counts.items():
+        if count < _FEW * most:
+            remarks.append(
+                f"{name} has {count} channels and another record {most}: is it of another "
+                f"recorder? Draft a project for it alone, or add its columns to names.toml; "
+                f"'aeromatch flight info' lists them"
+            )
+    return remarks
 
 
 def unknown_columns(columns: Sequence[str], has_map: bool) -> list[str]:

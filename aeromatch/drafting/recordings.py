@@ -14,6 +14,7 @@ from aeromatch.drafting.aircraft import StatedFacts
 from aeromatch.drafting.flown import without_unknown
 from aeromatch.drafting.gaps import (
     channel_names,
+    describe_other_recorders,
     listed_columns,
     missing_channels,
     unknown_columns,
@@ -103,6 +104,7 @@ def read_flights(
         candidates = candidates_of(names.all_rows(), sources.records, left_out)
         remarks += [candidate.text() for candidate in candidates]
         remarks += unknown_columns(left_out, has_map=False)
+        remarks += describe_other_recorders(records)
     else:
         unmapped: dict[str, None] = {}
         for record in records.values():

@@ -3,7 +3,7 @@
 import pytest
 import xarray as xr
 
-from aeromatch.drafting.gaps import AircraftGap, compare_mass, open_gaps
+from aeromatch.drafting.gaps import AircraftGap, compare_mass, describe_other_recorders, open_gaps
 
 DRAFT = """mass = "?"
 cg = [0.0, 0.0, 0.0]   # from the reference point; CONFIRM: taken as there
@@ -44,3 +44,14 @@ def test_a_mass_in_pounds_without_unit_shows_against_the_recorded_one(stated, is
     remarks = compare_mass(f"mass = {stated}\n", {"a": record})
     assert (len(remarks) == 1) == is_far
     assert compare_mass(f"mass = {stated}\n", {}) == []
+
+
+def test_a_record_with_few_channels_is_of_another_recorder():
+    def record(*names):
+        leaf = xr.Dataset({name: ("time", [0.0, 1.0]) for name in names})
+        return xr.DataTree.from_dict({"imu": leaf})
+
+    records = {"a": record("p", "q", "r"), "b": record("p", "q"), "c": record("p")}
+    (remark,) = describe_other_recorders(records)
+    assert remark.startswith("c has 1 channels and another record 3")
+    assert describe_other_recorders({}) == []
