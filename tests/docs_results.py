@@ -232,6 +232,8 @@ PYTHON: dict[tuple[str, int], Callable[[dict], None]] = {
 
 FOR_READING = {
     ("docs/index.md", 0): "printed by ./run demo; tests/aeromatch/test_demo.py compares it",
+    ("docs/how-to/fit-a-manoeuvre.md", 4): "a table of a plan; "
+    "tests/flighttest/cli/test_fit.py runs such tables",
     ("docs/how-to/data-package.md", 2): "printed by package diff; "
     "tests/aeromatch/delivery/test_package.py compares the models",
     **dict.fromkeys(
@@ -268,7 +270,7 @@ CHECKS: dict[tuple[str, int], Check] = {
     ("docs/how-to/edit-a-database.md", 2): files("flown.nc", "d.nc"),
     ("docs/how-to/fit-a-manoeuvre.md", 0): files("02.nc"),
     ("docs/how-to/fit-a-manoeuvre.md", 3): output_error_of_a_manoeuvre,
-    ("docs/how-to/fit-a-manoeuvre.md", 4): linear_motion_of_a_manoeuvre,
+    ("docs/how-to/fit-a-manoeuvre.md", 5): linear_motion_of_a_manoeuvre,
     ("docs/how-to/reconstruct-a-flight.md", 0): files("record.png", "pitch.svg"),
     ("docs/how-to/reconstruct-a-flight.md", 1): manoeuvres_of_a_record,
     ("docs/how-to/split-and-run-decks.md", 2): files("results/flaps.out"),
