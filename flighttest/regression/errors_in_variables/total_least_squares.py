@@ -114,7 +114,8 @@ def regress_total(
     attributes["noise_treatment"] = (
         f"stated noise: {stated}; at most {share:.1%} of the movement of a combination of terms"
     )
-    if text := describe_powers(problem.terms, noisy):
+    has_correlated_noise = bool(covariance.values[~np.eye(len(noisy), dtype=bool)].any())
+    if text := describe_powers(problem.terms, noisy, has_correlated_noise=has_correlated_noise):
         attributes["nonlinear_noise"] = text
     if share > _NEGLIGIBLE and (text := _compare_with_scatter(problem.samples, noisy, sizes)):
         attributes["stated_noise"] = text
