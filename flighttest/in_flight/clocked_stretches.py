@@ -21,8 +21,9 @@ _FIRST = 25  # stamps from which the sampling interval is taken
 _OTHER = 0.05  # relative difference of stated and seen interval that is a mistake
 _NEAR = 0.01  # largest relative difference from a whole number of hertz that may be rounding
 _FINEST = 1e-6  # relative accuracy of the interval that no stamps exceed
-# Share of the departure of a stamp from its place by which the next places move. An interval that is
-# wrong by `_OTHER` then shifts the stamps by _OTHER/_FOLLOWED = 0.25 of it, half of what is allowed.
+# Share of the departure of a stamp from its place by which the next places move. An interval that
+# is wrong by `_OTHER` then shifts the stamps by _OTHER/_FOLLOWED = 0.25 of it, half of what is
+# allowed.
 _FOLLOWED = 0.2
 _LATE = 0.3  # parts of an interval that a late stamp lacks to the next place, where one is missing
 _LONGEST = 4.0  # intervals without a stamp above which a step is a gap

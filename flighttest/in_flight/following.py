@@ -2,19 +2,19 @@
 
 Every second the transforms of the samples so far give a complex least-squares problem
 [Morelli1999]_. Its estimates and standard errors are those of `regress_frequency` on the same
-samples: the standard errors follow the spectrum of the residual. A stretch longer than the period of
-the grid of frequencies is divided at that period, so that no information between its lines is lost.
-Stretches below one period of the lower edge of the band are not used. Of the others the newest half
-hour is kept (`KeptWindows`).
+samples: the standard errors follow the spectrum of the residual. A stretch longer than the period
+of the grid of frequencies is divided at that period, so that no information between its lines is
+lost. Stretches below one period of the lower edge of the band are not used. Of the others the
+newest half hour is kept (`KeptWindows`).
 
 Terms may be candidates. A candidate enters where the evidence for it is strong: the Bayesian
-information criterion [Schwarz1978]_, with the coloured standard error, rises by `STRONG`. The choice
-is made anew each second from the data alone.
+information criterion [Schwarz1978]_, with the coloured standard error, rises by `STRONG`. The
+choice is made anew each second from the data alone.
 
 References
 ----------
-.. [Morelli1999] Morelli, Real-time parameter estimation in the frequency domain, AIAA 99-4043, 1999;
-   J. Guidance 23, 2000.
+.. [Morelli1999] Morelli, Real-time parameter estimation in the frequency domain, AIAA 99-4043,
+   1999; J. Guidance 23, 2000.
 .. [Schwarz1978] Schwarz, Estimating the dimension of a model, Annals of Statistics 6, 1978.
 """
 

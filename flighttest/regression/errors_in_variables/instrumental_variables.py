@@ -11,8 +11,8 @@ The instruments are the model's terms of a simulated response to the recorded co
 the size nor the colour of the noise has to be known.
 
 Instruments that hardly move with a regressor leave the bias, and make the standard errors wrong
-[Staiger1997]_. The first stage of each noisy term is therefore tested. F is that of [Sanderson2016]_,
-with the covariance for coloured residuals.
+[Staiger1997]_. The first stage of each noisy term is therefore tested. F is that of
+[Sanderson2016]_, with the covariance for coloured residuals.
 
 References
 ----------

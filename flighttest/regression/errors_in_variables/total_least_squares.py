@@ -16,9 +16,9 @@ The covariance of the estimate is that of [Gleser1981]_ and [Fuller1987]_ (2.2.2
 
     (X'X - N S)^-1 [Y'R Y + 2 N c S theta theta' S] (X'X - N S)^-1
 
-with the autocovariance R of a coloured residual, the regressors Y without the part that the residual
-v explains (x + S theta v/var(v)), and the samples c per independent square. For white residuals it
-is theirs, with Y'Y = X'X - N S theta theta' S/var(v).
+with the autocovariance R of a coloured residual, the regressors Y without the part that the
+residual v explains (x + S theta v/var(v)), and the samples c per independent square. For white
+residuals it is theirs, with Y'Y = X'X - N S theta theta' S/var(v).
 
 References
 ----------
@@ -150,7 +150,7 @@ def _noise_covariance(
 
 
 def _named_covariance(noise: xr.DataArray) -> tuple[list[str], np.ndarray]:
-    """Return the variables of a covariance, and its matrix with columns in the order of its rows."""
+    """Return the variables of a covariance, and its matrix with columns in their order."""
     if set(noise.dims) != {"variable", "variable_"}:
         raise IdentificationError(
             f"the covariance of the noise has the dimensions {', '.join(map(str, noise.dims))}; "
@@ -288,6 +288,6 @@ def _compare_with_scatter(samples: RegressionSamples, noisy: list[str], sizes: n
     if not texts:
         return ""
     return (
-        f"stated noise against the scatter from sample to sample: {'; '.join(texts)}; is it that of "
-        f"these samples? Filtered or slow noise scatters less, fast motion more"
+        f"stated noise against the scatter from sample to sample: {'; '.join(texts)}; is it that "
+        f"of these samples? Filtered or slow noise scatters less, fast motion more"
     )
