@@ -47,7 +47,8 @@ def running_estimate(
     follower = FlightFollower(model, band=band, spacing=spacing)
     channels = follower.choose_channels([str(name) for name in data.data_vars])
     values = np.column_stack([data[name].values for name in channels])
-    estimates, stderrs, times = [], [], []
+    estimates, stderrs = [], []
+    times: list[float] = []
     for found in follower.add(data["time"].values.astype(float), values, final=True):
         if times and found.time == times[-1]:
             continue  # the end of the record is a whole second
