@@ -45,6 +45,8 @@ _EXPECTED = (
 )
 # coefficient of an equality, of its largest, that is rounding of the substitutions before it
 _ROUNDING = 1e-12
+_DEPENDENT = 1e-9  # singular value of limits of unit length below which they depend on each other
+_SOLVED = 1e-9  # share of the distance to an estimate with active limits that is rounding of it
 _MOST_LIMITS = 10  # inequalities: every combination of violated ones is tried
 
 
@@ -251,20 +253,26 @@ def choose_active(
     G = np.array([constraint.weights for constraint in constraints]).reshape(-1, len(held.offset))
     h = np.array([constraint.value for constraint in constraints]) - G @ held.offset
     G = G @ held.matrix
-    inverse = np.linalg.inv(information)
-    slack = _ROUNDING * (np.abs(h) + np.abs(G) @ np.abs(phi))
+    # In y = root (x - phi), with root'root = information, the cost is y'y. Parameters of any size
+    # and rows of any scale become comparable there.
+    scale = np.sqrt(np.diag(information))
+    squares, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    A = (G / scale) @ vectors / np.sqrt(np.maximum(squares, _ROUNDING * squares[-1]))
+    size = np.linalg.norm(A, axis=1)
+    size[size == 0.0] = 1.0
+    slack = _ROUNDING * (np.abs(h) + np.abs(G) @ np.abs(phi)) / size
+    A, missing = A / size[:, None], (h - G @ phi) / size
     best, lowest = None, np.inf
-    for count in range(len(G) + 1):
-        for rows in map(list, combinations(range(len(G)), count)):
-            x, multipliers = phi, np.zeros(0)
-            if rows:
-                inner = G[rows] @ inverse @ G[rows].T
-                if np.linalg.matrix_rank(inner) < count:
-                    continue
-                multipliers = np.linalg.solve(inner, h[rows] - G[rows] @ phi)
-                x = phi + inverse @ G[rows].T @ multipliers
-            cost = float((x - phi) @ information @ (x - phi))
-            if (G @ x >= h - slack).all() and cost < lowest:
+    for count in range(len(A) + 1):
+        for rows in map(list, combinations(range(len(A)), count)):
+            y, _, rank, _ = np.linalg.lstsq(A[rows], missing[rows], rcond=_DEPENDENT)
+            if rank < count:
+                continue
+            cost = float(y @ y)
+            rest = np.setdiff1d(np.arange(len(A)), rows)
+            # The active rows hold by construction; only their rounding could contradict them.
+            reached = A[rest] @ y + slack[rest] + _SOLVED * np.sqrt(cost)
+            if (reached >= missing[rest]).all() and cost < lowest:
                 best, lowest = rows, cost
     if best is None:
         raise SchemaError(

@@ -10,11 +10,11 @@ c describes the kind of error of the standard errors.  A part r is proportional 
 effectiveness: nodes of opposite sign move apart), and a part a is constant (all nodes move
 together).  r and a are the values that explain s best.  o is 1.  In a table that is odd in a
 deflection and exactly zero without it, such as the yaw of the ailerons, o is the sign of the
-deflection: a constant that does not change its sign would be an effect of both ailerons together.  The level part in the bracket is common to
-the whole table.  A handbook method is wrong in the same sense over a table (LR-743 shows whole
-curves that are displaced).  A correction found at some nodes therefore counts at nodes outside the
-flown region.  The other part lets the shape change, over the correlation lengths.  By default each
-part has half of the variance.
+deflection: a constant that does not change its sign would be an effect of both ailerons together.
+The level part in the bracket is common to the whole table.  A handbook method is wrong in the same
+sense over a table (LR-743 shows whole curves that are displaced).  A correction found at some nodes
+therefore counts at nodes outside the flown region.  The other part lets the shape change, over the
+correlation lengths.  By default each part has half of the variance.
 
 `aerodb.tabulate`, which has the flown conditions, uses a sum of four parts instead and learns their
 weights (`prior_parts`), each with s_i s_j c_ij and its own factor:
@@ -25,9 +25,9 @@ weights (`prior_parts`), each with s_i s_j c_ij and its own factor:
     short   exp(-d)                  d the same, summed over the axes
 
 Inside the flown region `reach` is a level and `long` a smooth curve, such as an error of slope.
-Outside, `reach` fades with the distance, without a kink at the edge of the region.  `long` continues
-the curve that the fits show, with the weight that they give it.  `short` is the correlation of a
-path with independent increments and lets a correction have a kink.
+Outside, `reach` fades with the distance, without a kink at the edge of the region.  `long`
+continues the curve that the fits show, with the weight that they give it.  `short` is the
+correlation of a path with independent increments and lets a correction have a kink.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ PARTS = tuple(SHARES)
 REACH, _LONG = 0.8, 2.0
 # Power of D in `reach`, and in earlier databases, whose `long` fades and has another length.
 FADE_POWER, EARLIER_POWER, _EARLIER_LONG = 2.0, 1.0, 4.0
-# A table is odd in an axis if breakpoints and values change their sign within rounding: of the range
-# of the axis, and of the sum of the standard errors of both nodes.
+# A table is odd in an axis if breakpoints and values change their sign within rounding: of the
+# range of the axis, and of the sum of the standard errors of both nodes.
 _ODD, _ODD_ROUNDING = 1e-6, 0.05
 # Least weight of a sample that puts a node into the flown region.  A straight local model cannot
 # detect a kink nearer to a node.

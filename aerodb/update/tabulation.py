@@ -16,11 +16,12 @@ The common errors s are *considered* [Schmidt1966]; they are not estimated acros
 of the fits are computed as if every fit had errors s of its own.  The covariance of the nodes is
 that of these weights if all fits share s.  Terms with fixed values are considered likewise, with
 their a-priori errors.  A fit that the others contradict loses weight as a whole
-(`aerodb.update.weight_learning`).  An estimate that a common error dominates (a damping, by the lag of the
-vanes) then does not distort a table, and a result on which all fits agree counts as measured.  If s
-were estimated across fits, the shape of a handbook table would decide on an instrument.  Only that
-shape separates the bias of an elevator pick-up from a constant pitching moment.  The standard error
-of the bias then came out at a third of its true value, and the values were no better.
+(`aerodb.update.weight_learning`).  An estimate that a common error dominates (a damping, by the lag
+of the vanes) then does not distort a table, and a result on which all fits agree counts as
+measured.  If s were estimated across fits, the shape of a handbook table would decide on an
+instrument.  Only that shape separates the bias of an elevator pick-up from a constant pitching
+moment.  The standard error of the bias then came out at a third of its true value, and the values
+were no better.
 
 The prior covariance of the nodes is a sum of four parts (`aerodb.update.correlation.prior_parts`).
 The first is common to the whole table.  The second is common to the flown region and fades with the

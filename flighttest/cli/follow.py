@@ -42,7 +42,8 @@ from flighttest.cli.group import names_option
 @click.option(
     "--rate",
     type=click.FloatRange(0.0, min_open=True),
-    help="Samples per second of the stream [Hz]. Default: that of its first stamps.",
+    help="Samples per second of the stream [Hz]; stamps that show another rate within 5 % have "
+    "precedence. Default: that of its first stamps.",
 )
 @click.option(
     "--until",

@@ -1,18 +1,20 @@
 """Estimates of a coefficient during flight: one per second of data.
 
-Every second the transforms of all samples so far give a complex least-squares problem
+Every second the transforms of the samples so far give a complex least-squares problem
 [Morelli1999]_. Its estimates and standard errors are those of `regress_frequency` on the same
-samples: the standard errors follow the spectrum of the residual. A stretch longer than the period of
-the grid of frequencies is divided at that period, so that no information between its lines is lost.
+samples: the standard errors follow the spectrum of the residual. A stretch longer than the period
+of the grid of frequencies is divided at that period, so that no information between its lines is
+lost. Stretches below one period of the lower edge of the band are not used. Of the others the
+newest half hour is kept (`KeptWindows`).
 
 Terms may be candidates. A candidate enters where the evidence for it is strong: the Bayesian
-information criterion [Schwarz1978]_, with the coloured standard error, rises by `STRONG`. The choice
-is made anew each second from the data alone.
+information criterion [Schwarz1978]_, with the coloured standard error, rises by `STRONG`. The
+choice is made anew each second from the data alone.
 
 References
 ----------
-.. [Morelli1999] Morelli, Real-time parameter estimation in the frequency domain, AIAA 99-4043, 1999;
-   J. Guidance 23, 2000.
+.. [Morelli1999] Morelli, Real-time parameter estimation in the frequency domain, AIAA 99-4043,
+   1999; J. Guidance 23, 2000.
 .. [Schwarz1978] Schwarz, Estimating the dimension of a model, Annals of Statistics 6, 1978.
 """
 
@@ -20,8 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +30,14 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.in_flight.clocked_stretches import ClockedSamples
 from flighttest.in_flight.coefficient_samples import CoefficientSamples
+from flighttest.in_flight.flight_estimate import (
+    LASTING,
+    RECENT,
+    STEADY,
+    AccuracyGoal,
+    FlightEstimate,
+)
+from flighttest.in_flight.kept_windows import KeptWindows, place_windows
 from flighttest.in_flight.running_transform import RunningTransform
 from flighttest.records.signals.fourier import harmonics
 from flighttest.regression.equation_error import least_squares
@@ -41,109 +50,8 @@ from flighttest.regression.equation_error.transformed_stretches import Transform
 BAND = (0.1, 2.0)  # [Hz]
 SPACING = 0.01  # of the grid of frequencies [Hz]
 STRONG = 6.0  # rise of the criterion with which a candidate enters: odds of twenty to one
-STEADY, RECENT = 2.5, 5  # standard errors of a move, and updates over which it is looked for
-LASTING = 3  # updates in a row in which a goal must be met
 EVERY = 1.0  # data between two estimates [s]
-KEPT = 18  # windows that are kept, half an hour at the default spacing: the work stays bounded
-_ROUNDING = 1e-9  # cycles of the lower band edge that a stretch may miss by rounding
-_SHORTEST = 8  # samples of a transform
-
-
-@dataclass(frozen=True)
-class AccuracyGoal:
-    """Accuracy of a term at which the stream may end.
-
-    Attributes
-    ----------
-    term : str
-    limit : float
-        Standard error; [unit of the term], or a share of the estimate.
-    is_share : bool
-    """
-
-    term: str
-    limit: float
-    is_share: bool
-
-    def is_met(self, estimate: FlightEstimate) -> bool:
-        """Return whether an estimate is as accurate."""
-        if self.term not in estimate.terms:
-            return False
-        k = estimate.terms.index(self.term)
-        limit = self.limit * (abs(estimate.values[k]) if self.is_share else 1.0)
-        return bool(estimate.stderr[k] <= limit)
-
-
-@dataclass(frozen=True)
-class FlightEstimate:
-    """Estimates from all samples up to a time.
-
-    Attributes
-    ----------
-    time : float
-        Of the last sample. [s]
-    samples : int
-    terms : tuple of str
-        Without the constant, which has no frequency.
-    values, stderr : array (terms,)
-        Standard errors are those for the spectrum of the residual, with Student's factor.
-    R2 : float
-        Inside the band.
-    waiting : str
-        Why there is no estimate; empty if there is one.
-    counts : dict of str to int
-        Samples that were left out or filled in, and breaks of the stream, so far.
-    unsteady : tuple of str
-        Terms that have left an estimate of the last `RECENT` updates by more than `STEADY` of its
-        standard errors. The disturbance or the model is then not what the standard errors assume.
-    is_accurate : bool
-        Whether all goals have been met by steady terms in `LASTING` updates in a row.
-    """
-
-    time: float
-    samples: int
-    terms: tuple[str, ...] = ()
-    values: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    stderr: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    R2: float = math.nan
-    waiting: str = ""
-    counts: dict[str, int] = field(default_factory=dict)
-    unsteady: tuple[str, ...] = ()
-    is_accurate: bool = False
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the estimate as JSON types."""
-        terms = {}
-        for name, value, stderr in zip(self.terms, self.values, self.stderr):
-            terms[name] = {"estimate": float(value), "stderr": float(stderr)}
-        return {
-            "time": self.time,
-            "samples": self.samples,
-            "terms": terms,
-            "R2": None if math.isnan(self.R2) else self.R2,
-            "waiting": self.waiting,
-            "unsteady": list(self.unsteady),
-            "accurate": self.is_accurate,
-            **self.counts,
-        }
-
-    def line(self) -> str:
-        """Return the estimate as one line."""
-        parts = [f"{self.time:9.2f} s"]
-        if self.waiting:
-            parts.append(self.waiting)
-        for name, value, stderr in zip(self.terms, self.values, self.stderr):
-            parts.append(f"{name} {value:.4g} ({stderr:.2g})")
-        if not math.isnan(self.R2):
-            parts.append(f"R2 {self.R2:.3f}")
-        parts += [
-            f"{name.replace('_', ' ')} {count}" for name, count in self.counts.items() if count
-        ]
-        if self.unsteady:
-            parts.append(f"unsteady {', '.join(self.unsteady)}")
-        if self.is_accurate:
-            parts.append("accurate")
-        return "  ".join(parts)
+_SHORTEST = 8  # samples of a window at which a stretch is divided, at least
 
 
 class FlightFollower:
@@ -198,9 +106,8 @@ class FlightFollower:
         full = RegressionModel(model.coefficient, self.terms, model.reference)
         self.source = CoefficientSamples(full, aircraft)
         self.clock = ClockedSamples(given=0.0 if rate is None else 1.0 / rate)
-        self.samples = 0
-        self._kept: list[_Window] = []
-        self._forgotten = 0
+        self._kept = KeptWindows(band[0])
+        self._without_coefficient = 0
         self._open: RunningTransform | None = None
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
         self._next = math.nan
@@ -226,7 +133,7 @@ class FlightFollower:
         left_out : int
             Lines of the stream that were left out so far, for the counts.
         final : bool
-            Whether the stream ends here; the last estimate is then that of all samples.
+            Whether the stream ends here; the last estimate is then at the last sample.
         """
         for is_new, times, rows in self.clock.divide(time, values, final):
             if is_new:
@@ -239,7 +146,7 @@ class FlightFollower:
                 yield from self._flush(left_out)
         if final:
             yield from self._flush(left_out)
-        if final and self.samples:
+        if final and not math.isnan(self._time):
             yield self.estimate(left_out)
 
     def _is_due(self, time: float) -> bool:
@@ -265,6 +172,7 @@ class FlightFollower:
         edges = np.flatnonzero(np.diff(usable)) + 1
         for part in np.split(np.arange(len(times)), edges):
             if len(part) and not usable[part[0]]:
+                self._without_coefficient += len(part)
                 self._close()
             elif len(part):
                 yield from self._add_part(times[part], rows[part], left_out=left_out)
@@ -292,7 +200,6 @@ class FlightFollower:
             if len(due):
                 last = first + int(due[0]) + 1
             self._open.add(rows[first:last])
-            self.samples += last - first
             self._time = float(times[last - 1])
             if self._open.samples >= longest:
                 self._close()
@@ -303,36 +210,29 @@ class FlightFollower:
             first = last
 
     def _close(self) -> None:
-        """Keep the transform of the open window if it reaches down to the band."""
-        window = self._open
+        """Close the open window."""
+        if self._open is not None:
+            self._kept.close(self._open)
         self._open = None
-        if window is not None and self._is_long(window):
-            self._kept.append(_window_of(window))
-            self._forgotten += len(self._kept) > KEPT
-            self._kept = self._kept[-KEPT:]
-
-    def _is_long(self, window: RunningTransform) -> bool:
-        is_whole = window.duration * self.band[0] >= 1.0 - _ROUNDING
-        return is_whole and window.samples >= _SHORTEST
 
     def estimate(self, left_out: int = 0) -> FlightEstimate:
-        """Return the estimates from all samples so far."""
+        """Return the estimates from the samples so far that are kept."""
         counts = {
             "left_out": left_out,
             "bridged": self.clock.bridged,
             "gaps": self.clock.gaps,
             "clock_jumps": self.clock.jumps,
             "repeated": self.clock.repeated,
-            "forgotten_windows": self._forgotten,
+            "without_coefficient": self._without_coefficient,
+            "too_short": self._kept.too_short,
+            "forgotten_windows": self._kept.forgotten,
         }
-        windows = list(self._kept)
-        if self._open is not None and self._is_long(self._open):
-            windows.append(_window_of(self._open))
+        windows = self._kept.with_open(self._open)
         if not windows:
             text = f"waiting for {1.0 / self.band[0]:.3g} s without a gap"
             return self._without_estimate(text, counts)
         rows = np.concatenate([window.rows for window in windows])
-        parts = _stretches(windows, self.frequencies)
+        parts = place_windows(windows, self.frequencies)
         largest = np.max([window.largest for window in windows], axis=0)
         try:
             used, solved = self._choose_terms(rows, parts, largest)
@@ -341,7 +241,7 @@ class FlightFollower:
         stderr = np.sqrt(np.diag(solved.errors.covariance))
         found = FlightEstimate(
             self._time,
-            self.samples,
+            sum(window.samples for window in windows),
             tuple(self.terms[k] for k in used),
             solved.theta,
             stderr,
@@ -368,7 +268,7 @@ class FlightFollower:
 
     def _without_estimate(self, text: str, counts: dict[str, int]) -> FlightEstimate:
         self._met = 0
-        return FlightEstimate(self._time, self.samples, waiting=text, counts=counts)
+        return FlightEstimate(self._time, 0, waiting=text, counts=counts)
 
     def _choose_terms(
         self, rows: np.ndarray, parts: list[TransformedStretch], largest: np.ndarray
@@ -413,36 +313,6 @@ class FlightFollower:
             parts=parts,
             terms=[self.terms[k] for k in used],
         )
-
-
-@dataclass(frozen=True)
-class _Window:
-    """Transforms (frequency, 1 + terms) of one window."""
-
-    rows: np.ndarray
-    samples: int
-    step: float
-    largest: np.ndarray
-
-
-def _window_of(running: RunningTransform) -> _Window:
-    return _Window(running.transform(), running.samples, running.step, running.largest)
-
-
-def _stretches(windows: Sequence[_Window], frequencies: np.ndarray) -> list[TransformedStretch]:
-    """Return the positions of the windows in samples and rows."""
-    parts, sample, row = [], 0, 0
-    for window in windows:
-        parts.append(
-            TransformedStretch(
-                slice(sample, sample + window.samples),
-                window.step,
-                frequencies,
-                slice(row, row + len(frequencies)),
-            )
-        )
-        sample, row = sample + window.samples, row + len(frequencies)
-    return parts
 
 
 def _independent_equations(parts: Sequence[TransformedStretch]) -> float:

@@ -6,8 +6,8 @@ corrections need. At any time the result is thus that of `transform_columns` on 
 
 References
 ----------
-.. [Morelli1999] Morelli, Real-time parameter estimation in the frequency domain, AIAA 99-4043, 1999;
-   J. Guidance 23, 2000.
+.. [Morelli1999] Morelli, Real-time parameter estimation in the frequency domain, AIAA 99-4043,
+   1999; J. Guidance 23, 2000.
 """
 
 from __future__ import annotations

@@ -43,7 +43,8 @@ class SampleStream:
     wanted : callable
         From the names that the stream can give to those that are read; it raises for missing ones.
     names : NameMap, optional
-        Without it, headings are canonical names, with a unit in brackets where it is not the SI one.
+        Without it, headings are canonical names, with a unit in brackets where it is not the SI
+        one.
     read, left_out : int
         Samples so far, and lines that were left out.
     """

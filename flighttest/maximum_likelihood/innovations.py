@@ -111,8 +111,8 @@ def whiteness_remarks(noise: xr.Dataset, is_filtered: bool) -> list[Remark]:
         text = (
             f"innovations of {name} are coloured: portmanteau {float(row['portmanteau']):.4g} over "
             f"{int(row['portmanteau_lags'])} lags, probability {chance:.2g}, correlation "
-            f"{r[strongest]:.2f} at lag {strongest + 1}, {float(row['outside']):.0%} of the lags outside "
-            f"the 95 % band; {_ADVICE}"
+            f"{r[strongest]:.2f} at lag {strongest + 1}, {float(row['outside']):.0%} of the lags "
+            f"outside the 95 % band; {_ADVICE}"
         )
         severity = "error" if is_strong else "warning"
         remarks.append(Remark("coloured", text, name, chance, limit, severity))

@@ -60,8 +60,8 @@ def find_shared_samples(
 
     Notes
     -----
-    Trimmed and thinned copies have equal samples.  For others the inertial channels are correlated at
-    every shift of the clocks, on a common clock of 0.2 s, over the overlap alone.
+    Trimmed and thinned copies have equal samples.  For others the inertial channels are correlated
+    at every shift of the clocks, on a common clock of 0.2 s, over the overlap alone.
     """
     one = inertial_channels(first) if isinstance(first, xr.DataTree) else first
     other = inertial_channels(second) if isinstance(second, xr.DataTree) else second

@@ -180,8 +180,8 @@ def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[R
     start, stop = _clip(_asked_window(case, own), case.window)
     if own.window[0] > start + _SAME_TIME or own.window[1] < stop - _SAME_TIME:
         text = (
-            f"{plain_words(own.name)} is judged in {own.window[0]:g} ... {own.window[1]:g} s, the row in "
-            f"{start:g} ... {stop:g} s"
+            f"{plain_words(own.name)} is judged in {own.window[0]:g} ... {own.window[1]:g} s, the "
+            f"row in {start:g} ... {stop:g} s"
         )
         yield _departure(text, own.name)
     if own.group != row.group:
@@ -191,7 +191,10 @@ def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[R
             if c.group == own.group and c.name != own.name
         ]
         if others:
-            text = f"{plain_words(own.name)} is an alternative of {', '.join(others)}, in the table it is not"
+            text = (
+                f"{plain_words(own.name)} is an alternative of {', '.join(others)}, in the table "
+                f"it is not"
+            )
             yield _departure(text, own.name)
 
 
@@ -329,8 +332,8 @@ def _unrecorded(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
             yield _departure(text, name)
         elif name in _HELD & _WATCHED and value != 0.0:
             text = (
-                f"'{name}' ({lookup(name).long_name}) is held at {value_text(name, value, '.5g')} by "
-                f"the conditions of the case; the record does not show it"
+                f"'{name}' ({lookup(name).long_name}) is held at {value_text(name, value, '.5g')} "
+                f"by the conditions of the case; the record does not show it"
             )
             yield _departure(text, name)
     if "delta_T" not in given or not {"h", "temperature"} <= set(states):

@@ -1,4 +1,4 @@
-"""Whether a flight, its inputs and a model that passes agree: size and time of the inputs, and lift.
+"""Whether a flight, its inputs and a model that passes agree: size and time of inputs, and lift.
 
 A wrong gain of a pick-up, inputs that are recorded late, or a wrong mass can be within every
 tolerance.  They show by their form.  The probe gives the change S(t) of the answer per relative
@@ -50,7 +50,7 @@ A shift by 0.2 s gives 0.16 to 0.19 s and explains 0.73 to 0.95.  Honest models 
 `EXPLAINED_BY_DELAY` have at most 0.056 s.
 """
 LEAST_EFFECT = 0.25
-"""Effect of size and delay of the inputs that is named, in units of `SIZES`, of the largest channel.
+"""Effect of size and delay of the inputs that is named, in `SIZES`, of the largest channel.
 
 In a slow manoeuvre a small error of any kind has the form of a delay: the level deceleration of the
 T-37 with its levers fits 0.165 s, with an effect of 0.16.  Pick-ups wrong by 15 % or 0.2 s have
@@ -59,8 +59,9 @@ T-37 with its levers fits 0.165 s, with an effect of 0.16.  Pick-ups wrong by 15
 LIFT = 0.035
 """Relative difference of the lift from which on it is named, with a calibrated vane.
 
-Honest models of the T-37 and the C182 have at most 0.030.  The standard error of the angle of attack
-is added: with the vanes of one record alone they have up to 0.045, where that error is 0.035.
+Honest models of the T-37 and the C182 have at most 0.030.  The standard error of the angle of
+attack is added: with the vanes of one record alone they have up to 0.045, where that error is
+0.035.
 """
 UNKNOWN_ANGLE = 0.03
 """What is added where no standard error of the angle of attack is known."""

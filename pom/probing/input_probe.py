@@ -1,4 +1,4 @@
-"""One more flight of a model with changed inputs: an answer that does not follow is not driven by them.
+"""One more flight with changed inputs: an answer that does not follow is not driven by them.
 
 An FMU that reads the flight from a file, holds it as a table, or follows it by a controller can be
 within every tolerance.  Its answer to other inputs shows it.  All deviations of the inputs from
@@ -229,8 +229,8 @@ def _unchanged_remark(
     names: Collection[str], means: str, changes: Mapping[str, float]
 ) -> RowRemark:
     text = (
-        f"not driven by the inputs: {', '.join(map(quantity_words, names))} do not change with {means}; the answer is "
-        f"stored in the model or read by it"
+        f"not driven by the inputs: {', '.join(map(quantity_words, names))} do not change with "
+        f"{means}; the answer is stored in the model or read by it"
     )
     values = {name: changes[name] for name in names}
     return RowRemark("not_driven", text, values=values, unit="1")

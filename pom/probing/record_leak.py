@@ -97,7 +97,8 @@ def find_leaks(case: PomCase, states: xr.Dataset, fmu: Path, sha256: str) -> tup
     shared = _compare(windows, tuple(held), content)
     if shared:
         return (_leak_remark(case, shared),)
-    text = f"no samples shared with the {len(unpack_windows(windows))} windows that identified the model"
+    count = len(unpack_windows(windows))
+    text = f"no samples shared with the {count} windows that identified the model"
     return (RowRemark("probe", text),)
 
 

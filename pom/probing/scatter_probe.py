@@ -41,9 +41,9 @@ The altitude is not among them: the slow noise of a static port has the same for
 DRIFTS = 0.4
 """Least correlation of the difference over `LAG`, in the channel where it is largest.
 
-Honest models of the T-37 and the C182 have 0.65 to 1.00, and 0.45 in a force check of the T-37.  Records smoothed over 0.24 s have -0.59
-to 0.44 in 19 of 21 windows; phugoid and power change of the C182 have 0.64 and 0.67, since the noise
-of their records is slow itself.
+Honest models of the T-37 and the C182 have 0.65 to 1.00, and 0.45 in a force check of the T-37.
+Records smoothed over 0.24 s have -0.59 to 0.44 in 19 of 21 windows; phugoid and power change of the
+C182 have 0.64 and 0.67, since the noise of their records is slow itself.
 """
 LAG = 1.0  # [s]
 _CUT = 4.0  # medians of the scatter, so that steps of the inputs do not decide
@@ -204,8 +204,8 @@ def judge_difference(
     if largest >= DRIFTS:
         return (RowRemark("probe", text, values=correlations, unit="1"),)
     reason = (
-        f"departure: {text}: nothing but the noise of the record, which no simulation leaves. Check "
-        f"whether the answer was made from the record, or the record by the model"
+        f"departure: {text}: nothing but the noise of the record, which no simulation leaves. "
+        f"Check whether the answer was made from the record, or the record by the model"
     )
     return (RowRemark("departure", reason, "difference", values=correlations, unit="1"),)
 

@@ -1,8 +1,9 @@
 """What a doubtful temperature of the air does to the judged quantities of a model.
 
 The air decides density and true airspeed, and no row judges them.  A hot day is honest, a wrong
-probe is not, and a record of level flight shows both alike.  The model flies once more in the air that the doubt
-supposes; rows judge that flight against the first one, as they judge a model against a flight.
+probe is not, and a record of level flight shows both alike.  The model flies once more in the air
+that the doubt supposes; rows judge that flight against the first one, as they judge a model against
+a flight.
 """
 
 from __future__ import annotations
@@ -125,5 +126,8 @@ def weigh_temperature(
     )
     if effects[worst] < MATTERS:
         return (RowRemark("probe", text, AIR, values=effects, unit="1"),)
-    text = f"departure: {text}; confirm the temperature by a second source, and give it as 'delta_T' in [conditions]"
+    text = (
+        f"departure: {text}; confirm the temperature by a second source, and give it as 'delta_T' "
+        f"in [conditions]"
+    )
     return (RowRemark("departure", text, AIR, values=effects, unit="1"),)

@@ -87,7 +87,10 @@ def compare_tables(model: SimModel, job: ReplayJob, outputs: Traces) -> tuple[Ro
         return ()
     worst = max(sizes, key=lambda name: sizes[name])
     size = value_text(worst, sizes[worst] * SIZES[worst], ".2g")
-    text = f"the answer differs from that of the tables in the FMU by {size} rms ({quantity_words(worst)})"
+    text = (
+        f"the answer differs from that of the tables in the FMU by {size} rms "
+        f"({quantity_words(worst)})"
+    )
     if sizes[worst] < OWN_TABLES:
         return (RowRemark("probe", text, values=sizes, unit="1"),)
     reason = (

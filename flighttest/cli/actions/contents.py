@@ -67,8 +67,8 @@ def _by_reason(left_out: list[dict[str, str]]) -> list[str]:
     for one in left_out:
         names.setdefault(one["reason"], []).append(one["name"])
     return [
-        f"{', '.join(places[:_NAMED])}{f' and {len(places) - _NAMED} more' * (len(places) > _NAMED)}: "
-        f"{reason}"
+        f"{', '.join(places[:_NAMED])}"
+        f"{f' and {len(places) - _NAMED} more' * (len(places) > _NAMED)}: {reason}"
         for reason, places in names.items()
     ]
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import ParseError, SchemaError
-from flighttest.in_flight.following import AccuracyGoal, FlightEstimate, FlightFollower
+from flighttest.in_flight.flight_estimate import AccuracyGoal, FlightEstimate
+from flighttest.in_flight.following import FlightFollower
 from flighttest.in_flight.sample_stream import SampleStream
 from flighttest.records.readers.name_map_reading import read_names
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, term_text

@@ -40,11 +40,19 @@ from flighttest.special_tests.wind_tunnel.balance import read_setup
 from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
 from flighttest.special_tests.wind_tunnel.surfaces import draw_surfaces
 
+_MOVED = ("h", "vd", "az", "theta", "q", "q_dot")  # motions whose standard errors are listed
+
 
 def coefficient_fits(
-    models: Sequence[Any], selected: Sequence[str], candidates: Sequence[str], rule: Mapping[str, Any], band: Any, weights: str, name: str,
+    models: Sequence[Any],
+    selected: Sequence[str],
+    candidates: Sequence[str],
+    rule: Mapping[str, Any],
+    band: Any,
+    weights: str,
+    name: str,
     prepared: Callable[[Any], Sequence[Any]],
-) -> tuple[list[Any], list[Any]]:  # fmt: skip
+) -> tuple[list[Any], list[Any]]:
     """Return the fits in time, and those in frequency where a band is given.
 
     `rule` is that of `select_stepwise`, with ``domain``; `prepared` gives the data for the fit of a
@@ -150,11 +158,13 @@ def run_markers(recording, setup_file, multiples, output, as_json) -> None:
     save_record(motion_record(moved, Path(recording).stem), output)
     facts = {
         name: {
-            "frames": int(pose.sizes["time"]), "without_pose": int(pose["r"].isnull().any("axis").sum()), "noise": pose.attrs["noise"],
-            "stderr": {key: moved[name][key].attrs["stderr"] for key in ("h", "vd", "az", "theta", "q", "q_dot")},
+            "frames": int(pose.sizes["time"]),
+            "without_pose": int(pose["r"].isnull().any("axis").sum()),
+            "noise": pose.attrs["noise"],
+            "stderr": {key: moved[name][key].attrs["stderr"] for key in _MOVED},
         }
         for name, pose in found.items()
-    }  # fmt: skip
+    }
     if as_json:
         print_json({"bodies": facts, "cutoff": cutoff, "file": output})
         return

@@ -173,8 +173,8 @@ def _divided(states, record: Path, free_names) -> tuple[list, list]:
 
 
 def run_engine(
-    power_changes, names, whole, structure_file, compared, starts, points_file, climbs_file, prior_file, polar, polar_stderr, area, numbers,
-    pla, rate, output, as_json,
+    power_changes, names, whole, structure_file, compared, starts, points_file, climbs_file,
+    prior_file, polar, polar_stderr, area, numbers, pla, rate, output, as_json,
 ):  # fmt: skip
     """Perform the command ``engine``."""
     angles = tuple(np.radians(pla)) if pla else None

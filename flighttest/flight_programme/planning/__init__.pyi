@@ -5,6 +5,8 @@ from .catalogue import read_catalogue as read_catalogue
 from .coverage import Coverage as Coverage
 from .coverage import coverage_of as coverage_of
 from .coverage import flights_of as flights_of
+from .manoeuvre_end import may_end as may_end
+from .manoeuvre_end import running_estimate as running_estimate
 from .plan import ProgrammePlan as Plan
 from .plan import ProgrammePlan as ProgrammePlan
 from .plan import plan_programme as plan_programme
@@ -12,6 +14,3 @@ from .plan_files import save_plan as save_plan
 from .prediction import Prediction as Prediction
 from .prediction import predict as predict
 from .prediction import with_assumed as with_assumed
-from .recursive_fourier import RunningEstimate as RunningEstimate
-from .recursive_fourier import may_end as may_end
-from .recursive_fourier import running_estimate as running_estimate

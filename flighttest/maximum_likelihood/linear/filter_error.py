@@ -109,7 +109,8 @@ def filter_error(
     Warns
     -----
     AeromatchWarning
-        There are neither ``process.*`` nor gusts, and the residuals are a disturbance of the motion.
+        There are neither ``process.*`` nor gusts, and the residuals are a disturbance of the
+        motion.
 
     Raises
     ------

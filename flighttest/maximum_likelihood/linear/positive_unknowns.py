@@ -1,4 +1,4 @@
-"""Unknowns that cannot be negative: noises, intensities and lengths in the search of filter error."""
+"""Unknowns that cannot be negative: noises, intensities and lengths of filter error."""
 
 from __future__ import annotations
 

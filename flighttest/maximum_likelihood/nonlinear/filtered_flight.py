@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flighttest.maximum_likelihood.flown_runs import output_slopes
 from flighttest.maximum_likelihood.linear.gust_states import DrydenGust
 from flighttest.maximum_likelihood.linear.innovation_likelihood import InnovationSlopes
 from flighttest.maximum_likelihood.linear.positive_unknowns import DEVIATIONS, LENGTHS
 from flighttest.maximum_likelihood.nonlinear.extended_filter import FilterSettings, filter_flights
 from flighttest.maximum_likelihood.nonlinear.kernel_flights import KernelFlights
-from flighttest.maximum_likelihood.time_domain import SimulatedRecord, output_slopes
+from flighttest.maximum_likelihood.time_domain import SimulatedRecord
 
 FILTER_KINDS = ("process", "noise", "gust", "scale")  # unknowns that the simulation does not have
 _AXES = {"beta": 1, "alpha": 2}  # body axis of the gusts of an angle

@@ -1,4 +1,4 @@
-"""Filter error of the compiled simulation: maximum likelihood in turbulence, six degrees of freedom.
+"""Filter error of the compiled simulation: maximum likelihood in turbulence.
 
 The likelihood is that of the innovations of an extended Kalman filter. The search begins at the
 maximum of output error. There the flights are linearised, and a search of the linear problem begins

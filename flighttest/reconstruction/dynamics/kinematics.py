@@ -32,7 +32,8 @@ def gravity(latitude: float | None, h: float) -> float:
 
     References
     ----------
-    .. [NIMA] NIMA TR8350.2, WGS 84, 3rd edition, eq. (4-1) and (4-3), the height term to first order.
+    .. [NIMA] NIMA TR8350.2, WGS 84, 3rd edition, eq. (4-1) and (4-3), the height term to
+       first order.
 
     Notes
     -----

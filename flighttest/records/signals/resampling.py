@@ -88,8 +88,8 @@ def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
     slowest = 1.0 / (2.0 * math.pi * design * math.sin(math.pi / 8.0))
     pad = math.ceil(rate * max(0.5 / cutoff, 3.0 * slowest))
     pad = min(pad, len(x) - 1)
-    # The steps of `scipy.signal.sosfiltfilt`, with the same bytes. That function computes the settled
-    # states again at each call, in more than half of its time for 1500 samples.
+    # The steps of `scipy.signal.sosfiltfilt`, with the same bytes. That function computes the
+    # settled states again at each call, in more than half of its time for 1500 samples.
     sections, settled = _butterworth(design, rate)
     before, after = 2 * x[:1] - x[pad:0:-1], 2 * x[-1:] - x[-2 : -(pad + 2) : -1]
     padded = np.concatenate([before, x, after])

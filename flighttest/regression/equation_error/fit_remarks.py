@@ -1,7 +1,7 @@
 """Remarks on a regression: significance of its figures, and faults of its data.
 
-Every threshold is a named constant with its reason next to it. docs/evidence/identification.md states how often
-each remark occurs by chance.
+Every threshold is a named constant with its reason next to it. docs/evidence/identification.md
+states how often each remark occurs by chance.
 """
 
 from __future__ import annotations

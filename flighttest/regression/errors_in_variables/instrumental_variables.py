@@ -11,8 +11,8 @@ The instruments are the model's terms of a simulated response to the recorded co
 the size nor the colour of the noise has to be known.
 
 Instruments that hardly move with a regressor leave the bias, and make the standard errors wrong
-[Staiger1997]_. The first stage of each noisy term is therefore tested. F is that of [Sanderson2016]_,
-with the covariance for coloured residuals.
+[Staiger1997]_. The first stage of each noisy term is therefore tested. F is that of
+[Sanderson2016]_, with the covariance for coloured residuals.
 
 References
 ----------
@@ -52,7 +52,7 @@ from flighttest.regression.uncertainty.coloured_residuals import coloured_covari
 WEAK = 10.0  # F of the first stage below which instruments are weak [Staiger1997]
 # variables that the crew sets, or that hardly have noise: they are their own instruments
 EXACT = ("gear", "speedbrake", "mach", "h", "h_agl", "CT")
-_TOO_NONLINEAR = 3  # power of a noisy variable whose mean the noise changes together with a slope
+_TOO_NONLINEAR = 3  # power of a term whose mean the noise changes together with a slope
 
 
 def regress_instrumental(
@@ -128,28 +128,50 @@ def is_noisy(variable: str) -> bool:
 
 def _noisy_factors(term: str) -> dict[str, int]:
     """Return the powers of the noisy variables in a term."""
+    return {name: power for name, power in _variable_powers(term).items() if is_noisy(name)}
+
+
+def _variable_powers(term: str) -> dict[str, int]:
+    """Return the powers of all variables in a term."""
     if least_squares.intercept_mask([term])[0]:
         return {}
     powers: dict[str, int] = {}
     for factor, power in term_powers(term).items():
         variable = variable_of(factor)
-        if is_noisy(variable):
-            powers[variable] = powers.get(variable, 0) + power
+        powers[variable] = powers.get(variable, 0) + power
     return powers
 
 
-def describe_powers(terms: Sequence[str], noisy: Sequence[str]) -> str:
-    """Return a remark on powers of noisy variables whose bias remains; empty without any."""
+def describe_powers(
+    terms: Sequence[str], noisy: Sequence[str], has_correlated_noise: bool = False
+) -> str:
+    """Return a remark on terms of noisy variables whose bias remains; empty without any.
+
+    The noise n of x adds var(n) to the mean of x**2, which a constant takes up. In x**2*y it adds
+    var(n)*y, in x**3 3*var(n)*x: the slope of y or x takes that up.
+
+    Parameters
+    ----------
+    terms, noisy : sequence of str
+    has_correlated_noise : bool
+        Whether the noise of one variable is correlated with that of another; a product of two is
+        then as a square.
+    """
+    has_constant = bool(least_squares.intercept_mask(list(terms)).any())
     found = []
     for term in terms:
-        powers = _noisy_factors(term)
-        if any(powers.get(name, 0) >= _TOO_NONLINEAR for name in noisy):
+        powers = _variable_powers(term)
+        own = [powers[name] for name in noisy if name in powers]
+        highest = sum(own) if has_correlated_noise else max(own, default=0)
+        is_taken_up = has_constant and sum(powers.values()) < _TOO_NONLINEAR
+        if highest >= 2 and not is_taken_up:
             found.append(term)
     if not found:
         return ""
     return (
-        f"{', '.join(found)}: a third power of a noisy variable changes the slope of its first "
-        f"power by three times the variance of the noise; that part of the bias remains"
+        f"{', '.join(found)}: the noise of a squared variable changes the slope of the factor next "
+        f"to the square by the variance of the noise times the slope of the term, three times that "
+        f"in a third power; that part of the bias remains"
     )
 
 

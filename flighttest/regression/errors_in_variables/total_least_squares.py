@@ -5,6 +5,8 @@ estimate subtracts it:
 
     theta = (X'X - N S)^-1 X'z
 
+Under constraints theta = T phi + t it is the minimum of theta'(X'X - N S) theta - 2 theta'X'z.
+
 It is the generalised total least squares of [VanHuffel1991]_ for exact and noisy columns, at the
 generalised singular value that the stated noise has. The noise of the coefficient stays unknown, as
 disturbances of a flight are [Fuller1987]_ 2.2 and 3.1. S of products and powers follows from their
@@ -14,9 +16,9 @@ The covariance of the estimate is that of [Gleser1981]_ and [Fuller1987]_ (2.2.2
 
     (X'X - N S)^-1 [Y'R Y + 2 N c S theta theta' S] (X'X - N S)^-1
 
-with the autocovariance R of a coloured residual, the regressors Y without the part that the residual
-v explains (x + S theta v/var(v)), and the samples c per independent square. For white residuals it
-is theirs, with Y'Y = X'X - N S theta theta' S/var(v).
+with the autocovariance R of a coloured residual, the regressors Y without the part that the
+residual v explains (x + S theta v/var(v)), and the samples c per independent square. For white
+residuals it is theirs, with Y'Y = X'X - N S theta theta' S/var(v).
 
 References
 ----------
@@ -53,6 +55,7 @@ from flighttest.regression.uncertainty.growing_residuals import memory_of_square
 # Share of the noise in the movement of the worst combination of terms above which the difference
 # X'X - N S is no longer well determined.
 MOST_NOISE = 0.75
+_SYMMETRIC = 1e-9  # difference of two correlations that is rounding
 _SEEN = 1.5  # ratio of stated noise and scatter from sample to sample from which on it is remarked
 _NEGLIGIBLE = 1e-4  # share of noise below which a wrong statement of it changes nothing
 
@@ -111,7 +114,8 @@ def regress_total(
     attributes["noise_treatment"] = (
         f"stated noise: {stated}; at most {share:.1%} of the movement of a combination of terms"
     )
-    if text := describe_powers(problem.terms, noisy):
+    has_correlated_noise = bool(covariance.values[~np.eye(len(noisy), dtype=bool)].any())
+    if text := describe_powers(problem.terms, noisy, has_correlated_noise=has_correlated_noise):
         attributes["nonlinear_noise"] = text
     if share > _NEGLIGIBLE and (text := _compare_with_scatter(problem.samples, noisy, sizes)):
         attributes["stated_noise"] = text
@@ -123,7 +127,7 @@ def _noise_covariance(
 ) -> xr.DataArray:
     """Return the covariance (variable, variable_) of the noise of the variables."""
     if isinstance(noise, xr.DataArray):
-        names, matrix = [str(name) for name in noise["variable"].values], noise.values
+        names, matrix = _named_covariance(noise)
     else:
         names = list(noise)
         matrix = np.diag(np.array([float(size) for size in noise.values()]) ** 2)
@@ -135,8 +139,7 @@ def _noise_covariance(
     for name in names:
         if name not in model.variables:
             raise UnknownName(name, model.variables, "noisy variable", "the model does not hold it")
-    is_wrong = matrix.shape != (len(names), len(names)) or not np.isfinite(matrix).all()
-    if is_wrong or not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] <= 0.0:
+    if not _is_covariance(matrix, len(names)):
         raise IdentificationError(
             f"the noise of {', '.join(names)} is not a positive standard deviation of each, or not "
             f"a covariance; leave out variables without noise"
@@ -144,6 +147,41 @@ def _noise_covariance(
     return xr.DataArray(
         matrix, {"variable": names, "variable_": names}, dims=("variable", "variable_")
     )
+
+
+def _named_covariance(noise: xr.DataArray) -> tuple[list[str], np.ndarray]:
+    """Return the variables of a covariance, and its matrix with columns in their order."""
+    if set(noise.dims) != {"variable", "variable_"}:
+        raise IdentificationError(
+            f"the covariance of the noise has the dimensions {', '.join(map(str, noise.dims))}; "
+            f"give variable and variable_"
+        )
+    noise = noise.transpose("variable", "variable_")
+    names = [str(name) for name in noise["variable"].values]
+    if "variable_" in noise.coords:
+        columns = [str(name) for name in noise["variable_"].values]
+        if sorted(columns) != sorted(names) or len(set(names)) < len(names):
+            raise IdentificationError(
+                f"the covariance of the noise has the rows {', '.join(names)} and the columns "
+                f"{', '.join(columns)}; give each variable once in both"
+            )
+        noise = noise.isel(variable_=[columns.index(name) for name in names])
+    return names, np.asarray(noise.values, dtype=float)
+
+
+def _is_covariance(matrix: np.ndarray, count: int) -> bool:
+    """Return whether a matrix (count, count) is symmetric and positive definite.
+
+    Its elements are compared as correlations: those of small angles are near 1e-8.
+    """
+    if matrix.shape != (count, count) or not np.isfinite(matrix).all():
+        return False
+    variances = np.diag(matrix)
+    if not (variances > 0.0).all():
+        return False
+    correlation = matrix / np.sqrt(np.outer(variances, variances))
+    is_symmetric = np.allclose(correlation, correlation.T, rtol=0.0, atol=_SYMMETRIC)
+    return is_symmetric and bool(np.linalg.eigvalsh(correlation)[0] > 0.0)
 
 
 def _term_noise(problem: RegressionProblem, noisy: list[str], covariance: np.ndarray) -> np.ndarray:
@@ -190,7 +228,10 @@ def _solve_total(
     # E with pinv(E) = (X'X - N S)^-1 X': E = Q (I - B) R
     reduced = (vectors * (1.0 - shares)) @ vectors.T
     E = Q @ (reduced @ R)
-    phi = np.linalg.solve(R, (vectors / (1.0 - shares)) @ (vectors.T @ (Q.T @ z)))
+    # A constant in a constraint holds part of theta, t. The noise of X t in z - X t is that of X T:
+    # T'(X'X - N S) T phi = T'X'(z - X t) + N T'S t
+    held = np.linalg.solve(R.T, count * T.T @ S @ elimination.offset)
+    phi = np.linalg.solve(R, (vectors / (1.0 - shares)) @ (vectors.T @ (Q.T @ z + held)))
     theta = elimination.expand(phi)
     v = problem.z - problem.X @ theta
     memory = memory_of_squares(v, problem.samples.pieces()[0]) if v.any() else 1.0
@@ -247,6 +288,6 @@ def _compare_with_scatter(samples: RegressionSamples, noisy: list[str], sizes: n
     if not texts:
         return ""
     return (
-        f"stated noise against the scatter from sample to sample: {'; '.join(texts)}; is it that of "
-        f"these samples? Filtered or slow noise scatters less, fast motion more"
+        f"stated noise against the scatter from sample to sample: {'; '.join(texts)}; is it that "
+        f"of these samples? Filtered or slow noise scatters less, fast motion more"
     )

@@ -69,8 +69,8 @@ def select_by_prediction(
 
     Notes
     -----
-    With many candidates the 24 with the largest gain are compared (`choose_pool`). A band has blocks
-    of frequencies in place of manoeuvres.
+    With many candidates the 24 with the largest gain are compared (`choose_pool`). A band has
+    blocks of frequencies in place of manoeuvres.
     """
     if hierarchy:
         candidates = add_factors(candidates, coefficient)

@@ -1,7 +1,7 @@
 """Constants and hinge moments from the force at the hand.
 
-`sliding_fit` uses manoeuvres in which the control slides, `trim_forces` steady points at which it is
-at rest.
+`sliding_fit` uses manoeuvres in which the control slides, `trim_forces` steady points at which it
+is at rest.
 
 References
 ----------

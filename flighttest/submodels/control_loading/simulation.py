@@ -3,7 +3,7 @@
 Dry friction is an inclusion:
 
     m s'' in F - W s' - C s - offset - bob - R Sgn(s') - P Sgn(s) - K (s - a) - D (s' - a')
-    J g^2 a'' in K (s - a) + D (s' - a') - w g^2 a' - r |g| Sgn(a') + g H,       delta = rigging + g a
+    J g^2 a'' in K (s - a) + D (s' - a') - w g^2 a' - r |g| Sgn(a') + g H,  delta = rigging + g a
 
 Positions move half a step before and half a step after the velocities (Strang splitting).  Friction
 and preload are implicit: a body at rest whose friction suffices does not move.  Reversals are

@@ -128,6 +128,37 @@ def test_inequalities_between_parameters_are_the_nearest_point():
         np.testing.assert_allclose(found, best, atol=1e-5)
 
 
+def test_limits_of_parameters_of_any_size_are_satisfied():
+    """Rounding of the estimate with active limits is not a contradiction of these limits."""
+    names = list("abcd")
+    limits = parse_constraints(["a < 0", "b < 0", "c < 0", "a < 0 - b"], names)
+    held = eliminate([], 4)
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        size = 10.0 ** rng.uniform(-4.0, 4.0, 4)
+        root = rng.normal(size=(8, 4))
+        unit, violated = root.T @ root, rng.uniform(0.1, 3.0, 4)
+        active = choose_active(limits, held, size * violated, unit / np.outer(size, size))
+        chosen = eliminate(active, 4)
+        T, phi = chosen.matrix, size * violated
+        M = unit / np.outer(size, size)
+        found = T @ np.linalg.solve(T.T @ M @ T, T.T @ M @ phi)
+        assert (found[:3] <= 1e-9 * size[:3]).all()
+        assert found[0] + found[1] <= 1e-9 * (size[0] + size[1])
+
+
+def test_limits_that_exclude_each_other_are_refused():
+    for texts in (["a > 1", "a < 0"], ["a > b + 1", "b > c", "c > a"]):
+        limits = parse_constraints(texts, list("abc"))
+        with pytest.raises(SchemaError, match="no estimate satisfies"):
+            choose_active(limits, eliminate([], 3), np.array([0.5, 0.2, 0.1]), np.eye(3))
+    # the equality leaves nothing that could satisfy the limit
+    held = eliminate(parse_constraints(["a = 5"], list("abc")), 3)
+    limits = parse_constraints(["a > 6"], list("abc"))
+    with pytest.raises(SchemaError, match="no estimate satisfies"):
+        choose_active(limits, held, np.array([0.2, 0.1]), np.eye(2))
+
+
 def test_a_contradicted_constraint_is_remarked():
     data = record(np.random.default_rng(4))
     fit = regress(LIFT, data, constraints=["alpha = 4"])

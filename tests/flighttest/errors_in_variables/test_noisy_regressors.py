@@ -7,10 +7,14 @@ from scipy.linalg import expm
 import aerodb
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import make_term
+from flighttest.parameter_constraints import parse_constraints
 from flighttest.regression.equation_error.fit import open_fit, save_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.regression.errors_in_variables.instrumental_variables import regress_instrumental
+from flighttest.regression.errors_in_variables.instrumental_variables import (
+    describe_powers,
+    regress_instrumental,
+)
 from flighttest.regression.errors_in_variables.total_least_squares import regress_total
 
 MOMENT = RegressionModel.parse("Cm = 1 + alpha + qhat + delta_e")
@@ -96,6 +100,35 @@ def test_total_least_squares_solves_the_corrected_normal_equations():
     np.testing.assert_allclose(fit.estimates["estimate"], expected, rtol=1e-9)
 
 
+@pytest.mark.parametrize("text", ["alpha = -0.7", "qhat = 20*alpha - 2", "delta_e = alpha - 0.5"])
+def test_a_constraint_with_a_constant_is_that_of_lagrange_multipliers(text):
+    """The part of the model that the constraint fixes has the noise of its regressor, too."""
+    record, _ = short_period(1, noise=3.0)
+    noise = {name: 3.0 * size for name, size in NOISE.items()}
+    fit = regress_total(MOMENT, record, noise, constraints=[text])
+    X, z = fit.regressors.values, record["Cm"].values
+    S = 9.0 * np.diag([0.0, ANGLE**2, REDUCED**2, 0.0])
+    (constraint,) = parse_constraints([text], list(MOMENT.terms))
+    G = constraint.weights[None]
+    system = np.block([[X.T @ X - len(z) * S, G.T], [G, np.zeros((1, 1))]])
+    expected = np.linalg.solve(system, np.append(X.T @ z, constraint.value))[:-1]
+    np.testing.assert_allclose(fit.estimates["estimate"], expected, rtol=1e-7)
+
+
+def test_a_fixed_slope_leaves_no_bias_in_the_square():
+    rng = np.random.default_rng(0)
+    alpha, elevator = 0.1 * rng.normal(size=8000), 0.1 * rng.normal(size=8000)
+    lift = 0.3 + 5.0 * alpha - 8.0 * alpha**2 + 0.4 * elevator + 0.01 * rng.normal(size=8000)
+    columns = {"CL": lift, "alpha": alpha + 0.015 * rng.normal(size=8000), "delta_e": elevator}
+    record = xr.Dataset({name: ("time", values) for name, values in columns.items()})
+    record = record.assign_coords(time=STEP * np.arange(8000))
+    model = RegressionModel.parse("CL = 1 + alpha + alpha**2 + delta_e")
+    found = regress_total(model, record, {"alpha": 0.015}, constraints=["alpha = 5"]).estimates
+    square = found.sel(term="alpha**2")
+    assert abs(float(square["estimate"]) + 8.0) < 3.0 * float(square["stderr"])
+    assert float(square["stderr"]) < 0.5
+
+
 def test_tables_with_the_local_model_are_expected_to_give_its_parameters():
     """The design of a fit returns the parameters of a model from its values at the samples."""
     record, _ = short_period(1)
@@ -133,6 +166,24 @@ def test_a_covariance_of_the_noise_may_be_given():
     a = regress_total(MOMENT, record, NOISE).estimates["estimate"]
     b = regress_total(MOMENT, record, matrix).estimates["estimate"]
     np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+def test_a_covariance_is_read_by_its_names_and_must_be_symmetric():
+    record, _ = short_period(2)
+    both = ["alpha", "qhat"]
+    share = 0.5 * ANGLE * REDUCED
+    matrix = np.array([[ANGLE**2, share], [share, REDUCED**2]])
+    named = xr.DataArray(matrix, {"variable": both, "variable_": both}, ("variable", "variable_"))
+    expected = regress_total(MOMENT, record, named).estimates["estimate"]
+    for other in (named.isel(variable_=[1, 0]), named.isel(variable=[1, 0]), named.transpose()):
+        found = regress_total(MOMENT, record, other).estimates["estimate"]
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+    one_sided = named.copy()
+    one_sided.values[1, 0] = 0.0
+    with pytest.raises(IdentificationError, match="a covariance"):
+        regress_total(MOMENT, record, one_sided)
+    with pytest.raises(IdentificationError, match="columns alpha, delta_e"):
+        regress_total(MOMENT, record, named.assign_coords(variable_=["alpha", "delta_e"]))
 
 
 def test_noise_must_be_stated_and_smaller_than_the_motion():
@@ -216,4 +267,34 @@ def test_a_third_power_of_a_noisy_variable_is_remarked():
     record, _ = short_period(11)
     cubic = RegressionModel.parse("Cm = 1 + alpha + alpha**3 + qhat + delta_e")
     fit = regress_total(cubic, record, {"alpha": 0.1 * ANGLE})
+    assert [remark for remark in fit.remarks if remark.kind == "nonlinear noise"]
+
+
+def test_a_square_times_another_factor_is_remarked_and_a_square_alone_is_not():
+    terms = ["1", "alpha", "qhat", "delta_e"]
+    for term in ("alpha**2*delta_e", "alpha**2*qhat", "qhat**2*mach", "alpha*ramp(alpha,0.1)*gear"):
+        assert describe_powers([*terms, term], ["alpha", "qhat"]).startswith(f"{term}: ")
+    for term in ("alpha**2", "alpha*delta_e**2", "alpha*qhat", "alpha*qhat*delta_e", "delta_e**3"):
+        assert not describe_powers([*terms, term], ["alpha", "qhat"])
+    both = {"noisy": ["alpha", "qhat"], "has_correlated_noise": True}
+    assert describe_powers([*terms, "alpha*qhat*delta_e"], **both)
+    assert not describe_powers([*terms, "alpha*qhat"], **both)
+    assert describe_powers([*terms, "delta_e**3"], ["delta_e"])
+    # Constants of manoeuvres take up the mean of a square; without a constant nothing does.
+    assert not describe_powers(["1[0]", "1[1]", "alpha", "alpha**2"], ["alpha"])
+    assert describe_powers(["alpha", "alpha**2"], ["alpha"])
+
+
+def test_the_remarked_bias_of_a_product_is_that_of_the_variance():
+    """Of alpha**2*delta_e with slope 40 and noise of 0.03 rad the slope of delta_e takes -0.036."""
+    rng = np.random.default_rng(1)
+    alpha, elevator = 0.1 * rng.normal(size=8000), 0.1 * rng.normal(size=8000)
+    lift = 0.3 + 5.0 * alpha + 40.0 * alpha**2 * elevator + 0.4 * elevator
+    columns = {"CL": lift, "alpha": alpha + 0.03 * rng.normal(size=8000), "delta_e": elevator}
+    record = xr.Dataset({name: ("time", values) for name, values in columns.items()})
+    record = record.assign_coords(time=STEP * np.arange(8000))
+    model = RegressionModel.parse("CL = 1 + alpha + alpha**2*delta_e + delta_e")
+    fit = regress_total(model, record, {"alpha": 0.03})
+    slope = fit.estimates.sel(term="delta_e")
+    assert abs(float(slope["estimate"]) - 0.364) < 2.5 * float(slope["stderr"])
     assert [remark for remark in fit.remarks if remark.kind == "nonlinear noise"]

@@ -12,7 +12,8 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, IdentificationError, ParseError, UnknownName
 from flighttest.cli.actions.follow import _pieces_of_file
 from flighttest.cli.group import flight
-from flighttest.in_flight.following import AccuracyGoal, FlightFollower
+from flighttest.in_flight.flight_estimate import AccuracyGoal
+from flighttest.in_flight.following import FlightFollower
 from flighttest.in_flight.sample_stream import SampleStream
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.records.readers.name_map import Channel, Clock, NameMap
@@ -245,6 +246,7 @@ def test_samples_on_the_ground_end_a_stretch():
     model = RegressionModel.parse("CL = 1 + alpha + delta_e")
     last = follow(text_of(data), model, aircraft=CRAFT)[0][-1]
     assert last.samples == data.sizes["time"] - 4 - 20
+    assert last.counts["without_coefficient"] == 20
 
 
 def test_what_the_stream_lacks_is_named():
@@ -328,16 +330,36 @@ def test_the_command_on_a_file_and_on_an_input(tmp_path):
 
 def test_the_work_is_bounded(monkeypatch):
     """Of four windows of 5 s two are kept: the estimates are those of the later half."""
-    monkeypatch.setattr("flighttest.in_flight.following.KEPT", 2)
+    monkeypatch.setattr("flighttest.in_flight.kept_windows.KEPT", 10.0)
     data = record(np.random.default_rng(14), duration=20.0)
     follower = FlightFollower(LIFT, band=BAND, spacing=0.2)
     names = follower.choose_channels([str(name) for name in data.data_vars])
     values = np.column_stack([data[name].values for name in names])
     last = list(follower.add(data["time"].values, values, final=True))[-1]
     assert last.counts["forgotten_windows"] == 2
+    assert last.samples == 500
     later = [data.isel(time=slice(500, 750)), data.isel(time=slice(750, 1000))]
     batch = regress_frequency(LIFT, later, BAND, spacing=0.2).estimates["estimate"].values[1:]
     np.testing.assert_allclose(last.values, batch, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_gaps_do_not_shorten_what_is_kept():
+    """A gap every 6 s makes 22 stretches of 5.4 s; two that another gap makes are too short."""
+    data = record(np.random.default_rng(16), duration=138.0)
+    number = np.arange(data.sizes["time"])
+    keep = (number % 300 >= 30) & ~((number >= 3200) & (number < 3230))
+    last = follow(text_of(data.isel(time=keep)))[0][-1]
+    assert last.counts["gaps"] == 23
+    assert last.counts["forgotten_windows"] == 0
+    assert last.counts["too_short"] == 240
+    assert last.samples == keep.sum() - 240
+    windows = []
+    for first in range(30, len(number), 300):
+        if first != 3030:
+            windows.append(data.isel(time=slice(first, first + 270)))
+    batch = regress_frequency(LIFT, windows, BAND, spacing=SPACING).estimates.isel(term=slice(1, 4))
+    np.testing.assert_allclose(last.values, batch["estimate"], rtol=1e-9)
 
 
 def test_a_file_that_grows_is_followed_to_its_end(tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flighttest.maximum_likelihood.time_domain import Runs, output_slopes
+from flighttest.maximum_likelihood.flown_runs import Runs, output_slopes
 
 BASE = np.array([[1.0, 2.0], [3.0, 4.0]])
 SLOPES = np.array([[[1.0, 0.0], [2.0, 5.0]], [[0.5, 1.0], [-3.0, 0.0]]])  # (unknown, time, output)
