@@ -202,14 +202,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--grids", default=",".join(GRIDS))
-    parser.add_argument("--flights", default=",".join(FLIGHTS))
-    parser.add_argument("--errors", default=",".join(ERRORS))
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     rows = []
     for grid in given.grids.split(","):
-        for flights in given.flights.split(","):
-            for error in given.errors.split(","):
+        for flights in FLIGHTS:
+            for error in ERRORS:
                 for seed in range(given.seeds):
                     rows.append(examine_set(grid, flights, error, seed, is_wrong=False))
                     rows.append(examine_set(grid, flights, error, seed, is_wrong=True))

@@ -1,10 +1,6 @@
 """A-priori standard errors of DATCOM's estimates, by term and class of method.
 
-The standard error of a node is ``factor * hypot(relative * |value|, absolute)``.  |value| of a
-derivative is the largest one within 10 deg of incidence.  Where a listing crosses zero, or a stall
-that it predicts takes a derivative away, the value itself is not a measure of its error.  The figures
-of drag, and of the yaw of the ailerons, allow for what the methods leave out: excrescences, gear,
-cooling, and trim drag.  The standard error is zero at
+The standard error of a node is ``factor * hypot(relative * |value|, absolute)``.  It is zero at
 nodes that are zero by definition (an increment at zero deflection, a ground effect at height).  The
 relative and absolute figures depend on the term and are those of the subsonic methods.  The factor
 depends on the class of method (static, dynamic, control, ground, power, hinge) and on the speed
@@ -27,7 +23,6 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.units import DEGREE
 
 REGIMES = ("subsonic", "transonic", "supersonic")
 # Last Mach number of DATCOM's subsonic methods and first one of its supersonic methods, unless the
@@ -38,7 +33,7 @@ STMACH, TSMACH = 0.6, 1.4
 PRIOR_ERRORS: dict[str, tuple[float, float]] = {
     # static
     "CL/basic": (0.08, 0.05),  # g: slope 8 %, CL0 0.05
-    "CD/basic": (0.15, 0.01),  # g: CD0 15 %; j: the methods give a smooth aeroplane
+    "CD/basic": (0.15, 0.003),  # g: CD0 15 %
     "Cm/basic": (0.20, 0.02),  # g: slope 20 %; j: Cm0 0.02
     "CL/altitude": (0.5, 0.003),  # j: Reynolds-number effect, and rounding of the print
     "CD/altitude": (0.5, 0.001),  # j
@@ -60,15 +55,15 @@ PRIOR_ERRORS: dict[str, tuple[float, float]] = {
     "Cn/rhat": (0.30, 0.02),  # g
     # control
     "CL/flap": (0.20, 0.02),  # j: as the elevator
-    "CD/flap": (0.30, 0.01),  # j: fades with incidence as the induced drag, profile drag does not
+    "CD/flap": (0.30, 0.005),  # j
     "Cm/flap": (0.30, 0.05),  # j: the tail in the downwash of the flaps is not in it
     "CL/flap_slope": (0.5, 0.1),  # j
     "Cm/flap_slope": (0.5, 0.05),  # j: exists only after a change of moment reference
     "CL/elevator": (0.20, 0.0),  # g
-    "CD/elevator": (0.5, 0.005),  # j: passes through zero where lifts cancel, profile drag does not
+    "CD/elevator": (0.5, 0.002),  # j
     "Cm/elevator": (0.15, 0.0),  # g
     "Cl/aileron": (0.20, 0.0),  # g
-    "Cn/aileron": (1.0, 0.005),  # g; j: the estimate passes through zero with CL
+    "Cn/aileron": (1.0, 0.002),  # g; j: the estimate passes through zero with CL
     "Cl/spoiler": (0.5, 0.002),  # j: charts of section data, nothing at small heights
     "Cn/spoiler": (0.5, 0.001),  # j
     "Cl/differential_tail": (0.25, 0.0),  # j: worse than the aileron, downwash of the other half
@@ -114,12 +109,6 @@ _CLASS = {
     **dict.fromkeys(("ground", "ground_flap", "ground_elevator"), "ground"),
     "power": "power",
 }
-
-
-# Contributions that are derivatives, and the incidence within which the largest value counts: from
-# the linear range to a predicted stall, with allowance for rounding. [rad]
-_DERIVATIVES = ("beta", "qhat", "alphadothat", "phat", "rhat", "flap_slope")
-_NEARBY = 10.0 * DEGREE * (1.0 + 1e-9)
 
 
 def method_class(term: str) -> str:
@@ -180,27 +169,13 @@ class PriorErrors:
         A table without a Mach axis counts as subsonic.
         """
         relative, absolute = self.terms[term]
-        size = table
-        if term.partition("/")[2] in _DERIVATIVES:
-            size = _largest_nearby(table)
-        stderr = ((relative * size) ** 2 + absolute**2) ** 0.5
+        stderr = ((relative * table) ** 2 + absolute**2) ** 0.5
         if "mach" not in table.dims:
             return stderr
         factor = dict(zip(REGIMES, (1.0, *self.factors[method_class(term)])))
         mach = table["mach"].values
         factors = [factor[self.regime(m)] for m in mach]
         return stderr * xr.DataArray(factors, {"mach": mach}, "mach")
-
-
-def _largest_nearby(table: xr.DataArray) -> xr.DataArray:
-    """Return the largest absolute value within `_NEARBY` of incidence of every node."""
-    if "alpha" not in table.dims:
-        return table
-    last = table.transpose(..., "alpha")
-    alpha = table["alpha"].values
-    is_near = np.abs(np.subtract.outer(alpha, alpha)) <= _NEARBY
-    largest = np.where(is_near, np.abs(last.values)[..., None, :], 0.0).max(axis=-1)
-    return last.copy(data=largest).transpose(*table.dims)
 
 
 def errors_with(

@@ -22,10 +22,10 @@ Their expectation is subtracted from the other fits, which determine the increme
 speed brake and ground.  The errors of the base count among the errors of the increments.
 
 Parameters are estimated by least squares with the covariance of each submodel and the a-priori
-errors of the tables (mixed estimation, Theil and Goldberger 1961).  A parameter that no test point
-determines keeps the handbook value.  If the correction of a term is larger than its a-priori error
-allows, the a-priori error is increased.  Errors common to all fits are considered, and fits that
-the others contradict lose weight (`aerodb.update.weight_learning`).  Beyond the flown range of
+errors of the tables (mixed estimation, Theil and
+Goldberger 1961).  A parameter that no test point determines
+keeps the handbook value.  If the correction of a term is larger than its a-priori error allows, the
+a-priori error is increased.  Errors common to all fits are considered.  Beyond the flown range of
 incidence and Mach number a table is displaced by the correction at the edge.  Its standard error
 goes back to that of the handbook, times the same factor.
 """
@@ -34,6 +34,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -62,16 +63,7 @@ from aerodb.update.tabulation_report import (
     term_row,
 )
 from aerodb.update.term_decisions import add_decisions
-from aerodb.update.weight_learning import (
-    MOST_SUSPECT,
-    SCATTER,
-    SUSPECT,
-    estimate_mixed,
-    estimate_scatter,
-    inflate_priors,
-    slices_of_sizes,
-    weigh_residuals,
-)
+from aerodb.update.weight_learning import SCATTER, estimate_mixed, estimate_scatter
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
@@ -83,6 +75,7 @@ _HISTORY = "join_submodels: joined with {} fits"
 _CLEAN = 0.3
 _FADE = 2.0  # of the correlation with the flown region, per correlation length
 _BEND = 0.5  # a-priori size of the parameters of incidence and Mach number, over that of the level
+_HUBER = 2.5  # distance of a fit, in its standard errors, from which on it loses weight
 _ROUNDS = 16  # of factors and weights; the scatter is estimated in the second half
 _LEAST_HALF_SPAN = 1e-6  # of a flown range: a single flown value must not divide by zero
 
@@ -400,19 +393,10 @@ def _fit_stage(
 
 
 def _solve_stage(equations: _StageEquations, observed: Sequence[Observation]) -> _StageSolution:
-    """Return the parameters of a stage; without a majority of the fits, all keep their weight."""
-    solution = _iterate_stage(equations, observed, is_robust=True)
-    if np.mean(solution.weight < SUSPECT) <= MOST_SUSPECT:
-        return solution
-    return _iterate_stage(equations, observed, is_robust=False)
-
-
-def _iterate_stage(
-    equations: _StageEquations, observed: Sequence[Observation], is_robust: bool
-) -> _StageSolution:
     """Return the parameters of a stage after iterating factors, scatter and weights of the fits."""
     y, A, D, owner = equations.y, equations.A, equations.D, equations.owner
-    rows_of_fits = slices_of_sizes([len(fit.theta) for fit in observed])
+    ends = np.cumsum([0, *(len(fit.theta) for fit in observed)]).tolist()
+    rows_of_fits = [slice(first, end) for first, end in pairwise(ends)]
     factors, weight = np.ones(len(equations.rough)), np.ones(len(observed))
     scatter = SCATTER[0]
     for turn in range(_ROUNDS):
@@ -429,13 +413,9 @@ def _iterate_stage(
         S = noise + own_errors + scatter * deviation
         M, gain = estimate_mixed(A * size, S)
         a = gain @ y
-        own = []
-        for fit, rows in zip(observed, rows_of_fits):
-            own.append(fit.C + D[rows] @ D[rows].T + scatter * deviation[rows, rows])
-        followed = (A * size) @ M @ (A * size).T
-        robust, distance = weigh_residuals(y - A @ (size * a), followed, own, rows_of_fits)
-        weight = robust if is_robust else weight
-        factors = inflate_priors(a, M, size, owner, tables=len(factors))
+        distance = _rms_by_fit(y - A @ (size * a), S, rows_of_fits)
+        weight = np.minimum(1.0, (_HUBER / np.maximum(distance, 1e-12)) ** 2)
+        factors = _inflate_priors(a, M, size, owner, tables=len(factors))
     # Prior (M M), noise and scatter through the gain, and the common errors if all fits share them.
     covariance = M @ M + gain @ (noise + scatter * deviation) @ gain.T + (gain @ D) @ (gain @ D).T
     without_scatter = (A * size) @ (A * size).T + noise + own_errors
@@ -449,3 +429,22 @@ def _iterate_stage(
         distance=distance,
         chi2=float(y @ np.linalg.solve(without_scatter, y)),
     )
+
+
+def _inflate_priors(
+    a: np.ndarray, M: np.ndarray, size: np.ndarray, owner: np.ndarray, tables: int
+) -> np.ndarray:
+    """Return the factor on the a-priori error of each table, 1 or more, (tables,)."""
+    # Expected square of each parameter: the square of its estimate, and its variance.
+    power = (size * a) ** 2 + size**2 * np.diag(M)
+    factors = np.ones(tables)
+    for k in range(tables):
+        # `max` and not `np.maximum`: the mean of a table without parameters is NaN, its factor 1.
+        factors[k] = max(1.0, np.sqrt(power[owner == k].mean()))
+    return factors
+
+
+def _rms_by_fit(v: np.ndarray, S: np.ndarray, rows_of_fits: Sequence[slice]) -> np.ndarray:
+    """Return the rms residual of each fit in its standard errors, (fits,)."""
+    chi2 = [v[rows] @ np.linalg.solve(S[rows, rows], v[rows]) for rows in rows_of_fits]
+    return np.sqrt(np.array(chi2) / [len(v[rows]) for rows in rows_of_fits])

@@ -4,30 +4,28 @@ Prior covariance of the nodes i, j of one term, with their a-priori standard err
 distances d along the axes:
 
     P_ij = s_i s_j c_ij [level + (1 - level) exp(-1/2 sum (d/length)^2)]
-    c_ij = (r^2 v_i v_j + o_i o_j a^2) / sqrt((r^2 v_i^2 + a^2)(r^2 v_j^2 + a^2))
+    c_ij = (r^2 v_i v_j + a^2) / sqrt((r^2 v_i^2 + a^2)(r^2 v_j^2 + a^2))
 
 c describes the kind of error of the standard errors.  A part r is proportional to the value (slope,
 effectiveness: nodes of opposite sign move apart), and a part a is constant (all nodes move
-together).  r and a are the values that explain s best.  o is 1.  In a table that is odd in a
-deflection and exactly zero without it, such as the yaw of the ailerons, o is the sign of the
-deflection: a constant that does not change its sign would be an effect of both ailerons together.
-The level part in the bracket is common to the whole table.  A handbook method is wrong in the same
-sense over a table (LR-743 shows whole curves that are displaced).  A correction found at some nodes
-therefore counts at nodes outside the flown region.  The other part lets the shape change, over the
-correlation lengths.  By default each part has half of the variance.
+together).  r and a are the values that explain s best.  The level part in the bracket is common to
+the whole table.  A handbook method is wrong in the same sense over a table (LR-743 shows whole
+curves that are displaced).  A correction found at some nodes therefore counts at nodes outside the
+flown region.  The other part lets the shape change, over the correlation lengths.  By default each
+part has half of the variance.
 
 `aerodb.tabulate`, which has the flown conditions, uses a sum of four parts instead and learns their
 weights (`prior_parts`), each with s_i s_j c_ij and its own factor:
 
     level   1
-    reach   exp(-((D_i - D_j) / 0.8)^2/2)   D the distance from the flown region
-    long    exp(-e^2/8)                     e the distance between the nodes, as D in lengths
+    reach   exp(-|D_i - D_j|)        D the distance from the flown region, in correlation lengths
+    long    exp(-e^2/32 - |D_i - D_j|)      e the distance between the nodes in correlation lengths
     short   exp(-d)                  d the same, summed over the axes
 
 Inside the flown region `reach` is a level and `long` a smooth curve, such as an error of slope.
-Outside, `reach` fades with the distance, without a kink at the edge of the region.  `long`
-continues the curve that the fits show, with the weight that they give it.  `short` is the
-correlation of a path with independent increments and lets a correction have a kink.
+Outside, both fade with the distance.  A correction that is smooth in the flown region contains
+little information on the next node, where the flow may separate.  `short` is the correlation of a
+path with independent increments and lets a correction have a kink.
 """
 
 from __future__ import annotations
@@ -60,15 +58,10 @@ LEVEL = 0.5  # share of the variance that is common to the whole table
 SHARES = {"level": 0.5, "reach": 0.9, "long": 0.1, "short": 0.1}
 SPREADS = {"level": 2.0, "reach": 0.3, "long": 1.5, "short": 1.5}
 PARTS = tuple(SHARES)
-# Correlation lengths of the distance D, and of the smooth curves of `long`.  A longer reach gives
-# nodes outside smaller errors and covers fewer of them beyond a kink: with 1.0, CL/basic of the
-# recorded T-37 programme beyond the flown incidences has 86 % within two, with 0.8 91 %.
-REACH, _LONG = 0.8, 2.0
-# Power of D in `reach`, and in earlier databases, whose `long` fades and has another length.
-FADE_POWER, EARLIER_POWER, _EARLIER_LONG = 2.0, 1.0, 4.0
-# A table is odd in an axis if breakpoints and values change their sign within rounding: of the
-# range of the axis, and of the sum of the standard errors of both nodes.
-_ODD, _ODD_ROUNDING = 1e-6, 0.05
+# Correlation lengths of the distance D, and of the smooth curves of `long`.  A longer reach, or one
+# that is smooth at the edge, gives nodes outside smaller errors and covers fewer of them beyond a
+# kink.
+REACH, _LONG = 1.0, 4.0
 # Least weight of a sample that puts a node into the flown region.  A straight local model cannot
 # detect a kink nearer to a node.
 _WITHIN = 0.1
@@ -132,7 +125,6 @@ def node_correlation(
     j: np.ndarray,
     lengths: Mapping[str, float],
     reach: float = REACH,
-    power: float = FADE_POWER,
 ) -> list[np.ndarray]:
     """Return the correlations of pairs of nodes in each of the `PARTS`, without s_i s_j c_ij.
 
@@ -148,9 +140,6 @@ def node_correlation(
         Correlation lengths by axis. [SI]
     reach : float
         Length over which `reach` fades outside the flown region, in correlation lengths.
-    power : float
-        2, or 1 for a database of an earlier update: `reach` then has a kink at the edge of the
-        flown region, and `long` fades with it and has twice the length.
     """
     # Over the axes: sum of the distances d and of their squares e^2.
     sums, squares = np.zeros((2, *np.broadcast_shapes(i.shape, j.shape)))
@@ -159,11 +148,8 @@ def node_correlation(
         sums += separation
         squares += separation**2
     # In the order of `PARTS`: level, reach, long, short.
-    fade = np.exp(-((np.abs(distance[i] - distance[j]) / reach) ** power) / power)
-    long = np.exp(-squares / (2.0 * _LONG**2))
-    if power == EARLIER_POWER:
-        long = fade * np.exp(-squares / (2.0 * _EARLIER_LONG**2))
-    return [np.ones_like(sums), fade, long, np.exp(-sums)]
+    fade = np.exp(-np.abs(distance[i] - distance[j]) / reach)
+    return [np.ones_like(sums), fade, fade * np.exp(-squares / (2.0 * _LONG**2)), np.exp(-sums)]
 
 
 def flown_distance(
@@ -235,45 +221,25 @@ def covariance_between(
 
 def _error_products(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     """Return s_i s_j c_ij."""
-    proportional, constant = error_kinds(leaf)
-    return proportional[i] * proportional[j] + constant[i] * constant[j]
+    v, sd = leaf["value"].values.ravel(), leaf["stderr"].values.ravel()
+    r2, a2 = _fit_error_kinds(v, sd)
+    size = np.sqrt(r2 * v**2 + a2)
+    size[size == 0.0] = 1.0  # exact nodes: sd is zero as well
+    return sd[i] * sd[j] * (r2 * v[i] * v[j] + a2) / (size[i] * size[j])
 
 
 def error_kinds(leaf: xr.Dataset) -> np.ndarray:
     """Return the a-priori standard errors of the nodes as vectors, (2, nodes).
 
-    The first component is proportional to the value, the second is constant; in a table that is odd
-    in a deflection, the second has the sign of the deflection.  The scalar product of two vectors
-    is s_i s_j c_ij.
+    The first component is proportional to the value, the second is constant.  The scalar product of
+    two vectors is s_i s_j c_ij.
     """
     v, sd = leaf["value"].values.ravel(), leaf["stderr"].values.ravel()
     r2, a2 = _fit_error_kinds(v, sd)
-    parts = np.stack([np.sqrt(r2) * v, np.sqrt(a2) * _odd_sign(leaf).ravel()])
+    parts = np.stack([np.sqrt(r2) * v, np.full(len(v), np.sqrt(a2))])
     size = np.sqrt((parts**2).sum(axis=0))
-    size[size == 0.0] = 1.0  # exact nodes: sd is zero as well
+    size[size == 0.0] = 1.0
     return sd * parts / size
-
-
-def _odd_sign(leaf: xr.Dataset) -> np.ndarray:
-    """Return the sign that the constant error has at each node, in the shape of the table.
-
-    It is 1, and -1 at negative positions of an axis in which the table is odd.
-    """
-    value, sd = leaf["value"], leaf["stderr"].transpose(*leaf["value"].dims).values
-    sign = np.ones(value.shape)
-    for number, axis in enumerate(value.dims):
-        x = value[axis].values
-        reversed_value = np.flip(value.values, number)
-        if len(x) < 3 or not np.allclose(x, -x[::-1], rtol=0.0, atol=_ODD * np.ptp(x)):
-            continue
-        # Rounding of a printed table, and no more: small against the declared errors.
-        is_zero = np.abs(x) <= _ODD * np.ptp(x)
-        is_exact = is_zero.any() and not np.take(sd, np.flatnonzero(is_zero), number).any()
-        departure = np.abs(value.values + reversed_value)
-        if is_exact and np.all(departure <= _ODD_ROUNDING * (sd + np.flip(sd, number))):
-            along = np.where(x < 0.0, -1.0, 1.0)
-            sign = sign * along.reshape([-1 if k == number else 1 for k in range(value.ndim)])
-    return sign
 
 
 def _fit_error_kinds(v: np.ndarray, sd: np.ndarray) -> tuple[float, float]:

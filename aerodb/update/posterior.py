@@ -42,8 +42,6 @@ import xarray as xr
 
 from aerodb.store.schema import terms
 from aerodb.update.correlation import (
-    EARLIER_POWER,
-    FADE_POWER,
     PARTS,
     REACH,
     covariance_between,
@@ -56,10 +54,8 @@ from flightmech.errors import SchemaError, UnknownName
 
 ERRORS = "errors"
 """Attribute of ``posterior_sign``: names of the errors of the last components, one a line."""
-# Attributes of ``prior_error``: length over which `reach` fades, 0.5 in databases without it, and
-# the power of the distance in its fade, `EARLIER_POWER` in databases without it.
+# Attribute of ``prior_error``: length over which `reach` fades.  Databases without it have 0.5.
 _REACH_LENGTH, _EARLIER_REACH = "reach_length", 0.5
-_FADE = "fade_power"
 _ROUNDING = 1e-6  # difference of variances, relative to the variance, that is rounding
 # Least variance added to the unit diagonal before a Cholesky factorisation.  Parts of P that are
 # common to a whole table leave directions without variance.
@@ -96,7 +92,7 @@ def with_posterior(
     """
     dims, shape = after["value"].dims, after["value"].shape
     attributes = dict(zip(PARTS, map(float, weights)))
-    attributes |= {_REACH_LENGTH: REACH, _FADE: FADE_POWER}
+    attributes[_REACH_LENGTH] = REACH
     for axis in map(str, dims):
         attributes[f"length_{axis}"] = float(lengths.get(axis, np.inf))
     factor = np.hstack([W, Z]).T
@@ -191,15 +187,13 @@ def covariance_between_nodes(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> 
         return covariance_between(leaf, i, j)
     axes = [str(axis) for axis in leaf["value"].dims]
     names = [*PARTS, *(f"length_{axis}" for axis in axes)]
-    names += [name for name in (_REACH_LENGTH, _FADE) if name in leaf["prior_error"].attrs]
+    if _REACH_LENGTH in leaf["prior_error"].attrs:
+        names.append(_REACH_LENGTH)
     stored = _number_attributes(leaf["prior_error"], names)
     lengths = {axis: stored[f"length_{axis}"] for axis in axes}
     distance = leaf["flown_distance"].values.ravel()
-    fade = {
-        "reach": stored.get(_REACH_LENGTH, _EARLIER_REACH),
-        "power": stored.get(_FADE, EARLIER_POWER),
-    }
-    parts = node_correlation(leaf["value"], distance, i=i, j=j, lengths=lengths, **fade)
+    reach = stored.get(_REACH_LENGTH, _EARLIER_REACH)
+    parts = node_correlation(leaf["value"], distance, i=i, j=j, lengths=lengths, reach=reach)
     # P_ij = s_i s_j c_ij sum_k w_k part_k.  The product s_i s_j c_ij is a scalar product of errors.
     proportional, constant = leaf["prior_error"].values.reshape(2, -1)
     products = proportional[i] * proportional[j] + constant[i] * constant[j]

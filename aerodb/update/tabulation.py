@@ -25,10 +25,10 @@ were no better.
 
 The prior covariance of the nodes is a sum of four parts (`aerodb.update.correlation.prior_parts`).
 The first is common to the whole table.  The second is common to the flown region and fades with the
-distance from it.  The third is a smooth curve.  The fourth is rough.  The weights of the parts, and
-one factor on C, are learnt for each term by their marginal likelihood, with lognormal hyperpriors
-at the a-priori shares (`aerodb.update.weight_learning`).  A term that no fit informs keeps the
-a-priori shares.
+distance from it.  The third is a smooth curve there that fades in the same way.  The fourth is
+rough.  The weights of the parts, and one factor on C, are learnt for each term by their marginal
+likelihood, with lognormal hyperpriors at the a-priori shares (`aerodb.update.weight_learning`).  A
+term that no fit informs keeps the a-priori shares.
 
 Flights determine the size of a correction only in the flown region.  The second part therefore
 follows the fits very little and never has less than its a-priori weight.  Outside the flown region

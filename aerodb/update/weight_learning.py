@@ -63,8 +63,7 @@ _LEAST_DAMPING, _MOST_DAMPING = 1e-10, 1e10
 _COST_ROUNDING = 1e-12  # change of the cost, relative to it, that is rounding
 SUSPECT = 0.3
 """Weight below which a fit is listed as suspect."""
-MOST_SUSPECT = 0.25
-"""Share of suspect fits above which all keep their weight."""
+_MOST_SUSPECT = 0.25  # share of suspect fits above which all keep their weight
 _FREEDOM = 4.0  # of the Student distribution: six standard errors in one of two, weight 0.15
 _MOST_ROUNDS = 200  # of weighing the fits and learning the prior
 _CONVERGED = 1e-6  # change of the logarithms of all weights and factors at which the rounds end
@@ -238,42 +237,6 @@ def estimate_mixed(A: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return M, M @ (np.linalg.solve(L.T, white) / scale[:, None]).T
 
 
-def inflate_priors(
-    a: np.ndarray, M: np.ndarray, size: np.ndarray, owner: np.ndarray, tables: int
-) -> np.ndarray:
-    """Return the factor on the a-priori error of each table, 1 or more, (tables,)."""
-    # Expected square of each parameter: the square of its estimate, and its variance.
-    power = (size * a) ** 2 + size**2 * np.diag(M)
-    factors = np.ones(tables)
-    for k in range(tables):
-        # `max` and not `np.maximum`: the mean of a table without parameters is NaN, its factor 1.
-        factors[k] = max(1.0, np.sqrt(power[owner == k].mean()))
-    return factors
-
-
-def weigh_residuals(
-    residual: np.ndarray, followed: np.ndarray, own: Sequence[np.ndarray], rows: Sequence[slice]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the weight of each fit of a regression, and its distance in its standard errors.
-
-    Parameters
-    ----------
-    residual : array (estimates,)
-    followed : array (estimates, estimates)
-        Covariance of the regression: what a fit hides, because the regression follows it.
-    own : sequence of array
-        Covariance of the errors of each fit without a weight.
-    rows : sequence of slice
-        Estimates of each fit.
-    """
-    weight, distance = np.ones((2, len(own)))
-    for number, (N, part) in enumerate(zip(own, rows)):
-        square = np.outer(residual[part], residual[part])
-        weight[number] = student_weight(square + followed[part, part], N)
-        distance[number] = np.sqrt(_trace_in_stderr(square, N) / len(N))
-    return weight, distance
-
-
 def invert_covariance(S: np.ndarray) -> np.ndarray:
     """Return the inverse of a covariance, scaled to a unit diagonal before it is inverted."""
     # Terms differ by orders of magnitude, so that S itself is badly conditioned.
@@ -339,10 +302,11 @@ def weigh_fits(
         for number, rows in enumerate(slices if is_robust else ()):
             N = factors[-1] * measured[number] + common[number]
             square = np.outer(residual[rows], residual[rows]) + scatter[rows, rows]
-            weight[number] = student_weight(square, N)
+            size = _FREEDOM + len(N)
+            weight[number] = min(1.0, size / (_FREEDOM + _trace_in_stderr(square, N)))
         if not _has_converged(before, (weight, logarithms)):
             continue
-        if np.mean(weight < SUSPECT) <= MOST_SUSPECT:
+        if np.mean(weight < SUSPECT) <= _MOST_SUSPECT:
             break
         # Without a clear majority no fit can be called wrong: all are less accurate.
         weight, logarithms, is_robust = np.ones(len(observed)), None, False
@@ -363,19 +327,6 @@ def weigh_fits(
         noise=noise,
         inverse=inverse,
     )
-
-
-def student_weight(square: np.ndarray, N: np.ndarray) -> float:
-    """Return the weight of a fit by Student's distribution, at most 1.
-
-    Parameters
-    ----------
-    square : array (estimates, estimates)
-        Expected square of the residual of the fit.
-    N : array (estimates, estimates)
-        Covariance of its errors without a weight.
-    """
-    return min(1.0, (_FREEDOM + len(N)) / (_FREEDOM + _trace_in_stderr(square, N)))
 
 
 def _has_converged(

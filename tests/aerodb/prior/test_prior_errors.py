@@ -30,17 +30,6 @@ def test_a_node_has_the_error_of_its_regime():
     )  # no Mach axis
 
 
-def test_a_derivative_that_crosses_zero_has_the_error_of_its_neighbourhood():
-    """The roll damping of a listing that predicts the stall: the value there is not its error."""
-    alpha = np.deg2rad([0.0, 8.0, 12.0, 24.0])
-    table = xr.DataArray([-0.4, -0.5, -0.01, 0.1], {"alpha": alpha}, "alpha")
-    stderr = errors_with(None).stderr("Cl/phat", table)
-    np.testing.assert_allclose(stderr, np.hypot(0.15 * np.array([0.5, 0.5, 0.5, 0.1]), 0.02))
-    # The basic curve of lift has an error of its own at zero lift.
-    basic = errors_with(None).stderr("CL/basic", table)
-    np.testing.assert_allclose(basic, np.hypot(0.08 * table, 0.05))
-
-
 def test_terms_and_classes_may_be_overridden():
     table = xr.DataArray([1.0, 1.0], {"mach": [0.5, 1.0]}, "mach")
     rules = errors_with({"Cl/phat": (0.3, 0.4), "transonic dynamic": 3.0})

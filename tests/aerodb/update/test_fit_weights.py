@@ -6,8 +6,7 @@ import xarray as xr
 
 import aerodb
 from aerodb.store.schema import make_database
-from aerodb.update.classical_join import join_submodels
-from aerodb.update.correlation import LENGTHS, REACH, prior_parts
+from aerodb.update.correlation import LENGTHS, prior_parts
 from aerodb.update.observations import observe_fits, sampled_weights
 from aerodb.update.posterior import covariance_between_nodes
 from aerodb.update.tabulation import tabulate
@@ -81,19 +80,6 @@ def test_several_wrong_fits_do_not_hide_each_other() -> None:
 
 
 @pytest.mark.slow
-def test_the_join_by_regression_weighs_fits_alike() -> None:
-    """One fit that is wrong by twelve standard errors is suspect; of two alone, none is."""
-    prior, truth = prior_and_truth()
-    smooth = aerodb.replace_terms(prior, {"CL/basic": prior["CL/basic"].to_dataset()})
-    smooth["CL/basic"]["value"].values[:] = truth + 0.03
-    new = join_submodels(local_models(truth, 6, {12: (12.0, 0.0)}), smooth)
-    assert new.points.index[new.points["suspect"]].tolist() == [("CL", "point 12")]
-    assert new.points.loc[("CL", "point 12"), "distance"] > 4.0
-    pair = [local_models(truth, 9, {0: (off, 0.0)})[0] for off in (0.0, 40.0)]
-    assert not join_submodels(pair, smooth).points["suspect"].any()
-
-
-@pytest.mark.slow
 def test_ten_starts_of_the_weights_end_in_one() -> None:
     prior, truth = prior_and_truth()
     fits = local_models(truth, 7, {3: (8.0, 0.0), 12: (-6.0, 0.0)})
@@ -125,21 +111,14 @@ def test_without_a_majority_no_fit_is_chosen() -> None:
 
 
 def test_databases_without_a_stored_reach_keep_theirs() -> None:
-    """The fade of the a-priori correlation is smooth at the edge of the flown region.  In earlier
-    databases it is an exponential of the stored length, and in the first ones of half of one.
-    """
+    """The fade of the a-priori correlation has one correlation length, and earlier ones half."""
     prior, truth = prior_and_truth()
     leaf = tabulate(local_models(truth, 9, {})[:1], prior)["CL/basic"]
     for name in ("level", "long", "short"):
         leaf["prior_error"].attrs[name] = 0.0
     distance = leaf["flown_distance"].values.ravel()
     i, j = np.argmin(distance), np.argmax(distance)
-    d = distance[j] - distance[i]
-    for fade, attribute in (
-        (np.exp(-((d / REACH) ** 2) / 2.0), "fade_power"),
-        (np.exp(-d / REACH), "reach_length"),
-        (np.exp(-2.0 * d), None),
-    ):
+    for reach in (1.0, 0.5):
         P = covariance_between_nodes(leaf, np.array([i, i]), np.array([i, j]))
-        assert P[1] / P[0] == pytest.approx(fade)
-        leaf["prior_error"].attrs.pop(attribute, None)
+        assert P[1] / P[0] == pytest.approx(np.exp(-(distance[j] - distance[i]) / reach))
+        leaf["prior_error"].attrs.pop("reach_length", None)

@@ -283,8 +283,8 @@ def test_the_flown_region_grows_with_the_samples_without_a_step():
         P = prior_parts(leaf, np.array([1.0, 1.0, 1.0, weight]))[PARTS.index("reach")]
         like.append(P[2, 3] / np.sqrt(P[2, 2] * P[3, 3]))
     assert like[0] == pytest.approx(
-        np.exp(-((2.0 / 5.0 / 0.8) ** 2) / 2.0), rel=1e-6
-    )  # one cell of 2 deg, correlation length 5 deg, fade of 0.8 lengths
+        np.exp(-2.0 / 5.0), rel=1e-6
+    )  # one cell of 2 deg, correlation length 5 deg
     assert like[-1] == pytest.approx(1.0, rel=1e-6)
     assert np.diff(like).min() >= 0.0
     assert np.diff(like).max() < 0.01
@@ -403,22 +403,6 @@ def test_an_error_of_effectiveness_turns_with_the_deflection():
         level=1.0,
     )
     np.testing.assert_allclose(P, np.outer(0.1 * delta, 0.1 * delta), atol=1e-12)
-
-
-def test_the_constant_error_of_an_odd_table_turns_with_the_deflection():
-    """Both ailerons together have no yaw, so that its error has none either, however small the
-    printed values are.  In a table that is not odd, the constant error keeps its sign.
-    """
-    delta = np.array([-20.0, -10.0, 0.0, 10.0, 20.0]) * DEG
-    stderr = np.where(delta == 0.0, 0.0, 0.005)
-    odd = terms.make_term(0.001 * delta, {"delta_a": delta}, stderr=stderr, source="datcom")
-    P = prior_covariance(odd, level=1.0)
-    np.testing.assert_allclose(P, np.outer(stderr, stderr) * np.sign(np.outer(delta, delta)))
-    even = odd.assign(value=odd["value"].copy(data=0.02 * delta**2))
-    assert prior_covariance(even, level=1.0)[0, -1] > 0.0
-    # An error at zero deflection is that of a constant.
-    shifted = odd.assign(stderr=odd["stderr"].copy(data=np.full(5, 0.005)))
-    assert prior_covariance(shifted, level=1.0)[0, -1] > 0.0
 
 
 def test_slope_and_offset_errors_are_distinguished_by_the_standard_errors():
