@@ -4,6 +4,8 @@ import ast
 from collections import defaultdict
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch")
 LINES = 14  # of at most 100 columns
@@ -49,6 +51,7 @@ def repeats(files: dict[str, str]) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_no_lines_stand_twice():
     files = [file for package in PACKAGES for file in sorted((ROOT / package).rglob("*.py"))]
     assert (

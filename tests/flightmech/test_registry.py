@@ -36,6 +36,7 @@ def listed_rates(file: Path) -> int:
     return most
 
 
+@pytest.mark.slow
 def test_no_other_module_lists_the_reduced_rates():
     files = [file for package in PACKAGES for file in (ROOT / package).rglob("*.py")]
     lists = {file.relative_to(ROOT).as_posix() for file in files if listed_rates(file) > 3}

@@ -330,6 +330,7 @@ def test_a_test_point_that_contradicts_the_others_is_suspected_and_outvoted():
     )
 
 
+@pytest.mark.slow
 def test_errors_common_to_all_fits_do_not_average_out():
     """Six fits at one point, all with a dynamic pressure that may be 5 % wrong: the lift is no
     better known than that.

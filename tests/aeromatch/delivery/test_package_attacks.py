@@ -110,6 +110,7 @@ def mutations(manifest):
 STATED_IN_README = ("title", "revision", "version", "refused/")
 
 
+@pytest.mark.slow
 def test_every_change_of_a_manifest_is_refused(delivery, tmp_path):
     public, _ = make_key(tmp_path / "key")
     manifest = json.loads((delivery / "manifest.json").read_text())
@@ -140,6 +141,7 @@ def test_a_key_that_stands_twice_is_refused(delivery):
     assert "twice" in str(faults(delivery)[0])
 
 
+@pytest.mark.slow
 def test_every_file_changed_swapped_renamed_truncated_or_linked_is_a_finding(delivery, tmp_path):
     original = tmp_path / "original"
     shutil.copytree(delivery, original)
@@ -261,6 +263,7 @@ def test_zips_that_two_programs_read_differently_are_refused(delivery, tmp_path)
     assert "belong to none of its members" in str(faults(hidden)[0])
 
 
+@pytest.mark.slow
 def test_every_byte_of_a_zip(delivery, tmp_path):
     """A changed byte of a zip is refused, or changes nothing that is read."""
     good = pack(delivery, tmp_path / "good.zip")

@@ -62,6 +62,7 @@ def test_the_bootstrap_is_the_same_however_it_is_shared_out():
     xr.testing.assert_identical(one.replicates, two.replicates)
 
 
+@pytest.mark.slow
 def test_a_study_counts_bias_and_coverage():
     study = monte_carlo(line, LINE, range(60), jobs=2)
     e = study.estimates

@@ -67,6 +67,7 @@ def identified(request):
     return request.param, factors, identify_ground_effect([LIFT], programme(factors))["CL"]
 
 
+@pytest.mark.slow
 def test_the_law_of_the_truth_is_taken_and_its_factor_is_right(identified):
     """With the power law alone an exponential truth was 4 to 6 standard errors wrong."""
     law, factors, one = identified
@@ -83,6 +84,7 @@ def test_the_law_of_the_truth_is_taken_and_its_factor_is_right(identified):
     assert not one.warnings
 
 
+@pytest.mark.slow
 def test_the_database_flies_the_law(identified):
     """The kernel has the power law in closed form, the others as a table within 1e-3."""
     law, _, one = identified
@@ -143,6 +145,7 @@ def test_a_refused_ground_effect_of_the_database_is_deleted():
     assert set(aerodb.terms(replace_ground_effect(database, found))) == {"CL/basic"}
 
 
+@pytest.mark.slow
 def test_one_shape_parameter_has_the_error_of_that_assumption():
     """h0 of 2.6 and 2.2 m: one h0 was 4.7 standard errors wrong for alpha at 8.5 m."""
     one = identify_ground_effect([LIFT], programme(TRUTHS[EXPONENTIAL]))["CL"]
@@ -153,6 +156,7 @@ def test_one_shape_parameter_has_the_error_of_that_assumption():
     assert (together["stderr"].values >= difference).all()
 
 
+@pytest.mark.slow
 def test_a_form_that_leaves_more_than_the_noise_is_named():
     """A step at 5 m: no law and no table linear between breakpoints has it."""
 
@@ -176,6 +180,7 @@ def test_the_misfit_of_noise_is_small_and_that_of_a_wave_is_not():
     assert misfit_of("table", v, 20, richest) is None
 
 
+@pytest.mark.slow
 def test_terms_that_cancel_each_other_are_deleted():
     """Without a ground effect two collinear terms are large and opposite: k of -7.6 and 31.7."""
     none = (lambda h: 0.0 * h, lambda h: 0.0 * h)
