@@ -4,7 +4,7 @@
     python benchmarks/more_deceptions.py out/t37
 
 `benchmarks/deceptions.py` looks for one word each.  Here the statuses and notices of the honest
-case are those of comparison: a deception is named if its status is no longer a pass of that kind,
+case are those of comparison: a deception is named if its status differs from that pass,
 or if a notice is there that the honest case does not have.  Printed: a line each.
 """
 

@@ -276,7 +276,7 @@ def choose_active(
                 best, lowest = rows, cost
     if best is None:
         raise SchemaError(
-            "constraints", ["no estimate satisfies all of them; leave out those that contradict"]
+            "constraints", ["they contradict each other; leave out one of those that do"]
         )
     return [constraints[k] for k in best]
 

@@ -93,8 +93,8 @@ def _listing_lines(folder: Path, geometry: Geometry) -> list[str]:
     return lines
 
 
-# Terms that no listing gives, by their regressor and coefficient, with a standard error about zero
-# that covers common aircraft. [1] or [1/rad]
+# Terms that no listing gives, by their regressor and coefficient, with a standard error about zero.
+# The errors are assumptions, about the size of the derivative itself. [1] or [1/rad]
 _OPENED = {
     "delta_e": {"CL": 1.0, "CD": 0.1, "Cm": 2.0},
     "delta_a": {"Cl": 0.3, "Cn": 0.05},

@@ -66,5 +66,5 @@ from flighttest.cli.group import names_option
 @performed_by("flighttest.cli.actions.follow:run_follow")
 def follow_command() -> None:
     """Estimate the terms of one coefficient every second of STREAM (CSV of readings at the c.g.; -
-    is stdin); exit code 1 when there is no estimate, or --until was not reached.
+    is stdin); exit code 1 without an estimate, or if --until was not reached.
     """

@@ -24,6 +24,8 @@ _OPTIONAL = ("beta", "mass", "x_cg_b", "y_cg_b", "z_cg_b")
 _INCIDENCE = ("alpha_dot", "beta_dot", "beta", "phi", "theta")
 _MEASURED = (*COEFFICIENTS, "CX", "CZ")
 _RATES = {"p_dot": "p", "q_dot": "q", "r_dot": "r"}
+# A vane shows the flow at its place, not the angle at the centre of gravity.
+_ADVICE = "give a stream of quantities at the centre of gravity that has it, by its name map"
 _REACH = 2  # samples on each side of a difference
 
 
@@ -65,7 +67,9 @@ class CoefficientSamples:
         names = [name for name in wanted if name in available or name not in derived]
         for name in names:
             if name not in available:
-                advice = "give --aircraft, or a stream that holds it"
+                advice = _ADVICE
+                if self.aircraft is None:
+                    advice = f"give --aircraft, or {advice}"
                 raise UnknownName(name, available, "channel of the stream", advice)
         self.channels = names
         return names

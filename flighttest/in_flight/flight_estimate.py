@@ -55,7 +55,7 @@ class FlightEstimate:
     R2 : float
         Inside the band.
     waiting : str
-        Why there is no estimate; empty if there is one.
+        Reason why the estimate is missing; empty with an estimate.
     counts : dict of str to int
         Samples that were left out or filled in, and breaks of the stream, so far. ``too_short``
         are samples of stretches below one period of the lower edge of the band,

@@ -167,7 +167,7 @@ class FlightFollower:
         rows = np.concatenate([part[1] for part in self._waiting])
         self._waiting = []
         times, rows = self.source.convert(times, rows)
-        # With a wheel on the ground there is no coefficient: a stretch ends there.
+        # A coefficient of free flight needs all wheels in the air: a stretch ends on the ground.
         usable = np.isfinite(rows).all(axis=1)
         edges = np.flatnonzero(np.diff(usable)) + 1
         for part in np.split(np.arange(len(times)), edges):

@@ -87,7 +87,7 @@ class SampleStream:
         Raises
         ------
         ParseError
-            A heading without clock, or text that is no stream of samples.
+            A heading without a clock, or a text that is not a stream of samples.
         UnknownName
             A quantity that the stream does not give.
         SchemaError

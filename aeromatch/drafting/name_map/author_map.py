@@ -78,7 +78,7 @@ def read_author_map(file: Path, drafted: Path) -> AuthorMap | None:
     Returns
     -------
     AuthorMap or None
-        None if there is no map.
+        None without a map.
 
     Raises
     ------

@@ -45,7 +45,7 @@ Signals = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ColumnCandidate:
     """A column that may be an absent quantity.
 
     Attributes
@@ -181,7 +181,7 @@ _SUBSTITUTES = {
 
 def candidates_of(
     rows: Sequence[NameMapRow], files: Sequence[Path], left_out: Sequence[str]
-) -> list[Candidate]:
+) -> list[ColumnCandidate]:
     """Return the candidates of the largest recordings, the best ones of each quantity.
 
     Parameters
@@ -193,7 +193,7 @@ def candidates_of(
     left_out : sequence of str
         Columns without a quantity.
     """
-    best: dict[tuple[str, str], Candidate] = {}
+    best: dict[tuple[str, str], ColumnCandidate] = {}
     largest = sorted(files, key=lambda file: -file.stat().st_size)[:_RECORDS]
     for file in largest:
         for table in open_recording(file, NameMap({})).tables.values():
@@ -205,7 +205,7 @@ def candidates_of(
                 if key not in best or abs(found.correlation) > abs(best[key].correlation):
                     best[key] = found
     ordered = sorted(best.values(), key=lambda item: -abs(item.correlation))
-    chosen: list[Candidate] = []
+    chosen: list[ColumnCandidate] = []
     for quantity in dict.fromkeys(item.quantity for item in ordered):
         same = [item for item in ordered if item.quantity == quantity]
         least = _NEAR * abs(same[0].correlation)
@@ -231,7 +231,7 @@ def _mean_step(table: RecordedTable) -> float | None:
 
 def find_candidates(
     rows: Sequence[NameMapRow], table: RecordedTable, columns: Sequence[str], step: float
-) -> list[Candidate]:
+) -> list[ColumnCandidate]:
     """Return the columns of a table that may be absent quantities, the best one first.
 
     Parameters
@@ -246,7 +246,7 @@ def find_candidates(
     """
     signals = _signals_of(rows, table)
     known = {row.name for row in rows}
-    candidates: list[Candidate] = []
+    candidates: list[ColumnCandidate] = []
     for quantity, references in _REFERENCES.items():
         if known & {quantity, *_SUBSTITUTES.get(quantity, ())}:
             continue
@@ -280,13 +280,13 @@ def _compare_columns(
     table: RecordedTable,
     columns: Sequence[str],
     step: float,
-) -> list[Candidate]:
+) -> list[ColumnCandidate]:
     expected = _prepare(reference.make(signals, step), step, reference.slow)
     given = []
     for name in reference.given:
         if name in signals:
             given.append(_smooth(_prepare(signals[name], step, slow=False), step))
-    found: list[Candidate] = []
+    found: list[ColumnCandidate] = []
     for column in columns:
         name = column if column in table.columns else column.rpartition("/")[2]
         if name not in table.columns:
@@ -307,7 +307,7 @@ def _compare_columns(
             unit = stated
             if not unit and not given:
                 unit = _unit_by_size(quantity, values, expected)
-            found.append(Candidate(quantity, column, value, sign, reference.text, unit))
+            found.append(ColumnCandidate(quantity, column, value, sign, reference.text, unit))
     found.sort(key=lambda candidate: -abs(candidate.correlation))
     return found[:_MOST]
 

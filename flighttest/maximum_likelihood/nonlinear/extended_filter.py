@@ -23,7 +23,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from flighttest.maximum_likelihood.linear.gust_states import READ
-from flighttest.maximum_likelihood.nonlinear.kernel_flights import Slopes
+from flighttest.maximum_likelihood.nonlinear.kernel_flights import StepSlopes
 from flighttest.maximum_likelihood.nonlinear.riccati import (
     correct_covariance,
     noise_of_step,
@@ -34,7 +34,7 @@ from flighttest.maximum_likelihood.nonlinear.riccati import (
 REFRESH = 0.5  # time between two linearisations [s]
 
 
-class Flights(Protocol):
+class FilteredFlights(Protocol):
     """Simulations of one record with different parameters, as `KernelFlights`."""
 
     failed: np.ndarray
@@ -50,7 +50,7 @@ class Flights(Protocol):
     ) -> None:
         """Advance to the next sample with gusts linear between two values."""
 
-    def linearise(self, sample: int, gusts: np.ndarray, coordinates: np.ndarray) -> Slopes:
+    def linearise(self, sample: int, gusts: np.ndarray, coordinates: np.ndarray) -> StepSlopes:
         """Return the linear model over the next step."""
 
 
@@ -91,7 +91,7 @@ class _Model(NamedTuple):
 
 
 def filter_flights(
-    flights: Flights, z: np.ndarray, settings: FilterSettings, step: float
+    flights: FilteredFlights, z: np.ndarray, settings: FilterSettings, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return innovations (run, time, output) and their variances (run, time, output, output).
 
@@ -100,7 +100,7 @@ def filter_flights(
 
     Parameters
     ----------
-    flights : Flights
+    flights : FilteredFlights
         At the first sample.
     z : array (time, output)
         Readings, NaN for a missing one.
@@ -174,7 +174,7 @@ def _lag_transitions(time: np.ndarray, step: float) -> np.ndarray:
 
 
 def _join_model(
-    slopes: Slopes, settings: FilterSettings, transition: np.ndarray, step: float
+    slopes: StepSlopes, settings: FilterSettings, transition: np.ndarray, step: float
 ) -> _Model:
     """Return the linear model of motion and lags."""
     runs, n = slopes.F.shape[:2]

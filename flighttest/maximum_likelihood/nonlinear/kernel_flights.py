@@ -33,7 +33,7 @@ _VELOCITY, _QUATERNION, _RATES = slice(3, 6), slice(6, 10), slice(10, 13)  # of 
 _HALF_TURN = 3.0  # a larger difference of two angles is one turn less [rad]
 
 
-class Slopes(NamedTuple):
+class StepSlopes(NamedTuple):
     """Linear model of runs about their present states.
 
     Attributes
@@ -223,7 +223,7 @@ class KernelFlights:
             states[number] = self.x
         return states
 
-    def linearise(self, sample: int, gusts: np.ndarray, coordinates: np.ndarray) -> Slopes:
+    def linearise(self, sample: int, gusts: np.ndarray, coordinates: np.ndarray) -> StepSlopes:
         """Return the linear model of all runs over the next step, by central differences.
 
         Parameters
@@ -272,7 +272,7 @@ class KernelFlights:
         change[:, :, _ANGLES] -= np.where(turns, 2.0 * np.pi * np.sign(change[:, :, _ANGLES]), 0.0)
         F = (change / width)[:, :, self.positions].transpose(1, 2, 0)
         H = ((y[0] - y[1]) / width).transpose(1, 2, 0)
-        return Slopes(
+        return StepSlopes(
             F=F[:, :, :n],
             F_gust=F[:, :, n : n + m],
             F_rise=F[:, :, n + m :],

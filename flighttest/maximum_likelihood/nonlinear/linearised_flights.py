@@ -17,7 +17,7 @@ from flighttest.maximum_likelihood.nonlinear.extended_filter import (
     filter_flights,
 )
 from flighttest.maximum_likelihood.nonlinear.filtered_flight import FilteredFlight
-from flighttest.maximum_likelihood.nonlinear.kernel_flights import Slopes
+from flighttest.maximum_likelihood.nonlinear.kernel_flights import StepSlopes
 
 
 class LinearisedFlights:
@@ -25,7 +25,7 @@ class LinearisedFlights:
 
     Parameters
     ----------
-    models : sequence of Slopes
+    models : sequence of StepSlopes
         Of one run, at every linearisation.
     every : int
         Samples between two of them.
@@ -33,12 +33,12 @@ class LinearisedFlights:
         Open-loop outputs.
     """
 
-    def __init__(self, models: Sequence[Slopes], every: int, y: np.ndarray):
+    def __init__(self, models: Sequence[StepSlopes], every: int, y: np.ndarray):
         self.models, self.every, self.y = models, every, y
         self.failed = ~np.isfinite(y).all(axis=(1, 2))
         self.deviation = np.zeros((len(y), models[0].F.shape[2]))
 
-    def _model(self, sample: int) -> Slopes:
+    def _model(self, sample: int) -> StepSlopes:
         return self.models[min(sample // self.every, len(self.models) - 1)]
 
     def look(self, sample: int, gusts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -63,10 +63,10 @@ class LinearisedFlights:
             + (last - first) @ model.F_rise[0].T
         )
 
-    def linearise(self, sample: int, gusts: np.ndarray, coordinates: np.ndarray) -> Slopes:
+    def linearise(self, sample: int, gusts: np.ndarray, coordinates: np.ndarray) -> StepSlopes:
         """Return the linear model over the next step, the same for all runs."""
         model = self._model(sample)
-        return Slopes(*(np.repeat(part, len(self.y), axis=0) for part in model))
+        return StepSlopes(*(np.repeat(part, len(self.y), axis=0) for part in model))
 
 
 class LinearisedPiece:
@@ -91,7 +91,7 @@ class LinearisedPiece:
         self.slope = record.slopes(natural[chosen], steps[chosen], central=True)
         self.models = self._linearise_along(natural)
 
-    def _linearise_along(self, natural: np.ndarray) -> list[Slopes]:
+    def _linearise_along(self, natural: np.ndarray) -> list[StepSlopes]:
         """Return the linear models along the open-loop simulation."""
         record, flights = self.piece.record, self.piece.flights
         varied = natural[self.piece.simulated][record.simulated]

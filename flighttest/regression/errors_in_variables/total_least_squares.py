@@ -53,7 +53,7 @@ from flighttest.regression.errors_in_variables.instrumental_variables import des
 from flighttest.regression.uncertainty.growing_residuals import memory_of_squares
 
 # Share of the noise in the movement of the worst combination of terms above which the difference
-# X'X - N S is no longer well determined.
+# X'X - N S is badly determined.
 MOST_NOISE = 0.75
 _SYMMETRIC = 1e-9  # difference of two correlations that is rounding
 _SEEN = 1.5  # ratio of stated noise and scatter from sample to sample from which on it is remarked

@@ -22,7 +22,7 @@ from flighttest.maximum_likelihood.nonlinear.extended_filter import FilterSettin
 from flighttest.maximum_likelihood.nonlinear.kernel_flights import (
     COORDINATES,
     KernelFlights,
-    Slopes,
+    StepSlopes,
 )
 from flighttest.maximum_likelihood.nonlinear.linearised_flights import LinearisedFlights
 from flighttest.maximum_likelihood.nonlinear.riccati import solve_each
@@ -107,7 +107,7 @@ def linear_slopes(seen):
     paired[:2, :2], paired[:2, 2], paired[2, 3] = A, A[:, 0] / SPEED, 1.0 / STEP
     step = scipy.linalg.expm(paired * STEP)
     felt = np.array(seen) * C[:, 0] / SPEED
-    return Slopes(
+    return StepSlopes(
         F=step[None, :2, :2],
         F_gust=step[None, :2, 2:3],
         F_rise=step[None, :2, 3:4],
