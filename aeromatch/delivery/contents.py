@@ -118,7 +118,9 @@ def write_package(
         read_private_key(wishes.sign)
     for name in ("final.nc", "final.toml", "final.fmu", f"{REPORT}/manifest.json"):
         if not (match / name).is_file():
-            problems.append(f"no {name}; give the folder that `aeromatch match` wrote")
+            problems.append(
+                f"no {name}; give the folder that `aeromatch match` wrote for a project with cases"
+            )
     if problems:
         raise SchemaError(str(match), problems)
     if target.suffix.lower() != ".zip":
