@@ -50,6 +50,8 @@ class MatchOutcome:
         All written files, relative to the output folder.
     record_errors : list of str
         Errors in the flight records, one line each.
+    ranking : list of str
+        What the ranking of the terms over all cases states, one sentence each.
     """
 
     results: list[Any]
@@ -61,6 +63,7 @@ class MatchOutcome:
     report: Path | None
     files: list[str]
     record_errors: list[str] = field(default_factory=list)
+    ranking: list[str] = field(default_factory=list)
 
     @property
     def tabulation(self) -> Any:
@@ -75,6 +78,7 @@ class MatchOutcome:
             "corrected_submodels": self.corrected_submodels,
             "joint_terms": self.joint_terms,
             "record_errors": self.record_errors,
+            "ranking": self.ranking,
             "differing": self.differing,
             "warnings": list(self.tabulation.notices),
             "cases": [_case_record(result) for result in self.results],

@@ -41,7 +41,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flighttest.reconstruction.flight_programme import reconstructed_paths
 from pom.diagnosis.corrected_model import correction_reasons
-from pom.diagnosis.joint_correction import diagnosed_cases
+from pom.diagnosis.joint_correction import diagnose_project
 
 Step = Callable[[str], AbstractContextManager[None]]
 _TABLES_STEP = {
@@ -168,7 +168,7 @@ def _diagnose(
     cases = [case for case in result.cases if not case.law]
     paths = {case.name: result.paths[Path(case.record).stem] for case in cases}
     by_case = flying.part("by case", lambda craft: dict.fromkeys(paths, craft))
-    result.diagnoses = diagnosed_cases(
+    diagnosis = diagnose_project(
         cases,
         datcom,
         final,
@@ -178,6 +178,7 @@ def _diagnose(
         jobs=jobs,
         stages=stages,
     )
+    result.diagnoses, result.ranking = diagnosis.tables, diagnosis.ranking
     # The diagnoses enter the corrected model by what it states of them, terms and reasons.
     reasons = correction_reasons(result.diagnoses)
     corrected = stages.one(

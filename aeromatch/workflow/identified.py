@@ -37,6 +37,7 @@ from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flighttest.regression.combining.published_table import read_published
 from pom.checking.case_check import RecordCheck
+from pom.diagnosis.culprits.project_ranking import ProjectRanking
 
 
 @dataclass
@@ -65,6 +66,8 @@ class Identified:
     databases, aircraft : dict of str to Kept
         ``datcom corrected final``.
     diagnoses : dict of str to DataFrame
+    ranking : ProjectRanking or None
+        The terms of the a-priori model ranked over all cases.
     """
 
     project: Project
@@ -86,6 +89,7 @@ class Identified:
     databases: dict[str, Kept[Any]] = field(default_factory=dict)
     aircraft: dict[str, Kept[Any]] = field(default_factory=dict)
     diagnoses: dict[str, pd.DataFrame] = field(default_factory=dict)
+    ranking: ProjectRanking | None = None
 
     def content(self, file: Path) -> FileContent:
         """Return a file as an input of a stage, with its hash in the custody."""

@@ -301,12 +301,14 @@ def _make_chapters(result: Identified, stages: Stages) -> Kept[Any]:
             driven_motion=submodels.driven_motion,
             chapters=result.project.chapters,
             level_lines=_make_evidence(result, stages).value[1],
+            ranking=result.ranking,
         )
 
     inputs = {
         "databases": result.databases,
         "fits": result.fits,
         "diagnoses": result.diagnoses,
+        "ranking": result.ranking,
         "chapters": result.project.chapters,
         **result.submodel_inputs(),
         "evidence": _make_evidence(result, stages),
@@ -329,6 +331,7 @@ def _summarise(result: Identified, replays: list[Any], folder: Path) -> MatchOut
         corrected_terms=corrected,
         corrected_submodels=by_submodel(corrected, *databases),
         joint_terms=joint_terms(result.diagnoses),
+        ranking=result.ranking.sentences if result.ranking else [],
         differing=len(terms) + len(parts),
         tables=result.tables,
         report=folder / REPORT / "report.html" if replays else None,

@@ -1,9 +1,10 @@
-"""Diagnoses of several cases, in threads or processes, with their joint correction."""
+"""Diagnoses of several cases, in threads or processes, with their joint correction and ranking."""
 
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, cast
 
@@ -15,6 +16,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.sharing import process_pool
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases.case import PomCase
+from pom.diagnosis.culprits.project_ranking import ProjectRanking, rank_project
 from pom.diagnosis.diagnosis import diagnose_bench
 from pom.diagnosis.joint_search import join_tables
 from pom.diagnosis.kept_diagnosis import Diagnosed, Known, LateBench
@@ -33,6 +35,22 @@ LEAST_SHARE = 4
 
 # A case that is slow to fly takes so many times as long: circuits that move, legs on the ground.
 _SLOW_FACTOR = 5.0
+
+
+@dataclass(frozen=True)
+class ProjectDiagnosis:
+    """Diagnosis of all cases of a project.
+
+    Attributes
+    ----------
+    tables : dict of str to DataFrame
+        By name of the case, as `join_diagnoses` returns them.
+    ranking : ProjectRanking or None
+        The terms ranked over all cases; None without a case.
+    """
+
+    tables: dict[str, pd.DataFrame]
+    ranking: ProjectRanking | None
 
 
 def join_diagnoses(
@@ -102,7 +120,7 @@ def diagnose_all(
         Cases diagnosed at the same time; -1: one per processor.
     """
     stages = Stages()
-    return diagnosed_cases(
+    return diagnose_project(
         cases,
         stages.given(prior),
         stages.given(final),
@@ -111,22 +129,26 @@ def diagnose_all(
         paths={case.name: stages.given(paths.get(case.name)) for case in cases},
         jobs=jobs,
         stages=stages,
-    )
+        ranked=False,
+    ).tables
 
 
-def diagnosed_cases(
+def diagnose_project(
     cases: Sequence[PomCase],
     prior: Kept[xr.DataTree],
     final: Kept[xr.DataTree],
+    *,
     aircraft: Kept[Mapping[str, Aircraft]],
     apriori: Kept[Aircraft | None],
     paths: Mapping[str, Kept[Any]],
     jobs: int,
     stages: Stages,
-) -> dict[str, pd.DataFrame]:
-    """Return the tables of `diagnose_all`; each case is a stage.
+    ranked: bool = True,
+) -> ProjectDiagnosis:
+    """Return the tables of `diagnose_all` and the ranking of the terms; each case is a stage.
 
-    The judgements of a case for the joint correction are stored as well.
+    The judgements of a case for the joint correction and the ranking are stored as well. The
+    evidence of the ranking is the final database, whose nodes from flight have standard errors.
     """
     inputs = _StageInputs(cases, prior, final, aircraft=aircraft, apriori=apriori, paths=paths)
     mixed = Kept(
@@ -162,25 +184,40 @@ def diagnosed_cases(
     for name in diagnosed:
         stages.remember(SWAPS, inputs.swaps[name], results[name].value.by_content())
 
-    def join() -> dict[str, pd.DataFrame]:
-        late_benches: dict[str, LateBench] = {}
-        for case in cases:
-            result = results[case.name].value
-            judgements: Known = stages.recall("judgements", inputs.diagnoses[case.name], {})
-            make = partial(_make_bench, case, benches, result, mixed=mixed, path=paths[case.name])
-            late_benches[case.name] = LateBench(result, judgements, make)
-        # A bench has more judgements afterwards if the search had to fly new choices.
+    late_benches: dict[str, LateBench] = {}
+
+    def search(method: Callable[[Mapping[str, LateBench]], Any]) -> Any:
+        """Return the result of a search over all cases, and store the choices that it flew."""
+        if not late_benches:
+            for case in cases:
+                result = results[case.name].value
+                judgements: Known = stages.recall("judgements", inputs.diagnoses[case.name], {})
+                make = partial(
+                    _make_bench, case, benches, result, mixed=mixed, path=paths[case.name]
+                )
+                late_benches[case.name] = LateBench(result, judgements, make)
         counts = {name: len(bench.known) for name, bench in late_benches.items()}
-        tables = {case.name: results[case.name].value.table for case in cases}
-        joined = join_tables(tables, late_benches, jobs)
+        found = method(late_benches)
+        # A bench has more judgements afterwards if the search had to fly new choices.
         for name, bench in late_benches.items():
             if len(bench.known) > counts[name]:
                 stages.remember("judgements", inputs.diagnoses[name], bench.known)
-        return joined
+        return found
 
-    # The search flies further choices, so that its inputs are those of all diagnoses.
+    def join() -> dict[str, pd.DataFrame]:
+        tables = {case.name: results[case.name].value.table for case in cases}
+        return search(lambda late: join_tables(tables, late, jobs))
+
+    def rank() -> ProjectRanking:
+        return search(lambda late: rank_project(late, final.value, jobs))
+
+    # The searches fly further choices, so that their inputs are those of all diagnoses.
     joint_inputs = {"cases": inputs.diagnoses, "diagnoses": results}
-    return stages.one("joint correction", joint_inputs, join).value
+    tables = stages.one("joint correction", joint_inputs, join).value
+    ranking: ProjectRanking | None = None
+    if ranked and cases:
+        ranking = stages.one("ranking over all cases", joint_inputs, rank).value
+    return ProjectDiagnosis(tables, ranking)
 
 
 class _StageInputs:

@@ -19,6 +19,7 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
 from flighttest.regression.equation_error.fit import Fit
+from pom.diagnosis.culprits.project_ranking import CAPTION, COLUMNS, ProjectRanking
 from pom.report.case.page import run_line_classes
 from pom.report.models.database_comparison import compare_for_report
 from pom.report.models.identification import identification_chapter
@@ -52,6 +53,10 @@ class Chapters:
         Terms that the corrected model takes from the final one.
     on_paper : tuple of str
         Chapters of the PDF, of `CHAPTERS`.
+    ranking : SectionTable or None
+        Terms of the a-priori model ranked over all cases.
+    ranking_text : tuple of str
+        What the ranking states, in sentences.
     """
 
     databases: dict[str, dict[str, str]]
@@ -60,6 +65,8 @@ class Chapters:
     submodels: tuple[Section, ...] = ()
     needed: SectionTable | None = None
     on_paper: tuple[str, ...] = ()
+    ranking: SectionTable | None = None
+    ranking_text: tuple[str, ...] = ()
 
     @property
     def roots(self) -> dict[str, xr.DataTree]:
@@ -87,6 +94,7 @@ def draw_chapters(
     submodels: Sequence[Section],
     diagnoses: Mapping[str, pd.DataFrame],
     on_paper: Sequence[str],
+    ranking: ProjectRanking | None = None,
 ) -> Chapters:
     """Return the chapters made from arguments of `pom.write_report`.
 
@@ -98,6 +106,8 @@ def draw_chapters(
         Sections on the submodels (`make_sections`).
     on_paper : sequence of str
         Chapters of the PDF.  The figures of fits are drawn for paper only if it has them.
+    ranking : ProjectRanking, optional
+        The terms ranked over all cases.
     """
     attributes: dict[str, dict[str, str]] = {}
     for name, db in databases.items():
@@ -109,6 +119,10 @@ def draw_chapters(
         identification = identification_chapter(fits, level_lines, "identification" in on_paper)
     if submodels:
         needed = needed_submodels(diagnoses, databases)
+    ranked, text = None, ()
+    if ranking is not None:
+        ranked = SectionTable(CAPTION, COLUMNS, tuple(ranking.rows()))
+        text = tuple(ranking.sentences)
     return Chapters(
         attributes,
         compared,
@@ -116,6 +130,8 @@ def draw_chapters(
         submodels=tuple(submodels),
         needed=needed,
         on_paper=tuple(on_paper),
+        ranking=ranked,
+        ranking_text=text,
     )
 
 
@@ -129,10 +145,12 @@ def drawn_chapters(
     driven_motion: Mapping[str, Sequence[xr.Dataset]],
     chapters: Sequence[str],
     level_lines: Mapping[str, xr.Dataset],
+    ranking: ProjectRanking | None = None,
 ) -> Chapters:
     """Return the chapters for the argument `kept` of `pom.write_report`.
 
-    The arguments are those of `pom.write_report`, which then writes the same report without them.
+    The arguments are those of `pom.write_report`, which then writes the same report without them,
+    and the ranking of the terms over all cases.
     """
     return draw_chapters(
         databases,
@@ -142,6 +160,7 @@ def drawn_chapters(
         submodels=make_sections(submodels, free_motion, driven_motion),
         diagnoses=diagnoses,
         on_paper=chapters,
+        ranking=ranking,
     )
 
 
@@ -155,6 +174,8 @@ def restore_chapters(kept: bytes) -> Chapters:
         submodels=tuple(items.get("submodels", ())),
         needed=items.get("needed"),
         on_paper=tuple(items.get("on_paper", ())),
+        ranking=items.get("ranking"),
+        ranking_text=tuple(items.get("ranking_text", ())),
     )
 
 
@@ -181,6 +202,8 @@ def with_kept(now: Chapters, before: Chapters, on_paper: Sequence[str] | None = 
         chapters = replace(chapters, identification=before.identification)
     if not now.submodels:
         chapters = replace(chapters, submodels=before.submodels, needed=before.needed)
+    if not now.ranking:
+        chapters = replace(chapters, ranking=before.ranking, ranking_text=before.ranking_text)
     # Figures of fits are stored only if the earlier report printed them.
     fits = chapters.identification["fits"] if chapters.identification else []
     lacking = []

@@ -174,7 +174,9 @@ def _pack_chapters(
     """Return the packed pages of the chapters by name."""
     packed = {}
     if chapters.compared:
-        text = templates.get_template("models.html").render(common)
+        text = templates.get_template("models.html").render(
+            common, ranking=chapters.ranking, ranking_text=chapters.ranking_text
+        )
         packed["models"] = pack_page({"page": text})
         # All terms on one page are 35 000 px high, so they have pages of their own.
         template = templates.get_template("model_terms.html")

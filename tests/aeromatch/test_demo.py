@@ -7,6 +7,7 @@ import pytest
 import aerodb
 import flightmech
 import pom
+from pom.report.chapters import restore_chapters
 
 MATCHED = ("pass", "pass_with_departures")
 EXPECTED = {
@@ -90,6 +91,22 @@ def test_flight_makes_the_model_better(demo):
     ) == sorted(outcome["corrected_terms"])
     assert {"aerodynamics", "engine"} <= set(outcome["corrected_submodels"])
     assert all(case["failure"] == "" for case in outcome["cases"])
+
+
+@pytest.mark.slow
+def test_the_demo_ranks_the_wrong_terms_over_all_cases(demo):
+    folder, run = demo
+    ranking = json.loads(run.stdout)["ranking"]
+    assert ranking[0].startswith("Over all cases the a-priori model is most likely wrong in C")
+    chapters = restore_chapters(pom.read_archive(folder / "report").chapters)
+    assert list(chapters.ranking_text) == ranking
+    first, *steps, last = chapters.ranking.rows
+    assert (first[0], last[0]) == ("a priori", "final model")
+    named = {row[0] for row in steps}
+    assert 2 <= len(named) == len(steps)
+    assert named <= {name for name in aerodb.terms(aerodb.open(folder / "final.nc"))}
+    # The final model, the last row, matches more cases than the a-priori one.
+    assert float(last[-2]) < float(first[-2])
 
 
 @pytest.mark.slow

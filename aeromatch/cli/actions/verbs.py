@@ -387,6 +387,7 @@ def _summary(outcome: Any) -> dict[str, Any]:
             f"added for {name}, which does not pass with what each case needs alone: "
             f"{', '.join(terms)}"
         )
+    lines += outcome.ranking
     failures = [
         *outcome.record_errors,
         *(f"{result.case.name}: {result.failure}" for result in outcome.results if result.failure),

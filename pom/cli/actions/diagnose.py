@@ -25,8 +25,12 @@ from pom.cases.reference_states import recorded_states
 from pom.checking.batch_check import check_batch
 from pom.cli.actions.report import case_files, print_record_errors, read_biases
 from pom.diagnosis.corrected_model import corrected_aircraft, corrected_database, joint_terms
-from pom.diagnosis.culprits.ranking import order_corrections, rank_culprits
-from pom.diagnosis.culprits.sentences import describe_culprits
+from pom.diagnosis.culprits.project_ranking import (
+    CAPTION,
+    COLUMNS,
+    ProjectRanking,
+    rank_project,
+)
 from pom.diagnosis.joint_correction import rank_all, swap_models
 from pom.diagnosis.joint_search import join_tables
 from pom.diagnosis.swap_judgement import LEAST_GAP
@@ -81,10 +85,9 @@ def run_diagnose(
         for case in read:
             _print_swaps(case, tables[case.name])
     with show_progress("rank the terms over all cases"):
-        culprits = rank_culprits(benches, estimates, jobs=jobs)
-        corrections = order_corrections(benches, culprits)
+        ranking = rank_project(benches, estimates, jobs)
     if not as_json:
-        _print_culprits(culprits, corrections)
+        _print_ranking(ranking)
     if output or aircraft_output:
         with show_progress("join what the cases need"):
             tables = join_tables(tables, benches, jobs)
@@ -97,45 +100,29 @@ def run_diagnose(
         _write_aircraft(aircraft_output, old, aircraft, tables=tables)
         lines.append(f"written: {aircraft_output}")
     if as_json:
-        _print_rows_as_json(tables, culprits, corrections)
+        _print_rows_as_json(tables, ranking)
         return
     for line in lines:
         click.echo(line)
 
 
-def _print_rows_as_json(
-    tables: Mapping[str, pd.DataFrame], culprits: pd.DataFrame, corrections: pd.DataFrame
-) -> None:
+def _print_rows_as_json(tables: Mapping[str, pd.DataFrame], ranking: ProjectRanking) -> None:
     """Print the rows of all cases; rows over all cases have an empty ``case``."""
     rows = []
     for name, table in tables.items():
         rows += [{"case": name, **row} for row in table.to_dict("records")]
-    for stage, table in (("culprit", culprits), ("correction", corrections)):
+    for stage, table in (("culprit", ranking.culprits), ("correction", ranking.corrections)):
         joint = table.rename(columns={"case": "largest in"})
         rows += [{"case": "", "stage": stage, **row} for row in joint.to_dict("records")]
     print_json(rows)
 
 
-def _print_culprits(culprits: pd.DataFrame, corrections: pd.DataFrame) -> None:
+def _print_ranking(ranking: ProjectRanking) -> None:
     """Print the terms of the sequence of corrections, with the state after each of them."""
-    rows = []
-    numbers = culprits.set_index("term")
-    for step in corrections.to_dict("records"):
-        cells = ["a priori", "", "", "", ""]
-        if step["term"] in numbers.index:
-            row = numbers.loc[step["term"]]
-            distance = "" if math.isnan(row["distance"]) else f"{row['distance']:.1f}"
-            cells = [step["term"], f"{row['effect']:.2f}", row["case"], str(row["felt"]), distance]
-        elif step["term"]:
-            cells = ["final model", "", "", "", ""]
-        rows.append([*cells, f"{step['mismatch']:.2f}", f"{step['matched']} of {step['cases']}"])
-    columns = ["term", "effect", "largest in", "cases", "from evidence", "mismatch", "matched"]
-    title = (
-        "all cases together: terms wrong in the a-priori model, corrected one after the other "
-        "(half widths, standard errors)"
-    )
-    print_table(columns, rows, title, right=[columns[1], *columns[3:]])
-    for sentence in describe_culprits(culprits, corrections):
+    columns = list(COLUMNS)
+    rows = [list(row) for row in ranking.rows()]
+    print_table(columns, rows, CAPTION, right=[columns[1], *columns[3:]])
+    for sentence in ranking.sentences:
         click.echo(sentence)
 
 

@@ -146,6 +146,8 @@ def pdf_pages(
         "identification": None,
         "databases": None,
         "needed": table_of(chapters.needed),
+        "ranking": table_of(chapters.ranking),
+        "ranking_text": chapters.ranking_text,
         "paper": {"a4": "a4", "letter": "us-letter"}[content.paper],
     }
     # These two chapters are printed only if the user selected them for paper.

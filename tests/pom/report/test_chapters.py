@@ -8,6 +8,7 @@ from html import unescape
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from click.testing import CliRunner
@@ -15,7 +16,8 @@ from click.testing import CliRunner
 import pom
 from flightmech.errors import SchemaError
 from pom.cli.group import pom as group
-from pom.report.chapters import draw_chapters, restore_chapters
+from pom.diagnosis.culprits.project_ranking import ProjectRanking
+from pom.report.chapters import draw_chapters, restore_chapters, with_kept
 from pom.report.models.fit_figures import sample_map
 from pom.report.submodels.section import Picture, Section, SectionTable
 
@@ -172,6 +174,51 @@ def test_sections_pictures_and_traces_come_back_as_they_were():
     assert again.identification["fits"][0]["drawing"] == made.identification["fits"][0]["drawing"]
     assert list(again.roots) == list(fixture.databases())
     assert restore_chapters(b"").kept() == b""
+
+
+def test_the_ranking_over_all_cases_comes_back_and_is_shown(tmp_path):
+    ranking = _ranking()
+    made = draw_chapters(
+        fixture.databases(), {}, fixture.fits(), LINES, (), {}, (), ranking=ranking
+    )
+    again = restore_chapters(made.kept())
+    assert list(again.ranking_text) == ranking.sentences
+    assert again.ranking.rows == [list(row) for row in ranking.rows()]
+    # A report that is written again without the ranking keeps it.
+    now = draw_chapters(fixture.databases(), {}, fixture.fits(), LINES, (), {}, ())
+    assert with_kept(now, again).ranking == again.ranking
+    pom.write_report(
+        [fixture.roll_result()], tmp_path / "report", title="T", kept=made, paper=None
+    )
+    text = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    page, _ = report_pages.parcels(text)["models"]
+    table = page["page"].partition("Wrong terms over all cases")[2]
+    assert ranking.sentences[0] in unescape(table)
+    assert "8.2" in table
+
+
+def _ranking() -> ProjectRanking:
+    """Return a ranking of one term that one case feels."""
+    culprits = pd.DataFrame(
+        [
+            {
+                "term": "Cm/basic",
+                "score": 3.0,
+                "effect": 1.5,
+                "distance": 8.25,
+                "alone": 0.5,
+                "without": 1.75,
+                "case": "short_period",
+                "felt": 1,
+            }
+        ]
+    )
+    states = [("", 2.0, 0), ("Cm/basic", 0.5, 1), ("final", 0.25, 1)]
+    rows = []
+    for term, mismatch, matched in states:
+        row = {"term": term, "mismatch": mismatch, "matched": matched, "cases": 1}
+        rows.append(row | {"partner": "", "correlation": float("nan")})
+    return ProjectRanking(culprits, pd.DataFrame(rows))
 
 
 def test_the_map_of_the_flights_has_the_one_g_lines():
