@@ -15,11 +15,14 @@ from flightmech.units import parse_unit
 if TYPE_CHECKING:
     import xarray as xr
 
-SOURCES = ("datcom", "flight", "judgement")
+SOURCES = ("datcom", "flight", "judgement", "estimate")
+"""Sources of nodes by code; ``estimate`` is an a-priori program or table other than DATCOM."""
+_WITHOUT_ESTIMATE = SOURCES[:3]
 SOURCE_ATTRS = {
-    "flag_values": " ".join(map(str, range(len(SOURCES)))),
-    "flag_meanings": " ".join(SOURCES),
+    "flag_values": " ".join(map(str, range(len(_WITHOUT_ESTIMATE)))),
+    "flag_meanings": " ".join(_WITHOUT_ESTIMATE),
 }
+"""Attributes of the codes of a leaf without nodes of an estimate (`source_attributes`)."""
 # Variables of the joint covariance of the nodes. A leaf has all of them or none.
 POSTERIOR = ("prior_error", "flown_distance", "posterior_factor", "posterior_sign")
 TABLES = ("value", "K1", "K2")
@@ -27,6 +30,14 @@ MAX_AXES = 4
 MAX_REGRESSORS = 2
 MAX_EXPONENT = 10
 _NUMBER = int | float | np.integer | np.floating
+
+
+def source_attributes(codes: np.ndarray) -> dict[str, str]:
+    """Return the attributes of the source codes of a leaf, which list the meanings it may use."""
+    if not (codes == SOURCES.index("estimate")).any():
+        return dict(SOURCE_ATTRS)
+    values = " ".join(map(str, range(len(SOURCES))))
+    return {"flag_values": values, "flag_meanings": " ".join(SOURCES)}
 
 
 class HasAttributes(Protocol):

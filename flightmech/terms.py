@@ -20,7 +20,7 @@ A leaf is an ``xarray.Dataset``:
 ``value``       the table. Its dimensions are axes, their coordinates are rising breakpoints
 ``K1``, ``K2``  optional factor tables, over other axes
 ``stderr``      optional, shape of ``value``: standard error of each node
-``source``      optional, shape of ``value``: 0 datcom, 1 flight, 2 judgement
+``source``      optional, shape of ``value``: 0 datcom, 1 flight, 2 judgement, 3 estimate
 `POSTERIOR`     optional: the joint covariance of the nodes after a flight (`aerodb.update.posterior`)
 ==============  ====================================================================================
 
@@ -57,6 +57,7 @@ from flightmech.term_checks import TABLES as TABLES
 from flightmech.term_checks import HasAttributes as HasAttributes
 from flightmech.term_checks import check_term as check_term
 from flightmech.term_checks import list_regressors as list_regressors
+from flightmech.term_checks import source_attributes as source_attributes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -106,7 +107,7 @@ def make_term(
         Up to two model variables that multiply the table. ``("alpha", "alpha")`` is a square.
     stderr : array or float, optional
         Standard error of the nodes, broadcast to the shape of `value`.
-    source : {"datcom", "flight", "judgement"}, optional
+    source : {"datcom", "flight", "judgement", "estimate"}, optional
         Source of the nodes.
     K1, K2 : DataArray, optional
         Factor tables over axes that `value` does not have.
@@ -133,7 +134,7 @@ def make_term(
     if source is not None:
         sources = np.full(array.shape, SOURCES.index(source), np.uint8)
         leaf["source"] = _make_variable(leaf["value"].dims, sources)
-        leaf["source"].attrs = dict(SOURCE_ATTRS)
+        leaf["source"].attrs = source_attributes(sources)
     leaf.attrs = {"regressors": " ".join(regressors), "outside": outside, **text}
     if power is not None:
         exponent, floor = float(power.exponent), float(power.floor)

@@ -25,7 +25,7 @@ _output = click.option(
 )
 _source = click.option(
     "--source",
-    type=click.Choice(["judgement", "flight", "datcom"]),
+    type=click.Choice(["judgement", "flight", "datcom", "estimate"]),
     default="judgement",
     show_default=True,
     help="Source of the number.",

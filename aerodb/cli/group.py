@@ -38,6 +38,7 @@ class ListingPath(click.ParamType):  # type: ignore[type-arg]
 _LISTING = InputFile()
 _ELSEWHERE = {
     "characteristics": "characteristics",
+    "coefficients": "estimates",
     "compare": "compare",
     "edit": "edit",
     "export": "exchange",
@@ -48,6 +49,7 @@ _ELSEWHERE = {
     "plot": "compare",
     "previous": "edit",
     "forget": "edit",
+    "from-estimate": "estimates",
     "rescale": "characteristics",
     "scheme": "characteristics",
 }  # verb: module

@@ -202,7 +202,7 @@ def _scale_leaf(
         stderr=(dims, np.sqrt(stderr**2 + (relative * value) ** 2 + absolute**2)),
     )
     new["source"] = dims, np.full(value.shape, _terms.SOURCES.index("judgement"), np.uint8)
-    new["source"].attrs = {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
+    new["source"].attrs = dict(_terms.SOURCE_ATTRS)
     # Heights over the ground scale with the span, and their attributes stay.
     if "h_agl" in new.coords:
         attributes = new["h_agl"].attrs

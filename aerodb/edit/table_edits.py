@@ -68,7 +68,7 @@ def scale(
         does not have are added to it. [SI]
     stderr : float or array
         Standard error of the factor. [1]
-    source : {"judgement", "flight", "datcom"}
+    source : {"judgement", "flight", "datcom", "estimate"}
         Source of the factor; nodes that it does not change keep their source.
     note : str, optional
         Reason for the change; stored in the history.
@@ -122,7 +122,7 @@ def shift(
         before its factors K1 and K2.
     stderr : float or array
         Standard error of the amount, in its unit; combined with that of the nodes as independent.
-    source : {"judgement", "flight", "datcom"}
+    source : {"judgement", "flight", "datcom", "estimate"}
         Source of the amount; nodes that it does not change keep their source.
 
     Raises
@@ -177,7 +177,7 @@ def set_nodes(
         and K2.
     stderr : float, optional
         Its standard error.  By default the nodes keep theirs.
-    source : {"judgement", "flight", "datcom"}
+    source : {"judgement", "flight", "datcom", "estimate"}
         Source of the number; a node that has the number already keeps its source.
     note : str, optional
         Reason for the change; stored in the history.

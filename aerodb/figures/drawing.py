@@ -81,11 +81,12 @@ _BETWEEN = (
     Pen("#000000", (0, (2.5, 1)), 0.8),
 )
 # Marks of nodes by source: open for DATCOM, filled for flight, a cross for the judgement of an
-# engineer, a point if the source is not stated.
+# engineer, an open square for another estimate, a point if the source is not stated.
 MARKS: dict[int, dict[str, Any]] = {
     0: {"marker": "o", "markerfacecolor": "white"},
     1: {"marker": "o"},
     2: {"marker": "x"},
+    3: {"marker": "s", "markerfacecolor": "white"},
     -1: {"marker": "."},
 }
 

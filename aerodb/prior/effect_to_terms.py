@@ -15,13 +15,18 @@ from flightmech.units import DEGREE
 
 AXIS_ORDER = ("h", "h_agl", "delta_f", "mach", "alpha", "delta_e", "delta_a", "delta_s", "delta_d")
 _NO_POINTS = np.array([])
+# Function that builds the database, by source of the nodes.
+_VERBS = {"datcom": "from_datcom", "estimate": "from_estimates"}
 # Factor on the standard error of nodes that are extended or do not come from the program.
 _EXTENDED_ERROR = 2.0
 _LEAST_ROWS = 0.5  # share of the alphas of the best Mach number that a Mach number needs
 
 
 def terms_of_effect(
-    effect: Effect, prior: PriorErrors, cover: Mapping[str, tuple[float, float]]
+    effect: Effect,
+    prior: PriorErrors,
+    cover: Mapping[str, tuple[float, float]],
+    source: str = "datcom",
 ) -> dict[str, xr.Dataset]:
     """Return the terms of an effect by name.
 
@@ -33,6 +38,8 @@ def terms_of_effect(
         Standard errors by term, class of method and regime.
     cover : mapping of str to (float, float)
         Range that an axis must cover if a table has it: ``mach`` and ``alpha``.
+    source : {"datcom", "estimate"}
+        Source of the nodes.
 
     Notes
     -----
@@ -68,7 +75,14 @@ def terms_of_effect(
         for axis, points in ends.items():
             notes += _describe_extension(axis, points)
         leaves[name] = _make_leaf(
-            name, effect, value, uncertain=uncertain, judged=judged, prior=prior, notes=notes
+            name,
+            effect,
+            value,
+            uncertain=uncertain,
+            judged=judged,
+            prior=prior,
+            notes=notes,
+            source=source,
         )
     for (last, end), names in extended.items():
         warn_user(
@@ -88,19 +102,20 @@ def _make_leaf(
     judged: xr.DataArray,
     prior: PriorErrors,
     notes: Sequence[str],
+    source: str,
 ) -> xr.Dataset:
     """Return the leaf of one term with the standard error and the source of every node."""
     factor = np.where(uncertain.transpose(*value.dims), _EXTENDED_ERROR, 1.0)
-    # All nodes are from DATCOM first, then the judged ones are marked.
+    # All nodes are from the program first, then the judged ones are marked.
     leaf = _terms.make_term(
         value.values,
         {str(axis): value[axis].values for axis in value.dims},
         effect.regressor.split(),
         stderr=_node_stderr(name, value, prior, effect.zeros) * factor,
-        source="datcom",
+        source=source,
         references=effect.references,
         comment=join_sentences(effect.comment, *notes),
-        history=f"from_datcom: {name}",
+        history=f"{_VERBS[source]}: {name}",
     )
     judgement = _terms.SOURCES.index("judgement")
     code = np.where(judged.transpose(*value.dims), judgement, leaf["source"]).astype(np.uint8)

@@ -64,6 +64,11 @@ PRIOR_ERRORS: dict[str, tuple[float, float]] = {
     "Cm/elevator": (0.15, 0.0),  # g
     "Cl/aileron": (0.20, 0.0),  # g
     "Cn/aileron": (1.0, 0.002),  # g; j: the estimate passes through zero with CL
+    # no method in DATCOM; for other estimates
+    "CY/aileron": (1.0, 0.01),  # j
+    "CY/rudder": (0.25, 0.0),  # j
+    "Cl/rudder": (0.5, 0.002),  # j: the arm is the small height of the fin
+    "Cn/rudder": (0.20, 0.0),  # j: as the elevator
     "Cl/spoiler": (0.5, 0.002),  # j: charts of section data, nothing at small heights
     "Cn/spoiler": (0.5, 0.001),  # j
     "Cl/differential_tail": (0.25, 0.0),  # j: worse than the aileron, downwash of the other half
@@ -104,7 +109,8 @@ _CLASS = {
     **dict.fromkeys(("basic", "altitude", "beta"), "static"),
     **dict.fromkeys(("qhat", "alphadothat", "phat", "rhat"), "dynamic"),
     **dict.fromkeys(
-        ("flap", "flap_slope", "elevator", "aileron", "spoiler", "differential_tail"), "control"
+        ("flap", "flap_slope", "elevator", "aileron", "rudder", "spoiler", "differential_tail"),
+        "control",
     ),
     **dict.fromkeys(("ground", "ground_flap", "ground_elevator"), "ground"),
     "power": "power",

@@ -153,8 +153,8 @@ def rates_to_body(roll: Effect, yaw: Effect) -> tuple[Effect, Effect]:
     With T = [[cos, -sin], [sin, cos]] of alpha, (Cl, Cn)_b = T (Cl, Cn)_s and
     (p, r)_s = T' (p, r)_b.  The matrix D of derivatives therefore transforms as a tensor, T D T'.
     Only the rates of the side force turn: CY_p of body axes is CY_p cos(alpha) - CY_r
-    sin(alpha).  A derivative without a method counts as zero in the others (LR-743, section 3.1)
-    and stays absent. CY_r has no method.
+    sin(alpha), and CY_r is CY_p sin(alpha) + CY_r cos(alpha).  A derivative without a method counts
+    as zero in the others (LR-743, section 3.1) and stays absent.
     """
     lp, np_ = roll.tables.get("Cl", _ZERO), roll.tables.get("Cn", _ZERO)
     lr, nr = yaw.tables.get("Cl", _ZERO), yaw.tables.get("Cn", _ZERO)
@@ -175,6 +175,11 @@ def rates_to_body(roll: Effect, yaw: Effect) -> tuple[Effect, Effect]:
         "Cl": lr * cos**2 + (lp - nr) * sin * cos - np_ * sin**2,
         "Cn": nr * cos**2 + (lr + np_) * sin * cos + lp * sin**2,
     }
+    # DATCOM has no method for CY_r, other programs compute it.
+    if "CY" in yaw.tables:
+        side_p, side_r = roll.tables.get("CY", _ZERO), yaw.tables["CY"]
+        rolling["CY"] = side_p * cos - side_r * sin
+        yawing["CY"] = side_p * sin + side_r * cos
     body_roll = roll.with_tables({name: rolling[name] for name in roll.tables})
     return body_roll, yaw.with_tables({name: yawing[name] for name in yaw.tables})
 

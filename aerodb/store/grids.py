@@ -178,7 +178,7 @@ def with_table(
             attributes = leaf["stderr"].attrs
         tables["stderr"] = dims, np.array(stderr, float), attributes
     if source is not None:
-        flags = {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
+        flags = _terms.source_attributes(np.asarray(source))
         tables["source"] = dims, np.array(source, np.uint8), flags
     coords = {}
     for axis, axis_points in points.items():

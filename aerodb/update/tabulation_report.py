@@ -201,7 +201,7 @@ def new_leaf(
     new["value"] = leaf["value"].dims, value.reshape(shape), leaf["value"].attrs
     new["stderr"] = leaf["value"].dims, sd.reshape(shape), leaf["stderr"].attrs
     source = np.where(from_flight, _FLIGHT, old_source).astype(np.uint8)
-    flags = {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
+    flags = _terms.source_attributes(source)
     new["source"] = leaf["value"].dims, source, flags
     sentences = [
         str(leaf.attrs.get("comment", "")),

@@ -19,7 +19,8 @@ from flightmech import terms as _terms
 # second.
 REPLACED, CORRECTED = 0.5, 0.9
 DECISIONS = ("replace", "correct", "keep", "delete")
-_DATCOM, _FLIGHT = (_terms.SOURCES.index(name) for name in ("datcom", "flight"))
+_FLIGHT = _terms.SOURCES.index("flight")
+_ESTIMATED = [_terms.SOURCES.index(name) for name in ("datcom", "estimate")]
 # Correlation from which on the flights determine two terms together and not one by one.
 _JOINT = 0.9
 _NOT_SIGNIFICANT = 2.0  # standard errors from zero below which an opened term may be left out
@@ -130,7 +131,7 @@ def _is_opened(leaf: xr.Dataset) -> bool:
     """Return whether a term is an empty one that was opened for the flights."""
     if leaf["value"].values.any():
         return False
-    return "source" not in leaf or not (leaf["source"].values == _DATCOM).any()
+    return "source" not in leaf or not np.isin(leaf["source"].values, _ESTIMATED).any()
 
 
 def _describe_significance(old: xr.Dataset, new: xr.Dataset, uncertain: np.ndarray) -> list[str]:

@@ -18,7 +18,7 @@ from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTab
 from aerodb.exchange.daveml.vocabulary import source_codes, unpack_attributes
 from flightmech.aircraft.controls import DEVICE
 from flightmech.names import lookup, quantity_attributes
-from flightmech.terms import MAX_AXES, MAX_REGRESSORS, SOURCES, make_term
+from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make_term, source_attributes
 
 # Name of the contribution of a regressor. Another regressor gives its own name.
 _WORDS = {
@@ -216,7 +216,7 @@ def _make_leaf(model: DaveModel, product: _Product, part: CoefficientPart) -> xr
     # The source of the nodes is stored only if it fits the shape of the table.
     flags = source_codes(source, value.values.shape) if source else None
     if flags is not None:
-        attributes = {"flag_values": "0 1 2", "flag_meanings": " ".join(SOURCES)}
+        attributes = source_attributes(flags)
         leaf["source"] = (leaf["value"].dims, flags, attributes)
     leaf.attrs |= texts
     if notes:

@@ -1,0 +1,148 @@
+"""Functions that perform the commands of `aerodb.cli.estimates`."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import asdict
+from typing import Any
+
+import click
+import numpy as np
+
+from aerodb.estimators.build import from_estimate
+from aerodb.estimators.coefficient_set import CoefficientSet, EstimateReference
+from aerodb.estimators.reading import read_estimates
+from aerodb.store.files import save
+from aerodb.store.overview import describe_database, summary
+from flightmech.aircraft.aircraft_file import read_aircraft
+from flightmech.errors import AeromatchWarning
+from flightmech.support.atomic_write import write_text
+from flightmech.support.console import print_json, print_remark, print_table
+from flightmech.units import DEGREE, parse_quantity
+
+
+def print_coefficients(files: tuple[str, ...], output: str | None, as_json: bool) -> None:
+    """Perform the command ``coefficients``."""
+    one = read_estimates(files)
+    if output:
+        write_text(output, one.numbers.to_csv(index=False))
+    if as_json:
+        print_json(
+            {
+                "program": one.program,
+                "files": list(one.files),
+                "reference": None if one.reference is None else asdict(one.reference),
+                "controls": list(one.controls),
+                "force_axes": one.force_axes,
+                "moment_axes": one.moment_axes,
+                "control_axes": one.control_axes,
+                "numbers": one.numbers.to_dict("records"),
+                "remarks": list(one.remarks),
+            }
+        )
+        return
+    _print_set(one)
+    if output:
+        click.echo(f"written: {output}")
+
+
+def _print_set(one: CoefficientSet) -> None:
+    """Print reference quantities and one row per condition, coefficient by coefficient."""
+    click.echo(f"{one.program}: {', '.join(one.files)}")
+    if one.reference is None:
+        click.echo("no reference quantities in the files")
+    else:
+        r = one.reference
+        click.echo(
+            f"S {r.S:g}, cbar {r.cbar:g}, b {r.b:g}, moment centre {r.x:g} aft, {r.z:g} up, in the "
+            f"unit of the files"
+        )
+    click.echo(
+        f"forces in {one.force_axes} axes, moments and rates in {one.moment_axes} axes, controls "
+        f"{' '.join(one.controls) or 'none'}"
+    )
+    numbers = one.numbers
+    variables = [name for name in numbers["variable"].unique() if name]
+    rows = []
+    keys = ["mach", "alpha", "beta", *one.controls, "coefficient"]
+    groups: Any = numbers.groupby(keys, sort=False, dropna=False)
+    for place, group in groups:
+        mach, alpha, beta, *deflections, coefficient = place
+        angles = [np.round(angle / DEGREE, 6) for angle in (alpha, beta, *deflections)]
+        cells = ["" if np.isnan(mach) else f"{mach:g}", *(f"{angle:g}" for angle in angles)]
+        values = dict(zip(group["variable"], group["value"]))
+        numbers_of_row = [
+            f"{values[name]:.6g}" if name in values else "" for name in ("", *variables)
+        ]
+        rows.append([*cells, coefficient, *numbers_of_row])
+    head = ["mach", "alpha", "beta", *one.controls, "coefficient", "total"]
+    head += [f"per {name}" for name in variables]
+    print_table(head, rows, "angles in deg, derivatives per rad", right=head)
+    for remark in one.remarks:
+        print_remark(f"note: {remark}")
+
+
+def run_from_estimate(
+    aircraft: str,
+    files: tuple[str, ...],
+    length_unit: str | None,
+    controls: tuple[str, ...],
+    S: str | None,
+    cbar: str | None,
+    b: str | None,
+    x_ref: str | None,
+    mach: float | None,
+    CD0: float | None,
+    move_reference: bool,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Perform the command ``from-estimate``."""
+    named = {}
+    for text in controls:
+        name, equals, meaning = text.partition("=")
+        if not equals or not name:
+            raise click.UsageError(
+                f"--control {text!r}: expected NAME=SIGN CONTROL such as elevator=+delta_e"
+            )
+        named[name.strip()] = meaning.strip()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", AeromatchWarning)
+        tree = from_estimate(
+            read_aircraft(aircraft),
+            files,
+            length_unit=None if length_unit is None else parse_quantity(f"1 {length_unit}", "m"),
+            controls=named,
+            reference=_read_reference(S, cbar, b, x_ref),
+            mach=mach,
+            CD0=CD0,
+            move_reference=move_reference,
+        )
+    messages = []
+    for warning in caught:
+        if issubclass(warning.category, AeromatchWarning):
+            messages.append(str(warning.message))
+    save(tree, output)
+    for text in messages:
+        print_remark(f"warning: {text}")
+    if as_json:
+        terms = describe_database(tree)
+        print_json({"file": output, "attributes": tree.attrs, "terms": terms, "warnings": messages})
+        return
+    click.echo(summary(tree))
+    click.echo(f"\nwritten: {output}")
+
+
+def _read_reference(
+    S: str | None, cbar: str | None, b: str | None, x_ref: str | None
+) -> EstimateReference | None:
+    """Return the reference quantities of the options; None without any."""
+    texts = {"S": S, "cbar": cbar, "b": b, "x-ref": x_ref}
+    missing = [f"--{name}" for name, text in texts.items() if text is None]
+    if len(missing) == len(texts):
+        return None
+    if missing:
+        raise click.UsageError(f"--S, --cbar, --b and --x-ref go together; {missing[0]} is missing")
+    area = parse_quantity(str(S), "m2")
+    chord, span, x = (parse_quantity(str(text), "m") for text in (cbar, b, x_ref))
+    return EstimateReference(area, chord, span, x)

@@ -1,0 +1,57 @@
+"""The verbs ``aeromatch db coefficients`` and ``aeromatch db from-estimate``."""
+
+from __future__ import annotations
+
+import click
+
+from flightmech.support.console import InputFile, NewFile, json_option, performed_by
+
+
+@click.command("coefficients")
+@click.argument("files", nargs=-1, required=True, type=InputFile())
+@click.option("-o", "--output", type=NewFile(), help="All numbers as CSV.")
+@json_option
+@performed_by("aerodb.cli.actions.estimates:print_coefficients")
+def coefficients_command() -> None:
+    """Show the coefficients in outputs of AVL (.st, .sb, .ft) or VSPAERO (.stab, .polar).
+
+    Angles are in rad in the CSV, derivatives per rad, rates p b/2V, q cbar/2V, r b/2V; each number
+    has its file and line. Signs of controls are those of the files.
+    """
+
+
+@click.command("from-estimate")
+@click.argument("aircraft", type=InputFile())
+@click.argument("files", nargs=-1, required=True, type=InputFile())
+@click.option("--length-unit", help="Unit of length of the files, such as ft.")
+@click.option(
+    "--control",
+    "controls",
+    multiple=True,
+    metavar="NAME=SIGN CONTROL",
+    help="A control of the files and what it is, with its sign: elevator=+delta_e, "
+    "rudder=-delta_r; NAME= leaves it out.",
+)
+@click.option("--S", "S", help="Wing area of files that do not state it, such as '174 ft2'.")
+@click.option("--cbar", help="Mean chord of such files, such as '4.9 ft'.")
+@click.option("--b", "b", help="Span of such files.")
+@click.option("--x-ref", help="Moment centre of such files, aft of the origin of the drawing.")
+@click.option("--mach", type=float, help="Mach number of files that do not state it.")
+@click.option(
+    "--CD0", "CD0", type=float, help="Friction drag added to that of an inviscid program."
+)
+@click.option(
+    "--move-reference",
+    is_flag=True,
+    help="Transfer moments by more than 0.1 chord to the reference of the aircraft file.",
+)
+@click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
+@json_option
+@performed_by("aerodb.cli.actions.estimates:run_from_estimate")
+def from_estimate_command() -> None:
+    """Build a database of AIRCRAFT from outputs of AVL or VSPAERO for one geometry.
+
+    The files state neither their unit of length nor the signs of their controls: --length-unit and
+    one --control for each control are required. Positive are delta_e and delta_f trailing edge
+    down, delta_a right aileron down (rolls left), delta_r trailing edge left (yaws left).
+    """

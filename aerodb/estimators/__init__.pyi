@@ -1,0 +1,7 @@
+"""Public names of `aerodb.estimators`."""
+
+from .build import from_estimate as from_estimate
+from .coefficient_set import CoefficientSet as CoefficientSet
+from .coefficient_set import EstimateReference as EstimateReference
+from .reading import read_estimate as read_estimate
+from .reading import read_estimates as read_estimates

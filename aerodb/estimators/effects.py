@@ -1,0 +1,224 @@
+"""Effects of a set of coefficients: tables over Mach number, angle of attack and deflections."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+import xarray as xr
+
+from aerodb.estimators.coefficient_set import CONDITIONS, RATES, CoefficientSet
+from aerodb.estimators.conventions import CONTROLS
+from aerodb.store.effects import Effect, join_sentences
+from flightmech.errors import SchemaError
+from flightmech.units import DEGREE
+
+# Coefficients of each effect of the symmetric aeroplane.
+_LONGITUDINAL, _LATERAL = ("CL", "CD", "Cm"), ("CY", "Cl", "Cn")
+_OF_VARIABLE = {
+    "beta": _LATERAL,
+    "phat": _LATERAL,
+    "qhat": ("CL", "Cm"),
+    "rhat": _LATERAL,
+    "delta_e": _LONGITUDINAL,
+    "delta_f": _LONGITUDINAL,
+    "delta_a": _LATERAL,
+    "delta_r": _LATERAL,
+}
+_EQUAL = 1e-6  # two numbers of one condition that differ by less are equal
+# Share of the largest rolling or yawing moment in sideslip below which a run is symmetric.
+_ASYMMETRIC = 2e-3
+# Share of the lift slope by which derivative and slope of the totals may differ.
+_SLOPE_TOLERANCE = 0.1
+
+
+class EstimateTables:
+    """Tables of a set whose controls have the product's names.
+
+    Parameters
+    ----------
+    one : CoefficientSet
+        With forces in stability axes.
+    mach : float or None
+        Mach number of numbers whose file states none.
+    """
+
+    def __init__(self, one: CoefficientSet, mach: float | None):
+        self.one = one
+        numbers = one.numbers
+        if numbers["mach"].isna().any():
+            if mach is None:
+                raise SchemaError(
+                    "estimate",
+                    [f"mach: the numbers of {_files(one)} state no Mach number; give it"],
+                )
+            numbers = numbers.fillna({"mach": mach})
+        # Angles of a print have few digits: equal ones are equal to the bit.
+        axes = [*CONDITIONS, *one.controls]
+        self.numbers = numbers.assign(**{name: numbers[name].round(9) for name in axes})
+        self.remarks: list[str] = []
+
+    def effects(self) -> list[Effect]:
+        """Return the effects of the clean aeroplane, sideslip, rates and controls."""
+        basic = {name: self._table(name, "") for name in _LONGITUDINAL}
+        absent = [name for name, table in basic.items() if table is None]
+        if absent:
+            raise SchemaError(
+                "estimate",
+                [
+                    f"{_files(self.one)}: no {' '.join(absent)} of the clean aeroplane; give runs "
+                    f"without sideslip, rates and deflections"
+                ],
+            )
+        self._check_symmetry()
+        self._check_lift_slope(basic["CL"])
+        effects = [self._effect("basic", {k: t for k, t in basic.items() if t is not None})]
+        for variable, coefficients in _OF_VARIABLE.items():
+            tables = {}
+            for name in coefficients:
+                table = self._table(name, variable)
+                if table is not None:
+                    tables[name] = table
+            contribution = CONTROLS.get(variable, variable)
+            if tables:
+                effects.append(self._effect(contribution, tables, variable))
+            elif variable not in RATES:
+                increments = self._increments(variable, coefficients)
+                if increments is not None:
+                    effects.append(increments)
+        return effects
+
+    def _effect(
+        self, name: str, tables: dict[str, xr.DataArray], regressor: str = "", note: str = ""
+    ) -> Effect:
+        return Effect(
+            name,
+            tables,
+            regressor,
+            references=f"{self.one.program}: {_files(self.one)}",
+            comment=join_sentences(f"estimate of {self.one.program}", note),
+        )
+
+    def _is_clean(self, numbers: pd.DataFrame, without: Sequence[str] = ()) -> pd.Series:
+        """Return whether numbers are of symmetric flight without rates and deflections."""
+        clean = pd.Series(True, index=numbers.index)
+        for name in ("beta", *RATES, *self.one.controls):
+            if name not in without:
+                clean &= numbers[name] == 0.0
+        return clean
+
+    def _table(self, coefficient: str, variable: str) -> xr.DataArray | None:
+        """Return a table over Mach number and alpha of the clean aeroplane, None without any."""
+        numbers = self.numbers
+        rows = numbers[
+            (numbers["coefficient"] == coefficient)
+            & (numbers["variable"] == variable)
+            & self._is_clean(numbers)
+        ]
+        return self._grid(rows, ["mach", "alpha"], coefficient)
+
+    def _grid(self, rows: pd.DataFrame, axes: list[str], coefficient: str) -> xr.DataArray | None:
+        """Return the values of rows over axes; NaN where there is none; None without any."""
+        if rows.empty:
+            return None
+        spread = rows.groupby(axes)["value"].agg(["min", "max"])
+        contradictory = spread[spread["max"] - spread["min"] > _EQUAL]
+        if len(contradictory):
+            place = contradictory.index[0]
+            mach, alpha = place[0], place[1] / DEGREE
+            lines = rows[(rows[axes] == list(place)).all(axis=1)]
+            places = ", ".join(f"{r.file} line {r.line}" for r in lines.itertuples())
+            raise SchemaError(
+                "estimate",
+                [
+                    f"{coefficient} at Mach {mach:g} and alpha {alpha:g} deg is "
+                    f"{spread.loc[place, 'min']:g} and {spread.loc[place, 'max']:g} ({places}); "
+                    f"give one of them"
+                ],
+            )
+        series = rows.groupby(axes)["value"].mean()
+        return xr.DataArray.from_series(series)
+
+    def _increments(self, variable: str, coefficients: Sequence[str]) -> Effect | None:
+        """Return the effect of deflections or sideslip by differences of totals."""
+        numbers = self.numbers
+        if variable not in numbers:
+            return None
+        totals = numbers[(numbers["variable"] == "") & self._is_clean(numbers, (variable,))]
+        if not (totals[variable] != 0.0).any():
+            return None
+        tables: dict[str, xr.DataArray] = {}
+        for name in coefficients:
+            rows = totals[totals["coefficient"] == name]
+            table = self._grid(rows, ["mach", "alpha", variable], name)
+            if table is None:
+                continue
+            if 0.0 not in table[variable]:
+                raise SchemaError(
+                    "estimate",
+                    [f"{name} over {variable} has no run at zero; give the clean runs as well"],
+                )
+            increment = table - table.sel({variable: 0.0}, drop=True)
+            # Alphas without all deflections are left out.
+            tables[name] = increment.dropna("alpha", how="any")
+        if variable == "beta":
+            slopes = {name: self._slope(name, table) for name, table in tables.items()}
+            return self._effect("beta", slopes, "beta", "slope of the totals over sideslip")
+        contribution = CONTROLS[variable]
+        effect = self._effect(contribution, tables, "", "differences of totals")
+        return Effect(
+            effect.name,
+            effect.tables,
+            zeros={variable: [0.0]},
+            references=effect.references,
+            comment=effect.comment,
+        )
+
+    def _slope(self, name: str, table: xr.DataArray) -> xr.DataArray:
+        """Return the slope through zero of a table over sideslip; a remark if it is not straight."""
+        beta = table["beta"]
+        slope = (table * beta).sum("beta") / (beta**2).sum("beta")
+        rest = abs(table - slope * beta).max()
+        if float(rest) > 0.1 * float(abs(table).max()):
+            degrees = float(abs(beta).max()) / DEGREE
+            self.remarks.append(
+                f"{name} is not straight over sideslip up to {degrees:g} deg: the slope leaves "
+                f"{float(rest):.2g} of {float(abs(table).max()):.2g}"
+            )
+        return slope
+
+    def _check_symmetry(self) -> None:
+        """Remark on a lateral force or moment of the clean aeroplane, which is left out."""
+        for name in _LATERAL:
+            total = self._table(name, "")
+            slope = self._table(name, "beta")
+            if total is None or slope is None:
+                continue
+            largest = float(abs(total).max())
+            scale = float(abs(slope).max()) * 5.0 * DEGREE
+            if largest > max(_ASYMMETRIC * scale, 1e-5):
+                self.remarks.append(
+                    f"{name} of the clean aeroplane without sideslip is up to {largest:.2g}: the "
+                    f"model is not symmetric; the database takes the aeroplane as symmetric"
+                )
+
+    def _check_lift_slope(self, lift: xr.DataArray | None) -> None:
+        """Remark if the printed lift slope is not that of the totals."""
+        slope = self._table("CL", "alpha")
+        if lift is None or slope is None or lift.sizes["alpha"] < 3:
+            return
+        ratio = (lift.differentiate("alpha") / slope).isel(alpha=slice(1, -1))
+        worst = float(abs(ratio - 1.0).max())
+        if worst > _SLOPE_TOLERANCE:
+            self.remarks.append(
+                f"the lift slope that {self.one.program} prints differs by {100.0 * worst:.0f} % "
+                f"from that of its lift coefficients over alpha: separated flow, wide steps of "
+                f"alpha, or runs of several models"
+            )
+
+
+def _files(one: CoefficientSet) -> str:
+    """Return the names of the files, the first three of many."""
+    if len(one.files) <= 3:
+        return ", ".join(one.files)
+    return f"{', '.join(one.files[:3])} and {len(one.files) - 3} more"

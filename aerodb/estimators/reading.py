@@ -1,0 +1,62 @@
+"""Outputs of other estimators, recognised by their content."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from aerodb.estimators.avl import is_avl, read_avl
+from aerodb.estimators.coefficient_set import CoefficientSet, join_sets
+from aerodb.estimators.vspaero import is_vspaero, read_vspaero
+from flightmech.errors import ParseError
+from flightmech.support.input_files import demand_regular
+
+_READERS: dict[str, tuple[Callable[[str], bool], Callable[..., CoefficientSet]]] = {
+    "AVL": (is_avl, read_avl),
+    "VSPAERO": (is_vspaero, read_vspaero),
+}
+_EXPECTED = "an output of AVL (.st, .sb, .ft) or of VSPAERO (.stab, .polar)"
+# Outputs and inputs of other programs, by a text in their first lines.
+_OTHERS = {
+    "THE USAF AUTOMATED MISSILE DATCOM": "a print of Missile DATCOM",
+    "THE USAF STABILITY AND CONTROL  DIGITAL DATCOM": "a listing of Digital DATCOM, which "
+    "`aeromatch db build` reads",
+    "xflr5": "an export of XFLR5",
+    "NumberOfControlGroups": "a set-up file of VSPAERO",
+    "Vortex Lattice Output -- Strip Forces": "strip forces of AVL (.fs)",
+    "Vortex Lattice Output -- Surface Forces": "surface forces of AVL (.fn)",
+    "Vortex Lattice Output -- Element Forces": "element forces of AVL (.fe)",
+}
+
+
+def read_estimates(paths: Iterable[str | Path]) -> CoefficientSet:
+    """Return the coefficients in outputs of one program for one aeroplane.
+
+    Parameters
+    ----------
+    paths : iterable of str or Path
+        Files of AVL (``.st .sb .ft``) or of VSPAERO (``.stab .polar``).
+
+    Raises
+    ------
+    ParseError
+        A file is damaged, or the output of another program, which is named.
+    SchemaError
+        The files are of different programs or aeroplanes.
+    """
+    return join_sets([read_estimate(path) for path in paths])
+
+
+def read_estimate(path: str | Path) -> CoefficientSet:
+    """Return the coefficients in one output; the program is recognised by the content."""
+    file = Path(path)
+    demand_regular(file, _EXPECTED)
+    text = file.read_bytes()[:65_536].decode("utf-8", errors="replace")
+    for is_output, read in _READERS.values():
+        if is_output(text):
+            return read(file)
+    found = repr(text[:60]) if text.strip() else "an empty file"
+    for mark, name in _OTHERS.items():
+        if mark in text[:5000]:
+            found = name
+    raise ParseError(str(file), 1, found, _EXPECTED)

@@ -1,0 +1,275 @@
+"""Outputs of AVL and VSPAERO against their lines, and against each other."""
+
+import csv
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerodb.estimators.reading import read_estimate, read_estimates
+from flightmech.errors import ParseError, SchemaError
+
+SHARED = Path(__file__).parents[4] / "shared" / "data" / "estimators"
+needs_outputs = pytest.mark.skipif(
+    not SHARED.is_dir(), reason="the outputs of other estimators are not here (shared data)"
+)
+DEG = math.pi / 180.0
+
+
+def find(numbers, coefficient, variable="", **conditions):
+    """Return the only number of a coefficient and variable."""
+    rows = numbers[(numbers["coefficient"] == coefficient) & (numbers["variable"] == variable)]
+    for name, value in conditions.items():
+        rows = rows[np.isclose(rows[name], value, atol=1e-9)]
+    assert len(rows) == 1
+    return rows.iloc[0]
+
+
+# Quantity of the table of lines: coefficient, variable; per degree for controls.
+AVL_NAMES = {
+    "CL": ("CL", ""),
+    "Cm": ("Cm", ""),
+    "Cn'": ("Cn", ""),
+    "CLa": ("CL", "alpha"),
+    "Cma": ("Cm", "alpha"),
+    "Clb": ("Cl", "beta"),
+    "Cnb": ("Cn", "beta"),
+    "Cmq": ("Cm", "qhat"),
+    "Cmd2": ("Cm", "elevator"),
+    "Cnd3": ("Cn", "rudder"),
+    "Cmd4": ("Cm", "elevator"),
+    "Cnd5": ("Cn", "rudder"),
+    "Cmw": ("Cm", "w"),
+    "Clv": ("Cl", "v"),
+    "Cnr": ("Cn", "rhat"),
+}
+
+
+@needs_outputs
+def test_every_number_of_avl_is_on_its_line():
+    compared = 0
+    for row in csv.DictReader((SHARED / "avl" / "TRUTH.csv").open()):
+        name = re.match(r"[A-Za-z]\w*'?", row["quantity"])[0]
+        if name not in AVL_NAMES or not row["file"].endswith((".st", ".sb", ".ft")):
+            continue
+        coefficient, variable = AVL_NAMES[name]
+        found = find(read_estimate(SHARED / "avl" / row["file"]).numbers, coefficient, variable)
+        value = found["value"] * (DEG if re.fullmatch(r"C[a-z]d\d", name) else 1.0)
+        assert value == pytest.approx(float(row["text_on_that_line"]), rel=1e-12)
+        assert found["line"] == int(row["line"])
+        compared += 1
+    assert compared >= 15
+
+
+@needs_outputs
+def test_reference_condition_and_controls_of_avl():
+    one = read_estimate(SHARED / "avl" / "c182.ctl.st")
+    assert (one.reference.S, one.reference.cbar, one.reference.b, one.reference.x) == (
+        174.0,
+        4.9,
+        35.8,
+        7.6,
+    )
+    assert not one.unit_stated
+    metric = one.with_units(0.3048).reference
+    assert pytest.approx(174.0 * 0.3048**2) == metric.S
+    assert metric.x == pytest.approx(7.6 * 0.3048)
+    row = find(one.numbers, "CL")
+    assert (row["mach"], row["alpha"], row["beta"]) == pytest.approx((0.2, 2 * DEG, 2 * DEG))
+    settings = [row[name] / DEG for name in ("aileron", "elevator", "rudder")]
+    assert settings == pytest.approx([5.0, -4.0, 3.0])
+
+
+@needs_outputs
+def test_body_and_stability_axes_of_avl_agree():
+    """Forces and moments of ``.sb`` turned by alpha are those of ``.st``."""
+    alpha = 4.0 * DEG
+    body = read_estimate(SHARED / "avl" / "t37.a4.sb").numbers
+    stability = read_estimate(SHARED / "avl" / "t37.a4.st").numbers
+    sin, cos = math.sin(alpha), math.cos(alpha)
+
+    def in_body(coefficient, variable):
+        return find(body, coefficient, variable)["value"]
+
+    lift = find(body, "CX")["value"] * sin - find(body, "CZ")["value"] * cos
+    assert lift == pytest.approx(find(stability, "CL")["value"], abs=2e-5)
+    roll = in_body("Cl", "v") * cos + in_body("Cn", "v") * sin
+    assert roll == pytest.approx(find(stability, "Cl", "beta")["value"], abs=2e-4)
+    # At constant speed the velocities of the body are V cos(alpha) and V sin(alpha).
+    slope = in_body("Cm", "w") * cos - in_body("Cm", "u") * sin
+    assert slope == pytest.approx(find(stability, "Cm", "alpha")["value"], abs=2e-4)
+    assert in_body("Cm", "elevator") == find(stability, "Cm", "elevator")["value"]
+
+
+@needs_outputs
+def test_files_of_one_aeroplane_are_joined():
+    files = [SHARED / "avl" / f"c182.a{angle}.st" for angle in ("-4", "0", "4", "8")]
+    joined = read_estimates(files)
+    lift = joined.numbers.query("coefficient == 'CL' and variable == ''")
+    assert list(lift["alpha"] / DEG) == pytest.approx([-4.0, 0.0, 4.0, 8.0])
+    assert list(lift["file"]) == [file.name for file in files]
+    # The derivative of the print is the slope of the totals.
+    slope = np.gradient(lift["value"], lift["alpha"])[2]
+    assert slope == pytest.approx(
+        find(joined.numbers, "CL", "alpha", alpha=4 * DEG)["value"], rel=0.01
+    )
+    with pytest.raises(SchemaError, match=r"t37\.a0\.st against c182\.a0\.st: EstimateReference"):
+        read_estimates([SHARED / "avl" / "c182.a0.st", SHARED / "avl" / "t37.a0.st"])
+    with pytest.raises(SchemaError, match="program VSPAERO and AVL"):
+        read_estimates([SHARED / "avl" / "c182.a0.st", SHARED / "vspaero" / "c182.stab"])
+
+
+VSPAERO_NAMES = {
+    "CL total": ("CL", ""),
+    "CLa": ("CL", "alpha"),
+    "Cma": ("Cm", "alpha"),
+    "Cmq": ("Cm", "qhat"),
+    "Clp": ("Cl", "phat"),
+    "Cnb": ("Cn", "beta"),
+    "Clb": ("Cl", "beta"),
+    "CL at": ("CL", ""),
+    "CDtot at": ("CD", ""),
+    "Cm per ConGrp_3": ("Cm", "Elev"),
+    "Cn per ConGrp_4": ("Cn", "Rud"),
+    "CL per ConGrp_1": ("CL", "AilL"),
+    "CL per ConGrp_2": ("CL", "AilR"),
+    "CL": ("CL", ""),
+}
+
+
+@needs_outputs
+def test_every_number_of_vspaero_is_on_its_line():
+    compared = 0
+    for row in csv.DictReader((SHARED / "vspaero" / "TRUTH.csv").open()):
+        names = [name for name in VSPAERO_NAMES if row["quantity"].startswith(name)]
+        if not names:
+            continue
+        coefficient, variable = VSPAERO_NAMES[max(names, key=len)]
+        numbers = read_estimate(SHARED / "vspaero" / row["file"]).numbers
+        at_line = numbers[numbers["line"] == int(row["line"])]
+        found = find(at_line, coefficient, variable)
+        assert found["value"] == float(row["text_on_that_line"])
+        compared += 1
+    assert compared >= 19
+
+
+@needs_outputs
+def test_names_of_controls_broken_over_two_lines_are_read():
+    one = read_estimate(SHARED / "vspaero" / "c182.stab")
+    assert one.controls == ("Aileron", "Elevator", "Rudder")
+    assert sorted(set(np.round(one.numbers["alpha"] / DEG, 6))) == [-4.0, 0.0, 4.0, 8.0]
+    # The derivative of the print is the step of one degree of the perturbation table.
+    row = find(one.numbers, "Cm", "Elevator", alpha=-4 * DEG)
+    assert row["value"] == pytest.approx((0.1978499 - 0.2284770) / DEG, rel=1e-5)
+
+
+@needs_outputs
+def test_both_programs_agree_on_the_same_geometry():
+    """Moments of VSPAERO have the signs of flight dynamics: damping and stability as in AVL."""
+    avl = read_estimate(SHARED / "avl" / "c182.a0.st").numbers
+    vsp = read_estimate(SHARED / "vspaero" / "c182.stab").numbers
+    for coefficient, variable in (
+        ("Cl", "beta"),
+        ("Cn", "beta"),
+        ("Cl", "phat"),
+        ("Cn", "rhat"),
+        ("Cm", "qhat"),
+        ("Cm", "alpha"),
+        ("CY", "beta"),
+    ):
+        ours = find(avl, coefficient, variable)["value"]
+        theirs = find(vsp, coefficient, variable, alpha=0.0)["value"]
+        assert ours * theirs > 0.0
+        assert abs(theirs / ours - 1.0) < 0.3
+
+
+@needs_outputs
+def test_controls_on_the_same_surface_are_remarked():
+    remarks = " ".join(read_estimate(SHARED / "vspaero" / "StratoSurfer_DegenGeom.stab").remarks)
+    assert "AilL and AilR are equal and opposite" in remarks
+    assert "FlapL" not in remarks
+
+
+PRINT = """
+ Vortex Lattice Output -- Total Forces
+  Sref =  10.000       Cref =  1.0000       Bref =  10.000
+  Xref =  0.2500       Yref =  0.0000       Zref =  0.0000
+ Standard axis orientation,  X fwd, Z down
+  Alpha =   2.00000     pb/2V =   0.00000     p'b/2V =   0.00000
+  Beta  =   0.00000     qc/2V =   0.00000
+  Mach  =     0.100     rb/2V =   0.00000     r'b/2V =   0.00000
+  CXtot =   0.00000     Cltot =   0.00000     Cl'tot =   0.00000
+  CYtot =   0.00000     Cmtot =  -0.02000
+  CZtot =  -0.20000     Cntot =   0.00000     Cn'tot =   0.00000
+  CLtot =   0.20000
+  CDtot =   0.00500
+  CLff  =   0.20000     CDff  =   0.00500    | Trefftz
+   flap            =   1.00000
+ Stability-axis derivatives...
+ z' force CL |    CLa =   5.000000    CLb =   0.000000
+ y  mom.  Cm |    Cma =  -0.500000    Cmb =   0.000000
+                  flap         d1
+ y  mom.  Cm |   Cmd1 =  -0.010000
+ Neutral point  Xnp =   0.350000
+"""
+
+
+def test_a_control_of_one_letter_and_a_print_without_other_derivatives(tmp_path):
+    (tmp_path / "a.st").write_text(PRINT)
+    one = read_estimate(tmp_path / "a.st")
+    assert one.controls == ("flap",)
+    assert find(one.numbers, "Cm", "flap")["value"] == pytest.approx(-0.01 / DEG)
+    assert find(one.numbers, "CL")["flap"] == pytest.approx(DEG)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("Xnp =   0.350000", "Xnp =   0.450000", "0.2000 chords behind Xref.*0.1000 chords"),
+        ("CLtot =   0.20000", "CLtot =  15.20000", "CLtot = 15.2.*not converged"),
+        ("Cma =  -0.500000", "Cma = **********", r"Cma = \*+.*a number"),
+        ("X fwd, Z down", "", "axes that are not of the standard orientation|not converged"),
+        ("  Cref", "  Cxxx", "no Cref"),
+        ("flap         d1", "", "Cmd1 without a name"),
+    ],
+)
+def test_a_faulty_print_of_avl_is_refused(tmp_path, old, new, message):
+    text = PRINT.replace(old, new)
+    if "standard" in message:
+        text = PRINT.replace(" Standard axis orientation,  X fwd, Z down\n", "")
+    assert text != PRINT
+    (tmp_path / "a.st").write_text(text)
+    with pytest.raises(ParseError, match=f"(?s){message}"):
+        read_estimate(tmp_path / "a.st")
+
+
+@needs_outputs
+@pytest.mark.parametrize("share", [0.3, 0.55, 0.95])
+def test_a_run_of_vspaero_that_was_cut_off_is_refused(tmp_path, share):
+    text = (SHARED / "vspaero" / "c182.stab").read_text()
+    (tmp_path / "cut.stab").write_text(text[: int(share * len(text))])
+    with pytest.raises(ParseError, match=r"cut off|columns of controls|a block"):
+        read_estimate(tmp_path / "cut.stab")
+
+
+@needs_outputs
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("missile_datcom/mk82_rev902_for006.dat", "a print of Missile DATCOM"),
+        ("xflr5/DesignIteration1.txt", "an export of XFLR5"),
+        ("vspaero/c182.vspaero", "a set-up file of VSPAERO"),
+        ("avl/c182.avl", "'"),
+    ],
+)
+def test_a_file_of_another_program_is_named(file, name):
+    with pytest.raises(ParseError, match=name):
+        read_estimate(SHARED / file)
+
+
+def test_an_empty_file_is_an_aborted_run(tmp_path):
+    (tmp_path / "a.stab").write_text("")
+    with pytest.raises(ParseError, match="an empty file"):
+        read_estimate(tmp_path / "a.stab")
