@@ -9,11 +9,13 @@ from flightmech.support.console import InputFile, NewFile, json_option, performe
 
 @click.command("coefficients")
 @click.argument("files", nargs=-1, required=True, type=InputFile())
+@click.option("--columns", type=InputFile(), help="Column map (TOML) of text tables.")
 @click.option("-o", "--output", type=NewFile(), help="All numbers as CSV.")
 @json_option
 @performed_by("aerodb.cli.actions.estimates:print_coefficients")
 def coefficients_command() -> None:
-    """Show the coefficients in outputs of AVL (.st, .sb, .ft) or VSPAERO (.stab, .polar).
+    """Show the coefficients in outputs of AVL (.st, .sb, .ft), VSPAERO (.stab, .polar) or text
+    tables with a column map.
 
     Angles are in rad in the CSV, derivatives per rad, rates p b/2V, q cbar/2V, r b/2V; each number
     has its file and line. Signs of controls are those of the files.
@@ -32,6 +34,7 @@ def coefficients_command() -> None:
     help="A control of the files and what it is, with its sign: elevator=+delta_e, "
     "rudder=-delta_r; NAME= leaves it out.",
 )
+@click.option("--columns", type=InputFile(), help="Column map (TOML) of text tables.")
 @click.option("--S", "S", help="Wing area of files that do not state it, such as '174 ft2'.")
 @click.option("--cbar", help="Mean chord of such files, such as '4.9 ft'.")
 @click.option("--b", "b", help="Span of such files.")
@@ -49,9 +52,10 @@ def coefficients_command() -> None:
 @json_option
 @performed_by("aerodb.cli.actions.estimates:run_from_estimate")
 def from_estimate_command() -> None:
-    """Build a database of AIRCRAFT from outputs of AVL or VSPAERO for one geometry.
+    """Build a database of AIRCRAFT from outputs of AVL or VSPAERO for one geometry, or from text
+    tables with a column map.
 
-    The files state neither their unit of length nor the signs of their controls: --length-unit and
+    The outputs state neither their unit of length nor the signs of their controls: --length-unit and
     one --control for each control are required. Positive are delta_e and delta_f trailing edge
     down, delta_a right aileron down (rolls left), delta_r trailing edge left (yaws left).
     """

@@ -203,6 +203,7 @@ class _AvlPrint:
             controls=controls,
             numbers=make_numbers(rows, controls),
             remarks=tuple(remarks),
+            inviscid=True,
         )
 
     def _condition(self, controls: tuple[str, ...]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.estimators.coefficient_set import CoefficientSet, EstimateReference
+from aerodb.estimators.column_map import ColumnMap
 from aerodb.estimators.conventions import forces_to_stability, name_controls
 from aerodb.estimators.effects import EstimateTables
 from aerodb.estimators.reading import read_estimates
@@ -44,6 +45,7 @@ def from_estimate(
     *,
     length_unit: float | None = None,
     controls: Mapping[str, str] | None = None,
+    columns: ColumnMap | None = None,
     reference: EstimateReference | None = None,
     mach: float | None = None,
     CD0: float | None = None,
@@ -58,13 +60,16 @@ def from_estimate(
         Name, reference quantities and moment reference point of the coefficients.  Without a
         reference point that of the files is used.
     files : sequence of str or Path
-        Outputs of AVL (``.st .sb .ft``) or VSPAERO (``.stab .polar``) for one geometry.
+        Outputs of AVL (``.st .sb .ft``) or VSPAERO (``.stab .polar``) for one geometry, or text
+        tables with `columns`.
     length_unit : float, optional
         Unit of length of the files, required if they do not state it. [m]
     controls : mapping of str to str, optional
         Control of the files to the product's control with its sign, ``{"elevator": "+delta_e",
         "rudder": "-delta_r"}``; ``""`` leaves a control out.  Required for every control, because
         no file states its sign.
+    columns : ColumnMap, optional
+        The files are text tables of a wind tunnel, of CFD or of another program, with these columns.
     reference : EstimateReference, optional
         Reference quantities of files that state none. [m, m2]
     mach : float, optional
@@ -97,7 +102,7 @@ def from_estimate(
         Reference quantities differ by more than 1 %, the drag has no friction, the model is not
         symmetric, the printed lift slope is not that of the totals, or a value is implausible.
     """
-    given = read_estimates(files)
+    given = read_estimates(files, columns)
     one = _in_metres(given, length_unit, reference)
     one = forces_to_stability(name_controls(one, controls or {}))
     tables = EstimateTables(one, mach)
@@ -155,9 +160,8 @@ def _complete_drag(
     one: CoefficientSet, effects: list[Effect], prior: PriorErrors, CD0: float | None
 ) -> tuple[list[Effect], PriorErrors]:
     """Return the effects with the friction drag added, or with a wide standard error without it."""
-    has_friction = one.numbers["file"].str.endswith(".polar").any()
     if CD0 is None:
-        if has_friction:
+        if not one.inviscid:
             return effects, prior
         warn_user(
             f"{one.program}: the drag has no friction; give CD0, or identify CD/basic from flight: "

@@ -81,6 +81,8 @@ class CoefficientSet:
         the variable or control of the derivative, per rad), ``value``, ``file``, ``line``.
     remarks : tuple of str
         What a reader of the file should know.
+    inviscid : bool
+        Whether the drag has no friction.
     """
 
     program: str
@@ -93,6 +95,7 @@ class CoefficientSet:
     numbers: pd.DataFrame
     unit_stated: bool = False
     remarks: tuple[str, ...] = field(default=())
+    inviscid: bool = False
 
     def with_units(self, unit: float) -> CoefficientSet:
         """Return the set with the lengths of its file in metres; `unit` is in metres."""

@@ -7,6 +7,8 @@ from pathlib import Path
 
 from aerodb.estimators.avl import is_avl, read_avl
 from aerodb.estimators.coefficient_set import CoefficientSet, join_sets
+from aerodb.estimators.column_map import ColumnMap
+from aerodb.estimators.column_tables import read_table
 from aerodb.estimators.vspaero import is_vspaero, read_vspaero
 from flightmech.errors import ParseError
 from flightmech.support.input_files import demand_regular
@@ -15,7 +17,10 @@ _READERS: dict[str, tuple[Callable[[str], bool], Callable[..., CoefficientSet]]]
     "AVL": (is_avl, read_avl),
     "VSPAERO": (is_vspaero, read_vspaero),
 }
-_EXPECTED = "an output of AVL (.st, .sb, .ft) or of VSPAERO (.stab, .polar)"
+_EXPECTED = (
+    "an output of AVL (.st, .sb, .ft) or of VSPAERO (.stab, .polar); a text table needs a column "
+    "map (--columns)"
+)
 # Outputs and inputs of other programs, by a text in their first lines.
 _OTHERS = {
     "THE USAF AUTOMATED MISSILE DATCOM": "a print of Missile DATCOM",
@@ -29,13 +34,15 @@ _OTHERS = {
 }
 
 
-def read_estimates(paths: Iterable[str | Path]) -> CoefficientSet:
+def read_estimates(paths: Iterable[str | Path], columns: ColumnMap | None = None) -> CoefficientSet:
     """Return the coefficients in outputs of one program for one aeroplane.
 
     Parameters
     ----------
     paths : iterable of str or Path
         Files of AVL (``.st .sb .ft``) or of VSPAERO (``.stab .polar``).
+    columns : ColumnMap, optional
+        The files are text tables with these columns.
 
     Raises
     ------
@@ -44,6 +51,8 @@ def read_estimates(paths: Iterable[str | Path]) -> CoefficientSet:
     SchemaError
         The files are of different programs or aeroplanes.
     """
+    if columns is not None:
+        return join_sets([read_table(path, columns) for path in paths])
     return join_sets([read_estimate(path) for path in paths])
 
 

@@ -107,6 +107,7 @@ def _read_stab(file: Path, text: str) -> CoefficientSet:
         controls=controls,
         numbers=numbers,
         remarks=tuple(remarks),
+        inviscid=True,
     )
 
 

@@ -13,7 +13,18 @@ from aerodb.store.effects import Effect, join_sentences
 from flightmech import terms as _terms
 from flightmech.units import DEGREE
 
-AXIS_ORDER = ("h", "h_agl", "delta_f", "mach", "alpha", "delta_e", "delta_a", "delta_s", "delta_d")
+AXIS_ORDER = (
+    "h",
+    "h_agl",
+    "delta_f",
+    "mach",
+    "alpha",
+    "delta_e",
+    "delta_a",
+    "delta_r",
+    "delta_s",
+    "delta_d",
+)
 _NO_POINTS = np.array([])
 # Function that builds the database, by source of the nodes.
 _VERBS = {"datcom": "from_datcom", "estimate": "from_estimates"}

@@ -11,6 +11,7 @@ import numpy as np
 
 from aerodb.estimators.build import from_estimate
 from aerodb.estimators.coefficient_set import CoefficientSet, EstimateReference
+from aerodb.estimators.column_map import ColumnMap, read_column_map
 from aerodb.estimators.reading import read_estimates
 from aerodb.store.files import save
 from aerodb.store.overview import describe_database, summary
@@ -21,9 +22,11 @@ from flightmech.support.console import print_json, print_remark, print_table
 from flightmech.units import DEGREE, parse_quantity
 
 
-def print_coefficients(files: tuple[str, ...], output: str | None, as_json: bool) -> None:
+def print_coefficients(
+    files: tuple[str, ...], columns: str | None, output: str | None, as_json: bool
+) -> None:
     """Perform the command ``coefficients``."""
-    one = read_estimates(files)
+    one = read_estimates(files, _read_map(columns))
     if output:
         write_text(output, one.numbers.to_csv(index=False))
     if as_json:
@@ -53,9 +56,9 @@ def _print_set(one: CoefficientSet) -> None:
         click.echo("no reference quantities in the files")
     else:
         r = one.reference
+        unit = "in m" if one.unit_stated else "in the unit of the files"
         click.echo(
-            f"S {r.S:g}, cbar {r.cbar:g}, b {r.b:g}, moment centre {r.x:g} aft, {r.z:g} up, in the "
-            f"unit of the files"
+            f"S {r.S:g}, cbar {r.cbar:g}, b {r.b:g}, moment centre {r.x:g} aft, {r.z:g} up, {unit}"
         )
     click.echo(
         f"forces in {one.force_axes} axes, moments and rates in {one.moment_axes} axes, controls "
@@ -87,6 +90,7 @@ def run_from_estimate(
     files: tuple[str, ...],
     length_unit: str | None,
     controls: tuple[str, ...],
+    columns: str | None,
     S: str | None,
     cbar: str | None,
     b: str | None,
@@ -113,6 +117,7 @@ def run_from_estimate(
             files,
             length_unit=None if length_unit is None else parse_quantity(f"1 {length_unit}", "m"),
             controls=named,
+            columns=_read_map(columns),
             reference=_read_reference(S, cbar, b, x_ref),
             mach=mach,
             CD0=CD0,
@@ -131,6 +136,10 @@ def run_from_estimate(
         return
     click.echo(summary(tree))
     click.echo(f"\nwritten: {output}")
+
+
+def _read_map(path: str | None) -> ColumnMap | None:
+    return None if path is None else read_column_map(path)
 
 
 def _read_reference(
