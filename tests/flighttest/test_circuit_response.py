@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightmech.simulation.circuit_response import CIRCUIT_CONSTANTS, DrivenCircuit, LinearInput
+from flightmech.simulation.estimation.circuit_response import (
+    CIRCUIT_CONSTANTS,
+    DrivenCircuit,
+    LinearInput,
+)
 
 from .test_circuit_output_error import CABLE, GEARING, TRUTH, linkage
 
@@ -31,7 +35,7 @@ OTHERS = {"start": 0.004, "aft_start": 0.006, "offset": 2.0, "square": -300.0, "
 
 
 def circuit(parts: int, has_cable: bool = True) -> tuple[DrivenCircuit, np.ndarray]:
-    """Return a circuit that is pushed, released between two samples, and swings; and unknowns."""
+    """Return a circuit that is pushed and released between two samples; and unknowns."""
     theta = np.array([*CONSTANTS.values(), *OTHERS.values()])
     names = [*CONSTANTS, *OTHERS]
     n = len(names)

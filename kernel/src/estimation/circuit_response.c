@@ -24,7 +24,7 @@ static const double SATURATED = 19.0;
 static const double LN2 = 0.69314718055994530942;
 /* difference over width below which the mean of tanh is a series */
 static const double NEAR = 1e-2;
-/* least part of a sub-step before or after a jump of the force: a length of zero has no equations */
+/* least part of a sub-step before or after a jump of the force; without length no equations */
 static const double SHORTEST = 1e-6;
 /* last change of a velocity over its size */
 static const double SAME = 1e-12;
@@ -37,8 +37,8 @@ typedef struct {
 /* A sub-step in the record, by its middle. */
 typedef struct {
     size_t k;
-    double part;    /* of the step from sample k to the next one */
-    double after;   /* part of the change of the force that has happened */
+    double part;       /* of the step from sample k to the next one */
+    double after;      /* part of the change of the force that has happened */
     double h, by_edge; /* length, and its derivative by the edge */
 } middle_t;
 
@@ -285,7 +285,7 @@ static int divide_sub_step(const am_circuit *c, size_t k, int i, middle_t piece[
     return 2;
 }
 
-static void advance(const am_circuit *c, const middle_t *at, sub_step_t *p, change_t *d) {
+static void advance_circuit(const am_circuit *c, const middle_t *at, sub_step_t *p, change_t *d) {
     p->h = at->h;
     p->force = c->force[at->k] + at->after * (c->force[at->k + 1] - c->force[at->k]);
     solve_sub_step(c, at, p);
@@ -306,14 +306,14 @@ static void record_sample(const am_circuit *c, const sub_step_t *p, const change
     }
 }
 
-static bool sound(const am_circuit *c, size_t samples) {
+static bool is_sound_circuit(const am_circuit *c, size_t samples) {
     return (c->bodies == 1 || c->bodies == BODIES) && c->powers > 0 && c->parts > 0 && samples > 0
            && c->unknowns >= 0 && c->unknowns <= AM_MOST_CIRCUIT_UNKNOWNS && c->gearing != 0.0
            && c->constants[AM_RATE_WIDTH] > 0.0 && c->constants[AM_PLACE_WIDTH] > 0.0;
 }
 
 int am_follow_circuit(const am_circuit *c, size_t samples, double *y, double *Y) {
-    if (!sound(c, samples)) return AM_BAD_ARGUMENT;
+    if (!is_sound_circuit(c, samples)) return AM_BAD_ARGUMENT;
     const size_t n = (size_t)c->unknowns;
     sub_step_t p = {.h = 0.0};
     change_t d;
@@ -329,7 +329,7 @@ int am_follow_circuit(const am_circuit *c, size_t samples, double *y, double *Y)
         for (int i = 0; i < c->parts; i++) {
             middle_t piece[2];
             const int pieces = divide_sub_step(c, k, i, piece);
-            for (int m = 0; m < pieces; m++) advance(c, piece + m, &p, Y ? &d : NULL);
+            for (int m = 0; m < pieces; m++) advance_circuit(c, piece + m, &p, Y ? &d : NULL);
         }
     }
 }

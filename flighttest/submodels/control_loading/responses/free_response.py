@@ -1,7 +1,6 @@
 """Windows of free motion as pieces of a likelihood: recorded force in, both ends of the cable out.
 
-The motion is that of `simulation`.  All windows and all shifted unknowns are integrated together,
-as columns of one call.
+`window_response` simulates them.
 """
 
 from __future__ import annotations
@@ -133,7 +132,11 @@ def find_windows(
             data = _before_stop(loading, data, stops)
             if data.sizes["time"] >= _SHORTEST:
                 edges = np.flatnonzero(has_force_jump(data[hand].values))
-                inputs = record.assign(quiet).sel(time=data["time"])
+                known = quiet
+                if not len(edges):
+                    # A hand that drives the control gives any force, not lines.
+                    known = {name: x for name, x in quiet.items() if name != hand}
+                inputs = record.assign(known).sel(time=data["time"])
                 if error is not None and error[0] in inputs:
                     channel, kind, size = error
                     wrong = inputs[channel] * (1.0 + size) if kind else inputs[channel] + size
@@ -192,15 +195,16 @@ def _prepare_window(
         factors=loading.by_power(moved),
         ground=float(moved["on_ground"].values.mean()),
         edges=edges,
-        errors=_force_errors(data),
+        errors=_force_errors(data, is_driven=not edges),
         is_driven=not edges,
     )
 
 
-def _force_errors(data: xr.Dataset) -> tuple[tuple[slice, float], ...]:
+def _force_errors(data: xr.Dataset, is_driven: bool) -> tuple[tuple[slice, float], ...]:
     """Return the pieces of a window over which the noise of the force is an unknown.
 
-    A long line of the force is known; a ramp of a pulse, or a force of any other form, is not.
+    A long line of the force is known; a ramp of a pulse, the force of a hand that drives the
+    control, or a force of any other form, is not.
     """
     step = float(np.median(np.diff(data["time"].values)))
     size, n = max(1, round(_PIECE / step)), data.sizes["time"]
@@ -209,6 +213,6 @@ def _force_errors(data: xr.Dataset) -> tuple[tuple[slice, float], ...]:
     pieces = []
     for start in range(0, n, size):
         part = slice(start, min(start + size, n))
-        if noise > 0.0 and not is_known[part].all():
+        if noise > 0.0 and (is_driven or not is_known[part].all()):
             pieces.append((part, noise / np.sqrt(part.stop - part.start)))
     return tuple(pieces)

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flightmech.simulation.circuit_response import (
+from flightmech.simulation.estimation.circuit_response import (
     CIRCUIT_CONSTANTS,
     DrivenCircuit,
     LinearInput,
