@@ -285,7 +285,7 @@ static int divide_sub_step(const am_circuit *c, size_t k, int i, middle_t piece[
     return 2;
 }
 
-static void advance_circuit(const am_circuit *c, const middle_t *at, sub_step_t *p, change_t *d) {
+static void take_sub_step(const am_circuit *c, const middle_t *at, sub_step_t *p, change_t *d) {
     p->h = at->h;
     p->force = c->force[at->k] + at->after * (c->force[at->k + 1] - c->force[at->k]);
     solve_sub_step(c, at, p);
@@ -329,7 +329,7 @@ int am_follow_circuit(const am_circuit *c, size_t samples, double *y, double *Y)
         for (int i = 0; i < c->parts; i++) {
             middle_t piece[2];
             const int pieces = divide_sub_step(c, k, i, piece);
-            for (int m = 0; m < pieces; m++) advance_circuit(c, piece + m, &p, Y ? &d : NULL);
+            for (int m = 0; m < pieces; m++) take_sub_step(c, piece + m, &p, Y ? &d : NULL);
         }
     }
 }
