@@ -180,7 +180,7 @@ def main() -> None:
         records = {}
         for kind, of_kind in simulated.items():
             records[kind] = [measure(one, noise, given.perturb) for one in of_kind[k]]
-        begin = clock.perf_counter()
+        begin = clock.process_time()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found = flighttest.identify_control_loading(
@@ -202,9 +202,13 @@ def main() -> None:
             errors[k, j] = (values[name][0] - true[name]) / true[name]
             spans[k, j] = values[name][1] / abs(true[name])
         z = np.abs(errors[k] / spans[k])
+        if found.response is not None:
+            end = found.response.convergence
+            widths = {n: f"{v:.2g} ({e:.1g})" for n, (v, e) in found.response.widths.items()}
+            print(f"  converged: {end.converged}, {end.iterations} iterations; widths {widths}")
         print(
             f"set {k}: {np.mean(z < 2.0):.0%} within two, worst {names[int(z.argmax())]} "
-            f"{z.max():.1f}; {clock.perf_counter() - begin:.1f} s; "
+            f"{z.max():.1f}; {clock.process_time() - begin:.1f} s of processor time; "
             f"{'; '.join(remark.text for remark in found.remarks)}",
             flush=True,
         )

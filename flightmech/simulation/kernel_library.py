@@ -199,6 +199,29 @@ class BatchTaskStruct(ctypes.Structure):
     ]
 
 
+class CircuitStruct(ctypes.Structure):
+    """``am_circuit`` of kernel.h."""
+
+    _fields_ = [
+        ("bodies", c_int),
+        ("unknowns", c_int),
+        ("powers", c_int),
+        ("parts", c_int),
+        ("step", c_double),
+        ("gearing", c_double),
+        ("constants", DOUBLES),
+        ("by_constants", DOUBLES),
+        ("start", DOUBLES),
+        ("by_start", DOUBLES),
+        ("force", DOUBLES),
+        ("by_force", DOUBLES),
+        ("moment", DOUBLES),
+        ("by_moment", DOUBLES),
+        ("edge", DOUBLES),
+        ("by_edge", DOUBLES),
+    ]
+
+
 # Result and arguments of each function of kernel.h.
 SIGNATURES: dict[str, tuple[type | None, list[Any]]] = {
     "am_load": (c_void_p, [c_char_p, c_size_t, c_char_p, c_size_t]),
@@ -260,6 +283,7 @@ SIGNATURES: dict[str, tuple[type | None, list[Any]]] = {
     "am_follow": (c_int, [c_void_p, c_size_t, DOUBLES, DOUBLES, DOUBLES]),
     "am_add_driven": (c_int, [c_void_p, c_void_p, DOUBLES, DOUBLES, DOUBLES]),
     "am_add_noise": (c_int, [c_void_p, c_size_t, DOUBLES, c_int, DOUBLES, DOUBLES, DOUBLES]),
+    "am_follow_circuit": (c_int, [c_void_p, c_size_t, DOUBLES, DOUBLES]),
 }
 
 

@@ -121,6 +121,11 @@ _FILE = InputFile()
     "--arm", type=float, default=0.0, help="Ailerons from the plane of symmetry [m], for p arm / V."
 )
 @click.option(
+    "--over",
+    default="",
+    help="Tables of the hinge moment: variable and nodes in SI, such as 'mach 0.2 0.35 0.5'.",
+)
+@click.option(
     "--order",
     type=click.Choice(["2", "4"]),
     default="4",

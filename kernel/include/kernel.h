@@ -460,6 +460,53 @@ AM_API int am_add_driven(const am_driven *d, const am_residual_group *group, dou
 AM_API int am_add_noise(const am_drive *d, size_t samples, const double *x, int unknowns,
                         const double *noise, const double *pressed, double *products);
 
+/* ---- free motion of a control circuit -------------------------------------------------------- */
+
+enum { AM_MOST_CIRCUIT_UNKNOWNS = 128 };
+
+/* Constants of a circuit, reduced to the travel s in the cockpit: mass, damping and friction of the
+ * cockpit end and of the surface end of the cable, stiffness and damping of the cable; preload and
+ * stiffness of the centring spring; deflection at zero travel [rad].  Friction is developed over
+ * the rate width, preload over the place width: F tanh(x / width). [SI] */
+enum {
+    AM_MASS,
+    AM_DAMPING,
+    AM_FRICTION,
+    AM_AFT_MASS,
+    AM_AFT_DAMPING,
+    AM_AFT_FRICTION,
+    AM_CABLE,
+    AM_CABLE_DAMPING,
+    AM_PRELOAD,
+    AM_STIFFNESS,
+    AM_RATE_WIDTH,
+    AM_PLACE_WIDTH,
+    AM_RIGGING,
+    AM_CIRCUIT_CONSTANTS
+};
+
+/* A circuit at rest at its start, and what drives it, at uniform steps; by_* are derivatives by the
+ * unknowns, which follow each number.
+ *
+ * bodies: 1, or 2 with a cable.  constants[AM_CIRCUIT_CONSTANTS]; start[2]: travel of both ends;
+ * force[samples]: at the hand; moment[samples * powers]: hinge moment as a polynomial of the
+ * deflection rigging + gearing s, from power 0; edge[samples]: part of the step after a jump of the
+ * force between this sample and the next one, NaN without a jump.  parts: sub-steps of a step. */
+typedef struct {
+    int bodies, unknowns, powers, parts;
+    double step, gearing;
+    const double *constants, *by_constants;
+    const double *start, *by_start;
+    const double *force, *by_force;
+    const double *moment, *by_moment;
+    const double *edge, *by_edge;
+} am_circuit;
+
+/* Follow a circuit: travel of both ends y[samples * 2] and derivatives Y[samples * 2 * unknowns],
+ * which may be NULL.  AM_BAD_ARGUMENT: sizes, or a width that is not positive; AM_NOT_FINITE: the
+ * motion is unbounded. */
+AM_API int am_follow_circuit(const am_circuit *c, size_t samples, double *y, double *Y);
+
 #ifdef __cplusplus
 }
 #endif

@@ -103,6 +103,7 @@ def run_controls(
     model,
     constants,
     arm,
+    over,
     order,
     method,
     output,
@@ -121,7 +122,7 @@ def run_controls(
         problems.append(f"--prior needs [circuit.{item}] in {aircraft_file}; it is missing")
     if problems:
         raise SchemaError("flight controls", problems)
-    loading: ControlLoading = loading_of(aircraft, item, model, constants, arm)
+    loading: ControlLoading = loading_of(aircraft, item, model, constants, arm, _table_nodes(over))
     states, free = ([open_states(path) for path in group] for group in (paths, free_files))
     if records:
         whole, states = states, []
@@ -152,6 +153,18 @@ def run_controls(
     click.echo(found.report())
     for file in filter(None, (output, into)):
         click.echo(f"written: {file}")
+
+
+def _table_nodes(text: str) -> tuple[str, tuple[float, ...]] | None:
+    """Return variable and nodes of ``mach 0.2 0.5``; None for an empty text."""
+    if not text:
+        return None
+    name, *numbers = text.replace(",", " ").split()
+    try:
+        return name, tuple(map(float, numbers))
+    except ValueError:
+        problem = f"--over is {text!r}; give a variable and its nodes, such as 'mach 0.2 0.5'"
+        raise SchemaError("flight controls", [problem]) from None
 
 
 def _divided(states, record: Path, free_names) -> tuple[list, list]:

@@ -12,6 +12,7 @@ from flightmech import terms as _terms
 from flightmech.errors import SchemaError
 from flighttest.regression.equation_error.model import term_powers
 from flighttest.remarks import warn_forbidden
+from flighttest.submodels.control_loading.loading import table_basis
 from flighttest.submodels.control_loading.result import IdentifiedLoading
 
 
@@ -30,6 +31,8 @@ def make_hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
     """
     warn_forbidden(identified.remarks, f"hinge moments of the {identified.loading.item}")
     coefficient = identified.loading.model.coefficient
+    if identified.loading.over is not None:
+        return _make_tables(identified)
     leaves = {}
     for term in identified.loading.model.terms:
         # A power of a variable is a repeated regressor.
@@ -73,6 +76,41 @@ def replace_hinge_moments(database: xr.DataTree, found: IdentifiedLoading) -> xr
     ]
     new = {name: stamp_identified(leaf) for name, leaf in new.items()}
     return replace_terms(delete_terms(database, old, note) if old else database, new, note)
+
+
+def _make_tables(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
+    """Return every term as a table over the nodes of `ControlLoading.over`."""
+    loading = identified.loading
+    assert loading.over is not None
+    variable, nodes = loading.over
+    basis = table_basis(variable, nodes)
+    x = np.array(nodes)
+    # Values of the basis at the nodes, (node, factor).
+    B = np.column_stack([np.ones(len(x)), x, *(np.maximum(x - node, 0.0) for node in nodes[1:-1])])
+    leaves = {}
+    # The terms of a table follow each other, in the order of the basis.
+    for term in loading.model.terms[:: len(basis)]:
+        first = loading.model.terms.index(term)
+        rows = [loading.term(name) for name in loading.model.terms[first : first + len(basis)]]
+        part = identified.estimates.sel(term=rows, term_=rows)
+        values = B @ part["estimate"].values
+        variances = np.einsum("ij,jk,ik->i", B, part["covariance"].values, B)
+        regressors: list[str] = []
+        for name, power in term_powers(term).items():
+            regressors += [name] * power
+        if len(regressors) > 2:
+            raise SchemaError(
+                "hinge moments", [f"{term}: a table over {variable} has at most two factors"]
+            )
+        leaves[f"{loading.model.coefficient}/{_contribution(term)}"] = _terms.make_term(
+            values,
+            {variable: x},
+            regressors,
+            stderr=np.sqrt(variances),
+            source="flight",
+            comment="control loading from flight",
+        )
+    return leaves
 
 
 def _contribution(term: str) -> str:

@@ -31,6 +31,7 @@ from flighttest.submodels.control_loading.responses.free_response import (
     FreeWindow,
     find_windows,
 )
+from flighttest.submodels.control_loading.responses.window_response import WIDTHS
 from flighttest.submodels.control_loading.result import (
     DRAWINGS_ERROR,
     SHARED,
@@ -213,7 +214,6 @@ def _fit_responses(
         changes.append(fit.change(*records.pieces(loading, has_cable, source)))
     if changes:
         covariance = covariance + np.transpose(changes) @ np.array(changes)
-    hand = fit.names.index(HAND)
     k = [fit.names.index(name) for name in names]
     no_errors: tuple[list[str], np.ndarray] = ([], np.zeros((len(k), 0)))
     estimates = least_squares.regression_estimates(
@@ -233,7 +233,8 @@ def _fit_responses(
             convergence=fit.convergence,
             windows=len(windows),
             rms=fit.rms,
-            hand_damping=(float(fit.theta[hand]), float(np.sqrt(fit.covariance[hand, hand]))),
+            hand_damping=fit.value(HAND),
+            widths={name: fit.value(name) for name in WIDTHS if name in fit.names},
         ),
     )
 

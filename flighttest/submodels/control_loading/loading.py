@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import xarray as xr
@@ -73,6 +74,9 @@ class ControlLoading:
         Terms of `FORCES` in the force.
     arm : float
         Distance of the ailerons from the plane of symmetry; only the wheel requires it. [m]
+    over : (str, tuple of float), optional
+        Variable over which every term of the hinge moment is a table, such as ``"mach"``, and the
+        nodes of the tables, at least two and rising. [SI]
 
     Attributes
     ----------
@@ -92,6 +96,7 @@ class ControlLoading:
     hinge: RegressionModel | str = ""
     constants: tuple[str, ...] = ()
     arm: float = 0.0
+    over: tuple[str, tuple[float, ...]] | None = None
     model: RegressionModel = field(init=False)
 
     def __post_init__(self):
@@ -102,6 +107,12 @@ class ControlLoading:
         model = self.hinge or HINGE[self.item]
         if isinstance(model, str):
             model = RegressionModel.parse(model)
+        if self.over is not None:
+            variable, nodes = self.over
+            if len(nodes) < 2 or any(b <= a for a, b in pairwise(nodes)):
+                text = f"nodes over {variable} are {nodes}; give two or more, rising"
+                raise SchemaError(f"control loading of the {self.item}", [text])
+            model = expand_over(model, variable, nodes)
         # The dataclass is frozen: derived values are set once, here.
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "constants", tuple(self.constants) or DEFAULT[self.item])
@@ -182,8 +193,40 @@ class ControlLoading:
         return factors_by_term
 
 
+def table_basis(variable: str, nodes: Sequence[float]) -> list[str]:
+    """Return the factors whose sums are the tables over these nodes, ``"1"`` first."""
+    return ["1", variable, *(f"ramp({variable},{node:.10g})" for node in nodes[1:-1])]
+
+
+def join_factors(term: str, factor: str) -> str:
+    """Return the product of a term and a factor, of which either may be ``"1"``."""
+    return "*".join(part for part in (factor, term) if part != "1") or "1"
+
+
+def expand_over(model: RegressionModel, variable: str, nodes: Sequence[float]) -> RegressionModel:
+    """Return a model whose terms are linear between nodes of a variable.
+
+    Raises
+    ------
+    SchemaError
+        A term contains the variable already.
+    """
+    if variable in model.variables:
+        text = f"{variable} is in a term and is the variable of the tables; leave it out of one"
+        raise SchemaError("control loading", [text])
+    terms = []
+    for term in model.terms:
+        terms += [join_factors(term, factor) for factor in table_basis(variable, nodes)]
+    return RegressionModel.parse(f"{model.coefficient} = {' + '.join(terms)}")
+
+
 def loading_of(
-    aircraft: Aircraft, item: str, model: str = "", constants: Sequence[str] = (), arm: float = 0.0
+    aircraft: Aircraft,
+    item: str,
+    model: str = "",
+    constants: Sequence[str] = (),
+    arm: float = 0.0,
+    over: tuple[str, tuple[float, ...]] | None = None,
 ) -> ControlLoading:
     """Return the control circuit of an aircraft.
 
@@ -193,7 +236,7 @@ def loading_of(
         Aircraft with hinge geometry and gearing of the control.
     item : {"column", "wheel", "pedal"}
         Control.
-    model, constants, arm
+    model, constants, arm, over
         As for `ControlLoading`.
 
     Raises
@@ -219,4 +262,5 @@ def loading_of(
         hinge=model,
         constants=tuple(constants),
         arm=arm,
+        over=over,
     )

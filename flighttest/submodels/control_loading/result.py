@@ -21,6 +21,7 @@ from flighttest.remarks import Convergence, PrintedResult, Remark, remarks_to_js
 from flighttest.submodels.control_loading.joint_fit import convergence_remarks
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.regression import SlidingFit
+from flighttest.submodels.control_loading.responses.window_response import FRICTION_RATE
 from flighttest.submodels.control_loading.simulation import SimulatedWindow, fly_windows
 
 # Units of a constant for a travel in m, and for a travel in rad.
@@ -84,12 +85,16 @@ class ResponseFit:
         Residual of ``travel`` and ``surface`` over the white noise of their pick-ups.
     hand_damping : (float, float)
         Force over rate that driven records lack compared with free motion, and its standard error.
+    widths : dict of str to (float, float)
+        Rate at which friction is developed to 76 %, and travel at which the preload is, with their
+        standard errors. [m/s and m, of the wheel rad/s and rad]
     """
 
     convergence: Convergence
     windows: int
     rms: Mapping[str, float]
     hand_damping: tuple[float, float]
+    widths: Mapping[str, tuple[float, float]]
 
     @property
     def remarks(self) -> list[Remark]:
@@ -404,6 +409,11 @@ class IdentifiedLoading(PrintedResult):
                 f"output error of {self.response.windows} windows of free motion: travel "
                 f"{travel:.2f}, surface {surface:.2f} times the noise"
             )
+            for name, (value, stderr) in self.response.widths.items():
+                per = "rad" if is_wheel else "m"
+                unit_of = f"{per}/s" if name == FRICTION_RATE else per
+                label = "friction" if name == FRICTION_RATE else "preload"
+                lines.append(f"{label} acts as tanh(x / {value:.2g} ({stderr:.1g}) {unit_of})")
         rows = self._rows()
         width = max(len(name) for name, _, _ in rows) + 2
         lines.append(f"{'':<{width}}{'estimate':>12}{'stderr':>10}")

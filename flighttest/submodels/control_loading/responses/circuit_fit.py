@@ -27,6 +27,7 @@ import numpy as np
 
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.search import (
+    PROVEN,
     Likelihood,
     LikelihoodMaximum,
     invert_information,
@@ -35,18 +36,26 @@ from flighttest.maximum_likelihood.search import (
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, lay_out
 from flighttest.remarks import Convergence
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.responses.driven_rows import DrivenRows
+from flighttest.submodels.control_loading.responses.driven_rows import DrivenPiece, DrivenRows
 from flighttest.submodels.control_loading.responses.free_response import (
     EDGE,
     ERROR,
     FreeWindow,
-    simulate_windows,
+)
+from flighttest.submodels.control_loading.responses.window_response import (
+    FRICTION_RATE,
+    PRELOAD_TRAVEL,
+    WIDTHS,
+    SimulatedPiece,
+    largest_motion,
+    sub_steps,
 )
 
-# Iterations of a search, the largest number of searches that follow each other, and the fall of the
-# cost during a search below which the last one has converged: a reversal that a step adds or
-# removes is a corner of the cost, at which the gradient proves nothing.
-_ITERATIONS, _SEARCHES, _FALL = 5, 4, 1.0
+# Iterations of the search.
+_ITERATIONS = 60
+# First and smallest width of friction and preload, over the largest rate and the range of the
+# travel in the records, and a-priori standard error of the logarithm of a width.
+_WIDE, _LEAST, _WIDTH_ERROR = 3e-3, 1e-4, 3.0
 # Standard deviation of a time that lies anywhere between two samples. [steps]
 _ANYWHERE = 12.0**-0.5
 # Constants that cannot be negative, and those that must be positive, with the smallest part of
@@ -62,10 +71,7 @@ _NOT_NEGATIVE = (
 _POSITIVE = ("mass", "inertia", "cable_stiffness")
 _LEAST_PART = 0.02
 # Standard deviation of the start of a window over its motion.
-_WIDE = 10.0
-# Steps of the differences over those of the search: a reversal that a shifted unknown adds or
-# removes is a corner of the likelihood, over which a longer step averages.
-_LONGER = 10.0
+_FAR = 10.0
 
 
 @dataclass(frozen=True)
@@ -75,15 +81,12 @@ class CircuitFit:
     Attributes
     ----------
     names : tuple of str
-        Common unknowns: constants, cable, terms of the hinge moment, `HAND`.
+        Common unknowns: constants, cable, terms of the hinge moment, `HAND`, and the logarithms of
+        `WIDTHS`.
     theta : array (names,)
         Estimates.
     covariance : array (names, names)
         With the colour of the residuals and the scatter between the records.
-    iterations : int
-        Number of iterations.
-    fall : float
-        Fall of the cost, -ln of the likelihood, during the last search.
     rms : dict of str to float
         Residual of each output over the white noise of its pick-up.
     """
@@ -91,17 +94,26 @@ class CircuitFit:
     names: tuple[str, ...]
     theta: np.ndarray
     covariance: np.ndarray
-    iterations: int
-    fall: float
     rms: dict[str, float]
     maximum: LikelihoodMaximum
     likelihood: CircuitLikelihood
 
+    def value(self, name: str) -> tuple[float, float]:
+        """Return an estimate and its standard error; a width in place of its logarithm."""
+        k = self.names.index(name)
+        value, stderr = float(self.theta[k]), float(np.sqrt(self.covariance[k, k]))
+        if name in WIDTHS:
+            return float(np.exp(value)), float(np.exp(value)) * stderr
+        return value, stderr
+
     @property
     def convergence(self) -> Convergence:
-        """End of the search, by the fall of the cost during its last iterations."""
-        change = self.fall / _FALL
-        return Convergence(change <= 1.0, self.iterations, change)
+        """End of the search; the change is the remaining step in standard errors."""
+        maximum = self.maximum
+        stderr = np.sqrt(np.diag(invert_information(maximum.information, ~maximum.active)))
+        moves = stderr > 0.0
+        step = float(np.max(np.abs(maximum.remaining[moves]) / stderr[moves], initial=0.0))
+        return Convergence(maximum.converged, maximum.iterations, step / PROVEN)
 
     def change(self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]) -> np.ndarray:
         """Return the change of the estimates (names,) if the records were these, to first order."""
@@ -140,31 +152,36 @@ def fit_circuit(
     prior : mapping of str to (float, float)
         A-priori values and standard errors.
     """
-    unknowns = _common_unknowns(start, prior)
+    unknowns = _common_unknowns(start, prior) | _with_widths(start, windows)
     layout = _lay_out_records(unknowns, windows, len(rows))
     begin = layout.start.copy()
     for k, name in enumerate(layout.names):
         if name in start:
             begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
-    likelihood = CircuitLikelihood(loading, windows, rows, layout)
-    names = tuple(unknowns)
-    iterations, before = 0, np.inf
-    for _ in range(_SEARCHES):
-        maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
-        iterations += maximum.iterations
-        fall = 0.0 if maximum.converged else before - maximum.cost
-        if fall < _FALL:
-            break
-        begin, before = maximum.theta, maximum.cost
-    return _fit_of(maximum, likelihood, names, iterations, fall)
+    parts = sub_steps(start, loading.gearing, windows[0].step)
+    likelihood = CircuitLikelihood(loading, windows, rows, layout, parts)
+    maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
+    return _fit_of(maximum, likelihood, tuple(unknowns))
+
+
+def _with_widths(start: Mapping[str, float], windows: Sequence[FreeWindow]) -> dict[str, Unknown]:
+    """Return the logarithms of both widths as unknowns.
+
+    A wide start makes the likelihood smooth; the search narrows it.
+    """
+    span, rate = largest_motion(windows)
+    sizes = {FRICTION_RATE: rate}
+    if "preload" in start:
+        sizes[PRELOAD_TRAVEL] = span
+    widths = {}
+    for name, size in sizes.items():
+        first, least = np.log(_WIDE * size), np.log(_LEAST * size)
+        widths[name] = Unknown(first, _WIDTH_ERROR, least)
+    return widths
 
 
 def _fit_of(
-    maximum: LikelihoodMaximum,
-    likelihood: CircuitLikelihood,
-    names: tuple[str, ...],
-    iterations: int,
-    fall: float,
+    maximum: LikelihoodMaximum, likelihood: CircuitLikelihood, names: tuple[str, ...]
 ) -> CircuitFit:
     """Return estimates and standard errors at the end of a search."""
     count = len(names)
@@ -176,8 +193,6 @@ def _fit_of(
         names=names,
         theta=maximum.theta[:count],
         covariance=covariance,
-        iterations=iterations,
-        fall=fall,
         rms=_output_rms(maximum, len(likelihood.windows)),
         maximum=maximum,
         likelihood=likelihood,
@@ -185,7 +200,8 @@ def _fit_of(
 
 
 def _common_unknowns(
-    start: Mapping[str, float], prior: Mapping[str, tuple[float, float]]
+    start: Mapping[str, float],
+    prior: Mapping[str, tuple[float, float]],
 ) -> dict[str, Unknown]:
     """Return the constants as unknowns, with a-priori values and bounds."""
     unknowns = {}
@@ -224,7 +240,7 @@ def _lay_out_records(
                 fields.append(
                     (
                         value,
-                        _WIDE * np.ptp(window.measured[:, 0]) * window.scale[0],
+                        _FAR * np.ptp(window.measured[:, 0]) * window.scale[0],
                         -np.inf,
                         np.inf,
                     )
@@ -240,10 +256,7 @@ def _lay_out_records(
 
 
 class CircuitLikelihood(Likelihood):
-    """Likelihood of the windows of free motion, then of the driven rows.
-
-    All windows of one sampling interval are simulated together.
-    """
+    """Likelihood of the windows of free motion, then of the driven rows."""
 
     def __init__(
         self,
@@ -251,68 +264,26 @@ class CircuitLikelihood(Likelihood):
         windows: Sequence[FreeWindow],
         rows: Sequence[DrivenRows],
         layout: UnknownVector,
+        parts: int,
     ):
         self.loading, self.windows, self.rows = loading, list(windows), list(rows)
+        self.parts = parts
         # A window whose force is recorded too coarsely differs from its simulation by more than
         # noise, so each has a variance of its own. All driven stretches have one.
         groups = np.r_[np.arange(len(windows)), np.full(len(rows), len(windows))]
-        pieces: list[Any] = [*self.windows, *self.rows]
+        count = len(self.windows)
+        pieces: list[Any] = []
+        for window, names in zip(self.windows, layout.bases[:count]):
+            pieces.append(SimulatedPiece(loading, window, names, parts))
+        for piece, names in zip(self.rows, layout.bases[count:]):
+            pieces.append(DrivenPiece(piece, names))
         super().__init__(pieces, layout, groups)
 
     def with_records(
         self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]
     ) -> CircuitLikelihood:
         """Return the likelihood of other records with the same unknowns."""
-        return CircuitLikelihood(self.loading, windows, rows, self.layout)
-
-    def _predict(self, theta: np.ndarray, steps: np.ndarray | None) -> list[np.ndarray]:
-        """Return the outputs of all pieces (time, output, runs).
-
-        The first run has the values `theta`; with steps, a run with each unknown raised and one
-        with each lowered follow.
-        """
-        values = []
-        for columns, bases in zip(self.layout.columns, self.layout.bases):
-            own = theta[columns][:, None]
-            if steps is not None:
-                shifts = np.diag(steps[columns])
-                own = np.concatenate([own, own + shifts, own - shifts], axis=1)
-            values.append(dict(zip(bases, own)))
-        count = len(self.windows)
-        predicted: list[np.ndarray] = [np.zeros(0)] * count
-        by_step: dict[int, list[int]] = {}
-        for k, window in enumerate(self.windows):
-            by_step.setdefault(round(1e6 * window.step), []).append(k)
-        for indices in by_step.values():
-            responses = simulate_windows(
-                self.loading,
-                [self.windows[k] for k in indices],
-                [values[k] for k in indices],
-            )
-            for k, response in zip(indices, responses):
-                predicted[k] = response
-        for piece, named in zip(self.rows, values[count:]):
-            predicted.append(piece.predict(named))
-        return predicted
-
-    def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
-        """Return measured minus predicted per piece."""
-        residuals = []
-        for piece, y in zip(self.pieces, self._predict(theta, None)):
-            residuals.append(piece.measured - y[:, :, 0])
-        return residuals
-
-    def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[np.ndarray]:
-        """Return the slopes per piece, always by central differences."""
-        slopes, steps = [], _LONGER * steps
-        # A shifted mass or stiffness stays positive.
-        for k, name in enumerate(self.layout.names):
-            if name in _POSITIVE:
-                steps[k] = min(steps[k], 0.3 * abs(theta[k]))
-        for columns, y in zip(self.layout.columns, self._predict(theta, steps)):
-            n = len(columns)
-            slopes.append((y[:, :, 1 : n + 1] - y[:, :, n + 1 :]) / (2.0 * steps[columns]))
-        return slopes
+        return CircuitLikelihood(self.loading, windows, rows, self.layout, self.parts)
 
 
 def _covariance(maximum: LikelihoodMaximum, likelihood: CircuitLikelihood) -> np.ndarray:

@@ -8,16 +8,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from flightmech.support.arrays import true_runs
 from flighttest.submodels.control_loading.loading import FORCES, ControlLoading
 from flighttest.submodels.control_loading.responses.free_response import HAND
+from flighttest.submodels.control_loading.responses.window_response import (
+    FRICTION_RATE,
+    PRELOAD_TRAVEL,
+    lower_slopes,
+    raise_widths,
+)
 from flighttest.submodels.control_loading.windows import PreparedRecord
 
 # Size of an output in parts of its range.
 _PART = 1e-3
+# Forces that develop over a width: signal, width, and number of outputs in which they are.
+_SMOOTH = {
+    "preload": ("travel", PRELOAD_TRAVEL, 1),
+    "friction": ("rate", FRICTION_RATE, 1),
+    "hinge_friction": ("rate", FRICTION_RATE, 2),
+}
 # Constants of the surface in the force at the hand: signal, and power of the gearing.
 _OF_SURFACE = {
     "hinge_friction": ("aft_direction", 1),
@@ -40,6 +54,8 @@ class DrivenRows:
         Regressors of the force by constant.
     surface : dict of str to array (samples,)
         Forces on the surface end by constant.
+    travel, rate : array (samples,)
+        Travel, and its rate. [m or rad, and per second]
     step : float
         Sampling interval. [s]
     gearing : float
@@ -50,21 +66,98 @@ class DrivenRows:
     scale: np.ndarray
     force: dict[str, np.ndarray]
     surface: dict[str, np.ndarray]
+    travel: np.ndarray
+    rate: np.ndarray
     step: float
     gearing: float
 
-    def predict(self, named: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return both outputs (samples, 2, runs) for values (runs,) of the constants."""
-        runs = len(named["offset"])
-        F = np.zeros((len(self.measured), runs))
-        for name, x in self.force.items():
-            F += x[:, None] * named[name]
-        pull = np.zeros_like(F)
-        for name, x in self.surface.items():
-            pull += x[:, None] * named[name]
+
+@dataclass(frozen=True)
+class DrivenPiece:
+    """Rows with the names of the common unknowns."""
+
+    rows: DrivenRows
+    names: tuple[str, ...]
+
+    @property
+    def measured(self) -> np.ndarray:
+        """Force at the hand and stretch of the cable over `DrivenRows.scale`, (samples, 2)."""
+        return self.rows.measured
+
+    @property
+    def step(self) -> float:
+        """Sampling interval. [s]"""
+        return self.rows.step
+
+    @cached_property
+    def _force(self) -> np.ndarray:
+        """Regressors of the force, (samples, names), without friction and preload."""
+        return self._columns(self.rows.force)
+
+    @cached_property
+    def _surface(self) -> np.ndarray:
+        """Regressors of the force on the surface end, (samples, names), without friction."""
+        return self._columns(self.rows.surface)
+
+    def _columns(self, regressors: Mapping[str, np.ndarray]) -> np.ndarray:
+        X = np.zeros((len(self.rows.measured), len(self.names)))
+        for k, name in enumerate(self.names):
+            if name in regressors and name not in _SMOOTH:
+                X[:, k] = regressors[name]
+        return X
+
+    def _smooth_forces(self, at: Mapping[str, float]) -> list[_SmoothForce]:
+        """Return friction of both ends and preload."""
+        forces = []
+        for name, (signal, width, outputs) in _SMOOTH.items():
+            if name in at:
+                factor = abs(self.rows.gearing) if name == "hinge_friction" else 1.0
+                x = getattr(self.rows, signal) / at[width]
+                forces.append(_SmoothForce(name, width, outputs, factor, x, np.tanh(x)))
+        return forces
+
+    def predict(self, values: np.ndarray) -> np.ndarray:
+        """Return both outputs, (samples, 2)."""
+        values = raise_widths(self.names, values)
+        at = dict(zip(self.names, values))
+        forces = np.column_stack([self._force @ values, self._surface @ values])
+        for force in self._smooth_forces(at):
+            forces[:, : force.outputs] += (at[force.name] * force.factor * force.tangent)[:, None]
         # Without a cable only the rigging parts both ends.
-        stretch = pull / named.get("cable_stiffness", 1.0) - named["rigging"] / self.gearing
-        return np.stack([F, stretch], axis=1) / self.scale[:, None]
+        stretch = forces[:, 1] / at.get("cable_stiffness", 1.0) - at["rigging"] / self.rows.gearing
+        return np.column_stack([forces[:, 0], stretch]) / self.rows.scale
+
+    def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
+        """Return the derivatives (samples, 2, names), which are exact."""
+        values = raise_widths(self.names, values)
+        at, index = dict(zip(self.names, values)), self.names.index
+        S = np.stack([self._force, self._surface], axis=1)
+        pull = self._surface @ values
+        for force in self._smooth_forces(at):
+            own = slice(0, force.outputs)
+            part = force.factor * force.tangent
+            S[:, own, index(force.name)] += part[:, None]
+            by_width = -at[force.name] * force.factor * (1.0 - force.tangent**2) * force.part
+            S[:, own, index(force.width)] += (by_width / at[force.width])[:, None]
+            if force.outputs > 1:
+                pull = pull + at[force.name] * part
+        if "cable_stiffness" in at:
+            K = at["cable_stiffness"]
+            S[:, 1] /= K
+            S[:, 1, index("cable_stiffness")] -= pull / K**2
+        S[:, 1, index("rigging")] -= 1.0 / self.rows.gearing
+        return lower_slopes(self.names, values, S / self.rows.scale[:, None])
+
+
+class _SmoothForce(NamedTuple):
+    """A force F tanh(x / width): its name, that of the width, outputs, x / width, and the tanh."""
+
+    name: str
+    width: str
+    outputs: int
+    factor: float
+    part: np.ndarray
+    tangent: np.ndarray
 
 
 def driven_rows(
@@ -100,6 +193,8 @@ def driven_rows(
                     scale=scale,
                     force={name: x[rows] for name, x in force.items()},
                     surface={name: x[rows] for name, x in surface.items()},
+                    travel=record.moved["travel"].values[rows],
+                    rate=-force[HAND][rows],
                     step=every * record.step,
                     gearing=loading.gearing,
                 )

@@ -1,12 +1,11 @@
 """Windows of free motion as pieces of a likelihood: recorded force in, both ends of the cable out.
 
-The motion is that of `simulation`.  All windows and all shifted unknowns are integrated together,
-as columns of one call.
+`window_response` simulates them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +22,6 @@ from flighttest.submodels.control_loading.motion import (
     loading_channels,
 )
 from flighttest.submodels.control_loading.responses.quiet_inputs import quiet_lines
-from flighttest.submodels.control_loading.simulation import simulate_linkages
 
 # Name of the force error of a driving hand: part of the force proportional to the rate.
 HAND = "hand_damping"
@@ -32,8 +30,6 @@ TRAVEL, SURFACE, EDGE, ERROR = "start.travel", "start.surface", "edge", "force_e
 # Length of the pieces over which the noise of the force is an unknown, and length of a line of the
 # force from which on its error is small. [s]
 _PIECE, _LONG = 0.1, 0.25
-# Largest motion of a simulated end, in ranges of the recorded motion; beyond it the fit has failed.
-_BEYOND = 50.0
 # Part of the way between the stops, next to a stop, that is left out.
 _MARGIN = 0.02
 # Shortest window. [samples]
@@ -136,7 +132,11 @@ def find_windows(
             data = _before_stop(loading, data, stops)
             if data.sizes["time"] >= _SHORTEST:
                 edges = np.flatnonzero(has_force_jump(data[hand].values))
-                inputs = record.assign(quiet).sel(time=data["time"])
+                known = quiet
+                if not len(edges):
+                    # A hand that drives the control gives any force, not lines.
+                    known = {name: x for name, x in quiet.items() if name != hand}
+                inputs = record.assign(known).sel(time=data["time"])
                 if error is not None and error[0] in inputs:
                     channel, kind, size = error
                     wrong = inputs[channel] * (1.0 + size) if kind else inputs[channel] + size
@@ -195,15 +195,16 @@ def _prepare_window(
         factors=loading.by_power(moved),
         ground=float(moved["on_ground"].values.mean()),
         edges=edges,
-        errors=_force_errors(data),
+        errors=_force_errors(data, is_driven=not edges),
         is_driven=not edges,
     )
 
 
-def _force_errors(data: xr.Dataset) -> tuple[tuple[slice, float], ...]:
+def _force_errors(data: xr.Dataset, is_driven: bool) -> tuple[tuple[slice, float], ...]:
     """Return the pieces of a window over which the noise of the force is an unknown.
 
-    A long line of the force is known; a ramp of a pulse, or a force of any other form, is not.
+    A long line of the force is known; a ramp of a pulse, the force of a hand that drives the
+    control, or a force of any other form, is not.
     """
     step = float(np.median(np.diff(data["time"].values)))
     size, n = max(1, round(_PIECE / step)), data.sizes["time"]
@@ -212,100 +213,6 @@ def _force_errors(data: xr.Dataset) -> tuple[tuple[slice, float], ...]:
     pieces = []
     for start in range(0, n, size):
         part = slice(start, min(start + size, n))
-        if noise > 0.0 and not is_known[part].all():
+        if noise > 0.0 and (is_driven or not is_known[part].all()):
             pieces.append((part, noise / np.sqrt(part.stop - part.start)))
     return tuple(pieces)
-
-
-def simulate_windows(
-    loading: ControlLoading,
-    windows: Sequence[FreeWindow],
-    values: Sequence[Mapping[str, np.ndarray]],
-) -> list[np.ndarray]:
-    """Return travel and surface end over their noise, one array (time, 2, runs) per window.
-
-    Parameters
-    ----------
-    loading : ControlLoading
-    windows : sequence of FreeWindow
-        All of one sampling interval.
-    values : sequence of mapping of str to array (runs,)
-        Per window the constants and unknowns of every run.
-    """
-    counts = [len(next(iter(named.values()))) for named in values]
-    longest = max(len(window.time) for window in windows)
-    highest = max(power for power, _ in windows[0].factors)
-    total = sum(counts)
-    force, edges = np.zeros((longest, total)), np.full((longest, total), np.nan)
-    moment = np.zeros((longest, 1 + highest, total))
-    start = np.zeros(total), np.zeros(total)
-    constants: dict[str, list[np.ndarray]] = {}
-    columns, first = [], 0
-    for window, named, count in zip(windows, values, counts):
-        place = slice(first, first + count)
-        first += count
-        columns.append(place)
-        n = len(window.time)
-        zero = np.zeros(count)
-        bob = named.get("bob_weight", zero)
-        force[:n, place] = window.force[:, None] - named["offset"] - bob * window.weight[:, None]
-        for k, (part, _) in enumerate(window.errors):
-            force[part, place] -= named[f"{ERROR}{k + 1}"]
-        # After its end a window rests under its last force.
-        force[n:, place] = force[n - 1, place]
-        for (power, factor), term in zip(window.factors, loading.model.terms):
-            by_term = (window.load * factor)[:, None] * named[loading.term(term)]
-            moment[:n, power, place] += by_term
-        moment[n:, :, place] = moment[n - 1, :, place]
-        for k, sample in enumerate(window.edges):
-            edges[sample, place] = named[f"{EDGE}{k + 1}"]
-        start[0][place] = named[TRAVEL]
-        # The surface end of the record contains the rigging.
-        start[1][place] = named[SURFACE] - named.get("rigging", zero) / loading.gearing
-        for name, value in _linkage_constants(loading, window, named, zero).items():
-            constants.setdefault(name, []).append(value)
-    joined = {name: np.concatenate(parts) for name, parts in constants.items()}
-    with np.errstate(over="ignore", invalid="ignore"):
-        S, D = simulate_linkages(
-            joined,
-            loading.gearing,
-            start=start,
-            force=force,
-            moment=moment,
-            step=windows[0].step,
-            edges=edges,
-        )
-    motion = np.stack([S, D / loading.gearing], axis=1)
-    responses = []
-    for window, place in zip(windows, columns):
-        y = motion[: len(window.time), :, place] / window.scale[:, None]
-        limit = _BEYOND * (1.0 + np.abs(window.measured).max())
-        responses.append(np.where(np.abs(y) < limit, y, np.nan))
-    return responses
-
-
-def _linkage_constants(
-    loading: ControlLoading,
-    window: FreeWindow,
-    named: Mapping[str, np.ndarray],
-    zero: np.ndarray,
-) -> dict[str, np.ndarray]:
-    """Return the constants of `simulate_linkages` for the runs of a window."""
-    constants = {}
-    for name in ("mass", "friction", "damping", "preload", "rigging"):
-        constants[name] = named.get(name, zero)
-    spring = named.get("stiffness", zero) + named.get("nose_spring", zero) * window.ground
-    constants["stiffness"] = spring
-    if window.is_driven:
-        # The record lacks this part of the force, as if the circuit had less damping.
-        constants["damping"] = constants["damping"] - named.get(HAND, zero)
-    if "cable_stiffness" in named:
-        for name in (
-            "inertia",
-            "cable_stiffness",
-            "cable_damping",
-            "hinge_friction",
-            "hinge_damping",
-        ):
-            constants[name] = named[name]
-    return constants

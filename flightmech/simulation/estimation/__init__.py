@@ -1,0 +1,1 @@
+"""Numerics of identification in the kernel, ``kernel/src/estimation``."""
