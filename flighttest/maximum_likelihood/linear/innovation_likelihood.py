@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flighttest.maximum_likelihood.constrained_unknowns import ConstrainedPiece
 from flighttest.maximum_likelihood.innovations import whiteness_variables
 from flighttest.maximum_likelihood.linear.positive_unknowns import PositiveTransform
 from flighttest.maximum_likelihood.residual_covariance import (
@@ -146,6 +147,15 @@ class InnovationLikelihood:
             M[np.ix_(columns, columns)] += X.T @ X + 0.5 * share * flat @ flat.T
             g[columns] -= X.T @ w.ravel() + 0.5 * flat @ excess
         return M, g
+
+
+class ConstrainedFilter(ConstrainedPiece):
+    """A filtered manoeuvre as a function of its free unknowns."""
+
+    def slopes(self, values: np.ndarray, steps: np.ndarray, *central: bool) -> InnovationSlopes:
+        """Return slopes by the free unknowns."""
+        slopes = self.piece.slopes(self.T @ values + self.t, self.all_steps(steps))
+        return InnovationSlopes(slopes.e @ self.T, np.tensordot(self.T.T, slopes.S, axes=1))
 
 
 def _solve_each(matrices: np.ndarray, rows: np.ndarray) -> np.ndarray:
