@@ -268,13 +268,13 @@ def filtered_datasets(
         in_deviations, transformed.natural, covariance=covariance * size, about=about
     )
     # The noise is reported in the unit of the outputs, the effect in white units.
-    innovations = maximum.residuals.parts
+    innovations, measured = maximum.residuals.parts, [piece.z for piece in pieces]
     scaled = [piece.z / np.sqrt(R) for piece, R in zip(pieces, maximum.noise)]
     scatter = noise_dataset(
         replace(white, residuals=innovations, noise=maximum.noise),
         list(outputs),
         colours=colours,
-        measured=[piece.z for piece in pieces],
+        measured=measured,
         effect=effect_on_motion(white, columns, covariance=covariance, measured=scaled),
     )
-    return estimates, scatter.merge(whiteness_variables(innovations, steps))
+    return estimates, scatter.merge(whiteness_variables(innovations, steps, measured))
