@@ -239,6 +239,31 @@ def test_a_gust_reaches_vanes_and_forces_but_not_the_motion(glider):
     assert with_gust[0, 3] - y[0, 3] == pytest.approx(change, rel=0.06)
 
 
+def test_a_gust_from_the_right_reaches_the_vane_of_the_sideslip(glider):
+    """Positive along the y axis of the aircraft relative to the air, as the angle of sideslip."""
+    level = FIXED | {"init.beta": 0.0, "init.phi": 0.0, "init.q": 0.0}
+    u = np.tile(constant_inputs(glider, {}), (3, 1))
+    flights = KernelFlights(
+        glider,
+        STEP * np.arange(3),
+        u,
+        ["beta", "ay", "p"],
+        inertial=[],
+        coordinates=("beta", "phi", "p", "r"),
+        axes=(1,),
+    )
+    flights.start([], np.zeros((1, 0)), level)
+    coordinates, y = flights.look(0, np.array([[1.0]]))
+    assert y[0, 0] == pytest.approx(np.arctan(1.0 / 60.0), rel=1e-3)
+    # CY of beta -0.6
+    force = 0.5 * 1.1116 * 60.0**2 * 16.0 / 900.0 * -0.6 * y[0, 0]
+    assert y[0, 1] == pytest.approx(force, rel=0.01)
+    slopes = flights.linearise(0, np.zeros((1, 1)), coordinates)
+    # Cl of beta -0.08: roll acceleration over one step
+    push = 0.5 * 1.1116 * 60.0**2 * 16.0 * 10.0 / 2000.0 * -0.08 / 60.0 * STEP
+    assert slopes.F_gust[0, 2, 0] == pytest.approx(push, rel=0.15)
+
+
 def test_slopes_are_those_of_the_linear_model(glider):
     level = FIXED | {"init.beta": 0.0, "init.phi": 0.0, "init.q": 0.0}
     chosen = ("V", "alpha", "theta", "q")
