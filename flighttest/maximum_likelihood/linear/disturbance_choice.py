@@ -45,9 +45,10 @@ def prefer_calm(
     """Return the fit by output error if it is as likely as that with disturbances.
 
     The cost of output error without its constant and that of the filter without a disturbance
-    differ by half the number of readings. With a disturbance that does not exist, twice the fall of
-    the cost exceeds a value of chi-squared with the probability 0.05 or less: an intensity cannot
-    fall below zero. The degrees of freedom are the numbers of intensities and scales.
+    differ by half the number of readings. The limit of twice the fall of the cost is the value of
+    chi-squared that 5 % exceed, with as many degrees of freedom as there are unknown intensities,
+    scales and gusts, whose first value is an unknown too. Chi-squared is approximate here: an
+    intensity cannot fall below zero, and a scale has no effect without one.
 
     Parameters
     ----------
@@ -77,6 +78,7 @@ def prefer_calm(
         if kinds[name] not in _FILTER_KINDS and not name.startswith("init.gust_"):
             calm_parameters[name] = item
     dropped = sum(kind in ("process", *_GUST_KINDS) for kind in kinds.values())
+    dropped += len(gusts)
     if is_given or not dropped or not calm_parameters:
         return fit
     try:
