@@ -189,10 +189,11 @@ def _pass_lags(time: np.ndarray, step: float) -> _Passage:
     # moment: a = int w ds, b = 3 int w (2 s - 1) ds. What it leaves is of the third order for a
     # motion, where a line between the ends leaves (step / T)^2 / 12 of the gust.
     nodes, weights = np.polynomial.legendre.leggauss(_GUST_NODES)
-    mean, slope = 0.0, 0.0
+    mean, slope = np.zeros((*time.shape, 2)), np.zeros((*time.shape, 2))
     for node, weight in zip(nodes, 0.5 * weights):
         seen = READ @ _lag_transitions(time, 0.5 * (node + 1.0) * step)
-        mean, slope = mean + weight * seen, slope + 3.0 * weight * node * seen
+        mean += weight * seen
+        slope += 3.0 * weight * node * seen
     return _Passage(_lag_transitions(time, step), first=mean - slope, last=mean + slope)
 
 
