@@ -79,7 +79,7 @@ def whiteness_variables(
     variables = {name: ("output", values) for name, values in columns.items()}
     variables.pop("correlation_time")
     if len(measured):
-        variables["smoothness"] = "output", _smoothness(measured)
+        variables["smoothness"] = "output", _smoothness(measured).tolist()
     return xr.Dataset(
         {
             **variables,
