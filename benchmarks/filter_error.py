@@ -1,7 +1,11 @@
 """How often the estimates of filter error lie within two standard errors, and their rms against
 output error, in four kinds of air.
 
-    python benchmarks/filter_error.py [RECORDS] [KIND ...]     of each kind, 40 unless given
+    python benchmarks/filter_error.py [RECORDS] [KIND ...] [--right] [--results FILE]
+
+40 records of each kind unless given. With ``--right`` only the filter of the right disturbance is
+compared with output error. With ``--results`` every record is appended to a file of JSON lines, and
+records of that file are not fitted again.
 
 A short period (two states, elevator multistep and sine of 20 s at 25 Hz, four unknown elements),
 its angle of attack by a vane or by an inertial platform:
@@ -16,9 +20,11 @@ and scale are estimated, and with both.
 
 from __future__ import annotations
 
+import argparse
+import json
 import os
-import sys
 import warnings
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads of BLAS only wait
 
@@ -41,6 +47,9 @@ OUTPUTS, NOISE = ("alpha", "q", "nz"), np.array([2e-3, 2e-3, 0.02])
 FINE = 5  # steps of the simulation in one of the record
 KINDS = ("calm", "process", "vane", "inertial")
 WHITE = {"process.alpha": 0.01, "process.q": 0.01}
+OPEN_LOOP, STIRRED, GUSTY, BOTH = "output error", "white process noise", "Dryden gusts", "both"
+METHODS = (OPEN_LOOP, STIRRED, GUSTY, BOTH)
+RIGHT = {kind: (OPEN_LOOP, GUSTY) for kind in KINDS} | {"process": (OPEN_LOOP, STIRRED)}
 
 
 def short_period() -> LinearModel:
@@ -85,66 +94,90 @@ def record(kind: str, seed: int) -> xr.Dataset:
     return xr.Dataset({"delta_e": ("time", u), **columns}, {"time": t})
 
 
-def fits(kind: str, seed: int) -> dict[str, OutputError]:
-    """Return the fits of one record by method."""
-    model, data = short_period(), record(kind, seed)
-    start = {name: 0.85 * value for name, value in ELEMENTS.items()}
-    found = {
-        "output error": linear_output_error(model, data, start),
-        "white process noise": filter_error(model, data, start | WHITE),
-    }
+def fit(kind: str, data: xr.Dataset, method: str) -> OutputError:
+    """Return the fit of one record by one method."""
+    model, start = short_period(), {name: 0.85 * value for name, value in ELEMENTS.items()}
+    if method == OPEN_LOOP:
+        return linear_output_error(model, data, start)
+    if method == STIRRED:
+        return filter_error(model, data, start | WHITE)
     other = ("alpha",) if kind == "inertial" else ()
     seen = tuple(name for name in ("alpha", "nz") if name not in other)
     # Intensity and scale start a factor of two off.
     gust = DrydenGust("alpha", SPEED, 2.0 * SCALE, 0.5, air_relative=seen, inertial=other)
     wanted = start | {"gust.w": 0.5, "scale.w": 2.0 * SCALE}
-    found["Dryden gusts"] = filter_error(model, data, wanted, gusts=[gust])
-    found["both"] = filter_error(model, data, wanted | WHITE, gusts=[gust])
+    if method == BOTH:
+        wanted |= WHITE
+    return filter_error(model, data, wanted, gusts=[gust])
+
+
+def fits(kind: str, seed: int, methods: tuple[str, ...]) -> dict[str, dict]:
+    """Return errors, standard errors and remarks of the fits of one record by method."""
+    data, truth, found = record(kind, seed), np.array(list(ELEMENTS.values())), {}
+    for method in methods:
+        done = fit(kind, data, method)
+        e = done.estimates.sel(parameter=list(ELEMENTS))
+        found[method] = {
+            "error": (e["estimate"].values - truth).tolist(),
+            "stderr": e["stderr"].values.tolist(),
+            "remarks": [remark.kind for remark in done.remarks],
+            "calm": str(done.estimates.attrs.get("calm", "")),
+        }
     return found
 
 
-def study(kind: str, seeds: range) -> None:
+def print_kind(kind: str, rows: list[dict], methods: tuple[str, ...]) -> None:
     """Print coverage, rms of the errors over their value in output error, and remarks."""
-    errors: dict[str, list[np.ndarray]] = {}
-    scaled: dict[str, list[np.ndarray]] = {}
-    coloured: dict[str, int] = {}
-    failed: dict[str, int] = {}
-    truth = np.array(list(ELEMENTS.values()))
-    for seed in seeds:
-        for method, fit in fits(kind, seed).items():
-            e = fit.estimates.sel(parameter=list(ELEMENTS))
-            off = e["estimate"].values - truth
-            errors.setdefault(method, []).append(off)
-            scaled.setdefault(method, []).append(off / e["stderr"].values)
-            kinds = {remark.kind for remark in fit.remarks}
-            coloured[method] = coloured.get(method, 0) + ("coloured" in kinds)
-            failed[method] = failed.get(method, 0) + ("convergence" in kinds)
-    reference = np.sqrt(np.mean(np.square(errors["output error"]), axis=0))
-    for method, ratios in scaled.items():
-        z = np.array(ratios)
-        inside = (np.abs(z) < 2.0).mean()
-        ratio = np.sqrt(np.mean(np.square(errors[method]), axis=0)) / reference
+    reference = np.sqrt(np.mean([np.square(row[OPEN_LOOP]["error"]) for row in rows], axis=0))
+    for method in methods:
+        errors = np.array([row[method]["error"] for row in rows])
+        z = errors / np.array([row[method]["stderr"] for row in rows])
+        ratio = np.sqrt(np.mean(errors**2, axis=0)) / reference
         numbers = " ".join(f"{value:5.2f}" for value in ratio)
         by_element = " ".join(f"{value:4.0%}" for value in (np.abs(z) < 2.0).mean(axis=0))
+        coloured = sum("coloured" in row[method]["remarks"] for row in rows)
+        failed = sum("convergence" in row[method]["remarks"] for row in rows)
+        calm = sum(bool(row[method]["calm"]) for row in rows)
         print(
-            f"{kind:10s}{method:20s}{inside:6.1%} ({by_element}) {numbers}"
+            f"{kind:10s}{method:20s}{(np.abs(z) < 2.0).mean():6.1%} ({by_element}) {numbers}"
             f"{np.abs(z.mean(axis=0)).max():6.2f}{z.std(axis=0).max():6.2f}"
-            f"{coloured[method]:5d}{failed[method]:4d}",
+            f"{coloured:5d}{failed:4d}{calm:4d}",
             flush=True,
         )
 
 
 def main() -> None:
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 40
+    parser = argparse.ArgumentParser()
+    parser.add_argument("records", nargs="?", type=int, default=40)
+    parser.add_argument("kinds", nargs="*", default=KINDS)
+    parser.add_argument("--right", action="store_true")
+    parser.add_argument("--results", type=Path)
+    options = parser.parse_args()
+    known: dict[tuple[str, int], dict] = {}
+    if options.results and options.results.exists():
+        for line in options.results.read_text().splitlines():
+            row = json.loads(line)
+            known[row["kind"], row["seed"]] = row
     print(
-        f"{count} records of each kind: within two standard errors (each element), rms over that "
-        f"of output error, largest mean and scatter of the errors in standard errors, records "
-        f"remarked coloured, not converged"
+        f"{options.records} records of each kind: within two standard errors (each element), rms "
+        f"over that of output error, largest mean and scatter of the errors in standard errors, "
+        f"records remarked coloured, not converged, without a disturbance"
     )
-    for kind in sys.argv[2:] or KINDS:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            study(kind, range(count))
+    for seed in range(options.records):
+        for kind in options.kinds:
+            methods = RIGHT[kind] if options.right else METHODS
+            if (kind, seed) in known:
+                continue
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                row = {"kind": kind, "seed": seed, **fits(kind, seed, methods)}
+            known[kind, seed] = row
+            if options.results:
+                with options.results.open("a") as file:
+                    file.write(json.dumps(row) + "\n")
+    for kind in options.kinds:
+        methods = RIGHT[kind] if options.right else METHODS
+        print_kind(kind, [known[kind, seed] for seed in range(options.records)], methods)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 
 import aerodb
-from flightmech.errors import SchemaError
 from flightmech.flown_samples import (
     CHANNELS,
     FLOWN_SAMPLES,
@@ -106,7 +105,7 @@ class FitJobResult(PrintedResult):
         if self.specification.title:
             lines.append(self.specification.title)
         heading = "explained of each output's movement:"
-        if self.specification.process_noise.kind != "none":
+        if str(self.fit.estimates.attrs["method"]).startswith("filter"):
             heading = "explained of each output's movement, predicted one sample ahead:"
         lines += [self.fit.report(), "", heading]
         explained = self.explained
@@ -184,23 +183,10 @@ def perform_fit_job(specification: Specification) -> FitJobResult:
         "conditions": specification.fixed_conditions(sim),
         "noise": specification.noise,
         "iterations": specification.iterations,
+        "constraints": specification.constraints,
     }
     if specification.process_noise.kind == "none":
-        constraints = specification.constraints
-        fit = output_error(sim, records, unknowns, constraints=constraints, **shared)
+        fit = output_error(sim, records, unknowns, **shared)
     else:
-        _refuse_constraints(specification)
         fit = simulated_filter_error(sim, records, unknowns, gusts=gusts, **shared)
     return FitJobResult(specification, sim, records=tuple(records), fit=fit)
-
-
-def _refuse_constraints(specification: Specification) -> None:
-    """Raise SchemaError if the filter of the simulation shall keep constraints."""
-    if specification.constraints:
-        raise SchemaError(
-            "constraints",
-            [
-                f"{'; '.join(specification.constraints)}: the filter error of the simulation does "
-                f'not take constraints; leave them out, or set kind = "none" in [process_noise]'
-            ],
-        )

@@ -53,7 +53,7 @@ FELT = 0.02  # effect on the motion from which a disturbance matters
 LOUD = 2.0
 # share of the information on a direction above which an output's residual has lost the direction
 _DETERMINED = 0.5
-_LEAST_NOISE = 1e-300  # keeps the ratio of disturbance and noise finite
+_MOST_TIMES = 1e4  # disturbance over the noise from sample to sample, from which there is none
 
 
 def innovation_coupling(innovations: np.ndarray, block: float) -> np.ndarray:
@@ -121,8 +121,10 @@ def turbulence_warnings(noise: xr.Dataset) -> tuple[str, ...]:
     for k in np.flatnonzero(is_named):
         name, time = noise["output"].values[k], noise["time"].values[k]
         slow, fast = noise["slow"].values[k], noise["fast"].values[k]
-        ratio = slow / max(fast, _LEAST_NOISE)
-        parts.append(f"{name} ({ratio:.1f} times its noise, {time:.2g} s)")
+        size = "no noise from sample to sample"
+        if slow < _MOST_TIMES * fast:
+            size = f"{slow / fast:.1f} times its noise"
+        parts.append(f"{name} ({size}, {time:.2g} s)")
     return (
         f"turbulence or a missing term: residuals of {', '.join(parts)} are a disturbance of "
         f"the motion, which moves the outputs through "

@@ -38,6 +38,8 @@ _COUPLED = 1.0 - 1e-9  # correlation of two parameters that a constraint makes p
 SILENT = 0.9
 # attribute of estimates that did not converge: which disturbance suffices
 UNDETERMINED = "undetermined"
+# attribute of estimates of output error in place of filter error: why no disturbance is needed
+CALM = "calm"
 _CONTENT = "output error"
 # the test of innovations
 _WHITENESS = ("portmanteau", "portmanteau_lags", "portmanteau_probability", "outside")
@@ -300,6 +302,8 @@ def _list_remarks(fit: OutputError) -> list[Remark]:
         if UNDETERMINED in e.attrs:
             text, severity = str(e.attrs[UNDETERMINED]), "error"
         remarks.append(Remark("convergence", text, severity=severity))
+    if CALM in e.attrs:
+        remarks.append(Remark("disturbance", str(e.attrs[CALM]), severity="note"))
     if _PRINTED in fit.noise:
         is_filtered = any(name.startswith(_DISTURBED) for name in names)
         remarks += whiteness_remarks(fit.noise, is_filtered)

@@ -1,8 +1,9 @@
-"""White process noise and gusts that a record does not distinguish.
+"""Disturbances that a record does not need, or does not distinguish.
 
 The spectra of white noise in two rates and of a gust overlap. A record may fit either, and then the
 likelihood of both together is a flat ridge without a maximum on which a search does not converge.
-The likelihood ratio with one of the two alone shows it [Jategaonkar]_.
+The likelihood ratio with one of the two alone shows it [Jategaonkar]_. In calm air the record fits
+neither: what the disturbance then explains is the noise of the instruments.
 
 References
 ----------
@@ -11,20 +12,97 @@ References
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
 from scipy.stats import chi2
 
-from flightmech.errors import IdentificationError
+from flightmech.errors import AeromatchWarning, IdentificationError
+from flighttest.maximum_likelihood.innovations import whiteness_variables
 from flighttest.maximum_likelihood.linear.gust_states import DrydenGust
-from flighttest.maximum_likelihood.result import UNDETERMINED, OutputError
-from flighttest.maximum_likelihood.unknowns import Wanted
+from flighttest.maximum_likelihood.result import CALM, UNDETERMINED, OutputError
+from flighttest.maximum_likelihood.unknowns import Unknown, Wanted
 
 _CHANCE = 0.05  # probability that a disturbance that does not exist seems to be needed
 _GUST_KINDS = ("gust", "scale")
+_INTENSITIES = ("process", "gust")
+_FILTER_KINDS = ("process", "noise", *_GUST_KINDS)
 
 Refit = Callable[[Wanted, Sequence[DrydenGust]], OutputError]
+CalmFit = Callable[[Wanted], OutputError]
+
+
+def prefer_calm(
+    fit: OutputError,
+    parameters: Wanted,
+    gusts: Sequence[DrydenGust],
+    fit_calm: CalmFit,
+    readings: int,
+) -> OutputError:
+    """Return the fit by output error if it is as likely as that with disturbances.
+
+    The cost of output error without its constant and that of the filter without a disturbance
+    differ by half the number of readings. The limit of twice the fall of the cost is the value of
+    chi-squared that 5 % exceed, with as many degrees of freedom as there are unknown intensities,
+    scales and gusts, whose first value is an unknown too. Chi-squared is approximate here: an
+    intensity cannot fall below zero, and a scale has no effect without one.
+
+    Parameters
+    ----------
+    fit : OutputError
+        With disturbances.
+    parameters : mapping of str to Unknown, tuple or float
+        Its unknowns.
+    gusts : sequence of DrydenGust
+    fit_calm : callable
+        From unknowns to the fit of the same records by output error.
+    readings : int
+        Number of all readings.
+
+    Returns
+    -------
+    OutputError
+        That of output error with the test of its residuals, and with the attribute `CALM` of the
+        estimates, a text; or as given, also if an intensity is given or has a prior.
+    """
+    kinds = {name: name.split(".")[0] for name in parameters}
+    is_given = any(f"gust.{gust.name}" not in parameters for gust in gusts)
+    for name, item in parameters.items():
+        unknown = Unknown(*item) if isinstance(item, tuple) else Unknown(item)
+        is_given |= kinds[name] in _INTENSITIES and math.isfinite(unknown.sigma)
+    calm_parameters = {}
+    for name, item in parameters.items():
+        if kinds[name] not in _FILTER_KINDS and not name.startswith("init.gust_"):
+            calm_parameters[name] = item
+    dropped = sum(kind in ("process", *_GUST_KINDS) for kind in kinds.values())
+    dropped += len(gusts)
+    if is_given or not dropped or not calm_parameters:
+        return fit
+    try:
+        with warnings.catch_warnings():
+            # Turbulence, of which output error warns, is what the comparison is about.
+            warnings.simplefilter("ignore", AeromatchWarning)
+            calm = fit_calm(calm_parameters)
+    except IdentificationError:
+        return fit
+    rise = float(calm.estimates.attrs["cost"]) + 0.5 * readings - float(fit.estimates.attrs["cost"])
+    limit = 0.5 * float(chi2.isf(_CHANCE, dropped))
+    if rise >= limit or not calm.estimates.attrs["converged"]:
+        return fit
+    text = (
+        f"no process noise is identified: without it the cost rises by {rise:.2g} nats "
+        f"(limit {limit:.2g}); the estimates are those of output error"
+    )
+    parts = [np.nan_to_num(residual.to_array().values.T) for residual in calm.residuals]
+    steps = [float(residual["time"].diff("time").mean()) for residual in calm.residuals]
+    return replace(
+        calm,
+        estimates=calm.estimates.assign_attrs({CALM: text}),
+        noise=calm.noise.merge(whiteness_variables(parts, steps)),
+    )
 
 
 def compare_disturbances(
@@ -48,7 +126,8 @@ def compare_disturbances(
         likely; otherwise as given.
     """
     kinds = {name: name.split(".")[0] for name in parameters}
-    if fit.estimates.attrs["converged"] or not gusts or "process" not in kinds.values():
+    is_settled = fit.estimates.attrs["converged"] or CALM in fit.estimates.attrs
+    if is_settled or not gusts or "process" not in kinds.values():
         return fit
     white = {name: item for name, item in parameters.items() if _is_kept(name, kinds[name])}
     still = {name: item for name, item in parameters.items() if kinds[name] != "process"}

@@ -25,14 +25,14 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import SchemaError
-from flighttest.maximum_likelihood.constrained_unknowns import (
-    ConstrainedPiece,
-    constrain_unknowns,
+from flighttest.maximum_likelihood.constrained_unknowns import constrain_unknowns
+from flighttest.maximum_likelihood.linear.disturbance_choice import (
+    compare_disturbances,
+    prefer_calm,
 )
-from flighttest.maximum_likelihood.linear.disturbance_choice import compare_disturbances
 from flighttest.maximum_likelihood.linear.gust_states import DrydenGust, add_gusts, gust_starts
 from flighttest.maximum_likelihood.linear.innovation_likelihood import (
+    ConstrainedFilter,
     InnovationLikelihood,
     InnovationSlopes,
     filtered_datasets,
@@ -41,9 +41,11 @@ from flighttest.maximum_likelihood.linear.innovation_likelihood import (
     search_from_starts,
     whiten_innovations,
 )
+from flighttest.maximum_likelihood.linear.output_error import linear_output_error
 from flighttest.maximum_likelihood.linear.positive_unknowns import (
     DEVIATIONS,
     LENGTHS,
+    refuse_positive_constraints,
     transform_positive,
 )
 from flighttest.maximum_likelihood.linear.state_space import (
@@ -63,8 +65,7 @@ from flighttest.maximum_likelihood.residual_covariance import (
 )
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.time_domain import uniform_step
-from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
-from flighttest.parameter_constraints import parse_constraints
+from flighttest.maximum_likelihood.unknowns import Unknown, Wanted, lay_out
 from flighttest.regression.equation_error.samples import list_manoeuvres
 
 
@@ -93,7 +94,7 @@ def filter_error(
         given otherwise. [SI]
     gusts : sequence of DrydenGust
         Gusts that drive the model besides ``process.*``. The gust at the first sample of each
-        manoeuvre, ``init.gust_w``, is an unknown. [SI]
+        manoeuvre, ``init.gust_w``, is an unknown, in intensities. [SI]
     iterations : int
         Largest number of iterations.
     constraints : sequence of str
@@ -103,7 +104,8 @@ def filter_error(
     Returns
     -------
     OutputError
-        ``residuals`` are the innovations. Without ``process.*`` and gusts the result is that of
+        ``residuals`` are the innovations. It is that of `linear_output_error`, with a remark, if
+        the records do not need the disturbance: see `prefer_calm`. Without ``process.*`` and gusts the result is that of
         `linear_output_error` with the noise among the unknowns.
 
     Warns
@@ -130,12 +132,40 @@ def filter_error(
     extra |= {"gust": names, "scale": names}
     extra["init"] = (*states, *(f"gust_{gust.name}" for gust in gusts))
     demand_known(model, list(parameters), {**extra, "sensor": outputs})
-    moved = add_gusts(model, gusts)
+
+    def filter_records(wanted: Wanted, kept: Sequence[DrydenGust]) -> OutputError:
+        return _filter_records(
+            model, records, wanted, kept, iterations=iterations, constraints=constraints
+        )
+
+    fit = filter_records(parameters, gusts)
+    fit = prefer_calm(
+        fit,
+        parameters,
+        gusts,
+        lambda calm: linear_output_error(
+            model, records, calm, iterations=iterations, constraints=constraints
+        ),
+        readings=len(outputs) * sum(record.sizes["time"] for record in records),
+    )
+    return compare_disturbances(fit, parameters, gusts, filter_records)
+
+
+def _filter_records(
+    model: LinearModel,
+    records: Sequence[xr.Dataset],
+    parameters: Wanted,
+    gusts: Sequence[DrydenGust],
+    iterations: int,
+    constraints: Sequence[str],
+) -> OutputError:
+    """Return the fit with the given disturbances, whether the records need them or not."""
+    outputs, moved = model.outputs, add_gusts(model, gusts)
     starts = noise_starts([input_output_arrays(model, record)[1] for record in records])
     unknowns: Wanted = {f"noise.{name}": Unknown(start) for name, start in zip(outputs, starts)}
     # Every output has a noise; given parameters replace the starts from the record.
     natural = lay_out({**unknowns, **gust_starts(gusts), **parameters}, [{} for _ in records])
-    _demand_natural(natural, constraints)
+    refuse_positive_constraints(natural.names, constraints)
     constrained = constrain_unknowns(natural, constraints)
     transformed = transform_positive(constrained.layout)
     layout = transformed.layout
@@ -145,7 +175,7 @@ def filter_error(
         starts = natural.start[columns]
         pieces.append(_FilteredRecord(moved, record, gusts=gusts, names=names, starts=starts))
     maximum, worse = search_from_starts(
-        InnovationLikelihood(constrained.wrap(pieces, _ConstrainedFilter), layout),
+        InnovationLikelihood(constrained.wrap(pieces, ConstrainedFilter), layout),
         intensity_starts(layout),
         iterations=iterations,
     )
@@ -170,36 +200,7 @@ def filter_error(
         warnings = warn_of_turbulence(scatter)
     innovations = maximum.residuals.parts
     residuals = tuple(piece.residual(e) for piece, e in zip(pieces, innovations))
-    fit = OutputError(estimates, residuals, noise=scatter, warnings=warnings)
-    return compare_disturbances(
-        fit,
-        parameters,
-        gusts,
-        lambda wanted, kept: filter_error(model, records, wanted, kept, iterations, constraints),
-    )
-
-
-def _demand_natural(natural: UnknownVector, constraints: Sequence[str]) -> None:
-    """Raise for constraints of noises, intensities and scales, which are not searched as such."""
-    problems = []
-    for constraint in parse_constraints(constraints, natural.names):
-        for k in np.flatnonzero(constraint.weights):
-            if natural.names[k].split(".")[0] in (*DEVIATIONS, *LENGTHS):
-                problems.append(
-                    f"{constraint.text!r}: {natural.names[k]} is a noise or a scale; give it a "
-                    f"start, or leave it out"
-                )
-    if problems:
-        raise SchemaError("constraints", problems)
-
-
-class _ConstrainedFilter(ConstrainedPiece):
-    """A filtered record as a function of its free unknowns."""
-
-    def slopes(self, values: np.ndarray, steps: np.ndarray, *central: bool) -> InnovationSlopes:
-        """Return slopes by the free unknowns."""
-        slopes = self.piece.slopes(self.T @ values + self.t, self.all_steps(steps))
-        return InnovationSlopes(slopes.e @ self.T, np.tensordot(self.T.T, slopes.S, axes=1))
+    return OutputError(estimates, residuals, noise=scatter, warnings=warnings)
 
 
 class _FilteredRecord:

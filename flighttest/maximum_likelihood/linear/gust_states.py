@@ -35,7 +35,6 @@ READ = np.array([np.sqrt(3.0), 1.0 - np.sqrt(3.0)])
 # expected states of the two lags over the gust: their covariances with it over its variance,
 # E a^2 = sigma^2 / 2 and E a b = E b^2 = sigma^2 / 4
 _EXPECTED = np.array([[0.5, 0.25], [0.25, 0.25]]) @ READ
-_FIRST_SPREAD = 3.0  # prior standard error of the first gust, in given intensities
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,8 @@ class DrydenGust:
     inertial : tuple of str
         Outputs of the inertial motion alone, such as the angle of a platform.
     name : str
-        Name of the gust in parameters: ``gust.w``, ``scale.w`` and ``init.gust_w``.
+        Name of the gust in parameters: ``gust.w``, ``scale.w`` and ``init.gust_w``, the last one
+        in intensities.
     """
 
     state: str
@@ -82,7 +82,9 @@ class DrydenGust:
         """Return intensity and start of the two lags, as ``process.*`` and ``init.*``."""
         lead, lag = self.states
         sigma = values.get(f"gust.{self.name}", self.intensity)
-        first = values.get(f"init.gust_{self.name}", 0.0) / self.speed * _EXPECTED
+        # In intensities: where the air is calm, the first gust is none either. A free one would be
+        # an unknown offset of the angle.
+        first = values.get(f"init.gust_{self.name}", 0.0) * sigma / self.speed * _EXPECTED
         return {
             f"process.{lead}": sigma / self.speed / np.sqrt(self.time(values)),
             f"init.{lead}": float(first[0]),
@@ -93,12 +95,12 @@ class DrydenGust:
 def gust_starts(gusts: Sequence[DrydenGust]) -> dict[str, Unknown]:
     """Return the gusts at the first sample as unknowns, each with its own value per manoeuvre.
 
-    Without them the filter takes the air at the first sample for calm.
+    They are in intensities, and one intensity is their prior standard error. Without them the
+    filter takes the air at the first sample for calm.
     """
     unknowns = {}
     for gust in gusts:
-        spread = _FIRST_SPREAD * gust.intensity
-        unknowns[f"init.gust_{gust.name}"] = Unknown(0.0, sigma=spread, own=True)
+        unknowns[f"init.gust_{gust.name}"] = Unknown(0.0, sigma=1.0, own=True)
     return unknowns
 
 

@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flighttest.maximum_likelihood.constrained_unknowns import ConstrainedPiece
 from flighttest.maximum_likelihood.innovations import whiteness_variables
 from flighttest.maximum_likelihood.linear.positive_unknowns import PositiveTransform
 from flighttest.maximum_likelihood.residual_covariance import (
@@ -148,6 +149,15 @@ class InnovationLikelihood:
         return M, g
 
 
+class ConstrainedFilter(ConstrainedPiece):
+    """A filtered manoeuvre as a function of its free unknowns."""
+
+    def slopes(self, values: np.ndarray, steps: np.ndarray, *central: bool) -> InnovationSlopes:
+        """Return slopes by the free unknowns."""
+        slopes = self.piece.slopes(self.T @ values + self.t, self.all_steps(steps))
+        return InnovationSlopes(slopes.e @ self.T, np.tensordot(self.T.T, slopes.S, axes=1))
+
+
 def _solve_each(matrices: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return the solution (time, output) of one system for each row, or of one for all."""
     if len(matrices) == 1:
@@ -258,13 +268,13 @@ def filtered_datasets(
         in_deviations, transformed.natural, covariance=covariance * size, about=about
     )
     # The noise is reported in the unit of the outputs, the effect in white units.
-    innovations = maximum.residuals.parts
+    innovations, measured = maximum.residuals.parts, [piece.z for piece in pieces]
     scaled = [piece.z / np.sqrt(R) for piece, R in zip(pieces, maximum.noise)]
     scatter = noise_dataset(
         replace(white, residuals=innovations, noise=maximum.noise),
         list(outputs),
         colours=colours,
-        measured=[piece.z for piece in pieces],
+        measured=measured,
         effect=effect_on_motion(white, columns, covariance=covariance, measured=scaled),
     )
-    return estimates, scatter.merge(whiteness_variables(innovations, steps))
+    return estimates, scatter.merge(whiteness_variables(innovations, steps, measured))

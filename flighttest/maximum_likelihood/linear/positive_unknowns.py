@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from flightmech.errors import SchemaError
 from flighttest.maximum_likelihood.unknowns import UnknownVector
+from flighttest.parameter_constraints import parse_constraints
 
 # kinds of unknowns that are standard deviations, and those that are lengths
 DEVIATIONS, LENGTHS = ("process", "noise", "gust"), ("scale",)
@@ -68,3 +70,21 @@ def transform_positive(natural: UnknownVector) -> PositiveTransform:
         high=np.select(by_kind, [(natural.high / unit) ** 2, longest], natural.high),
     )
     return PositiveTransform(natural, layout, is_squared, is_logarithm)
+
+
+def refuse_positive_constraints(names: Sequence[str], constraints: Sequence[str]) -> None:
+    """Raise SchemaError for constraints of unknowns that are not searched as such.
+
+    They are noises, intensities and scales, and first gusts, which are over their intensity.
+    """
+    problems = []
+    for constraint in parse_constraints(constraints, names):
+        for k in np.flatnonzero(constraint.weights):
+            name = names[k]
+            if name.split(".")[0] in (*DEVIATIONS, *LENGTHS) or name.startswith("init.gust_"):
+                problems.append(
+                    f"{constraint.text!r}: {name} is a noise or a scale, or a gust over one; "
+                    f"give it a start, or leave it out"
+                )
+    if problems:
+        raise SchemaError("constraints", problems)

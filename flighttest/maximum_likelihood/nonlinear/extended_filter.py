@@ -32,6 +32,7 @@ from flighttest.maximum_likelihood.nonlinear.riccati import (
 )
 
 REFRESH = 0.5  # time between two linearisations [s]
+_GUST_NODES = 6  # of Gauss and Legendre along a step: exact to the eleventh power of step / T
 
 
 class FilteredFlights(Protocol):
@@ -110,7 +111,7 @@ def filter_flights(
     """
     runs, outputs = settings.noise.shape
     e, S = np.empty((runs, *z.shape)), np.empty((runs, *z.shape, outputs))
-    transition = _lag_transitions(settings.time, step)
+    passage = _pass_lags(settings.time, step)
     lags, R = settings.lags.copy(), settings.noise**2
     every = count_between(step)
     states = settings.intensity.shape[1]
@@ -123,7 +124,7 @@ def filter_flights(
             is_last = sample + 1 == len(z)
             if sample % every == 0 and not is_last:
                 slopes = flights.linearise(sample, gusts, coordinates)
-                model = _join_model(slopes, settings, transition, step=step)
+                model = _join_model(slopes, settings, passage, step=step)
                 for part in (model.F, model.H):
                     flights.failed |= ~np.isfinite(part).all(axis=(1, 2))
                 model = _Model(*(np.nan_to_num(part) for part in model))
@@ -145,10 +146,10 @@ def filter_flights(
             P = model.F @ P @ model.F.swapaxes(1, 2) + model.Q
             coordinates = flights.correct(change[:, :motion], coordinates)
             lags = lags + change[:, motion:].reshape(lags.shape)
-            ahead = (transition @ lags[:, :, :, None])[:, :, :, 0]
-            first, last = _gusts_of(lags, settings.speed), _gusts_of(ahead, settings.speed)
+            first = settings.speed * (lags * passage.first).sum(axis=2)
+            last = settings.speed * (lags * passage.last).sum(axis=2)
             flights.advance(sample, first, last, coordinates)
-            lags = ahead
+            lags = (passage.transition @ lags[:, :, :, None])[:, :, :, 0]
     # A filter without a gain fails as a simulation does.
     flights.failed |= ~np.isfinite(S).all(axis=(1, 2, 3))
     e[flights.failed], S[flights.failed] = np.nan, np.nan
@@ -165,6 +166,37 @@ def _gusts_of(lags: np.ndarray, speed: np.ndarray) -> np.ndarray:
     return speed * (lags @ READ)
 
 
+class _Passage(NamedTuple):
+    """Gusts over one step, from the lags at its start.
+
+    Attributes
+    ----------
+    transition : array (run, gust, 2, 2)
+        Of the lags over the step.
+    first, last : array (run, gust, 2)
+        From the lags to the ends of the straight line nearest to the gust along the step.
+    """
+
+    transition: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+
+
+def _pass_lags(time: np.ndarray, step: float) -> _Passage:
+    """Return how gusts of time constants (run, gust) pass over a step."""
+    # The simulation has gusts that are linear along a step; that of the lags decays. The line of
+    # least squares, w = a + b (2 s - 1) over s = 0 ... 1, has the same mean and the same first
+    # moment: a = int w ds, b = 3 int w (2 s - 1) ds. What it leaves is of the third order for a
+    # motion, where a line between the ends leaves (step / T)^2 / 12 of the gust.
+    nodes, weights = np.polynomial.legendre.leggauss(_GUST_NODES)
+    mean, slope = np.zeros((*time.shape, 2)), np.zeros((*time.shape, 2))
+    for node, weight in zip(nodes, 0.5 * weights):
+        seen = READ @ _lag_transitions(time, 0.5 * (node + 1.0) * step)
+        mean += weight * seen
+        slope += 3.0 * weight * node * seen
+    return _Passage(_lag_transitions(time, step), first=mean - slope, last=mean + slope)
+
+
 def _lag_transitions(time: np.ndarray, step: float) -> np.ndarray:
     """Return the transitions of two equal lags over a step, (run, gust, 2, 2)."""
     ratio = step / time
@@ -174,7 +206,7 @@ def _lag_transitions(time: np.ndarray, step: float) -> np.ndarray:
 
 
 def _join_model(
-    slopes: StepSlopes, settings: FilterSettings, transition: np.ndarray, step: float
+    slopes: StepSlopes, settings: FilterSettings, passage: _Passage, step: float
 ) -> _Model:
     """Return the linear model of motion and lags."""
     runs, n = slopes.F.shape[:2]
@@ -183,13 +215,12 @@ def _join_model(
     F[:, :n, :n], H[:, :, :n] = slopes.F, slopes.H
     for gust, speed in enumerate(settings.speed):
         place = slice(n + 2 * gust, n + 2 * gust + 2)
-        # A gust changes over the step from READ lags to READ (transition lags).
-        read, T = speed * READ, transition[:, gust]
-        F[:, place, place] = T
-        rise = read @ T - read
+        F[:, place, place] = passage.transition[:, gust]
+        first = speed * passage.first[:, gust]
+        rise = speed * passage.last[:, gust] - first
         F[:, :n, place] = (
-            slopes.F_gust[:, :, gust, None] * read
+            slopes.F_gust[:, :, gust, None] * first[:, None, :]
             + slopes.F_rise[:, :, gust, None] * rise[:, None, :]
         )
-        H[:, :, place] = slopes.H_gust[:, :, gust, None] * read
+        H[:, :, place] = slopes.H_gust[:, :, gust, None] * (speed * READ)
     return _Model(F, settings.factor[:, :, None] * H, noise_of_step(F, settings.intensity, step))

@@ -1,9 +1,7 @@
 """Filter error of the compiled simulation: maximum likelihood in turbulence.
 
 The likelihood is that of the innovations of an extended Kalman filter. The search begins at the
-maximum of output error. There the flights are linearised, and a search of the linear problem begins
-from several intensities of the disturbance. Its best end is the start of the search with the
-simulation itself.
+best end of a search with flights linearised at the maximum of output error (`filter_starts`).
 """
 
 from __future__ import annotations
@@ -15,29 +13,41 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flightmech.errors import SchemaError, UnknownName
 from flightmech.simulation.compiler import SimModel
-from flighttest.maximum_likelihood.linear.disturbance_choice import compare_disturbances
+from flighttest.maximum_likelihood.constrained_unknowns import constrain_unknowns
+from flighttest.maximum_likelihood.linear.disturbance_choice import (
+    compare_disturbances,
+    prefer_calm,
+)
 from flighttest.maximum_likelihood.linear.gust_states import DrydenGust, gust_starts
 from flighttest.maximum_likelihood.linear.innovation_likelihood import (
+    ConstrainedFilter,
     InnovationLikelihood,
     filtered_datasets,
-    intensity_starts,
     noise_starts,
-    search_from_starts,
+    whiten_innovations,
 )
-from flighttest.maximum_likelihood.linear.positive_unknowns import transform_positive
+from flighttest.maximum_likelihood.linear.positive_unknowns import (
+    refuse_positive_constraints,
+    transform_positive,
+)
+from flighttest.maximum_likelihood.nonlinear.filter_starts import (
+    start_by_linear_model,
+    start_by_output_error,
+)
 from flighttest.maximum_likelihood.nonlinear.filtered_flight import FilteredFlight, is_of_filter
 from flighttest.maximum_likelihood.nonlinear.kernel_flights import COORDINATES
-from flighttest.maximum_likelihood.nonlinear.linearised_flights import LinearisedPiece
+from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
+from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import (
     SimulatedRecord,
     list_conditions,
     noise_groups,
+    output_error,
 )
-from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
+from flighttest.maximum_likelihood.unknowns import Unknown, Wanted, lay_out
 from flighttest.regression.equation_error.samples import list_manoeuvres
 
 # coordinates that a disturbance of one of them moves, with those that only their readings need
@@ -45,8 +55,6 @@ _GROUPS = (("V", "alpha", "theta", "q"), ("beta", "phi", "p", "r"))
 _INTEGRALS = {"h": ("h", "h_agl", "h_baro", "p_static"), "psi": ("psi", "vn", "ve", "lat", "lon")}
 _GUST_ANGLES = ("alpha", "beta")
 _AIR_QUANTITIES = ("V", "alpha", "beta")  # outputs that may be air-relative or inertial
-_LINEAR_ITERATIONS = 12  # of each search with linearised flights
-_STEP, _SIZE = 1e-4, 1e-2  # step of the differences there, in sizes; least size without a prior
 
 
 def simulated_filter_error(
@@ -59,6 +67,7 @@ def simulated_filter_error(
     noise: str = "common",
     step: float | None = None,
     iterations: int = 50,
+    constraints: Sequence[str] = (),
 ) -> OutputError:
     """Estimate parameters of a compiled model from records in turbulence.
 
@@ -75,14 +84,17 @@ def simulated_filter_error(
     gusts : sequence of DrydenGust
         Vertical gusts (``state`` alpha) and lateral gusts (beta). Of ``inertial`` only V, alpha and
         beta are allowed. ``air_relative`` has no effect: the simulation computes what the air does.
-        The gust at the first sample of each manoeuvre, ``init.gust_w``, is an unknown. [SI]
+        The gust at the first sample of each manoeuvre, ``init.gust_w``, is an unknown, in intensities. [SI]
     noise : {"common", "own"}
         One ``noise.*`` of all manoeuvres, or one for each.
+    constraints : sequence of str
+        As of `output_error`, among parameters of the simulation. [SI]
 
     Returns
     -------
     OutputError
-        ``residuals`` are the innovations.
+        ``residuals`` are the innovations. It is that of `output_error`, with a remark, if the
+        records do not need the disturbance: see `prefer_calm`.
 
     Raises
     ------
@@ -105,43 +117,78 @@ def simulated_filter_error(
     outputs = list(outputs)
     _check_gusts(gusts)
     _demand_filter_names([*parameters], outputs=outputs, gusts=gusts)
-    coordinates = _choose_coordinates([*parameters], outputs=outputs, gusts=gusts)
-    noise_groups(noise, len(records))  # refuses an unknown word
+    groups = noise_groups(noise, len(records))
     fixed = list_conditions(conditions, len(records))
-    runs = []
-    for record, values in zip(records, fixed):
-        runs.append(SimulatedRecord(sim, record, fixed=values, outputs=outputs, step=step))
-    sigma = noise_starts([run.measured for run in runs])
+    shared = (outputs, fixed, noise, step, iterations, constraints)
+
+    def filter_records(wanted: Wanted, kept: Sequence[DrydenGust]) -> OutputError:
+        runs = []
+        for record, values in zip(records, fixed):
+            runs.append(SimulatedRecord(sim, record, fixed=values, outputs=outputs, step=step))
+        return _filter_records(
+            runs, wanted, kept, groups=groups, iterations=iterations, constraints=constraints
+        )
+
+    fit = filter_records(parameters, gusts)
+    fit = prefer_calm(
+        fit,
+        parameters,
+        gusts,
+        lambda calm: output_error(sim, records, calm, *shared),
+        readings=sum(
+            int(np.isfinite(record[name]).sum()) for record in records for name in outputs
+        ),
+    )
+    return compare_disturbances(fit, parameters, gusts, filter_records)
+
+
+def _filter_records(
+    runs: Sequence[SimulatedRecord],
+    parameters: Wanted,
+    gusts: Sequence[DrydenGust],
+    groups: np.ndarray,
+    iterations: int,
+    constraints: Sequence[str],
+) -> OutputError:
+    """Return the fit with the given disturbances, whether the records need them or not."""
+    outputs = runs[0].output_names
+    coordinates = _choose_coordinates([*parameters], outputs=outputs, gusts=gusts)
+    own = bool(groups.any())
     unknowns: dict[str, Any] = {}
-    for name, start in zip(outputs, sigma):
-        unknowns[f"noise.{name}"] = Unknown(float(start), own=noise == "own")
+    for name, start in zip(outputs, noise_starts([run.measured for run in runs])):
+        unknowns[f"noise.{name}"] = Unknown(float(start), own=own)
     wanted = {**unknowns, **gust_starts(gusts), **parameters}
     natural = lay_out(wanted, [run.starts for run in runs])
-    transformed = transform_positive(natural)
+    refuse_positive_constraints(natural.names, constraints)
+    constrained = constrain_unknowns(natural, constraints)
+    transformed = transform_positive(constrained.layout)
+    everything = replace(constrained, full=transform_positive(constrained.full).layout)
     layout = transformed.layout
     pieces = []
-    for run, names, columns in zip(runs, layout.bases, layout.columns):
+    for run, names, columns in zip(runs, natural.bases, natural.columns):
         starts = natural.start[columns]
         pieces.append(FilteredFlight(run, names, starts, coordinates=coordinates, gusts=gusts))
-    start = _start_by_output_error(runs, layout, iterations=iterations)
-    start, worse = _start_by_linear_model(pieces, layout, start=start)
-    maximum = maximise_likelihood(InnovationLikelihood(pieces, layout), iterations, start=start)
+    start = start_by_output_error(runs, natural, layout, groups, iterations, constraints)
+    start, worse = start_by_linear_model(pieces, everything, layout, start=start)
+    likelihood = InnovationLikelihood(constrained.wrap(pieces, ConstrainedFilter), layout)
+    maximum = maximise_likelihood(likelihood, iterations, start=start)
     about: dict[str, str | float | int] = {
         "method": "filter error of the simulation",
-        "title": sim.title,
+        "title": runs[0].sim.title,
         "worse_starts": worse,
     }
     estimates, scatter = filtered_datasets(maximum, transformed, pieces, outputs, about=about)
-    residuals = []
-    for run, e in zip(runs, maximum.residuals.parts):
-        residuals.append(run.residual(e))
-    shared = (conditions, noise, step, iterations)
-    return compare_disturbances(
-        OutputError(estimates, tuple(residuals), noise=scatter),
-        parameters,
-        gusts,
-        lambda wanted, kept: simulated_filter_error(sim, records, wanted, outputs, kept, *shared),
+    steps = [piece.step for piece in pieces]
+    estimates = everything.rate(
+        constrained.expand(estimates),
+        InnovationLikelihood(pieces, everything.full),
+        maximum.theta,
+        lambda end, full: coloured_likelihood_covariance(
+            whiten_innovations(end), full.columns, steps
+        )[0],
     )
+    residuals = tuple(run.residual(e) for run, e in zip(runs, maximum.residuals.parts))
+    return OutputError(estimates, residuals, noise=scatter)
 
 
 def _check_gusts(gusts: Sequence[DrydenGust]) -> None:
@@ -207,69 +254,3 @@ def _choose_coordinates(
             if integral in disturbed or set(_INTEGRALS[integral]) & set(outputs):
                 chosen.append(integral)
     return [name for name in COORDINATES if name in chosen]
-
-
-def _start_by_output_error(
-    runs: Sequence[SimulatedRecord], layout: UnknownVector, iterations: int
-) -> np.ndarray:
-    """Return the start of the search, with the parameters of the simulation by output error.
-
-    The start stays as given if output error fails, as of an unstable aircraft.
-    """
-    chosen = np.array([not is_of_filter(name) for name in layout.names])
-    start = layout.start.copy()
-    if not chosen.any():
-        return start
-    part = _pick_unknowns(layout, chosen)
-    try:
-        found = maximise_likelihood(
-            Likelihood(runs, part, np.zeros(len(runs), int)), iterations, start=part.start
-        )
-    except IdentificationError:
-        return start
-    start[chosen] = found.theta
-    return start
-
-
-def _start_by_linear_model(
-    pieces: Sequence[FilteredFlight], layout: UnknownVector, start: np.ndarray
-) -> tuple[np.ndarray, int]:
-    """Return the best end of searches with the flights linearised about a start.
-
-    Also the number of searches that ended above it. Intensities start from several values.
-    """
-    steps = _STEP * np.where(np.isfinite(layout.sigma), layout.sigma, np.maximum(abs(start), _SIZE))
-    linear = []
-    for piece, columns in zip(pieces, layout.columns):
-        linear.append(LinearisedPiece(piece, start[columns], steps[columns]))
-    starts = []
-    for given in intensity_starts(layout):
-        # of the parameters of the simulation all starts are the same
-        first = np.where([is_of_filter(name) for name in layout.names], given, start)
-        starts.append(first)
-    try:
-        likelihood = InnovationLikelihood(linear, layout)
-        best, worse = search_from_starts(likelihood, starts, iterations=_LINEAR_ITERATIONS)
-    except (IdentificationError, np.linalg.LinAlgError):
-        return start, 0
-    return best.theta, worse
-
-
-def _pick_unknowns(layout: UnknownVector, chosen: np.ndarray) -> UnknownVector:
-    """Return the vector of some unknowns."""
-    position = np.cumsum(chosen) - 1
-    bases, columns = [], []
-    for names, places in zip(layout.bases, layout.columns):
-        kept = chosen[places]
-        bases.append(tuple(np.array(names, object)[kept]))
-        columns.append(position[places[kept]])
-    return replace(
-        layout,
-        names=tuple(np.array(layout.names, object)[chosen]),
-        bases=tuple(bases),
-        columns=tuple(columns),
-        start=layout.start[chosen],
-        sigma=layout.sigma[chosen],
-        low=layout.low[chosen],
-        high=layout.high[chosen],
-    )

@@ -61,7 +61,7 @@ def test_the_spectrum_is_that_of_the_specification(model):
 def test_states_of_a_known_gust_are_expected_from_their_covariance(model):
     made = gust()
     whole = add_gusts(model, [made]).at({})
-    values = made.filter_values({"init.gust_w": 2.0})
+    values = made.filter_values({"init.gust_w": 2.0 / SIGMA})
     Q = np.diag([values["process.gust_w_lead"] ** 2, 0.0])
     P = scipy.linalg.solve_continuous_lyapunov(whole.A[2:, 2:], -Q)
     read = whole.C[0, 2:]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter, sosfiltfilt
 
 from flighttest.maximum_likelihood.innovations import whiteness_remarks, whiteness_variables
 
@@ -45,6 +45,23 @@ def test_a_strong_colour_forbids_the_figures_of_a_filter_alone():
         (remark,) = whiteness_remarks(noise, is_filtered)
         severities.append(remark.severity)
     assert severities == ["error", "warning", "warning"]
+
+
+def test_readings_that_a_recorder_smoothed_are_named_as_the_cause():
+    """White noise has second differences that are correlated by -4/6."""
+    rng = np.random.default_rng(2)
+    readings = rng.standard_normal((2, 500, 2))
+    readings[:, :, 1] = sosfiltfilt(butter(4, 0.08, output="sos"), readings[:, :, 1], axis=1)
+    found = whiteness_variables(innovations(3, 0.8), [0.1, 0.1], list(readings))
+    found = found.assign_coords(output=["alpha", "q"])
+    np.testing.assert_allclose(found["smoothness"][0], -2.0 / 3.0, atol=0.05)
+    assert found["smoothness"][1] > 0.9
+    (remark,) = whiteness_remarks(found, True)
+    assert "the recorder filtered or interpolated them" in remark.text
+    assert "use output error" in remark.text
+    rough = found.assign(smoothness=("output", [-0.67, -0.6]))
+    (remark,) = whiteness_remarks(rough, True)
+    assert "recorder" not in remark.text
 
 
 def test_the_band_is_that_of_bartlett():

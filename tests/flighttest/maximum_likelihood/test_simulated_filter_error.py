@@ -35,7 +35,7 @@ def glider():
     return flightmech.compile(craft, xr.DataTree.from_dict(leaves))
 
 
-def flown(sim, seed, duration=6.0, noise=1.0):
+def flown(sim, seed, duration=6.0, noise=1.0, size=1.0):
     """Return a doublet in a vertical gust: a lag of white noise, as a wind in short steps."""
     rng, fine = np.random.default_rng(seed), 5
     h = STEP / fine
@@ -45,7 +45,7 @@ def flown(sim, seed, duration=6.0, noise=1.0):
     u[:, places[0]] = 0.04 * np.interp(t, [0.5, 0.6, 1.3, 1.5, 2.2, 2.3], [0, 1, 1, -1, -1, 0])
     gust, T = 0.0, 150.0 / SPEED
     for k in range(len(t)):
-        u[k, places[1]] = -gust
+        u[k, places[1]] = -size * gust
         gust += -gust * h / T + np.sqrt(2.0 * h / T) * rng.standard_normal()
     y = initialise_run(sim, {**FIXED, "init.alpha": 0.02, "mode.step": h}, u[0])
     rows = y.run(t, u, hold=False)[::fine]
@@ -78,6 +78,47 @@ def test_gusts_that_ruin_output_error_cost_the_filter_little(glider):
     assert np.linalg.norm(errors[0]) < 0.5 * np.linalg.norm(errors[1])
     e = fit.estimates.sel(parameter="noise.q")
     assert float(e["estimate"]) == pytest.approx(1e-3, abs=3.0 * float(e["stderr"]))
+
+
+@pytest.mark.slow
+def test_without_a_disturbance_it_is_output_error(glider):
+    """The records do not need the gust, and a remark states it; a given gust stays."""
+    record = flown(glider, 4, duration=3.0, size=0.0)
+    unknowns = wanted() | {"gust.w": 0.5, "scale.w": 300.0}
+    fit = simulated_filter_error(glider, record, unknowns, list(NOISE), [GUST], FIXED)
+    calm = flighttest.output_error(glider, record, wanted(), list(NOISE), FIXED)
+    xr.testing.assert_equal(fit.estimates["estimate"], calm.estimates["estimate"])
+    xr.testing.assert_equal(fit.estimates["stderr"], calm.estimates["stderr"])
+    notes = [remark for remark in fit.remarks if remark.kind == "disturbance"]
+    assert [remark.severity for remark in notes] == ["note"]
+    assert notes[0].text.startswith("no process noise is identified: without it the cost rises by")
+    assert set(fit.noise) >= {"portmanteau_probability", "outside"}
+    given = simulated_filter_error(
+        glider, record, wanted(), list(NOISE), [GUST], FIXED, iterations=1
+    )
+    assert "init.gust_w" in given.estimates["parameter"].values
+
+
+@pytest.mark.slow
+def test_constraints_hold_over_several_manoeuvres(glider):
+    records = [flown(glider, seed, duration=3.0) for seed in (5, 6)]
+    unknowns = wanted() | {"init.alpha": Unknown(0.02, own=True), "gust.w": 0.5}
+    texts = ["term.Cm.qhat = 2*term.Cm.delta_e - 1"]
+    fit = simulated_filter_error(
+        glider, records, unknowns, list(NOISE), [GUST], FIXED, constraints=texts
+    )
+    values = dict(zip(fit.estimates["parameter"].values, fit.estimates["estimate"].values))
+    expected = 2.0 * values["term.Cm.delta_e"] - 1.0
+    assert values["term.Cm.qhat"] == pytest.approx(expected, abs=1e-12)
+    assert {"init.gust_w@1", "init.gust_w@2", "init.alpha@1", "init.alpha@2"} <= set(values)
+    e = fit.estimates.sel(parameter=list(TRUTH))
+    assert (np.abs(e["estimate"] - list(TRUTH.values())) < 3.0 * e["stderr"]).all()
+    assert float(e["stderr"][0]) == pytest.approx(2.0 * float(e["stderr"][1]))
+    assert "constraints" in fit.estimates.attrs
+    with pytest.raises(SchemaError, match="noise or a scale"):
+        simulated_filter_error(
+            glider, records, unknowns, list(NOISE), [GUST], FIXED, constraints=["gust.w = 1"]
+        )
 
 
 @pytest.mark.parametrize(
