@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,19 @@ from flightmech.names import value_text
 from flightmech.simulation.compiler import SimModel
 from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedFit
 from flighttest.flight_programme.planning.prediction import Item, Prediction, predict
-from flighttest.flight_programme.planning.selection import Goal, select_manoeuvres, time_of
+from flighttest.flight_programme.planning.selection import (
+    Goal,
+    ground_bounds,
+    select_manoeuvres,
+    time_of,
+)
+from flighttest.flight_programme.planning.wanted_rows import RowGradients, shares_of_row
 
 # Last columns of the table of nodes, after the axes of the terms.
 _NODE_COLUMNS = ["before", "expected", "bound", "state"]
 _ORDER_COLUMNS = ["condition", "manoeuvre", "setup", "time", "fuel", "clock", "fuel_total"]
+_ROW_COLUMNS = ["row", "condition", "manoeuvre", "before", "expected", "bound"]
+_ROW_COLUMNS += ["criterion", "state", "rests_on"]
 _STATES = ("reached", "missed", "unreachable")
 
 
@@ -45,6 +53,12 @@ class ProgrammePlan:
         of the table.
     undetermined : list of str
         Fits of the catalogue that the chosen manoeuvres do not determine.
+    rows : DataFrame
+        Wanted rows: ``row condition manoeuvre``, widths ``before`` and ``expected``, ``bound``,
+        ``criterion`` that decides, ``state`` as of nodes, and ``rests_on``: the terms with the
+        largest shares of the expected variance.
+    notes : list of str
+        What the prediction of the rows assumes or lacks.
     """
 
     prediction: Prediction
@@ -53,6 +67,8 @@ class ProgrammePlan:
     nodes: pd.DataFrame
     expected: dict[str, np.ndarray]
     undetermined: list[str]
+    rows: pd.DataFrame = field(default_factory=pd.DataFrame)
+    notes: list[str] = field(default_factory=list)
 
     @property
     def time(self) -> float:
@@ -67,6 +83,8 @@ class ProgrammePlan:
             "time_of_catalogue": time_of(self.prediction, list(self.prediction.candidates)),
             "order": self.order.reset_index(),
             "nodes": self.nodes,
+            "rows": self.rows,
+            "notes": self.notes,
             "undetermined": self.undetermined,
             "refused": {", ".join(item): why for item, why in self.prediction.refused.items()},
         }
@@ -84,6 +102,7 @@ def plan_programme(
     flown: Sequence[Any] = (),
     jobs: int = 1,
     done: Callable[[int, float], None] | None = None,
+    rows: Sequence[RowGradients] = (),
 ) -> ProgrammePlan:
     """Return the shortest programme that brings every wanted node below its bound.
 
@@ -104,6 +123,8 @@ def plan_programme(
         Processes for the reconstruction.
     done : callable, optional
         ``done(count, F)`` after every choice.
+    rows : sequence of RowGradients
+        Gradients of the wanted rows of the catalogue.
 
     Raises
     ------
@@ -111,7 +132,7 @@ def plan_programme(
         As `predict` and `Goal`.
     """
     prediction = predict(catalogue, sim, aircraft, jobs=jobs)
-    return plan_predicted_flights(prediction, database, flown=flown, done=done)
+    return plan_predicted_flights(prediction, database, flown=flown, done=done, rows=rows)
 
 
 def plan_predicted_flights(
@@ -119,9 +140,10 @@ def plan_predicted_flights(
     database: xr.DataTree,
     flown: Sequence[Any] = (),
     done: Callable[[int, float], None] | None = None,
+    rows: Sequence[RowGradients] = (),
 ) -> ProgrammePlan:
     """Return the shortest programme of predicted flights; parameters as in `plan_programme`."""
-    goal = Goal(prediction, database, flown)
+    goal = Goal(prediction, database, flown, rows=rows)
     chosen = set(select_manoeuvres(goal, done))
     items = [item for item in prediction.candidates if item in chosen]
     fits = [*flown, *prediction.fits(items)]
@@ -133,7 +155,61 @@ def plan_predicted_flights(
         nodes=nodes_of(goal, items, database),
         expected=goal.expectation.stderr(fits),
         undetermined=undetermined,
+        rows=rows_of(goal, items),
+        notes=_note_rows(goal, items),
     )
+
+
+def rows_of(goal: Goal, items: Sequence[Item]) -> pd.DataFrame:
+    """Return the wanted rows with widths before and after a choice of manoeuvres.
+
+    The columns are those of `ProgrammePlan.rows`.
+    """
+    fits = [*goal.flown, *goal.prediction.fits(items)]
+    before, after = goal.widths([]), goal.widths(items)
+    rows = []
+    for row in goal.rows:
+        wanted = row.wanted
+        criterion, width = after[wanted.name]
+        state = "missed"
+        if width <= wanted.ratio * (1.0 + 1e-9):
+            state = "reached"
+        elif wanted.name in goal.beyond:
+            state = "unreachable"
+        shares = shares_of_row(row, goal.expectation, fits)
+        rests_on = [f"{name} {100.0 * share:.0f} %" for name, share in list(shares.items())[:4]]
+        rows.append(
+            {
+                "row": wanted.row,
+                "condition": wanted.condition,
+                "manoeuvre": wanted.manoeuvre,
+                "before": before[wanted.name][1],
+                "expected": width,
+                "bound": wanted.ratio,
+                "criterion": criterion,
+                "state": state,
+                "rests_on": ", ".join(rests_on),
+            }
+        )
+    return pd.DataFrame(rows, columns=_ROW_COLUMNS)
+
+
+def _note_rows(goal: Goal, items: Sequence[Item]) -> list[str]:
+    """Return the notes on the rows, and terms of ground effect that no manoeuvre informs."""
+    notes = []
+    for row in goal.rows:
+        notes += [f"{row.wanted.name}: {note}" for note in row.notes]
+    best = goal.stderr(list(goal.prediction.candidates))
+    for name in ground_bounds(goal.rows, goal.expectation.prior):
+        nodes = np.isfinite(goal.bounds[name])
+        known = terms(goal.expectation.prior)[name]["stderr"].values
+        # correlation along the height brings a little of the free air down
+        if np.all(best[name][nodes] > 0.9 * known[nodes]):
+            notes.append(
+                f"rows rest on {name}, and no manoeuvre of the catalogue lowers its standard "
+                'errors; add a condition over the runway with a [[manoeuvre]] kind = "low_pass"'
+            )
+    return notes
 
 
 def nodes_of(goal: Goal, items: Sequence[Item], database: xr.DataTree) -> pd.DataFrame:
@@ -228,6 +304,9 @@ def _format_plan(plan: ProgrammePlan) -> str:
         f"time {clock_text(plan.time)} with setups; the whole catalogue takes {catalogue_time}"
     )
     lines += ["", *_format_nodes(plan.nodes)]
+    if len(plan.rows):
+        lines += ["", *format_rows(plan.rows)]
+    lines += [f"! {text}" for text in plan.notes]
     lines += [f"! not determined: {text}" for text in plan.undetermined]
     for (condition, manoeuvre), why in prediction.refused.items():
         lines.append(f"! cannot be flown: {condition}, {manoeuvre}: {why}")
@@ -248,6 +327,21 @@ def _format_order(order: pd.DataFrame) -> list[str]:
             fuel = f"{row['fuel_total']:.1f}"
         times = f"{setup:>7}{clock_text(row['time']):>7}{fuel:>9}{clock_text(row['clock']):>9}"
         lines.append(f"{card:>4}  {row['condition']:<32}{row['manoeuvre']:<32}{times}")
+    return lines
+
+
+def format_rows(rows: pd.DataFrame) -> list[str]:
+    """Return one line per wanted row: widths over the tolerance, and the terms it rests on."""
+    lines = [
+        f"{'row':<8}{'condition':<24}{'manoeuvre':<24}{'before':>8}{'then':>7}{'bound':>7}"
+        f"  {'state':<12}{'decides':<22}rests on"
+    ]
+    for _, row in rows.iterrows():
+        widths = f"{row['before']:>8.2f}{row['expected']:>7.2f}{row['bound']:>7.2f}"
+        lines.append(
+            f"{row['row']:<8}{row['condition']:<24}{row['manoeuvre']:<24}{widths}"
+            f"  {row['state']:<12}{row['criterion']:<22}{row['rests_on']}"
+        )
     return lines
 
 

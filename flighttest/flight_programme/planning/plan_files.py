@@ -20,7 +20,7 @@ from flighttest.flight_programme.planning.prediction import Item
 from flighttest.records.text_tables import read_text_table
 
 # Files and folders that a plan replaces.
-_OURS = ("order.csv", "nodes.csv", "expected.csv", "plan.txt", "inputs", "cards")
+_OURS = ("order.csv", "nodes.csv", "rows.csv", "expected.csv", "plan.txt", "inputs", "cards")
 
 
 def save_plan(plan: ProgrammePlan, folder: str | os.PathLike) -> list[Path]:
@@ -30,8 +30,8 @@ def save_plan(plan: ProgrammePlan, folder: str | os.PathLike) -> list[Path]:
     ----------
     plan : ProgrammePlan
     folder : path
-        Folder for ``order.csv``, ``nodes.csv`` (the wanted nodes), ``expected.csv`` (all nodes),
-        ``plan.txt``, ``inputs/`` with a CSV file and a time table for every test input, and
+        Folder for ``order.csv``, ``nodes.csv`` (the wanted nodes), ``rows.csv`` (the wanted
+        rows, if any), ``expected.csv`` (all nodes), ``plan.txt``, ``inputs/`` with a CSV file and a time table for every test input, and
         ``cards/`` with a PDF page for every manoeuvre.
 
     Returns
@@ -48,6 +48,8 @@ def save_plan(plan: ProgrammePlan, folder: str | os.PathLike) -> list[Path]:
         plan.order.to_csv(part / "order.csv", float_format="%.6g")
         plan.nodes.to_csv(part / "nodes.csv", index=False, float_format="%.6g")
         expected_table(plan).to_csv(part / "expected.csv", index=False, float_format="%.6g")
+        if len(plan.rows):
+            plan.rows.to_csv(part / "rows.csv", index=False, float_format="%.6g")
         write_text(part / "plan.txt", plan.report() + "\n")
         (part / "inputs").mkdir()
         (part / "cards").mkdir()

@@ -1,7 +1,8 @@
 """Choice of the manoeuvres that bring the wanted nodes below their bounds in the least time.
 
 The measure F of a choice is the mean, over the wanted nodes, of the logarithm of standard error
-over bound, with negative logarithms counted as zero. F is zero when every node is below its bound.
+over bound, with negative logarithms counted as zero, plus the same mean over the wanted rows with
+their widths. F is zero when every node and every row is below its bound.
 """
 
 from __future__ import annotations
@@ -13,17 +14,24 @@ import numpy as np
 import xarray as xr
 
 from aerodb.store.schema import terms
-from aerodb.update.expectation import Expectation
+from aerodb.update.expectation import Expectation, LinearSpread, sum_spreads
 from aerodb.update.observations import coefficient_of
 from aerodb.update.tabulation_report import Tabulation
 from flightmech.errors import SchemaError, UnknownName
 from flighttest.flight_programme.planning.catalogue import Catalogue, WantedAccuracy
 from flighttest.flight_programme.planning.prediction import Item, Prediction
+from flighttest.flight_programme.planning.wanted_rows import RowGradients, demand_rows
 
 # Least gain of F that counts.
 _LEAST = 1e-5
 # Rounding of the ranges of the catalogue [SI].
 _ROUNDING = 1e-9
+# A row that stays above its bound is brought this near to what all manoeuvres together reach.
+_NEAR_BEST = 1.05
+# Axis of the terms of ground effect, and the ratio of their nodes when a row rests on them.
+HEIGHT, GROUND_RATIO = "h_agl", 0.5
+# Share of the largest effect of a node of its term below which a node is not wanted.
+_NEGLIGIBLE = 0.05
 
 
 class Goal:
@@ -38,6 +46,9 @@ class Goal:
         Fits of earlier flights; they count with every choice.
     learnt : Tabulation, optional
         Tabulation of these flights, as in `aerodb.update.Expectation`.
+    rows : sequence of RowGradients
+        Gradients of the wanted rows of the catalogue.  The nodes of ground effect on which a row
+        rests are wanted with the ratio `GROUND_RATIO`, unless the catalogue wants their term.
 
     Attributes
     ----------
@@ -46,11 +57,15 @@ class Goal:
     unreachable : dict of str to array
         Standard error of the wanted nodes that stay above their bound with all manoeuvres, NaN
         elsewhere.  These nodes do not count.
+    beyond : dict of str to float
+        Width of the wanted rows that stay above their bound with all manoeuvres, by name.  Their
+        bound in F is 1.05 of this width.
 
     Raises
     ------
     SchemaError
-        The database does not have a wanted term or axis, or bounds have no node.
+        The database does not have a wanted term or axis, or bounds have no node, or the gradients
+        of a wanted row are missing.
     """
 
     def __init__(
@@ -59,10 +74,15 @@ class Goal:
         database: xr.DataTree,
         flown: Sequence[Any] = (),
         learnt: Tabulation | None = None,
+        rows: Sequence[RowGradients] = (),
     ):
-        self.prediction, self.flown = prediction, list(flown)
+        self.prediction, self.flown, self.rows = prediction, list(flown), list(rows)
+        demand_rows(prediction.catalogue, rows)
         self.expectation = Expectation(database, prediction.catalogue.held, learnt=learnt)
         self.bounds = bounds_of(prediction.catalogue, database)
+        for name, bound in ground_bounds(rows, database).items():
+            self.bounds.setdefault(name, bound)
+        self._spreads: dict[Any, LinearSpread] = {}
         self._stderr_of_fits: dict[Any, dict[str, np.ndarray]] = {}
         self.unreachable: dict[str, np.ndarray] = {}
         self._counted: dict[str, np.ndarray] = {}
@@ -72,6 +92,30 @@ class Goal:
             if beyond.any():
                 self.unreachable[name] = np.where(beyond, best[name], np.nan)
             self._counted[name] = np.where(beyond, np.nan, bound)
+        self.beyond: dict[str, float] = {}
+        for name, (_, width) in self.widths(list(prediction.candidates)).items():
+            if width > self._row(name).wanted.ratio:
+                self.beyond[name] = width
+
+    def _row(self, name: str) -> RowGradients:
+        return next(row for row in self.rows if row.wanted.name == name)
+
+    def widths(self, items: Sequence[Item]) -> dict[str, tuple[str, float]]:
+        """Return the deciding criterion and the width of every wanted row after a choice."""
+        fits = [*self.flown, *self.prediction.fits(items)]
+        widths = {}
+        for row in self.rows:
+            spreads = []
+            for coefficient in row.coefficients:
+                local = [fit for fit in fits if coefficient_of(fit) == coefficient]
+                key = row.wanted.name, coefficient, tuple(sorted(map(id, local)))
+                if key not in self._spreads:
+                    self._spreads[key] = self.expectation.spread_of(
+                        coefficient, local, row.gradients
+                    )
+                spreads.append(self._spreads[key])
+            widths[row.wanted.name] = row.decides(sum_spreads(spreads))
+        return widths
 
     def stderr(self, items: Sequence[Item]) -> dict[str, np.ndarray]:
         """Return the standard errors of the wanted nodes after a choice, NaN elsewhere."""
@@ -97,9 +141,32 @@ class Goal:
         for name, bound in self._counted.items():
             logarithms.append(np.log(stderr[name] / bound)[np.isfinite(bound)])
         values = np.concatenate(logarithms)
-        if not len(values):
-            return 0.0
-        return float(np.maximum(values, 0.0).mean())
+        missing = 0.0
+        if len(values):
+            missing = float(np.maximum(values, 0.0).mean())
+        shortfalls = []
+        for name, (_, width) in self.widths(items).items():
+            bound = max(self._row(name).wanted.ratio, _NEAR_BEST * self.beyond.get(name, 0.0))
+            shortfalls.append(max(0.0, float(np.log(width / bound))) if width > 0.0 else 0.0)
+        if shortfalls:
+            missing += float(np.mean(shortfalls))
+        return missing
+
+
+def ground_bounds(rows: Sequence[RowGradients], database: xr.DataTree) -> dict[str, np.ndarray]:
+    """Return the bound of the nodes of ground effect on which rows rest, NaN at the other nodes."""
+    leaves = terms(database)
+    bounds: dict[str, np.ndarray] = {}
+    for row in rows:
+        for name, gradient in row.gradients.items():
+            if HEIGHT not in leaves[name]["value"].dims:
+                continue
+            stderr = leaves[name]["stderr"].values
+            effect = np.abs(gradient).max(axis=0) * stderr
+            touched = effect > _NEGLIGIBLE * effect.max()
+            bound = np.where(touched, GROUND_RATIO * stderr, np.nan)
+            bounds[name] = np.fmin(bounds.get(name, np.full(bound.shape, np.nan)), bound)
+    return {name: bound for name, bound in bounds.items() if np.isfinite(bound).any()}
 
 
 def bounds_of(catalogue: Catalogue, database: xr.DataTree) -> dict[str, np.ndarray]:
