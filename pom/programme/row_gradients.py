@@ -22,11 +22,13 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.node_values import table_values, with_table_values
+from flightmech.terms import basis
 from flighttest.flight_programme.planning.catalogue import Catalogue, WantedRow
 from flighttest.flight_programme.planning.prediction import predict_manoeuvre
 from flighttest.flight_programme.planning.wanted_rows import RowGradients
 from pom.diagnosis.sampling.draws import InstrumentErrors
 from pom.diagnosis.sampling.sampled_bench import SampledBench, SampledRun, with_inertia
+from pom.diagnosis.sampling.shares import flown_conditions
 from pom.programme.row_cases import plan_row
 
 # Step of a difference, in standard errors of the node. The nodes of a table move together by more,
@@ -36,6 +38,9 @@ _STEP = 0.25
 _INSTANTS = 25
 # Criterion and group of a bias of the trim.
 _TRIM = "trim."
+# Axis of the terms of ground effect, and height from which a flight is not near the runway [spans].
+HEIGHT, _NEAR = "h_agl", 1.0
+_COLUMNS = ["criterion", "group", "time", "sample", "ground"]
 _NO_DRAW = np.zeros(0)
 
 
@@ -84,13 +89,16 @@ def row_gradients(
             f"wanted_row {wanted.name}",
             [f"no criterion is judged: {'; '.join(notes)}; choose another manoeuvre or row"],
         )
-    leaves = _uncertain_terms(database, hinges=plan.case.drive.level != "recorded")
+    leaves = uncertain_terms(database, hinges=plan.case.drive.level != "recorded")
     values = table_values(sim, {name: leaf["value"].shape for name, leaf in leaves.items()})
-    moves = []
+    samples = flown_conditions(database, leaves, plan.states)
+    moves: list[tuple[str, tuple[int, ...]]] = []
     for name, leaf in leaves.items():
-        for node in _touched_nodes(leaf, flight.motion):
-            if leaf["stderr"].values[node] > 0.0:
-                moves.append((name, node))
+        touched = np.abs(basis(leaf, samples, "clamp")).max(axis=0).toarray().ravel() > 0.0
+        uncertain = leaf["stderr"].values.ravel() > 0.0
+        for k in np.flatnonzero(touched & uncertain):
+            node = np.unravel_index(k, leaf["value"].shape)
+            moves.append((name, tuple(int(i) for i in node)))
 
     def differ(name: str, node: tuple[int, ...]) -> np.ndarray:
         step = _STEP * float(leaves[name]["stderr"].values[node])
@@ -113,6 +121,13 @@ def row_gradients(
     for (name, node), column in zip(moves, columns, strict=True):
         shape = (len(functions), *leaves[name]["value"].shape)
         gradients.setdefault(name, np.zeros(shape))[(slice(None), *node)] = column
+    if float(np.min(plan.states[HEIGHT])) < _NEAR * aircraft.b:
+        ground, more = _ground_functions(leaves, samples)
+        functions = pd.concat([functions, ground], ignore_index=True)
+        for name, leaf in leaves.items():
+            shape = (len(ground), *leaf["value"].shape)
+            own = gradients.get(name, np.zeros((len(functions) - len(ground), *shape[1:])))
+            gradients[name] = np.concatenate([own, more.get(name, np.zeros(shape))])
     gradients = {name: gradient for name, gradient in gradients.items() if gradient.any()}
     finite = np.ones(len(functions), bool)
     for gradient in gradients.values():
@@ -128,7 +143,7 @@ def row_gradients(
     )
 
 
-def _uncertain_terms(database: xr.DataTree, *, hinges: bool) -> dict[str, xr.Dataset]:
+def uncertain_terms(database: xr.DataTree, *, hinges: bool) -> dict[str, xr.Dataset]:
     """Return the terms with standard errors; recorded surfaces do not feel hinge moments."""
     leaves = {}
     for name, leaf in terms(database).items():
@@ -137,24 +152,29 @@ def _uncertain_terms(database: xr.DataTree, *, hinges: bool) -> dict[str, xr.Dat
     return leaves
 
 
-def _touched_nodes(leaf: xr.Dataset, motion: xr.Dataset) -> list[tuple[int, ...]]:
-    """Return the nodes of a table whose cells the motion can touch: those of a box around it.
-
-    A trim of a moved model differs, so the box has a margin of a tenth of a cell.
-    """
-    ranges = []
-    for axis in leaf["value"].dims:
-        x = leaf[axis].values
-        if axis not in motion or len(x) < 2:
-            ranges.append(np.arange(len(x)))
-            continue
-        low, high = float(motion[axis].min()), float(motion[axis].max())
-        margin = 0.1 * float(np.diff(x).min())
-        first = int(np.searchsorted(x, low - margin, side="right")) - 1
-        last = int(np.searchsorted(x, high + margin, side="left"))
-        ranges.append(np.arange(max(first, 0), min(last, len(x) - 1) + 1))
-    grids = np.meshgrid(*ranges, indexing="ij")
-    return list(zip(*(grid.ravel().tolist() for grid in grids), strict=True)) if grids else [()]
+def _ground_functions(
+    leaves: Mapping[str, xr.Dataset], samples: Mapping[str, np.ndarray]
+) -> tuple[pd.DataFrame, dict[str, np.ndarray]]:
+    """Return the ground effect along a flight as functions by coefficient, with their gradients."""
+    rows: list[dict[str, Any]] = []
+    parts: dict[str, tuple[int, np.ndarray]] = {}
+    near: dict[str, list[str]] = {}
+    for name, leaf in leaves.items():
+        if HEIGHT in leaf["value"].dims:
+            near.setdefault(name.split("/")[0], []).append(name)
+    for coefficient, names in near.items():
+        count = len(samples[HEIGHT])
+        chosen = np.unique(np.linspace(0, count - 1, _INSTANTS).astype(int))
+        for name in names:
+            weights = basis(leaves[name], samples, "clamp").toarray()[chosen]
+            parts[name] = len(rows), weights.reshape(len(chosen), *leaves[name]["value"].shape)
+        for _ in chosen:
+            rows.append(_function(coefficient, coefficient, np.nan, sample=-1, ground=True))
+    gradients = {}
+    for name, (first, weights) in parts.items():
+        gradients[name] = np.zeros((len(rows), *weights.shape[1:]))
+        gradients[name][first : first + len(weights)] = weights
+    return pd.DataFrame(rows, columns=_COLUMNS), gradients
 
 
 def _functions_of(bench: SampledBench, base: SampledRun) -> tuple[pd.DataFrame, list[str]]:
@@ -179,11 +199,13 @@ def _functions_of(bench: SampledBench, base: SampledRun) -> tuple[pd.DataFrame, 
     notes = [f"not judged on the predicted flight: {', '.join(lost)}"] if lost else []
     if not judged:
         rows = []
-    return pd.DataFrame(rows, columns=["criterion", "group", "time", "sample"]), notes
+    return pd.DataFrame(rows, columns=_COLUMNS), notes
 
 
-def _function(criterion: str, group: str, time: float, *, sample: int) -> dict[str, Any]:
-    return {"criterion": criterion, "group": group, "time": time, "sample": sample}
+def _function(
+    criterion: str, group: str, time: float, *, sample: int, ground: bool = False
+) -> dict[str, Any]:
+    return dict(zip(_COLUMNS, (criterion, group, time, sample, ground), strict=True))
 
 
 def _values_of(bench: SampledBench, functions: pd.DataFrame, run: SampledRun) -> np.ndarray:

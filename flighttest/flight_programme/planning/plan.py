@@ -18,7 +18,6 @@ from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedFit
 from flighttest.flight_programme.planning.prediction import Item, Prediction, predict
 from flighttest.flight_programme.planning.selection import (
     Goal,
-    ground_bounds,
     select_manoeuvres,
     time_of,
 )
@@ -28,7 +27,9 @@ from flighttest.flight_programme.planning.wanted_rows import RowGradients, share
 _NODE_COLUMNS = ["before", "expected", "bound", "state"]
 _ORDER_COLUMNS = ["condition", "manoeuvre", "setup", "time", "fuel", "clock", "fuel_total"]
 _ROW_COLUMNS = ["row", "condition", "manoeuvre", "before", "expected", "bound"]
-_ROW_COLUMNS += ["criterion", "state", "rests_on"]
+_ROW_COLUMNS += ["criterion", "state", "rests_on", "ground"]
+# Ratio of standard errors above which the ground effect counts as not flown.
+_NOT_LOWERED = 0.9
 _STATES = ("reached", "missed", "unreachable")
 
 
@@ -55,8 +56,9 @@ class ProgrammePlan:
         Fits of the catalogue that the chosen manoeuvres do not determine.
     rows : DataFrame
         Wanted rows: ``row condition manoeuvre``, widths ``before`` and ``expected``, ``bound``,
-        ``criterion`` that decides, ``state`` as of nodes, and ``rests_on``: the terms with the
-        largest shares of the expected variance.
+        ``criterion`` that decides, ``state`` as of nodes, ``rests_on``: the terms with the largest
+        shares of the expected variance, and ``ground``: standard errors of the ground effect along
+        the row over those before the flights, by coefficient.
     notes : list of str
         What the prediction of the rows assumes or lacks.
     """
@@ -156,7 +158,7 @@ def plan_predicted_flights(
         expected=goal.expectation.stderr(fits),
         undetermined=undetermined,
         rows=rows_of(goal, items),
-        notes=_note_rows(goal, items),
+        notes=_note_rows(goal),
     )
 
 
@@ -189,26 +191,26 @@ def rows_of(goal: Goal, items: Sequence[Item]) -> pd.DataFrame:
                 "criterion": criterion,
                 "state": state,
                 "rests_on": ", ".join(rests_on),
+                "ground": ", ".join(
+                    f"{name} {ratio:.2f}" for name, ratio in goal.ground_ratios(row, items).items()
+                ),
             }
         )
     return pd.DataFrame(rows, columns=_ROW_COLUMNS)
 
 
-def _note_rows(goal: Goal, items: Sequence[Item]) -> list[str]:
-    """Return the notes on the rows, and terms of ground effect that no manoeuvre informs."""
-    notes = []
+def _note_rows(goal: Goal) -> list[str]:
+    """Return the notes on the rows, and the ground effect that no manoeuvre informs."""
+    notes, everything = [], list(goal.prediction.candidates)
     for row in goal.rows:
         notes += [f"{row.wanted.name}: {note}" for note in row.notes]
-    best = goal.stderr(list(goal.prediction.candidates))
-    for name in ground_bounds(goal.rows, goal.expectation.prior):
-        nodes = np.isfinite(goal.bounds[name])
-        known = terms(goal.expectation.prior)[name]["stderr"].values
-        # correlation along the height brings a little of the free air down
-        if np.all(best[name][nodes] > 0.9 * known[nodes]):
-            notes.append(
-                f"rows rest on {name}, and no manoeuvre of the catalogue lowers its standard "
-                'errors; add a condition over the runway with a [[manoeuvre]] kind = "low_pass"'
-            )
+        for coefficient, ratio in goal.ground_ratios(row, everything).items():
+            if ratio > _NOT_LOWERED:
+                notes.append(
+                    f"{row.wanted.name} rests on the ground effect on {coefficient}, and no "
+                    "manoeuvre of the catalogue lowers its standard error; add a condition over "
+                    'the runway with a [[manoeuvre]] of kind = "low_pass"'
+                )
     return notes
 
 
@@ -342,6 +344,8 @@ def format_rows(rows: pd.DataFrame) -> list[str]:
             f"{row['row']:<8}{row['condition']:<24}{row['manoeuvre']:<24}{widths}"
             f"  {row['state']:<12}{row['criterion']:<22}{row['rests_on']}"
         )
+        if row["ground"]:
+            lines.append(f"{'':8}ground effect, of its standard error before: {row['ground']}")
     return lines
 
 

@@ -28,10 +28,8 @@ _LEAST = 1e-5
 _ROUNDING = 1e-9
 # A row that stays above its bound is brought this near to what all manoeuvres together reach.
 _NEAR_BEST = 1.05
-# Axis of the terms of ground effect, and the ratio of their nodes when a row rests on them.
-HEIGHT, GROUND_RATIO = "h_agl", 0.5
-# Share of the largest effect of a node of its term below which a node is not wanted.
-_NEGLIGIBLE = 0.05
+# Wanted ratio of the standard error of the ground effect along a row near the runway.
+GROUND_RATIO = 0.5
 
 
 class Goal:
@@ -47,8 +45,8 @@ class Goal:
     learnt : Tabulation, optional
         Tabulation of these flights, as in `aerodb.update.Expectation`.
     rows : sequence of RowGradients
-        Gradients of the wanted rows of the catalogue.  The nodes of ground effect on which a row
-        rests are wanted with the ratio `GROUND_RATIO`, unless the catalogue wants their term.
+        Gradients of the wanted rows of the catalogue.  The ground effect along a row near the
+        runway is wanted too, with the ratio `GROUND_RATIO` of its standard error.
 
     Attributes
     ----------
@@ -58,8 +56,8 @@ class Goal:
         Standard error of the wanted nodes that stay above their bound with all manoeuvres, NaN
         elsewhere.  These nodes do not count.
     beyond : dict of str to float
-        Width of the wanted rows that stay above their bound with all manoeuvres, by name.  Their
-        bound in F is 1.05 of this width.
+        Width over bound of wanted rows, and of the ground effect along them, that stay above their
+        bound with all manoeuvres, by name.  Their bound in F is 1.05 of this width.
 
     Raises
     ------
@@ -80,8 +78,6 @@ class Goal:
         demand_rows(prediction.catalogue, rows)
         self.expectation = Expectation(database, prediction.catalogue.held, learnt=learnt)
         self.bounds = bounds_of(prediction.catalogue, database)
-        for name, bound in ground_bounds(rows, database).items():
-            self.bounds.setdefault(name, bound)
         self._spreads: dict[Any, LinearSpread] = {}
         self._stderr_of_fits: dict[Any, dict[str, np.ndarray]] = {}
         self.unreachable: dict[str, np.ndarray] = {}
@@ -92,30 +88,53 @@ class Goal:
             if beyond.any():
                 self.unreachable[name] = np.where(beyond, best[name], np.nan)
             self._counted[name] = np.where(beyond, np.nan, bound)
+        self._ground_before = {
+            row.wanted.name: row.ground_errors(self._row_stderr(row, [])) for row in self.rows
+        }
         self.beyond: dict[str, float] = {}
-        for name, (_, width) in self.widths(list(prediction.candidates)).items():
-            if width > self._row(name).wanted.ratio:
-                self.beyond[name] = width
+        for name, ratio in self.row_ratios(list(prediction.candidates)).items():
+            if ratio > 1.0:
+                self.beyond[name] = ratio
 
-    def _row(self, name: str) -> RowGradients:
-        return next(row for row in self.rows if row.wanted.name == name)
+    def _row_stderr(self, row: RowGradients, fits: Sequence[Any]) -> np.ndarray:
+        """Return the standard errors of the functions of a row."""
+        spreads = []
+        for coefficient in row.coefficients:
+            local = [fit for fit in fits if coefficient_of(fit) == coefficient]
+            key = row.wanted.name, coefficient, tuple(sorted(map(id, local)))
+            if key not in self._spreads:
+                self._spreads[key] = self.expectation.spread_of(coefficient, local, row.gradients)
+            spreads.append(self._spreads[key])
+        return sum_spreads(spreads)
 
     def widths(self, items: Sequence[Item]) -> dict[str, tuple[str, float]]:
         """Return the deciding criterion and the width of every wanted row after a choice."""
         fits = [*self.flown, *self.prediction.fits(items)]
         widths = {}
         for row in self.rows:
-            spreads = []
-            for coefficient in row.coefficients:
-                local = [fit for fit in fits if coefficient_of(fit) == coefficient]
-                key = row.wanted.name, coefficient, tuple(sorted(map(id, local)))
-                if key not in self._spreads:
-                    self._spreads[key] = self.expectation.spread_of(
-                        coefficient, local, row.gradients
-                    )
-                spreads.append(self._spreads[key])
-            widths[row.wanted.name] = row.decides(sum_spreads(spreads))
+            widths[row.wanted.name] = row.decides(self._row_stderr(row, fits))
         return widths
+
+    def ground_ratios(self, row: RowGradients, items: Sequence[Item]) -> dict[str, float]:
+        """Return the standard errors of the ground effect along a row over those before.
+
+        The key is the coefficient.
+        """
+        fits = [*self.flown, *self.prediction.fits(items)]
+        after = row.ground_errors(self._row_stderr(row, fits))
+        before = self._ground_before[row.wanted.name]
+        return {name: after[name] / before[name] for name in after if before[name] > 0.0}
+
+    def row_ratios(self, items: Sequence[Item]) -> dict[str, float]:
+        """Return the widths of rows, and the errors of the ground effect, over their bounds."""
+        ratios = {}
+        widths = self.widths(items)
+        for row in self.rows:
+            name = row.wanted.name
+            ratios[name] = widths[name][1] / row.wanted.ratio
+            for coefficient, ratio in self.ground_ratios(row, items).items():
+                ratios[f"{name}: {coefficient}"] = ratio / GROUND_RATIO
+        return ratios
 
     def stderr(self, items: Sequence[Item]) -> dict[str, np.ndarray]:
         """Return the standard errors of the wanted nodes after a choice, NaN elsewhere."""
@@ -145,28 +164,12 @@ class Goal:
         if len(values):
             missing = float(np.maximum(values, 0.0).mean())
         shortfalls = []
-        for name, (_, width) in self.widths(items).items():
-            bound = max(self._row(name).wanted.ratio, _NEAR_BEST * self.beyond.get(name, 0.0))
-            shortfalls.append(max(0.0, float(np.log(width / bound))) if width > 0.0 else 0.0)
+        for name, ratio in self.row_ratios(items).items():
+            bound = max(1.0, _NEAR_BEST * self.beyond.get(name, 0.0))
+            shortfalls.append(float(np.log(max(ratio / bound, 1.0))))
         if shortfalls:
             missing += float(np.mean(shortfalls))
         return missing
-
-
-def ground_bounds(rows: Sequence[RowGradients], database: xr.DataTree) -> dict[str, np.ndarray]:
-    """Return the bound of the nodes of ground effect on which rows rest, NaN at the other nodes."""
-    leaves = terms(database)
-    bounds: dict[str, np.ndarray] = {}
-    for row in rows:
-        for name, gradient in row.gradients.items():
-            if HEIGHT not in leaves[name]["value"].dims:
-                continue
-            stderr = leaves[name]["stderr"].values
-            effect = np.abs(gradient).max(axis=0) * stderr
-            touched = effect > _NEGLIGIBLE * effect.max()
-            bound = np.where(touched, GROUND_RATIO * stderr, np.nan)
-            bounds[name] = np.fmin(bounds.get(name, np.full(bound.shape, np.nan)), bound)
-    return {name: bound for name, bound in bounds.items() if np.isfinite(bound).any()}
 
 
 def bounds_of(catalogue: Catalogue, database: xr.DataTree) -> dict[str, np.ndarray]:

@@ -47,7 +47,9 @@ class RowGradients:
     wanted : WantedRow
         The row in the catalogue.
     functions : DataFrame
-        One row per function: ``criterion``, ``group``, ``time`` (NaN for a number). [s]
+        One row per function: ``criterion``, ``group``, ``time`` (NaN for a number) [s], and
+        ``ground``: the function is not a comparison, but the contribution of all terms over
+        height to the coefficient named by ``criterion``.
     gradients : dict of str to array (function, *axes)
         Change of the functions by the nodes of a term, in the shape of its table.
         [1/unit of the term]
@@ -62,12 +64,21 @@ class RowGradients:
 
     def widths(self, stderr: np.ndarray) -> pd.Series:
         """Return the width of every criterion, from standard errors (function,)."""
-        return WIDTH * pd.Series(stderr).groupby(self.functions["criterion"].to_numpy()).max()
+        compared = ~self.functions["ground"].to_numpy(bool)
+        criteria = self.functions["criterion"].to_numpy()[compared]
+        return WIDTH * pd.Series(stderr[compared]).groupby(criteria).max()
+
+    def ground_errors(self, stderr: np.ndarray) -> dict[str, float]:
+        """Return the largest standard error of the ground effect by coefficient."""
+        ground = self.functions["ground"].to_numpy(bool)
+        criteria = self.functions["criterion"].to_numpy()[ground]
+        return pd.Series(stderr[ground]).groupby(criteria).max().to_dict()
 
     def decides(self, stderr: np.ndarray) -> tuple[str, float]:
         """Return the criterion that decides, and its width; standard errors (function,)."""
         widths = self.widths(stderr)
-        groups = self.functions.groupby("criterion")["group"].first()
+        compared = self.functions[~self.functions["ground"].to_numpy(bool)]
+        groups = compared.groupby("criterion")["group"].first()
         best = widths.groupby(groups).idxmin()
         name = max(best, key=lambda criterion: widths[criterion])
         return str(name), float(widths[name])
@@ -94,19 +105,27 @@ def shares_of_row(
 ) -> dict[str, float]:
     """Return the share of each term in the variance of the function that decides.
 
-    Each term is taken alone. The shares do not add up to one where terms are correlated.
+    It is the covariance of the contribution of the term with the function, over the variance of the
+    function.  Shares add up to one, and may be negative where terms compensate each other.
     """
     stderr = sum_spreads(spreads_of_row(row, expectation, fits))
     name, _ = row.decides(stderr)
-    own = row.functions["criterion"].to_numpy() == name
+    own = (row.functions["criterion"] == name) & ~row.functions["ground"].astype(bool)
     k = int(np.argmax(np.where(own, stderr, -1.0)))
     if not stderr[k] > 0.0:
         return {}
-    shares = {}
-    for term, gradient in row.gradients.items():
-        alone = expectation.stderr_of(fits, {term: gradient[k : k + 1]})
-        shares[term] = float((alone[0] / stderr[k]) ** 2)
-    return dict(sorted(shares.items(), key=lambda item: -item[1]))
+    # cov(part, whole) = (var(whole + part) - var(whole - part))/4
+    count = len(row.gradients)
+    varied = {}
+    for number, (term, gradient) in enumerate(row.gradients.items()):
+        signs = np.ones((2, count))
+        signs[:, number] += [1.0, -1.0]
+        shape = (2 * count, *(1 for _ in gradient.shape[1:]))
+        varied[term] = signs.reshape(shape) * gradient[k]
+    up, down = expectation.stderr_of(fits, varied).reshape(2, count)
+    shares = (up**2 - down**2) / (4.0 * stderr[k] ** 2)
+    ordered = sorted(zip(row.gradients, shares.tolist(), strict=True), key=lambda pair: -pair[1])
+    return dict(ordered)
 
 
 def save_rows(rows: Sequence[RowGradients], database: xr.DataTree, path: str | os.PathLike) -> None:
@@ -122,6 +141,7 @@ def save_rows(rows: Sequence[RowGradients], database: xr.DataTree, path: str | o
             "wanted": row.wanted.model_dump_json(),
             "criterion": json.dumps(row.functions["criterion"].tolist()),
             "group": json.dumps(row.functions["group"].tolist()),
+            "ground": json.dumps(row.functions["ground"].astype(bool).tolist()),
             "terms": json.dumps(list(row.gradients)),
             "notes": json.dumps(row.notes),
         }
@@ -205,6 +225,7 @@ def _row_of(data: xr.Dataset) -> RowGradients:
             "criterion": json.loads(data.attrs["criterion"]),
             "group": json.loads(data.attrs["group"]),
             "time": data["time"].values,
+            "ground": json.loads(data.attrs["ground"]),
         }
     )
     gradients = {}
