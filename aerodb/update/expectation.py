@@ -174,9 +174,10 @@ class Expectation:
             if name in blocks:
                 P, nodes = blocks[name].covariance, blocks[name].nodes
             else:
-                # no fit informs the term, or it is held
+                # No fit informs the term, or it is held: it keeps its declared standard errors.
                 nodes = np.flatnonzero(np.any(G != 0.0, axis=0))
                 P = self._prior_of(name, np.zeros(G.shape[1]), nodes=nodes)
+                P = P / self._weights.get(name, _WEIGHTS).sum()
             variance += np.einsum("qi,ij,qj->q", G[:, nodes], P, G[:, nodes])
         if not observed:
             return LinearSpread(variance, {})

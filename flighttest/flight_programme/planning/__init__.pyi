@@ -14,3 +14,6 @@ from .plan_files import save_plan as save_plan
 from .prediction import Prediction as Prediction
 from .prediction import predict as predict
 from .prediction import with_assumed as with_assumed
+from .wanted_rows import RowGradients as RowGradients
+from .wanted_rows import read_rows as read_rows
+from .wanted_rows import save_rows as save_rows
