@@ -24,7 +24,7 @@ from pom.cli.group import pom
 from pom.diagnosis.sampling.draws import InstrumentErrors
 from pom.diagnosis.sampling.sampled_bench import SampledBench, with_inertia
 from pom.programme.row_cases import plan_row
-from pom.programme.row_gradients import row_gradients
+from pom.programme.row_gradients import differentiate_row
 
 PROJECT = Path(__file__).parents[1] / "data" / "t37" / "aeromatch.toml"
 pytestmark = pytest.mark.filterwarnings("ignore:flaps:flightmech.errors.AeromatchWarning")
@@ -165,7 +165,7 @@ def test_the_spread_of_a_row_is_that_of_draws_of_the_tables(trainer):
     aircraft, sim, prior, folder = trainer
     catalogue = read_catalogue(folder / "catalogue.toml")
     wanted = catalogue.wanted_row[0]
-    row = row_gradients(wanted, catalogue, sim, aircraft, prior)
+    row = differentiate_row(wanted, catalogue, sim, aircraft, prior)
     small, chosen = {}, ("Cm/basic", "Cm/qhat")
     for name in chosen:
         leaf = aerodb.terms(prior)[name]

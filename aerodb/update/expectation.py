@@ -161,11 +161,11 @@ class Expectation:
             if name.split("/")[0] == coefficient:
                 own[name] = gradient.reshape(len(gradient), -1)
         count = len(next(iter(own.values())))
-        observed = [self._observation(fit) for fit in fits]
+        observed = [self.observation(fit) for fit in fits]
         blocks: dict[str, _PriorBlock] = {}
         expected: np.ndarray | float = 0.0
         if observed:
-            H, (D, names) = np.vstack([one.H for one in observed]), _align_errors(observed)
+            H, (D, names) = np.vstack([one.H for one in observed]), align_errors(observed)
             requested = {name: np.any(G != 0.0, axis=0) for name, G in own.items()}
             found, expected = self._prior_blocks(coefficient, observed, H, requested=requested)
             blocks = {block.name: block for block in found}
@@ -202,9 +202,9 @@ class Expectation:
         is_flown: dict[str, np.ndarray] = {}
         for coefficient in dict.fromkeys(map(coefficient_of, fits)):
             local = [fit for fit in fits if coefficient_of(fit) == coefficient]
-            observed = [self._observation(fit) for fit in local]
+            observed = [self.observation(fit) for fit in local]
             touched, sampled = observed_nodes(observed), sampled_weights(observed)
-            for name, nodes in self._slices(coefficient).items():
+            for name, nodes in self.node_slices(coefficient).items():
                 flown_nodes = ((sampled >= FLOWN) & touched)[nodes]
                 is_flown[name] = flown_nodes.reshape(self._leaves[name]["value"].shape)
         return is_flown
@@ -217,17 +217,22 @@ class Expectation:
                 nodes[name] = np.ones(leaf["value"].shape, bool)
         return nodes
 
+    def leaf(self, name: str) -> xr.Dataset:
+        """Return the table of a term of the prior."""
+        return self._leaves[name]
+
     def _coefficient_terms(self, coefficient: str) -> CoefficientTerms:
         if coefficient not in self._terms_by_coefficient:
             (group,) = known_terms([coefficient], self.prior, self.held)
             self._terms_by_coefficient[coefficient] = group
         return self._terms_by_coefficient[coefficient]
 
-    def _slices(self, coefficient: str) -> dict[str, slice]:
+    def node_slices(self, coefficient: str) -> dict[str, slice]:
+        """Return the range of each free term among the free nodes of a coefficient."""
         free = self._coefficient_terms(coefficient).free
         return dict(zip(free, slices_of(free.values()), strict=True))
 
-    def _observation(self, fit: Any) -> Observation:
+    def observation(self, fit: Any) -> Observation:
         """Return the observation by a fit, with its common errors first in D."""
         if id(fit) not in self._observed:
             sources = common_errors_of_fits([fit])
@@ -241,8 +246,8 @@ class Expectation:
         self, coefficient: str, fits: Sequence[Any], requested: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Return the standard errors of the requested nodes of one coefficient, by term."""
-        observed = [self._observation(fit) for fit in fits]
-        H, (D, _) = np.vstack([observation.H for observation in observed]), _align_errors(observed)
+        observed = [self.observation(fit) for fit in fits]
+        H, (D, _) = np.vstack([observation.H for observation in observed]), align_errors(observed)
         blocks, expected = self._prior_blocks(coefficient, observed, H, requested=requested)
         inverse, own_errors = self._inverse_covariance(coefficient, observed, expected)
         errors = {}
@@ -292,7 +297,7 @@ class Expectation:
         touched, sampled = np.abs(H).max(axis=0) > 0, sampled_weights(observed)
         blocks: list[_PriorBlock] = []
         expected: np.ndarray | float = 0.0
-        for name, rows in self._slices(coefficient).items():
+        for name, rows in self.node_slices(coefficient).items():
             if not touched[rows].any():
                 continue
             leaf = self._leaves[name]
@@ -356,7 +361,7 @@ class _PriorBlock:
     crossed: np.ndarray  # (n, estimates): P H'
 
 
-def _align_errors(observed: Sequence[Observation]) -> tuple[np.ndarray, list[str]]:
+def align_errors(observed: Sequence[Observation]) -> tuple[np.ndarray, list[str]]:
     """Return the common errors of all fits, (estimates, errors), and the names of the first ones.
 
     Errors of the same name share a column.  Columns of fixed terms follow.

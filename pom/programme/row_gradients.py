@@ -44,7 +44,7 @@ _COLUMNS = ["criterion", "group", "time", "sample", "ground"]
 _NO_DRAW = np.zeros(0)
 
 
-def row_gradients(
+def differentiate_row(
     wanted: WantedRow,
     catalogue: Catalogue,
     sim: SimModel,

@@ -20,7 +20,7 @@ from flighttest.flight_programme.planning.wanted_rows import (
     spreads_of_row,
 )
 from pom.programme.row_cases import row_title
-from pom.programme.row_gradients import row_gradients, summarise_terms
+from pom.programme.row_gradients import differentiate_row, summarise_terms
 
 # Width below which a criterion is not printed: rounding of the replays.
 _LEAST = 5e-3
@@ -43,7 +43,7 @@ def run_spread(
     rows = []
     for wanted in catalogue.wanted_row:
         with show_progress(f"{wanted.row} {row_title(wanted)}: {wanted.manoeuvre}"):
-            rows.append(row_gradients(wanted, catalogue, sim, aircraft, database, jobs))
+            rows.append(differentiate_row(wanted, catalogue, sim, aircraft, database, jobs))
     if output:
         save_rows(rows, database, output)
     # terms that keep their values in the identification keep their errors too
