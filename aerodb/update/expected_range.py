@@ -5,6 +5,10 @@ prior covariance, the factor on the errors of the fits and the weights of the fi
 flights nobody has the estimates, but their distribution is that of the method: each draw takes the
 logarithms of all weights from their a-priori distribution, the estimates from the covariance of
 these weights, and learns from them as `tabulate` does.  The quantiles over the draws are the range.
+
+The lognormal weights of the parts `long` and `short` exclude an aeroplane whose tables have the
+shape of the handbook, which is frequent: derivatives of aeroplanes in simulators are constant.  In
+half of the draws a table therefore does not have these parts.
 """
 
 from __future__ import annotations
@@ -20,6 +24,9 @@ from aerodb.update.expectation import Expectation, align_errors
 from aerodb.update.observations import coefficient_of, observed_nodes, sampled_weights
 from aerodb.update.weight_learning import SPREAD_OF_FITS, weigh_fits
 from flightmech.errors import IdentificationError
+
+# Parts by which the shape of a table departs from the handbook, and share of tables without them.
+_SHAPE, _SMOOTH = ("long", "short"), 0.5
 
 
 def draw_stderr(
@@ -106,6 +113,9 @@ class _CoefficientDraws:
         share = np.append(np.tile(list(SHARES.values()), tables), 1.0)
         # the share is the mean of the lognormal weight, as in `learn_weights`
         weights = np.exp(np.log(share) - spread**2 / 2.0 + spread * rng.standard_normal(len(share)))
+        # tables with the shape of the handbook
+        smooth = np.repeat(rng.random(tables) < _SMOOTH, len(PARTS))
+        weights[:-1][smooth & np.tile(np.isin(PARTS, _SHAPE), tables)] = 0.0
         reach = np.arange(len(weights) - 1) % len(PARTS) == PARTS.index("reach")
         weights[:-1][reach] = np.maximum(weights[:-1][reach], SHARES["reach"])
         S = np.einsum("k,kij->ij", weights[:-1], self.estimates)
