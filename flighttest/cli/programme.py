@@ -71,6 +71,13 @@ def design_command() -> None:
     help="Gradients of the wanted rows, of `aeromatch pom spread`; needed when CATALOGUE has a "
     "[[wanted_row]].",
 )
+@click.option(
+    "--draws",
+    type=click.IntRange(0),
+    default=40,
+    show_default=True,
+    help="Draws for the range of the standard errors; 0 without it.",
+)
 @jobs_option
 @click.option(
     "-o",

@@ -129,6 +129,7 @@ def run_plan(
     aircraft_file: str,
     database_file: str,
     rows_file: str | None,
+    draws: int,
     jobs: int,
     output: str,
     as_json: bool,
@@ -147,7 +148,7 @@ def run_plan(
     ):
         prediction = predict(catalogue, sim, aircraft, jobs)
     with show_progress("choose the manoeuvres"):
-        found = plan_predicted_flights(prediction, database, rows=rows)
+        found = plan_predicted_flights(prediction, database, rows=rows, draws=draws)
     files = save_plan(found, output)
     if as_json:
         print_json({**found.summary(), "files": [str(file) for file in files]})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from aerodb.store.schema import terms
+from aerodb.update.expected_range import draw_stderr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.names import value_text
 from flightmech.simulation.compiler import SimModel
@@ -30,6 +31,9 @@ _ROW_COLUMNS = ["row", "condition", "manoeuvre", "before", "expected", "bound"]
 _ROW_COLUMNS += ["criterion", "state", "rests_on", "ground"]
 # Ratio of standard errors above which the ground effect counts as not flown.
 _NOT_LOWERED = 0.9
+# Range of the standard errors over the draws.
+RANGE_COLUMNS = ["low", "median", "high"]
+_QUANTILES = (0.05, 0.5, 0.95)
 _STATES = ("reached", "missed", "unreachable")
 
 
@@ -61,6 +65,10 @@ class ProgrammePlan:
         the row over those before the flights, by coefficient.
     notes : list of str
         What the prediction of the rows assumes or lacks.
+    ranges : dict of str to Dataset
+        Range of the standard errors of the terms that the programme informs, over draws of what the
+        identification will learn (`aerodb.update.draw_stderr`): ``low``, ``median``, ``high`` in
+        the shape of the table; 5, 50 and 95 %.  Empty without draws.
     """
 
     prediction: Prediction
@@ -71,6 +79,7 @@ class ProgrammePlan:
     undetermined: list[str]
     rows: pd.DataFrame = field(default_factory=pd.DataFrame)
     notes: list[str] = field(default_factory=list)
+    ranges: dict[str, xr.Dataset] = field(default_factory=dict)
 
     @property
     def time(self) -> float:
@@ -143,22 +152,68 @@ def plan_predicted_flights(
     flown: Sequence[Any] = (),
     done: Callable[[int, float], None] | None = None,
     rows: Sequence[RowGradients] = (),
+    draws: int = 0,
 ) -> ProgrammePlan:
-    """Return the shortest programme of predicted flights; parameters as in `plan_programme`."""
+    """Return the shortest programme of predicted flights; parameters as in `plan_programme`.
+
+    `draws` is the number of draws for the ranges.
+    """
     goal = Goal(prediction, database, flown, rows=rows)
     chosen = set(select_manoeuvres(goal, done))
     items = [item for item in prediction.candidates if item in chosen]
     fits = [*flown, *prediction.fits(items)]
     undetermined = [f"{name}: {fit.name}" for name, fit in _find_undetermined(prediction, items)]
+    ranges = _ranges_of(goal, fits, draws)
     return ProgrammePlan(
         prediction,
         items,
         order=order_of(prediction, items),
-        nodes=nodes_of(goal, items, database),
+        nodes=_with_ranges(nodes_of(goal, items, database), ranges, database),
         expected=goal.expectation.stderr(fits),
         undetermined=undetermined,
         rows=rows_of(goal, items),
         notes=_note_rows(goal),
+        ranges=ranges,
+    )
+
+
+def _ranges_of(goal: Goal, fits: Sequence[Any], draws: int) -> dict[str, xr.Dataset]:
+    """Return the ranges of the standard errors over draws."""
+    if not draws or not fits:
+        return {}
+    leaves, ranges = terms(goal.expectation.prior), {}
+    drawn = draw_stderr(goal.expectation, fits, draws, seed=goal.prediction.catalogue.seed)
+    for name, values in drawn.items():
+        dims = leaves[name]["value"].dims
+        quantiles = np.nanquantile(values, _QUANTILES, axis=0)
+        ranges[name] = xr.Dataset(
+            {key: (dims, table) for key, table in zip(RANGE_COLUMNS, quantiles, strict=True)}
+        )
+    return ranges
+
+
+def _with_ranges(
+    nodes: pd.DataFrame, ranges: Mapping[str, xr.Dataset], database: xr.DataTree
+) -> pd.DataFrame:
+    """Return wanted nodes with the range of their standard errors."""
+    if not ranges:
+        return nodes
+    leaves = terms(database)
+    rows = []
+    for _, node in nodes.iterrows():
+        found = dict.fromkeys(RANGE_COLUMNS, np.nan)
+        if node["term"] in ranges:
+            leaf = leaves[node["term"]]
+            place = {}
+            for axis in leaf["value"].dims:
+                place[axis] = int(np.argmin(np.abs(leaf[axis].values - node[axis])))
+            table = ranges[node["term"]].isel(place)
+            found = {key: float(table[key]) for key in RANGE_COLUMNS}
+        rows.append(found)
+    place = list(nodes.columns).index("expected") + 1
+    return pd.concat(
+        [nodes.iloc[:, :place], pd.DataFrame(rows, index=nodes.index), nodes.iloc[:, place:]],
+        axis=1,
     )
 
 
@@ -355,11 +410,15 @@ def _format_nodes(nodes: pd.DataFrame) -> list[str]:
         f"{'term':<18}{'wanted':>8}{'reached':>9}{'missed':>8}{'unreachable':>13}"
         f"{'largest expected/bound':>24}"
     ]
+    if "low" in nodes:
+        lines[0] += "  range of 90 %"
     for name, part in nodes.groupby("term", sort=False):
         counts = part["state"].value_counts()
         reached, missed, unreachable = (int(counts.get(state, 0)) for state in _STATES)
         worst = float((part["expected"] / part["bound"]).max())
-        lines.append(
-            f"{name!s:<18}{len(part):>8}{reached:>9}{missed:>8}{unreachable:>13}{worst:>24.2f}"
-        )
+        line = f"{name!s:<18}{len(part):>8}{reached:>9}{missed:>8}{unreachable:>13}{worst:>24.2f}"
+        if "low" in part:
+            low, high = ((part[key] / part["bound"]).max() for key in ("low", "high"))
+            line += f"{low:>8.2f} ... {high:.2f}"
+        lines.append(line)
     return lines
