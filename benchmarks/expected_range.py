@@ -19,9 +19,9 @@ from planned_programme import before, local_fits
 
 import aerodb
 from aerodb.update.expectation import Expectation
-from aerodb.update.expected_range import draw_stderr
 from aerodb.update.observations import coefficient_of
 from aeromatch.project.project import read_project
+from flighttest.flight_programme.planning.expected_range import draw_stderr
 
 DATA = Path(__file__).parents[1] / "data"
 

@@ -2,7 +2,6 @@
 
 from .classical_join import join_submodels as join_submodels
 from .expectation import Expectation as Expectation
-from .expected_range import draw_stderr as draw_stderr
 from .posterior import common_errors as common_errors
 from .posterior import covariance as covariance
 from .posterior import draw as draw

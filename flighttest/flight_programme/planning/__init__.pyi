@@ -5,6 +5,7 @@ from .catalogue import read_catalogue as read_catalogue
 from .coverage import Coverage as Coverage
 from .coverage import coverage_of as coverage_of
 from .coverage import flights_of as flights_of
+from .expected_range import draw_stderr as draw_stderr
 from .manoeuvre_end import may_end as may_end
 from .manoeuvre_end import running_estimate as running_estimate
 from .plan import ProgrammePlan as Plan

@@ -11,11 +11,11 @@ import pandas as pd
 import xarray as xr
 
 from aerodb.store.schema import terms
-from aerodb.update.expected_range import draw_stderr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.names import value_text
 from flightmech.simulation.compiler import SimModel
 from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedFit
+from flighttest.flight_programme.planning.expected_range import draw_stderr
 from flighttest.flight_programme.planning.prediction import Item, Prediction, predict
 from flighttest.flight_programme.planning.selection import (
     Goal,
@@ -67,7 +67,7 @@ class ProgrammePlan:
         What the prediction of the rows assumes or lacks.
     ranges : dict of str to Dataset
         Range of the standard errors of the terms that the programme informs, over draws of what the
-        identification will learn (`aerodb.update.draw_stderr`): ``low``, ``median``, ``high`` in
+        identification will learn (`flighttest.planning.draw_stderr`): ``low``, ``median``, ``high`` in
         the shape of the table; 5, 50 and 95 %.  Empty without draws.
     """
 

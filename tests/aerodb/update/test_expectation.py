@@ -10,7 +10,6 @@ from aerodb.store.schema import terms as schema_terms
 from aerodb.update import draw, weight_learning
 from aerodb.update.correlation import SHARES, prior_parts
 from aerodb.update.expectation import Expectation
-from aerodb.update.expected_range import draw_stderr
 from aerodb.update.tabulation import tabulate
 from flightmech import terms
 from flighttest.regression.equation_error.model import RegressionModel
@@ -222,26 +221,3 @@ def test_a_sum_of_nodes_scatters_as_draws_of_the_tables(prior, monkeypatch):
     np.testing.assert_allclose(
         Expectation(prior).stderr_of(fits, gradients), drawn.std(axis=0), rtol=0.06
     )
-
-
-@pytest.mark.slow
-def test_the_range_holds_for_aeroplanes_that_the_prior_describes(prior):
-    """Draws of other seeds lie inside the range of 90 %, within the scatter of 20 draws, and so
-    does what `tabulate` gives with estimates of an aeroplane.
-    """
-    fits = [fit(1, 1 * DEG, 0.22), fit(2, 5 * DEG, 0.36), fit(3, 3 * DEG, 0.3)]
-    expectation = Expectation(prior)
-    drawn = draw_stderr(expectation, fits, 60, seed=1)["CL/basic"]
-    again = draw_stderr(expectation, fits, 60, seed=1)["CL/basic"]
-    np.testing.assert_array_equal(drawn, again)
-    low, high = np.quantile(drawn, (0.05, 0.95), axis=0)
-    flown = expectation.flown(fits)["CL/basic"]
-    others = draw_stderr(expectation, fits, 20, seed=2)["CL/basic"]
-    inside = ((others >= low) & (others <= high))[:, flown]
-    assert 0.7 < inside.mean() <= 1.0
-    # achieved with these estimates: between the smallest and the largest of the draws
-    achieved = tabulate(fits, prior)["CL/basic"]["stderr"].values
-    assert (achieved >= 0.9 * drawn.min(axis=0))[flown].all()
-    assert (achieved <= 1.1 * drawn.max(axis=0))[flown].all()
-    # the table is known better than before, whatever the estimates
-    assert (np.median(drawn, axis=0)[flown] < 0.05).all()

@@ -9,10 +9,14 @@ import pytest
 import xarray as xr
 
 from aerodb.store.schema import make_database
+from aerodb.update.expectation import Expectation
+from aerodb.update.tabulation import tabulate
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
 from flighttest.flight_programme.planning.catalogue import WantedRow
+from flighttest.flight_programme.planning.expected_range import draw_stderr
 from flighttest.flight_programme.planning.plan import nodes_of, plan_predicted_flights
+from flighttest.flight_programme.planning.plan_files import expected_table
 from flighttest.flight_programme.planning.selection import (
     Goal,
     bounds_of,
@@ -217,3 +221,40 @@ def test_rows_are_stored_with_their_database(prior, tmp_path):
     (tmp_path / "rows.nc").write_bytes(b"no file of this kind")
     with pytest.raises(ParseError):
         read_rows(tmp_path / "rows.nc", catalogue, prior)
+
+
+@pytest.mark.slow
+def test_the_range_holds_for_aeroplanes_that_the_prior_describes(prior):
+    """Draws of other seeds lie inside the range of 90 %, within the scatter of 20 draws, and so
+    does what `tabulate` gives with estimates of an aeroplane.
+    """
+    fits = [fit(item, k) for k, item in enumerate(MANOEUVRES)]
+    expectation = Expectation(prior)
+    drawn = draw_stderr(expectation, fits, 60, seed=1)["CL/basic"]
+    again = draw_stderr(expectation, fits, 60, seed=1)["CL/basic"]
+    np.testing.assert_array_equal(drawn, again)
+    low, high = np.quantile(drawn, (0.05, 0.95), axis=0)
+    flown = expectation.flown(fits)["CL/basic"]
+    others = draw_stderr(expectation, fits, 20, seed=2)["CL/basic"]
+    inside = ((others >= low) & (others <= high))[:, flown]
+    assert 0.7 < inside.mean() <= 1.0
+    # achieved with these estimates: between the smallest and the largest of the draws
+    achieved = tabulate(fits, prior)["CL/basic"]["stderr"].values
+    assert (achieved >= 0.9 * drawn.min(axis=0))[flown].all()
+    assert (achieved <= 1.1 * drawn.max(axis=0))[flown].all()
+    # the table is known better than before, whatever the estimates
+    assert (np.median(drawn, axis=0)[flown] < 0.05).all()
+
+
+def test_a_plan_states_the_range_of_wanted_nodes(prior):
+    flights = predicted([want(0.2)])
+    flights.catalogue.seed = 3
+    plan = plan_predicted_flights(flights, prior, draws=8)
+    nodes = plan.nodes
+    assert (nodes["low"] <= nodes["median"]).all()
+    assert (nodes["median"] <= nodes["high"]).all()
+    assert (nodes["high"] < nodes["before"]).all()
+    assert "range of 90 %" in plan.report()
+    table = expected_table(plan)
+    assert list(table.columns) == ["term", "place", "expected", "low", "median", "high"]
+    assert plan_predicted_flights(flights, prior).ranges == {}
