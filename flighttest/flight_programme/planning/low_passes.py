@@ -19,7 +19,7 @@ def split_heights(content: Any) -> Any:
         if not isinstance(item, dict) or item.get("kind") != "low_pass":
             manoeuvres.append(item)
             continue
-        heights = item.get("heights")
+        heights: Any = item.get("heights")
         if not _are_heights(heights):
             raise ValueError(
                 f"manoeuvre {item.get('name')!r}: heights {heights!r}; a low_pass needs different "

@@ -1,6 +1,8 @@
 """Estimates during flight: against the batch at every second, faults of the stream, evidence, goals."""
 
 import json
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +12,7 @@ from flown_lift import LIFT, STEP, coloured_noise, record
 from flown_lift import TRUTH as _TRUTH
 
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import (
     AeromatchError,
     IdentificationError,
@@ -19,6 +22,7 @@ from flightmech.errors import (
 )
 from flighttest.cli.actions.follow import _pieces_of_file
 from flighttest.cli.group import flight
+from flighttest.in_flight.coefficient_samples import CoefficientSamples
 from flighttest.in_flight.flight_estimate import AccuracyGoal
 from flighttest.in_flight.following import FlightFollower
 from flighttest.in_flight.sample_stream import SampleStream
@@ -29,6 +33,7 @@ from flighttest.records.signals.delays import remove_lag
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 
+T37 = Path(__file__).parents[3] / "data" / "t37" / "aircraft.toml"
 BAND, SPACING = (0.2, 2.0), 0.04
 TRUTH = np.array(list(_TRUTH.values()))[1:]
 
@@ -462,3 +467,24 @@ def test_a_vane_without_a_position_is_refused():
     with pytest.raises(SchemaError, match="alpha_vane has no position"):
         VaneAngles.of(aircraft, ["alpha_vane"])
     assert VaneAngles.of(aircraft, ["alpha", "alpha_vane"]).angles == []
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.05])
+def test_a_stream_of_vanes_gives_the_regressors_of_a_stream_at_the_centre_of_gravity(lag):
+    vanes = {**INSTRUMENTS["vanes"], "lag": [lag, 0.02]}
+    shipped = read_aircraft(T37)
+    aircraft = replace(shipped, instruments={"vanes": vanes}, cg=(0.1, 0.0, 0.2))
+    t, d = vane_stream(lag)
+    thrust = {f"engine{k}.thrust": 1000.0 + 0.0 * t for k in (1, 2)}
+    extra = {"qbar": 0.5 * 1.1 * d["V"] ** 2, "ax": 0.0 * t, "ay": 0.0 * t, "az": -9.8 + 0.0 * t}
+    columns = {**d, **thrust, **extra, **{f"{name}_dot": 0.0 * t for name in "pqr"}}
+    model = RegressionModel.parse("Cm = 1 + alpha + beta + qhat")
+    tables = []
+    for left_out in (("alpha", "beta"), ("alpha_vane", "beta_vane")):
+        source = CoefficientSamples(model, aircraft)
+        names = source.choose_channels([name for name in columns if name not in left_out])
+        times, table = source.convert(t, np.stack([columns[name] for name in names], axis=1))
+        assert source.delay == (2 if lag and "alpha" in left_out else 0)
+        tables.append(table[np.isin(times, t[100:-100])])
+    # with a lag: what the lead to first order leaves
+    np.testing.assert_allclose(*tables, atol=1e-3 if lag else 1e-10)
