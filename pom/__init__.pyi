@@ -7,6 +7,7 @@ from . import diagnosis as diagnosis
 from . import fmu as fmu
 from . import judging as judging
 from . import probing as probing
+from . import programme as programme
 from . import replaying as replaying
 from . import report as report
 from . import tolerances as tolerances

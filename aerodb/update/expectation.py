@@ -120,6 +120,80 @@ class Expectation:
                 errors |= self._coefficient_stderr(coefficient, local, nodes_by_term)
         return errors
 
+    def stderr_of(self, fits: Sequence[Any], gradients: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the standard errors of quantities that are linear in nodes of several terms.
+
+        Nodes of different coefficients are independent, but for the errors of mass, thrust and
+        instruments, which all fits share.
+
+        Parameters
+        ----------
+        fits : sequence of Fit
+            As in `stderr`.
+        gradients : mapping of str to array (quantity, *axes)
+            Change of the quantities by the nodes of a term, in the shape of its table.
+
+        Returns
+        -------
+        array (quantity,)
+        """
+        spreads = []
+        for coefficient in dict.fromkeys(name.split("/")[0] for name in gradients):
+            local = [fit for fit in fits if coefficient_of(fit) == coefficient]
+            spreads.append(self.spread_of(coefficient, local, gradients))
+        return sum_spreads(spreads)
+
+    def spread_of(
+        self, coefficient: str, fits: Sequence[Any], gradients: Mapping[str, np.ndarray]
+    ) -> LinearSpread:
+        """Return the part of `stderr_of` by the terms of one coefficient.
+
+        Parameters
+        ----------
+        coefficient : str
+        fits : sequence of Fit
+            Fits of this coefficient.
+        gradients : mapping of str to array (quantity, *axes)
+            Terms of other coefficients are ignored.
+        """
+        own = {}
+        for name, gradient in gradients.items():
+            if name.split("/")[0] == coefficient:
+                own[name] = gradient.reshape(len(gradient), -1)
+        count = len(next(iter(own.values())))
+        observed = [self.observation(fit) for fit in fits]
+        blocks: dict[str, _PriorBlock] = {}
+        expected: np.ndarray | float = 0.0
+        if observed:
+            H, (D, names) = np.vstack([one.H for one in observed]), align_errors(observed)
+            requested = {name: np.any(G != 0.0, axis=0) for name, G in own.items()}
+            found, expected = self._prior_blocks(coefficient, observed, H, requested=requested)
+            blocks = {block.name: block for block in found}
+        variance = np.zeros(count)
+        for name, G in own.items():
+            if name in blocks:
+                P, nodes = blocks[name].covariance, blocks[name].nodes
+            else:
+                # No fit informs the term, or it is held: it keeps its declared standard errors.
+                nodes = np.flatnonzero(np.any(G != 0.0, axis=0))
+                P = self._prior_of(name, np.zeros(G.shape[1]), nodes=nodes)
+                P = P / self._weights.get(name, _WEIGHTS).sum()
+            variance += np.einsum("qi,ij,qj->q", G[:, nodes], P, G[:, nodes])
+        if not observed:
+            return LinearSpread(variance, {})
+        crossed = np.zeros((count, len(H)))
+        for name, block in blocks.items():
+            if name in own:
+                crossed += own[name][:, block.nodes] @ block.crossed
+        inverse, own_errors = self._inverse_covariance(coefficient, observed, expected)
+        gain = crossed @ inverse
+        effects = gain @ D
+        # As in `_coefficient_stderr`. The errors with a name are added over the coefficients.
+        variance += -np.einsum("ij,ij->i", gain, crossed)
+        variance += -np.einsum("ij,ij->i", gain @ own_errors, gain)
+        variance += (effects[:, len(names) :] ** 2).sum(axis=1)
+        return LinearSpread(variance, dict(zip(names, effects.T[: len(names)], strict=True)))
+
     def flown(self, fits: Sequence[Any]) -> dict[str, np.ndarray]:
         """Return which nodes lie in the flown region of some fits, by term.
 
@@ -128,9 +202,9 @@ class Expectation:
         is_flown: dict[str, np.ndarray] = {}
         for coefficient in dict.fromkeys(map(coefficient_of, fits)):
             local = [fit for fit in fits if coefficient_of(fit) == coefficient]
-            observed = [self._observation(fit) for fit in local]
+            observed = [self.observation(fit) for fit in local]
             touched, sampled = observed_nodes(observed), sampled_weights(observed)
-            for name, nodes in self._slices(coefficient).items():
+            for name, nodes in self.node_slices(coefficient).items():
                 flown_nodes = ((sampled >= FLOWN) & touched)[nodes]
                 is_flown[name] = flown_nodes.reshape(self._leaves[name]["value"].shape)
         return is_flown
@@ -143,17 +217,22 @@ class Expectation:
                 nodes[name] = np.ones(leaf["value"].shape, bool)
         return nodes
 
+    def leaf(self, name: str) -> xr.Dataset:
+        """Return the table of a term of the prior."""
+        return self._leaves[name]
+
     def _coefficient_terms(self, coefficient: str) -> CoefficientTerms:
         if coefficient not in self._terms_by_coefficient:
             (group,) = known_terms([coefficient], self.prior, self.held)
             self._terms_by_coefficient[coefficient] = group
         return self._terms_by_coefficient[coefficient]
 
-    def _slices(self, coefficient: str) -> dict[str, slice]:
+    def node_slices(self, coefficient: str) -> dict[str, slice]:
+        """Return the range of each free term among the free nodes of a coefficient."""
         free = self._coefficient_terms(coefficient).free
         return dict(zip(free, slices_of(free.values()), strict=True))
 
-    def _observation(self, fit: Any) -> Observation:
+    def observation(self, fit: Any) -> Observation:
         """Return the observation by a fit, with its common errors first in D."""
         if id(fit) not in self._observed:
             sources = common_errors_of_fits([fit])
@@ -167,17 +246,10 @@ class Expectation:
         self, coefficient: str, fits: Sequence[Any], requested: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Return the standard errors of the requested nodes of one coefficient, by term."""
-        observed = [self._observation(fit) for fit in fits]
-        H, D = np.vstack([observation.H for observation in observed]), _align_errors(observed)
+        observed = [self.observation(fit) for fit in fits]
+        H, (D, _) = np.vstack([observation.H for observation in observed]), align_errors(observed)
         blocks, expected = self._prior_blocks(coefficient, observed, H, requested=requested)
-        # As in `aerodb.update.tabulation`: each fit has the common errors for itself in the gain.
-        # Their covariance is replaced by that of errors that all fits share.
-        own_errors = scipy.linalg.block_diag(
-            *[observation.D @ observation.D.T for observation in observed]
-        )
-        measured = scipy.linalg.block_diag(*[observation.C for observation in observed])
-        noise = self._inflation.get(coefficient, 1.0) ** 2 * measured + own_errors
-        inverse = invert_covariance(expected + noise)
+        inverse, own_errors = self._inverse_covariance(coefficient, observed, expected)
         errors = {}
         for block in blocks:
             if block.name not in requested:
@@ -185,7 +257,7 @@ class Expectation:
             crossed = block.crossed[block.requested]
             gain = crossed @ inverse
             variance = (
-                block.variance[block.requested]
+                np.diag(block.covariance)[block.requested]
                 - np.einsum("ij,ij->i", gain, crossed)
                 + ((gain @ D) ** 2).sum(axis=1)
                 - np.einsum("ij,ij->i", gain @ own_errors, gain)
@@ -194,6 +266,24 @@ class Expectation:
             stderr[block.nodes[block.requested]] = np.sqrt(np.maximum(variance, 0.0))
             errors[block.name] = stderr.reshape(requested[block.name].shape)
         return errors
+
+    def _inverse_covariance(
+        self, coefficient: str, observed: Sequence[Observation], expected: np.ndarray | float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the inverse covariance of all estimates, and the own common errors of each fit."""
+        # As in `aerodb.update.tabulation`: each fit has the common errors for itself in the gain.
+        # Their covariance is replaced by that of errors that all fits share.
+        own_errors = scipy.linalg.block_diag(
+            *[observation.D @ observation.D.T for observation in observed]
+        )
+        measured = scipy.linalg.block_diag(*[observation.C for observation in observed])
+        noise = self._inflation.get(coefficient, 1.0) ** 2 * measured + own_errors
+        return invert_covariance(expected + noise), own_errors
+
+    def _prior_of(self, name: str, sampled: np.ndarray, *, nodes: np.ndarray) -> np.ndarray:
+        """Return the prior covariance of some nodes of a term."""
+        parts = prior_parts(self._leaves[name], sampled, self.lengths, nodes=nodes)
+        return np.einsum("k,kij->ij", self._weights.get(name, _WEIGHTS), parts)
 
     def _prior_blocks(
         self,
@@ -207,7 +297,7 @@ class Expectation:
         touched, sampled = np.abs(H).max(axis=0) > 0, sampled_weights(observed)
         blocks: list[_PriorBlock] = []
         expected: np.ndarray | float = 0.0
-        for name, rows in self._slices(coefficient).items():
+        for name, rows in self.node_slices(coefficient).items():
             if not touched[rows].any():
                 continue
             leaf = self._leaves[name]
@@ -216,8 +306,7 @@ class Expectation:
                 is_requested = requested[name].ravel()
             # Nodes that are neither requested nor observed do not change the result.
             nodes = np.flatnonzero(is_requested | touched[rows] | (sampled[rows] > 0))
-            parts = prior_parts(leaf, (sampled * touched)[rows], self.lengths, nodes=nodes)
-            P = np.einsum("k,kij->ij", self._weights.get(name, _WEIGHTS), parts)
+            P = self._prior_of(name, (sampled * touched)[rows], nodes=nodes)
             h = H[:, rows][:, nodes]
             PH = P @ h.T
             expected = expected + h @ PH
@@ -225,11 +314,40 @@ class Expectation:
                 name=name,
                 nodes=nodes,
                 requested=is_requested[nodes],
-                variance=np.diag(P),
+                covariance=P,
                 crossed=PH,
             )
             blocks.append(block)
         return blocks, expected
+
+
+@dataclass(frozen=True)
+class LinearSpread:
+    """Spread of quantities by the terms of one coefficient.
+
+    Attributes
+    ----------
+    variance : array (quantity,)
+        Without the errors that coefficients share.
+    shared : dict of str to array (quantity,)
+        Change of the quantities by one standard error of each shared error.
+    """
+
+    variance: np.ndarray
+    shared: dict[str, np.ndarray]
+
+
+def sum_spreads(spreads: Sequence[LinearSpread]) -> np.ndarray:
+    """Return the standard errors (quantity,) of quantities with terms of several coefficients."""
+    variance: np.ndarray | float = 0.0
+    shared: dict[str, np.ndarray] = {}
+    for spread in spreads:
+        variance = variance + spread.variance
+        for name, effect in spread.shared.items():
+            shared[name] = shared.get(name, 0.0) + effect
+    for effect in shared.values():
+        variance = variance + effect**2
+    return np.sqrt(np.maximum(variance, 0.0))
 
 
 @dataclass(frozen=True)
@@ -239,12 +357,12 @@ class _PriorBlock:
     name: str
     nodes: np.ndarray  # (n,): positions in ``value.ravel()``
     requested: np.ndarray  # (n,), bool
-    variance: np.ndarray  # (n,): diag(P)
+    covariance: np.ndarray  # (n, n): P
     crossed: np.ndarray  # (n, estimates): P H'
 
 
-def _align_errors(observed: Sequence[Observation]) -> np.ndarray:
-    """Return the common errors of all fits, (estimates, errors).
+def align_errors(observed: Sequence[Observation]) -> tuple[np.ndarray, list[str]]:
+    """Return the common errors of all fits, (estimates, errors), and the names of the first ones.
 
     Errors of the same name share a column.  Columns of fixed terms follow.
     """
@@ -258,4 +376,4 @@ def _align_errors(observed: Sequence[Observation]) -> np.ndarray:
         common = np.zeros((len(observation.D), len(columns)))
         common[:, [columns[name] for name in observation.errors]] = observation.D[:, :named]
         rows.append(np.hstack([common, observation.D[:, named:]]))
-    return np.vstack(rows)
+    return np.vstack(rows), list(columns)

@@ -56,7 +56,7 @@ from flightmech.errors import IdentificationError
 SCATTER = (0.003, 4.0)
 _BISECTIONS = 40  # of the logarithm of the scatter
 _STEPS = 100  # most steps of Newton's method
-_SPREAD_OF_FITS = 0.7  # a-priori standard error of the logarithm of the factor on C
+SPREAD_OF_FITS = 0.7  # a-priori standard error of the logarithm of the factor on C
 _STEP_TOLERANCE = 1e-6  # step of a logarithm at which the iteration ends
 _LONGEST_STEP = 2.0  # of a logarithm: a factor of 7 on a weight
 _LEAST_DAMPING, _MOST_DAMPING = 1e-10, 1e10
@@ -98,7 +98,7 @@ def learn_weights(
         The mode, from which the next search can start.
     """
     tables = (len(parts) - 1) // len(SHARES)
-    spread = np.append(np.tile(list(SPREADS.values()), tables), _SPREAD_OF_FITS)
+    spread = np.append(np.tile(list(SPREADS.values()), tables), SPREAD_OF_FITS)
     share = np.append(np.tile(list(SHARES.values()), tables), 1.0)
     # The a-priori share is the mean of exp(u): E exp(u) = exp(mean + spread^2 / 2).
     mean = np.log(share) - spread**2 / 2.0

@@ -64,6 +64,20 @@ def design_command() -> None:
     type=_FILE,
     help="A-priori database with standard errors, netCDF.",
 )
+@click.option(
+    "--rows",
+    "rows_file",
+    type=_FILE,
+    help="Gradients of the wanted rows, of `aeromatch pom spread`; needed when CATALOGUE has a "
+    "[[wanted_row]].",
+)
+@click.option(
+    "--draws",
+    type=click.IntRange(0),
+    default=40,
+    show_default=True,
+    help="Draws for the range of the standard errors; 0 without it.",
+)
 @jobs_option
 @click.option(
     "-o",
@@ -76,7 +90,7 @@ def design_command() -> None:
 @performed_by("flighttest.cli.actions.programme:run_plan")
 def plan_command() -> None:
     """Plan a flight-test programme from CATALOGUE (TOML): which manoeuvres bring every wanted node
-    below its bound in the least time.
+    and row below its bound in the least time.
     """
 
 
@@ -105,6 +119,13 @@ def plan_command() -> None:
     help="A-priori database with standard errors, netCDF.",
 )
 @names_option
+@click.option(
+    "--rows",
+    "rows_file",
+    type=_FILE,
+    help="Gradients of the wanted rows, of `aeromatch pom spread`; needed when CATALOGUE has a "
+    "[[wanted_row]].",
+)
 @jobs_option
 @json_option
 @performed_by("flighttest.cli.actions.programme:run_coverage")

@@ -1,6 +1,7 @@
 """Coefficients and regressors of the samples of a stream, as they arrive.
 
 The quantities are those at the centre of gravity, as an air-data and inertial system gives them.
+Angles of vanes are moved there (`flighttest.in_flight.vane_angles`).
 Angular accelerations that the stream lacks are differences of five samples. They come two samples
 late, and at 50 Hz their error at 2 Hz is 0.01 %.
 """
@@ -15,6 +16,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
 from flightmech.names import COEFFICIENTS, REDUCED_RATES
+from flighttest.in_flight.vane_angles import VaneAngles
 from flighttest.reconstruction.dynamics.force_coefficients import sample_coefficients
 from flighttest.regression.equation_error.model import RegressionModel
 
@@ -24,7 +26,6 @@ _OPTIONAL = ("beta", "mass", "x_cg_b", "y_cg_b", "z_cg_b")
 _INCIDENCE = ("alpha_dot", "beta_dot", "beta", "phi", "theta")
 _MEASURED = (*COEFFICIENTS, "CX", "CZ")
 _RATES = {"p_dot": "p", "q_dot": "q", "r_dot": "r"}
-# A vane shows the flow at its place, not the angle at the centre of gravity.
 _ADVICE = "give a stream of quantities at the centre of gravity that has it, by its name map"
 _REACH = 2  # samples on each side of a difference
 
@@ -43,6 +44,7 @@ class CoefficientSamples:
     def __init__(self, model: RegressionModel, aircraft: Aircraft | None):
         self.model, self.aircraft = model, aircraft
         self.channels: list[str] = []
+        self._vanes: VaneAngles | None = None
         self._times = np.zeros(0)
         self._rows = np.zeros((0, 0))
 
@@ -64,6 +66,12 @@ class CoefficientSamples:
             wanted |= dict.fromkeys(name for name in available if name.startswith("wow_"))
             if any("dot" in name for name in self.model.variables):
                 wanted |= dict.fromkeys(name for name in _INCIDENCE if name in available)
+            # a vane stands for an angle that the stream does not give at the centre of gravity
+            self._vanes = VaneAngles.of(self.aircraft, available)
+            for angle in self._vanes.angles:
+                wanted.pop(angle, None)
+                wanted |= dict.fromkeys([f"{angle}_vane"])
+                derived.add(angle)
         names = [name for name in wanted if name in available or name not in derived]
         for name in names:
             if name not in available:
@@ -76,7 +84,10 @@ class CoefficientSamples:
 
     @property
     def _is_differenced(self) -> bool:
-        return self.aircraft is not None and not all(name in self.channels for name in _RATES)
+        if self.aircraft is None:
+            return False
+        has_lag = self._vanes is not None and self._vanes.has_lag
+        return has_lag or not all(name in self.channels for name in _RATES)
 
     @property
     def delay(self) -> int:
@@ -111,6 +122,10 @@ class CoefficientSamples:
             for name, rate in _RATES.items():
                 if name not in columns:
                     columns[name] = _difference(columns[rate], step)
+            if self._vanes is not None:
+                columns = self._vanes.without_lag(columns, _difference, step)
+        if self._vanes is not None:
+            columns = self._vanes.at_cg(columns)
         data = xr.Dataset(
             {name: ("time", values[inner]) for name, values in columns.items()},
             {"time": times[inner]},

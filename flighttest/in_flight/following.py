@@ -41,7 +41,7 @@ from flighttest.in_flight.kept_windows import KeptWindows, place_windows
 from flighttest.in_flight.running_transform import RunningTransform
 from flighttest.records.signals.fourier import harmonics
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.frequency_domain import demand_frequencies
+from flighttest.regression.equation_error.frequency_slopes import demand_frequencies
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.slope_errors import SlopeErrors, estimate_slope_errors
 from flighttest.regression.equation_error.spectral_weights import equal_weights

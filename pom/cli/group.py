@@ -26,6 +26,7 @@ from pom.cli.report import (
     verify_report_command,
     write_report_command,
 )
+from pom.cli.spread import spread_command
 from pom.cli.tolerances import list_tolerances_command
 from pom.cli.tune import tune_command
 
@@ -41,6 +42,7 @@ pom.add_command(diagnose_command)
 pom.add_command(write_report_command)
 pom.add_command(verify_report_command)
 pom.add_command(tune_command)
+pom.add_command(spread_command)
 pom.add_command(list_tolerances_command)
 
 

@@ -215,6 +215,11 @@ def bound_time(text: str, times: Mapping[str, float], default: float) -> float:
     return times[event] + shift
 
 
+def event_of(bound: str) -> str:
+    """Return the event of a bound such as ``change_start-5s``; empty for a row without it."""
+    return _split_bound(bound)[0]
+
+
 def _split_bound(text: str) -> tuple[str, float]:
     """Return the event of a bound, and its shift. [s]"""
     match = _OFFSET.match(text)

@@ -371,7 +371,9 @@ def _fit(model, manoeuvres, band, intercepts, weights, ridge, constraints=()):
         raise SchemaError(
             "flight identify", ["--weights goes with a fit in time; leave out --band"]
         )
-    return regress_frequency(model, manoeuvres, band, intercepts=intercepts, ridge=ridge)
+    return regress_frequency(
+        model, manoeuvres, band, intercepts=intercepts, ridge=ridge, constraints=constraints
+    )
 
 
 def _ridge(text: str) -> float | str:

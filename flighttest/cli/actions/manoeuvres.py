@@ -32,11 +32,8 @@ def demand_options(
         )
     if instrument_files and method != "iv":
         problems.append("--instruments goes with --method iv")
-    if constraints and (band is not None or ridge != "0" or prior):
-        problems.append(
-            "--constraint works in time, without ridge and prior; leave out --band, --ridge and "
-            "--prior"
-        )
+    if constraints and prior:
+        problems.append("--constraint works without a prior; leave out --prior")
     if problems:
         raise SchemaError("flight identify", problems)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import xarray as xr
 
 import aerodb
 import flightmech
@@ -25,11 +26,12 @@ from flighttest.flight_programme.evaluation.flight_evaluation import evaluate_fl
 from flighttest.flight_programme.evaluation.result import render_evaluation_page
 from flighttest.flight_programme.input_design.design import Designed, design_input, save_design
 from flighttest.flight_programme.input_design.specification import read_design
-from flighttest.flight_programme.planning.catalogue import read_catalogue
+from flighttest.flight_programme.planning.catalogue import Catalogue, read_catalogue
 from flighttest.flight_programme.planning.coverage import coverage_of, flights_of
 from flighttest.flight_programme.planning.plan import plan_predicted_flights
 from flighttest.flight_programme.planning.plan_files import read_order, save_plan
 from flighttest.flight_programme.planning.prediction import predict, with_assumed
+from flighttest.flight_programme.planning.wanted_rows import RowGradients, demand_rows, read_rows
 from flighttest.reconstruction.flight_programme import reconstruct_programme
 from flighttest.reconstruction.quality.assessment import assess
 from flighttest.records.record import channel_leaves as homes
@@ -126,6 +128,8 @@ def run_plan(
     catalogue_file: str,
     aircraft_file: str,
     database_file: str,
+    rows_file: str | None,
+    draws: int,
     jobs: int,
     output: str,
     as_json: bool,
@@ -136,6 +140,7 @@ def run_plan(
         flightmech.read_aircraft(aircraft_file),
         aerodb.open(database_file),
     )
+    rows = _read_rows(rows_file, catalogue, database)
     sim = flightmech.compile(aircraft, with_assumed(database, catalogue))
     with show_progress(
         f"fly {len(catalogue.flyable())} manoeuvres at {len(catalogue.condition)} conditions "
@@ -143,7 +148,7 @@ def run_plan(
     ):
         prediction = predict(catalogue, sim, aircraft, jobs)
     with show_progress("choose the manoeuvres"):
-        found = plan_predicted_flights(prediction, database)
+        found = plan_predicted_flights(prediction, database, rows=rows, draws=draws)
     files = save_plan(found, output)
     if as_json:
         print_json({**found.summary(), "files": [str(file) for file in files]})
@@ -159,6 +164,7 @@ def run_coverage(
     aircraft_file: str,
     database_file: str,
     names: str | None,
+    rows_file: str | None,
     jobs: int,
     as_json: bool,
 ) -> None:
@@ -169,6 +175,7 @@ def run_coverage(
         aerodb.open(database_file),
     )
     planned = read_order(plan_folder)
+    rows = _read_rows(rows_file, catalogue, database)
     with show_progress(f"read and reconstruct {len(record_files)} records"):
         records = {Path(file).name.split(".")[0]: read(file, names) for file in record_files}
         paths = dict(
@@ -180,11 +187,21 @@ def run_coverage(
         )
     with show_progress("fit what is flown, predict and choose what is not"):
         flights = flights_of(catalogue, records, paths, aircraft)
-        found = coverage_of(catalogue, planned, flights, aircraft, database, jobs)
+        found = coverage_of(catalogue, planned, flights, aircraft, database, jobs, rows)
     if as_json:
         print_json(found.summary())
     else:
         click.echo(found.report())
+
+
+def _read_rows(
+    rows_file: str | None, catalogue: Catalogue, database: xr.DataTree
+) -> list[RowGradients]:
+    """Return the gradients of the wanted rows; a row without its gradients is an error."""
+    rows = [] if rows_file is None else read_rows(rows_file, catalogue, database)
+    # before the flights are predicted, which takes minutes
+    demand_rows(catalogue, rows)
+    return rows
 
 
 def report_flight(

@@ -41,6 +41,7 @@ _TRIM = {
 }
 # Quantity of the amplitude, by kind; the amplitude of a device is that of its input.
 _OF_KIND = {"sideslip": "delta_r", "pull_up_push_down": "theta", "level_speed": "V"}
+_OF_KIND["low_pass"] = "theta"
 _INSTRUCTIONS = {
     "sideslip": "From trim: rudder slowly to +{a}, hold, back; then to -{a}; {t:g} s each. "
     "Heading held with bank, height with elevator.",
@@ -50,6 +51,10 @@ _INSTRUCTIONS = {
     "above, then hold. Height within 50 ft.",
     "device": "From trim: {d} to {a}, wait {t:g} s from the start, and back. Height, speed and "
     "heading held.",
+    "low_pass": "Down to {h} over the runway (moment reference point). Level for {t:g} s with pitch "
+    "attitude +-{a} at 0.2 Hz. Then climb back. Power for the speed.",
+    "landing": "Down the glide path of the trim. Flare from {h} over the runway, power fixed, to "
+    "the contact of the wheels; {t:g} s at most.",
 }
 
 
@@ -113,7 +118,9 @@ def _card_content(plan: ProgrammePlan, number: int, name: str) -> dict[str, Any]
         "condition": item[0],
         "state": [[key, format_quantity(key, value)] for key, value in condition.fixed.items()],
         "trim": _trim_rows(prediction.trims[condition.name]),
-        "instruction": _instruct_pilot(candidate.manoeuvre, signal),
+        "instruction": _instruct_pilot(
+            candidate.manoeuvre, signal, height=candidate.manoeuvre.height * plan.prediction.span
+        ),
         "axes": [],
         "drawing": "",
         "alt": "",
@@ -170,13 +177,19 @@ def _budget_rows(plan: ProgrammePlan, number: int) -> list[list[str]]:
     ]
 
 
-def _instruct_pilot(manoeuvre: PlannedManoeuvre, signal: xr.Dataset | None) -> str:
-    """Return the instruction of a card."""
+def _instruct_pilot(
+    manoeuvre: PlannedManoeuvre, signal: xr.Dataset | None, *, height: float
+) -> str:
+    """Return the instruction of a card; the height is that of a low pass or of a flare. [m]"""
     recovery = f"Then recover and trim for {max(manoeuvre.setup, BEHIND):.0f} s."
     if signal is None:
         quantity = _OF_KIND.get(manoeuvre.kind, manoeuvre.device)
+        amplitude = ""
+        if quantity:
+            amplitude = format_quantity(quantity, manoeuvre.amplitude)
         text = _INSTRUCTIONS[manoeuvre.kind].format(
-            a=format_quantity(quantity, manoeuvre.amplitude),
+            a=amplitude,
+            h=format_quantity("h_agl", height),
             t=manoeuvre.duration,
             d=manoeuvre.device,
         )

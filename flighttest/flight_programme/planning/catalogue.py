@@ -48,10 +48,20 @@ wanted accuracy.
     within = { alpha = ["0 deg", "8 deg"], mach = [0.2, 0.4] }
     stderr = 0.02                       # or ratio = 0.5, of the standard error before the flight
 
-Further kinds are ``sideslip``, ``pull_up_push_down``, ``level_speed`` and ``device``.  The pitch
-attitude of a ``pull_up_push_down`` is a sine.  A ``level_speed`` has idle power until the airspeed
-is `amplitude` lower, then full power until it is `amplitude` higher.  In a ``device`` the input
-`device` goes to `amplitude`, in `duration`, and back.
+    [[wanted_row]]                      # row of a proof of match (`aeromatch pom spread`)
+    row = "2.c.10"
+    condition = "clean, 170 kt, 5000 ft"
+    manoeuvre = "three axes"            # its motion is the case
+    ratio = 0.5                         # two standard errors of the miss, over the tolerance
+
+Further kinds are ``sideslip``, ``pull_up_push_down``, ``level_speed``, ``device``, ``low_pass`` and
+``landing``.  The pitch attitude of a ``pull_up_push_down`` is a sine.  A ``level_speed`` has idle
+power until the airspeed is `amplitude` lower, then full power until it is `amplitude` higher.  In a
+``device`` the input `device` goes to `amplitude`, in `duration`, and back.  A ``low_pass`` flies
+`duration` level at each of its `heights` (of the moment reference point over the runway, in spans)
+with a sine of pitch attitude; every height is a manoeuvre of its own, with its own fits.  A
+``landing`` flares from `height` (in spans) and ends at the first contact of a wheel, at the latest
+after `duration`.
 """
 
 from __future__ import annotations
@@ -70,17 +80,20 @@ from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity
 from flighttest.flight_programme.input_design.specification import ConditionTable, Design, design_of
+from flighttest.flight_programme.planning.low_passes import split_heights
 from flighttest.reconstruction.dynamics.coefficient_errors import ERRORS
 from flighttest.regression.equation_error.model import RegressionModel
 
 INPUTS = ("multisine", "multistep", "sweep")
-STEADY = ("sideslip", "pull_up_push_down", "level_speed", "device")
+NEAR_GROUND = ("low_pass", "landing")
+STEADY = ("sideslip", "pull_up_push_down", "level_speed", "device", *NEAR_GROUND)
 # Samples per second of an instrument without a rate [Hz].
 RATE = 50.0
 _Time = Annotated[float, InUnits("s")]
 _Frequency = Annotated[float, InUnits("Hz")]
 # Quantity of the amplitude, by kind; the amplitude of a device is that of its input.
 _OF_KIND = {"sideslip": "delta_r", "pull_up_push_down": "theta", "level_speed": "V"}
+_OF_KIND["low_pass"] = "theta"
 # Keys of a test input that belong to the manoeuvre; all others belong to its design.
 _MANOEUVRE_KEYS = {"name", "kind", "setup", "conditions", "marks", "abort", "hold"}
 # Share of the attitude gains during a multisine, which is too long for fixed controls.
@@ -100,7 +113,15 @@ class PlannedManoeuvre(Strict):
 
     name: str
     kind: Literal[
-        "multisine", "multistep", "sweep", "sideslip", "pull_up_push_down", "level_speed", "device"
+        "multisine",
+        "multistep",
+        "sweep",
+        "sideslip",
+        "pull_up_push_down",
+        "level_speed",
+        "device",
+        "low_pass",
+        "landing",
     ]
     setup: _Time = Field(default=0.0, ge=0.0)
     conditions: tuple[str, ...] = ()
@@ -109,13 +130,24 @@ class PlannedManoeuvre(Strict):
     amplitude: float = 0.0
     duration: _Time = 0.0
     device: str = ""
+    # over the span
+    height: float = Field(default=0.0, ge=0.0)
     hold: float | None = Field(default=None, ge=0.0, le=1.0)
     design: Design | None = None
 
     @model_validator(mode="after")
     def _check_keys(self) -> PlannedManoeuvre:
-        if self.kind in STEADY and not (self.amplitude and self.duration > 0.0):
+        if self.kind == "landing":
+            if not (self.height > 0.0 and self.duration > 0.0):
+                raise ValueError(
+                    "a landing needs height (of the flare, in spans) and duration; give both"
+                )
+        elif self.kind in STEADY and not (self.amplitude and self.duration > 0.0):
             raise ValueError(f"a {self.kind} needs amplitude and duration; give both")
+        if self.kind == "low_pass" and not self.height > 0.0:
+            raise ValueError("a low_pass needs heights in spans, such as [0.2, 0.4, 0.8]")
+        if self.height and self.kind not in NEAR_GROUND:
+            raise ValueError(f"height belongs to the kinds {', '.join(NEAR_GROUND)}; leave it out")
         if (self.kind == "device") != bool(self.device):
             raise ValueError(
                 "device belongs to the kind 'device'; name the input that moves, such as gear"
@@ -177,6 +209,31 @@ class WantedAccuracy(Strict):
         return self
 
 
+class WantedRow(Strict):
+    """Row of a proof of match whose result the database shall predict.
+
+    `ratio` is the largest width: two standard errors of the predicted miss over the tolerance.
+    `events` are instants that the row needs, from the start of the manoeuvre; `window` is that of
+    the replay, else 2 s before the manoeuvre to its end. [s]
+    """
+
+    row: str
+    condition: str
+    manoeuvre: str
+    ratio: float = Field(gt=0.0)
+    standard: str = ""
+    edition: str = ""
+    features: tuple[str, ...] = ()
+    mode_channel: str = ""
+    events: dict[str, float] = Field(default_factory=dict)
+    window: tuple[float, float] | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the row in tables."""
+        return f"{self.row}, {self.condition}, {self.manoeuvre}"
+
+
 class Catalogue(Strict):
     """Conditions, manoeuvres and fits of a programme, and the wanted accuracy."""
 
@@ -193,7 +250,13 @@ class Catalogue(Strict):
     condition: tuple[PlannedCondition, ...] = Field(min_length=1)
     manoeuvre: tuple[PlannedManoeuvre, ...] = Field(min_length=1)
     fit: tuple[PlannedFit, ...] = Field(min_length=1)
-    wanted: tuple[WantedAccuracy, ...] = Field(min_length=1)
+    wanted: tuple[WantedAccuracy, ...] = ()
+    wanted_row: tuple[WantedRow, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_manoeuvre_per_height(cls, content: Any) -> Any:
+        return split_heights(content)
 
     @field_validator("limits", mode="before")
     @classmethod
@@ -222,6 +285,9 @@ class Catalogue(Strict):
             where = f"fit {fit.name!r}"
             problems += _find_unknown(where, fit.conditions, conditions, what="condition")
         problems += self._check_fits()
+        problems += self._check_rows()
+        if not (self.wanted or self.wanted_row):
+            problems.append("nothing is wanted; give [[wanted]] nodes or a [[wanted_row]]")
         problems += _find_unknown("errors", self.errors, ERRORS, what="source of error")
         if problems:
             raise ValueError("; ".join(problems))
@@ -239,6 +305,20 @@ class Catalogue(Strict):
                     RegressionModel.parse(text)
                 except AeromatchError as error:
                     problems.append(f"{where}: {error}")
+        return problems
+
+    def _check_rows(self) -> list[str]:
+        """Return the faults of the wanted rows: names that do not exist, and rows given twice."""
+        problems = _find_repeated("wanted_row", self.wanted_row)
+        flyable = {(condition.name, manoeuvre.name) for condition, manoeuvre in self.flyable()}
+        for wanted in self.wanted_row:
+            item = (wanted.condition, wanted.manoeuvre)
+            if item not in flyable:
+                names = "; ".join(sorted(", ".join(pair) for pair in flyable))
+                problems.append(
+                    f"wanted_row {wanted.row!r}: {', '.join(item)} is not a manoeuvre of the "
+                    f"catalogue at that condition; there are {names}"
+                )
         return problems
 
     def flyable(self) -> list[tuple[PlannedCondition, PlannedManoeuvre]]:

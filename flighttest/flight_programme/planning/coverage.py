@@ -12,7 +12,7 @@ standard error by a further flight depends on both.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -29,8 +29,10 @@ from flightmech.units import DEGREE
 from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedCondition, PlannedFit
 from flighttest.flight_programme.planning.plan import (
     clock_text,
+    format_rows,
     nodes_of,
     order_of,
+    rows_of,
 )
 from flighttest.flight_programme.planning.prediction import (
     Item,
@@ -40,6 +42,7 @@ from flighttest.flight_programme.planning.prediction import (
     with_assumed,
 )
 from flighttest.flight_programme.planning.selection import Goal, select_manoeuvres, time_of
+from flighttest.flight_programme.planning.wanted_rows import RowGradients
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
 from flighttest.records.record import manoeuvres
 
@@ -92,6 +95,8 @@ class Coverage:
         Cards of the plan that are not needed after the flights.
     time : float
         Time of the needed cards with setups. [s]
+    rows : DataFrame
+        Wanted rows, as `ProgrammePlan.rows`; ``before`` is the width after the flights so far.
     """
 
     flights: Flights
@@ -99,6 +104,7 @@ class Coverage:
     needed: pd.DataFrame
     superfluous: list[Item]
     time: float
+    rows: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     def summary(self) -> dict[str, Any]:
         """Return the coverage as plain tables."""
@@ -106,6 +112,7 @@ class Coverage:
             "records": self.flights.conditions,
             "done": [", ".join(item) for item in self.flights.done],
             "nodes": self.nodes,
+            "rows": self.rows,
             "needed": self.needed.reset_index(),
             "superfluous": [", ".join(item) for item in self.superfluous],
             "time": self.time,
@@ -212,6 +219,7 @@ def coverage_of(
     aircraft: Aircraft,
     database: xr.DataTree,
     jobs: int = 1,
+    rows: Sequence[RowGradients] = (),
 ) -> Coverage:
     """Return the nodes that flights have achieved, and the cards that are still needed.
 
@@ -222,7 +230,7 @@ def coverage_of(
         Condition and manoeuvre of the cards of the plan.
     flights : Flights
         As from `flights_of`.
-    aircraft, database, jobs
+    aircraft, database, jobs, rows
         As in `plan_programme`.
 
     Raises
@@ -240,7 +248,7 @@ def coverage_of(
     learnt = tabulate(flights.fits, database, catalogue.held)
     identified = identify_database(learnt, database, catalogue)
     prediction = _predict_remaining(catalogue, remaining, aircraft, database=identified, jobs=jobs)
-    goal = Goal(prediction, database, flown=flights.fits, learnt=learnt)
+    goal = Goal(prediction, database, flown=flights.fits, learnt=learnt, rows=rows)
     needed = select_manoeuvres(goal) if remaining else []
     items = [item for item in prediction.candidates if item in needed]
     superfluous = []
@@ -253,7 +261,16 @@ def coverage_of(
         needed=order_of(prediction, items),
         superfluous=superfluous,
         time=time_of(prediction, items),
+        rows=_compare_rows(rows_of(goal, []), rows_of(goal, items)),
     )
+
+
+def _compare_rows(now: pd.DataFrame, then: pd.DataFrame) -> pd.DataFrame:
+    """Return the wanted rows after the flights, and after the needed cards."""
+    rows = then.copy()
+    # before: with the flights so far
+    rows["before"] = now["expected"]
+    return rows
 
 
 def _compare_nodes(now: pd.DataFrame, then: pd.DataFrame) -> pd.DataFrame:
@@ -313,6 +330,8 @@ def _format_coverage(coverage: Coverage) -> str:
         f"{len(coverage.superfluous)} superfluous"
     )
     lines += ["", *_format_nodes(coverage.nodes), ""]
+    if len(coverage.rows):
+        lines += [*format_rows(coverage.rows), ""]
     for _, row in coverage.needed.iterrows():
         time = clock_text(row["time"])
         lines.append(f"to fly: {row['condition']}, {row['manoeuvre']} ({time})")

@@ -21,7 +21,7 @@ from flightmech.simulation.compiler import SimModel
 from flightmech.units import DEGREE
 from flighttest.flight_programme.input_design.input_signals import axes_of
 from flighttest.flight_programme.input_design.predicted_response import STEP, model_inputs
-from flighttest.flight_programme.planning.catalogue import PlannedManoeuvre
+from flighttest.flight_programme.planning.catalogue import NEAR_GROUND, PlannedManoeuvre
 
 # Period of the control law and of the prediction [s].
 PERIOD = 0.02
@@ -38,6 +38,12 @@ _LEAST_POWER = 1e-3
 _IDLE, _FULL = 0.12, 0.90
 # Duration of the rudder ramp into a sideslip [s]; the ramp out of it takes half of this.
 _RAMP = 2.5
+# Vertical speed of the ways to and from a low pass [m/s], time to settle there [s], and period of
+# the sine of pitch attitude [s], which the short period of a light aeroplane follows.
+_WAY_SPEED, _SETTLE, _PASS_PERIOD = 2.0, 4.0, 5.0
+# Sink rate at the end of a flare [m/s], and the lowest height of a condition without ground [m].
+_TOUCH, _FREE_AIR = 0.5, 1000.0
+RUNWAY = "env.runway_elevation"
 # Duration of a manoeuvre over its `duration`; 1 for the kinds that are not listed.
 _REPEATS = {"sideslip": 2.0, "device": 2.0, "level_speed": 2.5}
 
@@ -55,16 +61,20 @@ class PredictedFlight:
         Outputs and inputs of the model. [SI]
     marks : list of dict
         ``manoeuvre control start end``, as in a flight record. [s]
+    runway : float or None
+        Height of the runway over mean sea level; None far from a runway. [m]
     """
 
     motion: xr.Dataset
     marks: list[dict[str, Any]]
+    runway: float | None = None
 
 
 def fly_manoeuvres(
     sim: SimModel,
     start: Mapping[str, float],
     manoeuvres: Sequence[tuple[PlannedManoeuvre, xr.Dataset | None]],
+    span: float = 0.0,
 ) -> PredictedFlight:
     """Return the predicted flight of several manoeuvres, one after the other, from a trim.
 
@@ -75,12 +85,15 @@ def fly_manoeuvres(
     start : mapping of str to float
         From `input_design.trimmed_start`.
     manoeuvres : sequence of (PlannedManoeuvre, Dataset or None)
-        A test input has its signal, scaled to the limits.
+        A test input has its signal, scaled to the limits.  A landing is the last one.
+    span : float
+        Unit of the heights of low passes and landings; needed with these. [m]
 
     Raises
     ------
     IdentificationError
-        A control that the pilot needs has no effect.
+        A control that the pilot needs has no effect; a low pass touches the runway, a landing does
+        not, or the condition is far from a runway.
     SimulationError
         The motion diverges.
     """
@@ -89,17 +102,26 @@ def fly_manoeuvres(
     clock = BEFORE
     for manoeuvre, signal in manoeuvres:
         length = manoeuvre_duration(manoeuvre, signal)
+        way = way_to_height(manoeuvre, start, span=span)
         control = manoeuvre.device
         if signal is not None:
             control = " ".join(axes_of(signal))
         marks.append(
-            {"manoeuvre": manoeuvre.name, "control": control, "start": clock, "end": clock + length}
+            {
+                "manoeuvre": manoeuvre.name,
+                "control": control,
+                "start": clock + way,
+                "end": clock + way + length,
+            }
         )
-        phases += [(length, manoeuvre, signal), (BEHIND, None, None)]
-        clock += length + BEHIND
+        phases.append((2.0 * way + length, manoeuvre, signal))
+        clock += 2.0 * way + length
+        if manoeuvre.kind != "landing":
+            phases.append((BEHIND, None, None))
+            clock += BEHIND
     time = np.arange(round(clock / PERIOD) + 1) * PERIOD
     trim = {name: ("time", np.full(len(time), start.get(name, 0.0))) for name in sim.inputs}
-    law = _Law(sim, start, phases=phases, power=_control_powers(sim, start))
+    law = _Law(sim, start, phases=phases, power=_control_powers(sim, start), span=span)
     motion = flightmech.simulate_closed_loop(
         sim,
         xr.Dataset(trim, {"time": time}),
@@ -113,7 +135,63 @@ def fly_manoeuvres(
     for name, item in trim.items():
         if name not in motion and name not in sim.outputs:
             constant[name] = item
-    return PredictedFlight(motion.assign(constant), marks)
+    runway = start.get(RUNWAY)
+    if runway is not None and start["init.h"] - runway > _FREE_AIR:
+        runway = None
+    for mark, (manoeuvre, _) in zip(marks, manoeuvres, strict=True):
+        if manoeuvre.kind in NEAR_GROUND:
+            _check_wheels(motion, mark, is_landing=manoeuvre.kind == "landing")
+        if manoeuvre.kind == "landing":
+            # the flight ends on the runway
+            motion = motion.sel(time=slice(None, mark["end"]))
+            constant = {
+                name: (item[0], item[1][: motion.sizes["time"]]) for name, item in constant.items()
+            }
+    return PredictedFlight(motion.assign(constant), marks, runway)
+
+
+def way_to_height(manoeuvre: PlannedManoeuvre, start: Mapping[str, float], *, span: float) -> float:
+    """Return the time from the trim to the height of a low pass; zero for others. [s]
+
+    Raises
+    ------
+    IdentificationError
+        The condition of a low pass or of a landing is far from a runway.
+    """
+    if manoeuvre.kind not in NEAR_GROUND:
+        return 0.0
+    above = start["init.h"] - start.get(RUNWAY, -np.inf)
+    if not (span > 0.0 and above < _FREE_AIR):
+        raise IdentificationError(
+            f"a {manoeuvre.kind} starts near a runway; give the condition fixed h_agl, such as "
+            f'"20 m", and parameters {{ "{RUNWAY}" = 0.0 }}'
+        )
+    if manoeuvre.kind == "landing":
+        return 0.0
+    return abs(above - manoeuvre.height * span) / _WAY_SPEED + _SETTLE
+
+
+def _check_wheels(motion: xr.Dataset, mark: dict[str, Any], *, is_landing: bool) -> None:
+    """End a landing at the first contact of a wheel; raise if a low pass has one."""
+    touched = np.zeros(motion.sizes["time"], bool)
+    for name, values in motion.data_vars.items():
+        if str(name).startswith("wow_"):
+            touched |= values.values > 0.5
+    time = motion["time"].values
+    contacts = time[touched & (time >= mark["start"]) & (time <= mark["end"])]
+    name = mark["manoeuvre"]
+    if not is_landing and len(contacts):
+        raise IdentificationError(
+            f"{name}: a wheel touches the runway {contacts[0] - mark['start']:.1f} s after the "
+            "start; give a larger height or a smaller amplitude"
+        )
+    if is_landing:
+        if not len(contacts):
+            raise IdentificationError(
+                f"{name}: no wheel touches the runway in {mark['end'] - mark['start']:.0f} s; give "
+                "a longer duration, a condition on a glide path (kind, gamma), or a gear"
+            )
+        mark["end"] = float(contacts[0])
 
 
 def manoeuvre_duration(manoeuvre: PlannedManoeuvre, signal: xr.Dataset | None = None) -> float:
@@ -160,6 +238,7 @@ class _Law:
     start: Mapping[str, float]
     phases: Sequence[_Phase]
     power: Mapping[str, float]
+    span: float = 0.0
     state: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -204,8 +283,11 @@ class _Law:
 
     def _steady(self, t: float, y: Mapping[str, float]) -> dict[str, float]:
         """Return the controls that hold height, speed and heading."""
+        return {**self._pitch(y, self._level(t, y)), **self._wings_and_speed(y)}
+
+    def _wings_and_speed(self, y: Mapping[str, float]) -> dict[str, float]:
+        """Return the controls that hold speed and heading."""
         return {
-            **self._pitch(y, self._level(t, y)),
             **self._roll(y, self._heading(y)),
             "delta_r": self.trim["delta_r"],
             **self._speed(y, self.first["V"]),
@@ -275,6 +357,39 @@ class _Law:
         trim = self.trim[m.device]
         return {**self._steady(t, y), m.device: trim + part * (m.amplitude - trim)}
 
+    def _low_pass(
+        self, t: float, since: float, y: Mapping[str, float], m: PlannedManoeuvre
+    ) -> dict[str, float]:
+        """Return the controls of a descent, a level pass with a sine of pitch, and a climb back."""
+        way = way_to_height(m, self.start, span=self.span)
+        change = m.height * self.span - self.first["h_agl"]
+        moving = way - _SETTLE
+        corners = [0.0, moving, way + m.duration, way + m.duration + moving]
+        height = self.first["h"] + float(np.interp(since, corners, [0.0, change, change, 0.0]))
+        climb = 0.0
+        if since < corners[1]:
+            climb = np.sign(change) * _WAY_SPEED
+        elif corners[2] < since < corners[3]:
+            climb = -np.sign(change) * _WAY_SPEED
+        theta = self._path(y, height, climb=climb)
+        in_pass = since - way
+        if 0.0 < in_pass < m.duration:
+            theta += m.amplitude * np.sin(2.0 * np.pi * in_pass / _PASS_PERIOD)
+        return {**self._wings_and_speed(y), **self._pitch(y, theta)}
+
+    def _landing(
+        self, t: float, since: float, y: Mapping[str, float], m: PlannedManoeuvre
+    ) -> dict[str, float]:
+        """Return the controls of a glide path and a flare."""
+        flare = m.height * self.span
+        if y["h_agl"] >= flare:
+            return self._steady(t, y)
+        # The sink rate falls with the height, which is an exponential flare.
+        sink = abs(self.first["hdot"]) * y["h_agl"] / flare
+        theta = self._path(y, y["h"], climb=-max(_TOUCH, sink))
+        levers = self._levers(self.fixed["lever"])
+        return {**self._wings_and_speed(y), **self._pitch(y, theta), **levers}
+
     @staticmethod
     def _angular(error: float, rate: float, w: float) -> float:
         """Return the angular acceleration of a second-order law."""
@@ -282,10 +397,14 @@ class _Law:
 
     def _level(self, t: float, y: Mapping[str, float]) -> float:
         """Return the pitch attitude that brings the aircraft back to its path."""
+        height = self.first["h"] + self.first["hdot"] * t
+        return self._path(y, height, climb=self.first["hdot"])
+
+    def _path(self, y: Mapping[str, float], height: float, *, climb: float) -> float:
+        """Return the pitch attitude for a height that changes with a climb rate."""
         speed = max(y["V"], 1.0)
-        # climb of the trim, with a correction of the height of at most 3 m/s
-        error = self.first["h"] + self.first["hdot"] * t - y["h"]
-        climb = self.first["hdot"] + float(np.clip(0.15 * error, -3.0, 3.0))
+        # climb of the path, with a correction of the height of at most 3 m/s
+        climb += float(np.clip(0.15 * (height - y["h"]), -3.0, 3.0))
         gamma = climb / speed + 0.5 * (climb - y["hdot"]) / speed
         return self.state["alpha"] * np.cos(y["phi"]) + float(np.clip(gamma, -0.15, 0.15))
 

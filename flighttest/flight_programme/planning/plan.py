@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,25 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.names import value_text
 from flightmech.simulation.compiler import SimModel
 from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedFit
+from flighttest.flight_programme.planning.expected_range import draw_stderr
 from flighttest.flight_programme.planning.prediction import Item, Prediction, predict
-from flighttest.flight_programme.planning.selection import Goal, select_manoeuvres, time_of
+from flighttest.flight_programme.planning.selection import (
+    Goal,
+    select_manoeuvres,
+    time_of,
+)
+from flighttest.flight_programme.planning.wanted_rows import RowGradients, shares_of_row
 
 # Last columns of the table of nodes, after the axes of the terms.
 _NODE_COLUMNS = ["before", "expected", "bound", "state"]
 _ORDER_COLUMNS = ["condition", "manoeuvre", "setup", "time", "fuel", "clock", "fuel_total"]
+_ROW_COLUMNS = ["row", "condition", "manoeuvre", "before", "expected", "bound"]
+_ROW_COLUMNS += ["criterion", "state", "rests_on", "ground"]
+# Ratio of standard errors above which the ground effect counts as not flown.
+_NOT_LOWERED = 0.9
+# Range of the standard errors over the draws.
+RANGE_COLUMNS = ["low", "median", "high"]
+_QUANTILES = (0.05, 0.5, 0.95)
 _STATES = ("reached", "missed", "unreachable")
 
 
@@ -45,6 +58,17 @@ class ProgrammePlan:
         of the table.
     undetermined : list of str
         Fits of the catalogue that the chosen manoeuvres do not determine.
+    rows : DataFrame
+        Wanted rows: ``row condition manoeuvre``, widths ``before`` and ``expected``, ``bound``,
+        ``criterion`` that decides, ``state`` as of nodes, ``rests_on``: the terms with the largest
+        shares of the expected variance, and ``ground``: standard errors of the ground effect along
+        the row over those before the flights, by coefficient.
+    notes : list of str
+        What the prediction of the rows assumes or lacks.
+    ranges : dict of str to Dataset
+        Range of the standard errors of the terms that the programme informs, over draws of what the
+        identification will learn (`flighttest.planning.draw_stderr`): ``low``, ``median``, ``high`` in
+        the shape of the table; 5, 50 and 95 %.  Empty without draws.
     """
 
     prediction: Prediction
@@ -53,6 +77,9 @@ class ProgrammePlan:
     nodes: pd.DataFrame
     expected: dict[str, np.ndarray]
     undetermined: list[str]
+    rows: pd.DataFrame = field(default_factory=pd.DataFrame)
+    notes: list[str] = field(default_factory=list)
+    ranges: dict[str, xr.Dataset] = field(default_factory=dict)
 
     @property
     def time(self) -> float:
@@ -67,6 +94,8 @@ class ProgrammePlan:
             "time_of_catalogue": time_of(self.prediction, list(self.prediction.candidates)),
             "order": self.order.reset_index(),
             "nodes": self.nodes,
+            "rows": self.rows,
+            "notes": self.notes,
             "undetermined": self.undetermined,
             "refused": {", ".join(item): why for item, why in self.prediction.refused.items()},
         }
@@ -84,6 +113,7 @@ def plan_programme(
     flown: Sequence[Any] = (),
     jobs: int = 1,
     done: Callable[[int, float], None] | None = None,
+    rows: Sequence[RowGradients] = (),
 ) -> ProgrammePlan:
     """Return the shortest programme that brings every wanted node below its bound.
 
@@ -104,6 +134,8 @@ def plan_programme(
         Processes for the reconstruction.
     done : callable, optional
         ``done(count, F)`` after every choice.
+    rows : sequence of RowGradients
+        Gradients of the wanted rows of the catalogue.
 
     Raises
     ------
@@ -111,7 +143,7 @@ def plan_programme(
         As `predict` and `Goal`.
     """
     prediction = predict(catalogue, sim, aircraft, jobs=jobs)
-    return plan_predicted_flights(prediction, database, flown=flown, done=done)
+    return plan_predicted_flights(prediction, database, flown=flown, done=done, rows=rows)
 
 
 def plan_predicted_flights(
@@ -119,21 +151,122 @@ def plan_predicted_flights(
     database: xr.DataTree,
     flown: Sequence[Any] = (),
     done: Callable[[int, float], None] | None = None,
+    rows: Sequence[RowGradients] = (),
+    draws: int = 0,
 ) -> ProgrammePlan:
-    """Return the shortest programme of predicted flights; parameters as in `plan_programme`."""
-    goal = Goal(prediction, database, flown)
+    """Return the shortest programme of predicted flights; parameters as in `plan_programme`.
+
+    `draws` is the number of draws for the ranges.
+    """
+    goal = Goal(prediction, database, flown, rows=rows)
     chosen = set(select_manoeuvres(goal, done))
     items = [item for item in prediction.candidates if item in chosen]
     fits = [*flown, *prediction.fits(items)]
     undetermined = [f"{name}: {fit.name}" for name, fit in _find_undetermined(prediction, items)]
+    ranges = _ranges_of(goal, fits, draws)
     return ProgrammePlan(
         prediction,
         items,
         order=order_of(prediction, items),
-        nodes=nodes_of(goal, items, database),
+        nodes=_with_ranges(nodes_of(goal, items, database), ranges, database),
         expected=goal.expectation.stderr(fits),
         undetermined=undetermined,
+        rows=rows_of(goal, items),
+        notes=_note_rows(goal),
+        ranges=ranges,
     )
+
+
+def _ranges_of(goal: Goal, fits: Sequence[Any], draws: int) -> dict[str, xr.Dataset]:
+    """Return the ranges of the standard errors over draws."""
+    if not draws or not fits:
+        return {}
+    leaves, ranges = terms(goal.expectation.prior), {}
+    drawn = draw_stderr(goal.expectation, fits, draws, seed=goal.prediction.catalogue.seed)
+    for name, values in drawn.items():
+        dims = leaves[name]["value"].dims
+        quantiles = np.nanquantile(values, _QUANTILES, axis=0)
+        ranges[name] = xr.Dataset(
+            {key: (dims, table) for key, table in zip(RANGE_COLUMNS, quantiles, strict=True)}
+        )
+    return ranges
+
+
+def _with_ranges(
+    nodes: pd.DataFrame, ranges: Mapping[str, xr.Dataset], database: xr.DataTree
+) -> pd.DataFrame:
+    """Return wanted nodes with the range of their standard errors."""
+    if not ranges:
+        return nodes
+    leaves = terms(database)
+    rows = []
+    for _, node in nodes.iterrows():
+        found = dict.fromkeys(RANGE_COLUMNS, np.nan)
+        if node["term"] in ranges:
+            leaf = leaves[node["term"]]
+            place = {}
+            for axis in leaf["value"].dims:
+                place[axis] = int(np.argmin(np.abs(leaf[axis].values - node[axis])))
+            table = ranges[node["term"]].isel(place)
+            found = {key: float(table[key]) for key in RANGE_COLUMNS}
+        rows.append(found)
+    place = list(nodes.columns).index("expected") + 1
+    return pd.concat(
+        [nodes.iloc[:, :place], pd.DataFrame(rows, index=nodes.index), nodes.iloc[:, place:]],
+        axis=1,
+    )
+
+
+def rows_of(goal: Goal, items: Sequence[Item]) -> pd.DataFrame:
+    """Return the wanted rows with widths before and after a choice of manoeuvres.
+
+    The columns are those of `ProgrammePlan.rows`.
+    """
+    fits = [*goal.flown, *goal.prediction.fits(items)]
+    before, after = goal.widths([]), goal.widths(items)
+    rows = []
+    for row in goal.rows:
+        wanted = row.wanted
+        criterion, width = after[wanted.name]
+        state = "missed"
+        if width <= wanted.ratio * (1.0 + 1e-9):
+            state = "reached"
+        elif wanted.name in goal.beyond:
+            state = "unreachable"
+        shares = shares_of_row(row, goal.expectation, fits)
+        rests_on = [f"{name} {100.0 * share:.0f} %" for name, share in list(shares.items())[:4]]
+        rows.append(
+            {
+                "row": wanted.row,
+                "condition": wanted.condition,
+                "manoeuvre": wanted.manoeuvre,
+                "before": before[wanted.name][1],
+                "expected": width,
+                "bound": wanted.ratio,
+                "criterion": criterion,
+                "state": state,
+                "rests_on": ", ".join(rests_on),
+                "ground": ", ".join(
+                    f"{name} {ratio:.2f}" for name, ratio in goal.ground_ratios(row, items).items()
+                ),
+            }
+        )
+    return pd.DataFrame(rows, columns=_ROW_COLUMNS)
+
+
+def _note_rows(goal: Goal) -> list[str]:
+    """Return the notes on the rows, and the ground effect that no manoeuvre informs."""
+    notes, everything = [], list(goal.prediction.candidates)
+    for row in goal.rows:
+        notes += [f"{row.wanted.name}: {note}" for note in row.notes]
+        for coefficient, ratio in goal.ground_ratios(row, everything).items():
+            if ratio > _NOT_LOWERED:
+                notes.append(
+                    f"{row.wanted.name} rests on the ground effect on {coefficient}, and no "
+                    "manoeuvre of the catalogue lowers its standard error; add a condition over "
+                    'the runway with a [[manoeuvre]] of kind = "low_pass"'
+                )
+    return notes
 
 
 def nodes_of(goal: Goal, items: Sequence[Item], database: xr.DataTree) -> pd.DataFrame:
@@ -228,6 +361,9 @@ def _format_plan(plan: ProgrammePlan) -> str:
         f"time {clock_text(plan.time)} with setups; the whole catalogue takes {catalogue_time}"
     )
     lines += ["", *_format_nodes(plan.nodes)]
+    if len(plan.rows):
+        lines += ["", *format_rows(plan.rows)]
+    lines += [f"! {text}" for text in plan.notes]
     lines += [f"! not determined: {text}" for text in plan.undetermined]
     for (condition, manoeuvre), why in prediction.refused.items():
         lines.append(f"! cannot be flown: {condition}, {manoeuvre}: {why}")
@@ -251,17 +387,38 @@ def _format_order(order: pd.DataFrame) -> list[str]:
     return lines
 
 
+def format_rows(rows: pd.DataFrame) -> list[str]:
+    """Return one line per wanted row: widths over the tolerance, and the terms it rests on."""
+    lines = [
+        f"{'row':<8}{'condition':<24}{'manoeuvre':<24}{'before':>8}{'then':>7}{'bound':>7}"
+        f"  {'state':<12}{'decides':<22}rests on"
+    ]
+    for _, row in rows.iterrows():
+        widths = f"{row['before']:>8.2f}{row['expected']:>7.2f}{row['bound']:>7.2f}"
+        lines.append(
+            f"{row['row']:<8}{row['condition']:<24}{row['manoeuvre']:<24}{widths}"
+            f"  {row['state']:<12}{row['criterion']:<22}{row['rests_on']}"
+        )
+        if row["ground"]:
+            lines.append(f"{'':8}ground effect, of its standard error before: {row['ground']}")
+    return lines
+
+
 def _format_nodes(nodes: pd.DataFrame) -> list[str]:
     """Return one line per term, with the number of nodes in each state."""
     lines = [
         f"{'term':<18}{'wanted':>8}{'reached':>9}{'missed':>8}{'unreachable':>13}"
         f"{'largest expected/bound':>24}"
     ]
+    if "low" in nodes:
+        lines[0] += "  range of 90 %"
     for name, part in nodes.groupby("term", sort=False):
         counts = part["state"].value_counts()
         reached, missed, unreachable = (int(counts.get(state, 0)) for state in _STATES)
         worst = float((part["expected"] / part["bound"]).max())
-        lines.append(
-            f"{name!s:<18}{len(part):>8}{reached:>9}{missed:>8}{unreachable:>13}{worst:>24.2f}"
-        )
+        line = f"{name!s:<18}{len(part):>8}{reached:>9}{missed:>8}{unreachable:>13}{worst:>24.2f}"
+        if "low" in part:
+            low, high = ((part[key] / part["bound"]).max() for key in ("low", "high"))
+            line += f"{low:>8.2f} ... {high:.2f}"
+        lines.append(line)
     return lines

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,12 +16,12 @@ from flightmech.support.atomic_write import folder_written_atomically, write_tex
 from flighttest.flight_programme.input_design.input_signals import axes_of
 from flighttest.flight_programme.input_design.timetable import save_csv, save_timetable
 from flighttest.flight_programme.planning.cards import card_page
-from flighttest.flight_programme.planning.plan import ProgrammePlan
+from flighttest.flight_programme.planning.plan import RANGE_COLUMNS, ProgrammePlan
 from flighttest.flight_programme.planning.prediction import Item
 from flighttest.records.text_tables import read_text_table
 
 # Files and folders that a plan replaces.
-_OURS = ("order.csv", "nodes.csv", "expected.csv", "plan.txt", "inputs", "cards")
+_OURS = ("order.csv", "nodes.csv", "rows.csv", "expected.csv", "plan.txt", "inputs", "cards")
 
 
 def save_plan(plan: ProgrammePlan, folder: str | os.PathLike) -> list[Path]:
@@ -30,8 +31,8 @@ def save_plan(plan: ProgrammePlan, folder: str | os.PathLike) -> list[Path]:
     ----------
     plan : ProgrammePlan
     folder : path
-        Folder for ``order.csv``, ``nodes.csv`` (the wanted nodes), ``expected.csv`` (all nodes),
-        ``plan.txt``, ``inputs/`` with a CSV file and a time table for every test input, and
+        Folder for ``order.csv``, ``nodes.csv`` (the wanted nodes), ``rows.csv`` (the wanted
+        rows, if any), ``expected.csv`` (all nodes), ``plan.txt``, ``inputs/`` with a CSV file and a time table for every test input, and
         ``cards/`` with a PDF page for every manoeuvre.
 
     Returns
@@ -48,6 +49,8 @@ def save_plan(plan: ProgrammePlan, folder: str | os.PathLike) -> list[Path]:
         plan.order.to_csv(part / "order.csv", float_format="%.6g")
         plan.nodes.to_csv(part / "nodes.csv", index=False, float_format="%.6g")
         expected_table(plan).to_csv(part / "expected.csv", index=False, float_format="%.6g")
+        if len(plan.rows):
+            plan.rows.to_csv(part / "rows.csv", index=False, float_format="%.6g")
         write_text(part / "plan.txt", plan.report() + "\n")
         (part / "inputs").mkdir()
         (part / "cards").mkdir()
@@ -97,11 +100,20 @@ def card_name(number: int, item: Item) -> str:
 def expected_table(plan: ProgrammePlan) -> pd.DataFrame:
     """Return the expected standard errors of all nodes.
 
-    The columns are ``term``, ``place`` (indices of the node along the axes) and ``expected``.
+    The columns are ``term``, ``place`` (indices of the node along the axes) and ``expected``, and
+    with draws the range ``low``, ``median``, ``high``.
     """
-    rows = []
+    rows: list[tuple[Any, ...]] = []
+    columns = ["term", "place", "expected"]
+    if plan.ranges:
+        columns += RANGE_COLUMNS
     for name, stderr in plan.expected.items():
+        tables = []
+        for key in columns[3:]:
+            # a term without draws keeps the expected error
+            tables.append(plan.ranges[name][key].values if name in plan.ranges else stderr)
         for node, value in np.ndenumerate(stderr):
             if np.isfinite(value):
-                rows.append((name, " ".join(map(str, node)), value))
-    return pd.DataFrame(rows, columns=["term", "place", "expected"])
+                place = " ".join(map(str, node))
+                rows.append((name, place, value, *(float(table[node]) for table in tables)))
+    return pd.DataFrame(rows, columns=columns)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -62,6 +63,8 @@ def predicted_record(
     specification = parse_instruments(aircraft.instruments, f"instruments of {aircraft.name}")
     time = flight.motion["time"].values
     measured = _measure(flight.motion, aircraft, specification)
+    if flight.runway is not None:
+        measured["h_radio"] = _height_of_antenna(flight.motion, specification)
     leaves: dict[str, xr.Dataset] = {}
     # one leaf per instrument; the order of the leaves is the order of the random draws
     for name, instrument in specification.table.items():
@@ -76,7 +79,7 @@ def predicted_record(
     inputs = {name: measured[name] for name in (*_CONTROLS, *_MASS, *thrusts) if name in measured}
     surfaces = _surface_instrument(specification)
     leaves["controls_and_mass"] = _sample_channels(time, inputs, surfaces, rate=RATE, rng=rng)
-    attributes = {
+    attributes: dict[str, Any] = {
         "title": title,
         "manoeuvres": json.dumps(flight.marks),
         "unmapped": "",
@@ -84,6 +87,8 @@ def predicted_record(
         "notes": "[]",
         "purpose": "prediction",
     }
+    if flight.runway is not None:
+        attributes["runway_elevation"] = flight.runway
     leaves["/"] = xr.Dataset(attrs=attributes)
     return xr.DataTree.from_dict(leaves)
 
@@ -136,6 +141,15 @@ def _measure(
         measured[name] = y[name] * specification.of(name).factor.get(name, (1.0, 0.0))[0]
     measured |= {"vn": y["vn"], "ve": y["ve"], "vd": y["vd"], "h_gps": y["h"]}
     return measured | _known_inputs(y)
+
+
+def _height_of_antenna(motion: xr.Dataset, specification: Instruments) -> np.ndarray:
+    """Return the height of the antenna of the radio altimeter over the runway. [m]"""
+    a, b, d = specification.of("h_radio").position or (0.0, 0.0, 0.0)
+    phi, theta = motion["phi"].values, motion["theta"].values
+    # third row of the rotation from body to north-east-down, times the position
+    below = -np.sin(theta) * a + np.cos(theta) * (np.sin(phi) * b + np.cos(phi) * d)
+    return motion["h_agl"].values - below
 
 
 def _lever_arm(specification: Instruments, channel: str, cg: np.ndarray) -> np.ndarray:

@@ -35,12 +35,14 @@ from flighttest.flight_programme.input_design.predicted_response import (
     trimmed_start,
 )
 from flighttest.flight_programme.planning.catalogue import (
+    NEAR_GROUND,
     Catalogue,
     PlannedCondition,
     PlannedFit,
     PlannedManoeuvre,
 )
 from flighttest.flight_programme.planning.pilot import (
+    BEFORE,
     BEHIND,
     PredictedFlight,
     fly_manoeuvres,
@@ -106,6 +108,8 @@ class Prediction:
         Manoeuvres of each condition, as of a flight record.
     trims : dict of str to dict
         Steady flight of each condition: parameters and inputs. [SI]
+    span : float
+        Unit of the heights of low passes and landings. [m]
     """
 
     catalogue: Catalogue
@@ -114,6 +118,7 @@ class Prediction:
     data: dict[str, xr.Dataset]
     marks: dict[str, pd.DataFrame]
     trims: dict[str, dict[str, float]]
+    span: float = 0.0
     _fits: dict[Any, list[Any]] = field(default_factory=dict, repr=False)
 
     def fits(self, items: Sequence[Item]) -> list[Any]:
@@ -220,7 +225,7 @@ def predict(
         No manoeuvre can be flown, with the reason for each; or a reconstruction is not possible
         with the instruments.
     """
-    prediction = Prediction(catalogue, {}, {}, data={}, marks={}, trims={})
+    prediction = Prediction(catalogue, {}, {}, data={}, marks={}, trims={}, span=aircraft.b)
     model = _Model(sim, aircraft)
     records = {}
     for number, condition in enumerate(catalogue.condition):
@@ -292,7 +297,7 @@ def _fly_condition(
         try:
             signal, binding = _scale_input(model, manoeuvre, start, limits=limits, margin=margin)
             scaled, alone, excess = _scale_manoeuvre(
-                model.sim, manoeuvre, signal, start=start, limits=limits
+                model, manoeuvre, signal, start=start, limits=limits
             )
         except AeromatchError as error:
             prediction.refused[item] = str(error)
@@ -303,11 +308,45 @@ def _fly_condition(
         )
     if not ready:
         return None
-    return fly_manoeuvres(model.sim, start, ready)
+    # a landing ends on the runway, so it is the last one
+    ready.sort(key=lambda pair: pair[0].kind == "landing")
+    return fly_manoeuvres(model.sim, start, ready, span=model.aircraft.b)
+
+
+def predict_manoeuvre(
+    catalogue: Catalogue, sim: SimModel, aircraft: Aircraft, item: Item
+) -> tuple[PredictedFlight, dict[str, float]]:
+    """Return the predicted flight of one manoeuvre alone, as large as the limits allow.
+
+    Returns
+    -------
+    flight : PredictedFlight
+    start : dict of str to float
+        Parameters and inputs of the trim. [SI]
+
+    Raises
+    ------
+    AeromatchError
+        There is no such flight inside the limits.
+    """
+    pairs = {(condition.name, one.name): (condition, one) for condition, one in catalogue.flyable()}
+    condition, manoeuvre = pairs[item]
+    model = _Model(sim, aircraft)
+    start = trimmed_start(
+        sim,
+        condition.parameters,
+        kind=condition.kind,
+        fixed=condition.fixed,
+        unknowns=condition.unknowns,
+    )
+    limits = {**catalogue.limits, **condition.limits}
+    signal, _ = _scale_input(model, manoeuvre, start, limits=limits, margin=catalogue.margin)
+    _, flight, _ = _scale_manoeuvre(model, manoeuvre, signal, start=start, limits=limits)
+    return flight, dict(start)
 
 
 def _scale_manoeuvre(
-    sim: SimModel,
+    model: _Model,
     manoeuvre: PlannedManoeuvre,
     signal: xr.Dataset | None,
     *,
@@ -318,11 +357,11 @@ def _scale_manoeuvre(
     excess = ""
     # a test input is scaled already, and a device has one amplitude
     parts: Sequence[float] = _PARTS
-    if signal is not None or manoeuvre.kind == "device":
+    if signal is not None or manoeuvre.kind in ("device", "landing"):
         parts = (1.0,)
     for part in parts:
         scaled = manoeuvre.model_copy(update={"amplitude": part * manoeuvre.amplitude})
-        flight = fly_manoeuvres(sim, start, [(scaled, signal)])
+        flight = fly_manoeuvres(model.sim, start, [(scaled, signal)], span=model.aircraft.b)
         recorded = {name: pair for name, pair in limits.items() if name in flight.motion}
         exceeded = first_exceeded_limit(flight.motion, recorded)
         if not exceeded:
@@ -365,6 +404,9 @@ def _make_candidate(
     mark, motion = alone.marks[0], alone.motion
     part = motion.sel(time=slice(mark["start"], mark["end"]))
     time = float(mark["end"] - mark["start"]) + max(manoeuvre.setup, BEHIND)
+    if manoeuvre.kind in NEAR_GROUND:
+        # with the ways to and from the height
+        time = float(motion["time"][-1]) - BEFORE - BEHIND + max(manoeuvre.setup, BEHIND)
     flow = [motion[name].values for name in motion.data_vars if str(name).endswith(".fuel_flow")]
     fuel = np.nan
     if flow:

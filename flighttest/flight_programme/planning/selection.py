@@ -1,7 +1,8 @@
 """Choice of the manoeuvres that bring the wanted nodes below their bounds in the least time.
 
 The measure F of a choice is the mean, over the wanted nodes, of the logarithm of standard error
-over bound, with negative logarithms counted as zero. F is zero when every node is below its bound.
+over bound, with negative logarithms counted as zero, plus the same mean over the wanted rows with
+their widths. F is zero when every node and every row is below its bound.
 """
 
 from __future__ import annotations
@@ -13,17 +14,22 @@ import numpy as np
 import xarray as xr
 
 from aerodb.store.schema import terms
-from aerodb.update.expectation import Expectation
+from aerodb.update.expectation import Expectation, LinearSpread, sum_spreads
 from aerodb.update.observations import coefficient_of
 from aerodb.update.tabulation_report import Tabulation
 from flightmech.errors import SchemaError, UnknownName
 from flighttest.flight_programme.planning.catalogue import Catalogue, WantedAccuracy
 from flighttest.flight_programme.planning.prediction import Item, Prediction
+from flighttest.flight_programme.planning.wanted_rows import RowGradients, demand_rows
 
 # Least gain of F that counts.
 _LEAST = 1e-5
 # Rounding of the ranges of the catalogue [SI].
 _ROUNDING = 1e-9
+# A row that stays above its bound is brought this near to what all manoeuvres together reach.
+_NEAR_BEST = 1.05
+# Wanted ratio of the standard error of the ground effect along a row near the runway.
+GROUND_RATIO = 0.5
 
 
 class Goal:
@@ -38,6 +44,9 @@ class Goal:
         Fits of earlier flights; they count with every choice.
     learnt : Tabulation, optional
         Tabulation of these flights, as in `aerodb.update.Expectation`.
+    rows : sequence of RowGradients
+        Gradients of the wanted rows of the catalogue.  The ground effect along a row near the
+        runway is wanted too, with the ratio `GROUND_RATIO` of its standard error.
 
     Attributes
     ----------
@@ -46,11 +55,15 @@ class Goal:
     unreachable : dict of str to array
         Standard error of the wanted nodes that stay above their bound with all manoeuvres, NaN
         elsewhere.  These nodes do not count.
+    beyond : dict of str to float
+        Width over bound of wanted rows, and of the ground effect along them, that stay above their
+        bound with all manoeuvres, by name.  Their bound in F is 1.05 of this width.
 
     Raises
     ------
     SchemaError
-        The database does not have a wanted term or axis, or bounds have no node.
+        The database does not have a wanted term or axis, or bounds have no node, or the gradients
+        of a wanted row are missing.
     """
 
     def __init__(
@@ -59,10 +72,13 @@ class Goal:
         database: xr.DataTree,
         flown: Sequence[Any] = (),
         learnt: Tabulation | None = None,
+        rows: Sequence[RowGradients] = (),
     ):
-        self.prediction, self.flown = prediction, list(flown)
+        self.prediction, self.flown, self.rows = prediction, list(flown), list(rows)
+        demand_rows(prediction.catalogue, rows)
         self.expectation = Expectation(database, prediction.catalogue.held, learnt=learnt)
         self.bounds = bounds_of(prediction.catalogue, database)
+        self._spreads: dict[Any, LinearSpread] = {}
         self._stderr_of_fits: dict[Any, dict[str, np.ndarray]] = {}
         self.unreachable: dict[str, np.ndarray] = {}
         self._counted: dict[str, np.ndarray] = {}
@@ -72,6 +88,53 @@ class Goal:
             if beyond.any():
                 self.unreachable[name] = np.where(beyond, best[name], np.nan)
             self._counted[name] = np.where(beyond, np.nan, bound)
+        self._ground_before = {
+            row.wanted.name: row.ground_errors(self._row_stderr(row, [])) for row in self.rows
+        }
+        self.beyond: dict[str, float] = {}
+        for name, ratio in self.row_ratios(list(prediction.candidates)).items():
+            if ratio > 1.0:
+                self.beyond[name] = ratio
+
+    def _row_stderr(self, row: RowGradients, fits: Sequence[Any]) -> np.ndarray:
+        """Return the standard errors of the functions of a row."""
+        spreads = []
+        for coefficient in row.coefficients:
+            local = [fit for fit in fits if coefficient_of(fit) == coefficient]
+            key = row.wanted.name, coefficient, tuple(sorted(map(id, local)))
+            if key not in self._spreads:
+                self._spreads[key] = self.expectation.spread_of(coefficient, local, row.gradients)
+            spreads.append(self._spreads[key])
+        return sum_spreads(spreads)
+
+    def widths(self, items: Sequence[Item]) -> dict[str, tuple[str, float]]:
+        """Return the deciding criterion and the width of every wanted row after a choice."""
+        fits = [*self.flown, *self.prediction.fits(items)]
+        widths = {}
+        for row in self.rows:
+            widths[row.wanted.name] = row.decides(self._row_stderr(row, fits))
+        return widths
+
+    def ground_ratios(self, row: RowGradients, items: Sequence[Item]) -> dict[str, float]:
+        """Return the standard errors of the ground effect along a row over those before.
+
+        The key is the coefficient.
+        """
+        fits = [*self.flown, *self.prediction.fits(items)]
+        after = row.ground_errors(self._row_stderr(row, fits))
+        before = self._ground_before[row.wanted.name]
+        return {name: after[name] / before[name] for name in after if before[name] > 0.0}
+
+    def row_ratios(self, items: Sequence[Item]) -> dict[str, float]:
+        """Return the widths of rows, and the errors of the ground effect, over their bounds."""
+        ratios = {}
+        widths = self.widths(items)
+        for row in self.rows:
+            name = row.wanted.name
+            ratios[name] = widths[name][1] / row.wanted.ratio
+            for coefficient, ratio in self.ground_ratios(row, items).items():
+                ratios[f"{name}: {coefficient}"] = ratio / GROUND_RATIO
+        return ratios
 
     def stderr(self, items: Sequence[Item]) -> dict[str, np.ndarray]:
         """Return the standard errors of the wanted nodes after a choice, NaN elsewhere."""
@@ -97,9 +160,16 @@ class Goal:
         for name, bound in self._counted.items():
             logarithms.append(np.log(stderr[name] / bound)[np.isfinite(bound)])
         values = np.concatenate(logarithms)
-        if not len(values):
-            return 0.0
-        return float(np.maximum(values, 0.0).mean())
+        missing = 0.0
+        if len(values):
+            missing = float(np.maximum(values, 0.0).mean())
+        shortfalls = []
+        for name, ratio in self.row_ratios(items).items():
+            bound = max(1.0, _NEAR_BEST * self.beyond.get(name, 0.0))
+            shortfalls.append(float(np.log(max(ratio / bound, 1.0))))
+        if shortfalls:
+            missing += float(np.mean(shortfalls))
+        return missing
 
 
 def bounds_of(catalogue: Catalogue, database: xr.DataTree) -> dict[str, np.ndarray]:

@@ -375,6 +375,31 @@ def parse_instruments(content: Mapping[str, Any], what: str = "instruments") -> 
     return instruments
 
 
+def instrument_of(
+    content: Mapping[str, Any], channel: str, what: str = "instruments"
+) -> Instrument:
+    """Return the instrument of one channel; those that a reconstruction needs may be missing.
+
+    Parameters
+    ----------
+    content : mapping
+        ``Aircraft.instruments``.
+    channel : str
+        The instrument is the one that gives its noise, else an empty one.
+    what : str
+        For the text of an error.
+
+    Raises
+    ------
+    SchemaError
+        The table of the instrument has a fault.
+    """
+    for table in _to_tables(content).values():
+        if isinstance(table, Mapping) and channel in (table.get("noise") or ()):
+            return validate_content(Instrument, dict(table), what)
+    return Instrument()
+
+
 def _instrument_problems(instrument: Instrument) -> list[str]:
     """Return what is wrong with one instrument, apart from its values."""
     used = (*IMU, *MEASURED, *SURFACES, *COCKPIT)

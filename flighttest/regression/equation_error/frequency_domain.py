@@ -27,8 +27,6 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -36,41 +34,35 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flightmech.support.arrays import rms
+from flighttest.parameter_constraints import (
+    choose_active,
+    eliminate,
+    parse_constraints,
+    rate_constraints,
+)
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.fit_remarks import unsettled_attributes
-from flighttest.regression.equation_error.least_squares import ridge_penalty
+from flighttest.regression.equation_error.frequency_slopes import (
+    FrequencyProblem,
+    SlopeEstimate,
+    SlopeFit,
+    fit_slopes,
+)
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.equation_error.samples import RegressionSamples, slopes_of, stack_samples
-from flighttest.regression.equation_error.slope_errors import (
-    SlopeErrors,
-    estimate_slope_errors,
-    map_samples_to_slopes,
-)
-from flighttest.regression.equation_error.spectral_weights import (
-    equal_weights,
-    whitening_weights,
-)
+from flighttest.regression.equation_error.samples import slopes_of, stack_samples
 from flighttest.regression.equation_error.time_domain import (
     demand_choice,
     demand_determined,
     separate_intercepts,
 )
 from flighttest.regression.equation_error.transformed_stretches import (
-    TransformedStretch,
-    fill_rows,
     select_stretches,
-    stack_complex,
-    transform_columns,
 )
-from flighttest.regression.uncertainty import collinearity, significance
+from flighttest.regression.uncertainty import significance
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
-from flighttest.remarks import Convergence
 
-# least rms of a regressor inside the band, over its largest value: below, only rounding moves it
-_EXCITED = 1e-6
 WEIGHTS = ("equal", "spectrum")
-_NO_WINDOW = "standard error by a lag window; none in frequency"
 
 
 def regress_frequency(
@@ -82,6 +74,7 @@ def regress_frequency(
     spacing: float | None = None,
     ridge: float | str = 0.0,
     weights: str = "equal",
+    constraints: Sequence[str] = (),
 ) -> Fit:
     """Fit a model to measured coefficients by least squares over the frequencies of a band.
 
@@ -107,6 +100,9 @@ def regress_frequency(
         ``spectrum`` weights every frequency by the inverse of the residual's spectrum and removes
         the leakage of the ends of the stretches. It is meant for noise that grows with frequency,
         such as that of coefficients from measured positions.
+    constraints : sequence of str
+        Linear constraints among the slopes, as in `regress`. The constant is estimated afterwards
+        and cannot be in a constraint.
 
     Returns
     -------
@@ -123,6 +119,8 @@ def regress_frequency(
         distinguish.
     UnknownName
         A variable that the data do not hold.
+    SchemaError
+        Constraints that cannot be read, that contradict each other, or that hold a constant.
 
     Notes
     -----
@@ -138,213 +136,95 @@ def regress_frequency(
     X, terms = model.design(samples.data), list(model.terms)
     if intercepts == "separate":
         X, terms = separate_intercepts(X, terms, samples.data["manoeuvre"].values)
-    demand_determined(name, model, z=samples.data[model.coefficient].values, X=X, terms=terms)
     parts = select_stretches(samples, band, spacing)
-    problem = _FrequencyProblem(model, samples, X=X, terms=terms, parts=parts)
-    estimates, estimator, errors = _solve(problem, name, ridge=ridge, weights=weights)
+    problem = FrequencyProblem(model, samples, X=X, terms=terms, parts=parts)
+    slope_fit, stored = _fit_constrained(problem, name, constraints, ridge=ridge, weights=weights)
+    estimates, estimator, errors = _describe_fit(problem, slope_fit, weights=weights)
     estimates.attrs.update(
         name=name,
         intercepts=intercepts,
         band=f"{band[0]:g} ... {band[1]:g}",
         frequencies=sum(len(part.frequencies) for part in parts),
     )
+    if constraints:
+        estimates.attrs["constraints"] = stored
+    design = np.linalg.pinv(estimator)
+    if slope_fit.elimination.is_free.all():
+        design = least_squares.equivalent_regressors(estimator)
     return Fit(
         name=name,
         model=model,
         estimates=estimates,
         data=samples.for_fit(model.coefficient, errors),
-        design=least_squares.label_terms(least_squares.equivalent_regressors(estimator), terms),
+        design=least_squares.label_terms(design, terms),
         regressors=least_squares.label_terms(X, terms),
     )
 
 
-def demand_frequencies(
-    label: str,
-    rows: np.ndarray,
-    X: np.ndarray,
-    parts: Sequence[TransformedStretch],
-    terms: Sequence[str],
-) -> None:
-    """Raise when the transformed equations cannot determine the terms.
-
-    Parameters
-    ----------
-    label : str
-        Start of the error message.
-    rows : complex array (rows, terms)
-        Transformed regressors.
-    X : array (samples, terms)
-        Regressors in time.
-    parts : sequence of TransformedStretch
-    terms : sequence of str
-
-    Raises
-    ------
-    IdentificationError
-        Too few frequencies, a term without excitation in the band, or combinations that vanish
-        there.
-    """
-    if len(rows) < 2 * len(terms):
-        raise IdentificationError(
-            f"{label}: {len(rows)} frequencies for {len(terms)} slopes; at least two per "
-            f"slope are needed: widen the band"
-        )
-    # rms of each regressor inside the band, by Parseval's theorem: the rows are over root(T)
-    duration = fill_rows(parts, [part.duration for part in parts])
-    inside = np.sqrt(2.0 * (np.abs(rows) ** 2 / duration[:, None]).sum(axis=0) / len(parts))
-    is_idle = inside < _EXCITED * np.abs(X).max(axis=0)
-    idle = [term for term, flag in zip(terms, is_idle) if flag]
-    if idle:
-        verb = "is" if len(idle) == 1 else "are"
-        raise IdentificationError(
-            f"{label}: {', '.join(idle)} {verb} not excited inside the band; leave the term out, "
-            f"add a manoeuvre, or work in time"
-        )
-    try:
-        collinearity.demand_rank(stack_complex(rows), terms)
-        collinearity.demand_independence(stack_complex(rows), np.zeros(len(terms), bool), terms)
-    except IdentificationError as error:
-        raise IdentificationError(f"{label}: inside the band {error}") from None
-
-
-@dataclass(frozen=True)
-class _FrequencyProblem:
-    """Samples, regressors in time (samples, terms), and the stretches to transform."""
-
-    model: RegressionModel
-    samples: RegressionSamples
-    X: np.ndarray
-    terms: list[str]
-    parts: list[TransformedStretch]
-
-    @property
-    def z(self) -> np.ndarray:
-        """Measured coefficient, (samples,)."""
-        return self.samples.data[self.model.coefficient].values
-
-    @cached_property
-    def is_constant(self) -> np.ndarray:
-        """Mask of the intercepts, (terms,)."""
-        return least_squares.intercept_mask(self.terms)
-
-    @property
-    def slopes(self) -> list[str]:
-        """Terms that are not intercepts."""
-        return [term for term, flag in zip(self.terms, self.is_constant) if not flag]
-
-
-@dataclass(frozen=True)
-class _LinearEstimate:
-    """Estimates theta = A z of some terms, with their errors.
-
-    Attributes
-    ----------
-    theta : array (terms,)
-    covariance : array (terms, terms)
-    white : array (terms,)
-        Standard errors for a white residual.
-    A : array (terms, samples)
-        Linear map from the measured coefficient to the estimates.
-    offset : float
-        Standard deviation of a constant between stretches.
-    """
-
-    theta: np.ndarray
-    covariance: np.ndarray
-    white: np.ndarray
-    A: np.ndarray
-    offset: float
-
-
-@dataclass(frozen=True)
-class _SlopeFit:
-    """Fit of the slopes in the frequency domain.
-
-    Attributes
-    ----------
-    estimate : _LinearEstimate
-        Slopes only.
-    errors : SlopeErrors
-    R2 : float
-        Coefficient of determination inside the band, without weights.
-    variables : dict
-        Diagnostics of all terms, as variables of a Dataset.
-    ridge : float
-        Ridge parameter, zero without ridge.
-    weighting : Convergence
-        End of the alternation of weights and fit.
-    """
-
-    estimate: _LinearEstimate
-    errors: SlopeErrors
-    R2: float
-    variables: dict[str, Any]
-    ridge: float
-    weighting: Convergence
-
-
-def _fit_slopes(
-    problem: _FrequencyProblem, name: str, ridge: float | str, weights: str
-) -> _SlopeFit:
-    """Return the slopes from the transformed equations."""
-    model, z, parts = problem.model, problem.z, problem.parts
-    is_constant, slopes = problem.is_constant, problem.slopes
+def _fit_constrained(
+    problem: FrequencyProblem,
+    name: str,
+    constraints: Sequence[str],
+    *,
+    ridge: float | str,
+    weights: str,
+) -> tuple[SlopeFit, str]:
+    """Return the slopes under constraints, and the rated constraints as in `fit_problem`."""
+    slopes = problem.slopes
     if not slopes:
         raise IdentificationError(
-            f"{model} has no slope; a spectrum without its mean contains no information "
+            f"{problem.model} has no slope; a spectrum without its mean contains no information "
             f"about a constant"
         )
-    X_slopes = problem.X[:, ~is_constant]
-    Xf, zf = transform_columns(X_slopes, parts), transform_columns(z[:, None], parts)[:, 0]
-    label = str(model)
-    if name:
-        label = f"{name}: {model}"
-    demand_frequencies(label, Xf, X=X_slopes, parts=parts, terms=slopes)
-    if weights == "spectrum":
-        whitened = whitening_weights(Xf, zf, parts)
-    else:
-        whitened = equal_weights(len(zf))
-
-    # Real equations, two per frequency: [Klein2006] chapter 7, with weights and a ridge.
-    X2, z2 = whitened.equations(Xf), whitened.equations(zf[:, None])[:, 0]
-    no_constant = np.zeros(len(slopes), bool)
-    penalty, parameter = ridge_penalty(ridge, X2, z=z2, fixed=no_constant)
-    theta, E = least_squares.solve_least_squares(X2, z2, penalty)
-    v = whitened.residual(zf, Xf, theta)
-    D = least_squares.estimator_matrix(E) * np.tile(whitened.root, 2)
-    errors = estimate_slope_errors(v, E, D=D, whitened=whitened, parts=parts)
-
-    # The contribution of a term is its share in the rms of the coefficient inside the band.
-    variables = least_squares.regressor_diagnostics(X2, no_constant)
-    variables = least_squares.spread_diagnostics(variables, is_constant)
-    share = np.sqrt((np.abs(Xf) ** 2).sum(axis=0) / (np.abs(zf) ** 2).sum())
-    variables["contribution"] = "term", _fill_terms(is_constant, share * np.abs(theta))
-    variables["stderr_window"] = (
-        "term",
-        np.full(len(is_constant), np.nan),
-        {"long_name": _NO_WINDOW},
+    parsed = parse_constraints(constraints, slopes, problem.spell)
+    equalities = [constraint for constraint in parsed if constraint.is_equality]
+    limits = [constraint for constraint in parsed if not constraint.is_equality]
+    held, active = eliminate(equalities, len(slopes)), equalities
+    free = [*problem.terms_of_constants, *(slopes[k] for k in held.free)]
+    X = np.hstack(
+        [problem.X[:, problem.is_constant], problem.X[:, ~problem.is_constant] @ held.matrix]
     )
-    if parameter:
-        bias = _fill_terms(is_constant, least_squares.ridge_bias(X2, z2, penalty))
-        variables["shrinkage"] = "term", bias, {"long_name": least_squares.RIDGE_BIAS}
-    A = map_samples_to_slopes(D, parts, samples=len(z))
-    return _SlopeFit(
-        estimate=_LinearEstimate(theta, errors.covariance, white=errors.white, A=A, offset=0.0),
-        errors=errors,
-        R2=1.0 - float((np.abs(v) ** 2).sum() / (np.abs(zf) ** 2).sum()),
-        variables=variables,
-        ridge=parameter,
-        weighting=whitened.convergence,
-    )
+    demand_determined(name, problem.model, z=problem.z, X=X, terms=free)
+    found = fit_slopes(problem, name, held, ridge=ridge, weights=weights)
+    if limits:
+        violated = choose_active(limits, held, found.phi, found.information)
+        if violated:
+            active = [*equalities, *violated]
+            # one ridge parameter for all choices of inequalities
+            found = fit_slopes(
+                problem, name, eliminate(active, len(slopes)), ridge=found.ridge, weights=weights
+            )
+    if not parsed:
+        return found, ""
+    theta, covariance = np.full(len(slopes), np.nan), np.zeros((len(slopes), len(slopes)))
+    try:
+        # without any constraint and without a ridge: what the data alone state about them
+        alone = fit_slopes(problem, name, eliminate([], len(slopes)), ridge=0.0, weights=weights)
+        A, samples = alone.estimate.A, problem.samples
+        _, errors = samples.errors(
+            problem.model.coefficient, problem.model.variables, _responses(problem, alone)
+        )
+        D = A @ errors.T
+        theta, covariance = alone.estimate.theta, alone.estimate.covariance + D @ D.T
+    except IdentificationError:
+        pass
+    return found, rate_constraints(parsed, active, theta, covariance)
 
 
-def _solve(
-    problem: _FrequencyProblem, name: str, ridge: float | str, weights: str
+def _responses(problem: FrequencyProblem, fit: SlopeFit) -> dict[str, Any]:
+    """Return the slopes of a fit for the errors of the samples; constants do not enter them."""
+    theta = np.zeros(len(problem.terms))
+    theta[~problem.is_constant] = fit.estimate.theta
+    return slopes_of(problem.model, theta)
+
+
+def _describe_fit(
+    problem: FrequencyProblem, slope_fit: SlopeFit, *, weights: str
 ) -> tuple[xr.Dataset, np.ndarray, np.ndarray]:
     """Return estimates, their linear map (terms, samples), and the common errors of the samples."""
     model, samples, z, is_constant = problem.model, problem.samples, problem.z, problem.is_constant
-    slope_fit = _fit_slopes(problem, name, ridge=ridge, weights=weights)
-    estimate = _add_constants(problem, slope_fit.estimate)
+    free = int(is_constant.sum()) + len(slope_fit.phi)
+    estimate = _add_constants(problem, slope_fit.estimate, free)
     response = slopes_of(model, estimate.theta)
     sources, errors = samples.errors(model.coefficient, model.variables, response)
     estimates = least_squares.regression_estimates(
@@ -375,12 +255,21 @@ def _solve(
     dof = np.full(len(is_constant), slope_fit.errors.freedom.min())
     factor = np.ones(len(is_constant))
     dof[~is_constant], factor[~is_constant] = slope_fit.errors.freedom, slope_fit.errors.factor
-    estimates = significance.add_tests(estimates, is_constant, dof=dof, inflated=factor)
+    # The F test is that of the free slopes; the others follow them.
+    untested, is_fixed = is_constant.copy(), np.zeros(len(is_constant), bool)
+    untested[~is_constant] = ~slope_fit.elimination.is_free
+    is_fixed[~is_constant] = slope_fit.elimination.is_fixed
+    estimates = significance.add_tests(estimates, untested, dof=dof, inflated=factor)
+    for key in ("t", "p_value"):
+        estimates[key] = estimates[key].where(~is_fixed)
     return estimates, estimate.A, errors
 
 
-def _add_constants(problem: _FrequencyProblem, slopes: _LinearEstimate) -> _LinearEstimate:
-    """Return slopes and constants together; the constants are the mean residuals in time."""
+def _add_constants(problem: FrequencyProblem, slopes: SlopeEstimate, free: int) -> SlopeEstimate:
+    """Return slopes and constants together; the constants are the mean residuals in time.
+
+    `free` is the number of free parameters.
+    """
     X, z, is_constant = problem.X, problem.z, problem.is_constant
     n = len(is_constant)
     theta, white, C, A = np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, len(z)))
@@ -389,7 +278,7 @@ def _add_constants(problem: _FrequencyProblem, slopes: _LinearEstimate) -> _Line
     A[~is_constant] = slopes.A
     C[np.ix_(~is_constant, ~is_constant)] = slopes.covariance
     if not is_constant.any():
-        return _LinearEstimate(theta, C, white=white, A=A, offset=0.0)
+        return SlopeEstimate(theta, C, white=white, A=A, offset=0.0)
     # Means over the samples of each constant, as a linear map P of the residual.
     P = least_squares.estimator_matrix(X[:, is_constant])
     theta[is_constant] = P @ (z - X[:, ~is_constant] @ slopes.theta)
@@ -403,13 +292,6 @@ def _add_constants(problem: _FrequencyProblem, slopes: _LinearEstimate) -> _Line
     C[np.ix_(is_constant, ~is_constant)] = -means @ slopes.covariance
     C[np.ix_(~is_constant, is_constant)] = C[np.ix_(is_constant, ~is_constant)].T
     white[is_constant] = np.sqrt(
-        (v @ v) / (len(v) - n) * (P**2).sum(axis=1) + means**2 @ slopes.white**2
+        (v @ v) / (len(v) - free) * (P**2).sum(axis=1) + means**2 @ slopes.white**2
     )
-    return _LinearEstimate(theta, C, white=white, A=A, offset=scatter.offset)
-
-
-def _fill_terms(is_constant: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return values of the slopes at the positions of all terms; zero for constants."""
-    filled = np.zeros(len(is_constant))
-    filled[~is_constant] = values
-    return filled
+    return SlopeEstimate(theta, C, white=white, A=A, offset=scatter.offset)

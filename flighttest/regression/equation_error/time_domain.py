@@ -86,7 +86,8 @@ def regress(
         zero; the variable ``shrinkage`` is the bias.
     constraints : sequence of str
         Linear constraints among the terms, as ``qhat = 1.2*alphadothat`` or ``delta_e < 0``; see
-        `parse_constraints`. Not together with a ridge.
+        `parse_constraints`. A ridge then acts on the free terms; its parameter is that of the
+        equalities, and constraints are compared with the estimate without a ridge.
 
     Returns
     -------
@@ -109,18 +110,27 @@ def regress(
        Statistics 4, 1975.
     """
     demand_choice("intercepts", intercepts, ("common", "separate"))
-    if constraints and ridge:
-        raise IdentificationError("a ridge and constraints; take one of them")
     # Weights may be the standard errors in a variable of the data.
     needed = list(model.variables)
     if weights not in WEIGHTS:
         needed.append(weights)
     problem = prepare_problem(model, data, name=name, intercepts=intercepts, needed=needed)
 
-    def solve(elimination: ParameterElimination) -> LinearSolution:
-        return _solve_least_squares(problem, elimination, weights=weights, ridge=ridge)
+    parameter: float | str = ridge
 
-    return fit_problem(problem, solve, constraints=constraints, lag=lag)
+    def solve(elimination: ParameterElimination) -> LinearSolution:
+        nonlocal parameter
+        found = _solve_least_squares(problem, elimination, weights=weights, ridge=parameter)
+        # one parameter for all choices of inequalities
+        parameter = found.attributes["ridge"]
+        return found
+
+    def solve_without_ridge(elimination: ParameterElimination) -> LinearSolution:
+        return _solve_least_squares(problem, elimination, weights=weights, ridge=0.0)
+
+    return fit_problem(
+        problem, solve, constraints=constraints, lag=lag, unbiased=solve_without_ridge
+    )
 
 
 @dataclass(frozen=True)
@@ -156,12 +166,17 @@ class RegressionProblem:
         return least_squares.intercept_mask(self.terms)
 
     def spell(self, name: str) -> str:
-        """Return the spelling of a term in a constraint: ``CL_qhat`` is the term ``qhat``."""
-        own = name.removeprefix(f"{self.model.coefficient}_")
-        try:
-            return term_text(term_powers(own))
-        except (ParseError, UnknownName):
-            return own
+        """Return the spelling of a term in a constraint."""
+        return spell_term(name, self.model)
+
+
+def spell_term(name: str, model: RegressionModel) -> str:
+    """Return the spelling of a term in a constraint: ``CL_qhat`` is the term ``qhat``."""
+    own = name.removeprefix(f"{model.coefficient}_")
+    try:
+        return term_text(term_powers(own))
+    except (ParseError, UnknownName):
+        return own
 
 
 @dataclass(frozen=True)
@@ -240,6 +255,7 @@ def fit_problem(
     solve: Solve,
     constraints: Sequence[str] = (),
     lag: float | None = None,
+    unbiased: Solve | None = None,
 ) -> Fit:
     """Return the fit of a problem by an estimator, with constraints among its parameters.
 
@@ -251,6 +267,8 @@ def fit_problem(
     constraints : sequence of str
     lag : float, optional
         As of `regress`. [s]
+    unbiased : callable, optional
+        The estimator with which constraints are compared, if it is another one.
     """
     parsed = parse_constraints(constraints, problem.terms, problem.spell)
     equalities = [constraint for constraint in parsed if constraint.is_equality]
@@ -267,7 +285,7 @@ def fit_problem(
     estimates.attrs.update(name=problem.name, intercepts=problem.intercepts)
     if parsed:
         # Without any constraint: what the data alone state about them.
-        theta, covariance = _estimate_freely(problem, solve, lag)
+        theta, covariance = _estimate_freely(problem, unbiased or solve, lag)
         rated = rate_constraints(parsed, active, theta, covariance)
         estimates.attrs["constraints"] = rated
     return Fit(
@@ -421,7 +439,7 @@ def _solve_least_squares(
         carrier=E,
         X=Xw,
         motion=X,
-        information=Xw.T @ Xw,
+        information=Xw.T @ Xw + np.diag(penalty),
         root=root,
         added=np.zeros((len(phi), len(phi))),
         variables=variables,

@@ -35,11 +35,14 @@ from scipy.optimize import minimize_scalar
 
 from flightmech.errors import AeromatchWarning, IdentificationError
 from flighttest.records.signals.fourier import finite_fourier, harmonics
-from flighttest.regression.equation_error.frequency_domain import TransformedStretch, stack_complex
 from flighttest.regression.equation_error.spectral_weights import (
     residual_power,
     spectral_freedom,
     student_factor,
+)
+from flighttest.regression.equation_error.transformed_stretches import (
+    TransformedStretch,
+    stack_complex,
 )
 from flighttest.regression.uncertainty.collinearity import demand_rank
 from flighttest.remarks import Convergence, Remark

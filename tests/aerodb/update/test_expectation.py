@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from aerodb.edit.term_edits import replace_terms
 from aerodb.store.schema import make_database
-from aerodb.update import weight_learning
+from aerodb.store.schema import terms as schema_terms
+from aerodb.update import draw, weight_learning
 from aerodb.update.correlation import SHARES, prior_parts
 from aerodb.update.expectation import Expectation
 from aerodb.update.tabulation import tabulate
@@ -46,7 +48,7 @@ def prior():
     return make_database(leaves, **ROOT)
 
 
-def fit(seed, alpha, mach, bias=0.0, shift=0.0):
+def fit(seed, alpha, mach, bias=0.0, shift=0.0, coefficient="CL"):
     """A local fit whose lift and incidence have an error of the instruments in common; `shift` is
     of the lift of this flight alone.
     """
@@ -72,7 +74,9 @@ def fit(seed, alpha, mach, bias=0.0, shift=0.0):
         data = data.assign(
             {name: (("error", "time"), x[None]) for name, x in shares.items()}
         ).assign_coords(error=["bias.alpha"])
-    return regress(RegressionModel.parse("CL = 1 + alpha + qhat + delta_e"), data, f"fit {seed}")
+    data = data.rename({name: name.replace("CL", coefficient) for name in data if "CL" in name})
+    model = RegressionModel.parse(f"{coefficient} = 1 + alpha + qhat + delta_e")
+    return regress(model, data, f"fit {seed}")
 
 
 @pytest.mark.parametrize("held", [(), ("CL/elevator",)])
@@ -158,3 +162,62 @@ def test_parts_of_some_nodes_are_those_of_all(prior):
     nodes = np.array([1, 3, 4, 9])
     every, some = prior_parts(leaf, sampled), prior_parts(leaf, sampled, nodes=nodes)
     np.testing.assert_allclose(some, every[:, nodes][:, :, nodes], rtol=1e-12)
+
+
+def two_coefficients(prior):
+    """The prior with a drag of the same shape, and fits of both with one error in common."""
+    leaves = dict(schema_terms(prior))
+    for name in list(leaves):
+        leaves[name.replace("CL", "CD")] = leaves[name].copy()
+    fits = [fit(1, 2 * DEG, 0.3, bias=0.004, coefficient=name) for name in ("CL", "CD")]
+    return make_database(leaves, **ROOT), fits
+
+
+def one_node(prior, name, node):
+    gradient = np.zeros((1, *schema_terms(prior)[name]["value"].shape))
+    gradient[(0, *node)] = 1.0
+    return {name: gradient}
+
+
+def test_the_gradient_of_one_node_gives_its_standard_error(prior):
+    fits = [fit(1, 1 * DEG, 0.22, bias=0.003), fit(2, 5 * DEG, 0.36, bias=0.003)]
+    expectation = Expectation(prior, held=["CL/elevator"])
+    expected = expectation.stderr(fits)
+    for name, node in (("CL/basic", (2, 1)), ("CL/qhat", (0,))):
+        found = expectation.stderr_of(fits, one_node(prior, name, node))
+        np.testing.assert_allclose(found, expected[name][node], rtol=1e-9)
+    # without information a node keeps its declared error
+    for given in ([], fits):
+        np.testing.assert_allclose(
+            expectation.stderr_of(given, one_node(prior, "CL/elevator", ())), 0.1
+        )
+
+
+def test_errors_that_coefficients_share_add_up(prior):
+    """An error of alpha moves lift and drag alike; in their difference it cancels."""
+    both, fits = two_coefficients(prior)
+    expectation = Expectation(both)
+    lift, drag = one_node(both, "CL/basic", (2, 1)), one_node(both, "CD/basic", (2, 1))
+    alone = np.array([expectation.stderr_of(fits, part)[0] for part in (lift, drag)])
+    total = expectation.stderr_of(fits, {**lift, **drag})[0]
+    difference = expectation.stderr_of(fits, {**lift, "CD/basic": -drag["CD/basic"]})[0]
+    np.testing.assert_allclose(total**2 + difference**2, 2.0 * (alone**2).sum(), rtol=1e-9)
+    assert total > 1.1 * difference
+
+
+def test_a_sum_of_nodes_scatters_as_draws_of_the_tables(prior, monkeypatch):
+    fits = [fit(1, 1 * DEG, 0.22, bias=0.003), fit(2, 5 * DEG, 0.36, bias=0.003)]
+    weights = np.append(np.tile(list(SHARES.values()), 3), 1.0)
+    monkeypatch.setattr(weight_learning, "learn_weights", lambda y, *_: (weights, np.zeros(1)))
+    monkeypatch.setattr(weight_learning, "_FREEDOM", 1e9)
+    nodes = draw(replace_terms(prior, dict(tabulate(fits, prior))), 4000, seed=3)
+    rng = np.random.default_rng(0)
+    gradients = {name: rng.normal(size=(5, *nodes[name].shape[1:])) for name in nodes}
+    gradients["CL/qhat"] *= 0.01
+    drawn = np.zeros((4000, 5))
+    for name, gradient in gradients.items():
+        flat = gradient.reshape(5, -1)
+        drawn += nodes[name].reshape(4000, -1) @ flat.T
+    np.testing.assert_allclose(
+        Expectation(prior).stderr_of(fits, gradients), drawn.std(axis=0), rtol=0.06
+    )

@@ -14,6 +14,7 @@ from flighttest.parameter_constraints import choose_active, eliminate, parse_con
 from flighttest.regression.combining.joined_fits import join_fits
 from flighttest.regression.combining.mixed_estimation import mix_with_prior
 from flighttest.regression.equation_error.fit import open_fit, save_fit
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.errors_in_variables.instrumental_variables import regress_instrumental
@@ -199,8 +200,6 @@ def test_all_estimators_take_constraints_and_files_keep_them(tmp_path):
         # The design is a linear map of the measurements to the estimates.
         assert np.isfinite(fit.design.values).all()
         assert fit.predict(data)["CL"].shape == (1500,)
-    with pytest.raises(IdentificationError, match="ridge"):
-        regress(LIFT, data, ridge=0.1, constraints=texts)
 
 
 def test_instrumental_variables_take_constraints():
@@ -222,3 +221,93 @@ def test_joins_priors_and_tables_refuse_an_active_constraint():
         _demand_no_constraint(held)
     _demand_no_constraint(free)
     join_fits([free, free])
+
+
+BAND = (0.2, 2.0)
+
+
+@pytest.mark.parametrize("weights", ["equal", "spectrum"])
+def test_in_frequency_an_eliminated_term_is_one_with_the_term_it_follows(weights):
+    """qhat = 1.6*alpha: the fit of a model with the one regressor alpha + 1.6*qhat."""
+    data = record(np.random.default_rng(3), duration=30.0)
+    fit = regress_frequency(
+        LIFT, data, BAND, weights=weights, constraints=["CL_qhat = 1.6*alpha", "delta_e > -9"]
+    )
+    joined = data.assign(beta=data["alpha"] + 1.6 * data["qhat"])
+    other = regress_frequency(
+        RegressionModel.parse("CL = 1 + beta + delta_e"), joined, BAND, weights=weights
+    )
+    e, o = fit.estimates, other.estimates
+    np.testing.assert_allclose(
+        e["estimate"].sel(term=["1", "alpha", "delta_e"]), o["estimate"], rtol=1e-9
+    )
+    for name in ("stderr", "stderr_white"):
+        np.testing.assert_allclose(e[name].sel(term=["1", "alpha", "delta_e"]), o[name], rtol=1e-8)
+        assert float(e[name].sel(term="qhat")) == pytest.approx(1.6 * float(e[name][1]))
+    rated = json.loads(e.attrs["constraints"])
+    assert [row["active"] for row in rated] == [True, False]
+    assert rated[1]["t"] == 0.0
+    # the same residual of the data without constraint decides the contradiction
+    free = regress_frequency(LIFT, data, BAND, weights=weights).estimates
+    C = free["covariance"].values + free["systematic"].values @ free["systematic"].values.T
+    w = np.array([0.0, -1.6, 1.0, 0.0])
+    expected = float(w @ free["estimate"].values) / np.sqrt(w @ C @ w)
+    assert rated[0]["t"] == pytest.approx(expected, rel=1e-6)
+
+
+def test_in_frequency_a_violated_limit_becomes_an_equality():
+    data = record(np.random.default_rng(4), duration=30.0)
+    at_limit = regress_frequency(LIFT, data, BAND, constraints=["delta_e = 0.7"])
+    limited = regress_frequency(LIFT, data, BAND, constraints=["delta_e > 0.7"])
+    np.testing.assert_allclose(
+        limited.estimates["estimate"], at_limit.estimates["estimate"], rtol=1e-12
+    )
+    e = at_limit.estimates.sel(term="delta_e")
+    assert float(e["estimate"]) == 0.7
+    assert float(e["stderr"]) == 0.0
+    assert np.isnan(e["t"])
+    assert np.isfinite(at_limit.estimates["stderr"]).all()
+    with pytest.raises(SchemaError, match="no parameter '1'"):
+        regress_frequency(LIFT, data, BAND, constraints=["1 = 0.2"])
+
+
+@pytest.mark.parametrize("ridge", [0.05, "auto"])
+def test_a_ridge_acts_on_the_free_terms(ridge):
+    """Against a fit with the joined regressor; constraints are compared without the ridge."""
+    data = record(np.random.default_rng(5), duration=30.0)
+    texts = ["qhat = 1.6*alpha"]
+    joined = data.assign(beta=data["alpha"] + 1.6 * data["qhat"])
+    model = RegressionModel.parse("CL = 1 + beta + delta_e")
+    for found, other in (
+        (regress(LIFT, data, ridge=ridge, constraints=texts), regress(model, joined, ridge=ridge)),
+        (
+            regress_frequency(LIFT, data, BAND, ridge=ridge, constraints=texts),
+            regress_frequency(model, joined, BAND, ridge=ridge),
+        ),
+    ):
+        e, o = found.estimates, other.estimates
+        assert e.attrs["ridge"] == pytest.approx(o.attrs["ridge"])
+        for name in ("estimate", "stderr", "shrinkage"):
+            np.testing.assert_allclose(
+                e[name].sel(term=["1", "alpha", "delta_e"]), o[name], rtol=1e-8, atol=1e-12
+            )
+    without = regress(LIFT, data, constraints=texts).estimates.attrs["constraints"]
+    assert (
+        regress(LIFT, data, ridge=ridge, constraints=texts).estimates.attrs["constraints"]
+        == without
+    )
+
+
+def test_a_ridge_at_a_limit_is_the_minimum_of_the_penalised_cost():
+    """The cost with the ridge, minimised by another method, has the limit at the same place."""
+    data = record(np.random.default_rng(6), duration=20.0)
+    fit = regress(LIFT, data, ridge=0.2, constraints=["qhat > 9"])
+    X, z = fit.regressors.values, data["CL"].values
+    length = ((X - X.mean(axis=0)) ** 2).sum(axis=0)
+    length[0] = 0.0
+    low = np.array([-np.inf, -np.inf, 9.0, -np.inf])
+    rows = np.vstack([X, np.diag(np.sqrt(0.2 * length))])
+    by_hand = scipy.optimize.lsq_linear(
+        rows, np.append(z, np.zeros(4)), (low, np.full(4, np.inf)), method="bvls"
+    )
+    np.testing.assert_allclose(fit.estimates["estimate"], by_hand.x, rtol=1e-6)

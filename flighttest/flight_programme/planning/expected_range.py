@@ -1,0 +1,125 @@
+"""Range of the standard errors that fits will give, by draws of what `aerodb.tabulate` learns.
+
+The standard errors of `tabulate` depend on the estimates through the weights of the parts of the
+prior covariance, the factor on the errors of the fits and the weights of the fits.  Before the
+flights nobody has the estimates, but their distribution is that of the method: each draw takes the
+logarithms of all weights from their a-priori distribution, the estimates from the covariance of
+these weights, and learns from them as `tabulate` does.  The quantiles over the draws are the range.
+
+The lognormal weights of the parts `long` and `short` exclude an aeroplane whose tables have the
+shape of the handbook, which is frequent: derivatives of aeroplanes in simulators are constant.  In
+half of the draws a table therefore does not have these parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy
+
+from aerodb.update.correlation import PARTS, SHARES, SPREADS, prior_parts
+from aerodb.update.expectation import Expectation, align_errors
+from aerodb.update.observations import coefficient_of, observed_nodes, sampled_weights
+from aerodb.update.weight_learning import SPREAD_OF_FITS, weigh_fits
+from flightmech.errors import IdentificationError
+
+# Parts by which the shape of a table departs from the handbook, and share of tables without them.
+_SHAPE, _SMOOTH = ("long", "short"), 0.5
+
+
+def draw_stderr(
+    expectation: Expectation, fits: Sequence[Any], count: int, seed: int = 0
+) -> dict[str, np.ndarray]:
+    """Return draws of the standard errors after some fits, (draw, *axes) by term.
+
+    Parameters
+    ----------
+    expectation : Expectation
+        Of the prior, before any flight.
+    fits : sequence of Fit
+        Predicted fits.  Their estimates are not used.
+    count : int
+        Number of draws.
+    seed : int
+        The draws of a coefficient depend on the seed and on its name.
+
+    Returns
+    -------
+    dict of str to array
+        Of the terms that the fits inform.  NaN in a draw whose weights do not converge.
+    """
+    drawn: dict[str, np.ndarray] = {}
+    for coefficient in dict.fromkeys(map(coefficient_of, fits)):
+        local = [fit for fit in fits if coefficient_of(fit) == coefficient]
+        rng = np.random.default_rng([seed, *coefficient.encode()])
+        drawn |= _CoefficientDraws(expectation, coefficient, local).draw(count, rng)
+    return drawn
+
+
+class _CoefficientDraws:
+    """Draws of one coefficient: parts of the prior, computed once."""
+
+    def __init__(self, expectation: Expectation, coefficient: str, fits: Sequence[Any]):
+        self.observed = [expectation.observation(fit) for fit in fits]
+        self.D, _ = align_errors(self.observed)
+        self.C = scipy.linalg.block_diag(*[one.C for one in self.observed])
+        H = np.vstack([one.H for one in self.observed])
+        touched, sampled = observed_nodes(self.observed), sampled_weights(self.observed)
+        self.shapes: dict[str, tuple[int, ...]] = {}
+        variances, crossed, estimates = [], [], []
+        for name, nodes in expectation.node_slices(coefficient).items():
+            if not touched[nodes].any():
+                continue
+            leaf = expectation.leaf(name)
+            self.shapes[name] = leaf["value"].shape
+            P = prior_parts(leaf, (sampled * touched)[nodes], expectation.lengths)
+            PH = P @ H[:, nodes].T
+            variances.append(np.diagonal(P, axis1=1, axis2=2))
+            crossed.append(PH)
+            estimates.append(H[:, nodes] @ PH)
+        self.variances, self.crossed = variances, crossed
+        self.estimates = np.concatenate(estimates)
+
+    def draw(self, count: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
+        """Return draws of the standard errors by term."""
+        drawn = {name: np.full((count, *shape), np.nan) for name, shape in self.shapes.items()}
+        for k in range(count):
+            y = self._draw_estimates(rng)
+            try:
+                weighing = weigh_fits(y, self.observed, self.D, self.estimates)
+            except (IdentificationError, np.linalg.LinAlgError):
+                continue
+            weights = weighing.factors[:-1].reshape(len(self.shapes), -1)
+            pairs = zip(self.shapes.items(), weights, self.variances, self.crossed, strict=True)
+            for (name, shape), w, variances, crossed in pairs:
+                # as in `aerodb.update.tabulation`
+                PH = np.einsum("k,kij->ij", w, crossed)
+                gain = PH @ weighing.inverse
+                variance = (
+                    w @ variances
+                    - np.einsum("ij,ij->i", gain, PH)
+                    + ((gain @ self.D) ** 2).sum(axis=1)
+                    - np.einsum("ij,ij->i", gain @ weighing.own_errors, gain)
+                )
+                drawn[name][k] = np.sqrt(np.maximum(variance, 0.0)).reshape(shape)
+        return drawn
+
+    def _draw_estimates(self, rng: np.random.Generator) -> np.ndarray:
+        """Return estimates less their expectation, with drawn weights and errors."""
+        tables = len(self.shapes)
+        spread = np.append(np.tile(list(SPREADS.values()), tables), SPREAD_OF_FITS)
+        share = np.append(np.tile(list(SHARES.values()), tables), 1.0)
+        # the share is the mean of the lognormal weight, as in `learn_weights`
+        weights = np.exp(np.log(share) - spread**2 / 2.0 + spread * rng.standard_normal(len(share)))
+        # tables with the shape of the handbook
+        smooth = np.repeat(rng.random(tables) < _SMOOTH, len(PARTS))
+        weights[:-1][smooth & np.tile(np.isin(PARTS, _SHAPE), tables)] = 0.0
+        reach = np.arange(len(weights) - 1) % len(PARTS) == PARTS.index("reach")
+        weights[:-1][reach] = np.maximum(weights[:-1][reach], SHARES["reach"])
+        S = np.einsum("k,kij->ij", weights[:-1], self.estimates)
+        S = S + self.D @ self.D.T + max(weights[-1], 1.0) * self.C
+        scale = np.sqrt(np.diag(S))
+        root = np.linalg.cholesky(S / np.outer(scale, scale))
+        return scale * (root @ rng.standard_normal(len(S)))
