@@ -1,10 +1,12 @@
 """A-priori standard errors of DATCOM's estimates, by term and class of method.
 
-The standard error of a node is ``factor * hypot(relative * |value|, absolute)``.  It is zero at
-nodes that are zero by definition (an increment at zero deflection, a ground effect at height).  The
-relative and absolute figures depend on the term and are those of the subsonic methods.  The factor
-depends on the class of method (static, dynamic, control, ground, power, hinge) and on the speed
-regime.
+The standard error of a node is ``factor * hypot(relative * |value|, absolute)``.  That of the roll
+damping also has `STALLED` of the damping that the listing loses within 10 deg of incidence: the
+damping follows the local lift slope, and the stall that takes it away is a prediction of its own.
+The standard error is zero at nodes that are zero by definition (an increment at zero deflection, a
+ground effect at height).  The relative and absolute figures depend on the term and are those of the
+subsonic methods.  The factor depends on the class of method (static, dynamic, control, ground,
+power, hinge) and on the speed regime.
 
 Figures marked g are the engineering defaults of the project's identification guide (``7.6 A-priori
 weighting``).  The others (j), and all factors, are engineering judgement by the kind of method:
@@ -23,6 +25,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.units import DEGREE
 
 REGIMES = ("subsonic", "transonic", "supersonic")
 # Last Mach number of DATCOM's subsonic methods and first one of its supersonic methods, unless the
@@ -55,12 +58,12 @@ PRIOR_ERRORS: dict[str, tuple[float, float]] = {
     "Cn/rhat": (0.30, 0.02),  # g
     # control
     "CL/flap": (0.20, 0.02),  # j: as the elevator
-    "CD/flap": (0.30, 0.005),  # j
+    "CD/flap": (0.30, 0.01),  # j: fades with incidence as induced drag, profile drag does not
     "Cm/flap": (0.30, 0.05),  # j: the tail in the downwash of the flaps is not in it
     "CL/flap_slope": (0.5, 0.1),  # j
     "Cm/flap_slope": (0.5, 0.05),  # j: exists only after a change of moment reference
     "CL/elevator": (0.20, 0.0),  # g
-    "CD/elevator": (0.5, 0.002),  # j
+    "CD/elevator": (0.5, 0.005),  # j: zero where lifts cancel, profile drag is not
     "Cm/elevator": (0.15, 0.0),  # g
     "Cl/aileron": (0.20, 0.0),  # g
     "Cn/aileron": (1.0, 0.002),  # g; j: the estimate passes through zero with CL
@@ -115,6 +118,13 @@ _CLASS = {
     **dict.fromkeys(("ground", "ground_flap", "ground_elevator"), "ground"),
     "power": "power",
 }
+
+
+# Term whose estimate follows the local lift slope: share of the loss by a predicted stall that
+# enters its standard error (j), and the range of incidence in which the loss is looked for, with
+# allowance for rounding. [rad]
+STALLED = {"Cl/phat": 0.3}
+_NEARBY = 10.0 * DEGREE * (1.0 + 1e-9)
 
 
 def method_class(term: str) -> str:
@@ -175,13 +185,29 @@ class PriorErrors:
         A table without a Mach axis counts as subsonic.
         """
         relative, absolute = self.terms[term]
-        stderr = ((relative * table) ** 2 + absolute**2) ** 0.5
+        variance = (relative * table) ** 2 + absolute**2
+        if term in STALLED and "alpha" in table.dims:
+            variance = variance + (STALLED[term] * _departure_nearby(table)) ** 2
+        stderr = variance**0.5
         if "mach" not in table.dims:
             return stderr
         factor = dict(zip(REGIMES, (1.0, *self.factors[method_class(term)])))
         mach = table["mach"].values
         factors = [factor[self.regime(m)] for m in mach]
         return stderr * xr.DataArray(factors, {"mach": mach}, "mach")
+
+
+def _departure_nearby(table: xr.DataArray) -> xr.DataArray:
+    """Return the difference of each node from the largest one within `_NEARBY` of incidence.
+
+    The largest one is that of the largest absolute value.
+    """
+    last = table.transpose(..., "alpha")
+    alpha, value = table["alpha"].values, last.values
+    is_near = np.abs(np.subtract.outer(alpha, alpha)) <= _NEARBY
+    largest = np.where(is_near, np.abs(value)[..., None, :], -1.0).argmax(axis=-1)
+    departure = value - np.take_along_axis(value, largest, axis=-1)
+    return last.copy(data=departure).transpose(*table.dims)
 
 
 def errors_with(

@@ -98,8 +98,8 @@ def join_submodels(
     -------
     Tabulation
         As that of `tabulate`, with these differences.  The parts of a prior covariance are not
-        learnt (``level reach long short`` of ``report`` are NaN).  ``prior_inflation`` is the
-        factor on the a-priori errors of the term.  ``inflation`` of ``compatibility`` is 1, and
+        learnt (``level reach long medium short`` of ``report`` are NaN).  ``prior_inflation`` is
+        the factor on the a-priori errors of the term.  ``inflation`` of ``compatibility`` is 1, and
         ``chi2`` is that of the submodels without the scatter r.  The joint covariance of the nodes
         is not stored.
 

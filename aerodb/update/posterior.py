@@ -56,6 +56,9 @@ ERRORS = "errors"
 """Attribute of ``posterior_sign``: names of the errors of the last components, one a line."""
 # Attribute of ``prior_error``: length over which `reach` fades.  Databases without it have 0.5.
 _REACH_LENGTH, _EARLIER_REACH = "reach_length", 0.5
+# Part of the a-priori covariance that earlier databases do not have.  Their `long` fades as
+# `reach`.
+_LATER_PART = "medium"
 _ROUNDING = 1e-6  # difference of variances, relative to the variance, that is rounding
 # Least variance added to the unit diagonal before a Cholesky factorisation.  Parts of P that are
 # common to a whole table leave directions without variance.
@@ -186,14 +189,26 @@ def covariance_between_nodes(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> 
     if "posterior_factor" not in leaf:
         return covariance_between(leaf, i, j)
     axes = [str(axis) for axis in leaf["value"].dims]
+    attributes = leaf["prior_error"].attrs
     names = [*PARTS, *(f"length_{axis}" for axis in axes)]
-    if _REACH_LENGTH in leaf["prior_error"].attrs:
+    is_earlier = _LATER_PART not in attributes
+    if is_earlier:
+        names.remove(_LATER_PART)
+    if _REACH_LENGTH in attributes:
         names.append(_REACH_LENGTH)
-    stored = _number_attributes(leaf["prior_error"], names)
+    stored = {_LATER_PART: 0.0, **_number_attributes(leaf["prior_error"], names)}
     lengths = {axis: stored[f"length_{axis}"] for axis in axes}
     distance = leaf["flown_distance"].values.ravel()
     reach = stored.get(_REACH_LENGTH, _EARLIER_REACH)
-    parts = node_correlation(leaf["value"], distance, i=i, j=j, lengths=lengths, reach=reach)
+    parts = node_correlation(
+        leaf["value"],
+        distance,
+        i=i,
+        j=j,
+        lengths=lengths,
+        reach=reach,
+        long_fade=reach if is_earlier else np.inf,
+    )
     # P_ij = s_i s_j c_ij sum_k w_k part_k.  The product s_i s_j c_ij is a scalar product of errors.
     proportional, constant = leaf["prior_error"].values.reshape(2, -1)
     products = proportional[i] * proportional[j] + constant[i] * constant[j]

@@ -23,10 +23,10 @@ instrument.  Only that shape separates the bias of an elevator pick-up from a co
 moment.  The standard error of the bias then came out at a third of its true value, and the values
 were no better.
 
-The prior covariance of the nodes is a sum of four parts (`aerodb.update.correlation.prior_parts`).
+The prior covariance of the nodes is a sum of five parts (`aerodb.update.correlation.prior_parts`).
 The first is common to the whole table.  The second is common to the flown region and fades with the
-distance from it.  The third is a smooth curve there that fades in the same way.  The fourth is
-rough.  The weights of the parts, and one factor on C, are learnt for each term by their marginal
+distance from it.  The third and the fourth are smooth curves of two lengths.  The fifth is rough.
+The weights of the parts, and one factor on C, are learnt for each term by their marginal
 likelihood, with lognormal hyperpriors at the a-priori shares (`aerodb.update.weight_learning`).  A
 term that no fit informs keeps the a-priori shares.
 

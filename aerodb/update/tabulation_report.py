@@ -51,9 +51,9 @@ class Tabulation(Mapping[str, Any]):
         (nodes with a ratio of posterior to prior standard error below 0.9 and 0.5),
         ``ratio_least``, ``ratio_median``, ``change_rms``, ``change_largest``, ``change_in_sd``
         (largest change, in a-priori standard errors), ``prior_inflation`` (factor on the a-priori
-        standard errors; above 1 they were too small), ``level reach long short`` (weights of the
-        parts of the prior covariance), ``decision`` and ``reason`` (`aerodb.update.term_decisions`;
-        also attributes of the term).
+        standard errors; above 1 they were too small), ``level reach long medium short`` (weights
+        of the parts of the prior covariance), ``decision`` and ``reason``
+        (`aerodb.update.term_decisions`; also attributes of the term).
     points : DataFrame
         Index (coefficient, fit); ``rms_prior`` and ``rms`` (rms of measured minus tables, with the
         prior and with the new tables), ``range`` of the coefficient, ``distance`` of the fit from

@@ -30,6 +30,20 @@ def test_a_node_has_the_error_of_its_regime():
     )  # no Mach axis
 
 
+def test_roll_damping_that_a_predicted_stall_takes_away_is_uncertain():
+    """0.3 of the loss within 10 deg of incidence, on any place of the axis; beyond it none."""
+    alpha = np.radians([0.0, 4.0, 8.0, 12.0, 24.0])
+    damping = np.array([-0.4, -0.4, -0.3, 0.1, 0.1])
+    table = xr.DataArray(np.tile(damping, (2, 1)), {"mach": [0.1, 0.3], "alpha": alpha})
+    loss = np.array([0.0, 0.0, 0.1, 0.5, 0.0])
+    expected = np.sqrt((0.15 * damping) ** 2 + 0.02**2 + (0.3 * loss) ** 2)
+    for turned in (table, table.transpose("alpha", "mach")):
+        found = errors_with(None).stderr("Cl/phat", turned)
+        np.testing.assert_allclose(found.transpose("mach", "alpha"), np.tile(expected, (2, 1)))
+    without = errors_with(None).stderr("Cl/rhat", table)
+    np.testing.assert_allclose(without[0], np.hypot(0.5 * damping, 0.02))
+
+
 def test_terms_and_classes_may_be_overridden():
     table = xr.DataArray([1.0, 1.0], {"mach": [0.5, 1.0]}, "mach")
     rules = errors_with({"Cl/phat": (0.3, 0.4), "transonic dynamic": 3.0})

@@ -111,10 +111,13 @@ def test_without_a_majority_no_fit_is_chosen() -> None:
 
 
 def test_databases_without_a_stored_reach_keep_theirs() -> None:
-    """The fade of the a-priori correlation has one correlation length, and earlier ones half."""
+    """The fade of the a-priori correlation has one correlation length, and earlier ones half.
+
+    `long` of databases without `medium` fades alike.
+    """
     prior, truth = prior_and_truth()
     leaf = tabulate(local_models(truth, 9, {})[:1], prior)["CL/basic"]
-    for name in ("level", "long", "short"):
+    for name in ("level", "long", "medium", "short"):
         leaf["prior_error"].attrs[name] = 0.0
     distance = leaf["flown_distance"].values.ravel()
     i, j = np.argmin(distance), np.argmax(distance)
@@ -122,3 +125,9 @@ def test_databases_without_a_stored_reach_keep_theirs() -> None:
         P = covariance_between_nodes(leaf, np.array([i, i]), np.array([i, j]))
         assert P[1] / P[0] == pytest.approx(np.exp(-(distance[j] - distance[i]) / reach))
         leaf["prior_error"].attrs.pop("reach_length", None)
+    leaf["prior_error"].attrs |= {"reach": 0.0, "long": 1.0, "reach_length": 1.0}
+    later = covariance_between_nodes(leaf, np.array([i, i]), np.array([i, j]))
+    del leaf["prior_error"].attrs["medium"]
+    earlier = covariance_between_nodes(leaf, np.array([i, i]), np.array([i, j]))
+    assert earlier[0] == later[0]
+    assert earlier[1] / later[1] == pytest.approx(np.exp(-(distance[j] - distance[i])))
