@@ -98,6 +98,12 @@ def demo_command() -> None:
     help="Stop, or go on with a warning, if no table of the database carries a significant term "
     "of a fit; as in PROJECT unless given.",
 )
+@click.option(
+    "--paths",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder that also gets the reconstructed record of every recording of the match, as "
+    "flight reconstruct writes it. They come from the store: nothing is reconstructed twice.",
+)
 @samples_options
 @click.option(
     "--plan",

@@ -142,6 +142,7 @@ def run_match(
     compare_tables: bool,
     actions: Path | None,
     unplaced: str | None,
+    paths: Path | None,
     samples: int,
     seed: int,
     plan_only: bool,
@@ -175,6 +176,29 @@ def run_match(
         "compare": compare_tables,
     }
     _match(project, output, jobs, as_json, fresh, explain, unplaced, options)
+    if paths is not None:
+        _write_paths(project, paths, jobs, output, unplaced)
+
+
+def _write_paths(file: Path, folder: Path, jobs: int, output: Path, unplaced: str | None) -> None:
+    """Write the reconstructed records of a match, which the store has since then."""
+    # a match without a change loads nothing that computes
+    from aeromatch.workflow.identification import find_paths
+    from flighttest.reconstruction.flight_programme import save_path
+
+    project = _project(file, unplaced)
+    with _stages(_store(), output, fresh=False, explain=False) as stages, warnings.catch_warnings():
+        # the match has printed them
+        warnings.simplefilter("ignore", AeromatchWarning)
+        found = find_paths(project, jobs, timed_step, stages)
+        with timed_step(f"write {len(found)} reconstructed records"):
+            folder.mkdir(parents=True, exist_ok=True)
+            for name, path in found.items():
+                save_path(path.value, folder / f"{name}.nc")
+        made = stages.computed["path"]
+    print_remark(
+        f"{len(found)} reconstructed records in {folder}, {len(found) - made} of them from the store"
+    )
 
 
 def _replayed(project: Path, output: Path, log: Path) -> bool:
