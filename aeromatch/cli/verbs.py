@@ -100,9 +100,10 @@ def demo_command() -> None:
 )
 @click.option(
     "--paths",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder that also gets the reconstructed record of every recording of the match, as "
-    "flight reconstruct writes it. They come from the store: nothing is reconstructed twice.",
+    "paths_only",
+    is_flag=True,
+    help="Only reconstruct the records as the match does, and write them into OUTPUT as flight "
+    "reconstruct does; after a match they come from the store.",
 )
 @samples_options
 @click.option(

@@ -28,11 +28,13 @@ from aeromatch.workbench.fit_request import (
     validate_request,
 )
 from aeromatch.workbench.models.board import saved_models
+from aeromatch.workbench.models.kept_paths import list_kept_paths, list_older_paths
 from aeromatch.workbench.models.routes import ROUTES as MODEL_ROUTES
 from aeromatch.workbench.models.selection import error_words, window_words
 from aeromatch.workbench.opened import MATCH, Levels, OpenProject, decimate_channels
 from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
+from flighttest.maximum_likelihood.validation import ValidationWindow, validate_models
 from flighttest.regression.combining.mixed_estimation import prior_of
 from flighttest.regression.equation_error.model import MEASURED
 from flighttest.remarks import remarks_to_json
@@ -65,6 +67,10 @@ def list_fit_choices(opened: OpenProject, query: Mapping[str, str], body: Any) -
         "cutoff": project.cutoff,
         "priors": list(_prior_files(opened)),
         "saved": list(saved_models(opened)),
+        "kept": list_kept_paths(opened),
+        "matched": (opened.work / MATCH / "final.nc").exists(),
+        "project": opened.places.named(opened.file),
+        "older": list_older_paths(opened),
     }
 
 
@@ -118,6 +124,18 @@ def _term_rows(
         row["total"] = float(np.hypot(row["stderr"], row["stderr_systematic"]))
         rows.append(row | dict(prior.get(term, {})))
     return rows
+
+
+def validate_fit(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the figures of the fit in the body (``fit``) on other ``windows``."""
+    content = body if isinstance(body, dict) else {}
+    request = validate_request(content.get("fit"))
+    windows = {"windows": content.get("windows"), "model": request.model, "cutoff": request.cutoff}
+    other = validate_request(windows)
+    pieces = []
+    for window, data in zip(order_windows(other), form_windows(opened, other), strict=True):
+        pieces.append(ValidationWindow(window.record, data))
+    return validate_models({"this fit": _fit(opened, request)}, pieces).as_dict()
 
 
 def show_fit_samples(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
@@ -396,6 +414,7 @@ ROUTES = {
     ("POST", "/api/fit/partial"): show_partial_regression,
     ("POST", "/api/fit/without"): leave_one_out,
     ("POST", "/api/fit/entry"): show_fit_entries,
+    ("POST", "/api/fit/validation"): validate_fit,
     **MODEL_ROUTES,
 }
 """Requests of the page of the identification, in the form of `records.ROUTES`."""
