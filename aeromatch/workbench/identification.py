@@ -28,7 +28,11 @@ from aeromatch.workbench.fit_request import (
     validate_request,
 )
 from aeromatch.workbench.models.board import saved_models
-from aeromatch.workbench.models.kept_paths import list_kept_paths, list_older_paths
+from aeromatch.workbench.models.kept_paths import (
+    has_newer_paths,
+    list_kept_paths,
+    list_older_paths,
+)
 from aeromatch.workbench.models.routes import ROUTES as MODEL_ROUTES
 from aeromatch.workbench.models.selection import error_words, window_words
 from aeromatch.workbench.opened import MATCH, Levels, OpenProject, decimate_channels
@@ -49,6 +53,7 @@ _SCATTER = 1500
 def list_fit_choices(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the choices: reconstructed records, fits of the project, priors, and saved fits."""
     project = opened.project
+    kept = list_kept_paths(opened)
     fits = []
     for fit in project.fit:
         entry = {
@@ -67,7 +72,8 @@ def list_fit_choices(opened: OpenProject, query: Mapping[str, str], body: Any) -
         "cutoff": project.cutoff,
         "priors": list(_prior_files(opened)),
         "saved": list(saved_models(opened)),
-        "kept": list_kept_paths(opened),
+        "kept": kept,
+        "take": has_newer_paths(opened, kept),
         "matched": (opened.work / MATCH / "final.nc").exists(),
         "project": opened.places.named(opened.file),
         "older": list_older_paths(opened),

@@ -6,7 +6,7 @@ import warnings
 from contextlib import nullcontext
 from pathlib import Path
 
-from aeromatch.workbench.opened import OpenProject
+from aeromatch.workbench.opened import MATCH, OpenProject
 from aeromatch.workflow.identification import find_paths
 from flightmech.errors import AeromatchError
 from flightmech.support.kept_stages.stages import NotStored, Stages
@@ -21,13 +21,13 @@ def list_kept_paths(opened: OpenProject) -> list[str]:
     project = opened.project
     files = [opened.file, project.aircraft, *project.cases, *project.flights.values()]
     # The state of the folder of the match changes with a match, and with it what is in the store.
-    files += [opened.work / "match" / "final.nc", *([project.names] if project.names else [])]
+    files += [opened.work / MATCH / "final.nc", *([project.names] if project.names else [])]
     return opened.kept(("kept paths",), files, lambda: _look_up(opened), most=2)
 
 
 def _look_up(opened: OpenProject) -> list[str]:
     folder = store_folder()
-    if folder is None or not (opened.work / "match" / "final.nc").exists():
+    if folder is None or not (opened.work / MATCH / "final.nc").exists():
         return []
     try:
         stages = Stages(StageStore(folder), only_stored=True)
@@ -37,6 +37,16 @@ def _look_up(opened: OpenProject) -> list[str]:
             return list(find_paths(opened.project, 1, lambda text: nullcontext(), stages))
     except (NotStored, AeromatchError, OSError):
         return []
+
+
+def has_newer_paths(opened: OpenProject, kept: list[str]) -> bool:
+    """Return whether the last match came after one of the paths of its records."""
+    matched = opened.work / MATCH / "final.nc"
+    if not kept or not matched.exists():
+        return False
+    files = [opened.path_file(name) for name in kept]
+    end = matched.stat().st_mtime
+    return not all(file.exists() and file.stat().st_mtime >= end for file in files)
 
 
 def list_older_paths(opened: OpenProject) -> list[str]:

@@ -17,7 +17,7 @@ export function open(host) {
     cutoff: null, prior: null, ridge: "", band: null, domain: "time", answer: null, reference: null, name: null, term: null, span: null, plots: [], refresh: inTurn(refresh), changed: () => attempt(view.refresh),
   });
   const part = (name, node) => (view.parts[name] = node);
-  host.replaceChildren(element("div", { class: "columns fit" },
+  host.replaceChildren(part("none", element("div", { class: "none", hidden: true })), element("div", { class: "columns fit" },
     element("nav", { class: "column", "aria-label": "Windows" },
       element("h2", {}, "Start from"), part("start", element("div")),
       element("h2", {}, "Windows"), part("count", element("p", { class: "quiet" })), part("records", element("div"))),
@@ -53,11 +53,14 @@ export function close() {
 }
 
 async function refresh() {
-  const own = view, first = !view.about, about = await get("/api/identification");
+  const own = view, first = !view.about || !view.about.records.length, about = await get("/api/identification");
   if (own !== view) return;
   view.about = about;
-  if (about.records.length && !view.host.contains(view.parts.model)) { const { host } = view; close(); open(host); return; }
-  if (!about.records.length) { attempt(noPaths); return; }
+  const without = !about.records.length;
+  view.host.querySelector(".columns").hidden = without;
+  view.parts.none.hidden = !without && !about.older.length;
+  if (without || about.take) { attempt(takePaths); if (without) return; }
+  else if (about.older.length) view.parts.none.replaceChildren(element("p", { class: "fail" }, `Older than their recording, its name map or the aircraft: ${about.older.join(", ")}. Reconstruct them again.`));
   if (first) {
     view.cutoff = about.cutoff;
     view.prior = about.priors[0] || null;
@@ -70,13 +73,14 @@ async function refresh() {
   starts();
   formed();
 }
-async function noPaths() {   // those of the match are in the store: they are written, not computed again
-  const own = view, { about } = view, error = element("div"), write = () => attempt(() => act(["match", about.project, "--paths", "-o", "{work}/paths"], { wait: 1 }), error);
-  const texts = about.kept.length
-    ? [`The match has reconstructed ${about.kept.length} records: they are taken from its store.`]
+// Paths of a match are in its store: they are written, not computed again; then the page is drawn.
+async function takePaths() {
+  const own = view, { about } = view, node = view.parts.none, error = element("div"), write = () => attempt(() => act(["match", about.project, "--paths", "-o", "{work}/paths"], { wait: 1 }), error);
+  const texts = about.take
+    ? [`The last match has reconstructed ${about.kept.length} records: they are taken from its store.`]
     : ["No record is reconstructed yet. Reconstruct one on the page of the records, or all of them here, as the match does; the coefficients are formed along the reconstructed path.", about.matched ? "The store does not have what the last match has reconstructed: the project, its files or the program have changed since, or nothing is stored." : ""];
-  view.host.replaceChildren(element("div", { class: "column" }, texts.map((text) => element("p", {}, text)), about.kept.length ? "" : button("Reconstruct all records as the match does", write), error));
-  if (about.kept.length && !own.taken) { own.taken = true; await write(); if (own === view) { document.dispatchEvent(new CustomEvent("changed")); } }
+  node.replaceChildren(...texts.map((text) => element("p", {}, text)), about.take ? "" : button("Reconstruct all records as the match does", write), error);
+  if (about.take && !own.taken) { own.taken = true; await write(); }
 }
 export function formed() {   // the forms, as the fit is chosen; the fit itself may take its time
   records();
