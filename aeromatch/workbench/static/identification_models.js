@@ -4,7 +4,7 @@ import { again, left, model, terms, wanted } from "./identification.js";
 import { short, view } from "./identification_state.js";
 import { validationWindows, windows } from "./identification_windows.js";
 
-const METHODS = [["stepwise", "stepwise"], ["orthogonal", "orthogonal functions"], ["prediction", "prediction of what is left out"]];
+const METHODS = [["stepwise", "stepwise"], ["orthogonal", "orthogonal functions"], ["prediction", "prediction of left-out parts"]];
 const fileName = (text) => {
   if (!/^[\w\- ]+$/.test(text)) throw new Error("Give a name of letters, digits, spaces, _ and -.");
   return `{work}/fits/${text.trim()}.nc`;
