@@ -18,7 +18,7 @@ from aeromatch.workbench.channels.signals import (
 )
 from aeromatch.workbench.channels.spectra import average_densities
 from aeromatch.workbench.opened import OpenProject, decimate_channels
-from flightmech.errors import SchemaError
+from flightmech.errors import AeromatchError, SchemaError
 
 # Greatest number of lines of a request, of points of a curve, of samples of a segment.
 _MOST_LINES, _MOST_POINTS, _SEGMENT = 24, 8000, 1024
@@ -74,6 +74,23 @@ def describe_expression(opened: OpenProject, query: Mapping[str, str], body: Any
     """Return unit and remarks of the expression ``line`` of the record ``name``."""
     signal = signal_of(opened, query.get("name", ""), query.get("line", ""))
     return {"line": signal.text, "unit": signal.unit, "remarks": signal.remarks}
+
+
+def check_expressions(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return unit and remarks of the expressions ``lines``, or why the record has not all of one.
+
+    Another record may lack a channel: the page then waits for a record that has it.
+    """
+    found = []
+    for line in lines_of(query):
+        row: dict[str, Any] = {"line": line, "unit": "", "remarks": (), "refused": ""}
+        try:
+            signal = signal_of(opened, query.get("name", ""), line)
+            row |= {"unit": signal.unit, "remarks": signal.remarks}
+        except AeromatchError as error:
+            row["refused"] = "; ".join(getattr(error, "problems", ())) or str(error)
+        found.append(row)
+    return {"lines": found}
 
 
 def list_expression_words(
@@ -212,6 +229,7 @@ def _inside(signal: Signal, start: float, stop: float) -> slice:
 
 ROUTES = {
     ("GET", "/api/expression"): describe_expression,
+    ("GET", "/api/expressions"): check_expressions,
     ("GET", "/api/words"): list_expression_words,
     ("GET", "/api/curve"): show_curve,
     ("GET", "/api/spectrum"): show_spectrum,

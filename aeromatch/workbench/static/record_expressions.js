@@ -10,13 +10,14 @@ export function savedExpressions() {
   try { return JSON.parse(sessionStorage.getItem(KEPT) || "[]"); } catch { return []; }
 }
 export const keepExpressions = () => sessionStorage.setItem(KEPT, JSON.stringify(view.expressions.map(({ refused, ...line }) => line)));
+const checked = async (name, lines) => (lines.length ? (await get("/api/expressions", { name, lines: JSON.stringify(lines) })).lines : []);
 export async function checkExpressions(name) {   // another record may lack a channel: its expressions wait
-  await Promise.all(view.expressions.map(async (line) => {
-    try {
-      const found = await get("/api/expression", { name, line: line.channel });
-      Object.assign(line, { unit: found.unit, remarks: found.remarks, refused: "" });
-    } catch (error) { line.refused = error.message; }
-  }));
+  const found = await checked(name, view.expressions.map((one) => one.channel));
+  for (const one of found) for (const line of view ? view.expressions : []) if (line.channel === one.line) Object.assign(line, { unit: one.unit, remarks: one.remarks, refused: one.refused });
+}
+export async function checkOther(text) {   // what the second record lacks is not fetched of it
+  const { other } = view;
+  if (other) for (const one of await checked(other.name, [text])) if (one.refused) other.refused.add(one.line);
 }
 export function expressionForm() {
   const own = view, text = element("input", { class: "expression", placeholder: "az + V*q", list: "expression-words", spellcheck: "false", "aria-label": "Expression of channels" }), error = element("div");
@@ -28,6 +29,7 @@ export function expressionForm() {
     const line = known || { source: "expression", leaf: found.line, channel: found.line, unit: found.unit, meaning: "expression", remarks: found.remarks };
     if (!known) view.expressions.push(line);
     view.chosen.add(place(line));
+    await checkOther(found.line);
     keepExpressions();
     expressionForm();
     await draw();
@@ -54,9 +56,7 @@ export async function otherRecord(name) {   // its channels, and the manoeuvres 
   view.other = { name, record: found, lines, shift: 0, align: "time", refused: new Set() };
   const row = view.record.manoeuvres.rows[view.row ?? 0], same = row ? found.manoeuvres.rows.findIndex((one) => rowText(one) === rowText(row)) : -1;
   if (same >= 0) align(`${same}`);
-  for (const line of view.expressions) {
-    try { await get("/api/expression", { name, line: line.channel }); } catch { if (view.other) view.other.refused.add(line.channel); }
-  }
+  for (const one of await checked(name, view.expressions.map((line) => line.channel))) if (one.refused && view && view.other) view.other.refused.add(one.line);
 }
 function align(choice) {   // starts of two manoeuvres on one place: t + shift is the time of the other record
   const { other, record } = view, row = record.manoeuvres.rows[view.row ?? 0], to = other.record.manoeuvres.rows[Number(choice)];

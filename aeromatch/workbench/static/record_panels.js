@@ -4,7 +4,7 @@ import { channelList, leave } from "./records.js";
 import { placeMarks } from "./record_marks.js";
 import { allLines, chosenLines, lineText, place, shown, view } from "./record_state.js";
 import { spanText, spanned, zoom } from "./record_time.js";
-import { keepExpressions, otherLine } from "./record_expressions.js";
+import { checkOther, keepExpressions, otherLine } from "./record_expressions.js";
 import { cursorAt, drawCursors, readCursors } from "./record_tools.js";
 
 const HEIGHT = 118, TALL = 168, MARGIN = 1;   // a span on either side is fetched with the one on the screen
@@ -155,14 +155,15 @@ function difference(name, own) {
   if (!found) return "";
   const [text, words] = found, old = view.expressions.find((one) => one.channel === text && one.below);
   const on = Boolean(old && view.chosen.has(place(old)));
-  return button("residual", () => {
+  return button("residual", () => attempt(async () => {
     if (on) leave(old);
     else {
+      await checkOther(text);
       const line = old || { source: "expression", leaf: text, channel: text, unit: own[0].unit, meaning: words, below: name, panel: `${name} residual`, text: words };
       if (!old) view.expressions.push(line);
       view.chosen.add(place(line));
     }
     keepExpressions();
     drawSoon();
-  }, { class: "small", "aria-pressed": String(on), title: `${words}, in a panel below` });
+  }), { class: "small", "aria-pressed": String(on), title: `${words}, in a panel below` });
 }

@@ -172,6 +172,14 @@ def test_signals_of_a_record(opened):
     assert signal_of(opened, RECORD, "temperature - temperature").unit == "K"
 
 
+def test_expressions_wait_for_a_record_that_has_them(opened):
+    found = ask(views.check_expressions, opened, lines=["q - 1 deg", "q", "no_channel + q", "q +"])
+    assert [bool(line["refused"]) for line in found["lines"]] == [True, False, True, True]
+    assert found["lines"][1]["unit"] == "deg/s"
+    words = ask(views.list_expression_words, opened)
+    assert "imu.q" in words["channels"]
+
+
 def test_cursors_read_samples(opened):
     time = opened.record(RECORD)["imu"]["time"].values
     p = np.degrees(opened.record(RECORD)["imu"]["p"].values)
