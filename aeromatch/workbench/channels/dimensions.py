@@ -17,7 +17,7 @@ from flightmech.units import parse_unit
 _ANGLES = re.compile(r"(?<![A-Za-z])m?(?:rad|deg)(?![A-Za-z])(-?\d*)")
 _UNITS = ("m", "kg", "s", "K", "rad")
 # Display units of results that are no channel of the vocabulary, by dimension.
-_DISPLAYED = {
+_DISPLAYED: dict[tuple[float, ...], str] = {
     (0, 0, 0, 0, 1): "deg",
     (0, 0, -1, 0, 1): "deg/s",
     (0, 0, -2, 0, 1): "deg/s2",

@@ -2,7 +2,7 @@
 import { attempt, button, element, get, number, select } from "./core.js";
 import { draw, drawSoon } from "./record_panels.js";
 import { leave } from "./records.js";
-import { lineText, place, rowText, view } from "./record_state.js";
+import { place, rowText, view } from "./record_state.js";
 
 // ---- expressions -----------------------------------------------------------------------------------------------------
 const KEPT = "expressions";
@@ -60,8 +60,7 @@ export async function otherRecord(name) {   // its channels, and the manoeuvres 
 }
 function align(choice) {   // starts of two manoeuvres on one place: t + shift is the time of the other record
   const { other, record } = view, row = record.manoeuvres.rows[view.row ?? 0], to = other.record.manoeuvres.rows[Number(choice)];
-  other.align = choice;
-  other.shift = 0;
+  Object.assign(other, { align: choice, shift: 0, from: row });
   if (choice === "world") other.shift = (Date.parse(record.clock) - Date.parse(other.record.clock)) / 1000;
   else if (choice !== "time" && row && to) other.shift = to.start - row.start;
 }
@@ -80,7 +79,5 @@ export function compareForm() {
   view.parts.compare.replaceChildren(
     select([["", "none"], ...names], other ? other.name : "", (name) => again(() => otherRecord(name)), { "aria-label": "Second record over the first" }),
     other ? element("div", { class: "row" }, element("span", {}, "aligned by"), select([["time", "time of the records"], ...clocks, ...starts], other.align, (choice) => again(() => align(choice)), { "aria-label": "Alignment of the second record" })) : "",
-    other ? element("p", { class: "quiet" }, `Dashed: ${other.name}, moved by ${number(-other.shift, 7) || 0} s${other.align !== "time" && other.align !== "world" && first ? `, so that its manoeuvre begins with ${(view.row ?? 0) + 1}: ${rowText(first)}` : ""}.`) : "", error);
+    other ? element("p", { class: "quiet" }, `Dashed: ${other.name}, moved by ${number(-other.shift, 7) || 0} s${other.align !== "time" && other.align !== "world" && other.from ? `, so that its manoeuvre begins with ${rowText(other.from)} at ${number(other.from.start, 6)} s` : ""}.`) : "", error);
 }
-export const alignAgain = () => { if (view.other && !["time", "world"].includes(view.other.align)) { align(view.other.align); compareForm(); drawSoon(); } };
-export const expressionsOnScreen = (lines) => [...new Set(lines.map(lineText))];
