@@ -72,6 +72,11 @@ VERBS = {
         "p.nc",
         "s.nc",
     ),
+    "validate": Verb(
+        "flight validate fit.nc --path p.nc --aircraft aircraft.toml -o board.csv",
+        "fit.nc",
+        "board.csv",
+    ),
     "check": Verb(
         f"flight check {FLIGHT} --names names.toml --aircraft aircraft.toml -o q.html",
         "c182",
@@ -103,6 +108,7 @@ VERBS = {
 MAKERS = {
     "r.nc": "convert",
     "p.nc": "reconstruct",
+    "fit.nc": "identify",
     "db.nc": "build",
     "m.fmu": "fmu",
     "rep": "pom run",

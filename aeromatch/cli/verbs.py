@@ -98,6 +98,13 @@ def demo_command() -> None:
     help="Stop, or go on with a warning, if no table of the database carries a significant term "
     "of a fit; as in PROJECT unless given.",
 )
+@click.option(
+    "--paths",
+    "paths_only",
+    is_flag=True,
+    help="Only reconstruct the records as the match does, and write them into OUTPUT as flight "
+    "reconstruct does; after a match they come from the store.",
+)
 @samples_options
 @click.option(
     "--plan",

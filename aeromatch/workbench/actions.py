@@ -345,7 +345,7 @@ def _compare_with_log(entry: LoggedAction, places: PlaceholderFolders) -> list[s
 def last_match(entries: Sequence[LoggedAction]) -> LoggedAction | None:
     """Return the last match of a log; None if a later action changes a file of the project."""
     for entry in reversed(entries):
-        if entry.words[0] == "match":
+        if entry.words[0] == "match" and "--paths" not in entry.words:
             return entry
         if any(name.startswith(PROJECT) for name in entry.files):
             return None

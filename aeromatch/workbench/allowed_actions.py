@@ -32,6 +32,8 @@ VERBS: tuple[tuple[str, ...], ...] = (
     ("flight", "reconstruct"),
     ("flight", "identify"),
     ("flight", "select"),
+    ("flight", "fit-linear"),
+    ("flight", "validate"),
     ("flight", "report"),
     ("db", "edit"),
     ("db", "previous"),

@@ -21,6 +21,7 @@ import xarray as xr
 
 import flighttest
 from aeromatch.workbench.allowed_actions import ActionError
+from aeromatch.workbench.fit_request import FitRequest, order_windows, records_of_request
 from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.processes import WorkbenchJob
 from flightmech.aircraft.aircraft_file import read_aircraft
@@ -99,6 +100,18 @@ def _form_in_process(
             remove_leftovers(opened.work / FOLDER, f".{target.name}")
         raise ActionError(f"{title}: {job.about()['error'] or job.state}; fit again to form them")
     _remove_oldest(targets[-1])
+
+
+def form_windows(opened: OpenProject, request: FitRequest) -> list[xr.Dataset]:
+    """Return the coefficients in the windows of a request."""
+    form_missing(opened, dict.fromkeys(records_of_request(request)), request.cutoff)
+    parts = []
+    for window in order_windows(request):
+        part = window_of(
+            opened, window.record, start=window.start, end=window.end, cutoff=request.cutoff
+        )
+        parts.append(part)
+    return parts
 
 
 def window_of(

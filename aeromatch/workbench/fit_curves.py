@@ -6,9 +6,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.signal import welch
 
 import flighttest
+from aeromatch.workbench.channels.spectra import average_densities
 from flightmech.errors import UnknownName
 from flighttest.regression.equation_error.least_squares import weight_roots
 from flighttest.regression.equation_error.samples import RegressionSamples
@@ -22,8 +22,6 @@ from flighttest.regression.equation_error.transformed_stretches import (
 _SEGMENT = 1024
 # A time step longer than this multiple of the usual step is a gap.
 _GAP = 1.5
-# Relative difference below which two sampling intervals are equal.
-_SAME_RATE = 1e-3
 
 
 def added_variable_residuals(
@@ -89,54 +87,24 @@ def in_frequency(
 def power_spectral_densities(fit: flighttest.Fit) -> dict[str, Any]:
     """Return the power spectral densities of coefficient and residual, by the method of Welch.
 
-    The segments have a Hann window, overlap by half, and are as long as the lower median of the
-    stretches, 1024 samples at most. Each stretch is taken about its mean. Shorter stretches, and
-    stretches with another sampling rate, are left out.
+    The segments are those of `average_densities`, 1024 samples at most.
 
     Returns
     -------
     dict
         ``frequency`` [Hz], ``measured`` and ``residual`` [1/Hz], ``segments``, ``left_out``
         (stretches), ``white``: the level of a white residual of the same variance.
-
-    References
-    ----------
-    .. [Welch1967] Welch, The use of fast Fourier transform for the estimation of power spectra,
-       IEEE Trans. Audio AU-15, 1967.
     """
     stretches = find_stretches(fit)
-    step = float(np.median([interval for _, interval in stretches]))
-    alike = [piece for piece, interval in stretches if abs(interval - step) < _SAME_RATE * step]
-    lengths = sorted(piece.stop - piece.start for piece in alike)
-    size = min(_SEGMENT, lengths[(len(lengths) - 1) // 2])
-    used = [piece for piece in alike if piece.stop - piece.start >= size]
-    # Segments of each stretch: the first, and one for each further half segment.
-    counts = [(piece.stop - piece.start - size) // (size - size // 2) + 1 for piece in used]
     lines = {"measured": fit.data[fit.model.coefficient].values, "residual": fit.residual}
-    densities: dict[str, np.ndarray] = {}
-    frequency = np.zeros(0)
-    for name, line in lines.items():
-        powers = []
-        for piece in used:
-            frequency, power = welch(
-                line[piece],
-                fs=1.0 / step,
-                window="hann",
-                nperseg=size,
-                noverlap=size // 2,
-                detrend="constant",
-            )
-            powers.append(power)
-        # The mean over all segments, so a stretch counts by its segments. The mean value of a
-        # stretch is removed, so the frequency 0 is left out.
-        densities[name] = np.average(powers, axis=0, weights=counts)[1:]
-    residual = np.concatenate([lines["residual"][piece] for piece in used])
+    spectra = average_densities(lines, stretches, _SEGMENT)
+    residual = np.concatenate([lines["residual"][piece] for piece in spectra["used"]])
     return {
-        "frequency": frequency[1:],
-        **densities,
-        "white": 2.0 * step * float(np.var(residual)),
-        "segments": int(np.sum(counts)),
-        "left_out": len(stretches) - len(used),
+        "frequency": spectra["frequency"],
+        **spectra["densities"],
+        "white": 2.0 * spectra["step"] * float(np.var(residual)),
+        "segments": spectra["segments"],
+        "left_out": spectra["left_out"],
     }
 
 

@@ -14,7 +14,7 @@ import xarray as xr
 import aerodb
 import flighttest
 from aeromatch.project.project import OWN_MODELS
-from aeromatch.workbench.coefficients import form_missing, window_of
+from aeromatch.workbench.coefficients import form_windows
 from aeromatch.workbench.fit_curves import (
     added_variable_residuals,
     lines_along_windows,
@@ -27,9 +27,18 @@ from aeromatch.workbench.fit_request import (
     records_of_request,
     validate_request,
 )
-from aeromatch.workbench.opened import FITS, MATCH, Levels, OpenProject, decimate_channels
+from aeromatch.workbench.models.board import saved_models
+from aeromatch.workbench.models.kept_paths import (
+    has_newer_paths,
+    list_kept_paths,
+    list_older_paths,
+)
+from aeromatch.workbench.models.routes import ROUTES as MODEL_ROUTES
+from aeromatch.workbench.models.selection import error_words, window_words
+from aeromatch.workbench.opened import MATCH, Levels, OpenProject, decimate_channels
 from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
+from flighttest.maximum_likelihood.validation import ValidationWindow, validate_models
 from flighttest.regression.combining.mixed_estimation import prior_of
 from flighttest.regression.equation_error.model import MEASURED
 from flighttest.remarks import remarks_to_json
@@ -44,6 +53,7 @@ _SCATTER = 1500
 def list_fit_choices(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the choices: reconstructed records, fits of the project, priors, and saved fits."""
     project = opened.project
+    kept = list_kept_paths(opened)
     fits = []
     for fit in project.fit:
         entry = {
@@ -54,7 +64,6 @@ def list_fit_choices(opened: OpenProject, query: Mapping[str, str], body: Any) -
             "models": fit.models,
         }
         fits.append(entry)
-    saved = sorted((opened.work / FITS).glob("*.nc"))
     return {
         "file": opened.places.named(opened.file),
         "records": [name for name in project.flights if opened.path_file(name).exists()],
@@ -62,7 +71,12 @@ def list_fit_choices(opened: OpenProject, query: Mapping[str, str], body: Any) -
         "coefficients": MEASURED,
         "cutoff": project.cutoff,
         "priors": list(_prior_files(opened)),
-        "saved": [opened.places.named(file) for file in saved],
+        "saved": list(saved_models(opened)),
+        "kept": kept,
+        "take": has_newer_paths(opened, kept),
+        "matched": (opened.work / MATCH / "final.nc").exists(),
+        "project": opened.places.named(opened.file),
+        "older": list_older_paths(opened),
     }
 
 
@@ -82,7 +96,7 @@ def show_fit(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[s
     """
     request = validate_request(body)
     start = time.perf_counter()
-    _form_windows(opened, request)
+    form_windows(opened, request)
     prepared = time.perf_counter()
     fit = _fit(opened, request)
     end = time.perf_counter()
@@ -116,6 +130,18 @@ def _term_rows(
         row["total"] = float(np.hypot(row["stderr"], row["stderr_systematic"]))
         rows.append(row | dict(prior.get(term, {})))
     return rows
+
+
+def validate_fit(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the figures of the fit in the body (``fit``) on other ``windows``."""
+    content = body if isinstance(body, dict) else {}
+    request = validate_request(content.get("fit"))
+    windows = {"windows": content.get("windows"), "model": request.model, "cutoff": request.cutoff}
+    other = validate_request(windows)
+    pieces = []
+    for window, data in zip(order_windows(other), form_windows(opened, other), strict=True):
+        pieces.append(ValidationWindow(window.record, data))
+    return validate_models({"this fit": _fit(opened, request)}, pieces).as_dict()
 
 
 def show_fit_samples(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
@@ -254,12 +280,10 @@ def fit_command_words(opened: OpenProject, request: FitRequest) -> list[str]:
     words = ["flight", "identify", *paths]
     words += ["--aircraft", opened.places.named(opened.project.aircraft)]
     words += ["--model", str(flighttest.RegressionModel.parse(request.model))]
-    for window in order_windows(request):
-        words += ["--window-of", window.record, repr(window.start), repr(window.end)]
+    words += window_words(request)
     if request.cutoff is not None:
         words += ["--cutoff", repr(request.cutoff)]
-    for source, size in opened.project.errors.items():
-        words += ["--error", source, repr(size)]
+    words += error_words(opened.project.errors)
     # Defaults of the command are left out.
     if request.intercepts != "common":
         words += ["--intercepts", request.intercepts]
@@ -272,18 +296,6 @@ def fit_command_words(opened: OpenProject, request: FitRequest) -> list[str]:
     return words
 
 
-def _form_windows(opened: OpenProject, request: FitRequest) -> list[xr.Dataset]:
-    """Return the coefficients in the windows."""
-    form_missing(opened, dict.fromkeys(records_of_request(request)), request.cutoff)
-    parts = []
-    for window in order_windows(request):
-        part = window_of(
-            opened, window.record, start=window.start, end=window.end, cutoff=request.cutoff
-        )
-        parts.append(part)
-    return parts
-
-
 def _fit(opened: OpenProject, request: FitRequest) -> flighttest.Fit:
     """Return the fit of a request, computed once while its files are unchanged."""
     files = [opened.path_file(record) for record in records_of_request(request)]
@@ -293,7 +305,7 @@ def _fit(opened: OpenProject, request: FitRequest) -> flighttest.Fit:
     model = flighttest.RegressionModel.parse(request.model)
 
     def make() -> flighttest.Fit:
-        parts = _form_windows(opened, request)
+        parts = form_windows(opened, request)
         if request.band is not None:
             return flighttest.equation_error.regress_frequency(
                 model,
@@ -408,5 +420,7 @@ ROUTES = {
     ("POST", "/api/fit/partial"): show_partial_regression,
     ("POST", "/api/fit/without"): leave_one_out,
     ("POST", "/api/fit/entry"): show_fit_entries,
+    ("POST", "/api/fit/validation"): validate_fit,
+    **MODEL_ROUTES,
 }
 """Requests of the page of the identification, in the form of `records.ROUTES`."""

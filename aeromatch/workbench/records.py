@@ -14,6 +14,9 @@ import xarray as xr
 import aerodb
 import flighttest
 from aerodb.figures.lr743_set.flown import configuration_text, height_text
+from aeromatch.workbench.channels.signals import residuals_of
+from aeromatch.workbench.channels.views import ROUTES as CHANNEL_ROUTES
+from aeromatch.workbench.channels.views import number_of, pack_expressions
 from aeromatch.workbench.opened import MATCH, OpenProject, decimate_channels, pack_traces
 from flightmech.air import atmosphere, impact_pressure_at, mach_number
 from flightmech.aircraft.aircraft_file import read_aircraft
@@ -130,7 +133,17 @@ def show_record(opened: OpenProject, query: Mapping[str, str], body: Any) -> dic
         "manoeuvres": {"source": source, "rows": rows},
         "faults": faults(tree),
         "reconstructed": opened.path_file(name).exists(),
+        "residuals": _residual_names(opened, name),
+        "clock": tree.attrs.get("start", ""),
     }
+
+
+def _residual_names(opened: OpenProject, name: str) -> list[str]:
+    """Return the readings of which the reconstruction has stored what it leaves over."""
+    if not opened.path_file(name).exists():
+        return []
+    residuals = residuals_of(opened, name)
+    return [] if residuals is None else [str(channel) for channel in residuals.data_vars]
 
 
 def _record_channels(tree: Any) -> list[dict[str, Any]]:
@@ -171,17 +184,17 @@ def pack_channels(opened: OpenProject, query: Mapping[str, str], body: Any) -> b
     """Return channels of a record inside a span of time, in the form of `pack_traces`.
 
     The query has ``name``, ``channels`` (``source/leaf/channel`` with commas), ``start``, ``stop``
-    [s] and ``points``.
+    [s] and ``points``; it may have ``lines``, a JSON of expressions of channels.
     """
     name = query.get("name", "")
-    start, stop = (_number(query, key) for key in ("start", "stop"))
-    points = int(min(max(_number(query, "points"), 1), _MOST_POINTS))
+    start, stop = (number_of(query, key) for key in ("start", "stop"))
+    points = int(min(max(number_of(query, "points"), 1), _MOST_POINTS))
     # The channels of one clock are one group.
     requested: dict[tuple[str, str], list[str]] = {}
     for text in filter(None, query.get("channels", "").split(",")):
         source, leaf, channel = [*text.split("/", 2), "", ""][:3]
         requested.setdefault((source, leaf), []).append(channel)
-    groups: list[tuple[dict[str, object], np.ndarray, dict[str, np.ndarray]]] = []
+    groups = pack_expressions(opened, query, start=start, stop=stop, points=points)
     for (source, leaf), names in requested.items():
         if source not in ("record", "path"):
             raise SchemaError("channels", [f"source {source!r}; record or path"])
@@ -196,18 +209,6 @@ def pack_channels(opened: OpenProject, query: Mapping[str, str], body: Any) -> b
         times, values = decimate_channels(clock.time, levels, start=start, stop=stop, points=points)
         groups.append(({"source": source, "leaf": leaf}, times, values))
     return pack_traces(groups)
-
-
-def _number(query: Mapping[str, str], key: str) -> float:
-    """Return a finite number of the query."""
-    text = query.get(key, "")
-    try:
-        number = float(text)
-    except ValueError:
-        number = np.nan
-    if not np.isfinite(number):
-        raise SchemaError("channels", [f"{key} {text!r}; give a number"])
-    return number
 
 
 def list_check_findings(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
@@ -351,6 +352,7 @@ ROUTES = {
     ("GET", "/api/check"): list_check_findings,
     ("GET", "/api/coverage"): list_test_points,
     ("GET", "/api/one_g"): list_one_g_lines,
+    **CHANNEL_ROUTES,
 }
 """Requests of the page of the records, by method and path.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,9 @@ from pom.diagnosis.corrected_model import correction_reasons
 from pom.diagnosis.joint_correction import diagnose_project
 
 Step = Callable[[str], AbstractContextManager[None]]
+_RECONSTRUCT_STEP = (
+    "reconstruct the states; the records that identify determine the instruments' constants"
+)
 _TABLES_STEP = {
     "tabulate": "join {} local models",
     "direct": "regress samples",
@@ -120,18 +123,44 @@ def _reconstruct(
         )
     with step("check the flight records"):
         result.checks = check_records(records, aircraft.value, jobs, stages)
-    with step(
-        "reconstruct the states; the records that identify determine the instruments' constants"
-    ):
-        identifying = identifying_records(result.project, records)
-        proving = {name: record for name, record in records.items() if name not in identifying}
-        result.paths = reconstructed_paths(
-            {name: records[name] for name in identifying},
-            aircraft,
-            jobs=jobs,
-            validation=proving,
-            stages=stages,
-        )
+    with step(_RECONSTRUCT_STEP):
+        result.paths = reconstruct_records(result.project, records, aircraft, jobs, stages)
+
+
+def reconstruct_records(
+    project: Project,
+    records: Mapping[str, Kept[xr.DataTree]],
+    aircraft: Kept[Aircraft],
+    jobs: int,
+    stages: Stages,
+) -> dict[str, Kept[Any]]:
+    """Return the reconstructed paths; only the records that identify inform the others."""
+    identifying = identifying_records(project, records)
+    proving = {name: record for name, record in records.items() if name not in identifying}
+    return reconstructed_paths(
+        {name: records[name] for name in identifying},
+        aircraft,
+        jobs=jobs,
+        validation=proving,
+        stages=stages,
+    )
+
+
+def find_paths(project: Project, jobs: int, step: Step, stages: Stages) -> dict[str, Kept[Any]]:
+    """Return the reconstructed paths of a match, from the stages where they are stored.
+
+    The inputs of the stages are those of `run_identification`.  After a match without a change of
+    the project nothing is computed again.
+    """
+    custody = pom.archive.Custody()
+    aircraft = flightmech.read_aircraft(project.aircraft)
+    cases = [pom.read_case(file) for file in project.cases]
+    result = Identified(project, custody, cases, records_of(project, cases))
+    custody.take(inputs_of(project, result.records))
+    with step(f"read {len(result.records)} flight records"):
+        records = read_records(result, stages)
+    with step(_RECONSTRUCT_STEP):
+        return reconstruct_records(project, records, stages.given(aircraft), jobs, stages)
 
 
 def _tabulate(

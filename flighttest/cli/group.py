@@ -71,6 +71,7 @@ _ELSEWHERE = {
     "modes": "programme",
     "fit": "identify",
     "fit-linear": "identify",
+    "validate": "validation",
     "follow": "follow",
     "ground-effect": "submodels",
     "controls": "submodels",

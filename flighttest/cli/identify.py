@@ -79,6 +79,15 @@ def fit_command() -> None:
     help="Start and stop [s]; several make one fit. Default: all.",
 )
 @click.option(
+    "--window-of",
+    "own_windows",
+    type=(str, float, float),
+    multiple=True,
+    metavar="PATH START STOP",
+    help="Window of one path alone, named by its file without extension; for paths with different "
+    "windows.",
+)
+@click.option(
     "--disturbance",
     type=click.Choice(["none", "process", "gusts", "both"]),
     default="none",

@@ -7,8 +7,10 @@ faults.  Channels that are slower than the rows of their table form a group of t
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -33,6 +35,10 @@ from flighttest.records.signals.sample_flags import (
     sample_faults,
 )
 
+_Result = TypeVar("_Result")
+# Values of a record from which on threads save time, and the largest number of threads.
+_LARGE, _MOST_THREADS = 2_000_000, 4
+
 
 class ChannelSamples(NamedTuple):
     """Samples (time,) and attributes of one channel."""
@@ -47,6 +53,20 @@ class RecordGroup(NamedTuple):
     time: np.ndarray
     channels: dict[str, ChannelSamples]
     attrs: dict[str, Any]
+
+
+def map_large(
+    function: Callable[[str], _Result], names: Sequence[str], samples: int
+) -> Iterator[_Result]:
+    """Return the results of a function of each channel in order, in threads for long records.
+
+    NumPy works outside of the lock of Python; a thread for few samples costs more than it saves.
+    """
+    workers = min(len(names), os.cpu_count() or 1, _MOST_THREADS)
+    if workers < 2 or samples * len(names) < _LARGE:
+        return map(function, names)
+    with ThreadPoolExecutor(workers) as pool:
+        return iter(list(pool.map(function, names)))
 
 
 def make_groups(
@@ -161,11 +181,15 @@ def _convert_group(
         flags += read_stored_flags(tables[table].flags)
     flags += clock.flags
     converted: dict[str, ChannelSamples] = {}
-    for name, samples in raw.items():
+
+    def convert(name: str) -> tuple[ChannelSamples, list[Flag]]:
         source = places[name]
-        converted[name], faults = _convert_channel(
-            channels[name], name, tables[source[0]], source=source, clock=clock, raw=samples
+        return _convert_channel(
+            channels[name], name, tables[source[0]], source=source, clock=clock, raw=raw[name]
         )
+
+    for name, (channel, faults) in zip(raw, map_large(convert, list(raw), len(clock.time))):
+        converted[name] = channel
         flags += faults
     # A stored flag may be found again.
     flags = list(dict.fromkeys(flags))

@@ -142,6 +142,7 @@ def run_match(
     compare_tables: bool,
     actions: Path | None,
     unplaced: str | None,
+    paths_only: bool,
     samples: int,
     seed: int,
     plan_only: bool,
@@ -163,6 +164,9 @@ def run_match(
         }
         _plan(project, output, jobs, as_json, fresh, explain, unplaced, options)
         return
+    if paths_only:
+        _write_paths(project, output, jobs, as_json, fresh, explain)
+        return
     if actions is not None:
         if _replayed(project, output, actions):
             return
@@ -175,6 +179,31 @@ def run_match(
         "compare": compare_tables,
     }
     _match(project, output, jobs, as_json, fresh, explain, unplaced, options)
+
+
+def _write_paths(
+    file: Path, folder: Path, jobs: int, as_json: bool, fresh: bool, explain: bool
+) -> None:
+    """Write the reconstructed records of a match, from the store where it has them."""
+    # a match without a change loads nothing that computes
+    from aeromatch.workflow.identification import find_paths
+    from flighttest.reconstruction.flight_programme import save_path
+
+    project = _project(file, None)
+    with _stages(_store(), folder, fresh, explain) as stages:
+        found = find_paths(project, jobs, timed_step, stages)
+        with timed_step(f"write {len(found)} reconstructed records"):
+            folder.mkdir(parents=True, exist_ok=True)
+            for name, path in found.items():
+                save_path(path.value, folder / f"{name}.nc")
+        made = stages.computed["path"]
+    if as_json:
+        print_json({"folder": str(folder), "records": list(found), "reconstructed": made})
+        return
+    click.echo(
+        f"written: {len(found)} reconstructed records in {folder}, {len(found) - made} of them "
+        f"from the store"
+    )
 
 
 def _replayed(project: Path, output: Path, log: Path) -> bool:

@@ -201,9 +201,9 @@ export async function showLog() {
 const nulls = (values) => Array.from(values, (value) => (Number.isFinite(value) ? value : null));
 export const DASHES = [[], [1.5, 2.5], [7, 3.5], [9, 3, 2, 3], [13, 4], [2, 2]];
 // lines: [{label, values, line: number of colour and dash, points}] over one x; several lines may have an x of their own (joined)
-export function plot(host, { x, lines, width, height = 150, xLabel = "", yLabel = "", span = null, onzoom, oncursor, sync, marks, bands, timeAxis = true }) {
+export function plot(host, { x, lines, width, height = 150, xLabel = "", yLabel = "", span = null, onzoom, oncursor, sync, marks, bands, timeAxis = true, rightLabel = "" }) {
   const style = (line) => ({
-    label: line.label, stroke: () => colour(`line-${line.line || 0}`), width: line.width ?? 1.3, dash: line.points ? undefined : DASHES[line.dash ?? line.line ?? 0].map((length) => length * devicePixelRatio),
+    label: line.label, scale: line.right ? "right" : "y", stroke: () => colour(`line-${line.line || 0}`), width: line.width ?? 1.3, dash: line.points ? undefined : DASHES[line.dash ?? line.line ?? 0].map((length) => length * devicePixelRatio),
     points: { show: Boolean(line.points), size: 4, fill: () => colour(`line-${line.line || 0}`) }, paths: line.points ? () => null : undefined, spanGaps: false,
   });
   const axis = { stroke: () => colour("quiet"), font: `11px ${colour("sans")}`, grid: { stroke: () => colour("grid"), width: 1 }, ticks: { stroke: () => colour("quiet"), width: 1, size: 4 } };
@@ -212,7 +212,8 @@ export function plot(host, { x, lines, width, height = 150, xLabel = "", yLabel 
     width: width || host.clientWidth || 600, height, padding: [6, 10, 0, 0], legend: { show: false },
     cursor: { y: false, points: { show: false }, sync: sync ? { key: sync, scales: ["x", null] } : undefined, drag: { x: true, y: false, setScale: false, dist: 4 }, bind: { dblclick: () => () => { if (onzoom) onzoom(null); return null; } } },
     scales: { x: { time: false, range: (_, low, high) => state.span || [low, high] } },
-    axes: [{ ...axis, size: timeAxis ? 26 : 4, values: timeAxis ? texts : () => [], label: xLabel || undefined, labelSize: 16, labelFont: `11px ${colour("sans")}` }, { ...axis, values: texts, size: 58, gap: 4, space: 24, label: yLabel || undefined, labelSize: 14, labelFont: `11px ${colour("sans")}` }],
+    axes: [{ ...axis, size: timeAxis ? 26 : 4, values: timeAxis ? texts : () => [], label: xLabel || undefined, labelSize: 16, labelFont: `11px ${colour("sans")}` }, { ...axis, values: texts, size: 58, gap: 4, space: 24, label: yLabel || undefined, labelSize: 14, labelFont: `11px ${colour("sans")}` },
+      ...(rightLabel ? [{ ...axis, scale: "right", side: 1, values: texts, size: 52, gap: 4, space: 24, grid: { show: false }, label: rightLabel, labelSize: 14, labelFont: `11px ${colour("sans")}` }] : [])],
     series: [{}, ...lines.map(style)], bands,
     hooks: {
       setCursor: oncursor ? [(own) => oncursor(own.cursor.idx)] : [],

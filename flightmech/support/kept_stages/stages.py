@@ -14,7 +14,7 @@ from functools import partial
 from threading import Lock
 from typing import Any, Generic, TypeVar
 
-from flightmech.errors import AeromatchWarning
+from flightmech.errors import AeromatchError, AeromatchWarning
 from flightmech.support.kept_stages.captured_warnings import capture_warnings
 from flightmech.support.kept_stages.content_hashes import content_hash
 from flightmech.support.kept_stages.explanation import StageTrace
@@ -23,6 +23,10 @@ from flightmech.support.kept_stages.sharing import Cores
 from flightmech.support.kept_stages.store import StageStore
 
 _Value = TypeVar("_Value")
+
+
+class NotStored(AeromatchError):
+    """A result of a stage that is not in the store, where nothing may be computed."""
 
 
 class Kept(Generic[_Value]):
@@ -102,6 +106,8 @@ class Stages:
         The default is the cores of this machine.
     explain : callable, optional
         Called with a line for each stage that is computed, with the reason.
+    only_stored : bool
+        Raise `NotStored` at the first stage that would have to be computed.
 
     Attributes
     ----------
@@ -118,7 +124,9 @@ class Stages:
         fresh: bool = False,
         workers: Any = None,
         explain: Callable[[str], None] | None = None,
+        only_stored: bool = False,
     ) -> None:
+        self._only_stored = only_stored
         self.store, self.fresh, self.workers = store, fresh, workers or Cores()
         self.computed: Counter[str] = Counter()
         self.reused: Counter[str] = Counter()
@@ -286,6 +294,7 @@ class Stages:
         `make` computes the result again if its file is damaged.
         """
         if self.store is None:
+            self._demand_stored(stage, item)
             self.computed[stage] += 1
             return "", None
         key, hashes = self._make_key(stage, inputs)
@@ -295,6 +304,7 @@ class Stages:
             return key, self._results[key]
         head = None if self.fresh else self.store.head(stage, key)
         if head is None:
+            self._demand_stored(stage, item)
             self.computed[stage] += 1
             self._explain_run(name, hashes)
         else:
@@ -304,6 +314,13 @@ class Stages:
         if self._trace is not None:
             self._trace.note(name, hashes)
         return key, self._results.get(key)
+
+    def _demand_stored(self, stage: str, item: str) -> None:
+        if self._only_stored:
+            raise NotStored(
+                f"{stage} {item}".rstrip() + " is not in the store; run the match, which computes "
+                "and stores it"
+            )
 
     def _explain_run(self, name: str, hashes: Mapping[str, str]) -> None:
         if self._explain is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -25,12 +26,14 @@ from flighttest.cli.actions.manoeuvres import (
     read_manoeuvres,
     read_noise,
     read_sourced_manoeuvres,
+    windows_of_paths,
 )
 from flighttest.maximum_likelihood.fit_job import perform_fit_job
 from flighttest.maximum_likelihood.fit_page import render_fit_page as page_of
 from flighttest.maximum_likelihood.linear.motion_fit import fit_motion
 from flighttest.maximum_likelihood.result import save_output_error
 from flighttest.maximum_likelihood.specification import read_specification
+from flighttest.maximum_likelihood.validation import WINDOWS
 from flighttest.parameter_constraints import constraints_to_json
 from flighttest.reconstruction.dynamics.force_coefficients import select_time
 from flighttest.reconstruction.dynamics.saved_paths import open_states
@@ -108,6 +111,7 @@ def run_fit_linear(
     paths: tuple[str, ...],
     motion: str,
     windows: tuple[tuple[float, float], ...],
+    own_windows: tuple[tuple[str, float, float], ...],
     disturbance: str,
     angle: str | None,
     scale: float | None,
@@ -122,10 +126,11 @@ def run_fit_linear(
         raise click.UsageError(f"--scale is {scale:g}; give a positive length in metres")
     if windows and len(paths) > 1:
         raise click.UsageError(f"{len(paths)} paths and --window; windows are those of one path")
+    by_path = windows_of_paths(paths, windows, own_windows)
     records, names = [], []
-    for path in paths:
+    for path, spans in zip(paths, by_path, strict=True):
         states = open_states(path)
-        for window in windows or [None]:
+        for window in spans or [None]:
             part = states if window is None else select_time(states, *window)
             records.append(part)
             names.append(Path(path).name)
@@ -140,6 +145,11 @@ def run_fit_linear(
             constraints=constraints,
         )
     if output:
+        used = [
+            [Path(name).stem, float(part["time"][0]), float(part["time"][-1])]
+            for name, part in zip(names, records, strict=True)
+        ]
+        done.fit.estimates.attrs[WINDOWS] = json.dumps(used)
         save_output_error(done.fit, output)
     if as_json:
         print_json({**done.as_dict(), "file": output})

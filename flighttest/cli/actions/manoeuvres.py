@@ -64,13 +64,14 @@ def read_manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), error
     return read_sourced_manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)[0]
 
 
-def read_sourced_manoeuvres(
-    paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
-) -> tuple[list, list[int]]:
-    """Coefficients along all windows of all paths, path by path, and the number of the path of
-    each; a path takes `windows` and its own.
-    """
+def windows_of_paths(paths, windows=(), own_windows=()) -> list[list[tuple[float, float]]]:
+    """Return the windows of each path, the common ones and its own; none for all of it.
 
+    Raises
+    ------
+    UnknownName, SchemaError
+        A window of another path, or a path without a window where others have one.
+    """
     names = [Path(path).stem for path in paths]
     own: dict[str, list[tuple[float, float]]] = {}
     for name, start, stop in own_windows:
@@ -90,14 +91,23 @@ def read_sourced_manoeuvres(
                 for name in without
             ],
         )
+    return [[*windows, *own.get(name, ())] for name in names]
+
+
+def read_sourced_manoeuvres(
+    paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
+) -> tuple[list, list[int]]:
+    """Coefficients along all windows of all paths, path by path, and the number of the path of
+    each; a path takes `windows` and its own.
+    """
+
+    by_path = windows_of_paths(paths, windows, own_windows)
     aircraft = read_aircraft(aircraft_file)
     found, labels, sources = [], [], []
     with show_progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
-        for number, (path, name) in enumerate(zip(paths, names, strict=True)):
+        for number, (path, spans) in enumerate(zip(paths, by_path, strict=True)):
             data = coefficients(open_path(path), aircraft, dict(errors), cutoff)
-            parts = [select_time(data, *window) for window in (*windows, *own.get(name, ()))] or [
-                data
-            ]
+            parts = [select_time(data, *window) for window in spans] or [data]
             found += parts
             labels += [Path(path).name] * len(parts)
             sources += [number] * len(parts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ DISTURBANCES = ("none", "process", "gusts", "both")
 ANGLES = ("vane", "inertial")
 _SCALE, _INTENSITY = 150.0, 1.0  # start of the gusts [m], [m/s]
 _STIRRED = 0.1  # start of the process noise, of the rms of a state, per square root of second
-_STEADY = 0.1  # largest change of airspeed of a linear motion, of its mean
+STEADY = 0.1  # largest change of airspeed of a linear motion, of its mean
 _SMALL = 0.15  # largest change of an angle of the airflow and of bank [rad]
 
 
@@ -127,7 +127,7 @@ def fit_motion(
         raise ValueError(
             f"the source of {kind.angle} is {angle!r}; gusts need it: {', '.join(ANGLES)}"
         )
-    _demand_signals(records, ("V", "alpha", "theta", *kind.states, kind.force, *kind.controls))
+    demand_signals(records, ("V", "alpha", "theta", *kind.states, kind.force, *kind.controls))
     moving = []
     for name in kind.controls:
         if any(np.ptp(record[name].values) > 0.0 for record in records):
@@ -151,6 +151,9 @@ def fit_motion(
         fit = linear_output_error(model, records, wanted, constraints=constraints)
     else:
         fit = filter_error(model, records, wanted, gusts=gusts, constraints=constraints)
+    # A prediction of another record needs the motion and its condition with the derivatives.
+    about = {"motion": motion, **steady._asdict()}
+    fit = replace(fit, estimates=fit.estimates.assign_attrs(about))
     held = tuple(name for name in kind.controls if name not in moving)
     notes = tuple(_list_notes(records, steady, kind.angle))
     return MotionFit(fit, motion, steady, held, notes)
@@ -179,7 +182,7 @@ def _motion_gust(motion: Motion, steady: Steady, angle: str, scale: float) -> Dr
     )
 
 
-def _demand_signals(records: Sequence[xr.Dataset], names: Sequence[str]) -> None:
+def demand_signals(records: Sequence[xr.Dataset], names: Sequence[str]) -> None:
     """Raise for a signal that a record does not have, or that is not finite."""
     problems = []
     for number, record in enumerate(records, start=1):
@@ -199,12 +202,12 @@ def _list_notes(records: Sequence[xr.Dataset], steady: Steady, angle: str) -> li
     notes = []
     V = np.concatenate([record["V"].values for record in records])
     change = float(np.ptp(V) / steady.V)
-    if change > _STEADY:
+    if change > STEADY:
         text = (
             f"V changes by {change:.0%} of its mean: dimensional derivatives change with it; "
             f"choose windows about one condition, or fit the simulation (flight fit)"
         )
-        notes.append(Remark("range", text, "V", change, _STEADY))
+        notes.append(Remark("range", text, "V", change, STEADY))
     for name in (angle, *(["phi"] if angle == "beta" else [])):
         x = np.concatenate([record[name].values for record in records])
         largest = float(np.abs(x - x.mean()).max())

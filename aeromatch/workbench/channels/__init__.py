@@ -1,0 +1,1 @@
+"""Channels of a record on the screen: expressions of them, spectra, cursors, one over another."""
