@@ -87,9 +87,9 @@ function files() {
   view.parts.sent = view.parts.sent || element("div", { role: "status" });
   view.parts.files.replaceChildren(
     element("p", { class: "quiet" }, "Folder ", element("code", {}, found.folder), ". Dropped files are copied into it; an older file with another content is kept as a copy."),
-    element("div", { class: "drop" }, "Drop recordings, listings, decks and an aircraft file here, or ", button("Choose files", () => input.click()), input),
+    view.foreign ? "" : element("div", { class: "drop" }, "Drop recordings, listings, decks and an aircraft file here, or ", button("Choose files", () => input.click()), input),
     view.parts.sent,
-    found.files.length ? element("details", { open: view.shown ?? !found.drafted, ontoggle: (event) => { view.shown = event.target.open; } }, element("summary", {}, `${found.files.length} files`),
+    found.files.length ? element("details", { open: view.shown ?? !found.exists, ontoggle: (event) => { view.shown = event.target.open; } }, element("summary", {}, `${found.files.length} files`),
       element("div", { class: "scroll" }, table([["file", "name"], ["size", (one) => size(one.bytes), { number: true }], ["kind", "kind"]], found.files, { label: "Files of the folder" }))) : "",
     view.foreign ? element("p", {}, "This project was not drafted here. Its files are changed on the other pages, or with an editor; only the plan and the match are offered below.")
       : element("div", { class: "row" }, button(found.drafted ? "Check all again" : "Draft the project", () => attempt(view.check, view.parts.error), { class: "first", disabled: !found.files.some((one) => ["recording", "listing", "deck"].includes(one.kind)) }),
