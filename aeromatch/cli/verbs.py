@@ -74,7 +74,8 @@ class ProjectToMatch(InputFile):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path of an existing file, or of one in an existing folder with --actions."""
         path = Path(value)
-        is_drafted = ctx is not None and ctx.params.get("actions") is not None
+        # without the option, click holds a sign of its own in its place
+        is_drafted = ctx is not None and isinstance(ctx.params.get("actions"), Path)
         if is_drafted and not path.exists() and path.suffix == ".toml" and path.parent.is_dir():
             return path
         return super().convert(value, param, ctx)
