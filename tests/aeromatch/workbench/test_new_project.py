@@ -108,7 +108,7 @@ def test_a_name_with_a_path_is_refused(opened, name):
     assert list(opened.file.parent.iterdir()) == []
 
 
-def test_a_dropped_file_is_written_whole_or_not_at_all(opened):
+def test_a_dropped_file_is_written_completely_or_not(opened):
     folder = opened.file.parent
     with pytest.raises(ClientDisconnect):
         receive(opened, "a.csv", b"time,q\n", ClientDisconnect())
