@@ -12,7 +12,12 @@ export function foldSides(host, page) {
   for (const [side, tag, arrow] of SIDES) {
     const node = columns.querySelector(`:scope > ${tag}.column`);
     if (!node) continue;
-    const name = `${page} ${side}`, label = node.getAttribute("aria-label"), fold = element("button", { type: "button", class: "fold", onclick: () => { sessionStorage.setItem(`side ${name}`, isOpen() ? "closed" : "open"); show(); } });
+    const name = `${page} ${side}`, label = node.getAttribute("aria-label"), fold = element("button", { type: "button", class: "fold", onclick: () => {
+      const opens = !isOpen(), other = `${page} ${side === "left" ? "right" : "left"}`;
+      sessionStorage.setItem(`side ${name}`, opens ? "open" : "closed");
+      if (opens && !wide.matches) sessionStorage.setItem(`side ${other}`, "closed");   // a narrow screen has room for one side
+      folds.forEach((one) => one());
+    } });
     const isOpen = () => { const chosen = sessionStorage.getItem(`side ${name}`); return chosen ? chosen === "open" : wide.matches || KEPT_OPEN.has(name); };
     const show = () => {
       const open = isOpen();
