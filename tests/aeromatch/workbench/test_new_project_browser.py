@@ -91,6 +91,35 @@ def give_masses(page):
     expect(values.get_by_text("to be confirmed")).to_have_count(0)
 
 
+def sign(page, work, project):
+    """Look at the case in its report, sign the case and the report, and match again."""
+    cases = page.get_by_role("table", name="Cases", exact=True)
+    expect(cases).to_contain_text("Short period")
+    (result,) = pom.read_archive(work / "match" / "report").results
+    signals = page.get_by_role("img", name=re.compile("^q of Short period"))
+    signals.wait_for()
+    link = page.get_by_role("link", name="The case in the report")
+    with page.expect_popup() as opened:
+        link.click()
+    opened.value.get_by_role("heading", name=re.compile("Short period")).first.wait_for()
+    opened.value.close()
+    page.get_by_label("name of who signs the case", exact=True).fill("A. Engineer")
+    page.get_by_role("button", name="Sign the case").click()
+    page.get_by_role("table", name="Signatures of the case").get_by_text("A. Engineer").wait_for()
+    page.get_by_text("Signatures of the report").click()
+    page.get_by_label("name of who signs the report", exact=True).fill("B. Chief")
+    page.get_by_role("button", name="Sign the report").click()
+    page.get_by_role("table", name="Signatures of the report").get_by_text("B. Chief").wait_for()
+    page.get_by_role("button", name="Match again").click()
+    expect(page.locator("#job")).to_have_text(re.compile("^Done: aeromatch match"))
+    report = (work / "match" / "report" / "report.html").read_text(encoding="utf-8")
+    assert "B. Chief" in report
+    assert read_project(project).signatures["prepared"]["name"] == "B. Chief"
+    (case,) = read_project(project).cases
+    assert pom.read_case(case).signatures["prepared"]["name"] == "A. Engineer"
+    assert result.case.name == pom.read_case(case).name
+
+
 def test_from_dropped_files_to_a_checked_project(page, client, tmp_path):
     project = client.bench.opened.file
     files = [recording("check_short_period", tmp_path)]
@@ -128,31 +157,7 @@ def test_from_dropped_files_to_a_signed_report(page, client, tmp_path):
     page.get_by_text("The match accepts the project.").wait_for()
     expect(page.get_by_role("table", name="Cases of the plan")).to_contain_text("Short period")
     page.get_by_role("button", name="Match the project").click()
-    cases = page.get_by_role("table", name="Cases", exact=True)
-    expect(cases).to_contain_text("Short period")
-    (result,) = pom.read_archive(work / "match" / "report").results
-    signals = page.get_by_role("img", name=re.compile("^q of Short period"))
-    signals.wait_for()
-    link = page.get_by_role("link", name="The case in the report")
-    with page.expect_popup() as opened:
-        link.click()
-    opened.value.get_by_role("heading", name=re.compile("Short period")).first.wait_for()
-    opened.value.close()
-    page.get_by_label("name of who signs the case", exact=True).fill("A. Engineer")
-    page.get_by_role("button", name="Sign the case").click()
-    page.get_by_role("table", name="Signatures of the case").get_by_text("A. Engineer").wait_for()
-    page.get_by_text("Signatures of the report").click()
-    page.get_by_label("name of who signs the report", exact=True).fill("B. Chief")
-    page.get_by_role("button", name="Sign the report").click()
-    page.get_by_role("table", name="Signatures of the report").get_by_text("B. Chief").wait_for()
-    page.get_by_role("button", name="Match again").click()
-    expect(page.locator("#job")).to_have_text(re.compile("^Done: aeromatch match"))
-    report = (work / "match" / "report" / "report.html").read_text(encoding="utf-8")
-    assert "B. Chief" in report
-    assert read_project(project).signatures["prepared"]["name"] == "B. Chief"
-    (case,) = read_project(project).cases
-    assert pom.read_case(case).signatures["prepared"]["name"] == "A. Engineer"
-    assert result.case.name == pom.read_case(case).name
+    sign(page, work, project)
     verbs = [entry.words[0] for entry in read_action_log(client.bench.opened.log)]
     assert verbs[0] == "init"
     assert verbs[-3:] == ["set", "set", "match"]
