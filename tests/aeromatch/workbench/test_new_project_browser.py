@@ -114,7 +114,7 @@ def sign(page, work, project):
     expect(page.locator("#job")).to_have_text(re.compile("^Done: aeromatch match"))
     report = (work / "match" / "report" / "report.html").read_text(encoding="utf-8")
     assert "B. Chief" in report
-    assert read_project(project).signatures["prepared"]["name"] == "B. Chief"
+    assert read_project(project).signatures["prepared"].name == "B. Chief"
     (case,) = read_project(project).cases
     assert pom.read_case(case).signatures["prepared"]["name"] == "A. Engineer"
     assert result.case.name == pom.read_case(case).name
