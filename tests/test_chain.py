@@ -118,7 +118,7 @@ WINGS = {
     "flighttest.flight_programme.input_design": ["flighttest.flight_programme.planning"],
     "flighttest.flight_programme.planning": ["pom.programme"],
     "pom.diagnosis.tuning": ["pom.report.models.tuning"],
-    "aeromatch.drafting": [],
+    "aeromatch.drafting": ["aeromatch.workbench"],
     "aeromatch.planning": [],
     "aeromatch.workbench": [],
     "aeromatch.delivery": [],

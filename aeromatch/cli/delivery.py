@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from flightmech.support.console import InputFile, json_option, performed_by
 
 _PACKAGE = click.Path(exists=True, path_type=Path)
+
+
+class FileOrFolder(InputFile):
+    """A project file, or the folder of a project."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path of an existing file or folder."""
+        return Path(value) if Path(value).is_dir() else super().convert(value, param, ctx)
+
+
 _MODEL = click.Choice(["datcom", "corrected", "final"])
 
 
@@ -97,7 +108,7 @@ def compare_packages_command() -> None:
 
 
 @click.command("view")
-@click.argument("project", type=InputFile(path_type=Path))
+@click.argument("project", type=FileOrFolder(path_type=Path))
 @click.option(
     "-o",
     "--output",
@@ -116,6 +127,7 @@ def compare_packages_command() -> None:
 def open_workbench_command() -> None:
     """Open the workbench of a PROJECT in the browser: records, identification, database, match.
 
+    For a new project, PROJECT is a folder: files are dropped into its page and drafted there.
     It is served on this machine alone, to who has the printed address. What changes a file is a
     verb of this command line; the log actions.jsonl in the working folder is replayed by aeromatch
     match --actions.

@@ -5,6 +5,7 @@ the report.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -67,8 +68,21 @@ def demo_command() -> None:
     """Perform the whole job on the shipped T-37 example."""
 
 
+class ProjectToMatch(InputFile):
+    """A project file. One that the actions of a log draft does not exist yet."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path of an existing file, or of one in an existing folder with --actions."""
+        path = Path(value)
+        # without the option, click holds a sign of its own in its place
+        is_drafted = ctx is not None and isinstance(ctx.params.get("actions"), Path)
+        if is_drafted and not path.exists() and path.suffix == ".toml" and path.parent.is_dir():
+            return path
+        return super().convert(value, param, ctx)
+
+
 @click.command("match")
-@click.argument("project", type=InputFile(path_type=Path))
+@click.argument("project", type=ProjectToMatch(path_type=Path))
 @click.option("-o", "--output", type=NewFolder(), required=True, help="Folder to write.")
 @jobs_option
 @click.option(
@@ -89,6 +103,8 @@ def demo_command() -> None:
 @click.option(
     "--actions",
     type=InputFile(path_type=Path),
+    # before PROJECT, which its actions may draft
+    is_eager=True,
     help="Log of aeromatch view: its actions are carried out first; OUTPUT is then its working "
     "folder, with the match in OUTPUT/match.",
 )

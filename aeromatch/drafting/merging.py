@@ -17,6 +17,8 @@ import tomlkit
 from tomlkit.items import AoT, Table
 
 _ABSENT = object()
+# Word behind a drafted value that its author has to confirm.
+_CONFIRM = "CONFIRM"
 
 
 @dataclass(frozen=True)
@@ -87,13 +89,32 @@ def _merge_tables(
             inner = drafted if isinstance(drafted, Mapping) else {}
             _merge_tables(inner, present, item, here, kept)
         elif _plain(present) == _plain(item):
-            continue
+            # The author has confirmed the drafted value with an option.
+            if _CONFIRM in _comment(present) and _CONFIRM not in _comment(item):
+                _take_comment(present, _comment(item))
         elif isinstance(present, AoT) and isinstance(item, AoT) and _have_names(present, item):
             _merge_named_tables(drafted, present, item, here, kept)
         elif _plain(present) == drafted:
+            comment = _comment(item)
             own[key] = item
+            # tomlkit keeps the old comment if the new value has none
+            _take_comment(own[key], comment)
         elif drafted != _plain(item):
             kept.append(".".join(here))
+
+
+def _comment(item: Any) -> str:
+    """Return the comment behind a value; empty for a truth value or a table in parts."""
+    trivia = getattr(item, "trivia", None)
+    return "" if trivia is None or isinstance(item, Table | AoT) else trivia.comment
+
+
+def _take_comment(item: Any, comment: str) -> None:
+    """Set the comment behind a value; an empty text removes it."""
+    trivia = getattr(item, "trivia", None)
+    if trivia is not None and not isinstance(item, Table | AoT):
+        trivia.comment = comment
+        trivia.comment_ws = (trivia.comment_ws or "   ") if comment else ""
 
 
 def _merge_named_tables(

@@ -22,9 +22,12 @@ from flightmech.support.atomic_write import ContentAsRead, written_atomically
 from flightmech.support.console import InputFile, NewFile, json_option, print_json
 from flightmech.support.file_kinds import file_kind
 from flightmech.support.toml_files import read_toml
+from flightmech.support.toml_quantities import NOT_GIVEN
 from flighttest.records.readers.name_map_reading import read_names
 from pom.cases.case import read_case
 
+# Word of a draft behind a value that its author has to confirm.
+CONFIRM = "CONFIRM"
 # A part of a key: text in quotes, or text without dots.
 _KEY_PART = re.compile(r'"([^"]+)"|([^."]+)')
 # Key of a case and of its control law that name a file.
@@ -232,7 +235,7 @@ def _write_document(
     read = _reader_of(path)
     with written_atomically(output, before) as part:
         part.write_text(text, encoding="utf-8", newline="")
-        _check_file(read, part, output)
+        _check_file(read, part, output, former=path)
 
 
 def _reader_of(path: Path) -> Callable[[Path], object]:
@@ -244,15 +247,32 @@ def _reader_of(path: Path) -> Callable[[Path], object]:
     return read_names
 
 
-def _check_file(read: Callable[[Path], object], part: Path, path: Path) -> None:
-    """Read the new file next to the old one; raise its problems under the name of the file."""
+def _check_file(read: Callable[[Path], object], part: Path, path: Path, former: Path) -> None:
+    """Read the new file next to the old one; raise its problems under the name of the file.
+
+    Values that the `former` file leaves open too are not problems: a drafted file is filled one
+    value after the other.
+    """
     try:
         read(part)
     except SchemaError as error:
+        if set(error.problems) <= set(_open_values(read, former)):
+            return
         problems = [text.replace(str(part), str(path)) for text in error.problems]
         raise SchemaError(str(path), problems) from None
     except ParseError as error:
         raise SchemaError(str(path), [str(error).replace(str(part), str(path))]) from None
+
+
+def _open_values(read: Callable[[Path], object], path: Path) -> list[str]:
+    """Return the problems of a file that are values without a content yet; none without a file."""
+    try:
+        read(path)
+    except SchemaError as error:
+        return [text for text in error.problems if NOT_GIVEN in text]
+    except (ParseError, OSError):
+        return []
+    return []
 
 
 def _enter_container(
@@ -292,6 +312,20 @@ def _set_value(item: Any, part: str, new: Any, path: Path, key: str) -> None:
         item[part] = _replace_content(item[part], new)
     else:
         item[part] = new
+        _confirm(item[part])
+
+
+def _confirm(item: Any) -> None:
+    """Remove the request for a confirmation from the comment behind a value.
+
+    A value that the author writes is confirmed, also if it is the drafted one.
+    """
+    trivia = getattr(item, "trivia", None)
+    if trivia is None or CONFIRM not in trivia.comment:
+        return
+    trivia.comment = trivia.comment.partition(CONFIRM)[0].rstrip(" ;#")
+    if not trivia.comment:
+        trivia.comment_ws = ""
 
 
 def _remove_value(item: Any, part: str, path: Path, key: str) -> None:

@@ -19,6 +19,8 @@ import click
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
+from aeromatch.drafting.previous import DRAFT_FOLDER
+from aeromatch.drafting.sources import FILES
 from flightmech.errors import AeromatchError
 from flightmech.support.console import InputFile
 
@@ -26,6 +28,7 @@ PROJECT, WORK = "{project}", "{work}"
 """Placeholders of the folder of the project file and of the working folder, in commands and log."""
 
 VERBS: tuple[tuple[str, ...], ...] = (
+    ("init",),
     ("set",),
     ("flight", "mark"),
     ("flight", "manoeuvres"),
@@ -47,6 +50,8 @@ VERBS: tuple[tuple[str, ...], ...] = (
 )
 """Verbs that the page may call."""
 
+# What `aeromatch init` writes into its folder.
+_DRAFTED = (*FILES, "cases", DRAFT_FOLDER)
 # Options that let other programs work: processes of a cluster, the commands of another log.
 _REFUSED = {"scheduler": "--scheduler", "actions": "--actions"}
 # An option of texts with a file behind the sign: --model NAME=FILE.fmu.
@@ -142,10 +147,19 @@ def demand_allowed(words: Sequence[str], places: PlaceholderFolders | None = Non
             raise ActionError(
                 f"{path.text!r} leads out of the project; begin it with {PROJECT}/ or {WORK}/"
             )
-        if places is not None and path.written and not places.holds(places.real_path(path.text)):
+        if places is None or not path.written:
+            continue
+        if not all(map(places.holds, _written_files(words, places.real_path(path.text)))):
             raise ActionError(
                 f"{path.text!r} leads out of the project by a link; give a file in its folders"
             )
+
+
+def _written_files(words: Sequence[str], path: Path) -> list[Path]:
+    """Return a path and, for a folder of `aeromatch init`, the files in it, which it may replace."""
+    if words[0] == "init" and path.is_dir():
+        return [path, *path.iterdir()]
+    return [path]
 
 
 def named_paths(words: Sequence[str]) -> list[ActionPath]:
@@ -168,7 +182,10 @@ def named_paths(words: Sequence[str]) -> list[ActionPath]:
                 f"{_REFUSED[name]} is not an option of an action: it lets other programs work; "
                 f"leave it out"
             )
-        if isinstance(parameter.type, click.Path):
+        if words[0] == "init" and name == "folder":
+            for text in texts:
+                paths += [ActionPath(f"{text.rstrip('/')}/{item}", True) for item in _DRAFTED]
+        elif isinstance(parameter.type, click.Path):
             # `aeromatch set` writes the file that it reads
             reads = isinstance(parameter.type, InputFile) or parameter.type.exists
             written = not reads or words[0] == "set"
@@ -254,12 +271,42 @@ def _demand_inner_values(texts: Iterable[str]) -> None:
                 )
 
 
+def demand_inner_content(content: Any, depth: int = 0) -> None:
+    """Raise if a text in the content of a TOML file is a path out of the folder of the project.
+
+    Parameters
+    ----------
+    content : object
+        Plain content of the file.
+    depth : int
+        Number of folders between the project and the file, each of which a path may leave.
+
+    Raises
+    ------
+    ActionError
+    """
+    for text in _strings_in(content):
+        inner = text
+        for _ in range(depth):
+            inner = inner.removeprefix("../")
+        if _leaves_upward(inner):
+            raise ActionError(
+                f"{text!r} leads out of the project; put the file that it names into the folder "
+                f"of the project"
+            )
+
+
 def _strings_of(text: str) -> Iterator[str]:
     """Yield the texts in a value of TOML; none of a value that is only a text."""
     try:
         value = tomlkit.value(text).unwrap()
     except (TOMLKitError, ValueError, AttributeError):
         return
+    yield from _strings_in(value)
+
+
+def _strings_in(value: Any) -> Iterator[str]:
+    """Yield the texts in the plain content of a TOML file."""
     pending = [value]
     while pending:
         item = pending.pop()

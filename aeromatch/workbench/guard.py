@@ -14,17 +14,17 @@ from flightmech.support.atomic_write import written_atomically
 TOKEN_HEADER = "x-aeromatch-token"
 _SOURCES = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; font-src "
-    "'self'; connect-src 'self'; frame-src 'self'"
+    "'self'; connect-src 'self'; frame-src 'none'"
 )
 PAGE_POLICY = f"{_SOURCES}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-"""Content policy of the page: no other host, no script inside the page, no frame around it."""
+"""Content policy of the page: no other host, no script inside the page, no frame around or in it."""
 REPORT_POLICY = (
     "sandbox allow-scripts allow-downloads; default-src 'self' 'unsafe-inline' data: "
-    "blob:; frame-ancestors 'self'"
+    "blob:; frame-ancestors 'none'"
 )
-"""Content policy of a report inside the page.
+"""Content policy of a report in a tab of its own.
 
-The report may run its scripts.  It has no access to the page around it or to the data of the
+The report may run its scripts.  It has no access to the page that opened it or to the data of the
 server.
 """
 REPORTS = "/report/"

@@ -13,8 +13,9 @@ import pandas as pd
 
 import aerodb
 import pom
-from aeromatch.workbench.opened import MATCH, OpenProject
+from aeromatch.workbench.opened import MATCH, OpenProject, pack_traces
 from flightmech.errors import UnknownName
+from flightmech.support.figures import to_display_quantity
 from pom.cases.resolve import LIMIT_UNITS
 from pom.cases.signatures import plain_signatures, signature_rows
 from pom.report.case.page import case_keys
@@ -164,6 +165,41 @@ def show_case(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[
     }
 
 
+def pack_case_signals(opened: OpenProject, query: Mapping[str, str], body: Any) -> bytes:
+    """Return the signals of the criteria of a case, in the form of `pack_traces`, in display units.
+
+    The query has the ``name`` of the case and may have ``report``. A group is a channel with its
+    ``unit``: the flight, every model, and ``low`` and ``high``, the band about the flight.
+    """
+    archive = _open_archive(opened, _report_folder(opened, query.get("report", MATCH)))
+    results = {result.case.name: result for result in archive.results}
+    name = query.get("name", "")
+    if name not in results:
+        raise UnknownName(name, results, "case")
+    result = results[name]
+    groups: list[tuple[dict[str, object], np.ndarray, dict[str, np.ndarray]]] = []
+    for channel in dict.fromkeys([criterion.channel for criterion in result.case.criteria]):
+        if channel not in result.signals:
+            continue
+        values, unit = _display_signals(result, channel)
+        head: dict[str, object] = {"source": "case", "leaf": channel, "unit": unit}
+        groups.append((head, result.signals["time"].values, values))
+    return pack_traces(groups)
+
+
+def _display_signals(result: pom.PomResult, channel: str) -> tuple[dict[str, np.ndarray], str]:
+    """Return a channel of all runs with the band of the tolerance, and its unit for a display."""
+    signals = result.signals[channel]
+    values = {str(run): signals.sel(run=run).values for run in signals["run"].values}
+    if channel in result.tolerance:
+        half = result.tolerance[channel].values
+        values |= {"low": values["flight"] - half, "high": values["flight"] + half}
+    displayed, unit = {}, ""
+    for run, samples in values.items():
+        displayed[run], unit = to_display_quantity(channel, np.asarray(samples, float))
+    return displayed, unit
+
+
 def _cause_rows(diagnosis: pd.DataFrame | None) -> list[dict[str, Any]]:
     """Return the first rows of the stages of a diagnosis."""
     rows: list[dict[str, Any]] = []
@@ -249,6 +285,7 @@ def _read_tuning(opened: OpenProject) -> dict[str, Any] | None:
 ROUTES = {
     ("GET", "/api/match"): show_match,
     ("GET", "/api/case"): show_case,
+    ("GET", "/api/case/signals"): pack_case_signals,
     ("GET", "/api/moves"): list_scalable_terms,
 }
 """Requests of the page of the match, in the form of `records.ROUTES`."""

@@ -25,6 +25,8 @@ from starlette.routing import Route
 from aeromatch.workbench import actions, databases, identification, matching, records
 from aeromatch.workbench.allowed_actions import ActionError, demand_allowed, is_writable_text
 from aeromatch.workbench.guard import REPORTS, Guard, is_same_secret, kept_token
+from aeromatch.workbench.new_project import aircraft_data, column_edits, draft, recorded_columns
+from aeromatch.workbench.new_project.dropped_files import receive_file
 from aeromatch.workbench.opened import MATCH, OpenProject
 from aeromatch.workbench.processes import Jobs, WorkbenchJob
 from flightmech.errors import AeromatchError
@@ -36,6 +38,14 @@ DataFunction = Callable[[OpenProject, Mapping[str, str], Any], Any]
 
 STATIC = Path(__file__).parent / "static"
 _UPLOT = Path(__file__).parents[2] / "pom" / "report" / "static" / "uplot"
+UPLOAD = "/api/new/file"
+"""Path of requests whose body is a dropped file."""
+NEW_PROJECT_ROUTES = {
+    **draft.ROUTES,
+    **column_edits.ROUTES,
+    **aircraft_data.ROUTES,
+    **recorded_columns.ROUTES,
+}
 # Greatest length of the body of a request. [byte]
 _MOST_BODY = 1_000_000
 # Greatest time that a request waits for the end of its job. [s]
@@ -93,6 +103,7 @@ class Workbench:
             **identification.ROUTES,
             **databases.ROUTES,
             **matching.ROUTES,
+            **NEW_PROJECT_ROUTES,
             ("POST", "/api/act"): self._act,
             ("GET", "/api/jobs"): self._jobs,
             ("POST", "/api/cancel"): self._cancel,
@@ -102,6 +113,7 @@ class Workbench:
         routes = []
         for (method, path), function in functions.items():
             routes.append(Route(path, self._make_endpoint(function), methods=[method]))
+        routes.append(Route(UPLOAD, self._upload, methods=["POST"]))
         # The last route has any name, so its order matters.
         routes += [
             Route(REPORTS + "{ticket}/{name:path}", self._report, methods=["GET"]),
@@ -227,6 +239,21 @@ class Workbench:
         if files:
             with self._log_lock:
                 actions.append_action(self.opened.log, job.words, job.code or 0, files)
+        if job.words[0] == "init":
+            draft.keep_draft(self.opened, actions.read_command_output(job.out))
+
+    async def _upload(self, request: Request) -> Response:
+        """Write a dropped file into the folder of the project."""
+        name = request.query_params.get("name", "")
+        length = request.headers.get("content-length")
+        try:
+            result = await receive_file(self.opened, name, length, request.stream())
+        except (AeromatchError, OSError) as error:
+            return _describe_error(error)
+        except ClientDisconnect:
+            # nobody reads the response, and the file is not written
+            return _refuse_request("the file is not complete", 400)
+        return AsciiJson(result)
 
     def _report_address(self) -> str | None:
         """Return the address of the report of the match; None without any report."""

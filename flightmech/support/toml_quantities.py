@@ -18,6 +18,8 @@ from flightmech.units import parse_quantity
 
 UNFILLED = "?"
 """Placeholder in a drafted file for a value that the user must give."""
+NOT_GIVEN = "not given yet"
+"""Beginning of the problem of such a value."""
 UNIT = "x-unit"
 """Key of a JSON schema for the SI unit of a quantity."""
 
@@ -52,7 +54,7 @@ class InUnits:
         """
         if item == UNFILLED:
             raise ValueError(
-                f"not given yet; write a number in {self.units}, or a text with its unit"
+                f"{NOT_GIVEN}; write a number in {self.units}, or a text with its unit"
             )
         try:
             return parse_quantity(item, self.units)

@@ -213,7 +213,11 @@ def open_workbench(project: Path, output: Path | None, port: int, no_browser: bo
             "the workbench needs starlette and uvicorn: pip install 'aeromatch[view]'"
         ) from missing
 
-    read_project(project)  # faults of the project are reported here
+    if project.is_dir():
+        # the page of a new project shows the faults of its files
+        project = project / "aeromatch.toml"
+    else:
+        read_project(project)  # faults of the project are reported here
     from aeromatch.workbench.server import Workbench
 
     bench = Workbench(OpenProject(project, output or project.resolve().parent / "workbench"), port)

@@ -16,7 +16,7 @@ from flightmech.units import G0, fitted_unit, known_unit, parse_unit
 from flighttest.records.readers.name_map import Channel
 from flighttest.records.readers.recording import CLOCK_NAMES, RecordedTable, clock_name
 
-_GROUPS = {
+GROUPS = {
     "imu": ("p", "q", "r", "phi", "theta", "psi", "ax_imu", "ay_imu", "az_imu"),
     "vanes": ("alpha_vane", "beta_vane"),
     "air_data": ("V", "V_cas", "mach", "q_c", "p_static", "temperature", "h_baro", "hdot"),
@@ -233,7 +233,7 @@ def make_rows(
 
     def sort_key(name: str) -> tuple[Any, ...]:
         group, position = _order(name)
-        return group, _leaf(name, columns.assigned[name][0], tables), position
+        return group, leaf_of(name, columns.assigned[name][0], tables), position
 
     rows = []
     for name in sorted(columns.assigned, key=sort_key):
@@ -265,7 +265,7 @@ def make_rows(
         location = f"{table}/{column}" if len(tables) > 1 else column
         rows.append(
             NameMapRow(
-                _leaf(name, table, tables),
+                leaf_of(name, table, tables),
                 name,
                 Channel(column=location, **keys),
                 reason=reason,
@@ -347,19 +347,19 @@ def _specific_force_keys(values: np.ndarray, unit: str) -> dict[str, Any]:
 
 def _order(name: str) -> tuple[int, int]:
     """Return the group of a quantity and its position in the group."""
-    for number, names in enumerate(_GROUPS.values()):
+    for number, names in enumerate(GROUPS.values()):
         if name in names:
             return number, names.index(name)
-    return len(_GROUPS), 0
+    return len(GROUPS), 0
 
 
-def _leaf(name: str, table: str, tables: Mapping[str, RecordedTable]) -> str:
+def leaf_of(name: str, table: str, tables: Mapping[str, RecordedTable]) -> str:
     """Return the leaf of a channel: its subject, and the table if there are several.
 
     A leaf has one clock, so channels of different tables are in different leaves.
     """
     subject = "engine" if name.startswith("engine") else "controls"
-    for group, names in _GROUPS.items():
+    for group, names in GROUPS.items():
         if name in names:
             subject = group
     if len(tables) == 1:

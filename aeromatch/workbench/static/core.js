@@ -125,14 +125,15 @@ async function data(answer) {
 const address = (path, query) => (query ? `${path}?${new URLSearchParams(query)}` : path);
 export const get = async (path, query, signal) => data(await request(address(path, query), { signal }));
 export const post = async (path, body, signal) => data(await request(path, { method: "POST", body: JSON.stringify(body), headers: { "content-type": "application/json" }, signal }));
-export async function traces(query, signal) {
-  const answer = await request(address("/api/channels", query), { signal });
+export const sendFile = async (file) => data(await request(address("/api/new/file", { name: file.name }), { method: "POST", body: file, headers: { "content-type": "application/octet-stream" } }));
+export async function traces(query, signal, path = "/api/channels") {
+  const answer = await request(address(path, query), { signal });
   if (!answer.ok) await data(answer);
   const bytes = await answer.arrayBuffer(), size = new DataView(bytes).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, size)));
   let place = 4 + size;
   const next = (count) => { const found = new Float64Array(bytes, place, count); place += 8 * count; return found; };
-  return head.map(({ source, leaf, samples, channels }) => ({ source, leaf, time: next(samples), values: Object.fromEntries(channels.map((name) => [name, next(samples)])) }));
+  return head.map(({ samples, channels, ...about }) => ({ ...about, time: next(samples), values: Object.fromEntries(channels.map((name) => [name, next(samples)])) }));
 }
 
 // ---- actions: verbs of the command line, as work in child processes --------------------------------------------------

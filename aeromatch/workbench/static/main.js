@@ -3,13 +3,15 @@ import { $, attempt, button, clearKeys, element, get, key, showKeys, showLog, wa
 import * as database from "./database.js";
 import * as identification from "./identification.js";
 import * as match from "./match.js";
+import * as newProject from "./new_project.js";
 import * as records from "./records.js";
+import { foldSides } from "./sides.js";
 
-const PAGES = [["records", "Records", records], ["identification", "Identification", identification], ["database", "Database", database], ["match", "Match", match]];
+const PAGES = [["new", "New project", newProject], ["records", "Records", records], ["identification", "Identification", identification], ["database", "Database", database], ["match", "Match", match]];
 let current = null;
 
 function open(name) {
-  const found = PAGES.find(([own]) => own === name) || PAGES[0];
+  const found = PAGES.find(([own]) => own === name) || PAGES.find(([own]) => own === "records");
   if (current && current.close) current.close();
   clearKeys();
   current = found[2];
@@ -22,6 +24,7 @@ function open(name) {
   const host = element("section", { role: "tabpanel", "aria-label": found[1] });
   $("#page").replaceChildren(host);
   attempt(() => current.open(host));
+  foldSides(host, found[0]);
 }
 
 const tabs = $("#tabs");
@@ -43,9 +46,16 @@ $("#show-log").onclick = (event) => {
 document.addEventListener("changed", () => { if (!$("#log").hidden) attempt(showLog); });
 key("?", "these keys", showKeys);
 watch();
+document.addEventListener("open-page", (event) => open(event.detail));
+async function showTitle() {   // of the project, or the name of its folder while its files are incomplete
+  const { title, ready } = await get("/api/title");
+  $("#title").textContent = title;
+  $("#title").title = title;
+  document.title = `${title}: aeromatch workbench`;
+  return ready;
+}
+document.addEventListener("changed", () => attempt(showTitle));
 attempt(async () => {
-  const project = await get("/api/project");
-  $("#title").textContent = project.title;
-  document.title = `${project.title}: aeromatch workbench`;
-  if (!current) open(sessionStorage.getItem("page") || "records");   // unless a tab has been clicked meanwhile
+  const ready = await showTitle();
+  if (!current) open(ready ? sessionStorage.getItem("page") || "records" : "new");   // unless a tab has been clicked meanwhile
 });

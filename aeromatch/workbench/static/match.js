@@ -1,10 +1,10 @@
 // ---- match: verdicts of all cases, what explains a miss, trials by edited models, tuning, rationale --------------------
-import { $, act, attempt, button, element, get, inTurn, key, labelled, number, redraw, select, sent, table } from "./core.js";
+import { act, attempt, button, colour, DASHES, drawing, element, get, inTurn, key, labelled, number, plot, redraw, select, sent, table, traces } from "./core.js";
 
 let view = null;
 
 export function open(host) {
-  view = { host, parts: {}, report: sessionStorage.getItem("report") || "match", chosen: sessionStorage.getItem("case"), refresh: inTurn(refresh), changed: () => attempt(view.refresh) };
+  view = { host, parts: {}, plots: [], report: sessionStorage.getItem("report") || "match", chosen: sessionStorage.getItem("case"), refresh: inTurn(refresh), changed: () => attempt(view.refresh) };
   const part = (name, node) => (view.parts[name] = node);
   host.replaceChildren(element("div", { class: "columns match" },
     element("nav", { class: "column", "aria-label": "Job and reports" },
@@ -13,8 +13,10 @@ export function open(host) {
       element("h2", {}, "Fly again"), part("trial", element("div")),
       element("h2", {}, "Move terms by hand"), part("moves", element("div")),
       element("h2", {}, "Tune"), part("tune", element("div"))),
-    element("div", { class: "column", id: "match-column" }, part("cases", element("div")), part("frame", element("div"))),
+    element("div", { class: "column", id: "match-column" }, part("cases", element("div")), part("signals", element("div"))),
     element("aside", { class: "column", "aria-label": "Case" }, part("case", element("div")))));
+  view.resized = new ResizeObserver(() => { if (view && view.groups && view.width !== view.parts.signals.clientWidth) drawSignals(); });
+  view.resized.observe(view.parts.signals);
   document.addEventListener("changed", view.changed);
   key("n", "next case", () => step(1));
   key("p", "case before", () => step(-1));
@@ -22,6 +24,8 @@ export function open(host) {
 }
 export function close() {
   document.removeEventListener("changed", view.changed);
+  view.resized.disconnect();
+  drop();
   view = null;
 }
 const run = (words) => attempt(() => act(words, { wait: 1 }), view.parts.error);
@@ -89,11 +93,13 @@ function step(by) {
 }
 async function showCase() {
   const own = view, turn = (own.showing = (own.showing || 0) + 1), name = view.chosen, about = view.found.cases.find((one) => one.name === name);
-  if (!about) { view.parts.case.replaceChildren(); view.parts.frame.replaceChildren(); return; }
-  const found = await get("/api/case", { report: view.report, name });
+  if (!about) { drop(); view.groups = null; view.parts.case.replaceChildren(); view.parts.signals.replaceChildren(); return; }
+  const found = await get("/api/case", { report: view.report, name }), groups = await traces({ report: view.report, name }, undefined, "/api/case/signals");
   const proof = found.trial && view.found.reports.includes("match") ? await get("/api/case", { report: "match", name }).catch(() => null) : null;
   if (own !== view || turn !== own.showing) return;
-  frame(about);
+  view.groups = groups;
+  view.about = about;
+  drawSignals();
   const before = new Map(proof ? proof.rows.map((row) => [`${row.run} ${row.criterion}`, row.worst_ratio]) : []);
   const kind = (verdict) => ({ pass: "pass", fail: "fail", invalid: "fail" })[verdict] || "quiet";
   const columns = [["criterion", (row) => `${row.criterion.replaceAll("_", " ")}`], ["model", "run"], ["ratio", "worst_ratio", { number: true, digits: 3 }], ["verdict", (row) => element("span", { class: kind(row.verdict) }, row.verdict.replaceAll("_", " "))]];
@@ -110,12 +116,30 @@ async function showCase() {
     ...(found.trial ? [] : [element("h3", {}, "Window"), windowForm(about, found), element("h3", {}, "Rationale"), rationaleForm(about, found),
       element("h3", {}, "Signatures"), about.file ? signatureForm(about.file, found.signatures, found.results, "the case", view.parts.case) : ""]));
 }
-function frame(about) {
-  const source = view.ticket && view.found.place ? `${view.ticket}${view.found.place}#case-${about.key}` : null, old = $("iframe", view.parts.frame);
-  if (!source) { view.parts.frame.replaceChildren(); return; }
-  if (old && old.getAttribute("src") === source) return;
-  const node = element("iframe", { src: source, title: `Report, ${about.title}`, class: "report", tabindex: "0" });
-  view.parts.frame.replaceChildren(node);
+// ---- the signals of the chosen case; the report opens in a tab of its own ----------------------------------------------
+const PANEL = 190, BANDS = ["low", "high"];
+const drop = () => { view.plots.forEach((made) => made.destroy()); view.plots = []; };
+function drawSignals() {
+  const { about, groups } = view, host = view.parts.signals, report = view.ticket && view.found.place ? `${view.ticket}${view.found.place}#case-${about.key}` : null;
+  drop();
+  view.width = host.clientWidth;
+  const runs = groups.length ? Object.keys(groups[0].values).filter((run) => !BANDS.includes(run)) : [];
+  const swatch = (i) => drawing("svg", { width: 30, height: 10, "aria-hidden": "true" }, drawing("path", { d: "M1 5H29", stroke: colour(`line-${i}`), "stroke-width": 1.6, "stroke-dasharray": DASHES[i % DASHES.length].join(" ") }));
+  host.replaceChildren(
+    element("h2", {}, `${about.row}  ${about.title}`),
+    element("div", { class: "row" }, report ? element("a", { href: report, target: "_blank", rel: "noopener" }, "The case in the report (new tab)") : "",
+      groups.length ? element("span", { class: "quiet legend" }, runs.map((run, i) => element("span", {}, swatch(i), run)), element("span", {}, " \u2003shaded: flight \u00b1 tolerance")) : ""),
+    groups.length ? "" : element("p", { class: "quiet" }, "The report has no signals of this case."));
+  for (const group of groups) {
+    const box = element("div", { class: "plot", role: "img", "aria-label": `${group.leaf} of ${about.title}` }), lines = runs.map((run, i) => ({ label: run, values: group.values[run], line: i })), unit = group.unit === "1" ? "" : group.unit;
+    // The band is drawn first, below the lines of flight and models.
+    const edges = BANDS.filter((edge) => group.values[edge]).map((edge) => ({ label: edge, values: group.values[edge], line: 5, dash: 0, width: 0.6 }));
+    host.append(element("h3", {}, unit ? `${group.leaf}, ${unit}` : group.leaf), box);
+    view.plots.push(plot(box, {
+      x: group.time, lines: [...edges, ...lines], width: view.width || 600, height: PANEL, sync: "case", xLabel: "time of the record, s",
+      bands: edges.length ? [{ series: [2, 1], fill: colour("band") }] : undefined,
+    }));
+  }
 }
 
 // ---- what changes files ----------------------------------------------------------------------------------------------

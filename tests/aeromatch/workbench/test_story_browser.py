@@ -127,8 +127,8 @@ def cases(page, *verdicts):
 
 
 def match(page, work):
-    """The whole job; the screen has the verdicts of the report, and the report itself is in its
-    frame.
+    """The whole job; the screen has the verdicts of the report, the signals of the case, and a link
+    to the report itself.
     """
     page.get_by_role("tab", name="Match").click()
     page.get_by_text("Nothing has been matched yet.").wait_for()
@@ -141,9 +141,13 @@ def match(page, work):
         assert float(cell.split()[2]) == pytest.approx(
             result.worst(run)["worst_ratio"], rel=5e-3
         )  # three digits are shown
-    report = page.frame_locator("iframe")
+    page.get_by_role("img", name="p of Roll response, clean").wait_for()
+    with page.expect_popup() as opened:
+        page.get_by_role("link", name="The case in the report").click()
+    report = opened.value
     report.get_by_role("heading", name="Roll response, clean").wait_for()
     expect(report.get_by_role("row", name="datcom").first).to_contain_text("FAIL")
+    report.close()
 
 
 def envelope(page):
@@ -234,9 +238,8 @@ def edits(page, work):
 def expect_trial(page, trial, *verdicts):
     """Wait for the report of a trial with these verdicts of its case."""
     page.get_by_role("heading", name=f"Trial \u201c{trial}\u201d: no part of the proof").wait_for()
-    page.frame_locator("iframe").get_by_text(
-        f"TRIAL {trial}: no part of the proof"
-    ).first.wait_for()
+    link = page.get_by_role("link", name="The case in the report")
+    expect(link).to_have_attribute("href", re.compile(rf"/runs/{trial}/report\.html#case-"))
     cases(page, *verdicts)
 
 
