@@ -9,6 +9,7 @@ import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import WRAPPED, quantity_attributes
+from flightmech.units import value_in_si
 from flighttest.records.signals.resampling import (
     GAP,
     SMOOTHING,
@@ -66,16 +67,18 @@ def smooth(maneuver: xr.Dataset, cutoff: float = SMOOTHING, controls: bool = Fal
     return smoothed.assign_attrs(smoothed=cutoff)
 
 
-def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> xr.Dataset:
+def cut(
+    record: xr.DataTree, start: float | str, stop: float | str, rate: float | str = 50.0
+) -> xr.Dataset:
     """Return a manoeuvre: all channels of a record between two times, on one uniform clock.
 
     Parameters
     ----------
     record : DataTree
         A flight record, see `read`.
-    start, stop : float
-        Window, on the record's clock. [s]
-    rate : float
+    start, stop : float or str
+        Window, on the record's clock; a text has its unit, as ``"1.5 min"``. [s]
+    rate : float or str
         Samples per second. [Hz]
 
     Returns
@@ -93,6 +96,8 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
     SchemaError
         NaN samples inside the window: every channel with its first time.
     """
+    start, stop = value_in_si(start, "s", "start"), value_in_si(stop, "s", "stop")
+    rate = value_in_si(rate, "Hz", "rate")
     if not rate > 0.0 or not stop - start >= 1.0 / rate:
         raise OutOfRange(
             f"window {start:g} ... {stop:g} s at {rate:g} Hz; stop must lie at least one "
