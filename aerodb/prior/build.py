@@ -121,7 +121,7 @@ def from_datcom(
         CONTAB with SYMFLP on the tail.
     aileron_hinge : as `clean`, optional
         SYMFLP on the wing with the geometry of the aileron; only its hinge moments are used.
-    altitude : float, optional
+    altitude : float or str, optional
         Altitude of the basic tables, one of the printed ones; the default is the middle one. [m]
     powered : bool
         Permit pages with power only in `clean`.  The thrust force is subtracted according to the
