@@ -201,8 +201,7 @@ def from_datcom(
         prior = with_idle_engines(prior, clean_source)
     reference = find_reference_point(aircraft, sources, move_reference)
     warn_of_other_place(aircraft, sources, reference)
-    altitude = value_in_si(altitude, "m", "altitude")
-    h_ref = find_reference_altitude(clean_source, altitude)
+    h_ref = find_reference_altitude(clean_source, value_in_si(altitude, "m", "altitude"))
     for remark in list_missing_numbers(clean_source, h_ref):
         warn_user(f"clean: {remark}")
     # All effects in the axes and with the reference of the program, then of the aircraft.

@@ -99,10 +99,9 @@ def reconstruct(
     .. [Mulder1999] Mulder et al., Prog. Aerosp. Sci. 35, 1999.
     .. [Bell1994] Bell, SIAM J. Optim. 4, 1994.
     """
-    if windows is not None:
-        windows = [_window_in_seconds(window) for window in windows]
-    rate = value_in_si(rate, "Hz", "rate")
-    setup, solution = solve_record(record, aircraft, windows, prior, rate)
+    parts = None if windows is None else [_window_in_seconds(window) for window in windows]
+    frequency: float = value_in_si(rate, "Hz", "rate")
+    setup, solution = solve_record(record, aircraft, parts, prior, frequency)
     return path_of_solution(record, aircraft, setup, solution)
 
 

@@ -101,10 +101,10 @@ def coefficients(
     """
     states = getattr(path, "states", path)
     margin = 0.0
-    cutoff = value_in_si(cutoff, "Hz", "cutoff")
-    if cutoff is not None:
-        states = smooth_states(states, cutoff)
-        margin = _REACH / cutoff
+    frequency: float | None = value_in_si(cutoff, "Hz", "cutoff")
+    if frequency is not None:
+        states = smooth_states(states, frequency)
+        margin = _REACH / frequency
     states = reduced_rates(states, aircraft)
     columns = read_columns(states)
     if aircraft.engines:
@@ -219,15 +219,16 @@ def select_time(data: xr.Dataset, start: float | str, stop: float | str) -> xr.D
     OutOfRange
         The window is not inside the data.
     """
-    start, stop = value_in_si(start, "s", "start"), value_in_si(stop, "s", "stop")
+    first: float = value_in_si(start, "s", "start")
+    last: float = value_in_si(stop, "s", "stop")
     time = data["time"].values
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    if not time[0] - step <= start < stop <= time[-1] + 1.5 * step:
+    if not time[0] - step <= first < last <= time[-1] + 1.5 * step:
         raise OutOfRange(
-            f"window {start:g} ... {stop:g} s is not inside the data, {time[0]:g} ... "
+            f"window {first:g} ... {last:g} s is not inside the data, {time[0]:g} ... "
             f"{time[-1]:g} s; choose one that is"
         )
-    return data.sel(time=slice(start, stop - 0.5 * step))
+    return data.sel(time=slice(first, last - 0.5 * step))
 
 
 def smooth_states(states: xr.Dataset, cutoff: float) -> xr.Dataset:
