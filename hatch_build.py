@@ -4,7 +4,9 @@ Two libraries are made of its sources: the one that Python loads, and the smalle
 carries.
 An editable or plain install compiles the machine's own target and gives a wheel of that platform;
 ``AEROMATCH_TARGETS=all`` compiles every target that an FMU can carry and gives a wheel for all of
-them (``py3-none-any``). Run as a script it compiles in place: ``python hatch_build.py``.
+them (``py3-none-any``);
+``AEROMATCH_TARGETS=x86_64-windows`` gives the wheel of that platform.
+Run as a script it compiles in place: ``python hatch_build.py``.
 """
 
 from __future__ import annotations
@@ -93,12 +95,16 @@ def native() -> str:
 
 
 def wanted() -> list[str]:
-    """Return the platform folders that ``AEROMATCH_TARGETS`` names: ``native`` (default) or
-    ``all``.
+    """Return the platform folders that ``AEROMATCH_TARGETS`` names: ``native`` (default), ``all``
+    or one platform.
     """
     choice = os.environ.get("AEROMATCH_TARGETS", "native")
+    if choice in TARGETS:
+        return [choice]
     if choice not in ("native", "all"):
-        raise SystemExit(f"AEROMATCH_TARGETS is {choice!r}; allowed: native, all")
+        raise SystemExit(
+            f"AEROMATCH_TARGETS is {choice!r}; allowed: native, all, {', '.join(TARGETS)}"
+        )
     return list(TARGETS) if choice == "all" else [native()]
 
 

@@ -50,6 +50,10 @@ class Case(PrintedCase):
             f"messages {len(self.messages)}; tables: {names}>"
         )
 
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row per printed cell, as `cells`."""
+        return self.cells()
+
     def block(self, name: str) -> pd.DataFrame:
         """Return all tables of a kind as one table of printed numbers.
 
@@ -296,6 +300,10 @@ class Listing:
         from datcom_io.arrays.frames import make_cell_frame
 
         return make_cell_frame(self)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row per printed cell, as `cells`."""
+        return self.cells()
 
     def to_datatree(self, *, fill_transonic: bool = False) -> xr.DataTree:
         """Return all cases that have tables, one child per case (see `Case.to_datatree`).

@@ -403,3 +403,35 @@ def parse_quantity(text: str | float | int, expected: str) -> float:
             f"bare number in {expected}"
         )
     return float(to_si(float(match.group(1)), match.group(2), expected))
+
+
+def value_in_si(value: Any, expected: str, name: str = "") -> Any:
+    """Return an argument of a call in SI: a text has its unit, as in the files; a number is SI.
+
+    Parameters
+    ----------
+    value : str, number or array
+        Only a text is converted.
+    expected : str
+        SI unit of the quantity, for the check of the dimension.
+    name : str
+        Name of the argument in an error.
+
+    Raises
+    ------
+    UnitError
+        A text that is not a number with a unit of this dimension.
+
+    Examples
+    --------
+    >>> round(value_in_si("240 kt", "m s-1", "V_cas"), 3)
+    123.467
+    >>> value_in_si(90.0, "m s-1")
+    90.0
+    """
+    if not isinstance(value, str):
+        return value
+    try:
+        return parse_quantity(value, expected)
+    except UnitError as error:
+        raise UnitError(f"{name} = {value!r}: {error}" if name else str(error)) from error

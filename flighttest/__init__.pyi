@@ -17,6 +17,7 @@ from .flight_programme import planning as planning
 from .flight_programme.evaluation.flight_evaluation import evaluate_flight as evaluate
 from .flight_programme.evaluation.flight_evaluation import evaluate_flight as evaluate_flight
 from .flight_programme.input_design.design import design_input as design_input
+from .flight_programme.manoeuvre_finding.marks import marked_or_found as manoeuvres
 from .maximum_likelihood.result import OutputError as OutputError
 from .maximum_likelihood.time_domain import output_error as output_error
 from .reconstruction import dynamics as dynamics
@@ -34,7 +35,6 @@ from .records import readers as readers
 from .records import sensors as sensors
 from .records import signals as signals
 from .records.files import save_record as save_record
-from .records.record import manoeuvres as manoeuvres
 from .records.record import merge as merge
 from .records.record import read as read
 from .records.signals.conditioning import cut as cut

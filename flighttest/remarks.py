@@ -7,9 +7,14 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from html import escape
 from math import nan
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from flightmech.errors import AeromatchWarning
+from flightmech.short_text import ShortText
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 SEVERITIES = ("error", "warning", "note")
 """With an error the figure must not be used; a warning restricts its use; a note is worth knowing.
@@ -152,7 +157,37 @@ class HasRemarks(Protocol):
         """Return the text."""
 
 
-class PrintedResult:
+class TabledEstimates:
+    """Base of a result whose Dataset ``estimates`` is a table too."""
+
+    estimates: xr.Dataset
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the estimates as a table.
+
+        Returns
+        -------
+        DataFrame
+            One row per estimate, with the columns of `estimates` that have one number or word per
+            estimate: ``estimate stderr`` ... The units are those of `estimates`.
+        """
+        return table_of_estimates(self.estimates)
+
+
+def table_of_estimates(estimates: xr.Dataset) -> pd.DataFrame:
+    """Return the variables of estimates that have one value per estimate, as a table."""
+    import pandas as pd  # texts of remarks do without it
+
+    (dimension,) = estimates["estimate"].dims
+    columns = {}
+    for name, item in estimates.data_vars.items():
+        if item.dims == (dimension,):
+            columns[str(name)] = item.values
+    index = pd.Index(estimates[dimension].values, name=str(dimension))
+    return pd.DataFrame(columns, index=index)
+
+
+class PrintedResult(ShortText):
     """Base of a result that defines `HasRemarks.remarks` and `HasRemarks.report_lines`."""
 
     def report(self: HasRemarks) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from flightmech.short_text import ShortText
 from flightmech.support.console import to_json_types
 from flightmech.support.figures import html_table
 from pom.cases.case import PomCase
@@ -77,7 +78,7 @@ NUMBERS = (
 
 
 @dataclass(frozen=True)
-class PomResult:
+class PomResult(ShortText):
     """Replay of one case by one or more models.
 
     Attributes
@@ -257,6 +258,26 @@ class PomResult:
             channels = list(dict.fromkeys(judged)) or list(map(str, self.signals.data_vars))
         title, tolerance = self.case.title, self.tolerance
         return result_figure(title, self.signals, tolerance=tolerance, channels=channels)
+
+    def report(self) -> str:
+        """Return the status of each model, and the criterion that decides, as text."""
+        lines = [f"{self.case.name}: {self.case.id} {self.case.title}"]
+        for run in self.runs:
+            line = f"{run}: {self.status(run)}"
+            row = self.worst(run)
+            if row is not None:
+                line += (
+                    f", {row['criterion']} is {row['worst_ratio']:.2f} of its tolerance "
+                    f"({row['tolerance_text']})"
+                )
+            lines.append(line)
+        if self.failure:
+            lines.append(f"failure: {self.failure}")
+        return "\n".join(lines)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the verdicts as a table, a row for each criterion and model."""
+        return self.verdict.copy()
 
     def _repr_html_(self) -> str:
         """Return the verdicts as a table for a notebook."""

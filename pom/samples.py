@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from flightmech.short_text import ShortText
+
 WITHIN = ("pass", "limits_exceeded")
 """Statuses within tolerance.
 
@@ -25,7 +27,7 @@ _ROUNDING = 0.005  # of a ratio: a smaller excess is not visible in two decimals
 
 
 @dataclass(frozen=True)
-class SampledReplay:
+class SampledReplay(ShortText):
     """Replays of one case by draws from the posterior of a database and of the instruments.
 
     Attributes

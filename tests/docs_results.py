@@ -289,5 +289,14 @@ for term in ("CL/basic", "Cm/basic", "Cm/elevator", "Cm/qhat"):
 """
 """Code that runs behind the last cell of the notebook."""
 
+UAV_NOTEBOOK = """
+assert list(marks["manoeuvre"]) == ["3211", "doublet"]
+assert marks.attrs["origin"] == "found"
+assert moment.estimates.attrs["R2"] > 0.9
+slopes = moment.to_dataframe()["estimate"]
+assert slopes["alpha"] < 0.0 and slopes["qhat"] < 0.0 and slopes["delta_e"] < 0.0
+"""
+"""The same for the notebook of the log of a UAV."""
+
 NOTEBOOK_WARNINGS = ("incompatible fits: CD",)
 """Warnings that the text of the notebook announces."""

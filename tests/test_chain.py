@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1]
 # folders and loose modules of each package: one imports only from those before it
 ORDER = {
     "flightmech": [
+        "short_text",
         "errors",
         "units",
         "names",

@@ -51,6 +51,37 @@ def test_fly_the_t37(tmp_path, capsys):
     assert float(landing["V"][-1]) < 1.0
 
 
+@pytest.mark.slow
+def test_read_a_listing(tmp_path, capsys):
+    listing = load("read_a_listing").main(tmp_path)
+    assert (tmp_path / "listing.png").is_file()
+    assert len(listing) == 1
+    assert "LIGHT HIGH-WING AIRCRAFT" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_trim_over_speed():
+    example = load("trim_over_speed")
+    with pytest.warns(AeromatchWarning):
+        table = example.main()
+    # slower flight needs more angle of attack and more elevator up
+    assert (np.diff(table["alpha [deg]"]) < 0.0).all()
+    assert (np.diff(table["delta_e [deg]"]) > 0.0).all()
+
+
+@pytest.mark.slow
+def test_check_a_record():
+    quality, marks = load("check_a_record").main()
+    assert quality.usable
+    assert {"3211", "doublet"} <= set(marks["manoeuvre"])
+
+
+@pytest.mark.slow
+def test_identify_pitch():
+    slopes = load("identify_pitch").main().to_dataframe()["estimate"]
+    assert (slopes[["alpha", "qhat", "delta_e"]] < 0.0).all()
+
+
 def cockpit(**values):
     """Return FlightGear's message of controls; places of the doubles as the C compiler sets them in
     net_ctrls.hxx, version 27.

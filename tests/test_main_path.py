@@ -48,7 +48,7 @@ def prior(aircraft):
 @pytest.fixture(scope="module")
 def path(aircraft):
     record = flighttest.read(RECORD, DATA / "names.toml")
-    flown = flighttest.manoeuvres(record)
+    flown = flighttest.records.marked_manoeuvres(record)
     assert (flown["start"] == IDENTIFIED[0]).any()
     assert (
         (flown["manoeuvre"] == "doublet") & (flown["start"] - PROVEN[0]).between(0.0, 1.0)

@@ -4,6 +4,7 @@ alone works.
 
 import importlib.util
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -132,6 +133,63 @@ def test_wheel_holds_every_file_of_the_packages(wheel_without_kernel):
             if file.is_file() and "__pycache__" not in file.parts
         }
         assert {f"aeromatch/data/{example}/{file}" for file in files} <= names
+
+
+# platform: tag, and what the library of the platform begins with
+WHEELS = {
+    "x86_64-linux": ("manylinux_2_17_x86_64", b"\x7fELF"),
+    "aarch64-linux": ("manylinux_2_17_aarch64", b"\x7fELF"),
+    "x86_64-windows": ("win_amd64", b"MZ"),
+    "x86_64-darwin": ("macosx_11_0_x86_64", b"\xcf\xfa\xed\xfe"),
+    "aarch64-darwin": ("macosx_11_0_arm64", b"\xcf\xfa\xed\xfe"),
+}
+# first glibc of the tag
+OLDEST_GLIBC = (2, 17)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("platform", WHEELS)
+def test_a_wheel_of_each_platform_holds_its_libraries_alone(platform, tmp_path_factory):
+    """The wheels of other systems are built and read here, and not run."""
+    tag, magic = WHEELS[platform]
+    path = build_wheel(tmp_path_factory, AEROMATCH_TARGETS=platform)
+    assert path.name.endswith(f"-py3-none-{tag}.whl")
+    with zipfile.ZipFile(path) as wheel:
+        names = wheel.namelist()
+        assert len(names) == len(set(names))
+        tops = {name.split("/")[0] for name in names}
+        info = {top for top in tops if top.endswith(".dist-info")}
+        assert tops - info == set(PACKAGES)
+        assert len(info) == 1
+        # nothing that a build leaves behind, and no tests
+        for name in names:
+            assert not {"__pycache__", "tests"} & set(name.split("/")), name
+            assert not name.endswith((".pyc", ".orig", ".rej", ".tmp")), name
+        libraries = [name for name in names if "/_binaries/" in name]
+        assert {name.split("/")[2] for name in libraries} == {platform}
+        assert len(libraries) == 2
+        for name in libraries:
+            content = wheel.read(name)
+            assert content.startswith(magic)
+            # loaded with ctypes: it has no interface of Python, so every Python 3 loads it
+            assert b"PyInit_" not in content
+            assert b"libpython" not in content
+            versions = re.findall(rb"GLIBC_(\d+)\.(\d+)", content)
+            assert all((int(one), int(two)) <= OLDEST_GLIBC for one, two in versions), name
+
+
+def test_a_target_of_the_build_is_one_platform_or_all(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT))
+    import hatch_build  # it is a script of the checkout, and belongs to no package
+
+    assert list(hatch_build.TARGETS) == list(WHEELS)
+    for platform, (tag, _) in WHEELS.items():
+        monkeypatch.setenv("AEROMATCH_TARGETS", platform)
+        assert hatch_build.wanted() == [platform]
+        assert hatch_build.TARGETS[platform].tag == tag
+    monkeypatch.setenv("AEROMATCH_TARGETS", "windows")
+    with pytest.raises(SystemExit, match="allowed: native, all, x86_64-linux"):
+        hatch_build.wanted()
 
 
 @pytest.mark.nightly

@@ -42,6 +42,7 @@ from datcom_io.decks.planforms import measure_main_wing, measure_wing
 from datcom_io.decks.rules_reference import describe_reference_quantities
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
+from flightmech.units import value_in_si
 
 _PARTS = ("WING-BODY", "WING ALONE", "DATCOM BODY ALONE", "BODY ALONE")
 _ROLL_CONTROLS = {
@@ -81,7 +82,7 @@ def from_datcom(
     differential_tail: Any = None,
     tabs: Any = None,
     aileron_hinge: Any = None,
-    altitude: float | None = None,
+    altitude: float | str | None = None,
     powered: bool = False,
     tailless: bool = False,
     move_reference: bool = False,
@@ -120,7 +121,7 @@ def from_datcom(
         CONTAB with SYMFLP on the tail.
     aileron_hinge : as `clean`, optional
         SYMFLP on the wing with the geometry of the aileron; only its hinge moments are used.
-    altitude : float, optional
+    altitude : float or str, optional
         Altitude of the basic tables, one of the printed ones; the default is the middle one. [m]
     powered : bool
         Permit pages with power only in `clean`.  The thrust force is subtracted according to the
@@ -200,7 +201,7 @@ def from_datcom(
         prior = with_idle_engines(prior, clean_source)
     reference = find_reference_point(aircraft, sources, move_reference)
     warn_of_other_place(aircraft, sources, reference)
-    h_ref = find_reference_altitude(clean_source, altitude)
+    h_ref = find_reference_altitude(clean_source, value_in_si(altitude, "m", "altitude"))
     for remark in list_missing_numbers(clean_source, h_ref):
         warn_user(f"clean: {remark}")
     # All effects in the axes and with the reference of the program, then of the aircraft.

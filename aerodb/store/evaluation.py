@@ -15,6 +15,7 @@ from flightmech.build_up import evaluation_levels, used_coefficients
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import lookup, quantity_attributes
 from flightmech.support.array_files.netcdf_trees import CHECKS
+from flightmech.units import value_in_si
 
 _OF_ANY_AXES = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 _HIGH = 1000.0  # height above ground without ground effect, where no table ends [m]
@@ -127,8 +128,8 @@ def evaluate(
     ----------
     db, coefficient, outside
         As in `contributions`.
-    **conditions : array
-        Every variable the terms need. [SI]
+    **conditions : array or str
+        Every variable the terms need; a text has its unit, as ``alpha="4 deg"``. [SI]
 
     Returns
     -------
@@ -141,7 +142,13 @@ def evaluate(
     UnknownName, OutOfRange
         As in `contributions`.
     """
-    parts = contributions(db, coefficient, conditions, outside)
+    values: dict[str, Any] = {}
+    for name, value in conditions.items():
+        # Only the name of a text must be in the vocabulary, for its unit.
+        if isinstance(value, str):
+            value = value_in_si(value, lookup(name).units, name)
+        values[name] = value
+    parts = contributions(db, coefficient, values, outside)
     if not parts:
         return np.zeros(())
     return np.sum(np.stack(np.broadcast_arrays(*parts.values())), axis=0)

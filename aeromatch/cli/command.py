@@ -44,18 +44,46 @@ thousands.
 """
 
 
+# American spellings of words in names of verbs, options and their values
+_AMERICAN = {"maneuver": "manoeuvre", "license": "licence", "color": "colour", "center": "centre"}
+
+
+def british_spelling(name: str) -> str:
+    """Return a name of the command line in the spelling of the program.
+
+    Examples
+    --------
+    >>> british_spelling("free-maneuver")
+    'free-manoeuvre'
+    """
+    for american, british in _AMERICAN.items():
+        name = name.replace(american, british)
+    return name
+
+
 class RootGroup(LazyGroup):
     """The commands in the order of the work. Their help imports none of them."""
 
     def resolve_command(self, ctx: click.Context, args: list[str]):
         """Name the near members when the name is unknown."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            near = get_close_matches(args[0], COMMANDS, n=1)
-            ctx.fail(
-                f"no command {args[0]!r}; "
-                + (f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(COMMANDS)}")
-            )
+            ctx.fail(f"no command {args[0]!r}; {self._suggest(ctx, args[0])}")
         return super().resolve_command(ctx, args)
+
+    def _suggest(self, ctx: click.Context, name: str) -> str:
+        """Return the verb of a group that has this name, else the near members."""
+        places = []
+        for member in COMMANDS:
+            group = self.get_command(ctx, member)
+            # A name that is not known ends the program, so that the groups may be imported.
+            if isinstance(group, click.Group):
+                verb = group.get_command(ctx, british_spelling(name))
+                if verb is not None:
+                    places.append(f"'aeromatch {member} {verb.name}'")
+        if places:
+            return f"it is {' or '.join(places)}"
+        near = get_close_matches(name, COMMANDS, n=1)
+        return f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(COMMANDS)}"
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the members without importing them."""
@@ -67,7 +95,10 @@ class RootGroup(LazyGroup):
     cls=RootGroup,
     package="",
     elsewhere={name: module for name, (module, _) in COMMANDS.items()},
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        "token_normalize_func": british_spelling,
+    },
 )
 @click.version_option(package_name="aeromatch")
 def cli() -> None:

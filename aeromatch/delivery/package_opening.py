@@ -84,8 +84,11 @@ def _copy_folder(package: Path, target: Path) -> None:
                 left -= _copy_file(Path(entry.path), copy, left)
                 if left < 0:
                     raise SchemaError(str(package), [f"more than {MOST_BYTES:g} bytes"])
-            else:
+            elif hasattr(os, "mkfifo"):
                 os.mkfifo(copy)
+            else:
+                # Windows has no pipes in folders, and other kinds of files belong to no package.
+                raise SchemaError(str(package), [f"{entry.name} is not a file, folder or link"])
 
 
 def _copy_file(source: Path, copy: Path, most: int) -> int:

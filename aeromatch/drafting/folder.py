@@ -157,7 +157,8 @@ def draft_project(
     sources = sources_of([Path(path) for path in datcom], [Path(path) for path in records])
     with step(f"read {len(sources.listings)} listings and {len(sources.decks)} decks"):
         geometry = geometry_of(sources.listings, sources.decks)
-    remarks = _check_proving(prove, sources.records, is_given=bool(given.prove))
+    remarks = list(sources.ignored)
+    remarks += _check_proving(prove, sources.records, is_given=bool(given.prove))
     outside, author = _find_own_map(folder, answers.own_map, force)
     if sources.records:
         with step(f"read {len(sources.records)} recordings, find names, units and signs"):

@@ -189,7 +189,7 @@ def add_manoeuvres(
     `own_tables` has the records whose manoeuvres the author has edited in the table of the project.
     """
     for name, record in flights.records.items():
-        table = flighttest.manoeuvres(record)
+        table = flighttest.records.marked_manoeuvres(record)
         # The marks of the author come before a search.
         if len(table):
             flights.marked.add(name)

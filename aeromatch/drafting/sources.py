@@ -9,6 +9,7 @@ from pathlib import Path
 
 from datcom_io.reading.reader import listings_in
 from flightmech.errors import SchemaError
+from flightmech.support.file_kinds import packed_kind
 
 FILES = ("aircraft.toml", "names.toml", "manoeuvres.csv", "aeromatch.toml")
 RECORD_SUFFIXES = (
@@ -25,17 +26,22 @@ RECORD_SUFFIXES = (
     ".dat",
 )
 DECK_SUFFIXES = (".inp", ".dcm", ".dat", ".deck")
+# Suffixes of files that may be recordings, and are taken only if they are named.
+_NAMED_ONLY = (".txt", ".tsv", ".asc", ".log", ".prn", ".csv~")
+# Bytes that show the kind of an archive.
+_PACKED_HEAD = 512
 # Bytes at the start of a file in which a deck has its first namelist.
 _DECK_HEAD = 100_000
 
 
 @dataclass(frozen=True)
 class Sources:
-    """Listings, decks and recordings of a project."""
+    """Listings, decks and recordings of a project, and remarks on files that are not read."""
 
     listings: tuple[Path, ...]
     decks: tuple[Path, ...]
     records: tuple[Path, ...]
+    ignored: tuple[str, ...] = ()
 
 
 def sources_of(datcom: Sequence[Path], records: Sequence[Path]) -> Sources:
@@ -59,10 +65,32 @@ def sources_of(datcom: Sequence[Path], records: Sequence[Path]) -> Sources:
         for file in _files_of(path):
             if file not in listings + decks and _is_record(file, is_named=path.is_file()):
                 recordings.append(file)
+    ignored = _describe_ignored(records, {*listings, *decks, *recordings})
     if not listings and not decks and not recordings:
         problem = "no listing, deck or recording was found; give them with --datcom and --records"
-        raise SchemaError("init", [problem])
-    return Sources(tuple(listings), tuple(decks), tuple(recordings))
+        raise SchemaError("init", [problem, *ignored])
+    return Sources(tuple(listings), tuple(decks), tuple(recordings), tuple(ignored))
+
+
+def _describe_ignored(places: Sequence[Path], taken: set[Path]) -> list[str]:
+    """Return a remark for each file of the folders that may hold a recording and is not taken."""
+    remarks = []
+    for place in places:
+        if not place.is_dir():
+            continue
+        for file in _files_of(place):
+            if file in taken:
+                continue
+            with open(file, "rb") as opened:
+                packed = packed_kind(file, opened.read(_PACKED_HEAD))
+            if packed:
+                remarks.append(f"{file.name} is not read: {packed}")
+            elif file.suffix.lower() in _NAMED_ONLY:
+                remarks.append(
+                    f"{file.name} is not read: texts in a folder may be notes; if it is a "
+                    f"recording, name it with --records {file.name}"
+                )
+    return remarks
 
 
 def source_folders(folder: Path) -> tuple[Path, ...]:

@@ -175,7 +175,7 @@ def _find_spans(
         return {}
     table = task.table
     if table is None:
-        table = flighttest.manoeuvres(record)
+        table = flighttest.records.marked_manoeuvres(record)
     # An empty table would change the types of the columns.
     tables = [part for part in (table, flighttest.records.flight_modes(record)) if len(part)]
     if tables:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from glob import glob
+from glob import glob, has_magic
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -69,6 +69,29 @@ class ProjectFolder:
             f"no file matches {pattern!r} in {self.folder}; give a file or a pattern such as "
             f"'folder/*.toml'"
         )
+
+    def listings(self, text: str, key: str) -> list[ListingCase]:
+        """Return the listings of a pattern, or one case of each; a missing file is a problem.
+
+        A name that is a file is taken as it is, also with the letters of a pattern.
+        """
+        if text == UNFILLED or not has_magic(text) or self._is_place(text):
+            return [self.listing(text, key)]
+        # Names may hold colons, so the longest part that matches a file counts.
+        colons = [k for k, letter in enumerate(text) if letter == ":"]
+        for end in reversed(colons):
+            names = glob(str(self.folder / text[:end]), recursive=True)
+            if names and not glob(str(self.folder / text), recursive=True):
+                case = text[end + 1 :].strip()
+                return [ListingCase(file, case) for file in self.matching(text[:end], key)]
+        return [ListingCase(file) for file in self.matching(text, key)]
+
+    def _is_place(self, text: str) -> bool:
+        try:
+            place_of(text, self.folder)
+        except FileNotFoundError:
+            return False
+        return True
 
     def listing(self, text: str, key: str) -> ListingCase:
         """Return a listing, or one case of it; a missing file is a problem."""
@@ -157,7 +180,11 @@ def _match_flights(patterns: Paths, folder: ProjectFolder, key: str) -> dict[str
 def _find_listings(paths: Paths, folder: ProjectFolder, key: str) -> tuple[ListingCase, ...]:
     if not paths:
         return ()
-    return tuple(folder.listing(text, f"listings.{key}") for text in _as_sequence(paths))
+    places: list[ListingCase] = []
+    for text in _as_sequence(paths):
+        places += folder.listings(text, f"listings.{key}")
+    # A file that two patterns name is one listing.
+    return tuple(dict.fromkeys(places))
 
 
 InputFile = Annotated[Path, ReadAs(str, _find_file)]
@@ -170,7 +197,7 @@ ListingCases = Annotated[tuple[ListingCase, ...], ReadAs(Paths, _find_listings)]
 
 class Listings(Strict):
     """Digital DATCOM listings by their role in `aerodb.from_datcom`, one or several each;
-    ``FILE:CASE`` takes one case of a file.
+    ``FILE:CASE`` takes one case of a file, a pattern such as ``datcom/flaps_*.out`` all its files.
     """
 
     clean: ListingCases = Field(description="The whole aeroplane without deflections.")

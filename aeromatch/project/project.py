@@ -166,7 +166,7 @@ class Project(Strict):
         "their records carry.",
     )
     listings: Listings = Field(
-        description="Digital DATCOM listings by role: FILE, FILE:CASE, or several."
+        description="Digital DATCOM listings by role: FILE, FILE:CASE, a pattern, or several."
     )
     cases: MatchedFiles = Field(description="Patterns of Proof-of-Match cases.")
     cutoff: Annotated[float, InUnits("Hz")] | None = Field(

@@ -86,7 +86,7 @@ def manoeuvres_of(opened: OpenProject, name: str) -> tuple[str, pd.DataFrame]:
         tables = opened.kept(("marks",), [file], lambda: flighttest.records.read_manoeuvres(file))
         if name in tables:
             return "table", tables[name]
-    return "record", flighttest.manoeuvres(opened.record(name))
+    return "record", flighttest.records.marked_manoeuvres(opened.record(name))
 
 
 def not_marked(opened: OpenProject, name: str, marks: pd.DataFrame) -> pd.DataFrame:

@@ -120,7 +120,9 @@ def marks_of(
     dict of str to DataFrame
         By record. [s]
     """
-    recorded = {name: flighttest.manoeuvres(records[name]) for name in records_of(project)}
+    recorded = {
+        name: flighttest.records.marked_manoeuvres(records[name]) for name in records_of(project)
+    }
     listed: Mapping[str, pd.DataFrame] = {}
     if project.manoeuvres:
         listed = flighttest.records.read_manoeuvres(project.manoeuvres)
@@ -228,7 +230,7 @@ def spans_of(
         Position in the project file.
     selections : iterable of RecordSelection
     tables : mapping of str to DataFrame
-        `flighttest.manoeuvres` by record.
+        `flighttest.records.marked_manoeuvres` by record.
     problems : list of str
         Gets a line for every manoeuvre that a record does not have.
     """

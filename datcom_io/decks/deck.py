@@ -19,6 +19,7 @@ from datcom_io.decks.cards import (
     read_items,
 )
 from datcom_io.decks.namelists import DIMENSIONS, Value, format_namelist_value
+from flightmech.short_text import ShortText
 
 Variables = dict[str, list[Value | None]]
 """Values of a namelist by variable; None where an index was not set."""
@@ -34,7 +35,7 @@ _NO_SWITCHES = ("NACA", "CASEID", "DIM", "DERIV", "SAVE", "NEXT", "DUMP")
 
 
 @dataclass(frozen=True)
-class Deck:
+class Deck(ShortText):
     """The input of one case.
 
     Attributes

@@ -19,6 +19,7 @@ from datcom_io.decks.cards import ERROR, NOTE, WARNING, Card, DeckFinding, Namel
 from datcom_io.decks.deck import Deck, assignments_of, parse_cards
 from datcom_io.decks.namelists import CARD_COLUMNS, CASEID_COLUMNS, VARIABLES, format_namelist_value
 from flightmech.errors import ParseError, SchemaError
+from flightmech.short_text import ShortText
 from flightmech.support.atomic_write import write_text
 from flightmech.support.file_kinds import MISSILE_FILE, file_kind
 from flightmech.support.input_files import marked_encoding, read_bytes, with_line_feeds
@@ -28,7 +29,7 @@ _DECK = "an input deck (unit 5): namelists $NAME ... $ and control cards"
 
 
 @dataclass(frozen=True)
-class DeckFile:
+class DeckFile(ShortText):
     """An input deck: its cases in the order of the run.
 
     Attributes

@@ -23,6 +23,7 @@ from datcom_io.listing import Listing
 from datcom_io.printout.content import ListingMessage
 from datcom_io.reading.reader import read
 from flightmech.errors import AeromatchError, ParseError, SchemaError, SimulationError
+from flightmech.short_text import ShortText
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.file_kinds import file_kind
 from flightmech.support.foreign_code.process import (
@@ -50,7 +51,7 @@ _RUNTIME_ERROR = re.compile(r"runtime error|^forrtl:|Program received signal", r
 
 
 @dataclass(frozen=True)
-class ProgramRun:
+class ProgramRun(ShortText):
     """A run of the program.
 
     Attributes

@@ -35,6 +35,7 @@ SCRIPTS = {
     "reference/tolerance-rows.md": "make_tolerance_rows.py",
     "reference/terms.md": "make_terms.py",
     "reference/gallery.md": "make_gallery.py",
+    "reference/examples.md": "make_examples.py",
 }  # page of the site: script whose function page() returns it
 
 

@@ -20,6 +20,7 @@ from flightmech.aircraft.engine import Engine
 from flightmech.aircraft.facts import AircraftFacts
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import LandingGear
+from flightmech.short_text import ShortText, describe_fields
 from flightmech.support.figures import html_table
 
 Vector = tuple[float, float, float]
@@ -32,8 +33,15 @@ class DefaultNumber(float):
 X_REF_MAC = DefaultNumber(0.25)
 
 
+# units of the fields of an aircraft that are one number, and of all fields
+_SCALAR_UNITS = {"S": "m2", "cbar": "m", "b": "m", "mass": "kg"} | dict.fromkeys(
+    ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg m2"
+)
+_UNITS = {**_SCALAR_UNITS, "reference": "m", "cg": "m"}
+
+
 @dataclass(frozen=True)
-class Aircraft:
+class Aircraft(ShortText):
     """Geometry, mass and equipment of an aircraft, SI.
 
     Parameters
@@ -105,12 +113,14 @@ class Aircraft:
     history: str = ""
     facts: AircraftFacts = field(default_factory=AircraftFacts)
 
+    def __repr__(self) -> str:
+        """Return geometry, mass and equipment with units as text."""
+        return describe_fields(self, _UNITS)
+
     def _repr_html_(self) -> str:
         """Return geometry, mass and equipment as a table for a notebook."""
-        units = {"S": "m2", "cbar": "m", "b": "m", "mass": "kg"}
-        units |= dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg m2")
         rows: list[tuple[str, object, str]] = []
-        for name, unit in units.items():
+        for name, unit in _SCALAR_UNITS.items():
             rows.append((name, float(getattr(self, name)), unit))
         cg = " ".join(f"{component:g}" for component in self.cg)
         rows.append(("cg", cg, "m from the moment reference point"))

@@ -25,6 +25,7 @@ from flightmech.aircraft.engine_deck import (
     leaf_from_toml,
 )
 from flightmech.errors import SchemaError, UnitError
+from flightmech.short_text import ShortText
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
@@ -37,7 +38,7 @@ _Vector = tuple[_Length, _Length, _Length]
 
 
 @dataclass(frozen=True)
-class Engine:
+class Engine(ShortText):
     """One engine.
 
     Parameters

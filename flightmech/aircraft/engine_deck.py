@@ -31,6 +31,7 @@ from pydantic import ConfigDict, Field
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
+from flightmech.short_text import ShortText
 from flightmech.support.array_files.netcdf_trees import read_netcdf_tree
 from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
@@ -84,7 +85,7 @@ OWN = (
 
 
 @dataclass(frozen=True)
-class EngineDeck:
+class EngineDeck(ShortText):
     """Tables and constants of a full engine deck.
 
     Speeds are fractions of the rated speeds. The defaults are typical of a small turbofan, and do

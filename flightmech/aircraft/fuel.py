@@ -33,6 +33,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.aircraft.engine_deck import open_tables
 from flightmech.errors import SchemaError
+from flightmech.short_text import ShortText
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import make_term
@@ -68,7 +69,7 @@ class Tank:
 
 
 @dataclass(frozen=True)
-class Fuel:
+class Fuel(ShortText):
     """Fuel on board.
 
     Parameters

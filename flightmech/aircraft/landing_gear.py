@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flightmech.short_text import ShortText
 from flightmech.units import KNOT, to_si
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def wet_friction(tyre_pressure: float) -> tuple[float, float, float, float]:
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(ShortText):
     """A wheel or skid that can touch the ground.
 
     Parameters
@@ -175,7 +176,7 @@ class Steering:
 
 
 @dataclass(frozen=True)
-class LandingGear:
+class LandingGear(ShortText):
     """Contacts, steering and the runway.
 
     Parameters

@@ -18,6 +18,8 @@ from flightmech.flying_qualities import (
     performance,
     trim_over_speed,
 )
+from flightmech.short_text import ShortText
+from flightmech.simulation.run import Stated
 from flightmech.steady_flight.eigenmodes import modes
 from flightmech.steady_flight.flight_condition import Characteristic, rows_to_frame
 from flightmech.steady_flight.linear_model import linearize
@@ -30,7 +32,7 @@ _DISPLAY = {"rad": "deg", "rad s-1": "deg/s", "rad s m-1": "deg s m-1"}
 
 
 @dataclass(frozen=True)
-class Characteristics:
+class Characteristics(ShortText):
     """Result of `characteristics`.
 
     Parameters
@@ -91,7 +93,7 @@ class Characteristics:
 
 
 def characteristics(
-    aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, float]
+    aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, Stated]
 ) -> Characteristics:
     """Return the stability, control and performance quantities of an aircraft and its database.
 
@@ -112,7 +114,8 @@ def characteristics(
         add the pilot's forces.
     condition : mapping of str to float
         ``{"V": 90.0, "h": 1500.0, "delta_f": 0.35}``: one of ``V mach V_cas V_eas``, and any of ``h
-        gamma mass x_cg_b ... delta_T``, inputs and parameters of the simulation. [SI]
+        gamma mass x_cg_b ... delta_T``, inputs and parameters of the simulation. A text has its
+        unit, as ``"170 kt"``; a number is SI.
 
     Returns
     -------

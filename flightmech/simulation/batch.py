@@ -23,12 +23,14 @@ from flightmech.simulation.kernel_library import (
     load_kernel,
 )
 from flightmech.simulation.run import (
+    Stated,
     check_hold,
     index_of_parameter,
     output_attributes,
     output_indices,
     read_inputs,
     read_time,
+    values_in_si,
 )
 
 MOST_LOOPS = 16  # AM_MOST_LOOPS of kernel.h
@@ -67,7 +69,7 @@ def simulate_batch(
     sim: SimModel,
     inputs: xr.Dataset,
     varied: Mapping[str, Sequence[float] | np.ndarray],
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, Stated] | None = None,
     outputs: Sequence[str] | None = None,
     hold: str = "linear",
     step: float = 0.01,
@@ -121,7 +123,7 @@ def simulate_batch(
     # values (run, parameter)
     values = _join_columns(varied)
     time = read_time(inputs)
-    constant = {"mode.step": step, **(parameters or {})}
+    constant = {"mode.step": step, **values_in_si(sim, parameters)}
     u = read_inputs(sim, inputs, constant, count=len(time), runs=len(values))
     y, done, failures = fly_batch(
         sim,

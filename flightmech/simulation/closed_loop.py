@@ -14,6 +14,7 @@ from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT
 from flightmech.simulation.run import (
     RUNWAY,
+    Stated,
     axes_left,
     check_hold,
     describe_below_runway,
@@ -23,6 +24,7 @@ from flightmech.simulation.run import (
     output_indices,
     read_inputs,
     read_time,
+    values_in_si,
 )
 
 Law = Callable[[float, Mapping[str, float], Mapping[str, float]], Mapping[str, float]]
@@ -48,7 +50,7 @@ def simulate_closed_loop(
     inputs: xr.Dataset,
     law: Law,
     period: float,
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, Stated] | None = None,
     delay: int = 0,
     hold: str = "linear",
     step: float = 0.01,
@@ -105,7 +107,7 @@ def simulate_closed_loop(
             f"delay of whole periods, 0 or more"
         )
     time = read_time(inputs)
-    values = {"mode.step": step, **(parameters or {})}
+    values = {"mode.step": step, **values_in_si(sim, parameters)}
     u = read_inputs(sim, inputs, values, len(time))
     chosen = output_indices(sim, outputs)
     # the record gives all inputs that the law does not command

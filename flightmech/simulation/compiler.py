@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -42,6 +42,11 @@ from flightmech.support.hdf5_seal import demand_self_contained, read_if_sealed
 from flightmech.terms import SOURCES, list_model_variables, power_factor
 from flightmech.units import from_si
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Names of inputs in the text of a model.
+_SHOWN = 8
 # Largest value that a parameter can be set to, as in prepare.c of the kernel.
 _LARGEST_PARAMETER = 1e16
 
@@ -57,6 +62,41 @@ class SimModel:
     """
 
     block: bytes = field(repr=False)
+
+    def __repr__(self) -> str:
+        """Return title, inputs, and numbers of parameters, outputs and terms as text."""
+        inputs = ", ".join(self.inputs[:_SHOWN])
+        if len(self.inputs) > _SHOWN:
+            inputs += ", ..."
+        targets: dict[str, int] = {}
+        for term in self.terms:
+            name = term.partition("/")[0]
+            targets[name] = targets.get(name, 0) + 1
+        terms = ", ".join(f"{name} {count}" for name, count in targets.items())
+        return (
+            f"<SimModel {self.title!r}: {len(self.states)} states, {len(self.parameters)} "
+            f"parameters, {len(self.outputs)} outputs\n"
+            f"  inputs  {len(self.inputs)}: {inputs}\n"
+            f"  terms   {len(self.terms)}: {terms}>"
+        )
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return inputs, outputs, parameters and states as a table.
+
+        Returns
+        -------
+        DataFrame
+            ``kind name units description value low high``; `value` is the start value. [SI]
+        """
+        import pandas as pd  # models are compiled without it
+
+        kinds = {"input": INPUT, "output": OUTPUT, "parameter": PARAMETER, "state": STATE}
+        rows = []
+        for kind, number in kinds.items():
+            for entry in self.entries(number):
+                rows.append({"kind": kind, **entry._asdict()})
+        columns = ["kind", "name", "units", "description", "value", "low", "high"]
+        return pd.DataFrame(rows, columns=columns)
 
     @cached_property
     def model(self) -> KernelModel:

@@ -12,15 +12,19 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import is_quantity, lookup
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
+from flightmech.units import value_in_si
 
 RUNWAY = "env.runway_elevation"  # parameter [m]
 _CONTRIBUTION = {"long_name": "contribution of each term to its coefficient"}
+
+Stated = float | str
+"""A number in SI, or a text with its unit."""
 
 
 def simulate(
     sim: SimModel,
     inputs: xr.Dataset,
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, Stated] | None = None,
     hold: str = "linear",
     step: float = 0.01,
     outputs: Sequence[str] | None = None,
@@ -39,7 +43,7 @@ def simulate(
         Parameters, and constant values of inputs that are not in `inputs`. The default of an input
         is its start value. ``mode.step`` has priority over `step`.  ``init.gamma`` acts in the trim
         (``mode.trim``) only: without one ``init.theta`` and ``init.alpha`` give the climb angle.
-        [SI]
+        A text has its unit, as ``"175 kt"``; a number is SI.
     hold : {"linear", "zero"}
         Inputs are linear between samples, or constant from each sample to the next.
     step : float
@@ -69,7 +73,7 @@ def simulate(
     check_hold(hold)
     time = read_time(inputs)
     # `mode.step` among the parameters replaces the argument
-    values = {"mode.step": step, **(parameters or {})}
+    values = {"mode.step": step, **values_in_si(sim, parameters)}
     u = read_inputs(sim, inputs, values, len(time))
     chosen = output_indices(sim, outputs)
     run = initialise_run(sim, values, u[0], time=float(time[0]))
@@ -260,3 +264,41 @@ def axes_left(sim: SimModel, run: Simulation) -> str:
             texts.append(f"{row.name} above {row.high:g} in {int(above[i])} internal steps")
     # several axes of one name may have the same text
     return "; ".join(dict.fromkeys(texts))
+
+
+def units_of_names(sim: SimModel) -> dict[str, str]:
+    """Return the units of all names of a model that a caller may give a value.
+
+    These are outputs, inputs and parameters, start values without ``init.``, and inputs of all
+    engines without ``engine1.``.
+    """
+    rows = [*sim.entries(OUTPUT), *sim.entries(INPUT), *sim.entries(PARAMETER)]
+    units: dict[str, str] = {}
+    for prefix in ("engine1.", "mass.", "env.", "init."):
+        for row in rows:
+            if row.name.startswith(prefix):
+                units[row.name.removeprefix(prefix)] = row.units
+    return units | {row.name: row.units for row in rows}
+
+
+def values_in_si(sim: SimModel, values: Mapping[str, Stated] | None) -> dict[str, float]:
+    """Return stated values as numbers in SI.
+
+    Raises
+    ------
+    UnknownName
+        A text for a name that the model does not have.
+    UnitError
+        A text without a unit, or with a unit of another dimension.
+    """
+    given = dict(values or {})
+    # Most calls have numbers only, and thousands of them follow each other in a search.
+    if not any(isinstance(value, str) for value in given.values()):
+        return given  # type: ignore[return-value]
+    units = units_of_names(sim)
+    converted: dict[str, float] = {}
+    for name, value in given.items():
+        if isinstance(value, str) and name not in units:
+            raise UnknownName(name, units, "parameter, input or quantity")
+        converted[name] = value_in_si(value, units.get(name, ""), name)
+    return converted

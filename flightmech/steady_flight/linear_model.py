@@ -28,6 +28,7 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import quantity_attributes
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import OUTPUT
+from flightmech.simulation.run import Stated, values_in_si
 from flightmech.steady_flight.linear_plant import (
     BIASES,
     RIGID_STATES,
@@ -78,7 +79,7 @@ class _Jacobian(NamedTuple):
 
 def linearize(
     sim: SimModel,
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, Stated] | None = None,
     states: Sequence[str] = STATES,
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] = OUTPUTS,
@@ -93,7 +94,7 @@ def linearize(
     parameters : mapping of str to float, optional
         Condition, as in `trim` without a kind: ``{"init.V": 90.0, "init.h": 1500.0, "delta_f":
         0.6}``. With ``mode.trim`` 0 the flight starts in the state of ``init.*``, so that
-        `start_of` of a trimmed turn or climb gives the linear model about it. [SI]
+        `start_of` of a trimmed turn or climb gives the linear model about it. A text has its unit.
     states : sequence of str
         Any of ``V alpha q theta h beta p r phi psi``. Other rigid-body states are constant. Also
         any state of the submodels, by its name without ``state.``: ``engine1.thrust engine1.n1
@@ -127,7 +128,7 @@ def linearize(
     SimulationError
         The condition has no meaning.
     """
-    parameters = dict(parameters or {})
+    parameters = dict(values_in_si(sim, parameters))
     steps = dict(steps or {})
     if inputs is None:
         inputs = _default_inputs(sim, parameters)

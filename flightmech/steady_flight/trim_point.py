@@ -20,7 +20,7 @@ from flightmech.names import COEFFICIENTS, IMPLICIT, REDUCED_RATES
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.compiler import compile as compile_model
 from flightmech.simulation.kernel import Simulation
-from flightmech.simulation.run import constant_inputs
+from flightmech.simulation.run import Stated, constant_inputs, values_in_si
 from flightmech.steady_flight.compiled_aircraft import CompiledAircraft
 from flightmech.steady_flight.flight_condition import condition_parameters, flight_condition_text
 from flightmech.steady_flight.glide_angle import find_glide_angle
@@ -368,7 +368,7 @@ class Point:
         return (upper - lower) / (2.0 * step)
 
 
-def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, float]) -> Point:
+def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, Stated]) -> Point:
     """Return the trimmed flight at a condition.
 
     Parameters
@@ -392,6 +392,7 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, floa
     """
     sim = compile_model(aircraft, db)
     compiled = CompiledAircraft(aircraft, db, sim)
+    condition = values_in_si(sim, condition)
     point = _trim_flight(compiled, condition_parameters(sim, condition))
     if not point.is_trimmed:
         kind = "flight" if aircraft.engines else "glide (the aircraft file has no engines)"

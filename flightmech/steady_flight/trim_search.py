@@ -12,7 +12,13 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, STATE
-from flightmech.simulation.run import constant_inputs, initialise_run, output_attributes
+from flightmech.simulation.run import (
+    Stated,
+    constant_inputs,
+    initialise_run,
+    output_attributes,
+    values_in_si,
+)
 from flightmech.steady_flight.table_ends import describe_tables_left
 from flightmech.steady_flight.trim_kinds import CLIMB
 from flightmech.steady_flight.trim_request import make_trim_request
@@ -21,11 +27,12 @@ from flightmech.steady_flight.trim_result import TrimResult
 
 def trim(
     sim: SimModel,
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, Stated] | None = None,
     kind: str | None = None,
     unknowns: Sequence[str] | None = None,
-    fixed: Mapping[str, float] | None = None,
+    fixed: Mapping[str, Stated] | None = None,
     residuals: Sequence[str] | None = None,
+    **quantities: Stated,
 ) -> xr.Dataset:
     """Trim to a steady flight, or to rest on the ground.
 
@@ -81,6 +88,9 @@ def trim(
         of an engine.  A fixed quantity is not unknown, and its partner in the table is. [SI]
     residuals : sequence of str, optional
         Residuals in place of those of the kind: ``u_dot ... r_dot`` and any output.
+    **quantities : float or str
+        Fixed quantities whose names are words of Python: ``V_cas="240 kt", h="5000 ft"``. Here and
+        in `parameters` and `fixed`, a text has its unit, and a number is SI.
 
     Returns
     -------
@@ -103,7 +113,9 @@ def trim(
         A kind, parameter, input or quantity that the model does not have.
     SchemaError
         A contradiction in the request: more residuals than unknowns, a quantity both fixed and
-        unknown, or no value of a quantity that the kind needs.
+        unknown or fixed twice, or no value of a quantity that the kind needs.
+    UnitError
+        A text without a unit, or with a unit of another dimension.
     SimulationError
         A parameter has no meaning, e.g. no speed.
 
@@ -120,6 +132,14 @@ def trim(
     .. [Stevens] Stevens and Lewis, Aircraft Control and Simulation, 1992, section 3.4:
        rate-of-climb and turn-coordination constraints.
     """
+    twice = sorted(set(fixed or {}) & set(quantities))
+    if twice:
+        raise SchemaError(
+            "trim", [f"{name} stands in fixed and as an argument; give it once" for name in twice]
+        )
+    parameters = values_in_si(sim, parameters)
+    if fixed is not None or quantities:
+        fixed = values_in_si(sim, {**(fixed or {}), **quantities})
     if kind is None and unknowns is None and fixed is None and residuals is None:
         y = trimmed_outputs(sim, parameters or {})
         state = dict(zip(sim.outputs, map(float, y), strict=True))

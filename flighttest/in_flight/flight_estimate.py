@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from flightmech.short_text import ShortText
+
 STEADY, RECENT = 2.5, 5  # standard errors of a move, and updates over which it is looked for
 LASTING = 3  # updates in a row in which a goal must be met
 
@@ -38,7 +40,7 @@ class AccuracyGoal:
 
 
 @dataclass(frozen=True)
-class FlightEstimate:
+class FlightEstimate(ShortText):
     """Estimates from the samples up to a time.
 
     Attributes

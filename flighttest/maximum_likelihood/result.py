@@ -30,7 +30,7 @@ from flighttest.parameter_constraints import (
     describe_constraints,
 )
 from flighttest.regression.equation_error.fit import open_tree
-from flighttest.remarks import PrintedResult, Remark, remarks_to_json
+from flighttest.remarks import PrintedResult, Remark, TabledEstimates, remarks_to_json
 
 HIGH = 0.9  # correlation that is reported
 _COUPLED = 1.0 - 1e-9  # correlation of two parameters that a constraint makes proportional
@@ -56,7 +56,7 @@ _COLUMNS = (
 
 
 @dataclass(frozen=True)
-class OutputError(PrintedResult):
+class OutputError(PrintedResult, TabledEstimates):
     """Maximum-likelihood estimates from full responses.
 
     Attributes

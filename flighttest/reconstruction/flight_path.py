@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
+from flightmech.short_text import ShortText
 from flightmech.support.figures import html_table
 from flighttest.reconstruction.channel_signals import compatibility_figure
 from flighttest.reconstruction.problem.problem import identifiability_remarks
@@ -23,7 +25,7 @@ _CONSTANT_KEYS = ("estimate", "stderr", "prior", "prior_stderr", "unit")
 
 
 @dataclass(frozen=True)
-class FlightPath:
+class FlightPath(ShortText):
     """A reconstructed flight path.
 
     Attributes
@@ -70,6 +72,14 @@ class FlightPath:
         for remark in identifiability_remarks(self.biases) or ["every constant is identifiable"]:
             lines.append(f"  - {remark}")
         return "\n".join(lines)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the states as a table over time, in the units of `states`.
+
+        The constants are a table too: ``path.biases``, or `flighttest.remarks.table_of_estimates`.
+        """
+        names = [name for name, item in self.states.data_vars.items() if item.dims == ("time",)]
+        return self.states[names].to_dataframe()
 
     def plot(self, channels: Sequence[str] | None = None) -> Figure:
         """Return a figure of raw, corrected and reconstructed signals.

@@ -17,6 +17,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flightmech.units import value_in_si
 from flighttest.reconstruction.channel_signals import channel_signals
 from flighttest.reconstruction.flight_path import FlightPath, fit_row
 from flighttest.reconstruction.path_quantities import solution_states
@@ -54,9 +55,9 @@ _LISTED = 5  # constants in an error message
 def reconstruct(
     record: xr.DataTree,
     aircraft: Aircraft,
-    windows: Sequence[tuple[float, float]] | None = None,
+    windows: Sequence[tuple[float | str, float | str]] | None = None,
     prior: xr.Dataset | None = None,
-    rate: float = 50.0,
+    rate: float | str = 50.0,
 ) -> FlightPath:
     """Reconstruct the flight path of a record.
 
@@ -72,7 +73,8 @@ def reconstruct(
     aircraft : Aircraft
         For cbar, b, c.g. and the instruments (see `flighttest.records.sensors.parse_instruments`).
     windows : sequence of (start, stop), optional
-        Parts to reconstruct, with common constants; the complete record by default. [s]
+        Parts to reconstruct, with common constants; the complete record by default. A text has its
+        unit, as ``("90 s", "2.5 min")``; here and in `rate`. [s]
     prior : Dataset, optional
         `biases` of other runs (`combine_biases`): the prior of the constants of the instruments.
     rate : float
@@ -97,8 +99,15 @@ def reconstruct(
     .. [Mulder1999] Mulder et al., Prog. Aerosp. Sci. 35, 1999.
     .. [Bell1994] Bell, SIAM J. Optim. 4, 1994.
     """
-    setup, solution = solve_record(record, aircraft, windows, prior, rate)
+    parts = None if windows is None else [_window_in_seconds(window) for window in windows]
+    frequency: float = value_in_si(rate, "Hz", "rate")
+    setup, solution = solve_record(record, aircraft, parts, prior, frequency)
     return path_of_solution(record, aircraft, setup, solution)
+
+
+def _window_in_seconds(window: tuple[float | str, float | str]) -> tuple[float, float]:
+    start, stop = window
+    return value_in_si(start, "s", "start of a window"), value_in_si(stop, "s", "end of a window")
 
 
 def solve_record(

@@ -9,7 +9,7 @@ from .manoeuvre_table import write_manoeuvres as write_manoeuvres
 from .record import faults as faults
 from .record import flight_modes as flight_modes
 from .record import flight_modes as modes
-from .record import manoeuvres as manoeuvres
+from .record import marked_manoeuvres as marked_manoeuvres
 from .record import merge as merge
 from .record import needs_names as needs_names
 from .record import overview as overview

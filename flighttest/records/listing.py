@@ -105,7 +105,7 @@ def read_listed_rows(attrs: Mapping[Any, Any], key: str) -> list[dict[str, Any]]
 
 
 def _manoeuvre_rows(attrs: Mapping[Any, Any]) -> list[dict[str, Any]]:
-    """Return the manoeuvres with the times of the table of `flighttest.records.manoeuvres`.
+    """Return the manoeuvres with the times of the table of `flighttest.records.marked_manoeuvres`.
 
     A column of that table has one type: integers, or floats with NaN for null.
     """

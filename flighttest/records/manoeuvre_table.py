@@ -111,7 +111,7 @@ def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
     Returns
     -------
     dict of str to DataFrame
-        ``manoeuvre control start end note`` by record, as in `flighttest.manoeuvres`, in order of
+        ``manoeuvre control start end note`` by record, as in `flighttest.records.marked_manoeuvres`, in order of
         time. [s]
 
     Raises
@@ -175,7 +175,7 @@ def write_manoeuvres(
     Parameters
     ----------
     tables : dict of str to DataFrame
-        By record, with the columns of `flighttest.manoeuvres`, and ``confidence`` where known.
+        By record, with the columns of `flighttest.records.marked_manoeuvres`, and ``confidence`` where known.
     path : path
         Written atomically.
     before : callable, optional
@@ -203,7 +203,7 @@ def with_manoeuvres(record: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
     record : DataTree
         Flight record.
     table : DataFrame
-        With the columns of `flighttest.manoeuvres`.
+        With the columns of `flighttest.records.marked_manoeuvres`.
 
     Returns
     -------

@@ -3,7 +3,7 @@
 A flight record is an ``xarray.DataTree``.  Each leaf is a Dataset over its ``time`` [s].  Its
 attributes describe the clock (``rate`` [Hz], ``gaps``, ``duplicates``), the channels with NaN
 (``missing``), and all flags (`flighttest.signals.flags`).  Root attributes: ``title``, ``start``,
-``purpose``, ``source_file``, ``format``, ``manoeuvres`` and ``modes`` (JSON), ``notes`` (JSON:
+``purpose``, ``source_file``, ``format``, ``marked_manoeuvres`` and ``modes`` (JSON), ``notes`` (JSON:
 faults that the file itself reports), ``unmapped`` and ``absent`` columns, and if known ``latitude``
 [rad] and ``runway_elevation`` [m].
 """
@@ -213,7 +213,7 @@ def channel_leaves(record: xr.DataTree) -> dict[str, str]:
     return leaves
 
 
-def manoeuvres(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
+def marked_manoeuvres(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
     """Return the list of manoeuvres of a record, or of the states of a path of this record.
 
     Returns
@@ -228,7 +228,7 @@ def manoeuvres(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
 def flight_modes(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
     """Return the flight modes in the log of an autopilot (PX4, ArduPilot).
 
-    The columns are those of `manoeuvres`; a row ends where the mode changes.
+    The columns are those of `marked_manoeuvres`; a row ends where the mode changes.
     """
     return _listed_table(record, "modes")
 

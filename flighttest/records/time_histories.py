@@ -78,7 +78,7 @@ def record_figure(
         One panel each.  Without it the page has motion (`MOTION`), controls and engines
         (`CONTROLS`).
     marks : DataFrame, optional
-        Manoeuvres, with the columns of `flighttest.manoeuvres`.
+        Manoeuvres, with the columns of `flighttest.records.marked_manoeuvres`.
     window : tuple of float (2,), optional
         Start and end of the time axis. [s]
 

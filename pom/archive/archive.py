@@ -25,6 +25,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
+from flightmech.short_text import ShortText
 from flightmech.support.array_files.netcdf_writing import encode_hdf5
 from flightmech.support.console import to_json_types
 from flightmech.support.hdf5_seal import demand_self_contained
@@ -40,7 +41,7 @@ _NAMES = {"signals": "channel", "tolerance": "banded", "inputs": "input"}
 
 
 @dataclass(frozen=True)
-class Archive:
+class Archive(ShortText):
     """Content of ``results.nc``.
 
     Attributes

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.errors import SchemaError
+from flightmech.short_text import ShortText
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import validate_content
 from pom.cases import pilot_loops
@@ -101,7 +102,7 @@ class CaseInputs:
 
 
 @dataclass(frozen=True)
-class PomCase:
+class PomCase(ShortText):
     """Case of Proof-of-Match: the content of a case file with defaults, criteria and windows.
 
     Attributes

@@ -9,9 +9,11 @@ import subprocess
 import sys
 import warnings
 
+import click
 import pytest
 
 import aerodb
+from aeromatch.cli.command import cli
 from flightmech import terms
 
 HEAVY = {"numpy", "scipy", "pandas", "xarray", "fmpy", "pydantic", "h5py"}
@@ -94,6 +96,28 @@ def test_unknown_command_names_the_near_one():
     done = run("fligth")
     assert done.returncode == 2
     assert "did you mean 'flight'?" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [("reconstruct", "flight reconstruct"), ("maneuvers", "flight manoeuvres")],
+)
+def test_a_verb_of_a_group_is_named_with_its_group(name, place):
+    with pytest.raises(click.UsageError, match=f"it is 'aeromatch {place}'"):
+        cli.main([name, "record.csv"], standalone_mode=False)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["flight", "maneuvers"],
+        ["flight", "controls", "--free-maneuver", "x"],
+        ["package", "make", "--license", __file__],
+    ],
+)
+def test_american_spellings_are_those_of_the_program(words, capsys):
+    cli.main([*words, "--help"], standalone_mode=False)
+    assert capsys.readouterr().out.startswith("Usage: ")
 
 
 def test_help_lists_every_group():

@@ -362,7 +362,7 @@ _PROOFS = {
 def test_records_of_the_t37_are_drafted_as_what_they_were_flown_for(name):
     record = flighttest.read(T37 / "flight" / f"t37_{name}.nc", T37 / "names.toml")
     marked = held_for_proof(
-        {"a": named_by_response(record, flighttest.manoeuvres(record))}, ["a"], ["a"]
+        {"a": named_by_response(record, flighttest.records.marked_manoeuvres(record))}, ["a"], ["a"]
     )
     found = held_for_proof({"a": find_manoeuvres(record)}, ["a"], ["a"])
     assert " ".join(case.test for case in found) == _PROOFS[name]

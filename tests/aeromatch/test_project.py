@@ -112,6 +112,25 @@ def test_a_role_may_take_one_case_of_a_listing(write, tmp_path):
     ]
 
 
+def test_a_role_may_have_a_pattern_of_listings(write, tmp_path):
+    for name in ("flaps_20.out", "flaps_10.out", "flaps_[x].out"):
+        (tmp_path / name).touch()
+    clean = 'clean = "clean.out"'
+    project = read_project(write((clean, f'{clean}\nflaps = "flaps_*.out:2"')))
+    assert project.listings.by_role["flaps"] == (
+        ListingCase(tmp_path / "flaps_10.out", "2"),
+        ListingCase(tmp_path / "flaps_20.out", "2"),
+        ListingCase(tmp_path / "flaps_[x].out", "2"),
+    )
+    # A name with the letters of a pattern that is a file, and files that two patterns name.
+    several = 'flaps = ["flaps_[x].out", "flaps_??.out", "flaps_1*.out"]'
+    project = read_project(write((clean, f"{clean}\n{several}")))
+    names = [place.file.name for place in project.listings.by_role["flaps"]]
+    assert names == ["flaps_[x].out", "flaps_10.out", "flaps_20.out"]
+    (text,) = problems(write((clean, f'{clean}\nflaps = "flap-*.out"')))
+    assert text.startswith("listings.flaps: no file matches 'flap-*.out'")
+
+
 def test_a_project_is_read(write, tmp_path):
     project = read_project(write())
     assert project.file == tmp_path / "aeromatch.toml"

@@ -17,6 +17,7 @@ from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.air import atmosphere
 from flightmech.errors import ParseError
+from flightmech.short_text import ShortText
 from flightmech.support.hdf5_seal import demand_self_contained
 
 FLOWN = "flown.nc"
@@ -62,7 +63,7 @@ _HEIGHT_GAP = 300.0  # between two heights that are distinguished [m]
 
 
 @dataclass(frozen=True)
-class FlightData:
+class FlightData(ShortText):
     """Flight data of one project.
 
     Attributes

@@ -29,6 +29,8 @@ REQUIRED = ("p", "q", "r", "phi", "theta", "ax_imu", "ay_imu", "az_imu")
 # Rank of a guess above which the author has to confirm it.
 _CERTAIN_RANK = 2
 _CONFIRM = "CONFIRM"
+# Correlation from which two columns are two readings of one quantity.
+_SAME_MOVEMENT = 0.98
 
 
 @dataclass(frozen=True)
@@ -77,21 +79,35 @@ class AssignedColumns:
         Values that the author has to give or confirm.
     constants : dict of str to float
         Quantities without a column that are taken as constant. [SI]
+    rivals : dict of str to list of str
+        Columns of other values whose heading fits a quantity as well as that of its column.
     """
 
     assigned: dict[str, tuple[str, str, Guess]] = field(default_factory=dict)
     left_out: list[LeftColumn] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     constants: dict[str, float] = field(default_factory=dict)
+    rivals: dict[str, list[str]] = field(default_factory=dict)
 
-    def assign(self, guess: Guess, table: str, column: str, location: str) -> None:
+    def assign(
+        self,
+        guess: Guess,
+        table: str,
+        column: str,
+        location: str,
+        tables: Mapping[str, RecordedTable],
+    ) -> None:
         """Assign a column to a quantity, if no better column has it."""
         if guess.name in self.assigned:
-            _, former, former_guess = self.assigned[guess.name]
+            former_table, former, former_guess = self.assigned[guess.name]
             if former_guess.rank <= guess.rank:
+                is_rival = former_guess.rank == guess.rank and former_table == table
+                if is_rival and _have_other_values(tables[table], former, column):
+                    self.rivals.setdefault(guess.name, []).append(column)
                 self.left_out.append(LeftColumn(location, f"another {guess.name}"))
                 return
             self.left_out.append(LeftColumn(former, f"another {guess.name}"))
+            self.rivals.pop(guess.name, None)
         self.assigned[guess.name] = table, column, guess
 
 
@@ -133,7 +149,7 @@ def assign_columns(
             elif guess.name in confirmed:
                 result.left_out.append(LeftColumn(location, f"another {guess.name}, by your map"))
             else:
-                result.assign(guess, table, column, location=location)
+                result.assign(guess, table, column, location=location, tables=tables)
             is_position = guess is not None and _is_fraction(content, column, guess)
             if guess is not None and reason and is_position:
                 result.remarks.append(
@@ -142,6 +158,17 @@ def assign_columns(
                 )
     _remark_absent_quantities(result, flap, confirmed)
     return result
+
+
+def _have_other_values(content: RecordedTable, one: str, other: str) -> bool:
+    """Return whether two columns do not move together, in whatever units they are."""
+    first = np.asarray(content.columns[one], float)
+    second = np.asarray(content.columns[other], float)
+    both = np.isfinite(first) & np.isfinite(second)
+    x, y = first[both], second[both]
+    if len(x) < 2 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
+        return not np.array_equal(x, y)
+    return bool(np.corrcoef(x, y)[0, 1] < _SAME_MOVEMENT)
 
 
 def _reason_to_leave(
@@ -256,7 +283,11 @@ def make_rows(
             reason = f"{reason}; {opposite}" if reason else opposite
         if any(f"{table}/{column}" not in names for names in columns_by_recording):
             keys["optional"] = True
-        if guess.rank > _CERTAIN_RANK:
+        if name in columns.rivals:
+            others = ", ".join(columns.rivals[name])
+            rival = f"{others} may be {name} as well and has other values: take the right one"
+            reason = f"{_CONFIRM}: {rival}{'; ' + reason if reason else ''}"
+        elif guess.rank > _CERTAIN_RANK:
             reason = f"; {reason}" if reason else ""
             reason = f"{_CONFIRM}: by a part of its name{reason}"
         if reason.startswith(_CONFIRM):

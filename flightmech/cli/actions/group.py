@@ -17,6 +17,7 @@ from flightmech.names import lookup
 from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
 from flightmech.simulation.run import simulate as fly
+from flightmech.simulation.run import units_of_names
 from flightmech.steady_flight.table_ends import describe_limits_beyond_tables
 from flightmech.steady_flight.trim_search import start_of
 from flightmech.steady_flight.trim_search import trim as search
@@ -65,7 +66,7 @@ def run_trim(
     """Perform the command ``trim``."""
     with show_progress("compile the model, search the steady flight"):
         sim = compile_files(aircraft, database)
-        units = _units(sim)
+        units = units_of_names(sim)
         found = search(
             sim,
             {},
@@ -80,23 +81,6 @@ def run_trim(
     else:
         _print(sim, found)
     ctx.exit(0 if found.attrs["converged"] else 1)
-
-
-def _units(sim: SimModel) -> dict[str, str]:
-    """Return the units of every name that can be held, plain start values and inputs of all engines
-    among them.
-    """
-
-    rows = [*sim.entries(OUTPUT), *sim.entries(INPUT), *sim.entries(PARAMETER)]
-    plain = {
-        row.name.removeprefix("init."): row.units for row in rows if row.name.startswith("init.")
-    }
-    engines = {
-        row.name.removeprefix("engine1."): row.units
-        for row in rows
-        if row.name.startswith("engine1.")
-    }
-    return engines | plain | {row.name: row.units for row in rows}
 
 
 def si_value(name: str, text: str, units: Mapping[str, str]) -> float:

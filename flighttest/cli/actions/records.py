@@ -30,7 +30,7 @@ from flighttest.reconstruction.quality.page import write_page
 from flighttest.records import record as records
 from flighttest.records.files import save_record
 from flighttest.records.manoeuvre_table import edit_manoeuvres, read_manoeuvres, write_manoeuvres
-from flighttest.records.record import faults, flight_modes, manoeuvres, read
+from flighttest.records.record import faults, flight_modes, marked_manoeuvres, read
 from flighttest.records.time_histories import record_figure, signals_figure, states_figure
 from flighttest.regression.equation_error.fit import open_fit
 
@@ -153,7 +153,7 @@ def run_mark(
     **given: str | None,
 ) -> None:
     """Perform the command ``mark``."""
-    own = manoeuvres(read(start_from, names)) if start_from else None
+    own = marked_manoeuvres(read(start_from, names)) if start_from else None
     change: dict[str, Any] = {name: item for name, item in given.items() if item is not None}
     if span is not None:
         change |= {"start": span[0], "end": span[1]}
@@ -197,7 +197,7 @@ def _manoeuvres(
         if name not in given:
             raise UnknownName(name, given, "record", f"{table_file} has no row for it")
         return f"from {table_file}", given[name]
-    marks = records.manoeuvres(record)
+    marks = records.marked_manoeuvres(record)
     if len(marks) and not find:
         return "as the record marks them", marks
     return "found in the movements of the controls; to be confirmed", find_manoeuvres(record)
@@ -272,11 +272,14 @@ def _histories(
     given: Any = _of_table(table_file, name) if table_file else None
     if kind == "path":
         path = open_path(file)
-        marks = manoeuvres(path.states) if given is None else given
+        marks = marked_manoeuvres(path.states) if given is None else given
         return states_figure(path.states, channels, marks, window, path.errors), marks
     record = read(file, names)
     marks = (
-        next(filter(len, (manoeuvres(record), flight_modes(record))), manoeuvres(record))
+        next(
+            filter(len, (marked_manoeuvres(record), flight_modes(record))),
+            marked_manoeuvres(record),
+        )
         if given is None
         else given
     )

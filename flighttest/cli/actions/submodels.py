@@ -20,7 +20,7 @@ from flighttest.cli.submodels import _MODELS
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
 from flighttest.reconstruction.flight_programme import open_biases
-from flighttest.records.record import manoeuvres, read
+from flighttest.records.record import marked_manoeuvres, read
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.model import RegressionModel
@@ -177,7 +177,7 @@ def _divided(states, record: Path, free_names) -> tuple[list, list]:
         decoding_errors(record, "a flight record, netCDF-4"),
         xr.open_datatree(record, engine="h5netcdf", decode_timedelta=False) as tree,
     ):
-        listed = manoeuvres(tree)
+        listed = marked_manoeuvres(tree)
     return (
         driven_and_free(states, listed, free_names)
         if set(free_names) & set(listed["manoeuvre"])

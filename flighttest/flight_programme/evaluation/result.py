@@ -17,6 +17,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
+from flightmech.short_text import ShortText
 from flightmech.support.console import command_line, to_json_types
 from flightmech.support.input_files import name_and_sha256
 from flightmech.units import from_si
@@ -55,7 +56,7 @@ _FIT_COLUMNS = ("estimate", "stderr", "stderr_systematic", "vif")
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class Evaluation(ShortText):
     """Result of `evaluate_flight`.
 
     Attributes

@@ -12,6 +12,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
+from flightmech.short_text import ShortText
 from flightmech.simulation.compiler import SimModel
 from flighttest.flight_programme.input_design.input_accuracy import (
     Expected,
@@ -40,7 +41,7 @@ _ESTIMATE_COLUMNS = ("estimate", "stderr", "stderr_white", "vif")
 
 
 @dataclass(frozen=True)
-class Designed:
+class Designed(ShortText):
     """A test input that is ready for flight.
 
     Attributes

@@ -26,6 +26,7 @@ from scipy.signal import fftconvolve
 import flightmech
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.short_text import ShortText
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import Simulation
 from flightmech.simulation.run import index_of_parameter
@@ -47,7 +48,7 @@ _GYRO = {"Cl": ("p", "Ixx", "b"), "Cm": ("q", "Iyy", "cbar"), "Cn": ("r", "Izz",
 
 
 @dataclass(frozen=True)
-class Expected:
+class Expected(ShortText):
     """Expected accuracy of the terms of one model.
 
     Attributes

@@ -73,7 +73,7 @@ def draw_manoeuvres(record: xr.DataTree, table: pd.DataFrame, target: str | Path
     record : DataTree
         Flight record.
     table : DataFrame
-        With the columns of `flighttest.manoeuvres`.
+        With the columns of `flighttest.records.marked_manoeuvres`.
     target : path
         File to write, atomically; its ending names the format (png, svg, pdf).
 
@@ -163,7 +163,7 @@ def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns ``manoeuvre control start end note confidence``, as in `flighttest.manoeuvres`, in
+        Columns ``manoeuvre control start end note confidence``, as in `flighttest.records.marked_manoeuvres`, in
         order of time.
 
         ``confidence`` is 1 if sizes and durations agree exactly with the definition of the
@@ -258,7 +258,7 @@ def named_by_response(record: xr.DataTree, marks: pd.DataFrame) -> pd.DataFrame:
     record : DataTree
         Flight record with channels of motion.
     marks : DataFrame
-        ``manoeuvre control start end note``, as `flighttest.manoeuvres` has them.
+        ``manoeuvre control start end note``, as `flighttest.records.marked_manoeuvres` has them.
     """
     pulses = marks["manoeuvre"].isin(_PULSES) & (marks["control"] == "elevator")
     if not pulses.any():

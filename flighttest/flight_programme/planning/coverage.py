@@ -25,6 +25,7 @@ from aerodb.update.tabulation import tabulate
 from aerodb.update.tabulation_report import Tabulation
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
+from flightmech.short_text import ShortText
 from flightmech.units import DEGREE
 from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedCondition, PlannedFit
 from flighttest.flight_programme.planning.plan import (
@@ -44,7 +45,7 @@ from flighttest.flight_programme.planning.prediction import (
 from flighttest.flight_programme.planning.selection import Goal, select_manoeuvres, time_of
 from flighttest.flight_programme.planning.wanted_rows import RowGradients
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
-from flighttest.records.record import manoeuvres
+from flighttest.records.record import marked_manoeuvres
 
 # Largest distance of a record from a condition: a share of the value, and an absolute distance
 # [SI].
@@ -79,7 +80,7 @@ class Flights:
 
 
 @dataclass(frozen=True)
-class Coverage:
+class Coverage(ShortText):
     """Achieved standard errors and the cards that are still needed.
 
     Attributes
@@ -152,7 +153,7 @@ def flights_of(
         data = coefficients(paths[name], aircraft, catalogue.errors or None, catalogue.cutoff)
         condition = nearest_condition(catalogue.condition, data)
         conditions[name] = condition
-        marks = _find_marks(catalogue, manoeuvres(record))
+        marks = _find_marks(catalogue, marked_manoeuvres(record))
         if condition:
             done += [(condition, manoeuvre) for manoeuvre in marks]
         for fit in catalogue.fit:

@@ -13,6 +13,7 @@ import xarray as xr
 from aerodb.store.schema import terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.names import value_text
+from flightmech.short_text import ShortText
 from flightmech.simulation.compiler import SimModel
 from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedFit
 from flighttest.flight_programme.planning.expected_range import draw_stderr
@@ -38,7 +39,7 @@ _STATES = ("reached", "missed", "unreachable")
 
 
 @dataclass(frozen=True)
-class ProgrammePlan:
+class ProgrammePlan(ShortText):
     """A flight-test programme.
 
     Attributes

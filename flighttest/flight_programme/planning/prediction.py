@@ -25,6 +25,7 @@ from flightmech.errors import (
     SchemaError,
     UnknownName,
 )
+from flightmech.short_text import ShortText
 from flightmech.simulation.compiler import SimModel
 from flighttest.flight_programme.input_design.design import surface_limits
 from flighttest.flight_programme.input_design.predicted_response import (
@@ -92,7 +93,7 @@ class Candidate:
 
 
 @dataclass
-class Prediction:
+class Prediction(ShortText):
     """The predicted flights of a catalogue.
 
     Attributes

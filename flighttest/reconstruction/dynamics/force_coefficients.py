@@ -20,7 +20,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import OutOfRange
 from flightmech.names import quantity_attributes
-from flightmech.units import G0
+from flightmech.units import G0, value_in_si
 from flighttest.reconstruction.dynamics.coefficient_errors import (
     MOVED,
     Changes,
@@ -52,7 +52,7 @@ def coefficients(
     path: Any,
     aircraft: Aircraft,
     errors: Mapping[str, float] | None = None,
-    cutoff: float | None = None,
+    cutoff: float | str | None = None,
 ) -> xr.Dataset:
     """Return the aerodynamic coefficients along a reconstructed flight path.
 
@@ -71,7 +71,7 @@ def coefficients(
         and controls [s]. The defaults are 1 %, 0.5 %, 2 %, 2 % and 2 ms (a tenth of a sample at
         50 Hz, the skew of a scan). A Path has errors of its dynamic pressure among the errors of
         its states. `qbar` then takes part only if it is in this mapping.
-    cutoff : float, optional
+    cutoff : float or str, optional
         Cut-off of a low-pass filter for all states, controls included (`smooth_states`): 2 to 3
         times the frequency of the fastest mode of motion. [Hz]
 
@@ -101,9 +101,10 @@ def coefficients(
     """
     states = getattr(path, "states", path)
     margin = 0.0
-    if cutoff is not None:
-        states = smooth_states(states, cutoff)
-        margin = _REACH / cutoff
+    frequency: float | None = value_in_si(cutoff, "Hz", "cutoff")
+    if frequency is not None:
+        states = smooth_states(states, frequency)
+        margin = _REACH / frequency
     states = reduced_rates(states, aircraft)
     columns = read_columns(states)
     if aircraft.engines:
@@ -208,22 +209,26 @@ def _rms_in_air(change: np.ndarray, airborne: np.ndarray) -> np.ndarray:
     return np.sqrt(np.nanmean(np.where(airborne, change, np.nan) ** 2, axis=1))
 
 
-def select_time(data: xr.Dataset, start: float, stop: float) -> xr.Dataset:
+def select_time(data: xr.Dataset, start: float | str, stop: float | str) -> xr.Dataset:
     """Return the samples of one manoeuvre, ``start <= time < stop``.
+
+    Times are in seconds, or texts with a unit.
 
     Raises
     ------
     OutOfRange
         The window is not inside the data.
     """
+    first: float = value_in_si(start, "s", "start")
+    last: float = value_in_si(stop, "s", "stop")
     time = data["time"].values
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    if not time[0] - step <= start < stop <= time[-1] + 1.5 * step:
+    if not time[0] - step <= first < last <= time[-1] + 1.5 * step:
         raise OutOfRange(
-            f"window {start:g} ... {stop:g} s is not inside the data, {time[0]:g} ... "
+            f"window {first:g} ... {last:g} s is not inside the data, {time[0]:g} ... "
             f"{time[-1]:g} s; choose one that is"
         )
-    return data.sel(time=slice(start, stop - 0.5 * step))
+    return data.sel(time=slice(first, last - 0.5 * step))
 
 
 def smooth_states(states: xr.Dataset, cutoff: float) -> xr.Dataset:

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError
+from flightmech.short_text import ShortText
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flighttest.records.stored_groups import plain_group
 
@@ -21,7 +22,7 @@ _EXPECTED = "a path as `aeromatch flight reconstruct -o` writes it"
 
 
 @dataclass(frozen=True)
-class SavedPath:
+class SavedPath(ShortText):
     """Part of a reconstruction that `coefficients` needs.
 
     Attributes

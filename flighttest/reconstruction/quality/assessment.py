@@ -92,7 +92,7 @@ from flighttest.reconstruction.quality.navigation.motion_delays import (
 )
 from flighttest.reconstruction.quality.record_notes import quality_remarks
 from flighttest.reconstruction.quality.result import Quality
-from flighttest.records.record import manoeuvres
+from flighttest.records.record import marked_manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
 from flighttest.records.sensors.measurements import MeasuredChannels, demand_air_data, order_windows
 
@@ -190,7 +190,9 @@ def assess(
     late = _late_channels(findings)
     findings += answer_findings(responses, hands, corrected_at_cg, record, late)
     purpose = str(record.attrs.get("purpose", ""))
-    findings += excitation_findings(excitation, correlation, corrected, manoeuvres(record), purpose)
+    findings += excitation_findings(
+        excitation, correlation, corrected, marked_manoeuvres(record), purpose
+    )
     findings += quality_remarks(corrected, channels, comparisons, signals)
     # A record is not sound if the reconstruction refuses it.
     if all(finding.severity == "note" for finding in findings):

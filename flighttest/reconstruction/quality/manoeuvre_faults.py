@@ -26,7 +26,7 @@ from flighttest.reconstruction.quality.checks.kinematic_consistency import kinem
 from flighttest.reconstruction.quality.checks.mistake_search import find_mistakes
 from flighttest.reconstruction.quality.checks.signals import resample_channels
 from flighttest.reconstruction.quality.finding import Finding, without_consequences
-from flighttest.records.record import manoeuvres
+from flighttest.records.record import marked_manoeuvres
 from flighttest.records.signals.resampling import GAP
 
 # Channels that show a state, for sensors at the c.g.
@@ -109,7 +109,11 @@ def _stretch_findings(states: xr.Dataset) -> list[Finding]:
     findings = kinematic_findings(explanations, comparisons, signals=corrected, record=record)
     findings += answer_findings(responses, pilot_to_surface(corrected), corrected, record)
     findings += excitation_findings(
-        axis_excitation(corrected), input_correlations(corrected), corrected, manoeuvres(record), ""
+        axis_excitation(corrected),
+        input_correlations(corrected),
+        corrected,
+        marked_manoeuvres(record),
+        "",
     )
     return without_consequences(findings)
 

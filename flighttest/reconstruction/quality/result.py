@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from flightmech.short_text import ShortText
 from flightmech.support.console import to_json_types
 from flightmech.units import from_si
 from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
@@ -45,7 +46,7 @@ def is_meaningful(moving: bool, correlation: float) -> bool:
 
 
 @dataclass(frozen=True)
-class Quality:
+class Quality(ShortText):
     """The result of `assess`.
 
     Attributes
@@ -107,6 +108,12 @@ class Quality:
         if self.count("warning"):
             return "fit for use, with care"
         return "sound"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the findings as a table: ``name severity kind channels text remedy start stop``."""
+        columns = ["name", "severity", "kind", "channels", "text", "remedy", "start", "stop"]
+        rows = [finding.as_dict() for finding in self.findings]
+        return pd.DataFrame(rows, columns=columns)
 
     def report(self) -> str:
         """Return the findings and tables as text."""

@@ -52,6 +52,7 @@ from pydantic import Field, model_validator
 
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
+from flightmech.short_text import ShortText
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import Above, InUnits
 from flightmech.units import fitted_unit, parse_quantity, parse_unit, to_si
@@ -359,7 +360,7 @@ class Utc(_Table):
 
 
 @dataclass(frozen=True)
-class NameMap:
+class NameMap(ShortText):
     """A name map.
 
     Attributes

@@ -9,6 +9,7 @@ import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import WRAPPED, quantity_attributes
+from flightmech.units import value_in_si
 from flighttest.records.signals.resampling import (
     GAP,
     SMOOTHING,
@@ -66,16 +67,18 @@ def smooth(maneuver: xr.Dataset, cutoff: float = SMOOTHING, controls: bool = Fal
     return smoothed.assign_attrs(smoothed=cutoff)
 
 
-def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> xr.Dataset:
+def cut(
+    record: xr.DataTree, start: float | str, stop: float | str, rate: float | str = 50.0
+) -> xr.Dataset:
     """Return a manoeuvre: all channels of a record between two times, on one uniform clock.
 
     Parameters
     ----------
     record : DataTree
         A flight record, see `read`.
-    start, stop : float
-        Window, on the record's clock. [s]
-    rate : float
+    start, stop : float or str
+        Window, on the record's clock; a text has its unit, as ``"1.5 min"``. [s]
+    rate : float or str
         Samples per second. [Hz]
 
     Returns
@@ -93,26 +96,29 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
     SchemaError
         NaN samples inside the window: every channel with its first time.
     """
-    if not rate > 0.0 or not stop - start >= 1.0 / rate:
+    first: float = value_in_si(start, "s", "start")
+    last: float = value_in_si(stop, "s", "stop")
+    frequency: float = value_in_si(rate, "Hz", "rate")
+    if not frequency > 0.0 or not last - first >= 1.0 / frequency:
         raise OutOfRange(
-            f"window {start:g} ... {stop:g} s at {rate:g} Hz; stop must lie at least one "
+            f"window {first:g} ... {last:g} s at {frequency:g} Hz; stop must lie at least one "
             f"sample after start"
         )
-    grid = start + np.arange(math.floor((stop - start) * rate + 1e-6) + 1) / rate
+    grid = first + np.arange(math.floor((last - first) * frequency + 1e-6) + 1) / frequency
     pieces = {}
     for leaf, node in record.children.items():
-        pieces[leaf] = _select_window(leaf, node.to_dataset(), start, stop)
-    demand_numbers(pieces, f"{record.attrs.get('title', 'record')}, {start:g} ... {stop:g} s")
+        pieces[leaf] = _select_window(leaf, node.to_dataset(), first, last)
+    demand_numbers(pieces, f"{record.attrs.get('title', 'record')}, {first:g} ... {last:g} s")
 
     data = xr.Dataset(coords={"time": ("time", grid, quantity_attributes("time"))})
     for piece in pieces.values():
-        _add_channels(data, piece, grid, (start, stop))
+        _add_channels(data, piece, grid, (first, last))
     place_attrs = {key: record.attrs[key] for key in _PLACE_ATTRIBUTES if key in record.attrs}
     data.attrs = {
         "record": str(record.attrs.get("title", "")),
-        "start": start,
-        "stop": stop,
-        "rate": rate,
+        "start": first,
+        "stop": last,
+        "rate": frequency,
         **place_attrs,
     }
     return data

@@ -14,6 +14,7 @@ import numpy as np
 
 from flightmech.errors import IdentificationError
 from flightmech.names import WRAPPED
+from flightmech.short_text import ShortText
 from flighttest.records.signals.differentiation import WINDOW, derivative
 from flighttest.records.signals.resampling import GAP
 
@@ -39,7 +40,7 @@ _SHORT_LAG = 0.05
 
 
 @dataclass(frozen=True)
-class Delay:
+class Delay(ShortText):
     """A delay between two channels.
 
     Attributes

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flightmech.errors import IdentificationError
+from flightmech.short_text import ShortText
 
 WINDOW = 9
 ORDER = 4
@@ -168,7 +169,7 @@ _NOISE_START = 0.6
 
 
 @dataclass(frozen=True)
-class Smoothed:
+class Smoothed(ShortText):
     """A smoothed channel.
 
     Attributes

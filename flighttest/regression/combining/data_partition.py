@@ -20,6 +20,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.short_text import ShortText
 from flightmech.support.arrays import true_runs
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
@@ -33,7 +34,7 @@ Bin = tuple[Limits, list[xr.Dataset]]
 
 
 @dataclass(frozen=True)
-class Partition:
+class Partition(ShortText):
     """One model fitted bin by bin.
 
     Attributes

@@ -31,7 +31,7 @@ from flighttest.regression.equation_error.samples import (
     stack_samples,
 )
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
-from flighttest.remarks import PrintedResult, Remark
+from flighttest.remarks import PrintedResult, Remark, TabledEstimates
 
 _DISAGREEMENT = 3.0  # combined standard errors between two fits that are remarked
 # standard deviation of a scaled median absolute deviation over its value, times the root of the
@@ -111,7 +111,7 @@ def coloured_covariance(samples: xr.Dataset, X: np.ndarray, v: np.ndarray) -> np
 
 
 @dataclass(frozen=True)
-class Joined(PrintedResult):
+class Joined(PrintedResult, TabledEstimates):
     """Joint estimates from several fits of one coefficient.
 
     Attributes

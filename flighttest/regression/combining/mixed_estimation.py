@@ -23,7 +23,7 @@ from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.fit_remarks import against_prior
 from flighttest.regression.equation_error.model import term_powers, variable_of
-from flighttest.remarks import PrintedResult, Remark
+from flighttest.remarks import PrintedResult, Remark, TabledEstimates
 
 Prior = Mapping[str, tuple[float, float]] | xr.Dataset
 
@@ -33,7 +33,7 @@ _UNMOVED = 0.81  # share of the prior's variance above which a term is hardly mo
 
 
 @dataclass(frozen=True)
-class Mixed(PrintedResult):
+class Mixed(PrintedResult, TabledEstimates):
     """A fit combined with a-priori values.
 
     Attributes

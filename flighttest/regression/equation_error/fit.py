@@ -23,6 +23,7 @@ from flightmech.errors import (
     UnknownName,
 )
 from flightmech.names import quantity_attributes
+from flightmech.short_text import ShortText
 from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.figures import html_table
@@ -31,7 +32,7 @@ from flighttest.parameter_constraints import describe_constraints
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit_remarks import FitData, fit_figure, remarks_of
 from flighttest.regression.equation_error.model import RegressionModel, term_regressors
-from flighttest.remarks import Remark, remark_lines
+from flighttest.remarks import Remark, TabledEstimates, remark_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -185,7 +186,7 @@ def _common_dimension(fit: FitData, data: xr.Dataset) -> tuple[str, int]:
 
 
 @dataclass(frozen=True)
-class Fit(FitData):
+class Fit(FitData, ShortText, TabledEstimates):
     """Estimates of one model from one or several manoeuvres, with remarks and predictions.
 
     The attributes are those of `FitData`.

@@ -16,11 +16,13 @@ import xarray as xr
 from joblib import delayed, effective_n_jobs
 
 from flightmech.errors import IdentificationError
+from flightmech.short_text import ShortText
 from flightmech.support.kept_stages.sharing import process_pool
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.samples import RegressionSamples
 from flighttest.regression.uncertainty.coloured_residuals import estimate_disturbances
+from flighttest.remarks import TabledEstimates
 
 FEWEST = 20  # replicates or seeds
 _BATCHES = 4  # batches per process: a task must take longer than its transfer to the process
@@ -29,7 +31,7 @@ _FIGURES = ("estimate", "stderr", "stderr_white")  # of a run
 
 
 @dataclass(frozen=True)
-class Bootstrap:
+class Bootstrap(ShortText, TabledEstimates):
     """Estimates of one fit with repeatedly drawn disturbances.
 
     Attributes
@@ -67,7 +69,7 @@ class Bootstrap:
 
 
 @dataclass(frozen=True)
-class MonteCarlo:
+class MonteCarlo(ShortText, TabledEstimates):
     """Estimates from many simulated records, compared with the truth.
 
     Attributes

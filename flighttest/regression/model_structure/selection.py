@@ -11,6 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flightmech.short_text import ShortText
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
@@ -26,7 +27,7 @@ _MOST_MODELS = 12  # models in a report
 
 
 @dataclass(frozen=True)
-class Selection:
+class Selection(ShortText):
     """A selected model and the steps of its selection.
 
     Attributes

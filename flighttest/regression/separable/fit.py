@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.short_text import ShortText
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.samples import stack_samples
 from flighttest.regression.expressions import Scope, parse_expression
@@ -23,13 +24,13 @@ from flighttest.regression.separable.search import (
 )
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 from flighttest.regression.uncertainty import collinearity
-from flighttest.remarks import Convergence, Remark, warn_forbidden
+from flighttest.remarks import Convergence, Remark, TabledEstimates, warn_forbidden
 
 _SINGULAR = 1e-14  # eigenvalue of the scaled normal matrix, over the largest, that counts as zero
 
 
 @dataclass(frozen=True)
-class SeparableFit:
+class SeparableFit(ShortText, TabledEstimates):
     """Estimates of models that are nonlinear in few parameters.
 
     Attributes

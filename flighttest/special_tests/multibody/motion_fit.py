@@ -27,6 +27,7 @@ import xarray as xr
 
 from flightmech.axes import matrix_from_quaternion
 from flightmech.errors import AeromatchWarning, IdentificationError
+from flightmech.short_text import ShortText
 from flighttest.special_tests.marker_poses import cross_matrices
 from flighttest.special_tests.multibody.first_guess import BodyMarker, guess_motion
 from flighttest.special_tests.multibody.mechanics import tree_posture
@@ -59,7 +60,7 @@ _DIFFERENCE = 0.1
 
 
 @dataclass(frozen=True)
-class TreeMotion:
+class TreeMotion(ShortText):
     """Motion of a tree.
 
     Attributes

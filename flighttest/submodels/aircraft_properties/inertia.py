@@ -45,7 +45,7 @@ from flighttest.regression.equation_error.model import RegressionModel, term_reg
 from flighttest.regression.equation_error.samples import stack_samples
 from flighttest.regression.uncertainty.collinearity import demand_rank
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
-from flighttest.remarks import PrintedResult, Remark
+from flighttest.remarks import PrintedResult, Remark, TabledEstimates
 
 MOMENTS = ("Ixx", "Iyy", "Izz", "Ixz")
 # Products of the rates in each equation, and coefficients whose regressors it contains.
@@ -73,7 +73,7 @@ _COLUMNS = (("estimate", 12, 6), ("stderr", 11, 2), ("stderr_white", 11, 2), ("s
 
 
 @dataclass(frozen=True)
-class Inertia(PrintedResult):
+class Inertia(PrintedResult, TabledEstimates):
     """Moments of inertia estimated from flight.
 
     Attributes

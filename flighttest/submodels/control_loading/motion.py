@@ -33,7 +33,7 @@ def driven_and_free(
     states : Dataset (time,)
         States with the channels of the cockpit, see `identify_control_loading`.
     manoeuvres : DataFrame
-        ``manoeuvre start end`` of the record, see `flighttest.manoeuvres`.
+        ``manoeuvre start end`` of the record, see `flighttest.records.marked_manoeuvres`.
     free : sequence of str
         Names of the manoeuvres that are pulses and releases of this control.
 

@@ -18,9 +18,11 @@ import scipy
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.short_text import ShortText
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.time_domain import SAMPLES_PER_TERM
 from flighttest.regression.uncertainty import collinearity
+from flighttest.remarks import TabledEstimates
 from flighttest.submodels.control_loading.joint_fit import (
     JointFit,
     PriorConstraint,
@@ -176,7 +178,7 @@ def _least_correlation(regressors: Sequence[np.ndarray], j: int, k: int) -> floa
 
 
 @dataclass(frozen=True)
-class TrimForces:
+class TrimForces(ShortText, TabledEstimates):
     """Forces that hold a control at rest, fitted over steady points.
 
     Attributes

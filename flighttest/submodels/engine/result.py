@@ -16,6 +16,7 @@ import xarray as xr
 
 from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.errors import IdentificationError
+from flightmech.short_text import ShortText
 from flightmech.support.atomic_write import written_atomically
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.remarks import Remark, remarks_to_json, warn_forbidden
@@ -31,7 +32,7 @@ _LOWER = 0.9
 
 
 @dataclass(frozen=True)
-class EngineFit:
+class EngineFit(ShortText):
     """Identified parts of an engine; None if there were no records of a part.
 
     Attributes

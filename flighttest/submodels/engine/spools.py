@@ -23,6 +23,7 @@ import xarray as xr
 
 from flightmech.aircraft.engine_deck import EngineDeck
 from flightmech.errors import IdentificationError
+from flightmech.short_text import ShortText
 from flightmech.terms import make_term
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.unknowns import Unknown
@@ -45,7 +46,7 @@ _FIRST_LAG = 0.2
 
 
 @dataclass(frozen=True)
-class SpoolFit:
+class SpoolFit(ShortText):
     """Identified governor and spools.
 
     Attributes

@@ -18,6 +18,7 @@ import xarray as xr
 
 from flightmech.aircraft.engine_deck import EngineDeck
 from flightmech.errors import IdentificationError
+from flightmech.short_text import ShortText
 from flightmech.terms import make_term
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.unknowns import Unknown
@@ -38,7 +39,7 @@ _TIMES = ("starter_time", "n2_rundown", "flame_time")
 
 
 @dataclass(frozen=True)
-class StartFit:
+class StartFit(ShortText):
     """Identified start and shut-down.
 
     Attributes

@@ -27,6 +27,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flightmech.short_text import ShortText
 from flightmech.terms import SOURCE_ATTRS, SOURCES
 from flighttest.remarks import Convergence, Remark, remark_lines
 from flighttest.submodels.engine.steady_points import (
@@ -60,7 +61,7 @@ class Polar:
 
 
 @dataclass(frozen=True)
-class DeckCorrection:
+class DeckCorrection(ShortText):
     """A corrected deck.
 
     Attributes

@@ -17,6 +17,7 @@ import xarray as xr
 
 from flightmech.air import atmosphere
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.short_text import ShortText
 from flightmech.support.arrays import rms
 from flightmech.terms import basis
 
@@ -215,7 +216,7 @@ FEWEST = 3
 
 
 @dataclass(frozen=True)
-class FuelThrust:
+class FuelThrust(ShortText):
     """Thrust over fuel flow.
 
     Attributes

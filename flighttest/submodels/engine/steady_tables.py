@@ -28,6 +28,7 @@ import xarray as xr
 
 from flightmech.aircraft.engine_deck import OWN, TARGETS
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.short_text import ShortText
 from flightmech.terms import SOURCES, basis, make_term
 from flighttest.remarks import Convergence, Remark, remark_lines
 from flighttest.submodels.engine.schedule import (
@@ -63,7 +64,7 @@ LEFT = 0.9
 
 
 @dataclass(frozen=True)
-class SteadyTable:
+class SteadyTable(ShortText):
     """A table from flight.
 
     Attributes

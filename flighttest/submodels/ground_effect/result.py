@@ -17,6 +17,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import UnknownName
+from flightmech.short_text import ShortText
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.ground_effect.evidence import NEAR, Misfit, select_form
 from flighttest.submodels.ground_effect.law_search import ClosedForm
@@ -273,7 +274,7 @@ def _make_factors(h: np.ndarray, K: np.ndarray, stderr: np.ndarray) -> xr.Datase
 
 
 @dataclass(frozen=True)
-class GroundEffect:
+class GroundEffect(ShortText):
     """Ground effect of several coefficients.
 
     Attributes

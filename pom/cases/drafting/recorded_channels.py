@@ -69,7 +69,7 @@ def _reconstruction_span(tree: xr.DataTree) -> tuple[float, float]:
 
 def _read_manoeuvres(tree: xr.DataTree) -> list[RecordedManoeuvre]:
     manoeuvres = []
-    for row in flighttest.manoeuvres(tree).to_dict("records"):
+    for row in flighttest.records.marked_manoeuvres(tree).to_dict("records"):
         manoeuvres.append(
             RecordedManoeuvre(
                 start=float(row["start"]),

@@ -23,6 +23,7 @@ import xarray as xr
 import aerodb
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
+from flightmech.short_text import ShortText
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.node_values import table_values, with_table_values
 from flighttest.reconstruction.dynamics.coefficient_errors import ERRORS
@@ -66,7 +67,7 @@ def white_noise_sigma(y: np.ndarray) -> float:
 
 
 @dataclass(frozen=True)
-class InstrumentErrors:
+class InstrumentErrors(ShortText):
     """Changes by one standard error of each independent error: truth minus record.
 
     Attributes
@@ -290,7 +291,7 @@ def _air_velocity(
 
 
 @dataclass(frozen=True)
-class DrawnModels:
+class DrawnModels(ShortText):
     """Models whose tables are drawn from the posterior of a database.
 
     Attributes

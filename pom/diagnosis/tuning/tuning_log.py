@@ -14,6 +14,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError
+from flightmech.short_text import ShortText
 from flightmech.support.console import to_json_types
 from pom.status import status_text
 
@@ -41,7 +42,7 @@ _OF_ROWS = {
 
 
 @dataclass(frozen=True)
-class Tuning:
+class Tuning(ShortText):
     """Outcome of `tune`.
 
     Attributes

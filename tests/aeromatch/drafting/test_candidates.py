@@ -80,19 +80,36 @@ def test_noise_is_no_candidate(table, rows):
 
 
 @pytest.mark.slow
-def test_signs_that_are_wrong_together_are_a_remark(tmp_path):
+@pytest.mark.parametrize(
+    ("mirrored", "reversed_channels"),
+    [
+        (("Roll", "Roll Rate"), {"phi", "p"}),
+        (("Roll", "Roll Rate", "Aileron"), {"phi", "p"}),
+        (("Pitch", "Pitch Rate"), {"theta", "q"}),
+    ],
+)
+def test_an_angle_and_its_rate_that_are_reversed_together_are_corrected(
+    mirrored, reversed_channels, tmp_path
+):
     """Bank and roll rate of a left-handed recorder agree, and contradict the turn alone."""
     table = pd.read_csv(FLIGHT)
-    for name in ("Roll (deg)", "Roll Rate (deg/s)"):
-        table[name] *= -1.0
+    columns = {column.partition(" (")[0].partition(" [")[0]: column for column in table.columns}
+    for name in mirrored:
+        table[columns[name]] *= -1.0
     flight = tmp_path / "mirror.csv"
     table.to_csv(flight, index=False)
-    _, _, findings = check_draft(draft_names([flight]), [flight])
-    (finding,) = findings
-    assert finding.channels == ()
-    assert "yaw rate times airspeed, and bank do not agree" in finding.line
-    _, _, findings = check_draft(draft_names([FLIGHT]), [FLIGHT])
+    as_recorded, mirror = draft_names([FLIGHT]), draft_names([flight])
+    right, _, findings = check_draft(as_recorded, [FLIGHT])
     assert findings == []
+    draft, _, findings = check_draft(mirror, [flight])
+    assert findings == []
+    signs = {row.name: row.channel.sign for row in right.rows}
+    corrected = {row.name: row.channel.sign for row in draft.rows}
+    turned = {name for name, sign in corrected.items() if sign != signs[name]}
+    expected = set(reversed_channels)
+    if "Aileron" in mirrored:
+        expected.add("delta_a")
+    assert turned == expected
 
 
 def test_a_gap_does_not_hide_a_candidate(table, rows):

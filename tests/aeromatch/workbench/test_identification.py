@@ -279,7 +279,9 @@ def test_entries_mean_the_same_windows(opened):
     file.write_text(before)
     added = project.fit[known:]
     assert [fit.name for fit in added] == ["tried 1", "tried 2"]
-    tables = {name: flighttest.manoeuvres(opened.record(name)) for name in (FIRST, SECOND)}
+    tables = {
+        name: flighttest.records.marked_manoeuvres(opened.record(name)) for name in (FIRST, SECOND)
+    }
     problems: list[str] = []
     assert spans_of("fit", added, tables, problems) == {
         FIRST: [(9.0, 21.7), (37.54, 47.44)],

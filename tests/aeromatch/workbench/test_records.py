@@ -98,7 +98,7 @@ def test_channels_come_in_the_units_of_the_field(opened):
 def test_marks_faults_and_coverage(opened):
     about = records.show_record(opened, {"name": RECORD}, None)
     assert about["manoeuvres"]["source"] == "record"
-    own = flighttest.manoeuvres(opened.record(RECORD))
+    own = flighttest.records.marked_manoeuvres(opened.record(RECORD))
     assert [row["start"] for row in about["manoeuvres"]["rows"]] == own["start"].tolist()
     assert records.list_check_findings(opened, {"name": RECORD}, None)["verdict"]
     found = records.list_test_points(opened, {"names": RECORD}, None)

@@ -79,7 +79,7 @@ def test_modes_of_px4(tmp_path):
     assert [name for name, _, _ in spans(record)] == [name for name, _, _ in SPANS]
     np.testing.assert_allclose([span[1:] for span in spans(record)], [span[1:] for span in SPANS])
     assert (
-        len(flighttest.manoeuvres(record)) == 0
+        len(flighttest.records.marked_manoeuvres(record)) == 0
     )  # modes are not marks: the movements of the controls are still searched
     assert "vehicle_status" not in record.attrs["unmapped"]
     assert set(flight_modes(record)["note"]) == {"flight mode of the log"}

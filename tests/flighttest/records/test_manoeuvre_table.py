@@ -96,8 +96,10 @@ def test_what_is_written_is_read_and_marks_a_record(tmp_path):
     record = xr.DataTree.from_dict(
         {"/imu": xr.Dataset({"q": ("time", np.zeros(3))}, {"time": np.arange(3.0)})}
     )
-    pd.testing.assert_frame_equal(flighttest.manoeuvres(with_manoeuvres(record, again)), again)
-    assert len(flighttest.manoeuvres(record)) == 0
+    pd.testing.assert_frame_equal(
+        flighttest.records.marked_manoeuvres(with_manoeuvres(record, again)), again
+    )
+    assert len(flighttest.records.marked_manoeuvres(record)) == 0
 
 
 def marks(tmp_path, *words):

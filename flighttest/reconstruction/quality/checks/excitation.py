@@ -81,7 +81,7 @@ def excitation_findings(
         Results of `axis_excitation` and `input_correlations`.
     signals : ResampledChannels
     flown : DataFrame
-        Result of `flighttest.manoeuvres`.
+        Result of `flighttest.records.marked_manoeuvres`.
     purpose : str
         Records for ``validation`` need no excitation.
     """

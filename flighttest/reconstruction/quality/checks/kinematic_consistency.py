@@ -371,7 +371,10 @@ def _mistake_finding(explanation: Explanation, record: xr.DataTree) -> Finding:
     if repair.kind == "axis":
         remedy = exchange_channels(record, *repair.channels)
     else:
-        remedy = map_entry(record, repair.channels[0], slope=repair.slope, shift=repair.shift)
+        lines = []
+        for name in repair.channels:
+            lines.append(map_entry(record, name, slope=repair.slope, shift=repair.shift))
+        remedy = "\n    ".join(lines)
     evidence = {"resolves": changes, "instead": alternatives}
     return Finding(
         "error", repair.kind, repair.channels, text=text, remedy=remedy, evidence=evidence

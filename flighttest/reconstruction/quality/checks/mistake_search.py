@@ -4,13 +4,16 @@ The mistakes are those a name map can make: sign, unit, axis or definition.  Eac
 channel of the broken relations: its correction must resolve them and break no other relation.  The
 best repair is applied, and the search continues with the corrected record until nothing remains to
 explain.  If two channels explain a mistake equally well, the result names both.
+
+A recorder that counts an angle the other way counts its rate the other way too.  Such a pair agrees
+with itself, and is tried as one mistake.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,7 +47,7 @@ class Repair:
     kind : str
         ``sign``, ``unit``, ``axis`` or ``definition``.
     channels : tuple of str
-        The channel, or the two channels that are exchanged.
+        The channel, the two channels that are exchanged, or the channels of one wrong sense.
     mistake : str
         What was wrong, in words.
     slope, shift : float
@@ -58,13 +61,20 @@ class Repair:
     slope: float = 1.0
     shift: float = 0.0
 
+    @property
+    def reverses_pair(self) -> bool:
+        """Whether the signs of an angle and of its rate are corrected together."""
+        return self.kind == "sign" and len(self.channels) > 1
+
     def apply(self, signals: ResampledChannels) -> ResampledChannels:
         """Return the signals without the mistake."""
-        if len(self.channels) == 2:
+        if self.kind == "axis":
             first, second = self.channels
             return signals.with_values({first: signals[second], second: signals[first]})
-        (name,) = self.channels
-        return signals.with_values({name: self.slope * signals[name] + self.shift})
+        changed = {}
+        for name in self.channels:
+            changed[name] = self.slope * signals[name] + self.shift
+        return signals.with_values(changed)
 
 
 @dataclass(frozen=True)
@@ -104,7 +114,7 @@ def find_mistakes(
         explanations.append(explanation)
         signals = explanation.repair.apply(signals)
         costs = _all_costs(signals)
-    return explanations, signals, compare_all(signals)
+    return _add_mirror_image(explanations, signals), signals, compare_all(signals)
 
 
 def total_disagreement(signals: ResampledChannels) -> float:
@@ -124,6 +134,33 @@ def plausible_range(name: str) -> tuple[float, float] | None:
 def units_mistaken(name: str) -> tuple[tuple[str, str, float], ...]:
     """Return the unit, the unit assumed by mistake and the correction factor, of each mistake."""
     return _UNITS.get(lookup(name).units, ())
+
+
+def _add_mirror_image(
+    explanations: list[Explanation], signals: ResampledChannels
+) -> list[Explanation]:
+    """Return the explanations, with all other lateral channels as an alternative.
+
+    A flight seen in a mirror obeys the same relations. So wrong signs of some lateral channels
+    cannot be distinguished from wrong signs of all the others. One or two signs are more likely
+    than many; if about as many are left, the alternative is named.
+    """
+    wrong: set[str] = set()
+    for explanation in explanations:
+        if explanation.repair.kind == "sign":
+            wrong.update(set(explanation.repair.channels) & set(_LATERAL))
+    others = tuple(name for name in _LATERAL if name in signals and name not in wrong)
+    if len(wrong) < 2 or not others or len(others) > len(wrong) + 1:
+        return explanations
+    text = f"{', '.join(others)} have the wrong sign together, as in a mirror"
+    mirrored = Repair("sign", others, text, slope=-1.0)
+    completed = []
+    for explanation in explanations:
+        if set(explanation.repair.channels) <= wrong:
+            instead = (*explanation.instead, mirrored)
+            explanation = replace(explanation, instead=instead)
+        completed.append(explanation)
+    return completed
 
 
 _SURFACE = (-1.4, 1.4)
@@ -201,7 +238,15 @@ def _best_explanation(signals: ResampledChannels, costs: Costs) -> Explanation |
     remainders = _log_remainders([repairs[i] for i in near], signals)
     order = np.argsort(remainders, kind="stable")
     best, runners_up = order[0], order[1:]
-    ties = [near[i] for i in runners_up if remainders[i] - remainders[best] < TIE]
+    # Two signs are a stronger claim than one: what lies below the tolerances does not decide for
+    # them, because the bias of a gyro shows as much.
+    is_pair = repairs[near[best]].reverses_pair
+    ties = []
+    for i in runners_up:
+        if remainders[i] - remainders[best] < TIE or (
+            is_pair and not repairs[near[i]].reverses_pair
+        ):
+            ties.append(near[i])
     resolved: Change = {}
     for name, (before, after) in changes[near[best]].items():
         if before - after > _RESOLVED:
@@ -269,6 +314,14 @@ def _channels_of_cost(name: str, signals: ResampledChannels) -> tuple[str, ...]:
     return _BY_NAME[name].channels(signals)
 
 
+# channels whose signs a mirror image of a flight reverses
+_LATERAL = ("phi", "p", "psi", "r", "ve", "ay_imu", "beta_vane")
+# an angle and its rate, which a recorder counts in one sense, and that sense
+_TURNS = (
+    ("phi", "p", "to the left"),
+    ("theta", "q", "nose down"),
+    ("psi", "r", "to the left"),
+)
 _BY_NAME: dict[str, Relation] = {relation.name: relation for relation in RELATIONS}
 # axes that a name map may exchange
 _SWAPS = (
@@ -302,9 +355,13 @@ _UNITS: dict[str, tuple[tuple[str, str, float], ...]] = {
 
 
 def _possible_repairs(signals: ResampledChannels, suspects: set[str]) -> Iterator[Repair]:
-    """Yield the repairs of single channels, then the exchanges of two axes."""
+    """Yield the repairs of single channels, then senses of rotation and exchanges of two axes."""
     for name in sorted(suspects):
         yield from _repairs_of_channel(name)
+    for angle, rate, sense in _TURNS:
+        if angle in signals and rate in signals and suspects & {angle, rate}:
+            text = f"{angle} and {rate} have the wrong sign together: they count {sense}"
+            yield Repair("sign", (angle, rate), text, slope=-1.0)
     for first, second in _SWAPS:
         if first in signals and second in signals and suspects & {first, second}:
             text = f"{first} and {second} stand in each other's place"

@@ -1,0 +1,87 @@
+# .\run.ps1 demo   performs the whole job on the shipped example and writes out\t37\
+# .\run.ps1 test   runs the fast test suite
+# .\run.ps1 docs   builds the documentation as a site, build\site
+# The same as ./run of Linux and macOS. Each makes .venv when it is missing and installs what it needs
+# (uv when present, else venv and pip). If Windows refuses scripts:
+#   powershell -ExecutionPolicy Bypass -File run.ps1 demo
+param(
+    [Parameter(Position = 0)] [string] $Verb = "",
+    [Parameter(ValueFromRemainingArguments = $true)] [string[]] $Rest = @()
+)
+$ErrorActionPreference = "Stop"
+Set-Location $PSScriptRoot
+$python = if ($env:PYTHON) { $env:PYTHON } else { "python" }
+# without bytecode every process compiles the packages anew, and the tests start hundreds
+Remove-Item Env:PYTHONDONTWRITEBYTECODE -ErrorAction SilentlyContinue
+# the folder of the programs of an environment
+$programs = if ($env:OS -eq "Windows_NT") { ".venv\Scripts" } else { ".venv/bin" }
+$suffix = if ($env:OS -eq "Windows_NT") { ".exe" } else { "" }
+$inside = Join-Path $programs "python$suffix"
+
+function Stop-Run([string] $Text) {
+    [Console]::Error.WriteLine("run: $Text")
+    exit 2
+}
+
+# Windows PowerShell 5 does not stop at the exit code of a program
+function Invoke-Checked([string] $Program, [string[]] $Arguments) {
+    & $Program @Arguments
+    if ($LASTEXITCODE -ne 0) { exit $LASTEXITCODE }
+}
+
+function Test-Python {
+    try { & $python -c "import sys; sys.exit(sys.version_info < (3, 11))" 2>$null } catch { return $false }
+    return $LASTEXITCODE -eq 0
+}
+
+function New-Environment {
+    if (Test-Path $inside) { return }
+    Write-Host "run: making .venv"
+    if (Get-Command uv -ErrorAction SilentlyContinue) {
+        Invoke-Checked "uv" @("venv", "-q", "--python", $python, ".venv")
+    } else {
+        Invoke-Checked $python @("-m", "venv", ".venv")
+    }
+}
+
+# install WHAT into the environment, again only when the build's own inputs have changed
+function Install-Packages([string] $What, [string] $Name) {
+    New-Environment
+    $stamp = Join-Path ".venv" ".installed-$Name"
+    if (Test-Path $stamp) {
+        $since = (Get-Item $stamp -Force).LastWriteTimeUtc
+        $files = @(Get-Item pyproject.toml, hatch_build.py) + @(Get-ChildItem kernel -Recurse -File)
+        if (-not ($files | Where-Object { $_.LastWriteTimeUtc -gt $since })) { return }
+    }
+    Write-Host "run: installing aeromatch (the C kernel is compiled on the way)"
+    if (Get-Command uv -ErrorAction SilentlyContinue) {
+        Invoke-Checked "uv" @("pip", "install", "-q", "--python", $inside, "-e", $What)
+    } else {
+        Invoke-Checked $inside @("-m", "pip", "install", "-q", "--disable-pip-version-check", "-e", $What)
+    }
+    Set-Content -Path $stamp -Value ""
+}
+
+if (-not (Test-Python)) { Stop-Run "needs Python 3.11 or newer; set PYTHON to one" }
+switch ($Verb) {
+    "demo" {
+        Install-Packages "." "demo"
+        & (Join-Path $programs "aeromatch$suffix") demo @Rest
+        exit $LASTEXITCODE
+    }
+    "test" {
+        Install-Packages ".[dev]" "dev"
+        # two processes share the cores; threads of the linear algebra on top of them take twice the time
+        if (-not $env:OPENBLAS_NUM_THREADS) { $env:OPENBLAS_NUM_THREADS = "1" }
+        $packages = "flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch"
+        & $inside -m pytest --doctest-modules @packages tests -n 2 --dist loadfile -m "not slow and not serial" -rs @Rest
+        exit $LASTEXITCODE
+    }
+    "docs" {
+        Install-Packages ".[docs]" "docs"
+        $env:NO_MKDOCS_2_WARNING = "1"
+        & $inside -m mkdocs build --strict @Rest
+        exit $LASTEXITCODE
+    }
+    default { Stop-Run "found '$Verb'; allowed are demo, test and docs" }
+}

@@ -1,0 +1,58 @@
+"""Files of a folder that `init` does not read, and headings that two columns share."""
+
+import zipfile
+
+import numpy as np
+import pytest
+
+from aeromatch.drafting.name_map.names import draft_names
+from aeromatch.drafting.sources import sources_of
+from flightmech.errors import SchemaError
+
+TIME = np.arange(0.0, 20.0, 0.02)
+BANK, OTHER = 5.0 * np.sin(TIME), 3.0 * np.cos(0.3 * TIME)
+
+
+def write_csv(file, **columns):
+    """Write columns under headings in which ``_`` and a number at the end are left out."""
+    heads = [name.partition("_")[0] for name in columns]
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(file, table, "%.6g", ",", header=",".join(heads), comments="")
+    return file
+
+
+def test_archives_and_workbooks_of_a_folder_are_named(tmp_path):
+    write_csv(tmp_path / "a.csv", Time=TIME, Bank=BANK)
+    with zipfile.ZipFile(tmp_path / "b.zip", "w") as archive:
+        archive.writestr("monday.csv", "Time,Bank")
+    with zipfile.ZipFile(tmp_path / "c.xlsx", "w") as archive:
+        archive.writestr("xl/workbook.xml", "")
+    (tmp_path / "d.txt").write_text("Time,Bank")
+    (tmp_path / "photo.png").write_bytes(b"\x89PNG")
+    sources = sources_of([], [tmp_path])
+    assert [file.name for file in sources.records] == ["a.csv"]
+    packed, workbook, text = sources.ignored
+    assert packed.startswith("b.zip is not read: a zip archive (monday.csv)")
+    assert workbook.startswith("c.xlsx is not read: an Excel workbook")
+    assert "--records d.txt" in text
+
+
+def test_a_folder_of_nothing_but_archives_names_them(tmp_path):
+    with zipfile.ZipFile(tmp_path / "b.zip", "w") as archive:
+        archive.writestr("monday.csv", "Time,Bank")
+    with pytest.raises(SchemaError) as caught:
+        sources_of([], [tmp_path])
+    assert "b.zip" in caught.value.problems[1]
+
+
+def test_two_columns_of_one_heading_wait_for_the_author(tmp_path):
+    file = write_csv(tmp_path / "a.csv", Time=TIME, Bank_1=BANK, Bank_2=OTHER, Roll=BANK + 0.01)
+    draft = draft_names([file])
+    (row,) = draft.rows
+    assert (row.channel.column, row.confidence) == ("Bank.1", "CONFIRM")
+    assert "Bank.2 may be phi as well and has other values" in row.reason
+    # The column that moves with it is a second reading and no contradiction.
+    assert "Roll" not in row.reason
+    copies = write_csv(tmp_path / "b.csv", Time=TIME, Bank_1=BANK, Bank_2=BANK)
+    (row,) = draft_names([copies]).rows
+    assert (row.channel.column, row.confidence) == ("Bank", "by size")
