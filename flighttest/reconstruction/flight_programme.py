@@ -227,8 +227,8 @@ _CORRELATED = 1e-6  # rounding of a correlation; an inverse of the constants has
 
 def _find_fault(biases: xr.Dataset) -> str:
     """Return what makes constants useless as a prior, an empty text for nothing."""
-    shapes = {name: ("parameter",) for name in (*_OF_EACH, "unit")}
-    shapes |= {name: _OF_SQUARE for name in _OF_PAIRS}
+    shapes: dict[str, tuple[str, ...]] = dict.fromkeys((*_OF_EACH, "unit"), ("parameter",))
+    shapes |= dict.fromkeys(_OF_PAIRS, _OF_SQUARE)
     for name, dims in shapes.items():
         if name not in biases or biases[name].dims != dims:
             return f"constants without {name} ({', '.join(dims)})"
