@@ -185,7 +185,7 @@ def demo(shared_folder):
                 command,
                 capture_output=True,
                 text=True,
-                timeout=1800,
+                timeout=6000,
                 env={**os.environ, "AEROMATCH_STORE": str(shared / "store")},
             )
             protocol.write_text(

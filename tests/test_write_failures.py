@@ -16,11 +16,15 @@ import random
 import shlex
 import shutil
 import sys
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import click
 import pytest
 import write_calls
+
+from aeromatch.cli import cli, main
 
 C182 = Path(__file__).parents[1] / "data" / "c182"
 # errno of the failed call, 0 for a kill; whether all later calls fail too
@@ -28,11 +32,26 @@ KINDS = {"full disk": (errno.ENOSPC, 0), "defective disk": (errno.EIO, 1), "kill
 # Greatest number of failed calls of a verb and kind: in .ci/run, and in .ci/nightly.
 FEW, MANY = 3, 40
 FLIGHT = "flight/check_roll.csv"
+# Small inputs by the name of their file.
+TEXTS = {
+    "inputs.csv": "time,delta_e\n0,0\n1,0.01\n2,0\n",
+    "design.toml": """
+kind = "multisine"
+title = "elevator"
+period = "10 s"
+band = ["0.2 Hz", "1 Hz"]
+[axis.delta_e]
+amplitude = "2 deg"
+""",
+}
 
 
 @dataclass(frozen=True)
 class Verb:
-    """A command in a folder with inputs, and the files or folders that it writes."""
+    """A command in a folder with inputs, and the files or folders that it writes.
+
+    Names are separated by blanks. ``folder/*`` is each file of the folder by itself.
+    """
 
     words: str
     inputs: str
@@ -77,6 +96,7 @@ VERBS = {
         "fit.nc",
         "board.csv",
     ),
+    "design": Verb("flight design design.toml -o design", "c182", "design/*"),
     "check": Verb(
         f"flight check {FLIGHT} --names names.toml --aircraft aircraft.toml -o q.html",
         "c182",
@@ -85,12 +105,36 @@ VERBS = {
     "plot a record": Verb("flight plot r.nc -o r.png", "r.nc", "r.png"),
     "datcom cells": Verb("datcom cells datcom/aileron.out -o c.csv", "c182", "c.csv"),
     "datcom convert": Verb("datcom convert datcom/aileron.out -o a.nc", "c182", "a.nc"),
+    "datcom deck": Verb("datcom deck datcom/c182_study.inp -o d.dcm", "c182", "d.dcm"),
+    "datcom export": Verb("datcom export datcom/clean.out -o e.mat", "c182", "e.mat"),
+    "datcom split": Verb("datcom split datcom/c182_study.inp -o split", "c182", "split/*"),
     "build": Verb("db build aircraft.toml datcom/clean.out -o db.nc", "c182", "db.nc"),
+    "scale": Verb("db edit db.nc scale CL/basic --by 1.1 -o e.nc", "db.nc", "e.nc"),
     "edit": Verb("db edit db.nc scale CL/basic --by 1.1 -o db.nc", "db.nc", "db.nc"),
+    "previous": Verb("db previous e.nc -o old.nc", "e.nc", "old.nc"),
+    "forget": Verb("db forget e.nc -o e.nc", "e.nc", "e.nc"),
+    "rescale": Verb(
+        "db rescale db.nc aircraft.toml --length-ratio 1.2 -o big.nc --aircraft-output big.toml",
+        "db.nc",
+        "big.nc big.toml",
+    ),
+    "plot a term": Verb("db plot db.nc --term CL/basic -o f.png", "db.nc", "f.png"),
+    "figures": Verb("db figures db.nc --lr743 --aircraft aircraft.toml -o figs", "db.nc", "figs"),
+    "tabulate": Verb("flight tabulate fit.nc --database db.nc -o t.nc", "fit.nc db.nc", "t.nc"),
+    "import": Verb("db import model.xml -o i.nc", "model.xml", "i.nc"),
+    "import an aircraft": Verb(
+        "db import-aircraft model.xml -o ac.nc --force", "model.xml", "ac.nc ac.toml"
+    ),
     "export a folder": Verb("db export db.nc -o tables --to csv", "db.nc", "tables"),
     "export daveml": Verb("db export db.nc -o db.dml --to daveml", "db.nc", "db.dml"),
+    "export jsbsim": Verb(
+        "db export db.nc -o model.xml --to jsbsim --aircraft aircraft.toml", "db.nc", "model.xml"
+    ),
     "export matlab": Verb("db export db.nc -o db.mat --to matlab", "db.nc", "db.mat"),
     "fmu": Verb("fmu write aircraft.toml db.nc -o m.fmu", "db.nc", "m.fmu"),
+    "simulate": Verb(
+        "fmu simulate aircraft.toml db.nc --inputs inputs.csv -o s.nc", "db.nc", "s.nc"
+    ),
     "pom init": Verb(
         f"pom init {FLIGHT} --test 2.d.7 --names names.toml --aircraft aircraft.toml -o c.toml",
         "c182",
@@ -100,15 +144,34 @@ VERBS = {
         "pom run cases/dutch_roll.toml --model m=m.fmu --no-pdf -o rep -j1", "m.fmu", "rep"
     ),
     "pom report": Verb("pom report rep -o again --no-pdf", "rep", "again"),
+    "tolerances": Verb("pom tolerances --write t.csv", "c182", "t.csv"),
     "pom schema": Verb("pom schema -o s.json", "c182", "s.json"),
     "schema": Verb("schema project -o p.json", "c182", "p.json"),
+    "init": Verb(
+        f"init new --records {FLIGHT} --names names.toml",
+        "c182",
+        "new/cases new/aeromatch.toml new/aircraft.toml new/manoeuvres.csv new/.draft/aeromatch.toml "
+        "new/.draft/aircraft.toml new/.draft/manoeuvres.csv new/.draft/answers.json",
+    ),
     "example": Verb("example c182 new --inputs-only", "c182", "new"),
+}
+# Verbs with an output that are not tried: their inputs take minutes to make (a match, flights with
+# an engine or a gear, a mechanism of several bodies), or their file is written as that of `scale`.
+NOT_TRIED = {
+    *("demo", "match", "package make", "view", "pom diagnose", "pom tune"),
+    *("datcom plot", "datcom run", "flight fit", "flight fit-linear", "flight plan"),
+    *("flight balance", "flight controls", "flight engine", "flight gear", "flight ground-effect"),
+    *("flight markers", "flight multibody", "flight report"),
+    *("db edit blend", "db edit delete", "db edit extend", "db edit move-reference"),
+    *("db edit regrid", "db edit replace", "db edit set", "db edit shift"),
 }
 # Verbs that make the inputs of others.
 MAKERS = {
     "r.nc": "convert",
-    "p.nc": "reconstruct",
+    "e.nc": "scale",
     "fit.nc": "identify",
+    "model.xml": "export jsbsim",
+    "p.nc": "reconstruct",
     "db.nc": "build",
     "m.fmu": "fmu",
     "rep": "pom run",
@@ -117,8 +180,6 @@ MAKERS = {
 
 def run_verb(words: list[str]) -> int:
     """Run the command line in this process, and return its exit code."""
-    from aeromatch.cli import main
-
     sys.argv = ["aeromatch", *words]
     try:
         main()
@@ -127,15 +188,17 @@ def run_verb(words: list[str]) -> int:
     return 0
 
 
-def make_inputs(name: str, folder: Path) -> None:
+def make_inputs(names: str, folder: Path) -> None:
     """Fill a folder with the inputs of a verb."""
     shutil.copytree(C182, folder, dirs_exist_ok=True)
-    # A folder with the name of the input: the makers run there, one after the other.
-    if name in MAKERS:
-        verb = VERBS[MAKERS[name]]
-        make_inputs(verb.inputs, folder)
-        os.chdir(folder)
-        assert run_verb(verb.command()) in (0, 1), name
+    for file, text in TEXTS.items():
+        (folder / file).write_text(text)
+    for name in names.split():
+        if name in MAKERS:
+            verb = VERBS[MAKERS[name]]
+            make_inputs(verb.inputs, folder)
+            os.chdir(folder)
+            assert run_verb(verb.command()) in (0, 1), name
 
 
 def state_of(path: Path) -> object:
@@ -155,6 +218,7 @@ class Trials:
         self.library = ctypes.CDLL(os.environ["LD_PRELOAD"])
         self.library.count_of_calls.restype = ctypes.c_long
         make_inputs(verb.inputs, self.inputs)
+        self.targets = verb.targets.split()
 
     def refresh(self) -> list[object]:
         """Make a fresh folder, and return the states of the targets."""
@@ -165,7 +229,14 @@ class Trials:
         return self.states()
 
     def states(self) -> list[object]:
-        return [state_of(self.work / name) for name in self.verb.targets.split()]
+        return [state_of(self.work / name) for name in self.targets]
+
+    def name_targets(self) -> None:
+        """Replace each pattern among the targets by the files that the verb has written."""
+        patterns, self.targets = self.targets, []
+        for pattern in patterns:
+            files = sorted(self.work.glob(pattern)) if "*" in pattern else [self.work / pattern]
+            self.targets += [str(file.relative_to(self.work)) for file in files]
 
     def run(self, number: int = 0, error: int = 0, stays: int = 0) -> tuple[int, str, int]:
         """Run the verb in a child, and return its exit code, its output and its calls."""
@@ -192,6 +263,7 @@ class Trials:
     def find_faults(self, most: int) -> list[str]:
         """Return what is wrong after failed calls."""
         assert run_verb_quietly(self, self.verb) in (0, 1)
+        self.name_targets()
         old = self.refresh()
         code, output, calls = self.run()
         assert code in (0, 1), output
@@ -216,7 +288,7 @@ class Trials:
         """Let one call fail, and return what is wrong afterwards."""
         code, output, _ = self.run(number, *KINDS[kind])
         now, faults = self.states(), []
-        names = self.verb.targets.split()
+        names = self.targets
         for name, is_, was, will_be in zip(names, now, old, new, strict=True):
             if is_ not in (was, will_be):
                 faults.append(f"{name} is neither old nor new (exit code {code})")
@@ -226,7 +298,9 @@ class Trials:
             if code not in (0, 1, 2):
                 faults.append(f"exit code {code}: {output[-300:]}")
             lines = [line for line in output.splitlines() if line.startswith("error:")]
-            is_named = any(Path(name).name in line for line in lines for name in names)
+            # the file, or its folder
+            words = {word for name in names for word in Path(name).parts}
+            is_named = any(word in line for line in lines for word in words)
             if code == 2 and (len(lines) != 1 or not is_named):
                 faults.append(f"not one line with the name of the file: {output[-300:]}")
         if "Traceback" in output:
@@ -265,6 +339,29 @@ def try_verbs(names: list[str], most: int, folder: Path, monkeypatch: pytest.Mon
 
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="a library in front of the C one")
+
+
+def writing_verbs(command: click.Command, words: tuple[str, ...] = ()) -> Iterator[str]:
+    """Yield the verbs with an output below a command."""
+    if isinstance(command, click.Group):
+        context = click.Context(command)
+        for name in command.list_commands(context):
+            yield from writing_verbs(command.get_command(context, name), (*words, name))
+    elif any("-o" in option.opts for option in command.params):
+        yield " ".join(words)
+
+
+def is_call(name: str, words: Iterable[str]) -> bool:
+    """Return whether a command line is one of a verb; the file of ``db edit`` is between its words."""
+    rest = iter(words)
+    return all(word in rest for word in name.split())
+
+
+@pytest.mark.slow
+def test_a_new_verb_that_writes_is_tried():
+    tried = [verb.command() for verb in VERBS.values()]
+    left = {name for name in writing_verbs(cli) if not any(is_call(name, it) for it in tried)}
+    assert left == NOT_TRIED
 
 
 @pytest.mark.slow

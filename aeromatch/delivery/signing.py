@@ -44,6 +44,9 @@ class PackageSignature:
 def make_key(path: Path) -> tuple[Path, str]:
     """Write a new private key, and the public key next to it with the suffix ``.pub``.
 
+    A private key without its public key is what an interrupted run leaves: the public key is then
+    written from it.
+
     Returns
     -------
     public : Path
@@ -52,31 +55,41 @@ def make_key(path: Path) -> tuple[Path, str]:
     Raises
     ------
     SchemaError
-        One of the files exists.
+        The public key exists, or the private file is not a key.
     """
     public = path.with_name(path.name + ".pub")
-    for file in (path, public):
-        if file.exists():
-            raise SchemaError(str(file), ["exists; give a new name, a key is not overwritten"])
-    key = Ed25519PrivateKey.generate()
-    private_text = key.private_bytes(
-        serialization.Encoding.PEM,
-        serialization.PrivateFormat.PKCS8,
-        serialization.NoEncryption(),
-    )
-    # Only its owner may read the file, from its first byte on.
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(handle, "wb") as stream:
-        stream.write(private_text)
-        stream.flush()
-        os.fsync(stream.fileno())
-    with written_atomically(public) as part:
+    # before the first file is written
+    _demand_absent(public)
+    if path.exists():
+        key = read_private_key(path)
+    else:
+        key = Ed25519PrivateKey.generate()
+        with written_atomically(path, before=_demand_absent) as part:
+            _write_secret(part, key)
+    with written_atomically(public, before=_demand_absent) as part:
         part.write_bytes(
             key.public_key().public_bytes(
                 serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo
             )
         )
     return public, fingerprint_of(key.public_key())
+
+
+def _demand_absent(file: Path) -> None:
+    if file.exists():
+        raise SchemaError(str(file), ["exists; give a new name, a key is not overwritten"])
+
+
+def _write_secret(path: Path, key: Ed25519PrivateKey) -> None:
+    """Write a private key to a file that only its owner may read, from its first byte on."""
+    private_text = key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    )
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(handle, "wb") as stream:
+        stream.write(private_text)
 
 
 def fingerprint_of(key: Ed25519PublicKey) -> str:

@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any
 
 import h5py
+import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
@@ -200,7 +201,7 @@ def open_biases(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises
     ------
     ParseError
-        The file is not a reconstruction.
+        The file is not a reconstruction, or its constants lack what an estimate needs.
     """
     demand_self_contained(path)
     expected = "constants of a path, as `aeromatch flight reconstruct -o` writes it"
@@ -213,4 +214,39 @@ def open_biases(path: str | os.PathLike[str]) -> xr.Dataset:
         if biases is None:
             with xr.open_dataset(path, group="biases", engine="h5netcdf") as data:
                 biases = data.load()
+    if fault := _find_fault(biases):
+        raise ParseError(str(path), 0, fault, expected)
     return biases.assign(held=biases["held"].astype(bool))
+
+
+_OF_EACH = ("estimate", "stderr", "prior", "prior_stderr", "held")
+_OF_PAIRS = ("correlation", "prior_correlation")
+_OF_SQUARE = ("parameter", "parameter_")
+_CORRELATED = 1e-6  # rounding of a correlation; an inverse of the constants has 1e-13
+
+
+def _find_fault(biases: xr.Dataset) -> str:
+    """Return what makes constants useless as a prior, an empty text for nothing."""
+    shapes: dict[str, tuple[str, ...]] = dict.fromkeys((*_OF_EACH, "unit"), ("parameter",))
+    shapes |= dict.fromkeys(_OF_PAIRS, _OF_SQUARE)
+    for name, dims in shapes.items():
+        if name not in biases or biases[name].dims != dims:
+            return f"constants without {name} ({', '.join(dims)})"
+    if any(dimension not in biases.indexes for dimension in _OF_SQUARE):
+        return "constants without names"
+    names = biases.indexes["parameter"]
+    if not names.is_unique or not names.equals(biases.indexes["parameter_"]):
+        return "constants whose names are not the same in both directions, each once"
+    for name in (*_OF_EACH, *_OF_PAIRS):
+        values = biases[name].values
+        if values.dtype.kind not in "biuf" or not np.all(np.isfinite(values)):
+            return f"{name} of constants that is not a number"
+    for name in ("stderr", "prior_stderr"):
+        if not np.all(biases[name].values > 0.0):
+            return f"{name} of constants that is not positive"
+    for name in _OF_PAIRS:
+        matrix = biases[name].values
+        off = max(np.ptp([matrix, matrix.T], axis=0).max(), np.abs(np.diag(matrix) - 1.0).max())
+        if off > _CORRELATED or np.abs(matrix).max() > 1.0 + _CORRELATED:
+            return f"{name} of constants that is not a correlation"
+    return ""

@@ -26,8 +26,8 @@ import harm_files
 import reader_kinds
 
 # Promises of a command about any file. Time of the processor, because a busy machine is no fault
-# of a reader; a process that only waits ends after `WAIT`.
-SECONDS, WAIT, MEMORY = 20, 60, 2 * 1024**3  # s, s, byte
+# of a reader; a process that only waits ends after `WAIT`, in which a busy machine gives it `SECONDS`.
+SECONDS, WAIT, MEMORY = 20, 400, 2 * 1024**3  # s, s, byte
 # Address space of a process: a fault that allocates without end must not end the machine.
 ADDRESSES = 8 * 1024**3
 _TRACE = re.compile(r'File "[^"]*?((?:\w+/){0,2}\w+\.py)", line (\d+)')

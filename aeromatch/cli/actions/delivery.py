@@ -56,11 +56,13 @@ def make_package(
 
 def write_key(path: Path, as_json: bool) -> None:
     """Perform the command ``key``."""
+    # the file of an interrupted run
+    was_there = path.exists()
     public, fingerprint = make_key(path)
     if as_json:
         print_json({"private": str(path), "public": str(public), "fingerprint": fingerprint})
         return
-    click.echo(f"written: {path}, which signs: keep it secret")
+    click.echo(f"{'read' if was_there else 'written'}: {path}, which signs: keep it secret")
     click.echo(f"written: {public}, which your customers give to --trusted-key")
     click.echo(f"fingerprint: {fingerprint}")
 

@@ -124,10 +124,10 @@ def test_blend_prints_how_well_they_agree(file, output, small, tmp_path):
     assert result.stdout.splitlines()[-1].split()[:2] == ["CL/qhat", "2"]
 
 
-def test_delete_and_replace(file, output):
+def test_delete_and_replace(file, output, tmp_path):
     run("edit", file, "delete", "CL/*", "--note", "could not be identified", "-o", output)
     assert list(aerodb.terms(aerodb.open(output))) == ["Cm/qhat"]
-    again = output.replace("new", "again")
+    again = str(tmp_path / "again.nc")
     assert (
         "replace_terms: added CL/flap"
         in run("edit", output, "replace", file, "CL/flap", "-o", again).stdout

@@ -248,3 +248,20 @@ def test_a_database_that_was_saved_again_with_the_same_content_is_the_one_that_w
     aerodb.open(path)
     saved_by_another_process(small, path)
     aerodb.save(aerodb.edit.scale(small, "CL/flap", 1.5), path)
+
+
+def test_a_file_has_no_time_of_its_writing(small, tmp_path):
+    """Equal content gives equal bytes: a later saving would else look like a change."""
+    aerodb.save(small, tmp_path / "a.nc")
+    times = set()
+    with h5py.File(tmp_path / "a.nc") as file:
+        for name in ["/", *all_names(file)]:
+            facts = h5py.h5o.get_info(file[name].id)
+            times |= {facts.atime, facts.mtime, facts.ctime, facts.btime}
+    assert times == {0}
+
+
+def all_names(file):
+    names = []
+    file.visit(names.append)
+    return names

@@ -271,7 +271,9 @@ def test_faults_are_reported(flown):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:incompatible fits")  # by chance, one of the simulated sets
+# by chance, one of the 30 simulated sets each
+@pytest.mark.filterwarnings("ignore:incompatible fits")
+@pytest.mark.filterwarnings("ignore:suspect fits")
 @pytest.mark.nightly
 def test_two_standard_errors_cover_the_coefficient():
     """Along the flown incidences, 30 truths: 15 conditions of one truth are strongly correlated, so

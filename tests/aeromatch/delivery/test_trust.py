@@ -10,6 +10,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+import write_calls
 import xarray as xr
 from click.testing import CliRunner
 from cryptography.hazmat.primitives import serialization
@@ -211,6 +212,33 @@ def test_signatures(delivery, tmp_path):
     (delivery / "manifest.json").write_text(text)
     sign(delivery, tmp_path / "others")
     assert check_signature(delivery, [ours]).state == "unknown"
+
+
+def key_killed_at_each_call(folder):
+    """Make a key, killed at each call that writes; the next run completes the pair."""
+    private = folder / "key"
+    for _ in write_calls.each_call(lambda: make_key(private), folder):
+        public = folder / "key.pub"
+        if not public.exists():
+            make_key(private)
+        assert private.stat().st_mode & 0o777 == 0o600
+        assert read_private_key(private).public_key() == read_public_key(public)
+        assert sorted(path.name for path in folder.iterdir()) == ["key", "key.pub"]
+        private.unlink()
+        public.unlink()
+
+
+@pytest.mark.slow
+def test_a_killed_run_leaves_no_half_of_a_key(tmp_path):
+    write_calls.run_preloaded(key_killed_at_each_call, tmp_path)
+
+
+def test_the_public_key_is_written_again_from_the_private_one(tmp_path):
+    public, fingerprint = make_key(tmp_path / "key")
+    before = public.read_bytes()
+    public.unlink()
+    assert make_key(tmp_path / "key") == (public, fingerprint)
+    assert public.read_bytes() == before
 
 
 def test_keys_that_are_none_are_refused(tmp_path):

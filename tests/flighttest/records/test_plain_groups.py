@@ -116,17 +116,27 @@ def test_a_scale_of_another_group_is_left_to_xarray(tmp_path):
     assert read(tmp_path / "path.nc", "states") is None
 
 
-def test_constants_of_the_instruments_are_what_xarray_reads(tmp_path):
+def constants():
     names = ["bias.q", "vane"]
-    biases = xr.Dataset(
+    square = ("parameter", "parameter_")
+    return xr.Dataset(
         {
-            "estimate": ("parameter", [0.001, np.nan]),
+            "estimate": ("parameter", [0.001, 1.02]),
+            "stderr": ("parameter", [1e-4, 0.01]),
+            "prior": ("parameter", [0.0, 1.0]),
+            "prior_stderr": ("parameter", [0.01, 0.1]),
             "unit": ("parameter", ["rad s-1", "1"]),
             "held": ("parameter", np.array([0, 1], np.int8)),
+            "correlation": (square, [[1.0, 0.3], [0.3, 1.0]]),
+            "prior_correlation": (square, np.eye(2)),
         },
-        {"parameter": names},
+        {"parameter": names, "parameter_": names},
         {"note": "constants"},
     )
+
+
+def test_constants_of_the_instruments_are_what_xarray_reads(tmp_path):
+    biases = constants()
     states().to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
     with pytest.raises(ParseError, match="no constants of a reconstruction"):
         open_biases(tmp_path / "path.nc")
@@ -136,3 +146,31 @@ def test_constants_of_the_instruments_are_what_xarray_reads(tmp_path):
     assert open_biases(tmp_path / "path.nc").identical(due.assign(held=due["held"].astype(bool)))
     with pytest.raises(FileNotFoundError):
         open_biases(tmp_path / "none.nc")
+
+
+@pytest.mark.parametrize(
+    ("harmed", "fault"),
+    [
+        (lambda data: data.drop_vars("correlation"), r"without correlation \(parameter"),
+        (lambda data: data.drop_vars("held"), "without held"),
+        (lambda data: data.drop_vars("parameter_"), "without names"),
+        (lambda data: data.assign(stderr=data["stderr"].mean()), "without stderr"),
+        (lambda data: data.assign_coords(parameter=["vane", "vane"]), "each once"),
+        (lambda data: data.assign_coords(parameter=["vane", "bias.q"]), "each once"),
+        (lambda data: data.assign(estimate=np.nan * data["estimate"]), "estimate .* not a number"),
+        (lambda data: data.assign(estimate=data["unit"]), "estimate .* not a number"),
+        (lambda data: data.assign(stderr=-data["stderr"]), "stderr .* not positive"),
+        (lambda data: data.assign(correlation=3.0 * data["correlation"]), "not a correlation"),
+        (
+            lambda data: data.assign(correlation=data["correlation"].cumsum("parameter")),
+            "not a correlation",
+        ),
+    ],
+)
+def test_harmed_constants_are_refused(harmed, fault, tmp_path):
+    """A prior of them would be a traceback, or a wrong number in silence."""
+    states().to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
+    data = harmed(constants())
+    data.to_netcdf(tmp_path / "path.nc", group="biases", mode="a", engine="h5netcdf")
+    with pytest.raises(ParseError, match=fault):
+        open_biases(tmp_path / "path.nc")
