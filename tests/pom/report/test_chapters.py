@@ -187,9 +187,7 @@ def test_the_ranking_over_all_cases_comes_back_and_is_shown(tmp_path):
     # A report that is written again without the ranking keeps it.
     now = draw_chapters(fixture.databases(), {}, fixture.fits(), LINES, (), {}, ())
     assert with_kept(now, again).ranking == again.ranking
-    pom.write_report(
-        [fixture.roll_result()], tmp_path / "report", title="T", kept=made, paper=None
-    )
+    pom.write_report([fixture.roll_result()], tmp_path / "report", title="T", kept=made, paper=None)
     text = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
     page, _ = report_pages.parcels(text)["models"]
     table = page["page"].partition("Wrong terms over all cases")[2]
