@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from flightmech.errors import SchemaError
+from flightmech.short_text import ShortText
 
 FORCES = {"stability": ("CL", "CD", "CY"), "body": ("CX", "CY", "CZ")}
 MOMENTS = ("Cl", "Cm", "Cn")
@@ -54,7 +55,7 @@ class EstimateReference:
 
 
 @dataclass(frozen=True)
-class CoefficientSet:
+class CoefficientSet(ShortText):
     """Coefficients of an aeroplane by one program, or of one wind-tunnel or CFD table.
 
     Attributes

@@ -4,6 +4,8 @@ programme, and how much of it is done.
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from flightmech.support.console import (
@@ -17,6 +19,25 @@ from flightmech.support.console import (
 from flighttest.cli.group import names_option
 
 _FILE = InputFile()
+
+
+def prior_options(verb: Any) -> Any:
+    """Return a verb with the aircraft and the a-priori database of a programme."""
+    aircraft = click.option(
+        "--aircraft",
+        "aircraft_file",
+        required=True,
+        type=_FILE,
+        help="Aircraft with its instruments, TOML.",
+    )
+    database = click.option(
+        "--database",
+        "database_file",
+        required=True,
+        type=_FILE,
+        help="A-priori database with standard errors, netCDF.",
+    )
+    return aircraft(database(verb))
 
 
 @click.command("design")
@@ -50,20 +71,7 @@ def design_command() -> None:
 
 @click.command("plan")
 @click.argument("catalogue_file", metavar="CATALOGUE", type=_FILE)
-@click.option(
-    "--aircraft",
-    "aircraft_file",
-    required=True,
-    type=_FILE,
-    help="Aircraft with its instruments, TOML.",
-)
-@click.option(
-    "--database",
-    "database_file",
-    required=True,
-    type=_FILE,
-    help="A-priori database with standard errors, netCDF.",
-)
+@prior_options
 @click.option(
     "--rows",
     "rows_file",
@@ -104,20 +112,7 @@ def plan_command() -> None:
     type=click.Path(exists=True, file_okay=False),
     help="Folder that `flight plan` wrote.",
 )
-@click.option(
-    "--aircraft",
-    "aircraft_file",
-    required=True,
-    type=_FILE,
-    help="Aircraft with its instruments, TOML.",
-)
-@click.option(
-    "--database",
-    "database_file",
-    required=True,
-    type=_FILE,
-    help="A-priori database with standard errors, netCDF.",
-)
+@prior_options
 @names_option
 @click.option(
     "--rows",

@@ -11,26 +11,14 @@ from flightmech.support.console import (
     json_option,
     performed_by,
 )
+from flighttest.cli.programme import prior_options
 
 _FILE = InputFile()
 
 
 @click.command("spread")
 @click.argument("catalogue_file", metavar="CATALOGUE", type=_FILE)
-@click.option(
-    "--aircraft",
-    "aircraft_file",
-    required=True,
-    type=_FILE,
-    help="Aircraft with its instruments, TOML.",
-)
-@click.option(
-    "--database",
-    "database_file",
-    required=True,
-    type=_FILE,
-    help="A-priori database with standard errors, netCDF.",
-)
+@prior_options
 @click.option(
     "-o",
     "--output",

@@ -27,6 +27,7 @@ from aerodb.store.schema import terms
 from aerodb.update.expectation import Expectation, LinearSpread, sum_spreads
 from aerodb.update.observations import coefficient_of
 from flightmech.errors import ParseError, SchemaError
+from flightmech.short_text import ShortText
 from flightmech.support.array_files.netcdf_trees import read_netcdf_tree
 from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
@@ -39,7 +40,7 @@ _FORM = "gradients of rows of a proof of match, as `aeromatch pom spread -o` wri
 
 
 @dataclass(frozen=True)
-class RowGradients:
+class RowGradients(ShortText):
     """Gradients of a row by the nodes of a database.
 
     Attributes
