@@ -128,12 +128,12 @@ def linearize(
     SimulationError
         The condition has no meaning.
     """
-    parameters = dict(values_in_si(sim, parameters))
+    stated = dict(values_in_si(sim, parameters))
     steps = dict(steps or {})
     if inputs is None:
-        inputs = _default_inputs(sim, parameters)
+        inputs = _default_inputs(sim, stated)
     _check_names(sim, states, inputs, outputs=outputs, steps=steps)
-    plant = trim_plant(sim, parameters, tuple(states))
+    plant = trim_plant(sim, stated, tuple(states))
     jacobian = _compute_jacobian(plant, inputs, outputs, steps=steps)
     return _make_dataset(plant, tuple(inputs), tuple(outputs), jacobian=jacobian)
 

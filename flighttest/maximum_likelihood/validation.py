@@ -344,7 +344,7 @@ def figures_of(parts: Sequence[PredictedChannel]) -> dict[str, Any]:
     }
     if len(z) < 2 or not np.any(moved):
         return figures
-    shares = (np.nan,) * 3
+    shares: tuple[float, ...] = (np.nan,) * 3
     if np.any(z != y):
         shares = tuple(theil_shares(z, y))
     figures |= dict(zip(("theil_bias", "theil_variance", "theil_covariance"), shares, strict=True))

@@ -52,7 +52,7 @@ def plan_row(wanted: WantedRow, flight: PredictedFlight) -> tuple[ReplayPlan, li
             ],
         )
     events, notes = _events_of(wanted, window, start=start, end=end)
-    content = {
+    content: dict[str, Any] = {
         "case": {
             "id": wanted.row,
             "standard": wanted.standard or table.STANDARD,

@@ -119,7 +119,8 @@ def draw_chapters(
         identification = identification_chapter(fits, level_lines, "identification" in on_paper)
     if submodels:
         needed = needed_submodels(diagnoses, databases)
-    ranked, text = None, ()
+    ranked: SectionTable | None = None
+    text: tuple[str, ...] = ()
     if ranking is not None:
         ranked = SectionTable(CAPTION, COLUMNS, tuple(ranking.rows()))
         text = tuple(ranking.sentences)

@@ -117,8 +117,8 @@ def show_prediction(opened: OpenProject, query: Mapping[str, str], body: Any) ->
         shown = {}
         for name, values in lines.items():
             shown[name] = Levels(from_si(values, unit) if unit != channel.unit else values)
-        times, values = decimate_channels(time, shown, start=-np.inf, stop=np.inf, points=_POINTS)
-        found.append({"channel": channel.name, "unit": unit, "time": times, **values})
+        times, levels = decimate_channels(time, shown, start=-np.inf, stop=np.inf, points=_POINTS)
+        found.append({"channel": channel.name, "unit": unit, "time": times, **levels})
     return {"window": window.name, "channels": found, "remarks": remarks}
 
 
@@ -142,7 +142,7 @@ def show_model(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict
     dim = "parameter" if isinstance(model, OutputError) else "term"
     rows = []
     for k, name in enumerate(estimates[dim].values):
-        row = {"name": str(name)}
+        row: dict[str, Any] = {"name": str(name)}
         for column in ("estimate", "stderr"):
             row[column] = float(estimates[column].values[k])
         rows.append(row)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from aeromatch.drafting.name_map.name_rows import leaf_of
@@ -69,7 +71,7 @@ def _commands_of(opened: OpenProject, query: Mapping[str, str]) -> dict[str, Any
     old = names.leaves.get(leaf, {}).get(quantity)
     unit = _chosen_unit(content, column.removeprefix(f"{table}/"), quantity, query.get("unit", ""))
     # The reader uses the unit of the file, so the map does not repeat it.
-    changes = {"unit": None if stated and unit == stated else unit, "sign": sign}
+    changes: dict[str, Any] = {"unit": None if stated and unit == stated else unit, "sign": sign}
     if old is not None and column in old.columns:
         channel = old.model_copy(update=changes)
     else:
@@ -85,6 +87,10 @@ def _removal(leaf: str, name: str) -> list[str]:
     return ["set", f"{PROJECT}/{_FILE}", f"{leaf}.{name}", "--remove"]
 
 
+def _tables_of(file: Path) -> dict[str, RecordedTable]:
+    return open_recording(file, NameMap({})).tables
+
+
 def _find_table(
     opened: OpenProject, column: str
 ) -> tuple[str, RecordedTable, dict[str, RecordedTable]]:
@@ -97,9 +103,7 @@ def _find_table(
     """
     for file in recordings_of(opened).values():
         # Without the values: a reader of large files gives them at their first request.
-        tables = opened.kept(
-            ("tables",), [file], lambda file=file: open_recording(file, NameMap({})).tables
-        )
+        tables = opened.kept(("tables",), [file], partial(_tables_of, file))
         for table, content in tables.items():
             if column in content.columns or column.removeprefix(f"{table}/") in content.columns:
                 return table, content, tables

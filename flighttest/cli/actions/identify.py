@@ -130,7 +130,8 @@ def run_fit_linear(
     records, names = [], []
     for path, spans in zip(paths, by_path, strict=True):
         states = open_states(path)
-        for window in spans or [None]:
+        chosen: list[tuple[float, float] | None] = [*spans] or [None]
+        for window in chosen:
             part = states if window is None else select_time(states, *window)
             records.append(part)
             names.append(Path(path).name)

@@ -205,10 +205,10 @@ def _with_ranges(
         found = dict.fromkeys(RANGE_COLUMNS, np.nan)
         if node["term"] in ranges:
             leaf = leaves[node["term"]]
-            place = {}
-            for axis in leaf["value"].dims:
-                place[axis] = int(np.argmin(np.abs(leaf[axis].values - node[axis])))
-            table = ranges[node["term"]].isel(place)
+            nearest = {}
+            for axis in map(str, leaf["value"].dims):
+                nearest[axis] = int(np.argmin(np.abs(leaf[axis].values - node[axis])))
+            table = ranges[node["term"]].isel(nearest)
             found = {key: float(table[key]) for key in RANGE_COLUMNS}
         rows.append(found)
     place = list(nodes.columns).index("expected") + 1

@@ -165,8 +165,8 @@ class Goal:
             missing = float(np.maximum(values, 0.0).mean())
         shortfalls = []
         for name, ratio in self.row_ratios(items).items():
-            bound = max(1.0, _NEAR_BEST * self.beyond.get(name, 0.0))
-            shortfalls.append(float(np.log(max(ratio / bound, 1.0))))
+            row_bound = max(1.0, _NEAR_BEST * self.beyond.get(name, 0.0))
+            shortfalls.append(float(np.log(max(ratio / row_bound, 1.0))))
         if shortfalls:
             missing += float(np.mean(shortfalls))
         return missing

@@ -73,7 +73,8 @@ class RowGradients(ShortText):
         """Return the largest standard error of the ground effect by coefficient."""
         ground = self.functions["ground"].to_numpy(bool)
         criteria = self.functions["criterion"].to_numpy()[ground]
-        return pd.Series(stderr[ground]).groupby(criteria).max().to_dict()
+        largest = pd.Series(stderr[ground]).groupby(criteria).max()
+        return {str(name): float(error) for name, error in largest.items()}
 
     def decides(self, stderr: np.ndarray) -> tuple[str, float]:
         """Return the criterion that decides, and its width; standard errors (function,)."""

@@ -119,7 +119,7 @@ def _hold(model: LinearModel, derivatives: Mapping[str, float]) -> LinearModel:
     """Return a model whose derivatives are not parameters any more."""
 
     def matrices(values: Mapping[str, float]) -> list[np.ndarray]:
-        return model.matrices({**derivatives, **values})
+        return list(model.matrices({**derivatives, **values}))
 
     return LinearModel(
         model.states, model.inputs, model.outputs, matrices, (), dict(model.reference)

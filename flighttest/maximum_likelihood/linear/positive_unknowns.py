@@ -80,7 +80,7 @@ def refuse_positive_constraints(names: Sequence[str], constraints: Sequence[str]
     problems = []
     for constraint in parse_constraints(constraints, names):
         for k in np.flatnonzero(constraint.weights):
-            name = names[k]
+            name = names[int(k)]
             if name.split(".")[0] in (*DEVIATIONS, *LENGTHS) or name.startswith("init.gust_"):
                 problems.append(
                     f"{constraint.text!r}: {name} is a noise or a scale, or a gust over one; "

@@ -27,7 +27,6 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -50,7 +49,7 @@ from flighttest.regression.equation_error.frequency_slopes import (
     fit_slopes,
 )
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.equation_error.samples import slopes_of, stack_samples
+from flighttest.regression.equation_error.samples import Response, slopes_of, stack_samples
 from flighttest.regression.equation_error.time_domain import (
     demand_choice,
     demand_determined,
@@ -211,7 +210,7 @@ def _fit_constrained(
     return found, rate_constraints(parsed, active, theta, covariance)
 
 
-def _responses(problem: FrequencyProblem, fit: SlopeFit) -> dict[str, Any]:
+def _responses(problem: FrequencyProblem, fit: SlopeFit) -> Response:
     """Return the slopes of a fit for the errors of the samples; constants do not enter them."""
     theta = np.zeros(len(problem.terms))
     theta[~problem.is_constant] = fit.estimate.theta

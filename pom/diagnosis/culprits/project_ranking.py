@@ -46,7 +46,7 @@ class ProjectRanking:
     def rows(self) -> list[tuple[str, ...]]:
         """Return the a-priori model, the corrected terms and the final model, as `COLUMNS`."""
         numbers = self.culprits.set_index("term")
-        rows = []
+        rows: list[tuple[str, ...]] = []
         for step in self.corrections.to_dict("records"):
             cells = ("a priori", "", "", "", "")
             if step["term"] in numbers.index:
