@@ -97,8 +97,8 @@ def differentiate_row(
         touched = np.abs(basis(leaf, samples, "clamp")).max(axis=0).toarray().ravel() > 0.0
         uncertain = leaf["stderr"].values.ravel() > 0.0
         for k in np.flatnonzero(touched & uncertain):
-            place = np.unravel_index(int(k), leaf["value"].shape)
-            moves.append((name, tuple(int(i) for i in place)))
+            node = np.unravel_index(int(k), leaf["value"].shape)
+            moves.append((name, tuple(int(i) for i in node)))
 
     def differ(name: str, node: tuple[int, ...]) -> np.ndarray:
         step = _STEP * float(leaves[name]["stderr"].values[node])
@@ -120,7 +120,8 @@ def differentiate_row(
     gradients: dict[str, np.ndarray] = {}
     for (name, moved), column in zip(moves, columns, strict=True):
         shape = (len(functions), *leaves[name]["value"].shape)
-        gradients.setdefault(name, np.zeros(shape))[(slice(None), *moved)] = column
+        place: tuple[Any, ...] = (slice(None), *moved)
+        gradients.setdefault(name, np.zeros(shape))[place] = column
     if float(np.min(plan.states[HEIGHT])) < _NEAR * aircraft.b:
         ground, more = _ground_functions(leaves, samples)
         functions = pd.concat([functions, ground], ignore_index=True)
