@@ -147,6 +147,11 @@ def files(*names: str) -> Check:
     return check
 
 
+def empty_project_folder(folder: Path, printed: str) -> None:
+    """The verb that serves the folder runs until it is interrupted: only the folder is made."""
+    assert list((folder / "mine").iterdir()) == []
+
+
 def log_findings(folder: Path, printed: str) -> None:
     assert "<html" in (folder / "quality.html").read_text(encoding="utf-8")
     assert len((folder / "manoeuvres.csv").read_text(encoding="utf-8").splitlines()) > 1
@@ -271,6 +276,8 @@ CHECKS: dict[tuple[str, int], Check] = {
     ("docs/how-to/fit-a-manoeuvre.md", 0): files("02.nc"),
     ("docs/how-to/fit-a-manoeuvre.md", 3): output_error_of_a_manoeuvre,
     ("docs/how-to/fit-a-manoeuvre.md", 5): linear_motion_of_a_manoeuvre,
+    ("docs/how-to/fit-a-manoeuvre.md", 6): files("board.csv"),
+    ("docs/how-to/workbench.md", 1): empty_project_folder,
     ("docs/how-to/reconstruct-a-flight.md", 0): files("record.png", "pitch.svg"),
     ("docs/how-to/reconstruct-a-flight.md", 1): manoeuvres_of_a_record,
     ("docs/how-to/split-and-run-decks.md", 2): files("results/flaps.out"),
