@@ -97,6 +97,14 @@ VERBS = {
         "board.csv",
     ),
     "design": Verb("flight design design.toml -o design", "c182", "design/*"),
+    "coefficients": Verb("db coefficients c182.a4.st -o numbers.csv", "avl", "numbers.csv"),
+    "from-estimate": Verb(
+        "db from-estimate aircraft.toml c182.a0.st c182.a4.st --length-unit ft --CD0 0.02 "
+        "--control elevator=+delta_e --control aileron=+delta_a --control rudder=-delta_r "
+        "-o avl.nc",
+        "avl",
+        "avl.nc",
+    ),
     "check": Verb(
         f"flight check {FLIGHT} --names names.toml --aircraft aircraft.toml -o q.html",
         "c182",
@@ -160,6 +168,7 @@ VERBS = {
 NOT_TRIED = {
     *("demo", "match", "package make", "view", "pom diagnose", "pom tune"),
     *("datcom plot", "datcom run", "flight fit", "flight fit-linear", "flight plan"),
+    "pom spread",
     *("flight balance", "flight controls", "flight engine", "flight gear", "flight ground-effect"),
     *("flight markers", "flight multibody", "flight report"),
     *("db edit blend", "db edit delete", "db edit extend", "db edit move-reference"),
@@ -194,6 +203,8 @@ def make_inputs(names: str, folder: Path) -> None:
     for file, text in TEXTS.items():
         (folder / file).write_text(text)
     for name in names.split():
+        if name == "avl":
+            shutil.copytree(C182.parent / "avl", folder, dirs_exist_ok=True)
         if name in MAKERS:
             verb = VERBS[MAKERS[name]]
             make_inputs(verb.inputs, folder)

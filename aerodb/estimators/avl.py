@@ -57,6 +57,10 @@ _LETTERS = {
     "w": "w",
 }
 _DERIVATIVE = re.compile(r"(CL|CD|CX|CY|CZ|Cl|Cm|Cn)(?:([abpqruvw])|(d\d+))$")
+# Lines of free text, and one whose left side names derivatives that it does not print.
+_SKIPPED = ("Configuration:", "Run case:", "Clb Cnr")
+_NAME_LENGTH = 12  # characters of a control's name in the heading of the derivatives
+_SYMMETRY = re.compile(r"^\s*([YZ]) Symmetry", re.MULTILINE)
 _MOST_LIFT = 10.0  # a larger lift coefficient is a run that did not converge
 # Tolerance of the check that the neutral point belongs to the derivatives. [chords]
 _NEUTRAL_POINT_TOLERANCE = 2e-3
@@ -100,6 +104,14 @@ class _AvlPrint:
         self.settings: dict[str, float] = {}
         self._read_pairs()
         self._read_controls()
+        if symmetry := _SYMMETRY.search(text):
+            meaning = {"Y": "a mirrored half of the aeroplane", "Z": "a ground plane"}
+            raise ParseError(
+                str(file),
+                text.count("\n", 0, symmetry.start()) + 1,
+                f"{symmetry[1]} symmetry: {meaning[symmetry[1]]}",
+                "a run of the whole aeroplane in free air (iYsym and iZsym 0)",
+            )
         if _AXES_LINE not in text:
             raise ParseError(
                 str(file),
@@ -111,6 +123,8 @@ class _AvlPrint:
     def _read_pairs(self) -> None:
         """Read all pairs of a name and a number, with the line of each."""
         for number, line in enumerate(self.lines, 1):
+            if line.strip().startswith(_SKIPPED):
+                continue
             for name, digits in _PAIR.findall(line):
                 try:
                     value = float(digits.replace("D", "E").replace("d", "e"))
@@ -120,8 +134,14 @@ class _AvlPrint:
                     raise ParseError(
                         str(self.file), number, f"{name} = {digits}", "a number; run the case again"
                     )
-                # The first pair counts: the header comes before everything else.
-                self.pairs.setdefault(name, (value, number))
+                first, place = self.pairs.setdefault(name, (value, number))
+                if value != first:
+                    raise ParseError(
+                        str(self.file),
+                        number,
+                        f"{name} = {digits}, and {first:g} in line {place}",
+                        "one run case in one file",
+                    )
 
     def _read_controls(self) -> None:
         """Read the names of the controls d1, d2 ... and their settings."""
@@ -131,11 +151,22 @@ class _AvlPrint:
                 self.controls |= {key: name.strip() for name, key in found}
         begin = self._line_of("CDff") or self._line_of("CLff") or 0
         for line in self.lines[begin:]:
-            match = re.fullmatch(r"\s+(\S.*?)\s+=\s+([-+\d.Ee]+)\s*", line)
+            match = re.fullmatch(r"\s+(\S.*?)\s*=\s*([-+\d.Ee]+)\s*", line)
             if match and not _DERIVATIVE.match(match[1]):
                 self.settings[match[1].strip()] = float(match[2])
             if _STABILITY in line or _BODY in line:
                 break
+        # The heading of the derivatives has the first characters of a longer name.
+        names = {name[:_NAME_LENGTH].strip(): name for name in self.settings}
+        for key, name in self.controls.items():
+            if name not in names:
+                raise ParseError(
+                    str(self.file),
+                    len(self.lines),
+                    f"derivatives of {name} without its setting",
+                    f"a whole print; it has settings of {', '.join(self.settings) or 'none'}",
+                )
+            self.controls[key] = names[name]
 
     def _line_of(self, name: str) -> int | None:
         return self.pairs[name][1] if name in self.pairs else None
@@ -162,7 +193,8 @@ class _AvlPrint:
         text = "\n".join(self.lines)
         in_body = _BODY in text
         totals = _BODY_TOTALS if in_body else _STABILITY_TOTALS
-        controls = tuple(self.controls.values()) or tuple(self.settings)
+        # A control without derivatives (.ft) has a setting all the same.
+        controls = tuple(self.settings)
         condition = self._condition(controls)
         rows = []
         for printed, coefficient in totals.items():
@@ -188,8 +220,8 @@ class _AvlPrint:
             *(self.number(name) for name in ("Sref", "Cref", "Bref", "Xref", "Yref", "Zref"))
         )
         remarks = [
-            "AVL computes thin surfaces in inviscid flow: no friction drag, no stall, and bodies by "
-            "slender-body theory if the geometry has any",
+            "AVL computes thin surfaces in inviscid flow: no stall, friction drag only from profile "
+            "drag data of the geometry (CDvis), and bodies by slender-body theory",
             "derivatives of controls are per degree of the control variable times its gain",
         ]
         axes = "body" if in_body else "stability"
@@ -203,7 +235,7 @@ class _AvlPrint:
             controls=controls,
             numbers=make_numbers(rows, controls),
             remarks=tuple(remarks),
-            inviscid=True,
+            inviscid=self.pairs.get("CDvis", (0.0, 0))[0] == 0.0,
         )
 
     def _condition(self, controls: tuple[str, ...]) -> dict[str, Any]:
@@ -217,7 +249,7 @@ class _AvlPrint:
             "rhat": self.number("rb/2V"),
         }
         for name in controls:
-            condition[name] = self.settings.get(name, 0.0) * DEGREE
+            condition[name] = self.settings[name] * DEGREE
         return condition
 
     def _row(

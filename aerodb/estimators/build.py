@@ -11,7 +11,7 @@ import xarray as xr
 
 from aerodb.estimators.coefficient_set import CoefficientSet, EstimateReference
 from aerodb.estimators.column_map import ColumnMap
-from aerodb.estimators.conventions import forces_to_stability, name_controls
+from aerodb.estimators.conventions import CONTROLS, forces_to_stability, name_controls
 from aerodb.estimators.effects import EstimateTables
 from aerodb.estimators.reading import read_estimates
 from aerodb.prior.effect_to_terms import terms_of_effect
@@ -35,6 +35,7 @@ from flightmech.errors import SchemaError
 _FAR = 0.1  # distance of moment centres that is a mistake unless it is stated [chords]
 _NEAR = 5e-4  # moment centres closer than this are equal within the print [chords]
 _REFERENCE_DIFFERENCE = 0.01  # relative difference of reference quantities from which on to warn
+_USUAL_DEFLECTION = 0.3  # [rad]
 _NO_FRICTION = 0.03  # standard error of a drag coefficient without friction
 _CONTROLS = ("aileron", "rudder")  # with rolling and yawing moments
 
@@ -109,7 +110,7 @@ def from_estimate(
     effects = tables.effects()
     for remark in tables.remarks:
         warn_user(f"{one.program}: {remark}")
-    prior = errors_with(stderr)
+    prior = _per_radian(errors_with(stderr), effects)
     point = _reference_point(aircraft, one, move_reference)
     effects, prior = _complete_drag(one, effects, prior, CD0)
     by_name = _refer_to_aircraft(effects, one, aircraft, point)
@@ -136,7 +137,7 @@ def _in_metres(
                 "estimate",
                 [
                     f"{name} states no reference quantities; give S, cbar, b and the moment "
-                    f"centre x of the coefficients, or a file of the same run that states them"
+                    f"centre x of the coefficients"
                 ],
             )
         return replace(given, reference=reference, unit_stated=True)
@@ -156,10 +157,30 @@ def _in_metres(
     return given.with_units(length_unit or 1.0)
 
 
+def _per_radian(prior: PriorErrors, effects: Sequence[Effect]) -> PriorErrors:
+    """Return the rules with absolute errors per radian for derivatives of controls.
+
+    The absolute error of a control's term is that of an increment at a usual deflection.
+    """
+    terms = dict(prior.terms)
+    for effect in effects:
+        if effect.regressor not in CONTROLS:
+            continue
+        for coefficient in effect.tables:
+            name = f"{coefficient}/{effect.name}"
+            relative, absolute = terms[name]
+            terms[name] = relative, absolute / _USUAL_DEFLECTION
+    return replace(prior, terms=terms)
+
+
 def _complete_drag(
     one: CoefficientSet, effects: list[Effect], prior: PriorErrors, CD0: float | None
 ) -> tuple[list[Effect], PriorErrors]:
     """Return the effects with the friction drag added, or with a wide standard error without it."""
+    if CD0 is not None and not one.inviscid:
+        raise SchemaError(
+            "estimate", [f"CD0: the drag of {', '.join(one.files[:3])} has friction; leave CD0 out"]
+        )
     if CD0 is None:
         if not one.inviscid:
             return effects, prior

@@ -146,20 +146,28 @@ def join_sets(sets: Iterable[CoefficientSet]) -> CoefficientSet:
     controls = max((one.controls for one in members), key=len)
     numbers = pd.concat([one.numbers for one in members], ignore_index=True)
     numbers = numbers.fillna(dict.fromkeys(controls, 0.0))
+    reference = next((one.reference for one in members if one.reference is not None), None)
     files: list[str] = []
     remarks: dict[str, None] = {}
     for one in members:
         files += one.files
         remarks.update(dict.fromkeys(one.remarks))
     return replace(
-        first, files=tuple(files), controls=controls, numbers=numbers, remarks=tuple(remarks)
+        first,
+        reference=reference,
+        inviscid=any(one.inviscid for one in members),
+        files=tuple(files),
+        controls=controls,
+        numbers=numbers,
+        remarks=tuple(remarks),
     )
 
 
 def _differ(a: EstimateReference | None, b: EstimateReference | None) -> bool:
     """Return whether two sets of reference quantities differ by more than their print."""
+    # A polar states none and takes that of the other files.
     if a is None or b is None:
-        return a is not b
+        return False
     names = ("S", "cbar", "b", "x", "y", "z")
     first = np.array([getattr(a, name) for name in names])
     second = np.array([getattr(b, name) for name in names])

@@ -18,7 +18,7 @@ from flightmech.units import to_si
 
 _AXES = ("mach", "alpha", "beta")
 _QUANTITY = re.compile(r"([A-Za-z_]\w*)(?:\s*\[([^\]]*)\])?$")
-_COEFFICIENTS = tuple(dict.fromkeys((*FORCES["stability"], *FORCES["body"], *MOMENTS)))
+COEFFICIENTS = tuple(dict.fromkeys((*FORCES["stability"], *FORCES["body"], *MOMENTS)))
 
 
 class MappedQuantity(NamedTuple):
@@ -87,12 +87,16 @@ class ColumnMap(Strict):
                 raise ValueError("a matrix needs rows, across and coefficient")
             for text in (self.rows, self.across):
                 parse_quantity_of_column(text)
-            if self.coefficient not in _COEFFICIENTS:
+            if self.coefficient not in COEFFICIENTS:
                 raise ValueError(_describe_coefficients(self.coefficient))
         elif self.layout == "long" and not {"coefficient", "value"} <= set(meanings):
             raise ValueError('the layout long needs a column "coefficient" and a column "value"')
-        elif self.layout == "runs" and not set(meanings) & set(_COEFFICIENTS):
-            raise ValueError(f"the layout runs needs a column of {', '.join(_COEFFICIENTS)}")
+        elif self.layout == "runs" and not set(meanings) & set(COEFFICIENTS):
+            raise ValueError(f"the layout runs needs a column of {', '.join(COEFFICIENTS)}")
+        used = set(meanings) | {self.coefficient}
+        other = {"stability": {"CX", "CZ"}, "body": {"CL", "CD"}}[self.force_axes] & used
+        if other:
+            raise ValueError(f"force_axes {self.force_axes!r} with {', '.join(sorted(other))}")
         twice = sorted({name for name in meanings if meanings.count(name) > 1})
         if twice:
             raise ValueError(f"two columns for {', '.join(twice)}")
@@ -111,7 +115,7 @@ def parse_quantity_of_column(text: str) -> MappedQuantity:
     if not match:
         raise ValueError(f"found {text!r}; expected a name with its unit such as 'alpha [deg]'")
     name, unit = match[1], (match[2] or "").strip()
-    if name in (*_COEFFICIENTS, "coefficient", "value", "mach"):
+    if name in (*COEFFICIENTS, "coefficient", "value", "mach"):
         if unit not in ("", "1", "-"):
             raise ValueError(f"{name} has no unit; found {unit!r}")
         return MappedQuantity(name, "")
@@ -139,6 +143,6 @@ def read_column_map(path: str | Path) -> ColumnMap:
 
 
 def _describe_coefficients(name: str | None) -> str:
-    near = near_names(str(name), _COEFFICIENTS, 2)
+    near = near_names(str(name), COEFFICIENTS, 2)
     hint = f"; near it: {', '.join(near)}" if near else ""
-    return f"{name!r} is not a coefficient; allowed: {', '.join(_COEFFICIENTS)}{hint}"
+    return f"{name!r} is not a coefficient; allowed: {', '.join(COEFFICIENTS)}{hint}"

@@ -14,12 +14,17 @@ from pathlib import Path
 from typing import Any
 
 from aerodb.estimators.coefficient_set import CoefficientSet, make_numbers
-from aerodb.estimators.column_map import ColumnMap, MappedQuantity, parse_quantity_of_column
+from aerodb.estimators.column_map import (
+    COEFFICIENTS,
+    ColumnMap,
+    MappedQuantity,
+    parse_quantity_of_column,
+)
 from flightmech.errors import ParseError
 from flightmech.support.input_files import decode_text, read_bytes, with_line_feeds
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?$")
-_LAST_NUMBER = re.compile(r"([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[Ee][-+]?\d+)?)\s*\S*$")
+_NUMBERS = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[Ee][-+]?\d+)?")
 _CONDITIONS = ("mach", "alpha", "beta")
 _NAMES = ("coefficient", "value")
 _EXPECTED = "a text table of coefficients"
@@ -176,7 +181,14 @@ def _row_numbers(
             )
         else:
             place[quantity.name] = quantity.in_si(number)
-    if name_of_row:
+    if "value" in values:
+        if name_of_row not in COEFFICIENTS:
+            raise ParseError(
+                str(file),
+                line,
+                f"the coefficient {name_of_row!r}",
+                f"one of {', '.join(COEFFICIENTS)}",
+            )
         values = {name_of_row: values["value"]}
     rows = []
     for coefficient, value in values.items():
@@ -229,8 +241,9 @@ def _read_heads(cells: Sequence[str]) -> list[float]:
         return []
     heads = []
     for cell in cells[1:]:
-        match = _LAST_NUMBER.search(cell)
-        if not match:
+        # A heading may name the run or the control before the number: "V40 de=-10 deg".
+        found = _NUMBERS.findall(cell)
+        if not found:
             return []
-        heads.append(float(match[1].replace(",", ".")))
+        heads.append(float(found[-1].replace(",", ".")))
     return heads

@@ -75,19 +75,23 @@ def name_controls(one: CoefficientSet, controls: Mapping[str, str]) -> Coefficie
     if problems:
         raise SchemaError("estimate", problems)
     numbers = one.numbers.copy()
+    # All names change at once: a control of the file may have a name of the product.
+    new_names: dict[str, str] = {}
+    variables = one.numbers["variable"]
     for name in one.controls:
         meaning = controls[name]
         if not meaning:
             # A run with this control deflected is not one of the clean aeroplane.
-            numbers = numbers[(numbers[name] == 0.0) & (numbers["variable"] != name)]
+            numbers = numbers[(numbers[name] == 0.0) & (variables[numbers.index] != name)]
             numbers = numbers.drop(columns=name)
             continue
         sign = _SIGNS[meaning[0]]
-        is_derivative = numbers["variable"] == name
+        is_derivative = variables[numbers.index] == name
         numbers.loc[is_derivative, "value"] *= sign
         numbers.loc[is_derivative, "variable"] = meaning[1:]
         numbers[name] *= sign
-        numbers = numbers.rename(columns={name: meaning[1:]})
+        new_names[name] = meaning[1:]
+    numbers = numbers.rename(columns=new_names)
     return replace(one, controls=tuple(used), numbers=numbers)
 
 
@@ -102,7 +106,7 @@ def forces_to_stability(one: CoefficientSet) -> CoefficientSet:
     numbers = one.numbers
     keys = [*CONDITIONS, *one.controls, "file"]
     rows = []
-    for condition, group in numbers.groupby(keys, sort=False):
+    for condition, group in numbers.groupby(keys, sort=False, dropna=False):
         place: dict[str, Any] = dict(zip(keys, condition))
         place["line"] = int(group["line"].min())
         by_variable: dict[str, dict[str, float]] = {}
@@ -127,15 +131,20 @@ def _turn_condition(
         if is_straight:
             columns["alpha"] = {name: w[name] * cos - u[name] * sin for name in w}
             columns["beta"] = v
-    total = columns[""]
+    total = columns.get("", {})
     turned: dict[tuple[str, str], float] = {}
     for variable, values in columns.items():
         for name in ("CY", "Cl", "Cm", "Cn"):
             if name in values:
                 turned[name, variable] = values[name]
+        # An empty cell of a table is a missing number.
+        if not {"CX", "CZ"} <= set(values):
+            continue
         lift = values["CX"] * sin - values["CZ"] * cos
         drag = -values["CX"] * cos - values["CZ"] * sin
         if variable == "alpha":
+            if not {"CX", "CZ"} <= set(total):
+                continue
             # The axes turn with alpha.
             lift += total["CX"] * cos + total["CZ"] * sin
             drag += total["CX"] * sin - total["CZ"] * cos

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
@@ -25,6 +26,8 @@ _OF_VARIABLE = {
     "delta_a": _LATERAL,
     "delta_r": _LATERAL,
 }
+# Distance by which the runs with a deflection may end before those without. [rad]
+_REACH = 0.3 * DEGREE
 _EQUAL = 1e-6  # two numbers of one condition that differ by less are equal
 # Share of the largest rolling or yawing moment in sideslip below which a run is symmetric.
 _ASYMMETRIC = 2e-3
@@ -158,9 +161,7 @@ class EstimateTables:
                     "estimate",
                     [f"{name} over {variable} has no run at zero; give the clean runs as well"],
                 )
-            increment = table - table.sel({variable: 0.0}, drop=True)
-            # Alphas without all deflections are left out.
-            tables[name] = increment.dropna("alpha", how="any")
+            tables[name] = self._increment(name, table, variable)
         if variable == "beta":
             slopes = {name: self._slope(name, table) for name, table in tables.items()}
             return self._effect("beta", slopes, "beta", "slope of the totals over sideslip")
@@ -173,6 +174,48 @@ class EstimateTables:
             references=effect.references,
             comment=effect.comment,
         )
+
+    def _increment(self, name: str, table: xr.DataArray, variable: str) -> xr.DataArray:
+        """Return the difference of a table to its values without deflection.
+
+        Runs of a tunnel have slightly different angles, so each deflection is interpolated to the
+        angles of the clean runs. Angles that a deflection does not reach are left out, with a
+        remark.
+        """
+        clean = table.sel({variable: 0.0}, drop=True).dropna("alpha", how="any")
+        alphas = clean["alpha"].values
+        parts = []
+        for delta in table[variable].values:
+            runs = table.sel({variable: delta}, drop=True).dropna("alpha", how="any")
+            if runs.sizes["alpha"] < 2:
+                raise SchemaError(
+                    "estimate",
+                    [
+                        f"{name} at {variable} {delta / DEGREE:g} deg has {runs.sizes['alpha']} "
+                        f"angles of attack with all Mach numbers; give two or more"
+                    ],
+                )
+            moved = runs.interp(alpha=alphas, kwargs={"fill_value": "extrapolate"})
+            low, high = runs["alpha"].values[[0, -1]] + np.array([-1.0, 1.0]) * _REACH
+            parts.append((moved - clean).where((alphas >= low) & (alphas <= high)))
+        increment = xr.concat(parts, table[variable]).transpose(*table.dims)
+        kept = increment.dropna("alpha", how="any")
+        lost = sorted(set(alphas) - set(kept["alpha"].values))
+        if not kept.sizes["alpha"]:
+            raise SchemaError(
+                "estimate",
+                [
+                    f"{name} over {variable}: no angle of attack has all deflections; give runs of "
+                    f"all deflections over the same angles"
+                ],
+            )
+        if lost:
+            degrees = " ".join(f"{alpha / DEGREE:g}" for alpha in lost)
+            self.remarks.append(
+                f"{name} over {variable}: not every deflection reaches alpha {degrees} deg; the "
+                f"increment there is that of the nearest angle"
+            )
+        return kept
 
     def _slope(self, name: str, table: xr.DataArray) -> xr.DataArray:
         """Return the slope through zero of a table over sideslip; a remark if it is not straight."""

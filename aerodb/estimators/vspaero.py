@@ -88,15 +88,22 @@ def _read_stab(file: Path, text: str) -> CoefficientSet:
     starts = [number for number, line in enumerate(lines) if line.startswith("*****")]
     rows: list[dict[str, Any]] = []
     controls: tuple[str, ...] = ()
+    is_stated = True
     header: dict[str, float] = {}
     for begin, end in zip(starts, [*starts[1:], len(lines)]):
         block = _StabBlock(file, lines, begin + 1, end)
         if not block.is_empty():
             rows += block.rows()
             controls, header = block.controls, block.header
+            is_stated &= set(controls) <= set(block.settings)
     reference = EstimateReference(*(header[name] for name in _HEADER[:6]))
     numbers = make_numbers(rows, controls)
     remarks = [_INVISCID, *_describe_cancelling(numbers, controls)]
+    if controls and not is_stated:
+        remarks.append(
+            "the file does not state the deflections of its controls (older versions of the "
+            "program): all runs count as without deflection"
+        )
     return CoefficientSet(
         "VSPAERO",
         (file.name,),
@@ -204,6 +211,13 @@ class _StabBlock:
         for name, rate in zip(_RATES, ("phat", "qhat", "rhat")):
             turned = self.header.get(name, 0.0)
             length = self.header["Cref_" if rate == "qhat" else "Bref_"]
+            if turned and not speed > 0.0:
+                raise ParseError(
+                    str(self.file),
+                    self.begin + 1,
+                    f"{name} {turned:g} without Vinf_",
+                    "the airspeed of the rate",
+                )
             condition[rate] = turned * length / (2.0 * speed) if turned else 0.0
         for name in self.controls:
             condition[name] = self.settings.get(name, 0.0)
@@ -235,6 +249,11 @@ def _read_polar(file: Path, text: str) -> CoefficientSet:
     """Return the totals of a ``.polar`` file; the reference quantities are not in it."""
     lines = text.splitlines()
     head = lines[0].split()
+    missing = [name for name in _POLAR if name not in head]
+    if missing:
+        raise ParseError(
+            str(file), 1, f"no column {', '.join(missing)}", f"the columns {', '.join(_POLAR)}"
+        )
     rows = []
     for number, line in enumerate(lines[1:], 2):
         words = line.split()

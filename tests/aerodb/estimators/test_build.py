@@ -1,8 +1,8 @@
 """Databases of outputs of AVL and VSPAERO."""
 
 import json
+import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,27 +14,18 @@ from aerodb.estimators.build import from_estimate
 from aerodb.estimators.coefficient_set import EstimateReference
 from flightmech.errors import AeromatchWarning, SchemaError
 
+sys.path.insert(0, str(Path(__file__).parent))
+from light_aircraft import FOOT, aircraft
+
 SHARED = Path(__file__).parents[4] / "shared" / "data" / "estimators"
 AVL, VSPAERO = SHARED / "avl", SHARED / "vspaero"
 needs_outputs = pytest.mark.skipif(
     not SHARED.is_dir(), reason="the outputs of other estimators are not here (shared data)"
 )
-DEG, FOOT = np.pi / 180.0, 0.3048
+DEG = np.pi / 180.0
 CONTROLS = {"elevator": "+delta_e", "aileron": "+delta_a", "rudder": "-delta_r"}
 OF_VSPAERO = {"Elevator": "+delta_e", "Aileron": "+delta_a", "Rudder": "-delta_r"}
 MORE = {"length_unit": FOOT, "CD0": 0.027}
-
-
-def aircraft(**changed):
-    """The aeroplane of the files, in metres."""
-    facts = {
-        "name": "C182",
-        "S": 174.0 * FOOT**2,
-        "cbar": 4.9 * FOOT,
-        "b": 35.8 * FOOT,
-        "reference": (-7.6 * FOOT, 0.0, 0.0),
-    }
-    return SimpleNamespace(**(facts | changed))
 
 
 def sweep(kind):
@@ -185,3 +176,37 @@ def test_the_verbs(tmp_path):
     assert len(rows) == 1 + len(content["numbers"])
     plain = run.invoke(group, ["coefficients", files[2]])
     assert "moments and rates in stability axes" in plain.output
+
+
+@needs_outputs
+def test_friction_is_not_added_to_a_drag_that_has_it(tmp_path):
+    reference = EstimateReference(174.0 * FOOT**2, 4.9 * FOOT, 35.8 * FOOT, 7.6 * FOOT)
+    with pytest.raises(SchemaError, match="has friction; leave CD0 out"):
+        from_estimate(aircraft(), [VSPAERO / "c182.polar"], reference=reference, CD0=0.02)
+    text = (AVL / "c182.a4.st").read_text().replace("CDvis =   0.00000", "CDvis =   0.02000")
+    (tmp_path / "viscous.st").write_text(text)
+    with pytest.raises(SchemaError, match="has friction; leave CD0 out"):
+        from_estimate(aircraft(), [tmp_path / "viscous.st"], controls=CONTROLS, **MORE)
+
+
+@needs_outputs
+def test_the_absolute_error_of_a_derivative_is_per_radian(of_avl):
+    """The figure of a table is that of an increment at a usual deflection of 0.3 rad."""
+    leaf = aerodb.terms(of_avl)["Cl/rudder"].sel(mach=0.2)
+    absolute = np.sqrt(leaf["stderr"] ** 2 - (0.5 * leaf["value"]) ** 2)
+    np.testing.assert_allclose(absolute, 0.002 / 0.3, rtol=1e-6)
+
+
+@needs_outputs
+def test_two_controls_may_exchange_their_names(tmp_path):
+    """A control of the file with a name of the product is not taken for the renamed one."""
+    names = {"aileron": "delta_e", "elevator": "aileron"}
+    files = []
+    for file in sweep("st"):
+        text = file.read_text().replace("aileron ", "delta_e ").replace("elevator", "aileron ")
+        (tmp_path / file.name).write_text(text)
+        files.append(tmp_path / file.name)
+    controls = {names.get(old, old): meaning for old, meaning in CONTROLS.items()}
+    db = from_estimate(aircraft(), files, controls=controls, **MORE)
+    assert value(db, "Cm/elevator") == pytest.approx(-0.033890 / DEG)
+    assert value(db, "Cl/aileron") < 0.0

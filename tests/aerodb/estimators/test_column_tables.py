@@ -1,5 +1,6 @@
 """Text tables of coefficients with a column map."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,10 @@ import pytest
 import aerodb
 from aerodb.estimators.column_map import read_column_map
 from aerodb.estimators.column_tables import read_table
-from flightmech.errors import ParseError, SchemaError
+from flightmech.errors import AeromatchWarning, ParseError, SchemaError
+
+sys.path.insert(0, str(Path(__file__).parent))
+from light_aircraft import aircraft
 
 SHARED = Path(__file__).parents[4] / "shared" / "data" / "estimators" / "tables_csv"
 needs_tables = pytest.mark.skipif(
@@ -101,16 +105,19 @@ def test_three_layouts_hold_the_same_numbers(tmp_path):
 
 @needs_tables
 def test_a_database_of_a_table_has_increments_over_the_deflection(tmp_path):
-    from test_build import aircraft
-
     controls = {"elevator": "+delta_e", "aileron": "+delta_a", "rudder": "-delta_r"}
-    db = aerodb.from_estimate(
-        aircraft(),
-        [SHARED / "c182_runs_tidy.csv"],
-        columns=column_map(tmp_path, RUNS),
-        controls=controls,
-        CD0=0.027,
-    )
+    # The drag of the table is that of a vortex lattice.
+    with pytest.warns(AeromatchWarning) as caught:
+        db = aerodb.from_estimate(
+            aircraft(),
+            [SHARED / "c182_runs_tidy.csv"],
+            columns=column_map(tmp_path, RUNS),
+            controls=controls,
+        )
+    texts = [str(warning.message) for warning in caught]
+    assert any(text.startswith("CD = 0.001") for text in texts)
+    # Sideslip was run from 0 to 8 deg only.
+    assert any("CY over beta: not every deflection reaches alpha -4" in text for text in texts)
     table = aerodb.terms(db)["Cm/elevator"]["value"].sel(mach=0.2)
     at_4 = table.sel(alpha=4 * DEG, method="nearest")
     slope = float(at_4.sel(delta_e=5 * DEG, method="nearest")) / (5 * DEG)
@@ -167,3 +174,56 @@ def test_a_faulty_column_map_is_refused(tmp_path, old, new, message):
     assert text != SMALL
     with pytest.raises(SchemaError, match=message):
         column_map(tmp_path, text)
+
+
+SWEEPS = (
+    "alpha,stick,CL,CD,Cm\n"
+    "-4,0,-0.3,0.03,0.1\n0,0,0.1,0.03,0.0\n4,0,0.5,0.03,-0.1\n8,0,0.9,0.04,-0.2\n"
+    "-3.98,10,-0.198,0.03,-0.1005\n0.02,10,0.202,0.03,-0.2005\n4.02,10,0.602,0.03,-0.3005\n"
+)
+SWEEP_MAP = (
+    'layout = "runs"\n'
+    + AXES
+    + REFERENCE
+    + '[columns]\nalpha = "alpha [deg]"\nstick = "stick [deg]"\n'
+    + 'CL = "CL"\nCD = "CD"\nCm = "Cm"\n'
+)
+
+
+def test_runs_at_slightly_other_angles_are_interpolated(tmp_path):
+    """Angles of a tunnel are never equal: the increment is taken at those of the clean runs."""
+    (tmp_path / "runs.csv").write_text(SWEEPS)
+    with pytest.warns(AeromatchWarning) as caught:
+        db = aerodb.from_estimate(
+            aircraft(),
+            [tmp_path / "runs.csv"],
+            columns=column_map(tmp_path, SWEEP_MAP),
+            controls={"stick": "+delta_e"},
+        )
+    text = " ".join(str(warning.message) for warning in caught)
+    # The deflected runs end at 4 deg, the clean ones at 8 deg.
+    assert "CL over delta_e: not every deflection reaches alpha 8 deg" in text
+    table = aerodb.terms(db)["CL/elevator"]["value"].sel(mach=0.2)
+    increment = table.sel(delta_e=10 * DEG, method="nearest")
+    np.testing.assert_allclose(increment, 0.1, atol=1e-9)
+
+
+def test_an_unknown_coefficient_of_a_long_table_names_its_line(tmp_path):
+    (tmp_path / "a.csv").write_text("alpha,coefficient,value\n0,CL,0.1\n0,CM,0.0\n")
+    lines = LONG.splitlines(True)
+    text = "".join(line for line in lines if not line.startswith(("beta", "da", "de", "dr")))
+    with pytest.raises(ParseError, match=r"line 3.*'CM'"):
+        read_table(tmp_path / "a.csv", column_map(tmp_path, text))
+
+
+def test_forces_of_other_axes_than_stated_are_refused(tmp_path):
+    text = SMALL.replace('force_axes = "stability"', 'force_axes = "body"')
+    with pytest.raises(SchemaError, match="force_axes 'body' with CD, CL"):
+        column_map(tmp_path, text)
+
+
+def test_the_heading_of_a_matrix_may_have_other_words(tmp_path):
+    text = "alpha\tV40 de=-10 deg\tV40 de=0 deg\tV40 de=10 deg\n0\t0.2\t0.1\t0.0\n"
+    (tmp_path / "a.txt").write_text(text)
+    numbers = read_table(tmp_path / "a.txt", column_map(tmp_path, MATRIX.format("Cm"))).numbers
+    assert sorted(set(np.round(numbers["elevator"] / DEG, 6))) == [-10.0, 0.0, 10.0]

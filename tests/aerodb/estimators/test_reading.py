@@ -233,6 +233,9 @@ def test_a_control_of_one_letter_and_a_print_without_other_derivatives(tmp_path)
         ("X fwd, Z down", "", "axes that are not of the standard orientation|not converged"),
         ("  Cref", "  Cxxx", "no Cref"),
         ("flap         d1", "", "Cmd1 without a name"),
+        ("   flap            =   1.00000\n", "", "derivatives of flap without its setting"),
+        (" Standard axis", " Z Symmetry: Ground plane\n Standard axis", "a ground plane"),
+        ("Mach  =     0.100", "Mach  =     0.100  Mach = 0.2", "0.1 in line"),
     ],
 )
 def test_a_faulty_print_of_avl_is_refused(tmp_path, old, new, message):
@@ -273,3 +276,23 @@ def test_an_empty_file_is_an_aborted_run(tmp_path):
     (tmp_path / "a.stab").write_text("")
     with pytest.raises(ParseError, match="an empty file"):
         read_estimate(tmp_path / "a.stab")
+
+
+def test_free_text_of_a_print_is_not_a_number_of_it(tmp_path):
+    """Title and name of the run case may contain anything."""
+    head = "\n Configuration: Bref = 99.9\n Run case:  Mach = 0.7\n Standard axis"
+    (tmp_path / "a.st").write_text(PRINT.replace("\n Standard axis", head))
+    one = read_estimate(tmp_path / "a.st")
+    assert one.reference.b == 10.0
+    assert set(one.numbers["mach"]) == {0.1}
+
+
+def test_a_long_name_of_a_control_has_its_deflection(tmp_path):
+    """The heading of the derivatives has the first twelve characters of a name."""
+    text = PRINT.replace("flap            =", "elevator_right  =").replace(
+        "flap         d1", "elevator_rig d1"
+    )
+    (tmp_path / "a.st").write_text(text)
+    one = read_estimate(tmp_path / "a.st")
+    assert one.controls == ("elevator_right",)
+    assert find(one.numbers, "Cm", "elevator_right")["elevator_right"] == pytest.approx(DEG)
