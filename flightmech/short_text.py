@@ -27,7 +27,11 @@ class ShortText:
             cls.__repr__ = ShortText.__repr__  # type: ignore[method-assign]
 
     def __repr__(self) -> str:
-        lines = _report_lines(self)
+        try:
+            lines = _report_lines(self)
+        except Exception:
+            # A debugger shows objects whose report fails: their fields are shown instead.
+            lines = []
         if not lines:
             return describe_fields(self)
         return shorten_lines([f"<{type(self).__name__}>", *lines], "print it for all")
@@ -41,11 +45,7 @@ def _report_lines(item: Any) -> list[str]:
     report = getattr(item, "report", None)
     if report is None:
         return []
-    try:
-        return str(report()).splitlines()
-    except Exception:
-        # A debugger shows objects that are not complete yet: the fields are shown instead.
-        return []
+    return str(report()).splitlines()
 
 
 def shorten_lines(lines: Iterable[str], remedy: str) -> str:
@@ -82,7 +82,8 @@ def describe_fields(item: Any, units: Mapping[str, str] | None = None) -> str:
     units = units or {}
     rows: list[tuple[str, str]] = []
     for entry in fields(item):
-        value = getattr(item, entry.name)
+        # An object that is not complete yet lacks some fields.
+        value = getattr(item, entry.name, None)
         if entry.name.startswith("_") or not entry.repr or _is_empty(value):
             continue
         text = describe_value(value)

@@ -136,6 +136,11 @@ def differentiate_row(
     if not finite.all():
         lost = sorted(set(functions["criterion"][~finite]))
         notes.append(f"not judged with a moved node, left out: {', '.join(lost)}")
+    if not (finite & ~functions["ground"].to_numpy(bool)).any():
+        raise SchemaError(
+            f"wanted_row {wanted.name}",
+            [f"no criterion is judged: {'; '.join(notes)}; choose another manoeuvre or row"],
+        )
     return RowGradients(
         wanted,
         functions[finite].reset_index(drop=True),
@@ -187,6 +192,9 @@ def _functions_of(bench: SampledBench, base: SampledRun) -> tuple[pd.DataFrame, 
         if name in bench.traced and bench.traced[name] in base.difference:
             channel = bench.traced[name]
             inside = np.flatnonzero(np.isfinite(bench.tolerance[channel].values))
+            if not len(inside):
+                lost.append(name)
+                continue
             chosen = np.unique(np.linspace(0, len(inside) - 1, _INSTANTS).astype(int))
             for k in inside[chosen]:
                 rows.append(_function(name, group, time[k], sample=int(k)))

@@ -26,7 +26,7 @@ from aerodb.update.weight_learning import SPREAD_OF_FITS, weigh_fits
 from flightmech.errors import IdentificationError
 
 # Parts by which the shape of a table departs from the handbook, and share of tables without them.
-_SHAPE, _SMOOTH = ("long", "short"), 0.5
+_SHAPE, _SMOOTH = ("long", "medium", "short"), 0.5
 
 
 def draw_stderr(

@@ -138,7 +138,7 @@ def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
 @pytest.mark.slow
 def test_the_prior_is_what_the_tables_say(opened):
     shown = page.show_fit(opened, {}, wanted(opened, prior=PRIOR))
-    paths = page._form_windows(opened, page.FitRequest(**wanted(opened)))
+    paths = page.form_windows(opened, page.FitRequest(**wanted(opened)))
     prior = prior_of(
         flighttest.regress(flighttest.RegressionModel.parse(MODEL), paths),
         aerodb.open(opened.work / "match" / "datcom.nc"),
@@ -306,9 +306,9 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
     error is another file; old ones go.
     """
     body = page.FitRequest(**wanted(opened))
-    first = page._form_windows(opened, body)
+    first = page.form_windows(opened, body)
     monkeypatch.setattr(flighttest, "coefficients", lambda *a, **b: pytest.fail("made again"))
-    again = page._form_windows(OpenProject(opened.file, opened.work), body)
+    again = page.form_windows(OpenProject(opened.file, opened.work), body)
     monkeypatch.undo()
     for one, other in zip(first, again, strict=True):
         xr.testing.assert_identical(one, other)
@@ -330,14 +330,14 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
     )
     folder = opened.work / coefficients.FOLDER
     known = set(folder.glob(f"{FIRST}_*.nc"))
-    page._form_windows(opened, page.FitRequest(**wanted(opened, cutoff=3.0)))
+    page.form_windows(opened, page.FitRequest(**wanted(opened, cutoff=3.0)))
     (new,) = set(folder.glob(f"{FIRST}_*.nc")) - known
     monkeypatch.setattr(coefficients, "MOST_BYTES", 2 * new.stat().st_size)
-    page._form_windows(opened, page.FitRequest(**wanted(opened, cutoff=3.5)))
+    page.form_windows(opened, page.FitRequest(**wanted(opened, cutoff=3.5)))
     left = {file.name for file in folder.glob("*.nc")}
     assert len(left) == 2
     assert new.name in left
-    page._form_windows(
+    page.form_windows(
         OpenProject(opened.file, opened.work), body
     )  # formed once more, since its file is gone
 

@@ -457,7 +457,6 @@ def test_options_that_do_not_go_together_are_refused(tmp_path):
         (("--method", "iv", "--band", "0.1", "2"), "works in time"),
         (("--method", "tls", "--noise", "beta", "0.01", "--ridge", "auto"), "works in time"),
         (("--instruments", str(tmp_path / "other.nc")), "--method iv"),
-        (("--constraint", "beta < 0", "--band", "0.1", "2"), "works in time"),
     ):
         done = CliRunner().invoke(identify_command, [*arguments, *options])
         assert isinstance(done.exception, SchemaError), options
