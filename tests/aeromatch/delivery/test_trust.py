@@ -229,6 +229,7 @@ def key_killed_at_each_call(folder):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_killed_run_leaves_no_half_of_a_key(tmp_path):
     write_calls.run_preloaded(key_killed_at_each_call, tmp_path)
 

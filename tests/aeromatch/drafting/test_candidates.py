@@ -83,9 +83,9 @@ def test_noise_is_no_candidate(table, rows):
 @pytest.mark.parametrize(
     ("mirrored", "reversed_channels"),
     [
-        (("Roll", "Roll Rate"), {"phi", "p"}),
+        pytest.param(("Roll", "Roll Rate"), {"phi", "p"}, marks=pytest.mark.nightly),
         (("Roll", "Roll Rate", "Aileron"), {"phi", "p"}),
-        (("Pitch", "Pitch Rate"), {"theta", "q"}),
+        pytest.param(("Pitch", "Pitch Rate"), {"theta", "q"}, marks=pytest.mark.nightly),
     ],
 )
 def test_an_angle_and_its_rate_that_are_reversed_together_are_corrected(

@@ -45,6 +45,7 @@ def run(opened, words, file):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_loop_of_the_page_is_that_of_the_commands(opened):
     fitted = [{"record": RECORD, "start": 9.0, "end": 21.7}]
     other = [{"record": RECORD, "start": 39.4, "end": 49.0}]

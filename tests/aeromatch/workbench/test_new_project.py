@@ -381,6 +381,7 @@ def test_a_project_that_a_log_drafts_need_not_exist(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_loop_of_init_is_replayed_into_the_same_files(tmp_path):
     """Draft, a column taken as the elevator, masses; replayed with match --actions elsewhere."""
     (tmp_path / "new").mkdir()

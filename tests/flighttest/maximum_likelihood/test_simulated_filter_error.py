@@ -61,6 +61,7 @@ def wanted():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_gusts_that_ruin_output_error_cost_the_filter_little(glider):
     record = flown(glider, 3)
     unknowns = wanted() | {"gust.w": 0.5}

@@ -224,6 +224,7 @@ def test_rows_are_stored_with_their_database(prior, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_range_holds_for_aeroplanes_that_the_prior_describes(prior):
     """Draws of other seeds lie inside the range of 90 %, within the scatter of 20 draws, and so
     does what `tabulate` gives with estimates of an aeroplane.
