@@ -22,7 +22,8 @@ from pom.judging.beyond_the_bands import watch_channels
 from pom.judging.departures import case_departures
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all, verdict_row
-from pom.probing.scatter_probe import measure_scatter
+from pom.probing.scatter_probe import measure_scatter, noise_of_inputs
+from pom.replaying.table_agreement import shows_own_tables
 from pom.replaying.trim import beyond_limits, result_trim_limits
 from pom.result import NUMBERS, PomResult
 from pom.status import PASSED
@@ -194,9 +195,11 @@ def _find_missing_remarks(result: PomResult, run: str) -> Iterator[str]:
     if _is_refused(result, run):
         return
     stated: set[str] = set()
+    own_tables = False
     for row in result.rows:
         if row["run"] == run:
             stated.update(remark.text for remark in row["remarks"])
+            own_tables |= shows_own_tables(row["remarks"])
     flight, model = traces_of(result.signals, "flight"), traces_of(result.signals, run)
     expected = (
         *case_departures(result.case),
@@ -204,7 +207,10 @@ def _find_missing_remarks(result: PomResult, run: str) -> Iterator[str]:
         *watch_channels(result.case, result.signals["time"].values, flight, model),
     )
     if result.status(run) in PASSED and result.case.reference == "flight":
-        copied = [item for item in measure_scatter(result.signals, run) if item.kind != "probe"]
+        scatter = measure_scatter(result.signals, run)
+        if own_tables:
+            scatter = noise_of_inputs(scatter)
+        copied = [item for item in scatter if item.kind != "probe"]
         expected = (*expected, *copied)
     for remark in expected:
         if remark.text not in stated:

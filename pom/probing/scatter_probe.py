@@ -7,7 +7,8 @@ record, sample by sample, was made from the record.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -148,6 +149,22 @@ def judge_scatter(scatter: RecordScatter, model: Mapping[str, np.ndarray]) -> tu
         return (RowRemark("probe", text, values=values, unit="1"),)
     reason = f"not driven by the inputs: {text}; the answer holds the noise of the record"
     return (RowRemark("not_driven", reason, values=values, unit="1"),)
+
+
+def noise_of_inputs(remarks: Iterable[RowRemark]) -> tuple[RowRemark, ...]:
+    """Return remarks in which the scatter of a model that answers by its tables proves nothing.
+
+    Tables over flight condition and controls cannot hold a flight, so the noise in the answer came
+    with the recorded inputs.
+    """
+    explained = []
+    for remark in remarks:
+        if remark.kind == "not_driven" and "correlation" in remark.values:
+            text = remark.text.removeprefix("not driven by the inputs: ").partition(";")[0]
+            text += "; the answer is that of the tables in the FMU, so its noise is of the inputs"
+            remark = replace(remark, kind="probe", text=text)
+        explained.append(remark)
+    return tuple(explained)
 
 
 # Motion of a channel, over the difference of flight and model, that a copy would follow.

@@ -25,6 +25,7 @@ from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_rem
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
 from pom.probing.record_leak import find_leaks
+from pom.probing.scatter_probe import noise_of_inputs
 from pom.probing.temperature_effect import weigh_temperature
 from pom.replaying.replay_channels import (
     judged_channels,
@@ -34,7 +35,7 @@ from pom.replaying.replay_channels import (
 )
 from pom.replaying.result_assembly import assemble_result
 from pom.replaying.run_remarks import below_runway, table_ranges, tables_left
-from pom.replaying.table_agreement import compare_model_tables
+from pom.replaying.table_agreement import compare_model_tables, shows_own_tables
 from pom.replaying.trim import OBSERVED, solve_trim_surfaces
 from pom.result import PomResult
 from pom.status import PASSED
@@ -211,9 +212,14 @@ def perform_plan(
         store=store,
     )
     for name, model in models.items():
-        is_driven = all(remark.kind != "not_driven" for remark in found.get(name, ()))
-        if is_driven and result.status(name) in PASSED:
-            agreement = _table_agreement(model, jobs[name], outputs_by_run[name])
+        if result.status(name) not in PASSED:
+            continue
+        remarks = found.get(name, ())
+        agreement = _table_agreement(model, jobs[name], outputs_by_run[name])
+        if shows_own_tables(agreement):
+            remarks = noise_of_inputs(remarks)
+            found[name] = remarks
+        if all(remark.kind != "not_driven" for remark in remarks):
             weighed = weigh_temperature(
                 result,
                 name,

@@ -9,7 +9,7 @@ are those of this installation, byte by byte, needs no such flight.
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -36,6 +36,7 @@ The FMUs of the T-37 and the C182 agree to rounding, 1e-13.
 
 Traces = Mapping[str, np.ndarray]
 
+_DIFFERS = "the answer differs from that of the tables in the FMU by "
 _UNALTERED = "program and description of the FMU are those of this installation, byte by byte"
 
 
@@ -49,6 +50,15 @@ def compare_model_tables(
     if not model.links.table and _is_unaltered_once(model.fmu.path, model.fmu.sha256):
         return (RowRemark("probe", _UNALTERED),)
     return compare_tables(tables, job, outputs)
+
+
+def shows_own_tables(remarks: Iterable[RowRemark]) -> bool:
+    """Return whether a remark shows that the answer of a model is that of its tables."""
+    for remark in remarks:
+        is_shown = remark.text == _UNALTERED or remark.text.startswith(_DIFFERS)
+        if remark.kind == "probe" and is_shown:
+            return True
+    return False
 
 
 @cache
@@ -87,10 +97,7 @@ def compare_tables(model: SimModel, job: ReplayJob, outputs: Traces) -> tuple[Ro
         return ()
     worst = max(sizes, key=lambda name: sizes[name])
     size = value_text(worst, sizes[worst] * SIZES[worst], ".2g")
-    text = (
-        f"the answer differs from that of the tables in the FMU by {size} rms "
-        f"({quantity_words(worst)})"
-    )
+    text = f"{_DIFFERS}{size} rms ({quantity_words(worst)})"
     if sizes[worst] < OWN_TABLES:
         return (RowRemark("probe", text, values=sizes, unit="1"),)
     reason = (

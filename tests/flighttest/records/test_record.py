@@ -13,7 +13,7 @@ from flighttest.records.record import (
     channel_leaves,
     faults,
     find_channel_leaf,
-    manoeuvres,
+    marked_manoeuvres,
     overview,
 )
 
@@ -175,7 +175,7 @@ def test_manoeuvres_and_overview(tmp_path):
     record = flighttest.read(
         netcdf(tmp_path / "r.nc", {"/a": leaf([0, 1], q=([1, 2], "rad/s"))}, manoeuvres=flown)
     )
-    assert manoeuvres(record).iloc[0].to_dict() == {
+    assert marked_manoeuvres(record).iloc[0].to_dict() == {
         "manoeuvre": "doublet",
         "control": "elevator",
         "start": 1.0,
@@ -200,7 +200,7 @@ def test_manoeuvres_and_overview(tmp_path):
 def test_a_list_of_manoeuvres_that_is_none(text):
     record = xr.DataTree(xr.Dataset(attrs={"manoeuvres": text, "source_file": "run.nc"}))
     with pytest.raises(ParseError, match=r"run.nc: found"):
-        manoeuvres(record)
+        marked_manoeuvres(record)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse such a name")

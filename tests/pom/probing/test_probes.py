@@ -22,7 +22,14 @@ from pom.probing import (
 from pom.probing.flight_consistency import judge_lift
 from pom.probing.input_probe import SCALE
 from pom.probing.model_probes import _measure_hidden
-from pom.probing.scatter_probe import RecordScatter, judge_difference, judge_scatter
+from pom.probing.scatter_probe import (
+    RecordScatter,
+    judge_difference,
+    judge_scatter,
+    noise_of_inputs,
+)
+from pom.replaying.table_agreement import shows_own_tables
+from pom.tolerances.bands import RowRemark
 
 STEP = 0.02  # [s]
 TIME = np.arange(0.0, 12.0, STEP)
@@ -294,3 +301,18 @@ def test_channels_that_a_case_does_not_show_are_probed_once():
     honest = dict.fromkeys(names, 0.97 * truth)
     honest["psi"] = truth + np.radians(0.02) * TIME
     assert _measure_hidden(RecordScatter(flight), honest, TIME, ()) == ()
+
+
+def test_noise_in_an_answer_by_tables_is_of_the_inputs():
+    """Tables over the flight condition cannot hold a flight; a program of others can."""
+    text = "not driven by the inputs: scatter 0.4; the answer holds the noise of the record"
+    scatter = RowRemark("not_driven", text, values={"ratio": 0.4, "correlation": 0.5}, unit="1")
+    other = RowRemark("not_driven", "not driven by the inputs: no change", values={"p": 0.0})
+    first, second = noise_of_inputs([scatter, other])
+    assert first.kind == "probe"
+    assert first.text.startswith("scatter 0.4; the answer is that of the tables")
+    assert second == other
+    differs = "the answer differs from that of the tables in the FMU by 0.1 deg rms (pitch)"
+    assert shows_own_tables([RowRemark("probe", differs)])
+    assert not shows_own_tables([RowRemark("not_driven", f"not driven by its tables: {differs}")])
+    assert not shows_own_tables([RowRemark("probe", "answer not compared with the tables")])
