@@ -149,6 +149,14 @@ def test_a_name_of_two_clocks_needs_its_leaf():
         find_channel("label", leaves)
 
 
+def test_spectrum_of_two_sampling_intervals():
+    """0.0200 and 0.02006 s differ by more than their mean differs from each."""
+    line = {"q": np.random.default_rng(2).standard_normal(400)}
+    pieces = [(slice(0, 200), 0.0200), (slice(200, 400), 0.02006)]
+    found = views.average_densities(line, pieces, 128)
+    assert (found["step"], found["used"], found["left_out"]) == (0.02, [slice(0, 200)], 1)
+
+
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
     folder = tmp_path_factory.mktemp("opened")

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+import xarray as xr
 
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
@@ -20,6 +21,7 @@ from test_hostile_requests import send
 from aeromatch.cli.actions.verbs import _replayed
 from aeromatch.cli.verbs import match_command
 from aeromatch.drafting.folder import draft_project
+from aeromatch.drafting.gaps import engine_numbers
 from aeromatch.drafting.merging import merge_toml
 from aeromatch.project.editing import set_key
 from aeromatch.workbench.actions import read_action_log
@@ -33,8 +35,8 @@ from aeromatch.workbench.new_project import dropped_files
 from aeromatch.workbench.new_project.aircraft_data import aircraft_rows, give_values
 from aeromatch.workbench.new_project.column_edits import edit_column
 from aeromatch.workbench.new_project.draft import keep_draft, show_draft
-from aeromatch.workbench.new_project.recorded_columns import pack_columns
-from aeromatch.workbench.new_project.sources import list_files
+from aeromatch.workbench.new_project.recorded_columns import pack_columns, recorded_tables
+from aeromatch.workbench.new_project.sources import list_files, recordings_of
 from aeromatch.workbench.opened import OpenProject
 from flightmech.errors import SchemaError
 from flighttest.records.readers.name_map_reading import read_names
@@ -268,6 +270,30 @@ def test_traces_are_the_columns_as_recorded(drafted):
     for wrong in ({"points": "x"}, {"points": "0" * 9}, {"columns": "CH7"}, {"columns": "[1]"}):
         with pytest.raises(SchemaError):
             pack_columns(drafted, {**query, **wrong}, None)
+
+
+def test_traces_of_tables_start_at_one_time(opened):
+    """A leaf that starts 2 s later is drawn 2 s later."""
+    early = xr.Dataset({"q": ("time", [0.1, 0.2])}, {"time": [5.0, 6.0]})
+    late = xr.Dataset({"V": ("time", [80.0, 81.0])}, {"time": [7.0, 8.0]})
+    xr.DataTree.from_dict({"/imu": early, "/air": late}).to_netcdf(opened.file.parent / "a.nc")
+    tables = recorded_tables(opened, "a")
+    times = {name: list(table.time) for name, table in tables.items() if table.has_clock}
+    assert times == {"imu": [0.0, 1.0], "air": [2.0, 3.0]}
+
+
+def test_recordings_of_one_name_are_both_listed(opened):
+    folder = opened.file.parent
+    for name in ("a.csv", "a.mat", "b.csv"):
+        (folder / name).write_text("time,q\n0,0\n1,0\n")
+    assert list(recordings_of(opened)) == ["a.csv", "a.mat", "b"]
+    with pytest.raises(SchemaError, match=r"a\.csv and .*a\.mat are both record 'a'; rename one"):
+        draft_project(folder)
+
+
+def test_engines_of_two_digits():
+    names = ["engine10.n1", "engine2.n1", "engine.n1", "engine0.n1", "engine1234567.n1"]
+    assert engine_numbers(names) == {2, 10}
 
 
 # ---- values of the aircraft ---------------------------------------------------------------------
