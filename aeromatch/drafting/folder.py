@@ -48,7 +48,13 @@ from aeromatch.drafting.recordings import (
     has_engine_speed,
     read_flights,
 )
-from aeromatch.drafting.sources import Sources, quote, source_folders, sources_of
+from aeromatch.drafting.sources import (
+    Sources,
+    check_record_names,
+    quote,
+    source_folders,
+    sources_of,
+)
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.toml_quantities import UNFILLED
@@ -155,6 +161,7 @@ def draft_project(
     prove = answers.prove
     datcom, records = _source_paths(folder, answers)
     sources = sources_of([Path(path) for path in datcom], [Path(path) for path in records])
+    check_record_names(sources.records)
     with step(f"read {len(sources.listings)} listings and {len(sources.decks)} decks"):
         geometry = geometry_of(sources.listings, sources.decks)
     remarks = list(sources.ignored)

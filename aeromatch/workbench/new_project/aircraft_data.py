@@ -16,11 +16,10 @@ from aeromatch.drafting.previous import DRAFT_FOLDER, read_answers
 from aeromatch.workbench.allowed_actions import PROJECT, ActionError
 from aeromatch.workbench.opened import OpenProject
 from flightmech.errors import UnitError
-from flightmech.support.toml_quantities import UNFILLED
+from flightmech.support.toml_quantities import CONFIRM, UNFILLED
 from flightmech.units import number_or_text, parse_quantity
 
 _FILE = "aircraft.toml"
-_CONFIRM = "CONFIRM"
 
 
 class AircraftValue(NamedTuple):
@@ -88,7 +87,7 @@ def aircraft_rows(folder: Path) -> list[dict[str, Any]]:
         row = value._asdict() | {
             "text": _text_of(plain),
             "source": comment.removeprefix("#").strip(),
-            "open": plain == UNFILLED or _CONFIRM in comment,
+            "open": plain == UNFILLED or CONFIRM in comment,
         }
         rows.append(row)
     return rows
