@@ -32,7 +32,7 @@ from aeromatch.workbench.allowed_actions import (
     named_paths,
 )
 from aeromatch.workbench.new_project import dropped_files
-from aeromatch.workbench.new_project.aircraft_data import aircraft_rows, give_values
+from aeromatch.workbench.new_project.aircraft_data import aircraft_rows, fact_rows, give_values
 from aeromatch.workbench.new_project.column_edits import edit_column
 from aeromatch.workbench.new_project.draft import keep_draft, show_draft
 from aeromatch.workbench.new_project.recorded_columns import pack_columns, recorded_tables
@@ -326,6 +326,9 @@ def test_values_are_given_by_options_of_init_or_by_set(drafted):
     "values",
     [
         *("", "[]", '{"mass": 1}', '{"x": "1"}', '{"mass": ""}', '{"mass": "1 m"}'),
+        *('{"cg": "1,5 m; 0.2 m"}', '{"cg": "1,5 m, 0.2 m"}', '{"cg": "1,5 m,0.2 m"}'),
+        *('{"cg": "-0,05;0"}', '{"cg": "-0,05,0"}', '{"cg": "0.1,,0,0.2"}', '{"cg": "1;2;"}'),
+        *('{"latitude": "91"}', '{"latitude": "-1.6 rad"}', '{"latitude": "48,5"}'),
         *('{"cg": "0, 0"}', '{"mass": "nan"}', '{"mass": "1, 2"}', '{"name": " "}', "[" * 9999),
     ],
 )
@@ -333,6 +336,29 @@ def test_odd_values_are_refused_with_a_sentence(drafted, values):
     answer = give_values(drafted, {"values": values}, None)
     assert answer["commands"] == []
     assert len(answer["problem"]) > 20
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("0.1;0 m; 2 in", ["0.1", "0 m", "2 in"]),
+        ("1,2,-.5", ["1", "2", "-.5"]),
+        ("0.5, 0, -1e-2", ["0.5", "0", "-1e-2"]),
+    ],
+)
+def test_three_values_with_commas_or_semicolons(drafted, text, parts):
+    answer = give_values(drafted, {"values": json.dumps({"cg": text})}, None)
+    assert answer["commands"] == [["init", "{project}", "--cg", *parts, "--json"]]
+
+
+@pytest.mark.parametrize(("text", "given"), [("48", "48 deg"), ("-0.8 rad", "-0.8 rad")])
+def test_a_latitude_is_in_degrees_on_the_page(drafted, text, given):
+    (words,) = give_values(drafted, {"values": json.dumps({"latitude": text})}, None)["commands"]
+    assert words == ["init", "{project}", "--latitude", given, "--json"]
+    names = drafted.file.parent / "names.toml"
+    set_key(names, "record.latitude", "0.7")
+    (shown,) = [row for row in fact_rows(names.parent) if row["key"] == "latitude"]
+    assert (shown["text"], shown["unit"]) == ("0.7 rad", "deg")
 
 
 def test_set_fills_a_drafted_file_one_value_after_the_other(drafted):
