@@ -178,11 +178,11 @@ def draft_names(
     first_clock, clock_reason = next(iter(clocks.values()), (Clock(), ""))
     others = {name: clock for name, (clock, _) in clocks.items() if clock != first_clock}
     facts = _latitude_fact(columns, tables, rows)
-    remarks = list(columns.remarks)
+    notes = list(columns.remarks)
     problem = latitude_problem(facts.get("latitude", 0.0))
     if problem:
         facts = {}
-        remarks.append(f"median of the recorded lat: {problem}; it is left out of [record]")
+        notes.append(f"median of the recorded lat: {problem}; it is left out of [record]")
     return NamesDraft(
         rows=tuple(rows),
         clock=first_clock,
@@ -191,7 +191,7 @@ def draft_names(
         facts=facts,
         constants=columns.constants,
         left_out=tuple(columns.left_out),
-        remarks=tuple(remarks),
+        remarks=tuple(notes),
         author=author,
     )
 
