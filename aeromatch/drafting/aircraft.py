@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import xarray as xr
 
-from aeromatch.drafting.gaps import AircraftGap, channel_names
+from aeromatch.drafting.gaps import AircraftGap, channel_names, engine_numbers
 from aeromatch.drafting.geometry import Geometry
 from aeromatch.drafting.instruments import instrument_lines
 from aeromatch.project.schemas import schema_lines
@@ -147,8 +147,7 @@ def _engine_lines(
     geometry: Geometry, records: Sequence[xr.DataTree], gaps: list[AircraftGap]
 ) -> list[str]:
     channels = channel_names(records)
-    # The digit after "engine" in names such as engine1.n1.
-    numbers = {int(name[6]) for name in channels if re.match(r"engine[1-9]\.", name)}
+    numbers = engine_numbers(channels)
     # The cards or the records may show more engines.
     count = max(len(geometry.engines), max(numbers, default=0))
     lines: list[str] = []

@@ -43,17 +43,25 @@ from aeromatch.drafting.previous import (
 from aeromatch.drafting.project_files import ProjectFiles
 from aeromatch.drafting.project_text import map_file, project_text
 from aeromatch.drafting.recordings import (
+    FACTS,
     RecordedFlights,
     add_manoeuvres,
     has_engine_speed,
     read_flights,
 )
-from aeromatch.drafting.sources import Sources, quote, source_folders, sources_of
+from aeromatch.drafting.sources import (
+    Sources,
+    check_record_names,
+    quote,
+    source_folders,
+    sources_of,
+)
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.toml_quantities import UNFILLED
 from flightmech.units import number_or_text, parse_quantity
 from flighttest.records.manoeuvre_table import read_manoeuvres, write_manoeuvres
+from flighttest.records.readers.name_map import latitude_problem
 
 _PROJECT, _TABLE, _NAMES = "aeromatch.toml", "manoeuvres.csv", "names.toml"
 
@@ -150,11 +158,12 @@ def draft_project(
         prove=tuple(prove),
         own_map=_name_outside(own_map),
     )
-    _check_units(given.facts)
     answers = read_answers(folder).extended(given)
+    _check_units(answers.facts)
     prove = answers.prove
     datcom, records = _source_paths(folder, answers)
     sources = sources_of([Path(path) for path in datcom], [Path(path) for path in records])
+    check_record_names(sources.records)
     with step(f"read {len(sources.listings)} listings and {len(sources.decks)} decks"):
         geometry = geometry_of(sources.listings, sources.decks)
     remarks = list(sources.ignored)
@@ -197,14 +206,20 @@ def draft_project(
 
 
 def _check_units(facts: StatedFacts) -> None:
-    """Raise for stated masses and inertias that are not a number, or have another unit."""
+    """Raise for stated masses, inertias and conditions that are not a number, have another unit,
+    or are a latitude beyond a pole.
+    """
     problems = []
-    for key in MASS:
-        if facts.values.get(key):
-            try:
-                parse_quantity(number_or_text(facts.values[key]), lookup(key).units)
-            except UnitError as error:
-                problems.append(f"{key} = {facts.values[key]!r}: {error}")
+    for key, unit in {**{key: lookup(key).units for key in MASS}, **FACTS}.items():
+        if not facts.values.get(key):
+            continue
+        try:
+            number = parse_quantity(number_or_text(facts.values[key]), unit)
+        except UnitError as error:
+            problems.append(f"{key} = {facts.values[key]!r}: {error}")
+            continue
+        if key == "latitude" and latitude_problem(number):
+            problems.append(f"--latitude: {latitude_problem(number)}")
     if problems:
         raise SchemaError("init", problems)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,7 @@ import xarray as xr
 
 from aeromatch.drafting.name_map.name_rows import REQUIRED
 from flightmech.errors import UnitError
-from flightmech.support.toml_quantities import UNFILLED
+from flightmech.support.toml_quantities import CONFIRM, UNFILLED
 from flightmech.units import parse_quantity
 
 # Alternative channels, their common name, and the consequence if all of them are absent.
@@ -31,6 +32,8 @@ _NEEDED = (
         "it follows from the reconstruction alone, with a larger standard error",
     ),
 )
+# At most two digits: a number is also the length of lists of engines.
+_ENGINE = re.compile(r"engine([1-9]\d?)\.")
 # Largest ratio of the stated mass and a recorded one that a flight explains.
 _SAME_MASS = 1.5
 # Share of the largest number of channels below which a record is of another recorder.
@@ -73,7 +76,7 @@ def open_gaps(gaps: Sequence[AircraftGap], drafted: str, own: str) -> list[str]:
             continue
         is_drafted = item == _item_at(before, gap.place)
         comment = "" if item is present else item.trivia.comment
-        if item is present or item == UNFILLED or (is_drafted and "CONFIRM" in comment):
+        if item is present or item == UNFILLED or (is_drafted and CONFIRM in comment):
             texts.append(gap.text)
     return texts
 
@@ -122,6 +125,11 @@ def channel_names(records: Iterable[xr.DataTree]) -> set[str]:
         for node in record.children.values():
             names.update(str(name) for name in node.data_vars)
     return names
+
+
+def engine_numbers(names: Iterable[str]) -> set[int]:
+    """Return the numbers of the engines in the names of channels, such as ``engine1.n1``."""
+    return {int(match[1]) for match in map(_ENGINE.match, names) if match}
 
 
 def missing_channels(flights: Mapping[str, xr.DataTree]) -> list[str]:

@@ -16,9 +16,9 @@ import pandas as pd
 import tomlkit
 from tomlkit.items import AoT, Table
 
+from flightmech.support.toml_quantities import CONFIRM
+
 _ABSENT = object()
-# Word behind a drafted value that its author has to confirm.
-_CONFIRM = "CONFIRM"
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def _merge_tables(
             _merge_tables(inner, present, item, here, kept)
         elif _plain(present) == _plain(item):
             # The author has confirmed the drafted value with an option.
-            if _CONFIRM in _comment(present) and _CONFIRM not in _comment(item):
+            if CONFIRM in _comment(present) and CONFIRM not in _comment(item):
                 _take_comment(present, _comment(item))
         elif isinstance(present, AoT) and isinstance(item, AoT) and _have_names(present, item):
             _merge_named_tables(drafted, present, item, here, kept)

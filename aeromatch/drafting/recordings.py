@@ -31,7 +31,7 @@ from flightmech.units import number_or_text, parse_quantity
 from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres, named_by_response
 
 # Facts of a name map that the author may state, with their units.
-_FACTS = {"temperature": "K", "latitude": "rad", "runway_elevation": "m"}
+FACTS = {"temperature": "K", "latitude": "rad", "runway_elevation": "m"}
 
 
 @dataclass
@@ -122,7 +122,7 @@ def has_engine_speed(record: xr.DataTree) -> bool:
 def _add_facts(names: NamesDraft, known: StatedFacts) -> NamesDraft:
     """Return a map with the facts that the author states."""
     facts: dict[str, float] = {}
-    for key, unit in _FACTS.items():
+    for key, unit in FACTS.items():
         if known.values.get(key):
             facts[key] = parse_quantity(number_or_text(known.values[key]), unit)
     if names.own is not None and facts:

@@ -72,6 +72,27 @@ def sources_of(datcom: Sequence[Path], records: Sequence[Path]) -> Sources:
     return Sources(tuple(listings), tuple(decks), tuple(recordings), tuple(ignored))
 
 
+def check_record_names(records: Sequence[Path]) -> None:
+    """Check that no two recordings have the same name, the file without its last extension.
+
+    Raises
+    ------
+    SchemaError
+        Two recordings have one name; one of them would replace the other.
+    """
+    problems = []
+    first: dict[str, Path] = {}
+    for file in records:
+        other = first.setdefault(file.stem, file)
+        if other.resolve() != file.resolve():
+            problems.append(
+                f"{other} and {file} are both record {file.stem!r}; rename one, or name the "
+                f"recordings to take with --records"
+            )
+    if problems:
+        raise SchemaError("init", problems)
+
+
 def _describe_ignored(places: Sequence[Path], taken: set[Path]) -> list[str]:
     """Return a remark for each file of the folders that may hold a recording and is not taken."""
     remarks = []

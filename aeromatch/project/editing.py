@@ -22,12 +22,10 @@ from flightmech.support.atomic_write import ContentAsRead, written_atomically
 from flightmech.support.console import InputFile, NewFile, json_option, print_json
 from flightmech.support.file_kinds import file_kind
 from flightmech.support.toml_files import read_toml
-from flightmech.support.toml_quantities import NOT_GIVEN
+from flightmech.support.toml_quantities import CONFIRM, NOT_GIVEN
 from flighttest.records.readers.name_map_reading import read_names
 from pom.cases.case import read_case
 
-# Word of a draft behind a value that its author has to confirm.
-CONFIRM = "CONFIRM"
 # A part of a key: text in quotes, or text without dots.
 _KEY_PART = re.compile(r'"([^"]+)"|([^."]+)')
 # Key of a case and of its control law that name a file.

@@ -174,7 +174,16 @@ def _match_flights(patterns: Paths, folder: ProjectFolder, key: str) -> dict[str
             f"{key}: an empty list; give a file or a pattern such as 'flight/*.csv'"
         )
     # A record is named after its file.
-    return {file.stem: file for file in _match_patterns(_as_sequence(patterns), folder, key)}
+    flights: dict[str, Path] = {}
+    for file in _match_patterns(_as_sequence(patterns), folder, key):
+        other = flights.setdefault(file.stem, file)
+        # Several patterns may match one file.
+        if other.resolve() != file.resolve():
+            folder.problems.append(
+                f"{key}: {other} and {file} are both record {file.stem!r}; rename one, or leave it "
+                f"out of {key}"
+            )
+    return flights
 
 
 def _find_listings(paths: Paths, folder: ProjectFolder, key: str) -> tuple[ListingCase, ...]:

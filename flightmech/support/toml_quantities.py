@@ -20,6 +20,8 @@ UNFILLED = "?"
 """Placeholder in a drafted file for a value that the user must give."""
 NOT_GIVEN = "not given yet"
 """Beginning of the problem of such a value."""
+CONFIRM = "CONFIRM"
+"""Word in the comment of a drafted value that the user must confirm."""
 UNIT = "x-unit"
 """Key of a JSON schema for the SI unit of a quantity."""
 

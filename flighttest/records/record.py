@@ -3,7 +3,7 @@
 A flight record is an ``xarray.DataTree``.  Each leaf is a Dataset over its ``time`` [s].  Its
 attributes describe the clock (``rate`` [Hz], ``gaps``, ``duplicates``), the channels with NaN
 (``missing``), and all flags (`flighttest.signals.flags`).  Root attributes: ``title``, ``start``,
-``purpose``, ``source_file``, ``format``, ``marked_manoeuvres`` and ``modes`` (JSON), ``notes`` (JSON:
+``purpose``, ``source_file``, ``format``, ``manoeuvres`` and ``modes`` (JSON), ``notes`` (JSON:
 faults that the file itself reports), ``unmapped`` and ``absent`` columns, and if known ``latitude``
 [rad] and ``runway_elevation`` [m].
 """

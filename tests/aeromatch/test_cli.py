@@ -120,6 +120,18 @@ def test_american_spellings_are_those_of_the_program(words, capsys):
     assert capsys.readouterr().out.startswith("Usage: ")
 
 
+@pytest.mark.parametrize(
+    "option",
+    [["--actions", __file__], ["--samples", "20"], ["--compare-tables"], ["--resume", "x"]],
+)
+def test_paths_refuses_options_that_it_would_ignore(option, tmp_path):
+    project = tmp_path / "aeromatch.toml"
+    project.touch()
+    words = ["match", str(project), "-o", str(tmp_path / "out"), "--paths", *option]
+    with pytest.raises(click.UsageError, match=f"--paths and {option[0]} exclude each other"):
+        cli.main(words, standalone_mode=False)
+
+
 def test_help_lists_every_group():
     done = run("--help")
     assert done.returncode == 0

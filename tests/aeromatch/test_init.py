@@ -512,6 +512,14 @@ def test_sources_and_an_outside_map_are_requested_once(recordings, drafted, tmp_
     assert {row.confidence for row in again.columns} == {"yours", "not taken"}
 
 
+def test_a_latitude_in_degrees_without_their_unit_is_refused(tmp_path):
+    given = StatedFacts(values={"latitude": "48"})
+    with pytest.raises(
+        SchemaError, match=r"--latitude: latitude 48 rad is 2750\.2 deg; .*'48 deg'"
+    ):
+        draft_project(tmp_path, known=given)
+
+
 @pytest.mark.slow
 def test_an_edited_case_stays_with_its_flight(recordings, tmp_path):
     folder = tmp_path / "new"

@@ -205,6 +205,19 @@ def test_no_flights_at_all(write):
     )
 
 
+def test_two_recordings_of_one_name(write, tmp_path):
+    (tmp_path / "flight" / "run_1.csv").touch()
+    (found,) = problems(write(('"flight/*.nc"', '"flight/run_*.*"')))
+    assert found.startswith("flights: ")
+    assert "run_1.csv" in found
+    assert "are both record 'run_1'; rename one" in found
+    # a file that two patterns match is one recording
+    assert (
+        len(read_project(write(('"flight/*.nc"', '["flight/*.nc", "flight/run_1.nc"]'))).flights)
+        == 2
+    )
+
+
 def test_a_unit_of_another_quantity(write):
     (found,) = problems(write(('"10000 ft"', '"10000 kt"')))
     assert found.startswith("listings.altitude")

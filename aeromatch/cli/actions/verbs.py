@@ -165,6 +165,21 @@ def run_match(
         _plan(project, output, jobs, as_json, fresh, explain, unplaced, options)
         return
     if paths_only:
+        ignored = {
+            "--actions": actions is not None,
+            "--scheduler": scheduler is not None,
+            "--resume": resume is not None,
+            "--compare-tables": compare_tables,
+            "--unplaced": unplaced is not None,
+            "--samples": samples > 0,
+        }
+        given = [option for option, is_given in ignored.items() if is_given]
+        if given:
+            raise click.UsageError(
+                f"--paths and {', '.join(given)} exclude each other; --paths only reconstructs the "
+                f"records of PROJECT as it is: leave out {'it' if len(given) == 1 else 'them'}, or "
+                f"match without --paths"
+            )
         _write_paths(project, output, jobs, as_json, fresh, explain)
         return
     if actions is not None:

@@ -12,6 +12,7 @@ from aeromatch.drafting.name_map.column_units import stated_unit, unit_from_size
 from aeromatch.drafting.name_map.columns import Guess, explain_unknown, guess_quantity
 from flightmech.errors import UnitError
 from flightmech.names import lookup
+from flightmech.support.toml_quantities import CONFIRM
 from flightmech.units import G0, fitted_unit, known_unit, parse_unit
 from flighttest.records.readers.name_map import Channel
 from flighttest.records.readers.recording import CLOCK_NAMES, RecordedTable, clock_name
@@ -28,7 +29,6 @@ REQUIRED = ("p", "q", "r", "phi", "theta", "ax_imu", "ay_imu", "az_imu")
 """Channels without which the reconstruction is not possible."""
 # Rank of a guess above which the author has to confirm it.
 _CERTAIN_RANK = 2
-_CONFIRM = "CONFIRM"
 # Correlation from which two columns are two readings of one quantity.
 _SAME_MOVEMENT = 0.98
 
@@ -269,7 +269,7 @@ def make_rows(
         if _is_fraction(tables[table], column, guess):
             keys = {"scale": f"{np.degrees(flap or 0.0):.6g} deg"}
             reason = (
-                f"{_CONFIRM}: a position 0 ... 1, taken as the largest deflection of the "
+                f"{CONFIRM}: a position 0 ... 1, taken as the largest deflection of the "
                 f"listings at 1"
             )
         if name == "az_imu":
@@ -286,11 +286,11 @@ def make_rows(
         if name in columns.rivals:
             others = ", ".join(columns.rivals[name])
             rival = f"{others} may be {name} as well and has other values: take the right one"
-            reason = f"{_CONFIRM}: {rival}{'; ' + reason if reason else ''}"
+            reason = f"{CONFIRM}: {rival}{'; ' + reason if reason else ''}"
         elif guess.rank > _CERTAIN_RANK:
             reason = f"; {reason}" if reason else ""
-            reason = f"{_CONFIRM}: by a part of its name{reason}"
-        if reason.startswith(_CONFIRM):
+            reason = f"{CONFIRM}: by a part of its name{reason}"
+        if reason.startswith(CONFIRM):
             in_unit = f" in {unit}" if unit else ""
             columns.remarks.append(f"{name} from column {column!r}{in_unit}: {reason}")
         location = f"{table}/{column}" if len(tables) > 1 else column
@@ -309,8 +309,8 @@ def make_rows(
 
 def _confidence(reason: str, is_unit_stated: bool) -> str:
     """Return the confidence of a drafted row, as in `NameMapRow`."""
-    if reason.startswith(_CONFIRM):
-        return _CONFIRM
+    if reason.startswith(CONFIRM):
+        return CONFIRM
     return "stated" if is_unit_stated else "by size"
 
 

@@ -19,7 +19,7 @@ from aeromatch.drafting.name_map.name_rows import (
 )
 from flightmech.errors import SchemaError
 from flighttest.records.readers.columns import unit_of_column
-from flighttest.records.readers.name_map import Channel, Clock, Facts, NameMap
+from flighttest.records.readers.name_map import Channel, Clock, Facts, NameMap, latitude_problem
 from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.readers.opening import FORMATS, open_recording, recognise_recording
 from flighttest.records.readers.recording import RecordedTable, clock_name
@@ -177,15 +177,21 @@ def draft_names(
     rows = make_rows(columns, tables, recordings, flap)
     first_clock, clock_reason = next(iter(clocks.values()), (Clock(), ""))
     others = {name: clock for name, (clock, _) in clocks.items() if clock != first_clock}
+    facts = _latitude_fact(columns, tables, rows)
+    notes = list(columns.remarks)
+    problem = latitude_problem(facts.get("latitude", 0.0))
+    if problem:
+        facts = {}
+        notes.append(f"median of the recorded lat: {problem}; it is left out of [record]")
     return NamesDraft(
         rows=tuple(rows),
         clock=first_clock,
         clocks=others,
         clock_reason=clock_reason,
-        facts=_latitude_fact(columns, tables, rows),
+        facts=facts,
         constants=columns.constants,
         left_out=tuple(columns.left_out),
-        remarks=tuple(columns.remarks),
+        remarks=tuple(notes),
         author=author,
     )
 

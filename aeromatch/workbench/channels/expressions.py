@@ -121,6 +121,11 @@ class ChannelExpression:
         if not self.names:
             raise ParseError("expression", 1, self.text, f"{_EXPECTED}; name at least one channel")
 
+    @property
+    def is_channel(self) -> bool:
+        """Whether the text is the name of a channel, with nothing computed."""
+        return isinstance(self._body, ast.Name | ast.Attribute)
+
     def _list_names(self, node: ast.AST) -> list[str]:
         """Return the channels below a node, and raise for nodes that are not allowed."""
         if isinstance(node, ast.Constant):

@@ -16,7 +16,7 @@ from aeromatch.workbench.channels.dimensions import (
 from aeromatch.workbench.channels.expressions import ChannelExpression
 from aeromatch.workbench.opened import Levels, OpenProject
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import WRAPPED, lookup
 from flightmech.units import from_si, parse_unit
 
 PATH, RESIDUAL = "path", "residual"
@@ -24,6 +24,7 @@ PATH, RESIDUAL = "path", "residual"
 
 # Greatest number of expressions of which the samples stay in memory.
 _MOST_SIGNALS = 24
+_TURN = 2.0 * np.pi  # [rad]
 _GAP = 1.5  # of the usual step of a clock, from which on nothing is interpolated
 
 
@@ -41,6 +42,8 @@ class Signal:
     unit : str
         Empty if a channel has no known unit.
     remarks : tuple of str
+    turn : float
+        Full turn of an angle that jumps by it, as recorded; zero for others. [unit]
     """
 
     text: str
@@ -48,11 +51,22 @@ class Signal:
     levels: Levels
     unit: str
     remarks: tuple[str, ...]
+    turn: float = 0.0
 
     @property
     def values(self) -> np.ndarray:
         """All samples. [unit]"""
         return self.levels.values
+
+    @property
+    def continuous(self) -> np.ndarray:
+        """All samples, of an angle counted through its full turns. [unit]"""
+        return unwrap(self.values, self.turn) if self.turn else self.values
+
+    def interpolated(self, times: np.ndarray) -> np.ndarray:
+        """Return the samples on another clock, of an angle within its recorded turn. [unit]"""
+        moved = interpolate(self.time, self.continuous, times)
+        return _wrap_as(moved, self.values, self.turn) if self.turn else moved
 
 
 def signal_of(opened: OpenProject, record: str, text: str) -> Signal:
@@ -108,17 +122,28 @@ def _form_signal(opened: OpenProject, record: str, expression: ChannelExpression
     clock_leaf = _fastest_leaf(leaves, [leaf for leaf, _ in places.values()])
     time = leaves[clock_leaf]["time"].values.astype(float)
     channels: dict[str, tuple[np.ndarray, Dimension | None]] = {}
-    remarks, moved = [], []
+    remarks, moved, counted = [], [], []
+    first_reading: dict[str, np.ndarray] = {}
     for name, (leaf, channel) in places.items():
         own = leaves[leaf]
         values = own[channel].values.astype(float)
         own_time = own["time"].values.astype(float)
+        # A channel alone is drawn as recorded. Sums, slopes and means of its jumps have no meaning.
+        is_counted = _is_wrapped(leaf, channel) and not expression.is_channel
+        if is_counted:
+            recorded, values = values, unwrap(values, _TURN)
+            if not np.array_equal(recorded, values, equal_nan=True):
+                counted.append(name)
         if not np.array_equal(own_time, time):
             values = interpolate(own_time, values, time)
             moved.append(name)
+        if is_counted:
+            values = _bring_near(values, first_reading.setdefault(channel, values))
         channels[name] = values, dimension_of_channel(channel)
     if moved:
         remarks.append(f"{', '.join(moved)}: interpolated linearly to the clock of {clock_leaf}")
+    if counted:
+        remarks.append(f"{', '.join(counted)}: counted through full turns")
     term = expression.evaluate(time, channels)
     unit, values = _to_display(term.dimension, term.values, [c for _, c in places.values()])
     if term.dimension is None:
@@ -126,7 +151,9 @@ def _form_signal(opened: OpenProject, record: str, expression: ChannelExpression
         remarks.append(f"the unit is not known: {', '.join(unknown)} is not in the vocabulary")
     if not np.isfinite(values).any():
         remarks.append("no sample has a value")
-    return Signal(expression.text, time, Levels(values), unit, tuple(remarks))
+    is_angle = expression.is_channel and _is_wrapped(*places[expression.names[0]])
+    turn = float(from_si(_TURN, unit)) if is_angle else 0.0
+    return Signal(expression.text, time, Levels(values), unit, tuple(remarks), turn)
 
 
 def find_channel(name: str, leaves: Mapping[str, xr.Dataset]) -> tuple[str, str]:
@@ -192,6 +219,41 @@ def interpolate(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.nd
     is_sample = (time[after] == grid) | (time[after - 1] == grid)
     out[(step[after - 1] > _GAP * float(np.median(step))) & ~is_sample] = np.nan
     return out
+
+
+def _is_wrapped(leaf: str, channel: str) -> bool:
+    """Return whether a channel is an angle that jumps by a full turn; a residual does not."""
+    return channel in WRAPPED and leaf != RESIDUAL
+
+
+def unwrap(values: np.ndarray, turn: float) -> np.ndarray:
+    """Return an angle counted through its full turns; a missing sample interrupts nothing."""
+    out = values.copy()
+    valid = np.isfinite(values)
+    out[valid] = np.unwrap(values[valid], period=turn)
+    return out
+
+
+def _wrap_as(values: np.ndarray, recorded: np.ndarray, turn: float) -> np.ndarray:
+    """Return an angle within the turn of a recorder: 0 to 360 deg, or -180 to 180 deg."""
+    if np.array_equal(unwrap(recorded, turn), recorded, equal_nan=True):
+        return values
+    # A recording with jumps comes near the upper end of its turn.
+    low = 0.0 if np.nanmax(recorded) > 0.75 * turn else -0.5 * turn
+    return low + np.mod(values - low, turn)
+
+
+def _bring_near(values: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """Return a second reading of an angle, moved by full turns to within half a turn of the first.
+
+    Where the reference is missing the turns of the sample before it count.
+    """
+    turns = np.round((values - reference) / _TURN)
+    known = np.flatnonzero(np.isfinite(turns))
+    if not len(known):
+        return values
+    before = np.clip(np.searchsorted(known, np.arange(len(turns)), side="right") - 1, 0, None)
+    return values - _TURN * turns[known[before]]
 
 
 def _to_display(

@@ -21,7 +21,7 @@ def average_densities(
 
     The segments have a Hann window, overlap by half, and are as long as the lower median of the
     stretches, `longest` samples at most.  Each segment is taken about its mean.  Shorter
-    stretches, and stretches with another sampling rate, are left out.
+    stretches, and stretches with another sampling interval than the lower median, are left out.
 
     Parameters
     ----------
@@ -42,7 +42,9 @@ def average_densities(
     .. [Welch1967] Welch, The use of fast Fourier transform for the estimation of power spectra,
        IEEE Trans. Audio AU-15, 1967.
     """
-    step = float(np.median([interval for _, interval in stretches]))
+    # The lower median: the mean of two rates is the rate of no stretch.
+    intervals = sorted(interval for _, interval in stretches)
+    step = intervals[(len(intervals) - 1) // 2]
     alike = [piece for piece, interval in stretches if abs(interval - step) < _SAME_RATE * step]
     lengths = sorted(piece.stop - piece.start for piece in alike)
     size = min(longest, lengths[(len(lengths) - 1) // 2])

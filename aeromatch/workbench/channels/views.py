@@ -115,7 +115,7 @@ def show_curve(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict
     time = base.time[inside]
     moved = other.values[_inside(other, start, stop)]
     if len(other.time) != len(base.time) or not np.array_equal(other.time, base.time):
-        moved = interpolate(other.time, other.values, time)
+        moved = other.interpolated(time)
     pair = {id(base): base.values[inside], id(other): moved}
     if x is y:
         pair[id(x)] = base.values[inside]
@@ -152,7 +152,7 @@ def show_spectrum(opened: OpenProject, query: Mapping[str, str], body: Any) -> d
 
 def _density(signal: Signal, start: float, stop: float) -> dict[str, Any]:
     inside = _inside(signal, start, stop)
-    time, values = signal.time[inside], signal.values[inside]
+    time, values = signal.time[inside], signal.continuous[inside]
     parts = []
     for part in stretches(time, np.isfinite(values)):
         if part.stop - part.start >= _FEWEST:
@@ -185,6 +185,7 @@ def read_cursors(opened: OpenProject, query: Mapping[str, str], body: Any) -> di
 
     The values are of the samples themselves, not of the points of the screen, linear between two
     samples; null in a gap.  ``slope`` is that of the least-squares line of all samples between.
+    An angle that jumps is counted through its full turns, from its turn at the earlier time.
     """
     name = query.get("name", "")
     times = np.array([number_of(query, "start"), number_of(query, "stop")])
@@ -192,9 +193,10 @@ def read_cursors(opened: OpenProject, query: Mapping[str, str], body: Any) -> di
     rows = []
     for line in lines_of(query):
         signal = signal_of(opened, name, line)
-        first, last = interpolate(signal.time, signal.values, times)
-        between = (signal.time >= low) & (signal.time <= high) & np.isfinite(signal.values)
-        x, t = signal.values[between], signal.time[between]
+        values = _counted_from(signal, low) if signal.turn else signal.values
+        first, last = interpolate(signal.time, values, times)
+        between = (signal.time >= low) & (signal.time <= high) & np.isfinite(values)
+        x, t = values[between], signal.time[between]
         row = {
             "line": line,
             "unit": signal.unit,
@@ -211,6 +213,15 @@ def read_cursors(opened: OpenProject, query: Mapping[str, str], body: Any) -> di
         }
         rows.append(row)
     return {"rows": rows}
+
+
+def _counted_from(signal: Signal, start: float) -> np.ndarray:
+    """Return an angle counted through its full turns, from its recorded turn at a time. [unit]"""
+    values = signal.continuous
+    after = np.flatnonzero((signal.time >= start) & np.isfinite(values))
+    if not len(after):
+        return values
+    return values - (values[after[0]] - signal.values[after[0]])
 
 
 def _fitted_slope(t: np.ndarray, x: np.ndarray) -> float:

@@ -16,11 +16,15 @@ from aeromatch.drafting.previous import DRAFT_FOLDER, read_answers
 from aeromatch.workbench.allowed_actions import PROJECT, ActionError
 from aeromatch.workbench.opened import OpenProject
 from flightmech.errors import UnitError
-from flightmech.support.toml_quantities import UNFILLED
+from flightmech.support.toml_quantities import CONFIRM, UNFILLED
 from flightmech.units import number_or_text, parse_quantity
+from flighttest.records.readers.name_map import latitude_problem
 
 _FILE = "aircraft.toml"
-_CONFIRM = "CONFIRM"
+_SI_UNITS = {"deg": "rad"}
+# Commas between two digits, commas with a space, and numbers such as 05 behind a decimal comma.
+_TIGHT_COMMA, _WIDE_COMMA = re.compile(r"\d,\d"), re.compile(r"\s,|,\s")
+_LEADING_ZERO = re.compile(r"[+-]?0\d")
 
 
 class AircraftValue(NamedTuple):
@@ -32,7 +36,7 @@ class AircraftValue(NamedTuple):
         Key of the aircraft file, with dots.
     label : str
     unit : str
-        SI unit; empty for a text.
+        Unit of a number that has none, the SI unit or degrees; empty for a text.
     size : int
         Number of components.
     option : str
@@ -68,7 +72,7 @@ _IMU = AircraftValue(
 )
 _FACTS = (
     AircraftValue("temperature", "Outside air temperature", "K", option="--temperature"),
-    AircraftValue("latitude", "Latitude", "rad", option="--latitude"),
+    AircraftValue("latitude", "Latitude", "deg", option="--latitude"),
     AircraftValue("runway_elevation", "Runway elevation", "m", option="--runway-elevation"),
 )
 
@@ -88,7 +92,7 @@ def aircraft_rows(folder: Path) -> list[dict[str, Any]]:
         row = value._asdict() | {
             "text": _text_of(plain),
             "source": comment.removeprefix("#").strip(),
-            "open": plain == UNFILLED or _CONFIRM in comment,
+            "open": plain == UNFILLED or CONFIRM in comment,
         }
         rows.append(row)
     return rows
@@ -103,6 +107,9 @@ def fact_rows(folder: Path) -> list[dict[str, Any]]:
     rows = []
     for fact in _FACTS:
         text = _text_of(record.get(fact.key)) or str(answers.get(fact.key, ""))
+        # In the files a number is in rad, on the page in degrees.
+        if text and fact.unit == "deg" and isinstance(number_or_text(text), float):
+            text = f"{text} rad"
         rows.append(fact._asdict() | {"text": text, "source": "", "open": False})
     return rows
 
@@ -154,8 +161,8 @@ def _text_of(plain: Any) -> str:
 def give_values(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the commands that write values: `set`, then one `init` that also checks them.
 
-    The query has ``values``, a JSON object of keys and texts: a number in the SI unit or with its
-    own unit, three of them with commas for a place. ``problem`` is empty, or states why there are
+    The query has ``values``, a JSON object of keys and texts: a number in the unit of the page or
+    with its own unit, three of them with commas or semicolons for a place. ``problem`` is empty, or states why there are
     no commands.
     """
     try:
@@ -208,21 +215,71 @@ def _parse_parts(value: AircraftValue, text: str) -> list[str]:
         if not text.strip():
             raise ActionError(f"{value.label}: write a name")
         return [text.strip()]
-    parts = [part for part in re.split(r"\s*[,;]\s*", text.strip()) if part]
+    parts = _split_parts(value, text)
     if len(parts) != value.size:
-        form = "one value" if value.size == 1 else "three values with commas: forward, right, down"
         raise ActionError(
-            f"{value.label}: {text[:60]!r} has {len(parts)} values; write {form}, in "
-            f"{value.unit} or each with its unit"
+            f"{value.label}: {text[:60]!r} has {len(parts)} values; write {_form_of(value)}"
         )
+    if value.unit == "deg":
+        parts = [f"{part} deg" if _is_number(part) else part for part in parts]
     for part in parts:
         try:
-            number = parse_quantity(number_or_text(part), value.unit)
+            number = parse_quantity(number_or_text(part), _SI_UNITS.get(value.unit, value.unit))
         except UnitError as error:
             raise ActionError(f"{value.label}: {error}") from error
         if not math.isfinite(number):
             raise ActionError(f"{value.label}: {part!r} is not a finite number")
+        if value.key == "latitude" and latitude_problem(number):
+            raise ActionError(f"{value.label}: {part!r} is not from -90 to 90 deg")
     return parts
+
+
+def _is_number(part: str) -> bool:
+    return isinstance(number_or_text(part), float)
+
+
+def _split_parts(value: AircraftValue, text: str) -> list[str]:
+    """Return the components of a text, between its semicolons or else between its commas.
+
+    Raises
+    ------
+    ActionError
+        A comma may be a decimal one, or a component is empty.
+    """
+    separator = ";" if ";" in text else ","
+    parts = [part.strip() for part in text.split(separator)]
+    if _is_decimal_comma(text, parts):
+        raise ActionError(
+            f"{value.label}: {text[:60]!r} may have a decimal comma; write the decimals with a "
+            f"point, and a space behind each comma or semicolon between values"
+        )
+    if not all(parts):
+        raise ActionError(
+            f"{value.label}: {text[:60]!r} has an empty value; write {_form_of(value)}"
+        )
+    return parts
+
+
+def _is_decimal_comma(text: str, parts: Sequence[str]) -> bool:
+    """Return whether a comma of a text may be a decimal one.
+
+    '1,5 m; 0.2 m' and '1,5 m, 0.2 m' are two values, not three; '-0,05,0' has '05' between commas.
+    """
+    if ";" in text:
+        return "," in text
+    if any(_LEADING_ZERO.match(part) for part in parts):
+        return True
+    has_units = not all(_is_number(part) for part in parts)
+    return bool(_TIGHT_COMMA.search(text)) and (has_units or bool(_WIDE_COMMA.search(text)))
+
+
+def _form_of(value: AircraftValue) -> str:
+    """Return how a value is written."""
+    if value.size == 1:
+        form = "one value"
+    else:
+        form = "three values with commas: forward, right, down"
+    return f"{form}, in {value.unit} or each with its unit"
 
 
 def _toml_text(parts: Sequence[str]) -> str:

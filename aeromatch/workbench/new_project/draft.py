@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from aeromatch.drafting.gaps import engine_numbers
 from aeromatch.drafting.name_map.offered_quantities import offered_quantities
 from aeromatch.drafting.previous import DRAFT_FOLDER, read_answers
 from aeromatch.drafting.sources import FILES
@@ -74,8 +75,7 @@ def show_draft(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict
     folder = opened.file.parent
     title, problems = _read_title(opened)
     rows, names = _column_rows(document, folder / "names.toml")
-    engines = [int(name[6]) for name in names if name[:6] == "engine" and name[6:7].isdigit()]
-    offered = offered_quantities(max([_FEWEST_ENGINES, *engines]), known=names)
+    offered = offered_quantities(max({_FEWEST_ENGINES, *engine_numbers(names)}), known=names)
     quantities = {}
     for group, members in offered.items():
         quantities[group] = [quantity.to_dict() for quantity in members]

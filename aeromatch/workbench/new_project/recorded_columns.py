@@ -28,7 +28,7 @@ class ColumnTable(NamedTuple):
     Attributes
     ----------
     time : ndarray (samples,)
-        From the first sample [s]; number of the sample without a clock.
+        From the first sample of the recording [s]; number of the sample without a clock.
     levels : dict of str to Levels
         Numeric columns, in the unit of the recorder.
     units : dict of str to str
@@ -57,7 +57,7 @@ def recorded_tables(opened: OpenProject, name: str) -> dict[str, ColumnTable]:
     def read() -> dict[str, ColumnTable]:
         clock = _drafted_clock(names)
         tables = open_recording(files[name], NameMap({})).tables
-        return {table: _read_table(content, clock) for table, content in tables.items()}
+        return _from_earliest({name: _read_table(item, clock) for name, item in tables.items()})
 
     return opened.kept(("columns",), [files[name], names], read, most=_MOST_RECORDINGS)
 
@@ -68,6 +68,17 @@ def _drafted_clock(names: Path) -> Clock:
         return read_names(names).clock
     except (AeromatchError, OSError):
         return Clock()
+
+
+def _from_earliest(tables: dict[str, ColumnTable]) -> dict[str, ColumnTable]:
+    """Return tables with times from the earliest stamp of all, so that their traces stay in step."""
+    starts = [table.time[0] for table in tables.values() if table.has_clock]
+    start = min(starts, default=0.0)
+    shifted = {}
+    for name, table in tables.items():
+        time = table.time - start if table.has_clock else table.time
+        shifted[name] = table._replace(time=time)
+    return shifted
 
 
 def _read_table(content: RecordedTable, clock: Clock) -> ColumnTable:
@@ -82,7 +93,7 @@ def _read_table(content: RecordedTable, clock: Clock) -> ColumnTable:
 
 
 def _times_of(content: RecordedTable, clock: Clock) -> tuple[np.ndarray, bool]:
-    """Return the times of the samples from the first one, and whether they are of a clock. [s]"""
+    """Return the times of the samples, and whether they are of a clock. [s]"""
     name = clock.column if clock.column in content.columns else clock_name(content.columns)
     if content.time is not None:
         stamps = np.asarray(content.time, float)
@@ -93,7 +104,7 @@ def _times_of(content: RecordedTable, clock: Clock) -> tuple[np.ndarray, bool]:
         stamps = np.array([])
     # A trace requires times that rise; the reader of the record repairs or refuses others.
     if len(stamps) and np.isfinite(stamps).all() and (np.diff(stamps) >= 0.0).all():
-        return stamps - stamps[0], True
+        return stamps, True
     samples = max((len(content.columns[column]) for column in content.columns), default=0)
     return np.arange(samples, dtype=float), False
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -47,8 +48,14 @@ def _files_at(place: Path) -> list[Path]:
 
 
 def recordings_of(opened: OpenProject) -> dict[str, Path]:
-    """Return the recordings of the folder by their names: the files without extension."""
-    return {file.stem: file for file in find_sources(opened).records}
+    """Return the recordings of the folder by their names: the files without extension.
+
+    Recordings of one name, such as a.csv and a.mat, keep their extensions here; `aeromatch init`
+    refuses them.
+    """
+    records = find_sources(opened).records
+    counts = Counter(file.stem for file in records)
+    return {file.stem if counts[file.stem] == 1 else file.name: file for file in records}
 
 
 def list_files(opened: OpenProject) -> list[dict[str, Any]]:

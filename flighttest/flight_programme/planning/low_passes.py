@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any
 
 
@@ -40,11 +41,12 @@ def split_heights(content: Any) -> Any:
 
 
 def _are_heights(heights: Any) -> bool:
-    """Return whether heights of a low pass are different positive numbers."""
+    """Return whether heights of a low pass are different positive finite numbers."""
     if not isinstance(heights, list) or not heights:
         return False
-    numbers = [height for height in heights if isinstance(height, (int, float))]
-    return len(set(numbers)) == len(heights) and min(numbers) > 0.0
+    # TOML has inf, and True is the integer 1 of Python.
+    numbers = [height for height in heights if type(height) in (int, float) and 0.0 < height < inf]
+    return len(set(numbers)) == len(heights)
 
 
 def _split_fit(fit: Any, passes: dict[str, dict[float, str]]) -> list[Any]:

@@ -32,8 +32,9 @@ def save_plan(plan: ProgrammePlan, folder: str | os.PathLike) -> list[Path]:
     plan : ProgrammePlan
     folder : path
         Folder for ``order.csv``, ``nodes.csv`` (the wanted nodes), ``rows.csv`` (the wanted
-        rows, if any), ``expected.csv`` (all nodes), ``plan.txt``, ``inputs/`` with a CSV file and a time table for every test input, and
-        ``cards/`` with a PDF page for every manoeuvre.
+        rows, if any), ``expected.csv`` (all nodes), ``plan.txt``, ``inputs/`` with a CSV
+        file and a time table for every test input, and ``cards/`` with a PDF page for every
+        manoeuvre.
 
     Returns
     -------

@@ -105,8 +105,8 @@ def filter_error(
     -------
     OutputError
         ``residuals`` are the innovations. It is that of `linear_output_error`, with a remark, if
-        the records do not need the disturbance: see `prefer_calm`. Without ``process.*`` and gusts the result is that of
-        `linear_output_error` with the noise among the unknowns.
+        the records do not need the disturbance: see `prefer_calm`. Without ``process.*`` and gusts
+        the result is that of `linear_output_error` with the noise among the unknowns.
 
     Warns
     -----

@@ -11,6 +11,7 @@ import xarray as xr
 from flightmech.air import pressure_altitude
 from flightmech.errors import OutOfRange
 from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
+from flighttest.records.readers.name_map import latitude_problem
 from flighttest.records.sensors.instruments import SPEEDS, VANES, Instruments
 from flighttest.records.sensors.measurements import MEASURED, MeasuredChannels, air_readings
 from flighttest.records.signals.resampling import resample_to_grid
@@ -57,7 +58,8 @@ class RecordInputs:
     Raises
     ------
     OutOfRange
-        A window has fewer than ten samples, or the pitch attitude exceeds 80 degrees.
+        A window has fewer than ten samples, the pitch attitude exceeds 80 degrees, or the latitude
+        is beyond a pole.
     """
 
     def __init__(
@@ -71,6 +73,9 @@ class RecordInputs:
         self.channels = MeasuredChannels(record, windows)
         self.specification, self.windows, self.rate = specification, windows, rate
         self.latitude = _number_or_none(record, "latitude")
+        problem = "" if self.latitude is None else latitude_problem(self.latitude)
+        if problem:
+            raise OutOfRange(f"attribute of the record: {problem}")
         self.runway = _number_or_none(record, "runway_elevation")
         self.wind_down = float(record.attrs.get("wind_down_sigma", WIND_DOWN_SIGMA))
         self.grids = [_window_clock(start, stop, rate) for start, stop in windows]

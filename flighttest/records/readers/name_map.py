@@ -48,7 +48,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
@@ -250,6 +250,19 @@ def _scale_and_shift(values, factor: float, offset: float):
     return values
 
 
+def latitude_problem(latitude: float) -> str:
+    """Return why a latitude [rad] does not exist on the Earth; empty if it does.
+
+    Degrees without their unit are taken as radians, and their sine is gravity elsewhere.
+    """
+    if abs(latitude) <= 0.5 * math.pi:
+        return ""
+    return (
+        f"latitude {latitude:.6g} rad is {math.degrees(latitude):.6g} deg; a latitude is from -90 "
+        f"to 90 deg, and a number without a unit is in rad: write '{latitude:.6g} deg' for degrees"
+    )
+
+
 class Facts(_Table):
     """Facts about a record that its file may not state."""
 
@@ -282,6 +295,15 @@ class Facts(_Table):
         examples=[0.2],
         description="Standard error of the mean vertical wind before the reconstruction.",
     )
+
+    @field_validator("latitude")
+    @classmethod
+    def _check_latitude(cls, latitude: float | None) -> float | None:
+        """Raise ValueError for a latitude beyond the poles."""
+        problem = "" if latitude is None else latitude_problem(latitude)
+        if problem:
+            raise ValueError(problem)
+        return latitude
 
 
 class Clock(_Table):

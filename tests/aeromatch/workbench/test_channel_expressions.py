@@ -11,7 +11,7 @@ import xarray as xr
 sys.path.insert(0, str(Path(__file__).parent))
 from bench import RECORD, small_project
 
-from aeromatch.workbench.channels import views
+from aeromatch.workbench.channels import signals, views
 from aeromatch.workbench.channels.dimensions import Dimension, dimension_of_channel
 from aeromatch.workbench.channels.expressions import ChannelExpression, stretches
 from aeromatch.workbench.channels.signals import find_channel, interpolate, signal_of
@@ -147,6 +147,84 @@ def test_a_name_of_two_clocks_needs_its_leaf():
     assert find_channel("q", {"path": data}) == ("path", "q")
     with pytest.raises(UnknownName):
         find_channel("label", leaves)
+
+
+def test_spectrum_of_two_sampling_intervals():
+    """0.0200 and 0.02006 s differ by more than their mean differs from each."""
+    line = {"q": np.random.default_rng(2).standard_normal(400)}
+    pieces = [(slice(0, 200), 0.0200), (slice(200, 400), 0.02006)]
+    found = views.average_densities(line, pieces, 128)
+    assert (found["step"], found["used"], found["left_out"]) == (0.02, [slice(0, 200)], 1)
+
+
+TURNING = np.arange(0.0, 60.0, 0.1)  # s
+HEADING = 350.0 + 4.0 * TURNING  # deg
+
+
+class TurningRecord:
+    """A record that turns at 4 deg/s through north, on two clocks, and its reconstruction."""
+
+    def __init__(self, missing=slice(0, 0)):
+        slow = slice(None, None, 10)
+        recorded = np.radians(HEADING % 360.0)
+        recorded[missing] = np.nan
+        path = np.radians((HEADING + 180.5) % 360.0 - 180.0)
+        self.leaves = {
+            "imu": self.leaf(TURNING, psi=recorded, r=np.full(600, np.radians(4.0))),
+            "gps": self.leaf(TURNING[slow], lon=recorded[slow], north=TURNING[slow]),
+            "path": self.leaf(TURNING[slow], psi=path[slow]),
+        }
+
+    def leaf(self, time, **channels):
+        data = {name: ("time", values) for name, values in channels.items()}
+        return xr.Dataset(data, {"time": time})
+
+    def signal(self, text, monkeypatch):
+        monkeypatch.setattr(signals, "leaves_of", lambda opened, record: self.leaves)
+        return signals._form_signal(None, "", ChannelExpression(text))
+
+
+def test_angles_are_not_averaged_through_their_jump(monkeypatch):
+    """A heading of 359 and of 1 deg is north between, not south."""
+    record = TurningRecord()
+    common = slice(0, 591)  # the slow clock ends earlier
+    for text, expected, atol in (
+        ("deriv(psi)", 4.0, 1e-9),
+        ("detrend(psi)", 0.0, 1e-9),
+        ("deriv(psi) - r", 0.0, 1e-9),
+        ("path.psi - psi", 0.5, 1e-9),
+        ("psi - path.psi", -0.5, 1e-9),
+        # 0.0064 deg at the ends of the filter
+        ("lowpass(psi, 1 Hz) - psi", 0.0, 0.01),
+    ):
+        found = record.signal(text, monkeypatch)
+        np.testing.assert_allclose(found.values[common], expected, atol=atol, err_msg=text)
+        assert "counted through full turns" in " ".join(found.remarks)
+    moved = record.signal("lon - psi", monkeypatch)
+    np.testing.assert_allclose(moved.values[common], 0.0, atol=1e-9)
+    heading = record.signal("psi", monkeypatch)
+    np.testing.assert_allclose(heading.values, HEADING % 360.0)
+    assert (heading.turn, heading.remarks) == (360.0, ())
+    assert record.signal("r", monkeypatch).turn == 0.0
+    between = heading.interpolated(np.array([2.45, 2.5, 2.55, 92.0]))
+    np.testing.assert_allclose(between, [359.8, 0.0, 0.2, np.nan], atol=1e-9)
+    path = record.signal("path.psi", monkeypatch)
+    np.testing.assert_allclose(path.interpolated(np.array([47.3, 47.5])), [179.7, -179.5])
+
+
+def test_an_angle_with_missing_samples_is_counted_on(monkeypatch):
+    found = TurningRecord(slice(20, 35)).signal("path.psi - psi", monkeypatch)
+    assert np.isnan(found.values[20:35]).all()
+    np.testing.assert_allclose(np.delete(found.values[:591], range(20, 35)), 0.5, atol=1e-9)
+
+
+def test_cursors_count_an_angle_through_its_turns(monkeypatch):
+    found = TurningRecord().signal("psi", monkeypatch)
+    monkeypatch.setattr(views, "signal_of", lambda opened, name, line: found)
+    query = {"lines": '["psi"]', "start": "1", "stop": "5"}
+    (row,) = views.read_cursors(None, query, None)["rows"]
+    shown = [row[key] for key in ("first", "last", "difference", "slope", "mean", "low", "high")]
+    np.testing.assert_allclose(shown, [354.0, 370.0, 16.0, 4.0, 362.0, 354.0, 370.0])
 
 
 @pytest.fixture(scope="module")

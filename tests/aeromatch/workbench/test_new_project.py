@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+import xarray as xr
 
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
@@ -20,6 +21,7 @@ from test_hostile_requests import send
 from aeromatch.cli.actions.verbs import _replayed
 from aeromatch.cli.verbs import match_command
 from aeromatch.drafting.folder import draft_project
+from aeromatch.drafting.gaps import engine_numbers
 from aeromatch.drafting.merging import merge_toml
 from aeromatch.project.editing import set_key
 from aeromatch.workbench.actions import read_action_log
@@ -30,11 +32,11 @@ from aeromatch.workbench.allowed_actions import (
     named_paths,
 )
 from aeromatch.workbench.new_project import dropped_files
-from aeromatch.workbench.new_project.aircraft_data import aircraft_rows, give_values
+from aeromatch.workbench.new_project.aircraft_data import aircraft_rows, fact_rows, give_values
 from aeromatch.workbench.new_project.column_edits import edit_column
 from aeromatch.workbench.new_project.draft import keep_draft, show_draft
-from aeromatch.workbench.new_project.recorded_columns import pack_columns
-from aeromatch.workbench.new_project.sources import list_files
+from aeromatch.workbench.new_project.recorded_columns import pack_columns, recorded_tables
+from aeromatch.workbench.new_project.sources import list_files, recordings_of
 from aeromatch.workbench.opened import OpenProject
 from flightmech.errors import SchemaError
 from flighttest.records.readers.name_map_reading import read_names
@@ -270,6 +272,30 @@ def test_traces_are_the_columns_as_recorded(drafted):
             pack_columns(drafted, {**query, **wrong}, None)
 
 
+def test_traces_of_tables_start_at_one_time(opened):
+    """A leaf that starts 2 s later is drawn 2 s later."""
+    early = xr.Dataset({"q": ("time", [0.1, 0.2])}, {"time": [5.0, 6.0]})
+    late = xr.Dataset({"V": ("time", [80.0, 81.0])}, {"time": [7.0, 8.0]})
+    xr.DataTree.from_dict({"/imu": early, "/air": late}).to_netcdf(opened.file.parent / "a.nc")
+    tables = recorded_tables(opened, "a")
+    times = {name: list(table.time) for name, table in tables.items() if table.has_clock}
+    assert times == {"imu": [0.0, 1.0], "air": [2.0, 3.0]}
+
+
+def test_recordings_of_one_name_are_both_listed(opened):
+    folder = opened.file.parent
+    for name in ("a.csv", "a.mat", "b.csv"):
+        (folder / name).write_text("time,q\n0,0\n1,0\n")
+    assert list(recordings_of(opened)) == ["a.csv", "a.mat", "b"]
+    with pytest.raises(SchemaError, match=r"a\.csv and .*a\.mat are both record 'a'; rename one"):
+        draft_project(folder)
+
+
+def test_engines_of_two_digits():
+    names = ["engine10.n1", "engine2.n1", "engine.n1", "engine0.n1", "engine1234567.n1"]
+    assert engine_numbers(names) == {2, 10}
+
+
 # ---- values of the aircraft ---------------------------------------------------------------------
 
 
@@ -300,6 +326,9 @@ def test_values_are_given_by_options_of_init_or_by_set(drafted):
     "values",
     [
         *("", "[]", '{"mass": 1}', '{"x": "1"}', '{"mass": ""}', '{"mass": "1 m"}'),
+        *('{"cg": "1,5 m; 0.2 m"}', '{"cg": "1,5 m, 0.2 m"}', '{"cg": "1,5 m,0.2 m"}'),
+        *('{"cg": "-0,05;0"}', '{"cg": "-0,05,0"}', '{"cg": "0.1,,0,0.2"}', '{"cg": "1;2;"}'),
+        *('{"latitude": "91"}', '{"latitude": "-1.6 rad"}', '{"latitude": "48,5"}'),
         *('{"cg": "0, 0"}', '{"mass": "nan"}', '{"mass": "1, 2"}', '{"name": " "}', "[" * 9999),
     ],
 )
@@ -307,6 +336,29 @@ def test_odd_values_are_refused_with_a_sentence(drafted, values):
     answer = give_values(drafted, {"values": values}, None)
     assert answer["commands"] == []
     assert len(answer["problem"]) > 20
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("0.1;0 m; 2 in", ["0.1", "0 m", "2 in"]),
+        ("1,2,-.5", ["1", "2", "-.5"]),
+        ("0.5, 0, -1e-2", ["0.5", "0", "-1e-2"]),
+    ],
+)
+def test_three_values_with_commas_or_semicolons(drafted, text, parts):
+    answer = give_values(drafted, {"values": json.dumps({"cg": text})}, None)
+    assert answer["commands"] == [["init", "{project}", "--cg", *parts, "--json"]]
+
+
+@pytest.mark.parametrize(("text", "given"), [("48", "48 deg"), ("-0.8 rad", "-0.8 rad")])
+def test_a_latitude_is_in_degrees_on_the_page(drafted, text, given):
+    (words,) = give_values(drafted, {"values": json.dumps({"latitude": text})}, None)["commands"]
+    assert words == ["init", "{project}", "--latitude", given, "--json"]
+    names = drafted.file.parent / "names.toml"
+    set_key(names, "record.latitude", "0.7")
+    (shown,) = [row for row in fact_rows(names.parent) if row["key"] == "latitude"]
+    assert (shown["text"], shown["unit"]) == ("0.7 rad", "deg")
 
 
 def test_set_fills_a_drafted_file_one_value_after_the_other(drafted):

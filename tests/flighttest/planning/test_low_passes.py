@@ -27,7 +27,9 @@ def test_every_height_is_a_manoeuvre_with_its_own_fit():
     assert split_heights(split_heights({"manoeuvre": []})) == {"manoeuvre": [], "fit": None}
 
 
-@pytest.mark.parametrize("heights", [None, [], [0.2, 0.2], [-0.1], ["low"], 0.2])
+@pytest.mark.parametrize(
+    "heights", [None, [], [0.2, 0.2], [-0.1], ["low"], 0.2, [float("inf")], [True]]
+)
 def test_heights_that_are_none(heights):
     content = {**CONTENT, "manoeuvre": [{**PASS, "heights": heights}]}
     with pytest.raises(ValueError, match=r"heights in spans, such as \[0.2, 0.4, 0.8\]"):

@@ -52,6 +52,13 @@ def test_errors_of_a_table_name_the_place_and_what_is_allowed(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("value", ["48", '"48 rad"', '"-91 deg"', "nan"])
+def test_a_latitude_beyond_the_poles(tmp_path, value):
+    with pytest.raises(SchemaError, match=r"record\.latitude: .*a latitude is from -90 to 90 deg"):
+        read_names(written(tmp_path, f"[record]\nlatitude = {value}\n"))
+    assert read_names(written(tmp_path, '[record]\nlatitude = "-90 deg"\n')).facts.latitude < -1.5
+
+
 def test_reads_leaves_facts_and_clock(tmp_path):
     names = read_names(
         written(

@@ -222,6 +222,13 @@ def test_several_airspeeds_are_one_reading():
         flighttest.reconstruct(record, aircraft("V", adc={"noise": {"mach": 0.001}}))
 
 
+def test_a_latitude_in_degrees_in_the_attributes_of_a_record():
+    record, _, _ = fly(3, SPAN, "V")
+    record.attrs["latitude"] = 48.0
+    with pytest.raises(OutOfRange, match="latitude 48 rad is 2750"):
+        flighttest.reconstruct(record, aircraft("V"))
+
+
 def test_airspeed_without_noise():
     record, _, _ = fly(3, SPAN)
     plane = aircraft()
