@@ -158,8 +158,7 @@ def fit_circuit(
     for k, name in enumerate(layout.names):
         if name in start:
             begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
-    parts = sub_steps(start, loading.gearing, windows[0].step)
-    likelihood = CircuitLikelihood(loading, windows, rows, layout, parts)
+    likelihood = CircuitLikelihood(loading, windows, rows, layout, start)
     maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
     return _fit_of(maximum, likelihood, tuple(unknowns))
 
@@ -256,7 +255,10 @@ def _lay_out_records(
 
 
 class CircuitLikelihood(Likelihood):
-    """Likelihood of the windows of free motion, then of the driven rows."""
+    """Likelihood of the windows of free motion, then of the driven rows.
+
+    `start` are the first constants, by which each window gets the sub-steps of its own steps.
+    """
 
     def __init__(
         self,
@@ -264,16 +266,17 @@ class CircuitLikelihood(Likelihood):
         windows: Sequence[FreeWindow],
         rows: Sequence[DrivenRows],
         layout: UnknownVector,
-        parts: int,
+        start: Mapping[str, float],
     ):
         self.loading, self.windows, self.rows = loading, list(windows), list(rows)
-        self.parts = parts
+        self.start = start
         # A window whose force is recorded too coarsely differs from its simulation by more than
         # noise, so each has a variance of its own. All driven stretches have one.
         groups = np.r_[np.arange(len(windows)), np.full(len(rows), len(windows))]
         count = len(self.windows)
         pieces: list[Any] = []
         for window, names in zip(self.windows, layout.bases[:count]):
+            parts = sub_steps(start, loading.gearing, window.step)
             pieces.append(SimulatedPiece(loading, window, names, parts))
         for piece, names in zip(self.rows, layout.bases[count:]):
             pieces.append(DrivenPiece(piece, names))
@@ -283,7 +286,7 @@ class CircuitLikelihood(Likelihood):
         self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]
     ) -> CircuitLikelihood:
         """Return the likelihood of other records with the same unknowns."""
-        return CircuitLikelihood(self.loading, windows, rows, self.layout, self.parts)
+        return CircuitLikelihood(self.loading, windows, rows, self.layout, self.start)
 
 
 def _covariance(maximum: LikelihoodMaximum, likelihood: CircuitLikelihood) -> np.ndarray:
