@@ -25,6 +25,8 @@ from typing import Any
 
 import numpy as np
 
+from flightmech.errors import IdentificationError
+from flightmech.simulation.estimation.circuit_response import MOST_UNKNOWNS
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.search import (
     PROVEN,
@@ -151,9 +153,15 @@ def fit_circuit(
         First values of all constants, from the regressions.
     prior : mapping of str to (float, float)
         A-priori values and standard errors.
+
+    Raises
+    ------
+    IdentificationError
+        A window with more unknowns than the kernel has room for.
     """
     unknowns = _common_unknowns(start, prior) | _with_widths(start, windows)
     layout = _lay_out_records(unknowns, windows, len(rows))
+    _demand_room(windows, layout, len(unknowns))
     begin = layout.start.copy()
     for k, name in enumerate(layout.names):
         if name in start:
@@ -161,6 +169,20 @@ def fit_circuit(
     likelihood = CircuitLikelihood(loading, windows, rows, layout, start)
     maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
     return _fit_of(maximum, likelihood, tuple(unknowns))
+
+
+def _demand_room(windows: Sequence[FreeWindow], layout: UnknownVector, common: int) -> None:
+    """Raise if a window has more unknowns than the kernel has room for."""
+    problems = []
+    for window, names in zip(windows, layout.bases):
+        if len(names) > MOST_UNKNOWNS:
+            problems.append(
+                f"the window {window.time[0]:g}-{window.time[-1]:g} s has {len(names)} unknowns, "
+                f"{common} of the circuit and {len(window.edges)} jumps of the force among them; at "
+                f"most {MOST_UNKNOWNS} are possible: divide the window, or give fewer terms or nodes"
+            )
+    if problems:
+        raise IdentificationError("; ".join(problems))
 
 
 def _with_widths(start: Mapping[str, float], windows: Sequence[FreeWindow]) -> dict[str, Unknown]:
