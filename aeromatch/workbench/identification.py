@@ -27,7 +27,7 @@ from aeromatch.workbench.fit_request import (
     records_of_request,
     validate_request,
 )
-from aeromatch.workbench.models.board import saved_models
+from aeromatch.workbench.models.board import named_windows, saved_models
 from aeromatch.workbench.models.kept_paths import (
     has_newer_paths,
     list_kept_paths,
@@ -38,7 +38,8 @@ from aeromatch.workbench.models.selection import error_words, window_words
 from aeromatch.workbench.opened import MATCH, Levels, OpenProject, decimate_channels
 from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flighttest.maximum_likelihood.validation import ValidationWindow, validate_models
+from flighttest.maximum_likelihood.validating.used_windows import state_windows
+from flighttest.maximum_likelihood.validation import validate_models
 from flighttest.regression.combining.mixed_estimation import prior_of
 from flighttest.regression.equation_error.model import MEASURED
 from flighttest.remarks import remarks_to_json
@@ -138,10 +139,8 @@ def validate_fit(opened: OpenProject, query: Mapping[str, str], body: Any) -> di
     request = validate_request(content.get("fit"))
     windows = {"windows": content.get("windows"), "model": request.model, "cutoff": request.cutoff}
     other = validate_request(windows)
-    pieces = []
-    for window, data in zip(order_windows(other), form_windows(opened, other), strict=True):
-        pieces.append(ValidationWindow(window.record, data))
-    return validate_models({"this fit": _fit(opened, request)}, pieces).as_dict()
+    fit = state_windows(_fit(opened, request), named_windows(opened, request))
+    return validate_models({"this fit": fit}, named_windows(opened, other)).as_dict()
 
 
 def show_fit_samples(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:

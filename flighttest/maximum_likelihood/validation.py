@@ -2,67 +2,38 @@
 
 from __future__ import annotations
 
-import json
 import os
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
-from flightmech.errors import AeromatchError, AeromatchWarning, ParseError
-from flightmech.support.arrays import rms
+from flightmech.errors import AeromatchError, ParseError
 from flightmech.support.console import to_json_types
-from flighttest.maximum_likelihood.linear.motion_prediction import predict_motion
 from flighttest.maximum_likelihood.result import OutputError, open_output_error
+from flighttest.maximum_likelihood.validating.predicted_channels import (
+    PredictedChannel,
+    count_parameters,
+    figures_of,
+    predict_window,
+)
+from flighttest.maximum_likelihood.validating.used_windows import ValidationWindow, find_use
 from flighttest.regression.equation_error.fit import Fit, open_fit
-from flighttest.regression.equation_error.least_squares import intercept_mask
-from flighttest.regression.uncertainty.prediction_errors import theil, theil_shares
 from flighttest.remarks import PrintedResult
 
 COLUMNS = (
     "model", "method", "channel", "unit", "window", "parameters", "samples",
-    "R2", "theil", "theil_bias", "theil_variance", "theil_covariance", "rms", "nrmse", "remarks",
+    "R2", "theil", "theil_bias", "theil_variance", "theil_covariance", "rms", "nrmse", "windows",
+    "remarks",
 )  # fmt: skip
-"""Columns of the board: a row for each model, channel and window, and one of all windows."""
+"""Columns of the board: a row for each model, channel and window, and one of all windows.
+
+``windows`` is the number of windows that count: those that the model has not used.
+"""
 ALL = "all"
 """Name of the window of a row over all windows."""
-WINDOWS = "windows"
-"""Attribute of the estimates of a file: its windows as JSON, [record, start, stop] of each. [s]"""
-USED = "in the fit"
-"""Beginning of the remark on a window that the fit has used."""
-
-
-class ValidationWindow(NamedTuple):
-    """A stretch of a record that models predict.
-
-    Attributes
-    ----------
-    record : str
-    data : Dataset (time,)
-        Coefficients and states, as from `flighttest.coefficients`. [SI]
-    """
-
-    record: str
-    data: xr.Dataset
-
-    @property
-    def name(self) -> str:
-        """Record and times."""
-        time = self.data["time"].values
-        return f"{self.record} {time[0]:g}-{time[-1]:g} s"
-
-
-class PredictedChannel(NamedTuple):
-    """One channel of a window, measured and predicted. [SI]"""
-
-    name: str
-    unit: str
-    measured: np.ndarray
-    predicted: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -79,16 +50,28 @@ class ValidationBoard(PrintedResult):
 
     @property
     def summary(self) -> pd.DataFrame:
-        """One row per model: the least ``R2`` and the largest ``theil`` of its channels."""
+        """One row per model: the least ``R2`` and the largest ``theil`` of its channels.
+
+        ``windows`` are those that count, of all. ``common`` is the least R2 over the windows that
+        count for all models: figures of different windows do not rank models.
+        """
+        counted = {}
+        for name, rows in self.rows.groupby("model", sort=False):
+            counted[name] = _counted_windows(rows)
+        sets = [windows for windows in counted.values() if windows]
+        common = set.intersection(*sets) if sets else set()
         found = []
         for name, rows in self.rows.groupby("model", sort=False):
             total = rows[rows["window"] == ALL]
             first = rows.iloc[0]
+            every = rows.loc[rows["window"] != ALL, "window"].nunique()
             row = {
                 "model": name,
                 "method": first["method"],
                 "channels": " ".join(dict.fromkeys(rows["channel"])),
                 "parameters": first["parameters"],
+                "windows": f"{len(counted[name])} of {every}",
+                "common": _least_r2(rows, common) if counted[name] else np.nan,
                 "R2": total["R2"].min(skipna=False) if len(total) else np.nan,
                 "theil": total["theil"].max(skipna=False) if len(total) else np.nan,
                 "remarks": int((rows["remarks"] != "").sum()),
@@ -106,10 +89,19 @@ class ValidationBoard(PrintedResult):
         width = max([5, *map(len, self.rows["model"])])
         windows = max([6, *map(len, self.rows["window"])])
         lines = ["over all windows that a model has not used, the worst of its channels:"]
-        for row in self.summary.sort_values("R2", ascending=False).to_dict("records"):
+        summary = self.summary
+        is_ranked = summary["windows"].nunique() > 1 or not _is_same(summary)
+        for row in summary.sort_values("common", ascending=False).to_dict("records"):
+            shared = f"  common R2 {row['common']:8.4f}" if is_ranked else ""
             lines.append(
                 f"  {row['model']:{width}s} R2 {row['R2']:8.4f}  Theil {row['theil']:7.4f}  "
-                f"{row['parameters']} parameters, {row['channels']}"
+                f"{row['windows']} windows{shared}  {row['parameters']} parameters, "
+                f"{row['channels']}"
+            )
+        if is_ranked:
+            lines.append(
+                "! the models have different windows: their order is that of the R2 over the "
+                "windows that count for all"
             )
         lines += [
             "",
@@ -131,6 +123,35 @@ class ValidationBoard(PrintedResult):
         return to_json_types(
             {"summary": self.summary.to_dict("records"), "rows": self.rows.to_dict("records")}
         )
+
+
+def _counted_windows(rows: pd.DataFrame) -> set[str]:
+    """Return the windows of the rows of a model that count."""
+    return set(rows.loc[(rows["window"] != ALL) & (rows["windows"] > 0), "window"])
+
+
+def _least_r2(rows: pd.DataFrame, windows: set[str]) -> float:
+    """Return the least R2 of the channels over some windows; NaN without a window.
+
+    The sums of squares follow from rms and R2 of the rows, since each window has its own mean.
+    """
+    least = np.inf
+    for _, channel in rows[rows["window"].isin(windows)].groupby("channel"):
+        errors = channel["samples"] * channel["rms"] ** 2
+        remainder = 1.0 - channel["R2"]
+        if np.all(errors == 0.0):
+            least = min(least, 1.0)
+            continue
+        # A window that is predicted without an error has no sum of squares about its mean.
+        moved = (errors / remainder.where(remainder > 0.0)).sum(skipna=False)
+        least = np.minimum(least, 1.0 - errors.sum(skipna=False) / moved)
+    return float(least) if windows and least < np.inf else np.nan
+
+
+def _is_same(summary: pd.DataFrame) -> bool:
+    """Return whether every R2 is that over the common windows."""
+    known = summary.dropna(subset=["R2"])
+    return bool(np.allclose(known["R2"], known["common"], rtol=1e-9, atol=1e-12))
 
 
 def open_model(path: str | os.PathLike) -> Fit | OutputError:
@@ -172,7 +193,9 @@ def validate_models(
     Notes
     -----
     A window that the fit has used proves nothing: it is not in the row of all windows, and its
-    remark states how many of its samples are in the fit. A model that cannot predict a window has a row without figures and with the reason.
+    remark states how many of its samples are in the fit (`find_use`). A window that it may have used
+    does not count either. A model that cannot predict a window has a row without figures and with
+    the reason.
     """
     rows: list[dict[str, Any]] = []
     for name, model in models.items():
@@ -191,19 +214,19 @@ def _rows_of_model(
             channels, remarks = predict_window(model, window.data)
         except AeromatchError as error:
             reason = "; ".join(getattr(error, "problems", ())) or str(error)
-            empty = {"channel": _first_channel(model), "unit": "", "samples": 0}
+            empty = {"channel": _first_channel(model), "unit": "", "samples": 0, "windows": 0}
             rows.append({**head, **empty, "window": window.name, "remarks": f"no figure: {reason}"})
             continue
-        used = count_used_samples(model, window)
-        if used:
-            remarks.insert(0, f"{USED}: {used} samples of the window; it validates nothing")
+        use = find_use(model, window)
+        if use.remark:
+            remarks.insert(0, use.remark)
         for channel in channels:
-            found = _WindowPrediction(window.name, channel, remarks, used > 0)
+            found = _WindowPrediction(window.name, channel, remarks, use.counts)
             by_channel.setdefault(channel.name, []).append(found)
     for predictions in by_channel.values():
         for found in predictions:
             texts = "; ".join(dict.fromkeys(found.remarks))
-            figures = figures_of([found.channel])
+            figures = figures_of([found.channel]) | {"windows": int(found.counts)}
             rows.append({**head, **figures, "window": found.window, "remarks": texts})
         rows.append({**head, **_figures_of_all(predictions, len(windows))})
     return rows
@@ -215,23 +238,26 @@ class _WindowPrediction(NamedTuple):
     window: str
     channel: PredictedChannel
     remarks: list[str]
-    is_used: bool
+    counts: bool
 
 
 def _figures_of_all(predictions: Sequence[_WindowPrediction], count: int) -> dict[str, Any]:
     """Return the row over the windows that a model has not used."""
-    channels = [found.channel for found in predictions if not found.is_used]
+    channels = [found.channel for found in predictions if found.counts]
     texts = []
     if len(channels) < count:
-        texts.append(f"{len(channels)} of {count} windows: the others are in the fit or fail")
-    remarked = sum(bool(found.remarks) for found in predictions if not found.is_used)
+        texts.append(
+            f"{len(channels)} of {count} windows: the others are or may be in the fit, or fail"
+        )
+    remarked = sum(bool(found.remarks) for found in predictions if found.counts)
     if remarked:
         texts.append(f"{remarked} of them with remarks")
     first = predictions[0].channel
     figures: dict[str, Any] = {"channel": first.name, "unit": first.unit, "samples": 0}
     if channels:
         figures = figures_of(channels)
-    return {**figures, "window": ALL, "remarks": "; ".join(texts)}
+    found = {"windows": len(channels), "window": ALL, "remarks": "; ".join(texts)}
+    return {**figures, **found}
 
 
 def _method_of(model: Fit | OutputError) -> str:
@@ -244,112 +270,3 @@ def _method_of(model: Fit | OutputError) -> str:
 
 def _first_channel(model: Fit | OutputError) -> str:
     return "" if isinstance(model, OutputError) else model.model.coefficient
-
-
-def count_parameters(model: Fit | OutputError) -> int:
-    """Return the number of parameters that a prediction holds, without constants of records."""
-    if isinstance(model, OutputError):
-        fixed = ("init.", "drift.", "sensor.", "process.", "gust.", "scale.", "noise.")
-        return sum(not name.startswith(fixed) for name in model.parameters)
-    terms = [str(term) for term in model.estimates["term"].values]
-    return sum(not term.startswith("1[") for term in terms)
-
-
-def predict_window(
-    model: Fit | OutputError, data: xr.Dataset
-) -> tuple[list[PredictedChannel], list[str]]:
-    """Return measured and predicted channels of a window, and remarks.
-
-    Raises
-    ------
-    AeromatchError
-        The model cannot predict the window.
-    """
-    if isinstance(model, OutputError):
-        found = predict_motion(model, data)
-        channels = []
-        for name in found.predicted.data_vars:
-            measured, predicted = found.measured[name], found.predicted[name]
-            unit = str(measured.attrs.get("units", ""))
-            channels.append(PredictedChannel(str(name), unit, measured.values, predicted.values))
-        return channels, list(found.remarks)
-    return _predict_coefficient(model, data)
-
-
-def _predict_coefficient(fit: Fit, data: xr.Dataset) -> tuple[list[PredictedChannel], list[str]]:
-    """Return the coefficient along a window.
-
-    A fit with a constant for each manoeuvre has none for this one: it is taken from the window.
-    """
-    coefficient = fit.model.coefficient
-    terms = [str(term) for term in fit.estimates["term"].values]
-    separate = [term for term in terms if term != "1" and intercept_mask([term])[0]]
-    manoeuvre = int(separate[0][2:-1]) if separate else None
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        predicted = fit.predict(data, manoeuvre)[coefficient].values.astype(float)
-    remarks = []
-    for item in caught:
-        if issubclass(item.category, AeromatchWarning):
-            remarks.append(str(item.message).partition(" is used ")[2] or str(item.message))
-    measured = data[coefficient].values.astype(float)
-    if separate:
-        predicted = predicted + np.nanmean(measured - predicted)
-        remarks.append("its constant is taken from the window")
-    return [PredictedChannel(coefficient, "1", measured, predicted)], remarks
-
-
-def count_used_samples(model: Fit | OutputError, window: ValidationWindow) -> int:
-    """Return the number of samples of a window that a model has used.
-
-    A sample is in a regression if its time and its coefficient are, to the last digits.  A fit by
-    output error has the names and times of its windows in its file.
-    """
-    if isinstance(model, OutputError):
-        return _count_common_times(model, window)
-    coefficient, data = model.model.coefficient, window.data
-    if "time" not in model.data or coefficient not in data or coefficient not in model.data:
-        return 0
-
-    def keys(samples: xr.Dataset) -> set[tuple[float, float]]:
-        values = samples[coefficient].values.astype(float)
-        return set(zip(np.round(samples["time"].values, 6), np.round(values, 12), strict=True))
-
-    return len(keys(model.data) & keys(data))
-
-
-def _count_common_times(model: OutputError, window: ValidationWindow) -> int:
-    time = window.data["time"].values
-    is_used = np.zeros(len(time), bool)
-    for record, start, stop in json.loads(str(model.estimates.attrs.get(WINDOWS, "[]"))):
-        if record == window.record:
-            is_used |= (time >= start) & (time <= stop)
-    return int(is_used.sum())
-
-
-def figures_of(parts: Sequence[PredictedChannel]) -> dict[str, Any]:
-    """Return the figures of a channel over one or several windows."""
-    measured, predicted, centred = [], [], []
-    for part in parts:
-        valid = np.isfinite(part.measured) & np.isfinite(part.predicted)
-        z = part.measured[valid]
-        measured.append(z)
-        predicted.append(part.predicted[valid])
-        centred.append(z - z.mean() if len(z) else z)
-    z, y, moved = (np.concatenate(arrays) for arrays in (measured, predicted, centred))
-    figures: dict[str, Any] = {
-        "channel": parts[0].name,
-        "unit": parts[0].unit,
-        "samples": len(z),
-    }
-    if len(z) < 2 or not np.any(moved):
-        return figures
-    shares: tuple[float, ...] = (np.nan,) * 3
-    if np.any(z != y):
-        shares = tuple(theil_shares(z, y))
-    figures |= dict(zip(("theil_bias", "theil_variance", "theil_covariance"), shares, strict=True))
-    figures["R2"] = 1.0 - float(((z - y) ** 2).sum() / (moved**2).sum())
-    figures["theil"] = theil(z, y)
-    figures["rms"] = rms(z - y)
-    figures["nrmse"] = 100.0 * rms(z - y) / float(np.ptp(z))
-    return figures

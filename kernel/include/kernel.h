@@ -58,7 +58,8 @@ enum {
      * am_time states when */
     AM_NOT_FINITE = 3,
     AM_BAD_ARGUMENT = 4, /* a wrong argument of the call itself, e.g. a negative dt */
-    AM_NOT_READY = 5     /* am_initialize has not been called or has failed */
+    AM_NOT_READY = 5,    /* am_initialize has not been called or has failed */
+    AM_NOT_SOLVED = 6    /* an iteration did not converge; of am_follow_circuit only */
 };
 
 /* What can be counted, named and found. */
@@ -504,7 +505,8 @@ typedef struct {
 
 /* Follow a circuit: travel of both ends y[samples * 2] and derivatives Y[samples * 2 * unknowns],
  * which may be NULL.  AM_BAD_ARGUMENT: sizes, or a width that is not positive; AM_NOT_FINITE: the
- * motion is unbounded. */
+ * motion is unbounded; AM_NOT_SOLVED: the velocity at the end of a sub-step did not converge, and
+ * the motion after it is not computed. */
 AM_API int am_follow_circuit(const am_circuit *c, size_t samples, double *y, double *Y);
 
 #ifdef __cplusplus

@@ -117,3 +117,12 @@ def test_wrong_sizes_and_widths_are_refused():
         given._replace(start=LinearInput(np.zeros(3), np.zeros((3, len(theta))))).follow(
             theta, wants_slopes=False
         )
+
+
+def test_a_sub_step_that_does_not_converge_gives_no_motion():
+    """Negative friction beyond the inertia of a sub-step has no unique velocity at its end."""
+    given, theta = circuit(40)
+    theta[list(CONSTANTS).index("friction")] = -1000.0
+    y, Y = given.follow(theta, wants_slopes=True)
+    assert np.isnan(y).all()
+    assert np.isnan(Y).all()

@@ -23,8 +23,8 @@ from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import from_si
 from flighttest.maximum_likelihood.linear.motions import MOTIONS
 from flighttest.maximum_likelihood.result import OutputError
+from flighttest.maximum_likelihood.validating.used_windows import ValidationWindow, digest_record
 from flighttest.maximum_likelihood.validation import (
-    ValidationWindow,
     open_model,
     predict_window,
     validate_models,
@@ -84,12 +84,20 @@ def compare_models(opened: OpenProject, query: Mapping[str, str], body: Any) -> 
 
 
 def _windows(opened: OpenProject, request: BoardRequest) -> list[ValidationWindow]:
-    fit = request.as_fit()
-    pieces = form_windows(opened, fit)
-    return [
-        ValidationWindow(window.record, data)
-        for window, data in zip(order_windows(fit), pieces, strict=True)
-    ]
+    return named_windows(opened, request.as_fit())
+
+
+def named_windows(opened: OpenProject, request: FitRequest) -> list[ValidationWindow]:
+    """Return the windows of a request with name and hash of their records."""
+    named = []
+    for window, data in zip(order_windows(request), form_windows(opened, request), strict=True):
+        digest = _digest(opened, opened.path_file(window.record))
+        named.append(ValidationWindow(window.record, data, digest))
+    return named
+
+
+def _digest(opened: OpenProject, file: Path) -> str:
+    return opened.kept(("digest",), [file], lambda: digest_record(file))
 
 
 def board_words(opened: OpenProject, request: BoardRequest) -> list[str]:

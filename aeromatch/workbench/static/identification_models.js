@@ -91,13 +91,13 @@ async function compare() {
   }, view.parts.boardFound);
 }
 function sorted(rows) {
-  const { sort, up } = view.boardGiven, direction = (ORDER[sort] || 1) * (up ? -1 : 1), key = (row) => (row[sort] == null ? Infinity * direction : row[sort]);
+  const { sort, up } = view.boardGiven, direction = (ORDER[sort] || 1) * (up ? -1 : 1), place = sort === "R2" ? "common" : sort, key = (row) => (row[place] == null ? Infinity * direction : row[place]);   // different windows do not rank models
   return [...rows].sort((a, b) => (key(a) < key(b) ? -1 : key(a) > key(b) ? 1 : 0) * direction);
 }
 function boardTables() {
   const board = view.boardGiven, { answer, request } = board, error = element("div"), figure = element("div"), name = element("input", { value: "board", "aria-label": "Name of the board" });
-  const heads = [["model", "model"], ["method", "method"], ["channels", "channels"], ["parameters", "parameters"], ["R2", "R\u00b2"], ["theil", "Theil"], ["remarks", "rows with remarks"]], fix = { R2: 5, theil: 4 };
-  const node = table(heads.map(([key, text]) => [text, (row) => (fix[key] ? number(row[key], fix[key]) || "none" : String(row[key])), { number: !["model", "method", "channels"].includes(key) }]), sorted(answer.summary), { label: "Models on the windows that they have not used", chosen: (row) => row.model === board.shown, onchoose: (row) => { board.shown = row.model; boardTables(); } });
+  const heads = [["model", "model"], ["method", "method"], ["channels", "channels"], ["parameters", "parameters"], ["windows", "windows"], ["common", "common R\u00b2"], ["R2", "R\u00b2"], ["theil", "Theil"], ["remarks", "rows with remarks"]], fix = { common: 5, R2: 5, theil: 4 };
+  const node = table(heads.map(([key, text]) => [text, (row) => (fix[key] ? number(row[key], fix[key]) || "none" : String(row[key])), { number: !["model", "method", "channels", "windows"].includes(key) }]), sorted(answer.summary), { label: "Models on the windows that they have not used", chosen: (row) => row.model === board.shown, onchoose: (row) => { board.shown = row.model; boardTables(); } });
   [...node.tHead.rows[0].cells].forEach((cell, i) => {
     const [key, text] = heads[i];
     if (!(key in ORDER)) return;
@@ -107,7 +107,7 @@ function boardTables() {
   const rows = board.shown ? answer.rows.filter((row) => row.model === board.shown) : [];
   view.parts.boardFound.replaceChildren(
     element("div", { class: "scroll" }, node),
-    element("p", { class: "quiet" }, "R\u00b2 and Theil's coefficient over all windows that the model has not used, the worst of its channels. A row shows its channels and windows. Below 0.3 Theil's coefficient counts as good."),
+    element("p", { class: "quiet" }, "R\u00b2 and Theil's coefficient over all windows that the model has not used, the worst of its channels. Common windows are those that no model has used: the order by R\u00b2 is that over them. A row shows its channels and windows. Below 0.3 Theil's coefficient counts as good."),
     rows.length ? element("div", { class: "scroll" }, table([["channel", "channel"], ["window", "window"], ["samples", "samples", { number: true, digits: 9 }], ["R\u00b2", (row) => number(row.R2, 5), { number: true }], ["Theil", (row) => number(row.theil, 4), { number: true }], ["bias", (row) => number(row.theil_bias, 2), { number: true }], ["variance", (row) => number(row.theil_variance, 2), { number: true }], ["covariance", (row) => number(row.theil_covariance, 2), { number: true }], ["rms", (row) => `${number(row.rms, 4)} ${row.rms == null ? "" : row.unit === "1" ? "" : row.unit}`, { number: true }], ["% of range", (row) => number(row.nrmse, 3), { number: true }], ["remarks", "remarks"]], rows, { label: `Channels and windows of ${board.shown}` })) : "",
     figure,
     element("div", { class: "row" }, name, button("Save the board", () => attempt(async () => { if (!/^[\w\- ]+$/.test(name.value)) throw new Error("Give a name of letters, digits, spaces, _ and -."); await act([...answer.command, "-o", `{work}/boards/${name.value.trim()}.csv`]); }, error))), error, commandText(answer.command));

@@ -36,8 +36,9 @@ CIRCUIT_CONSTANTS = (
 )
 # Most unknowns of one call: AM_MOST_CIRCUIT_UNKNOWNS of kernel.h.
 MOST_UNKNOWNS = 128
-# Status of a motion without bound: AM_NOT_FINITE of kernel.h.
-_NOT_FINITE = 3
+# Status of a motion without bound and of one whose sub-step has no solution that the iteration
+# reaches: AM_NOT_FINITE and AM_NOT_SOLVED of kernel.h.
+_NO_MOTION = (3, 6)
 
 
 class LinearInput(NamedTuple):
@@ -98,7 +99,8 @@ class DrivenCircuit(NamedTuple):
     def follow(self, theta: np.ndarray, wants_slopes: bool) -> tuple[np.ndarray, np.ndarray | None]:
         """Return travel of both ends (time, 2), and derivatives (time, 2, unknowns) if wanted.
 
-        A motion without bound is NaN.
+        A motion without bound is NaN, and so is one of which a sub-step does not converge: a search
+        refuses such a step.
 
         Raises
         ------
@@ -133,8 +135,10 @@ class DrivenCircuit(NamedTuple):
         )
         slopes = None if Y is None else double_pointer(Y)
         code = load_kernel().am_follow_circuit(byref(circuit), samples, double_pointer(y), slopes)
-        if code == _NOT_FINITE:
+        if code in _NO_MOTION:
             y[:] = np.nan
+            if Y is not None:
+                Y[:] = np.nan
         elif code:
             raise ValueError(
                 f"the kernel follows no circuit of {samples} samples, {powers} powers, {unknowns} "

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
+import xarray as xr
 
 import aerodb
 from flightmech.aircraft.aircraft_file import read_aircraft
@@ -33,7 +33,13 @@ from flighttest.maximum_likelihood.fit_page import render_fit_page as page_of
 from flighttest.maximum_likelihood.linear.motion_fit import fit_motion
 from flighttest.maximum_likelihood.result import save_output_error
 from flighttest.maximum_likelihood.specification import read_specification
-from flighttest.maximum_likelihood.validation import WINDOWS
+from flighttest.maximum_likelihood.validating.used_windows import (
+    Model,
+    ValidationWindow,
+    digest_record,
+    digest_states,
+    state_windows,
+)
 from flighttest.parameter_constraints import constraints_to_json
 from flighttest.reconstruction.dynamics.force_coefficients import select_time
 from flighttest.reconstruction.dynamics.saved_paths import open_states
@@ -127,14 +133,16 @@ def run_fit_linear(
     if windows and len(paths) > 1:
         raise click.UsageError(f"{len(paths)} paths and --window; windows are those of one path")
     by_path = windows_of_paths(paths, windows, own_windows)
-    records, names = [], []
+    records, names, used = [], [], []
     for path, spans in zip(paths, by_path, strict=True):
         states = open_states(path)
+        digest = digest_states(states) if output else ""
         chosen: list[tuple[float, float] | None] = [*spans] or [None]
         for window in chosen:
             part = states if window is None else select_time(states, *window)
             records.append(part)
             names.append(Path(path).name)
+            used.append(ValidationWindow(Path(path).stem, part, digest))
     report_faults(records, names)
     with show_progress(f"estimate the {motion} motion"):
         done = fit_motion(
@@ -146,12 +154,7 @@ def run_fit_linear(
             constraints=constraints,
         )
     if output:
-        used = [
-            [Path(name).stem, float(part["time"][0]), float(part["time"][-1])]
-            for name, part in zip(names, records, strict=True)
-        ]
-        done.fit.estimates.attrs[WINDOWS] = json.dumps(used)
-        save_output_error(done.fit, output)
+        save_output_error(state_windows(done.fit, used), output)
     if as_json:
         print_json({**done.as_dict(), "file": output})
     else:
@@ -228,7 +231,7 @@ def run_identify(
             remark for remark in remarks if remark.kind != "sign" or remark.term not in known
         ]
     if output:
-        save_fit(fit, output)
+        save_fit(_with_windows(fit, paths, manoeuvres, sources), output)
     if as_json:
         more = (
             {}
@@ -276,7 +279,9 @@ def run_select(
             "flight select", ["no candidates: give --variables, or --term once for each"]
         )
     candidates = [*monomials(variables.split(), order), *terms] if variables else ["1", *terms]
-    manoeuvres = read_manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
+    manoeuvres, sources = read_sourced_manoeuvres(
+        paths, aircraft_file, windows, cutoff, own_windows, errors
+    )
     with show_progress(f"select among {len(candidates)} candidates"):
         found = _WAYS_TO_SELECT[method](
             coefficient,
@@ -287,7 +292,7 @@ def run_select(
             hierarchy=not free,
         )
     if output:
-        save_fit(found.fit, output)
+        save_fit(_with_windows(found.fit, paths, manoeuvres, sources), output)
     if as_json:
         print_json(
             {
@@ -365,6 +370,17 @@ def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_js
     else:
         click.echo(found.report())
     ctx.exit(1 if is_forbidden(found.remarks) else 0)
+
+
+def _with_windows(
+    fit: Model, paths: Sequence[str], manoeuvres: Sequence[xr.Dataset], sources: Sequence[int]
+) -> Model:
+    """Return a fit with the windows that it has used, for a validation on other windows."""
+    digests = [digest_record(path) for path in paths]
+    used = []
+    for data, number in zip(manoeuvres, sources, strict=True):
+        used.append(ValidationWindow(Path(paths[number]).stem, data, digests[number]))
+    return state_windows(fit, used)
 
 
 def _fit(model, manoeuvres, band, intercepts, weights, ridge, constraints=()):

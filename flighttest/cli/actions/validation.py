@@ -10,11 +10,8 @@ from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import print_json, show_progress
 from flighttest.cli.actions.manoeuvres import read_sourced_manoeuvres
-from flighttest.maximum_likelihood.validation import (
-    ValidationWindow,
-    open_model,
-    validate_models,
-)
+from flighttest.maximum_likelihood.validating.used_windows import ValidationWindow, digest_record
+from flighttest.maximum_likelihood.validation import open_model, validate_models
 
 
 def run_validate(
@@ -35,9 +32,10 @@ def run_validate(
         )
     opened = {name: open_model(file) for name, file in zip(names, models, strict=True)}
     found, sources = read_sourced_manoeuvres(paths, aircraft_file, windows, cutoff, own_windows)
+    digests = [digest_record(path) for path in paths]
     pieces = []
     for data, number in zip(found, sources, strict=True):
-        pieces.append(ValidationWindow(Path(paths[number]).stem, data))
+        pieces.append(ValidationWindow(Path(paths[number]).stem, data, digests[number]))
     with show_progress(f"predict {len(pieces)} windows by {len(opened)} models"):
         board = validate_models(opened, pieces)
     if output:

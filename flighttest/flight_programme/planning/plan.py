@@ -35,6 +35,8 @@ _NOT_LOWERED = 0.9
 # Range of the standard errors over the draws.
 RANGE_COLUMNS = ["low", "median", "high"]
 _QUANTILES = (0.05, 0.5, 0.95)
+# Fewest draws of a range: of fewer than 20 draws 5 % is less than one.
+_FEWEST_DRAWS = 20
 _STATES = ("reached", "missed", "unreachable")
 
 
@@ -65,11 +67,12 @@ class ProgrammePlan(ShortText):
         shares of the expected variance, and ``ground``: standard errors of the ground effect along
         the row over those before the flights, by coefficient.
     notes : list of str
-        What the prediction of the rows assumes or lacks.
+        What the prediction of the rows assumes or lacks, and draws of the ranges that failed.
     ranges : dict of str to Dataset
         Range of the standard errors of the terms that the programme informs, over draws of what the
         identification will learn (`flighttest.planning.draw_stderr`): ``low``, ``median``, ``high`` in
-        the shape of the table; 5, 50 and 95 %.  Empty without draws.
+        the shape of the table; 5, 50 and 95 %.  Empty without draws; NaN, and a note, for a
+        term with less than 20 draws that converge.
     """
 
     prediction: Prediction
@@ -164,7 +167,7 @@ def plan_predicted_flights(
     items = [item for item in prediction.candidates if item in chosen]
     fits = [*flown, *prediction.fits(items)]
     undetermined = [f"{name}: {fit.name}" for name, fit in _find_undetermined(prediction, items)]
-    ranges = _ranges_of(goal, fits, draws)
+    ranges, range_notes = _ranges_of(goal, fits, draws)
     return ProgrammePlan(
         prediction,
         items,
@@ -173,24 +176,49 @@ def plan_predicted_flights(
         expected=goal.expectation.stderr(fits),
         undetermined=undetermined,
         rows=rows_of(goal, items),
-        notes=_note_rows(goal),
+        notes=[*_note_rows(goal), *range_notes],
         ranges=ranges,
     )
 
 
-def _ranges_of(goal: Goal, fits: Sequence[Any], draws: int) -> dict[str, xr.Dataset]:
-    """Return the ranges of the standard errors over draws."""
+def _ranges_of(
+    goal: Goal, fits: Sequence[Any], draws: int
+) -> tuple[dict[str, xr.Dataset], list[str]]:
+    """Return the ranges of the standard errors over draws, and notes on draws that failed."""
     if not draws or not fits:
-        return {}
-    leaves, ranges = terms(goal.expectation.prior), {}
+        return {}, []
+    leaves, ranges, has_range = terms(goal.expectation.prior), {}, False
+    by_text: dict[str, list[str]] = {}
     drawn = draw_stderr(goal.expectation, fits, draws, seed=goal.prediction.catalogue.seed)
     for name, values in drawn.items():
+        # A draw whose weights do not converge is NaN at all nodes.
+        usable = int(np.isfinite(values.reshape(draws, -1)).any(axis=1).sum())
+        if text := _describe_draws(usable, draws):
+            by_text.setdefault(text, []).append(name)
         dims = leaves[name]["value"].dims
-        quantiles = np.nanquantile(values, _QUANTILES, axis=0)
+        quantiles = np.full((len(_QUANTILES), *values.shape[1:]), np.nan)
+        if usable >= _FEWEST_DRAWS:
+            has_range = True
+            quantiles = np.nanquantile(values, _QUANTILES, axis=0)
         ranges[name] = xr.Dataset(
             {key: (dims, table) for key, table in zip(RANGE_COLUMNS, quantiles, strict=True)}
         )
-    return ranges
+    notes = [f"range of {', '.join(names)}: {text}" for text, names in by_text.items()]
+    return ranges if has_range else {}, notes
+
+
+def _describe_draws(usable: int, draws: int) -> str:
+    """Return what is to be noted on the draws of a term; empty without failures."""
+    texts = []
+    if usable < draws:
+        texts.append(
+            f"{draws - usable} of {draws} draws failed because their weights do not converge; the "
+            f"range is that of the others and may be too narrow"
+        )
+    if usable < _FEWEST_DRAWS:
+        texts = [text.partition(";")[0] for text in texts]
+        texts.append(f"no range, {usable} draws are less than {_FEWEST_DRAWS}; give more draws")
+    return "; ".join(texts)
 
 
 def _with_ranges(
@@ -420,6 +448,6 @@ def _format_nodes(nodes: pd.DataFrame) -> list[str]:
         line = f"{name!s:<18}{len(part):>8}{reached:>9}{missed:>8}{unreachable:>13}{worst:>24.2f}"
         if "low" in part:
             low, high = ((part[key] / part["bound"]).max() for key in ("low", "high"))
-            line += f"{low:>8.2f} ... {high:.2f}"
+            line += f"{low:>8.2f} ... {high:.2f}" if np.isfinite(low) else f"{'none':>8}"
         lines.append(line)
     return lines

@@ -111,7 +111,7 @@ def expected_table(plan: ProgrammePlan) -> pd.DataFrame:
     for name, stderr in plan.expected.items():
         tables = []
         for key in columns[3:]:
-            # a term without draws keeps the expected error
+            # a term that no fit informs keeps its error in all draws
             tables.append(plan.ranges[name][key].values if name in plan.ranges else stderr)
         for node, value in np.ndenumerate(stderr):
             if np.isfinite(value):

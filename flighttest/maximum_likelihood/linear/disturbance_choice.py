@@ -27,6 +27,9 @@ from flighttest.maximum_likelihood.result import CALM, UNDETERMINED, OutputError
 from flighttest.maximum_likelihood.unknowns import Unknown, Wanted
 
 _CHANCE = 0.05  # probability that a disturbance that does not exist seems to be needed
+# Fall of the cost below that of the filter from which on the filter is not at its maximum: output
+# error is the filter without disturbances, and both searches end within about a tenth. [nats]
+_STUCK = 0.1
 _GUST_KINDS = ("gust", "scale")
 _INTENSITIES = ("process", "gust")
 _FILTER_KINDS = ("process", "noise", *_GUST_KINDS)
@@ -66,7 +69,9 @@ def prefer_calm(
     -------
     OutputError
         That of output error with the test of its residuals, and with the attribute `CALM` of the
-        estimates, a text; or as given, also if an intensity is given or has a prior.
+        estimates, a text; or as given, also if an intensity is given or has a prior, or if the
+        filter did not converge, because its cost is then not that of its maximum. A filter whose
+        cost is above that of output error has a warning.
     """
     kinds = {name: name.split(".")[0] for name in parameters}
     is_given = any(f"gust.{gust.name}" not in parameters for gust in gusts)
@@ -90,7 +95,15 @@ def prefer_calm(
         return fit
     rise = float(calm.estimates.attrs["cost"]) + 0.5 * readings - float(fit.estimates.attrs["cost"])
     limit = 0.5 * float(chi2.isf(_CHANCE, dropped))
-    if rise >= limit or not calm.estimates.attrs["converged"]:
+    if rise < -_STUCK:
+        text = (
+            f"the search of the filter error ended {-rise:.2g} nats above output error, which it "
+            f"contains: it is not at its maximum; change the starts of the process noise or "
+            f"estimate by output error"
+        )
+        return replace(fit, warnings=(*fit.warnings, text))
+    both_converged = fit.estimates.attrs["converged"] and calm.estimates.attrs["converged"]
+    if rise >= limit or not both_converged:
         return fit
     text = (
         f"no process noise is identified: without it the cost rises by {rise:.2g} nats "

@@ -14,6 +14,7 @@ from flighttest.regression.equation_error.model import term_powers
 from flighttest.remarks import warn_forbidden
 from flighttest.submodels.control_loading.loading import table_basis
 from flighttest.submodels.control_loading.result import IdentifiedLoading
+from flighttest.submodels.control_loading.table_coverage import find_unsupported
 
 
 def make_hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
@@ -27,7 +28,8 @@ def make_hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
     Warns
     -----
     AeromatchWarning
-        An estimate changes by more than its standard error in the last pass.
+        An estimate changes by more than its standard error in the last pass; samples beyond the
+        nodes of a table, or a node without samples near it.
     """
     warn_forbidden(identified.remarks, f"hinge moments of the {identified.loading.item}")
     coefficient = identified.loading.model.coefficient
@@ -79,7 +81,11 @@ def replace_hinge_moments(database: xr.DataTree, found: IdentifiedLoading) -> xr
 
 
 def _make_tables(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
-    """Return every term as a table over the nodes of `ControlLoading.over`."""
+    """Return every term as a table over the nodes of `ControlLoading.over`.
+
+    The standard error of a node without samples near it is at least the largest value of the table:
+    that of the extrapolated line does not contain the curvature that nobody has flown.
+    """
     loading = identified.loading
     assert loading.over is not None
     variable, nodes = loading.over
@@ -87,6 +93,9 @@ def _make_tables(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
     x = np.array(nodes)
     # Values of the basis at the nodes, (node, factor).
     B = np.column_stack([np.ones(len(x)), x, *(np.maximum(x - node, 0.0) for node in nodes[1:-1])])
+    is_far = np.zeros(len(x), bool)
+    if identified.sampled is not None:
+        is_far = find_unsupported(nodes, identified.sampled)
     leaves = {}
     # The terms of a table follow each other, in the order of the basis.
     for term in loading.model.terms[:: len(basis)]:
@@ -95,6 +104,8 @@ def _make_tables(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
         part = identified.estimates.sel(term=rows, term_=rows)
         values = B @ part["estimate"].values
         variances = np.einsum("ij,jk,ik->i", B, part["covariance"].values, B)
+        # Rounding of the products must not make a variance negative.
+        variances = np.maximum(variances, 0.0) + np.where(is_far, np.max(values**2), 0.0)
         regressors: list[str] = []
         for name, power in term_powers(term).items():
             regressors += [name] * power

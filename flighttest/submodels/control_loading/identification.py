@@ -137,7 +137,12 @@ def identify_control_loading(
         fit, iterations = _fit_with_cable(loading, slow, quick, cutoff=cutoff, drawn=drawn)
     stretch = None if fit.cable is None else fit.cable.estimates
     identified = IdentifiedLoading(
-        loading, fit.slid, cable=stretch, estimates=fit.estimates(), iterations=iterations
+        loading,
+        fit.slid,
+        cable=stretch,
+        estimates=fit.estimates(),
+        iterations=iterations,
+        sampled=_table_samples(loading, [*slow, *quick]),
     )
     sources = _error_sources(loading, [*driven, *free], errors or {})
     stops = None if drawings is None else drawings.stops
@@ -179,6 +184,19 @@ class _Records(NamedTuple):
         # The windows are those of the records without the error.
         windows = find_windows(loading, free, self.stops, source)
         return windows, driven_rows(loading, driven, self.cutoff, has_cable)
+
+
+def _table_samples(loading: ControlLoading, records: Sequence[PreparedRecord]) -> np.ndarray | None:
+    """Return the variable of the tables of hinge moments in the samples of records."""
+    if loading.over is None:
+        return None
+    variable, _ = loading.over
+    samples = []
+    for record in records:
+        values = record.moved[variable].values
+        # Driven records have a mask of samples; windows of free motion use all of theirs.
+        samples.append(values if isinstance(record.used, list) else values[record.used])
+    return np.concatenate(samples)
 
 
 def _drawn_constants(

@@ -23,6 +23,7 @@ from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.regression import SlidingFit
 from flighttest.submodels.control_loading.responses.window_response import FRICTION_RATE
 from flighttest.submodels.control_loading.simulation import SimulatedWindow, fly_windows
+from flighttest.submodels.control_loading.table_coverage import list_coverage_remarks
 
 # Units of a constant for a travel in m, and for a travel in rad.
 _UNITS = {
@@ -142,6 +143,9 @@ class IdentifiedLoading(PrintedResult):
         End of each iteration, by its name.
     response : ResponseFit or None
         Output error on free motion; None for regressions alone.
+    sampled : array (sample,) or None
+        Variable of the tables of hinge moments (`ControlLoading.over`) in the samples; None without
+        tables. [SI]
     """
 
     loading: ControlLoading
@@ -150,11 +154,14 @@ class IdentifiedLoading(PrintedResult):
     estimates: xr.Dataset
     iterations: Mapping[str, Convergence] = field(default_factory=dict)
     response: ResponseFit | None = None
+    sampled: np.ndarray | None = None
 
     @property
     def remarks(self) -> list[Remark]:
-        """Remarks on iterations that did not converge, and on the output error."""
+        """Remarks on iterations that did not converge, on tables and on the output error."""
         remarks = convergence_remarks(self.iterations)
+        if self.loading.over is not None and self.sampled is not None:
+            remarks += list_coverage_remarks(*self.loading.over, self.sampled)
         if self.response is not None:
             remarks += self.response.remarks
         return remarks

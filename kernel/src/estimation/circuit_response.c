@@ -28,6 +28,8 @@ static const double NEAR = 1e-2;
 static const double SHORTEST = 1e-6;
 /* last change of a velocity over its size */
 static const double SAME = 1e-12;
+/* that of an iteration which rounding ends above SAME */
+static const double ROUNDED = 1e-8;
 
 /* A mean of tanh, and its derivatives by both ends and by the width. */
 typedef struct {
@@ -166,19 +168,23 @@ static double misfit(const sub_step_t *p, int bodies) {
     return sum;
 }
 
-/* Newton's iteration; a step that raises the misfit is halved, because tanh is steep. */
-static void solve_sub_step(const am_circuit *c, const middle_t *at, sub_step_t *p) {
+/* Newton's iteration; a step that raises the misfit is halved, because tanh is steep.  Whether it
+ * has converged: w is no solution otherwise. */
+static bool solve_sub_step(const am_circuit *c, const middle_t *at, sub_step_t *p) {
     double x[BODIES], from[BODIES];
     memcpy(p->w, p->v, sizeof p->w);
     form_equations(c, at, p);
+    bool near = false;
     for (int round = 0; round < MOST_ROUNDS; round++) {
         const double before = misfit(p, c->bodies);
         divide(p, c->bodies, p->f, x);
         memcpy(from, p->w, sizeof from);
         bool small = true;
+        near = true;
         for (int i = 0; i < c->bodies; i++) {
             const double size = fabs(from[i]) + c->constants[AM_RATE_WIDTH];
             small = small && fabs(x[i]) <= SAME * size;
+            near = near && fabs(x[i]) <= ROUNDED * size;
         }
         double part = 1.0;
         for (int halving = 0; halving < MOST_HALVINGS; halving++, part *= 0.5) {
@@ -186,8 +192,9 @@ static void solve_sub_step(const am_circuit *c, const middle_t *at, sub_step_t *
             form_equations(c, at, p);
             if (small || misfit(p, c->bodies) < before) break;
         }
-        if (small) return;
+        if (small) return true;
     }
+    return near;
 }
 
 /* Derivatives of the equations by unknown j, for the velocities w as they are. */
@@ -285,15 +292,16 @@ static int divide_sub_step(const am_circuit *c, size_t k, int i, middle_t piece[
     return 2;
 }
 
-static void take_sub_step(const am_circuit *c, const middle_t *at, sub_step_t *p, change_t *d) {
+static bool take_sub_step(const am_circuit *c, const middle_t *at, sub_step_t *p, change_t *d) {
     p->h = at->h;
     p->force = c->force[at->k] + at->after * (c->force[at->k + 1] - c->force[at->k]);
-    solve_sub_step(c, at, p);
+    if (!solve_sub_step(c, at, p)) return false;
     if (d) advance_changes(c, at, p, d);
     for (int b = 0; b < c->bodies; b++) {
         p->s[b] += p->h * p->rate[b];
         p->v[b] = p->w[b];
     }
+    return true;
 }
 
 static void record_sample(const am_circuit *c, const sub_step_t *p, const change_t *d, double *y,
@@ -329,7 +337,10 @@ int am_follow_circuit(const am_circuit *c, size_t samples, double *y, double *Y)
         for (int i = 0; i < c->parts; i++) {
             middle_t piece[2];
             const int pieces = divide_sub_step(c, k, i, piece);
-            for (int m = 0; m < pieces; m++) take_sub_step(c, piece + m, &p, Y ? &d : NULL);
+            for (int m = 0; m < pieces; m++) {
+                if (take_sub_step(c, piece + m, &p, Y ? &d : NULL)) continue;
+                return isfinite(misfit(&p, c->bodies)) ? AM_NOT_SOLVED : AM_NOT_FINITE;
+            }
         }
     }
 }

@@ -17,6 +17,7 @@ from flightmech.errors import (
     SchemaError,
     UnknownName,
 )
+from flighttest.cli.group import flight
 from flighttest.cli.identify import (
     identify_command,
     inertia_command,
@@ -119,6 +120,35 @@ def test_windows_of_one_path_and_errors_of_the_measurement(files):
         run(path, second, *aircraft, *model, "--window-of", "third", "0", "8")
     with pytest.raises(SchemaError, match="second: no window"):
         run(path, second, *aircraft, *model, "--window-of", "path", "0", "8")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["identify", "select"])
+def test_a_fit_knows_its_windows_in_another_form(files, command):
+    """Another cut-off, wing area and name of the path do not make data of the fit unseen."""
+    base, folder = files
+    fit, copy, other = str(folder / "fit.nc"), str(folder / "copy.nc"), str(folder / "b.toml")
+    model = ["--model", "CY = 1 + beta + delta_r"]
+    if command == "select":
+        model = ["--coefficient", "CY", "--variables", "beta delta_r", "--order", "1"]
+    done = CliRunner().invoke(
+        flight, [command, *base, *model, "--window", "0", "8", "-o", fit], catch_exceptions=False
+    )
+    assert done.exit_code == 0, done.output
+    shutil.copy(base[0], copy)
+    (folder / "b.toml").write_text(AIRCRAFT.replace("S = 16.0", "S = 15.0"))
+
+    def board(path, aircraft, start, *words):
+        words = ["validate", fit, "--path", path, "--aircraft", aircraft, *words]
+        words += ["--window", str(start), str(start + 8), "--json"]
+        found = CliRunner().invoke(flight, words, catch_exceptions=False)
+        return json.loads(found.stdout)["summary"][0]
+
+    for path, aircraft in ((copy, base[2]), (base[0], other)):
+        assert board(path, aircraft, 2, "--cutoff", "5")["windows"] == "0 of 1"
+    later = board(copy, base[2], 10)
+    assert later["windows"] == "1 of 1"
+    assert later["R2"] > 0.99
 
 
 def test_the_document_and_windows(files):

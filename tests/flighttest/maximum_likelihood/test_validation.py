@@ -19,11 +19,15 @@ from flighttest.cli.group import flight
 from flighttest.maximum_likelihood.linear.motion_fit import fit_motion
 from flighttest.maximum_likelihood.linear.motion_prediction import predict_motion
 from flighttest.maximum_likelihood.result import open_output_error, save_output_error
+from flighttest.maximum_likelihood.validating.used_windows import (
+    WINDOWS,
+    ValidationWindow,
+    digest_states,
+    state_windows,
+)
 from flighttest.maximum_likelihood.validation import (
     ALL,
-    WINDOWS,
     PredictedChannel,
-    ValidationWindow,
     figures_of,
     validate_models,
 )
@@ -95,10 +99,10 @@ def test_figures_of_windows():
 def test_a_window_of_the_fit_validates_nothing():
     """It has a remark, and is not in the figure of the model; neither is what cannot be predicted."""
     first, second = coefficients(1), coefficients(2)
-    good = regress("Cm = 1 + alpha + qhat", first)
-    poor = regress("Cm = 1 + alpha", second)
-    lacking = second.drop_vars("qhat")
     pieces = [ValidationWindow("a", first), ValidationWindow("b", second)]
+    good = state_windows(regress("Cm = 1 + alpha + qhat", first), pieces[:1])
+    poor = state_windows(regress("Cm = 1 + alpha", second), pieces[1:])
+    lacking = second.drop_vars("qhat")
     board = validate_models({"good": good, "poor": poor}, pieces)
     rows = board.rows.set_index(["model", "window"])
     assert rows.loc[("good", "a 0-7.98 s"), "remarks"].startswith("in the fit: 400 samples")
@@ -112,6 +116,68 @@ def test_a_window_of_the_fit_validates_nothing():
     assert "qhat" in none["remarks"]
     only = validate_models({"good": good}, pieces[:1])
     assert np.isnan(only.summary.iloc[0]["R2"])
+
+
+def test_data_of_the_fit_in_another_form_are_not_unseen():
+    """Another low-pass, aircraft file or reconstruction changes all values, not name and times."""
+    data = coefficients(1)
+    again = data.assign(Cm=data["Cm"] + 1e-9, alpha=data["alpha"] * 1.001)
+    fit = regress("Cm = 1 + alpha + qhat", data)
+    named = state_windows(fit, [ValidationWindow("a", data, "hash")])
+    for record, digest in (("a", ""), ("copy", "hash"), ("a", "another")):
+        board = validate_models({"m": named}, [ValidationWindow(record, again, digest)])
+        assert board.rows.iloc[0]["remarks"].startswith("in the fit: 400 samples")
+        assert np.isnan(board.summary.iloc[0]["R2"])
+    assert validate_models({"m": named}, [ValidationWindow("b", again)]).summary.iloc[0]["R2"] > 0.9
+    # without names the times decide: the window may be that of the fit
+    board = validate_models({"m": fit}, [ValidationWindow("a", again)])
+    text = board.rows.iloc[0]["remarks"]
+    assert text.startswith("windows of the fit not known: 400 samples of the window have times")
+    assert board.summary.iloc[0]["windows"] == "0 of 1"
+    later = again.assign_coords(time=again["time"] + 100.0)
+    board = validate_models({"m": fit}, [ValidationWindow("a", later)])
+    assert "not known" in board.rows.iloc[0]["remarks"]
+    assert board.summary.iloc[0]["R2"] > 0.9
+
+
+def test_output_error_without_its_windows_has_no_figure(motion, tmp_path):
+    save_output_error(motion, tmp_path / "oe.nc")
+    fit = open_output_error(tmp_path / "oe.nc")
+    board = validate_models({"oe": fit}, [ValidationWindow("a", short_period(1))])
+    assert board.rows["remarks"].str.startswith("windows of the fit not known").sum() == 3
+    assert np.isnan(board.summary.iloc[0]["R2"])
+
+
+def test_models_are_ranked_over_the_windows_that_count_for_all():
+    """The model with the easier windows has the larger R2, and the other one predicts better."""
+    pieces = [ValidationWindow(name, coefficients(k)) for k, name in enumerate("abc", start=1)]
+    noisy = pieces[1].data["Cm"] + 0.05 * np.sin(40.0 * pieces[1].data["time"])
+    pieces[1] = pieces[1]._replace(data=pieces[1].data.assign(Cm=noisy))
+    good = regress("Cm = 1 + alpha + qhat", pieces[0].data)
+    wrong = good.estimates["estimate"] * xr.DataArray([1.0, 1.0, 0.95], dims="term")
+    poor = replace(good, estimates=good.estimates.assign(estimate=wrong))
+    models = {"poor": state_windows(poor, pieces[:2]), "good": state_windows(good, pieces[:1])}
+    board = validate_models(models, pieces)
+    summary = board.summary.set_index("model")
+    assert summary.loc["poor", "R2"] > summary.loc["good", "R2"]
+    assert summary.loc["good", "common"] > summary.loc["poor", "common"]
+    assert list(summary["windows"]) == ["1 of 3", "2 of 3"]
+    rows = board.rows.set_index(["model", "window"])
+    assert summary.loc["good", "common"] == pytest.approx(rows.loc[("good", "c 0-7.98 s"), "R2"])
+    lines = board.report_lines()
+    assert lines[1].startswith("  good")
+    assert any(line.startswith("! the models have different windows") for line in lines)
+    alike = validate_models(dict.fromkeys("xy", models["good"]), pieces)
+    assert "common" not in alike.report()
+    assert list(alike.summary["common"]) == pytest.approx(list(alike.summary["R2"]))
+
+
+def test_the_digest_is_that_of_the_numbers(tmp_path):
+    states = short_period(1)
+    states.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    with xr.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as stored:
+        assert digest_states(stored.load()) == digest_states(states)
+    assert digest_states(states.assign(q=states["q"] + 1e-12)) != digest_states(states)
 
 
 def test_extrapolation_and_separate_constants_are_stated():
@@ -128,9 +194,8 @@ def test_extrapolation_and_separate_constants_are_stated():
 
 def test_motion_and_regression_on_one_board(motion, tmp_path):
     used = short_period(1)
-    motion.estimates.attrs[WINDOWS] = json.dumps([["a", 0.0, 16.0]])
     pieces = [ValidationWindow("a", used), ValidationWindow("b", short_period(9))]
-    board = validate_models({"oe": motion}, pieces)
+    board = validate_models({"oe": state_windows(motion, pieces[:1])}, pieces)
     total = board.rows[board.rows["window"] == ALL].set_index("channel")
     assert list(total.index) == ["alpha", "q", "az"]
     assert (total["samples"] == 400).all()
@@ -155,8 +220,10 @@ def test_the_command(tmp_path):
     done = CliRunner().invoke(flight, words, catch_exceptions=False)
     assert done.exit_code in (0, 1), done.output
     used = json.loads(open_output_error(tmp_path / "oe.nc").estimates.attrs[WINDOWS])
-    assert [(name, start) for name, start, _ in used] == [("a", 0.0), ("b", 0.0)]
+    assert [(name, start) for name, start, *_ in used] == [("a", 0.0), ("b", 0.0)]
     assert used[1][2] == pytest.approx(8.0, abs=0.05)
+    assert len(used[0][3]) == 64
+    assert used[0][3] != used[1][3]
     done = CliRunner().invoke(flight, ["fit-linear", str(tmp_path / "a.nc"), "--motion",
                                        "short-period", "--window-of", "c", "0", "8"])  # fmt: skip
     assert done.exit_code != 0

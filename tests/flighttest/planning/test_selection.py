@@ -13,6 +13,7 @@ from aerodb.update.expectation import Expectation
 from aerodb.update.tabulation import tabulate
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
+from flighttest.flight_programme.planning import plan as plan_module
 from flighttest.flight_programme.planning.catalogue import WantedRow
 from flighttest.flight_programme.planning.expected_range import draw_stderr
 from flighttest.flight_programme.planning.plan import nodes_of, plan_predicted_flights
@@ -247,10 +248,12 @@ def test_the_range_holds_for_aeroplanes_that_the_prior_describes(prior):
     assert (np.median(drawn, axis=0)[flown] < 0.05).all()
 
 
+@pytest.mark.slow
 def test_a_plan_states_the_range_of_wanted_nodes(prior):
     flights = predicted([want(0.2)])
     flights.catalogue.seed = 3
-    plan = plan_predicted_flights(flights, prior, draws=8)
+    plan = plan_predicted_flights(flights, prior, draws=20)
+    assert plan.notes == []
     nodes = plan.nodes
     assert (nodes["low"] <= nodes["median"]).all()
     assert (nodes["median"] <= nodes["high"]).all()
@@ -259,3 +262,30 @@ def test_a_plan_states_the_range_of_wanted_nodes(prior):
     table = expected_table(plan)
     assert list(table.columns) == ["term", "place", "expected", "low", "median", "high"]
     assert plan_predicted_flights(flights, prior).ranges == {}
+
+
+def test_draws_that_fail_are_counted_and_few_draws_give_no_range(prior, monkeypatch):
+    flights = predicted([want(0.2)])
+    flights.catalogue.seed = 3
+
+    def drawn(failed):
+        def draw(expectation, fits, count, seed):
+            values = np.random.default_rng(1).uniform(
+                0.01, 0.05, (count, *prior["CL/basic"]["value"].shape)
+            )
+            values[:failed] = np.nan
+            return {"CL/basic": values}
+
+        return draw
+
+    monkeypatch.setattr(plan_module, "draw_stderr", drawn(3))
+    plan = plan_predicted_flights(flights, prior, draws=30)
+    assert "CL/basic" in plan.ranges
+    assert plan.notes[0].startswith("range of CL/basic: 3 of 30 draws failed")
+    assert plan.notes[0] in plan.report()
+    monkeypatch.setattr(plan_module, "draw_stderr", drawn(15))
+    plan = plan_predicted_flights(flights, prior, draws=30)
+    assert plan.ranges == {}
+    assert "15 of 30 draws failed" in plan.notes[0]
+    assert "no range, 15 draws are less than 20" in plan.notes[0]
+    assert "low" not in plan.nodes

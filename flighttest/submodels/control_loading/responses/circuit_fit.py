@@ -25,6 +25,8 @@ from typing import Any
 
 import numpy as np
 
+from flightmech.errors import IdentificationError
+from flightmech.simulation.estimation.circuit_response import MOST_UNKNOWNS
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.search import (
     PROVEN,
@@ -151,17 +153,36 @@ def fit_circuit(
         First values of all constants, from the regressions.
     prior : mapping of str to (float, float)
         A-priori values and standard errors.
+
+    Raises
+    ------
+    IdentificationError
+        A window with more unknowns than the kernel has room for.
     """
     unknowns = _common_unknowns(start, prior) | _with_widths(start, windows)
     layout = _lay_out_records(unknowns, windows, len(rows))
+    _demand_room(windows, layout, len(unknowns))
     begin = layout.start.copy()
     for k, name in enumerate(layout.names):
         if name in start:
             begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
-    parts = sub_steps(start, loading.gearing, windows[0].step)
-    likelihood = CircuitLikelihood(loading, windows, rows, layout, parts)
+    likelihood = CircuitLikelihood(loading, windows, rows, layout, start)
     maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
     return _fit_of(maximum, likelihood, tuple(unknowns))
+
+
+def _demand_room(windows: Sequence[FreeWindow], layout: UnknownVector, common: int) -> None:
+    """Raise if a window has more unknowns than the kernel has room for."""
+    problems = []
+    for window, names in zip(windows, layout.bases):
+        if len(names) > MOST_UNKNOWNS:
+            problems.append(
+                f"the window {window.time[0]:g}-{window.time[-1]:g} s has {len(names)} unknowns, "
+                f"{common} of the circuit and {len(window.edges)} jumps of the force among them; at "
+                f"most {MOST_UNKNOWNS} are possible: divide the window, or give fewer terms or nodes"
+            )
+    if problems:
+        raise IdentificationError("; ".join(problems))
 
 
 def _with_widths(start: Mapping[str, float], windows: Sequence[FreeWindow]) -> dict[str, Unknown]:
@@ -256,7 +277,10 @@ def _lay_out_records(
 
 
 class CircuitLikelihood(Likelihood):
-    """Likelihood of the windows of free motion, then of the driven rows."""
+    """Likelihood of the windows of free motion, then of the driven rows.
+
+    `start` are the first constants, by which each window gets the sub-steps of its own steps.
+    """
 
     def __init__(
         self,
@@ -264,16 +288,17 @@ class CircuitLikelihood(Likelihood):
         windows: Sequence[FreeWindow],
         rows: Sequence[DrivenRows],
         layout: UnknownVector,
-        parts: int,
+        start: Mapping[str, float],
     ):
         self.loading, self.windows, self.rows = loading, list(windows), list(rows)
-        self.parts = parts
+        self.start = start
         # A window whose force is recorded too coarsely differs from its simulation by more than
         # noise, so each has a variance of its own. All driven stretches have one.
         groups = np.r_[np.arange(len(windows)), np.full(len(rows), len(windows))]
         count = len(self.windows)
         pieces: list[Any] = []
         for window, names in zip(self.windows, layout.bases[:count]):
+            parts = sub_steps(start, loading.gearing, window.step)
             pieces.append(SimulatedPiece(loading, window, names, parts))
         for piece, names in zip(self.rows, layout.bases[count:]):
             pieces.append(DrivenPiece(piece, names))
@@ -283,7 +308,7 @@ class CircuitLikelihood(Likelihood):
         self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]
     ) -> CircuitLikelihood:
         """Return the likelihood of other records with the same unknowns."""
-        return CircuitLikelihood(self.loading, windows, rows, self.layout, self.parts)
+        return CircuitLikelihood(self.loading, windows, rows, self.layout, self.start)
 
 
 def _covariance(maximum: LikelihoodMaximum, likelihood: CircuitLikelihood) -> np.ndarray:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,6 +31,9 @@ TRAVEL, SURFACE, EDGE, ERROR = "start.travel", "start.surface", "edge", "force_e
 # Length of the pieces over which the noise of the force is an unknown, and length of a line of the
 # force from which on its error is small. [s]
 _PIECE, _LONG = 0.1, 0.25
+# Most pieces of a window: the kernel has room for 128 unknowns, with the constants of the circuit,
+# the terms of the hinge moment and the jumps of the force.
+_MOST_PIECES = 72
 # Part of the way between the stops, next to a stop, that is left out.
 _MARGIN = 0.02
 # Shortest window. [samples]
@@ -204,10 +208,12 @@ def _force_errors(data: xr.Dataset, is_driven: bool) -> tuple[tuple[slice, float
     """Return the pieces of a window over which the noise of the force is an unknown.
 
     A long line of the force is known; a ramp of a pulse, the force of a hand that drives the
-    control, or a force of any other form, is not.
+    control, or a force of any other form, is not. A window of more than `_MOST_PIECES` pieces has
+    longer ones: the slower part of that noise remains an unknown.
     """
     step = float(np.median(np.diff(data["time"].values)))
-    size, n = max(1, round(_PIECE / step)), data.sizes["time"]
+    n = data.sizes["time"]
+    size = max(1, round(_PIECE / step), math.ceil(n / _MOST_PIECES))
     is_known = data["force_line"].values * step > _LONG
     noise = float(data["force_noise"].values[0])
     pieces = []
