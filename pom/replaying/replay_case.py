@@ -214,12 +214,12 @@ def perform_plan(
     for name, model in models.items():
         if result.status(name) not in PASSED:
             continue
-        remarks = found.get(name, ())
+        probed = found.get(name, ())
         agreement = _table_agreement(model, jobs[name], outputs_by_run[name])
         if shows_own_tables(agreement):
-            remarks = noise_of_inputs(remarks)
-            found[name] = remarks
-        if all(remark.kind != "not_driven" for remark in remarks):
+            probed = noise_of_inputs(probed)
+            found[name] = probed
+        if all(remark.kind != "not_driven" for remark in probed):
             weighed = weigh_temperature(
                 result,
                 name,
