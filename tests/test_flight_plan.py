@@ -131,6 +131,7 @@ def test_a_plan_is_reached_in_less_than_the_catalogue_takes(planned):
     assert "cannot be flown: too slow, sideslips" in found.output
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_every_manoeuvre_has_its_card_and_every_input_its_files(planned):
     _, folder = planned

@@ -20,6 +20,7 @@ from flighttest.maximum_likelihood.specification import read_specification
 from pom.tolerances.bands import remarks_text
 
 pytestmark = [
+    pytest.mark.nightly,
     pytest.mark.slow,
     pytest.mark.filterwarnings(
         "ignore:.*rate of the alpha vane, and q az do not agree"
