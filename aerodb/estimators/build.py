@@ -16,7 +16,13 @@ from aerodb.estimators.effects import EstimateTables
 from aerodb.estimators.reading import read_estimates
 from aerodb.prior.effect_to_terms import terms_of_effect
 from aerodb.prior.prior_errors import PriorErrors, errors_with
-from aerodb.prior.reference_quantities import Point, find_basic_ranges
+from aerodb.prior.reference_quantities import (
+    FAR,
+    NEAR,
+    Point,
+    describe_other_quantities,
+    find_basic_ranges,
+)
 from aerodb.prior.sources import warn_user
 from aerodb.store.effects import (
     Effect,
@@ -32,9 +38,6 @@ from aerodb.update.cautions.notices import note_plausibility
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 
-_FAR = 0.1  # distance of moment centres that is a mistake unless it is stated [chords]
-_NEAR = 5e-4  # moment centres closer than this are equal within the print [chords]
-_REFERENCE_DIFFERENCE = 0.01  # relative difference of reference quantities from which on to warn
 _USUAL_DEFLECTION = 0.3  # [rad]
 _NO_FRICTION = 0.03  # standard error of a drag coefficient without friction
 _CONTROLS = ("aileron", "rudder")  # with rolling and yawing moments
@@ -176,7 +179,7 @@ def _per_radian(prior: PriorErrors, effects: Sequence[Effect]) -> PriorErrors:
 def _complete_drag(
     one: CoefficientSet, effects: list[Effect], prior: PriorErrors, CD0: float | None
 ) -> tuple[list[Effect], PriorErrors]:
-    """Return the effects with the friction drag added, or with a wide standard error without it."""
+    """Return the effects with the friction drag added; without it the standard error is wide."""
     if CD0 is not None and not one.inviscid:
         raise SchemaError(
             "estimate", [f"CD0: the drag of {', '.join(one.files[:3])} has friction; leave CD0 out"]
@@ -212,12 +215,12 @@ def _reference_point(aircraft: Aircraft, one: CoefficientSet, move_reference: bo
     x, y, z = map(float, aircraft.reference)
     distance = float(np.hypot(own[0] - x, own[2] - z)) / aircraft.cbar
     problems = []
-    if abs(y - centre.y) > _NEAR * aircraft.cbar:
+    if abs(y - centre.y) > NEAR * aircraft.cbar:
         problems.append(
-            f"the moment centres are {y - centre.y:.4f} m from each other along y; both must lie in the "
-            f"plane of symmetry"
+            f"the moment centres are {y - centre.y:.4f} m from each other along y; both must lie in "
+            f"the plane of symmetry"
         )
-    if distance > _FAR and not move_reference:
+    if distance > FAR and not move_reference:
         problems.append(
             f"reference [{x:.4g}, 0, {z:.4g}] m lies {distance:.2g} chords from the moment centre "
             f"of {one.files[0]} (reference = [{own[0]:.4g}, 0, {own[2]:.4g}]): the files may have "
@@ -241,19 +244,12 @@ def _refer_to_aircraft(
     centre = _require_reference(one)
     old = {"S": centre.S, "cbar": centre.cbar, "b": centre.b}
     new = {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b}
-    differences = []
-    for key, value in new.items():
-        if abs(old[key] / value - 1.0) > _REFERENCE_DIFFERENCE:
-            differences.append(f"{key} {old[key]:.5g} against {value:.5g}")
-    if differences:
-        warn_user(
-            f"{one.program}: {', '.join(differences)}: not the reference quantities of the "
-            f"aircraft; the coefficients are referred to the aircraft's"
-        )
+    if text := describe_other_quantities(old, new):
+        warn_user(f"{one.program}: {text}")
     by_name = {one.name: change_reference_quantities(one, old, new) for one in effects}
     alpha = by_name["basic"].tables["CL"]["alpha"]
     for name in _CONTROLS:
-        # A derivative is in the axes of the controls, a difference of totals in those of the totals.
+        # A derivative has the axes of the controls, a difference of totals those of the totals.
         if name not in by_name:
             continue
         axes = one.moment_axes
@@ -267,7 +263,7 @@ def _refer_to_aircraft(
         if "phat" in by_name and "rhat" in by_name:
             by_name["phat"], by_name["rhat"] = rates_to_body(by_name["phat"], by_name["rhat"])
     d = (-centre.x - point[0], 0.0, -centre.z - point[2])
-    if np.hypot(d[0], d[2]) <= _NEAR * aircraft.cbar:
+    if np.hypot(d[0], d[2]) <= NEAR * aircraft.cbar:
         return by_name
     lengths = {"cbar": aircraft.cbar, "b": aircraft.b}
     for name, effect in by_name.items():
@@ -300,7 +296,7 @@ def _make_tree(
         z_ref=z_ref,
         force_axes="stability",
         source=one.program,
-        history=f"from_estimates: {one.program} from {', '.join(one.files)}",
+        history=f"from_estimate: {one.program} from {', '.join(one.files)}",
         comment="; ".join(one.remarks),
         absent=" ".join(name for name in SCHEME if name not in leaves),
     )

@@ -25,7 +25,12 @@ from flightmech.support.input_files import demand_regular
 from flightmech.units import DEGREE
 
 _HEADER = ("Sref_", "Cref_", "Bref_", "Xcg_", "Ycg_", "Zcg_", "Mach_", "AoA_", "Beta_")
-_RATES = {"Roll__Rate": "b", "Pitch_Rate": "cbar", "Yaw___Rate": "b"}
+# Rate in the header: reduced rate and the length that reduces it.
+_RATES = {
+    "Roll__Rate": ("phat", "Bref_"),
+    "Pitch_Rate": ("qhat", "Cref_"),
+    "Yaw___Rate": ("rhat", "Bref_"),
+}
 _NOT_CONTROLS = ("Base_Aero", "Alpha", "Beta", *_RATES, "Mach", "Case", "Coef")
 _COEFFICIENTS = {"CL": "CL", "CD": "CD", "CS": "CY", "CMl": "Cl", "CMm": "Cm", "CMn": "Cn"}
 _COLUMNS = {"Alpha": "alpha", "Beta": "beta", "p": "phat", "q": "qhat", "r": "rhat"}
@@ -208,9 +213,9 @@ class _StabBlock:
         mach, alpha, beta = (self.header[name] for name in _HEADER[6:])
         condition = {"mach": mach, "alpha": alpha * DEGREE, "beta": beta * DEGREE}
         speed = self.header.get("Vinf_", 0.0)
-        for name, rate in zip(_RATES, ("phat", "qhat", "rhat")):
+        for name, (rate, reference_length) in _RATES.items():
             turned = self.header.get(name, 0.0)
-            length = self.header["Cref_" if rate == "qhat" else "Bref_"]
+            length = self.header[reference_length]
             if turned and not speed > 0.0:
                 raise ParseError(
                     str(self.file),

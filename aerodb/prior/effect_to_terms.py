@@ -27,7 +27,7 @@ AXIS_ORDER = (
 )
 _NO_POINTS = np.array([])
 # Function that builds the database, by source of the nodes.
-_VERBS = {"datcom": "from_datcom", "estimate": "from_estimates"}
+_VERBS = {"datcom": "from_datcom", "estimate": "from_estimate"}
 # Factor on the standard error of nodes that are extended or do not come from the program.
 _EXTENDED_ERROR = 2.0
 _LEAST_ROWS = 0.5  # share of the alphas of the best Mach number that a Mach number needs

@@ -28,8 +28,8 @@ from flightmech.aircraft.aircraft import Aircraft, DefaultNumber
 from flightmech.errors import SchemaError
 
 # Moment centres closer than this are equal within the rounding of print and drawing. [chords]
-_NEAR = 5e-4
-_FAR = 0.1  # distance of moment centres that is a mistake unless it is stated [chords]
+NEAR = 5e-4
+FAR = 0.1  # distance of moment centres that is a mistake unless it is stated [chords]
 _REFERENCE_DIFFERENCE = 0.01  # relative difference of reference quantities from which on to warn
 # Difference of places on the mean chord from which on to warn. [chords]
 _DIFFERENCE = 0.02
@@ -66,11 +66,11 @@ def refer_to_aircraft(
     lengths = {"cbar": aircraft.cbar, "b": aircraft.b}
     for name, effect in effects.items():
         d = _reference_arm(sources[roles[name]], reference)
-        if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar and effect.tables:
+        if np.hypot(d[0], d[2]) > NEAR * aircraft.cbar and effect.tables:
             effects[name] = transfer_moments(effect, d, **lengths, alpha=alpha)
     # Flow angles at the new point change with the rates.
     d = _reference_arm(sources["clean"], reference)
-    if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar:
+    if np.hypot(d[0], d[2]) > NEAR * aircraft.cbar:
         changes = rate_shift(effects["basic"], effects["beta"], d, **lengths)
         for name, tables in changes.items():
             if name in effects and effects[name].tables:
@@ -83,15 +83,27 @@ def _warn_of_other_quantities(
 ) -> None:
     """Warn of listings whose reference quantities differ from those of the aircraft."""
     for role, source in sources.items():
-        differences = []
-        for key, item in quantities.items():
-            if abs(source.reference[key] / item - 1) > _REFERENCE_DIFFERENCE:
-                differences.append(f"{key} {source.reference[key]:.5g} against {item:.5g}")
-        if differences:
-            warn_user(
-                f"{role}: {', '.join(differences)}: not the reference quantities of the aircraft; "
-                f"the coefficients are referred to the aircraft's"
-            )
+        if text := describe_other_quantities(source.reference, quantities):
+            warn_user(f"{role}: {text}")
+
+
+def describe_other_quantities(
+    reference: Mapping[str, float], quantities: Mapping[str, float]
+) -> str:
+    """Return how reference quantities differ from those of the aircraft by more than 1 %.
+
+    The text is empty if they do not.
+    """
+    differences = []
+    for key, item in quantities.items():
+        if abs(reference[key] / item - 1) > _REFERENCE_DIFFERENCE:
+            differences.append(f"{key} {reference[key]:.5g} against {item:.5g}")
+    if not differences:
+        return ""
+    return (
+        f"{', '.join(differences)}: not the reference quantities of the aircraft; the coefficients "
+        f"are referred to the aircraft's"
+    )
 
 
 def _reference_arm(source: Source, reference: Point) -> Point:
@@ -117,7 +129,7 @@ def find_reference_point(
     # A point of the aircraft file must be near the moment centre of every listing.
     x_ref, y_ref, z_ref = map(float, aircraft.reference)
     problems = []
-    if abs(y_ref) > _NEAR * aircraft.cbar:
+    if abs(y_ref) > NEAR * aircraft.cbar:
         problems.append(
             f"the moment reference point lies {y_ref:.4f} m right of the plane of symmetry; "
             f"DATCOM's lies in it, set y to 0"
@@ -137,7 +149,7 @@ def _distant_centres(sources: Mapping[str, Source], reference: Point, cbar: floa
         d = _reference_arm(source, reference)
         chords = float(np.hypot(d[0], d[2])) / cbar
         # Powered pages must have the moment centre of the clean ones: that is checked elsewhere.
-        if chords <= _FAR or role == "power":
+        if chords <= FAR or role == "power":
             continue
         x_cg, z_cg = source.reference["x_cg"], source.reference["z_cg"]
         centre = (

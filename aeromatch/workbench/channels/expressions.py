@@ -70,7 +70,7 @@ FUNCTIONS = (*_PLAIN, *_OVER_TIME)
 """Functions of expressions; ``deriv(x)`` and ``integral(x)`` over time, ``lowpass(x, 2 Hz)``."""
 
 
-class Term(NamedTuple):
+class ExpressionTerm(NamedTuple):
     """Value of a part of an expression.
 
     Attributes
@@ -169,7 +169,7 @@ class ChannelExpression:
 
     def evaluate(
         self, time: np.ndarray, channels: Mapping[str, tuple[np.ndarray, Dimension | None]]
-    ) -> Term:
+    ) -> ExpressionTerm:
         """Return the value on a clock.
 
         Parameters
@@ -190,14 +190,16 @@ class ChannelExpression:
         values = np.broadcast_to(np.asarray(found.values, float), time.shape).copy()
         # What is not defined, such as the root of a negative number, is a gap of the line.
         values[~np.isfinite(values)] = np.nan
-        return Term(values, found.dimension)
+        return ExpressionTerm(values, found.dimension)
 
-    def _value(self, node: ast.AST, time: np.ndarray, channels: Mapping[str, Any]) -> Term:
+    def _value(
+        self, node: ast.AST, time: np.ndarray, channels: Mapping[str, Any]
+    ) -> ExpressionTerm:
         if isinstance(node, ast.Constant):
             assert isinstance(node.value, int | float)
-            return Term(float(node.value), NUMBER, True)
+            return ExpressionTerm(float(node.value), NUMBER, True)
         if isinstance(node, ast.Name | ast.Attribute):
-            return Term(*channels[self._channel_name(node)])
+            return ExpressionTerm(*channels[self._channel_name(node)])
         if isinstance(node, ast.UnaryOp):
             term = self._value(node.operand, time, channels)
             return term._replace(values=-term.values) if isinstance(node.op, ast.USub) else term
@@ -208,11 +210,11 @@ class ChannelExpression:
         assert isinstance(node.func, ast.Name)
         if node.func.id == "quantity":
             number, unit = (argument.value for argument in node.args)  # type: ignore[attr-defined]
-            return Term(float(to_si(number, unit)), dimension_of_unit(unit))
+            return ExpressionTerm(float(to_si(number, unit)), dimension_of_unit(unit))
         terms = [self._value(argument, time, channels) for argument in node.args]
         return self._call(node.func.id, terms, time)
 
-    def _combine(self, sign: str, left: Term, right: Term) -> Term:
+    def _combine(self, sign: str, left: ExpressionTerm, right: ExpressionTerm) -> ExpressionTerm:
         """Return the result of an operation on two terms."""
         a, b = left.dimension, right.dimension
         dimension: Dimension | None = None
@@ -228,9 +230,11 @@ class ChannelExpression:
         elif a is not None and b is not None:
             dimension = a.times(b, 1 if sign == "*" else -1)
         values = _PERFORMED[sign](left.values, right.values)
-        return Term(values, dimension, left.is_constant and right.is_constant)
+        return ExpressionTerm(values, dimension, left.is_constant and right.is_constant)
 
-    def _common_dimension(self, what: str, left: Term, right: Term) -> Dimension | None:
+    def _common_dimension(
+        self, what: str, left: ExpressionTerm, right: ExpressionTerm
+    ) -> Dimension | None:
         """Return the dimension of a sum or of a function of alike quantities."""
         a, b = left.dimension, right.dimension
         if a is None or b is None:
@@ -258,7 +262,7 @@ class ChannelExpression:
             return b
         return a
 
-    def _call(self, name: str, terms: list[Term], time: np.ndarray) -> Term:
+    def _call(self, name: str, terms: list[ExpressionTerm], time: np.ndarray) -> ExpressionTerm:
         """Return the value of a function."""
         x, first = np.asarray(terms[0].values, float), terms[0].dimension
         if name in _OVER_TIME:
@@ -267,12 +271,12 @@ class ChannelExpression:
         if len(terms) == 2:
             same = self._common_dimension(name, *terms)
             values = function(x, np.asarray(terms[1].values, float))
-            return Term(values, ANGLE if name == "atan2" else same)
+            return ExpressionTerm(values, ANGLE if name == "atan2" else same)
         dimension = self._dimension_of_call(name, terms)
         # A constant stays one: sqrt(2) is a number without unit.
-        return Term(function(x), dimension, terms[0].is_constant and first == NUMBER)
+        return ExpressionTerm(function(x), dimension, terms[0].is_constant and first == NUMBER)
 
-    def _dimension_of_call(self, name: str, terms: list[Term]) -> Dimension | None:
+    def _dimension_of_call(self, name: str, terms: list[ExpressionTerm]) -> Dimension | None:
         first = terms[0].dimension
         if name == "sqrt":
             return None if first is None else first.to_power(0.5)
@@ -288,22 +292,24 @@ class ChannelExpression:
             )
         return ANGLE if name in ("asin", "acos", "atan") else NUMBER
 
-    def _over_time(self, name: str, terms: list[Term], time: np.ndarray) -> Term:
+    def _over_time(
+        self, name: str, terms: list[ExpressionTerm], time: np.ndarray
+    ) -> ExpressionTerm:
         """Return the value of a function along the clock, stretch by stretch."""
         x = np.broadcast_to(np.asarray(terms[0].values, float), time.shape)
         dimension = terms[0].dimension
         if name == "deriv":
             other = None if dimension is None else dimension.times(Dimension(second=-1))
-            return Term(_derivative(time, x), other)
+            return ExpressionTerm(_derivative(time, x), other)
         if name == "integral":
             other = None if dimension is None else dimension.times(Dimension(second=1))
-            return Term(_integral(time, x), other)
+            return ExpressionTerm(_integral(time, x), other)
         if name == "detrend":
-            return Term(_without_line(time, x), dimension)
+            return ExpressionTerm(_without_line(time, x), dimension)
         cutoff = terms[1]
         if cutoff.dimension is None or cutoff.dimension[:4] not in ((0, 0, -1, 0), NUMBER[:4]):
             raise SchemaError(self.text, ["lowpass: the second argument is a frequency, as 2 Hz"])
-        return Term(_lowpassed(time, x, float(np.ravel(cutoff.values)[0])), dimension)
+        return ExpressionTerm(_lowpassed(time, x, float(np.ravel(cutoff.values)[0])), dimension)
 
 
 def stretches(time: np.ndarray, is_valid: np.ndarray | None = None) -> list[slice]:

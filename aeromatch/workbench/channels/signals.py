@@ -29,7 +29,7 @@ _GAP = 1.5  # of the usual step of a clock, from which on nothing is interpolate
 
 
 @dataclass(frozen=True)
-class Signal:
+class ChannelSignal:
     """An expression of channels of a record, in its display unit.
 
     Attributes
@@ -69,7 +69,7 @@ class Signal:
         return _wrap_as(moved, self.values, self.turn) if self.turn else moved
 
 
-def signal_of(opened: OpenProject, record: str, text: str) -> Signal:
+def signal_of(opened: OpenProject, record: str, text: str) -> ChannelSignal:
     """Return an expression of channels of a record, formed once while its files are unchanged.
 
     A channel is named alone (``q``) or with its leaf (``imu.q``); ``path.q`` is reconstructed,
@@ -116,7 +116,7 @@ def _read_residuals(file: Path) -> xr.Dataset | None:
         return None
 
 
-def _form_signal(opened: OpenProject, record: str, expression: ChannelExpression) -> Signal:
+def _form_signal(opened: OpenProject, record: str, expression: ChannelExpression) -> ChannelSignal:
     leaves = leaves_of(opened, record)
     places = {name: find_channel(name, leaves) for name in expression.names}
     clock_leaf = _fastest_leaf(leaves, [leaf for leaf, _ in places.values()])
@@ -153,7 +153,7 @@ def _form_signal(opened: OpenProject, record: str, expression: ChannelExpression
         remarks.append("no sample has a value")
     is_angle = expression.is_channel and _is_wrapped(*places[expression.names[0]])
     turn = float(from_si(_TURN, unit)) if is_angle else 0.0
-    return Signal(expression.text, time, Levels(values), unit, tuple(remarks), turn)
+    return ChannelSignal(expression.text, time, Levels(values), unit, tuple(remarks), turn)
 
 
 def find_channel(name: str, leaves: Mapping[str, xr.Dataset]) -> tuple[str, str]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from aeromatch.workbench.channels.expressions import FUNCTIONS, stretches
 from aeromatch.workbench.channels.signals import (
-    Signal,
+    ChannelSignal,
     interpolate,
     leaves_of,
     list_channels,
@@ -150,7 +150,7 @@ def show_spectrum(opened: OpenProject, query: Mapping[str, str], body: Any) -> d
     return {"lines": found}
 
 
-def _density(signal: Signal, start: float, stop: float) -> dict[str, Any]:
+def _density(signal: ChannelSignal, start: float, stop: float) -> dict[str, Any]:
     inside = _inside(signal, start, stop)
     time, values = signal.time[inside], signal.continuous[inside]
     parts = []
@@ -215,7 +215,7 @@ def read_cursors(opened: OpenProject, query: Mapping[str, str], body: Any) -> di
     return {"rows": rows}
 
 
-def _counted_from(signal: Signal, start: float) -> np.ndarray:
+def _counted_from(signal: ChannelSignal, start: float) -> np.ndarray:
     """Return an angle counted through its full turns, from its recorded turn at a time. [unit]"""
     values = signal.continuous
     after = np.flatnonzero((signal.time >= start) & np.isfinite(values))
@@ -232,7 +232,7 @@ def _fitted_slope(t: np.ndarray, x: np.ndarray) -> float:
     return float(centred @ (x - x.mean()) / (centred @ centred))
 
 
-def _inside(signal: Signal, start: float, stop: float) -> slice:
+def _inside(signal: ChannelSignal, start: float, stop: float) -> slice:
     """Return the samples of a span."""
     first = int(np.searchsorted(signal.time, start))
     return slice(first, int(np.searchsorted(signal.time, stop, side="right")))

@@ -296,3 +296,23 @@ def test_a_long_name_of_a_control_has_its_deflection(tmp_path):
     one = read_estimate(tmp_path / "a.st")
     assert one.controls == ("elevator_right",)
     assert find(one.numbers, "Cm", "elevator_right")["elevator_right"] == pytest.approx(DEG)
+
+
+@needs_outputs
+def test_rates_of_vspaero_are_reduced_by_twice_the_speed(tmp_path):
+    """The step of the perturbation table, over p b/2V and q cbar/2V, is the printed derivative."""
+    one = read_estimate(SHARED / "vspaero" / "c182.stab")
+    speed = 220.1
+    # Steps of 1 rad per unit of time in the first block, alpha -4 deg.
+    roll = -0.0378673 / (35.8 / (2.0 * speed))
+    pitch = (0.0429784 - 0.2284770) / (4.9 / (2.0 * speed))
+    assert find(one.numbers, "Cl", "phat", alpha=-4 * DEG)["value"] == pytest.approx(roll, rel=1e-4)
+    assert find(one.numbers, "Cm", "qhat", alpha=-4 * DEG)["value"] == pytest.approx(
+        pitch, rel=1e-4
+    )
+    text = (SHARED / "vspaero" / "c182.stab").read_text()
+    head, _, rest = text.partition("Pitch_Rate              0.0000000")
+    (tmp_path / "turning.stab").write_text(f"{head}Pitch_Rate              2.0000000{rest}")
+    turning = read_estimate(tmp_path / "turning.stab").numbers
+    at_first = turning[np.isclose(turning["alpha"], -4 * DEG)]
+    assert set(at_first["qhat"]) == {2.0 * 4.9 / (2.0 * speed)}
