@@ -55,7 +55,7 @@ def from_estimate_command() -> None:
     """Build a database of AIRCRAFT from outputs of AVL or VSPAERO for one geometry, or from text
     tables with a column map.
 
-    The outputs state neither their unit of length nor the signs of their controls: --length-unit and
-    one --control for each control are required. Positive are delta_e and delta_f trailing edge
+    The outputs state neither their unit of length nor the signs of their controls: --length-unit
+    and one --control for each control are required. Positive are delta_e and delta_f trailing edge
     down, delta_a right aileron down (rolls left), delta_r trailing edge left (yaws left).
     """

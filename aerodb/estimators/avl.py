@@ -220,8 +220,8 @@ class _AvlPrint:
             *(self.number(name) for name in ("Sref", "Cref", "Bref", "Xref", "Yref", "Zref"))
         )
         remarks = [
-            "AVL computes thin surfaces in inviscid flow: no stall, friction drag only from profile "
-            "drag data of the geometry (CDvis), and bodies by slender-body theory",
+            "AVL computes thin surfaces in inviscid flow: no stall, friction drag only from the "
+            "profile drag data of the geometry (CDvis), and bodies by slender-body theory",
             "derivatives of controls are per degree of the control variable times its gain",
         ]
         axes = "body" if in_body else "stability"

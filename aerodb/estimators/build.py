@@ -73,7 +73,7 @@ def from_estimate(
         "rudder": "-delta_r"}``; ``""`` leaves a control out.  Required for every control, because
         no file states its sign.
     columns : ColumnMap, optional
-        The files are text tables of a wind tunnel, of CFD or of another program, with these columns.
+        The files are text tables with these columns, of a wind tunnel, CFD or another program.
     reference : EstimateReference, optional
         Reference quantities of files that state none. [m, m2]
     mach : float, optional
@@ -217,8 +217,8 @@ def _reference_point(aircraft: Aircraft, one: CoefficientSet, move_reference: bo
     problems = []
     if abs(y - centre.y) > NEAR * aircraft.cbar:
         problems.append(
-            f"the moment centres are {y - centre.y:.4f} m from each other along y; both must lie in "
-            f"the plane of symmetry"
+            f"the moment centres are {y - centre.y:.4f} m from each other along y; both must lie "
+            f"in the plane of symmetry"
         )
     if distance > FAR and not move_reference:
         problems.append(

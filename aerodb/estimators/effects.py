@@ -218,7 +218,7 @@ class EstimateTables:
         return kept
 
     def _slope(self, name: str, table: xr.DataArray) -> xr.DataArray:
-        """Return the slope through zero of a table over sideslip; a remark if it is not straight."""
+        """Return the slope through zero of a table over sideslip; remark if it is not straight."""
         beta = table["beta"]
         slope = (table * beta).sum("beta") / (beta**2).sum("beta")
         rest = abs(table - slope * beta).max()

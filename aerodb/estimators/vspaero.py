@@ -34,6 +34,7 @@ _RATES = {
 _NOT_CONTROLS = ("Base_Aero", "Alpha", "Beta", *_RATES, "Mach", "Case", "Coef")
 _COEFFICIENTS = {"CL": "CL", "CD": "CD", "CS": "CY", "CMl": "Cl", "CMm": "Cm", "CMn": "Cn"}
 _COLUMNS = {"Alpha": "alpha", "Beta": "beta", "p": "phat", "q": "qhat", "r": "rhat"}
+_AXES: dict[str, Any] = {"force_axes": "stability", "moment_axes": "body", "control_axes": "body"}
 _POLAR_HEAD = ("Beta", "Mach", "AoA")
 _POLAR = {"CL": "CL", "CDtot": "CD", "CS": "CY", "CMl": "Cl", "CMm": "Cm", "CMn": "Cn"}
 _MOST_LIFT = 10.0  # a larger lift coefficient is a run that did not converge
@@ -112,9 +113,7 @@ def _read_stab(file: Path, text: str) -> CoefficientSet:
     return CoefficientSet(
         "VSPAERO",
         (file.name,),
-        force_axes="stability",
-        moment_axes="body",
-        control_axes="body",
+        **_AXES,
         reference=reference,
         controls=controls,
         numbers=numbers,
@@ -285,9 +284,7 @@ def _read_polar(file: Path, text: str) -> CoefficientSet:
     return CoefficientSet(
         "VSPAERO",
         (file.name,),
-        force_axes="stability",
-        moment_axes="body",
-        control_axes="body",
+        **_AXES,
         reference=None,
         controls=(),
         numbers=make_numbers(rows, ()),

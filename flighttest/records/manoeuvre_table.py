@@ -111,8 +111,8 @@ def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
     Returns
     -------
     dict of str to DataFrame
-        ``manoeuvre control start end note`` by record, as in `flighttest.records.marked_manoeuvres`, in order of
-        time. [s]
+        ``manoeuvre control start end note`` by record, as in
+        `flighttest.records.marked_manoeuvres`, in order of time. [s]
 
     Raises
     ------
@@ -175,7 +175,8 @@ def write_manoeuvres(
     Parameters
     ----------
     tables : dict of str to DataFrame
-        By record, with the columns of `flighttest.records.marked_manoeuvres`, and ``confidence`` where known.
+        By record, with the columns of `flighttest.records.marked_manoeuvres`, and ``confidence``
+        where known.
     path : path
         Written atomically.
     before : callable, optional

@@ -209,7 +209,7 @@ def _fastest_leaf(leaves: Mapping[str, xr.Dataset], used: list[str]) -> str:
 def interpolate(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Return samples on another clock by straight lines.
 
-    There is no value outside of the samples, across a gap, or next to a missing sample.
+    Values outside of the samples, across a gap, or next to a missing sample are NaN.
     """
     if len(time) < 2:
         return np.full(len(grid), np.nan)

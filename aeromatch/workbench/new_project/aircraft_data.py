@@ -162,8 +162,8 @@ def give_values(opened: OpenProject, query: Mapping[str, str], body: Any) -> dic
     """Return the commands that write values: `set`, then one `init` that also checks them.
 
     The query has ``values``, a JSON object of keys and texts: a number in the unit of the page or
-    with its own unit, three of them with commas or semicolons for a place. ``problem`` is empty, or states why there are
-    no commands.
+    with its own unit, three of them with commas or semicolons for a place. ``problem`` is empty, or
+    the reason why the result has no commands.
     """
     try:
         return {
@@ -180,7 +180,7 @@ def _commands_of(folder: Path, given: str) -> list[list[str]]:
     Raises
     ------
     ActionError
-        There is no such value, or the text has another unit.
+        A key is unknown, or a text has another unit.
     """
     document = _read_toml(folder / _FILE)
     values = {value.key: value for value in (*_values_of(document), *_FACTS)}

@@ -29,7 +29,9 @@ def find_sources(opened: OpenProject) -> Sources:
     if not datcom and not records:
         places = tuple(place for place in source_folders(folder) if place != opened.work)
         datcom, records = places, places
-    files = [file for place in {*datcom, *records} for file in _files_at(place)]
+    files: list[Path] = []
+    for place in {*datcom, *records}:
+        files += _files_at(place)
 
     def find() -> Sources:
         try:

@@ -163,8 +163,8 @@ def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns ``manoeuvre control start end note confidence``, as in `flighttest.records.marked_manoeuvres`, in
-        order of time.
+        Columns ``manoeuvre control start end note confidence``, as in
+        `flighttest.records.marked_manoeuvres`, in order of time.
 
         ``confidence`` is 1 if sizes and durations agree exactly with the definition of the
         manoeuvre.  It is 0 at the largest deviation that is accepted.

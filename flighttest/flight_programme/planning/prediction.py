@@ -328,7 +328,7 @@ def predict_manoeuvre(
     Raises
     ------
     AeromatchError
-        There is no such flight inside the limits.
+        The manoeuvre leaves its limits.
     """
     pairs = {(condition.name, one.name): (condition, one) for condition, one in catalogue.flyable()}
     condition, manoeuvre = pairs[item]

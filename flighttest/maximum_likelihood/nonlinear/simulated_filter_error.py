@@ -84,7 +84,8 @@ def simulated_filter_error(
     gusts : sequence of DrydenGust
         Vertical gusts (``state`` alpha) and lateral gusts (beta). Of ``inertial`` only V, alpha and
         beta are allowed. ``air_relative`` has no effect: the simulation computes what the air does.
-        The gust at the first sample of each manoeuvre, ``init.gust_w``, is an unknown, in intensities. [SI]
+        The gust at the first sample of each manoeuvre, ``init.gust_w``, is an unknown in units of
+        the intensity.
     noise : {"common", "own"}
         One ``noise.*`` of all manoeuvres, or one for each.
     constraints : sequence of str

@@ -168,8 +168,8 @@ static double misfit(const sub_step_t *p, int bodies) {
     return sum;
 }
 
-/* Newton's iteration; a step that raises the misfit is halved, because tanh is steep.  Whether it
- * has converged: w is no solution otherwise. */
+/* Newton's iteration; a step that raises the misfit is halved, because tanh is steep.  It returns
+ * whether the iteration has converged; if not, w is not a solution. */
 static bool solve_sub_step(const am_circuit *c, const middle_t *at, sub_step_t *p) {
     double x[BODIES], from[BODIES];
     memcpy(p->w, p->v, sizeof p->w);
