@@ -111,7 +111,7 @@ def from_estimate(
     one = forces_to_stability(name_controls(one, controls or {}))
     tables = EstimateTables(one, mach)
     effects = tables.effects()
-    for remark in tables.remarks:
+    for remark in (*one.cautions, *tables.remarks):
         warn_user(f"{one.program}: {remark}")
     prior = _per_radian(errors_with(stderr), effects)
     point = _reference_point(aircraft, one, move_reference)

@@ -82,6 +82,8 @@ class CoefficientSet(ShortText):
         the variable or control of the derivative, per rad), ``value``, ``file``, ``line``.
     remarks : tuple of str
         What a reader of the file should know.
+    cautions : tuple of str
+        Faults of the set-up that the numbers show; a database of them is built with a warning.
     inviscid : bool
         Whether the drag has no friction.
     """
@@ -97,6 +99,7 @@ class CoefficientSet(ShortText):
     unit_stated: bool = False
     remarks: tuple[str, ...] = field(default=())
     inviscid: bool = False
+    cautions: tuple[str, ...] = ()
 
     def with_units(self, unit: float) -> CoefficientSet:
         """Return the set with the lengths of its file in metres; `unit` is in metres."""
@@ -149,9 +152,11 @@ def join_sets(sets: Iterable[CoefficientSet]) -> CoefficientSet:
     reference = next((one.reference for one in members if one.reference is not None), None)
     files: list[str] = []
     remarks: dict[str, None] = {}
+    cautions: dict[str, None] = {}
     for one in members:
         files += one.files
         remarks.update(dict.fromkeys(one.remarks))
+        cautions.update(dict.fromkeys(one.cautions))
     return replace(
         first,
         reference=reference,
@@ -160,6 +165,7 @@ def join_sets(sets: Iterable[CoefficientSet]) -> CoefficientSet:
         controls=controls,
         numbers=numbers,
         remarks=tuple(remarks),
+        cautions=tuple(cautions),
     )
 
 

@@ -104,7 +104,7 @@ def _read_stab(file: Path, text: str) -> CoefficientSet:
             is_stated &= set(controls) <= set(block.settings)
     reference = EstimateReference(*(header[name] for name in _HEADER[:6]))
     numbers = make_numbers(rows, controls)
-    remarks = [_INVISCID, *_describe_cancelling(numbers, controls)]
+    remarks = [_INVISCID]
     if controls and not is_stated:
         remarks.append(
             "the file does not state the deflections of its controls (older versions of the "
@@ -118,6 +118,7 @@ def _read_stab(file: Path, text: str) -> CoefficientSet:
         controls=controls,
         numbers=numbers,
         remarks=tuple(remarks),
+        cautions=tuple(_describe_cancelling(numbers, controls)),
         inviscid=True,
     )
 

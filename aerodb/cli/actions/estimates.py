@@ -41,6 +41,7 @@ def print_coefficients(
                 "control_axes": one.control_axes,
                 "numbers": one.numbers.to_dict("records"),
                 "remarks": list(one.remarks),
+                "cautions": list(one.cautions),
             }
         )
         return
@@ -81,6 +82,8 @@ def _print_set(one: CoefficientSet) -> None:
     head = ["mach", "alpha", "beta", *one.controls, "coefficient", "total"]
     head += [f"per {name}" for name in variables]
     print_table(head, rows, "angles in deg, derivatives per rad", right=head)
+    for caution in one.cautions:
+        print_remark(f"warning: {caution}")
     for remark in one.remarks:
         print_remark(f"note: {remark}")
 
@@ -130,6 +133,8 @@ def run_from_estimate(
     save(tree, output)
     for text in messages:
         print_remark(f"warning: {text}")
+    for text in str(tree.attrs["comment"]).split("; "):
+        print_remark(f"note: {text}")
     if as_json:
         terms = describe_database(tree)
         print_json({"file": output, "attributes": tree.attrs, "terms": terms, "warnings": messages})

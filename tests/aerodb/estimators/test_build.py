@@ -210,3 +210,22 @@ def test_two_controls_may_exchange_their_names(tmp_path):
     db = from_estimate(aircraft(), files, controls=controls, **MORE)
     assert value(db, "Cm/elevator") == pytest.approx(-0.033890 / DEG)
     assert value(db, "Cl/aileron") < 0.0
+
+
+@needs_outputs
+def test_a_database_of_controls_that_cancel_is_warned_of(tmp_path):
+    """The derivatives of the elevator with the opposite sign, as a second group of its surface."""
+    text = (VSPAERO / "c182.stab").read_text()
+    lines = []
+    for line in text.splitlines(keepends=True):
+        words = line.split()
+        if words and words[0] in ("CL", "CD", "CS", "CMl", "CMm", "CMn") and len(words) == 12:
+            # The aileron becomes the counterpart of the elevator.
+            words[9] = f"{-float(words[10]):.7f}"
+            line = " ".join(words) + "\n"
+        lines.append(line)
+    (tmp_path / "c.stab").write_text("".join(lines))
+    with pytest.warns(AeromatchWarning) as caught:
+        from_estimate(aircraft(), [tmp_path / "c.stab"], controls=OF_VSPAERO, **MORE)
+    text = " ".join(str(warning.message) for warning in caught)
+    assert "Aileron and Elevator are equal and opposite" in text

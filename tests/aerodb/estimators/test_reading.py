@@ -187,7 +187,7 @@ def test_both_programs_agree_on_the_same_geometry():
 
 @needs_outputs
 def test_controls_on_the_same_surface_are_remarked():
-    remarks = " ".join(read_estimate(SHARED / "vspaero" / "StratoSurfer_DegenGeom.stab").remarks)
+    remarks = " ".join(read_estimate(SHARED / "vspaero" / "StratoSurfer_DegenGeom.stab").cautions)
     assert "AilL and AilR are equal and opposite" in remarks
     assert "FlapL" not in remarks
 
