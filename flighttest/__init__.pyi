@@ -45,8 +45,8 @@ from .regression import model_structure as model_structure
 from .regression import separable as separable
 from .regression import uncertainty as uncertainty
 from .regression.equation_error.fit import Fit as Fit
-from .regression.equation_error.fit import open_fit as open_fit
-from .regression.equation_error.fit import save_fit as save_fit
+from .regression.equation_error.fit_file import open_fit as open_fit
+from .regression.equation_error.fit_file import save_fit as save_fit
 from .regression.equation_error.model import RegressionModel as Model
 from .regression.equation_error.model import RegressionModel as RegressionModel
 from .regression.equation_error.time_domain import regress as regress

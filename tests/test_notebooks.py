@@ -13,7 +13,7 @@ from docs_results import NOTEBOOK, NOTEBOOK_WARNINGS, UAV_NOTEBOOK
 
 import datcom_io
 import flightmech
-from aeromatch.cli.actions.verbs import example_folder
+from aeromatch.cli.actions.examples import example_folder
 from flightmech.errors import IdentificationError
 from flightmech.support.figures import html_table
 from flighttest.regression.equation_error.model import RegressionModel

@@ -53,7 +53,7 @@ for name in (*_STATIC.values(), *(f"script/{script}.js" for script in _SCRIPT)):
     assert _static(name)
 assert page_templates().get_template("report.html")
 aircraft = flightmech.Aircraft("a", 17.0, 1.7, 10.3, 2300.0, 10800.0, 8100.0, 15100.0)
-from aeromatch.cli.actions.verbs import copy_example, example_folder
+from aeromatch.cli.actions.examples import copy_example, example_folder
 from aeromatch.cli.verbs import EXAMPLES
 from aeromatch.project import read_project
 

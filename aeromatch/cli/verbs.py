@@ -33,7 +33,7 @@ EXAMPLES = {
     "--inputs-only", is_flag=True, help="Listings and recordings alone, what a project starts from."
 )
 @json_option
-@performed_by("aeromatch.cli.actions.verbs:run_example")
+@performed_by("aeromatch.cli.actions.examples:run_example")
 def example_command() -> None:
     """Copy an example that comes with the product into FOLDER, which is new or empty."""
 

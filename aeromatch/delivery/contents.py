@@ -28,7 +28,7 @@ from aerodb.exchange.jsbsim.write import export_jsbsim
 from aerodb.exchange.tables.csv_checks import export_checkcases
 from aerodb.exchange.tables.csv_terms import export_csv
 from aerodb.exchange.tables.matlab import export_matlab
-from aeromatch.delivery.flown_checks import conditions_of, write_flown_checks
+from aeromatch.delivery.flown_checks import flight_conditions_of, write_flown_checks
 from aeromatch.delivery.package_documents import format_roadmap, readme_text
 from aeromatch.delivery.places import (
     CONTENT,
@@ -153,7 +153,7 @@ def _fill(
         export_checkcases(database, _make_parent(folder / STATES), STATE_COUNT)
         (folder / FLOWN).mkdir(parents=True)
         flown = write_flown_checks(
-            database, aircraft, conditions_of(archive.results), folder / FLOWN
+            database, aircraft, flight_conditions_of(archive.results), folder / FLOWN
         )
     if not flown:
         refused[FLOWN] = "no case starts from a trimmed flight in the air"

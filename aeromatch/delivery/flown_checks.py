@@ -87,7 +87,9 @@ _ROUNDED = 1.02
 _LARGEST_ENGINE = 8
 
 
-def conditions_of(results: Sequence[PomResult], most: int = 4) -> dict[str, dict[str, float]]:
+def flight_conditions_of(
+    results: Sequence[PomResult], most: int = 4
+) -> dict[str, dict[str, float]]:
     """Return conditions of validation flights in the air, by the name of the case.
 
     There is one condition for each setting of flaps and gear.
@@ -120,7 +122,7 @@ def write_flown_checks(
     db : DataTree
     aircraft : Aircraft
     conditions : mapping of str to mapping
-        From `conditions_of`.
+        From `flight_conditions_of`.
     folder : Path
 
     Returns

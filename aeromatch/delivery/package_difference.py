@@ -12,7 +12,7 @@ import pandas as pd
 import aerodb
 import flightmech
 import pom
-from aeromatch.delivery.flown_checks import conditions_of
+from aeromatch.delivery.flown_checks import flight_conditions_of
 from aeromatch.delivery.package_files import read_package_manifest
 from flightmech.aircraft.parts import different_parts
 from flightmech.errors import AeromatchError
@@ -115,7 +115,7 @@ def _trim_condition(package: Path) -> dict[str, float]:
 
     This is the flight with the least flaps and gear. The result is empty without a trimmed flight.
     """
-    flights = conditions_of(pom.read_archive(package / "report").results).values()
+    flights = flight_conditions_of(pom.read_archive(package / "report").results).values()
     cleanest: dict[str, float] = min(flights, key=_configuration, default={})
     names = ("V", "h", "mass", "delta_f", "gear")
     return {name: cleanest[name] for name in names if name in cleanest}

@@ -20,7 +20,7 @@ from flightmech.errors import AeromatchError
 from flightmech.names import lookup
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
-from flighttest.regression.equation_error.time_domain import LEAST_MOVEMENT, SAMPLES_PER_TERM
+from flighttest.regression.equation_error.problem import LEAST_MOVEMENT, SAMPLES_PER_TERM
 from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.control_loading.motion import loading_channels
 from flighttest.submodels.engine.records import engine_channels

@@ -21,7 +21,7 @@ import xarray as xr
 
 import flighttest
 from aeromatch.workbench.allowed_actions import ActionError
-from aeromatch.workbench.fit_request import FitRequest, order_windows, records_of_request
+from aeromatch.workbench.fit_request import FitRequest, order_fit_windows, records_of_request
 from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.processes import WorkbenchJob
 from flightmech.aircraft.aircraft_file import read_aircraft
@@ -106,7 +106,7 @@ def form_windows(opened: OpenProject, request: FitRequest) -> list[xr.Dataset]:
     """Return the coefficients in the windows of a request."""
     form_missing(opened, dict.fromkeys(records_of_request(request)), request.cutoff)
     parts = []
-    for window in order_windows(request):
+    for window in order_fit_windows(request):
         part = window_of(
             opened, window.record, start=window.start, end=window.end, cutoff=request.cutoff
         )

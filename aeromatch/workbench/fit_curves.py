@@ -10,13 +10,13 @@ import numpy as np
 import flighttest
 from aeromatch.workbench.channels.spectra import average_densities
 from flightmech.errors import UnknownName
-from flighttest.regression.equation_error.least_squares import weight_roots
-from flighttest.regression.equation_error.samples import RegressionSamples
-from flighttest.regression.equation_error.transformed_stretches import (
+from flighttest.regression.equation_error.frequency.transformed_stretches import (
     select_stretches,
     stack_complex,
     transform_columns,
 )
+from flighttest.regression.equation_error.least_squares import weight_roots
+from flighttest.regression.equation_error.samples import RegressionSamples
 
 # Longest segment of the spectrum, in samples.
 _SEGMENT = 1024

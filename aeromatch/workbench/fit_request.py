@@ -57,7 +57,7 @@ def records_of_request(request: FitRequest) -> list[str]:
     return list(dict.fromkeys(window.record for window in request.windows))
 
 
-def order_windows(request: FitRequest) -> list[RecordWindow]:
+def order_fit_windows(request: FitRequest) -> list[RecordWindow]:
     """Return the windows record by record, in the order of ``flight identify``."""
     records = records_of_request(request)
     return sorted(request.windows, key=lambda window: records.index(window.record))

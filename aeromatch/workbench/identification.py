@@ -23,7 +23,7 @@ from aeromatch.workbench.fit_curves import (
 from aeromatch.workbench.fit_request import (
     FitRequest,
     RecordWindow,
-    order_windows,
+    order_fit_windows,
     records_of_request,
     validate_request,
 )
@@ -39,7 +39,7 @@ from aeromatch.workbench.opened import MATCH, Levels, OpenProject, decimate_chan
 from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flighttest.maximum_likelihood.validating.used_windows import state_windows
-from flighttest.maximum_likelihood.validation import validate_models
+from flighttest.maximum_likelihood.validating.validation import validate_models
 from flighttest.regression.combining.mixed_estimation import prior_of
 from flighttest.regression.equation_error.model import MEASURED
 from flighttest.remarks import remarks_to_json
@@ -161,7 +161,7 @@ def show_fit_samples(opened: OpenProject, query: Mapping[str, str], body: Any) -
         points=int(min(max(points, 1.0), _MOST_POINTS)),
     )
     windows = []
-    for window, (first, last) in zip(order_windows(request), edges, strict=True):
+    for window, (first, last) in zip(order_fit_windows(request), edges, strict=True):
         label = _label(opened, window)
         windows.append({**window.model_dump(), "label": label, "from": first, "to": last})
     span = [float(along[0]), float(along[-1])]
@@ -200,7 +200,7 @@ def leave_one_out(opened: OpenProject, query: Mapping[str, str], body: Any) -> d
     """Return the estimates without each window, and then without each term but the constant."""
     request = validate_request(body)
     rows = []
-    windows = order_windows(request)
+    windows = order_fit_windows(request)
     if len(windows) > 1:
         for k, window in enumerate(windows):
             others = (*windows[:k], *windows[k + 1 :])
@@ -238,7 +238,7 @@ def make_fit_entries(opened: OpenProject, request: FitRequest, name: str) -> lis
     Windows are written in seconds, unless they are all manoeuvres of some kinds.
     """
     groups: dict[tuple[str, tuple[Any, ...]], list[str]] = {}
-    windows = order_windows(request)
+    windows = order_fit_windows(request)
     for record in records_of_request(request):
         spans = [(window.start, window.end) for window in windows if window.record == record]
         groups.setdefault(_selection(opened, record, spans), []).append(record)

@@ -15,7 +15,7 @@ from aeromatch.project.project import Project
 from aeromatch.workflow.aerodynamics import WAYS, before_flight, identifying_records
 from aeromatch.workflow.identified import (
     Identified,
-    check_records,
+    check_identified_records,
     compute_coefficients,
     count_local_models,
     databases_before,
@@ -122,7 +122,7 @@ def _reconstruct(
             copies=find_copies(result, records, stages),
         )
     with step("check the flight records"):
-        result.checks = check_records(records, aircraft.value, jobs, stages)
+        result.checks = check_identified_records(records, aircraft.value, jobs, stages)
     with step(_RECONSTRUCT_STEP):
         result.paths = reconstruct_records(result.project, records, aircraft, jobs, stages)
 

@@ -233,7 +233,7 @@ def find_copies(
     return {name: stored.value for name, stored in copies.items()}
 
 
-def check_records(
+def check_identified_records(
     records: Mapping[str, Kept[xr.DataTree]], aircraft: Aircraft, jobs: int, stages: Stages
 ) -> dict[str, Kept[RecordCheck]]:
     """Return the checks of the flight records by name."""

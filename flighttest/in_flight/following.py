@@ -41,11 +41,14 @@ from flighttest.in_flight.kept_windows import KeptWindows, place_windows
 from flighttest.in_flight.running_transform import RunningTransform
 from flighttest.records.signals.fourier import harmonics
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.frequency_slopes import demand_frequencies
+from flighttest.regression.equation_error.frequency.frequency_slopes import demand_frequencies
+from flighttest.regression.equation_error.frequency.slope_errors import (
+    SlopeErrors,
+    estimate_slope_errors,
+)
+from flighttest.regression.equation_error.frequency.spectral_weights import equal_weights
+from flighttest.regression.equation_error.frequency.transformed_stretches import TransformedStretch
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.equation_error.slope_errors import SlopeErrors, estimate_slope_errors
-from flighttest.regression.equation_error.spectral_weights import equal_weights
-from flighttest.regression.equation_error.transformed_stretches import TransformedStretch
 
 BAND = (0.1, 2.0)  # [Hz]
 SPACING = 0.01  # of the grid of frequencies [Hz]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flighttest.in_flight.running_transform import RunningTransform
-from flighttest.regression.equation_error.transformed_stretches import TransformedStretch
+from flighttest.regression.equation_error.frequency.transformed_stretches import TransformedStretch
 
 KEPT = 1800.0  # total length of the windows that are kept [s]
 _SHORTEST = 8  # samples of a transform

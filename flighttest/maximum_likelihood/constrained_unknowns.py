@@ -15,12 +15,8 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError
-from flighttest.maximum_likelihood.search import (
-    RANK,
-    LikelihoodMaximum,
-    Target,
-    invert_information,
-)
+from flighttest.maximum_likelihood.likelihood import LikelihoodMaximum, Target
+from flighttest.maximum_likelihood.search import RANK, invert_information
 from flighttest.maximum_likelihood.unknowns import UnknownVector
 from flighttest.parameter_constraints import (
     Constraint,

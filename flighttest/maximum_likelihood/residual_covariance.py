@@ -35,11 +35,8 @@ import scipy
 import xarray as xr
 
 from flightmech.errors import AeromatchWarning
-from flighttest.maximum_likelihood.search import (
-    LikelihoodMaximum,
-    invert_information,
-    root_of_inverse,
-)
+from flighttest.maximum_likelihood.likelihood import LikelihoodMaximum
+from flighttest.maximum_likelihood.search import invert_information, root_of_inverse
 from flighttest.regression.uncertainty.coloured_residuals import BLOCK
 from flighttest.regression.uncertainty.disturbance import Disturbance
 from flighttest.regression.uncertainty.residual_spectrum import residual_spectrum

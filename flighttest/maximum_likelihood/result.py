@@ -15,21 +15,16 @@ from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import to_json_types
 from flighttest.maximum_likelihood.innovations import whiteness_remarks
+from flighttest.maximum_likelihood.likelihood import CONVERGED, STALLED, LikelihoodMaximum
 from flighttest.maximum_likelihood.residual_covariance import ResidualNoise, innovation_coupling
-from flighttest.maximum_likelihood.search import (
-    CONVERGED,
-    ROUNDED,
-    STALLED,
-    LikelihoodMaximum,
-    invert_information,
-)
+from flighttest.maximum_likelihood.search import ROUNDED, invert_information
 from flighttest.maximum_likelihood.unknowns import UnknownVector
 from flighttest.parameter_constraints import (
     constraint_remarks,
     constraints_to_json,
     describe_constraints,
 )
-from flighttest.regression.equation_error.fit import open_tree
+from flighttest.regression.equation_error.fit_file import open_tree
 from flighttest.remarks import PrintedResult, Remark, TabledEstimates, remarks_to_json
 
 HIGH = 0.9  # correlation that is reported

@@ -14,13 +14,14 @@ from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.run import read_inputs
 from flighttest.maximum_likelihood.constrained_unknowns import constrain_unknowns
 from flighttest.maximum_likelihood.flown_runs import Runs
+from flighttest.maximum_likelihood.likelihood import Likelihood
 from flighttest.maximum_likelihood.residual_covariance import (
     coloured_likelihood_covariance,
     effect_on_motion,
     warn_of_turbulence,
 )
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
+from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.maximum_likelihood.unknowns import Wanted, lay_out
 from flighttest.regression.equation_error.samples import list_manoeuvres
 

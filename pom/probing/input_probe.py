@@ -131,7 +131,7 @@ def _pulse_shape(time: np.ndarray) -> np.ndarray:
     return np.where((phase > 0.0) & (phase < 1.0), np.sin(np.pi * phase), 0.0)
 
 
-def judge_change(
+def judge_input_change(
     time: np.ndarray,
     before: Traces,
     after: Traces,

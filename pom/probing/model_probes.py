@@ -18,7 +18,7 @@ from pom.fmu.simulate import fly_job
 from pom.judging.beyond_the_bands import SLOWEST, kept_model
 from pom.judging.signals import traces_of
 from pom.probing.flight_consistency import CHANNELS, compare_inputs, compare_lift, on_wheels
-from pom.probing.input_probe import SIZES, changed_job, judge_change
+from pom.probing.input_probe import SIZES, changed_job, judge_input_change
 from pom.probing.model_agreement import compare_aircraft, compare_controls
 from pom.probing.scatter_probe import (
     RecordScatter,
@@ -80,7 +80,7 @@ def probe_models(
         else:
             time = jobs[run].time
             is_slow = result.case.drive.trim == "ground" or is_on_wheels(outputs[run])
-            remarks = judge_change(
+            remarks = judge_input_change(
                 time, outputs[run], after, judged, moved=changed.moved, on_wheels=is_slow
             )
             # wheels take a part of the forces, also at a high speed

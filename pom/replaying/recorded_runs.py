@@ -171,7 +171,7 @@ def _demand_cover(path: str | Path, case: PomCase, clocks: Sequence[np.ndarray])
     return step
 
 
-def resample(run: RecordedRun, time: np.ndarray) -> dict[str, np.ndarray]:
+def resample_run(run: RecordedRun, time: np.ndarray) -> dict[str, np.ndarray]:
     """Return the channels of a run at other instants (time,), NaN in gaps and beyond the ends."""
     sampled = {}
     for name, (clock, recorded) in run.channels.items():
@@ -214,7 +214,7 @@ def add_recorded_runs(
     for master in recorded.masters.values():
         runs[master.name] = master.run
     for name, run in runs.items():
-        outputs[name] = resample(run, job.time)
+        outputs[name] = resample_run(run, job.time)
         remarks[name] = (RowRemark("device", run.source),)
         if run.has_inputs:
             remarks[name] += tuple(_compare_inputs(job, outputs[name]))

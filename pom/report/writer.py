@@ -43,7 +43,7 @@ from pom.report.chapters import CHAPTERS, Chapters, draw_chapters, restore_chapt
 from pom.report.exports import junit_xml
 from pom.report.models.tuning import tuning_context
 from pom.report.page import PAGE, PAGES, html_files
-from pom.report.pdf.document import DocumentContent, creation_date, pdf_pages
+from pom.report.pdf.document import DocumentContent, document_date, pdf_pages
 from pom.report.presentation.unit_sets import SETS, shown_in
 from pom.report.submodels.sections import make_sections
 from pom.result import PomResult
@@ -324,7 +324,7 @@ def _make_pdf(
         attached=attached,
         chapters=report.chapters,
         tunings=report.tunings,
-        created=creation_date(report.provenance),
+        created=document_date(report.provenance),
     )
 
     def make_pages() -> bytes:

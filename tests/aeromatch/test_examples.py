@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from aeromatch.cli.actions.verbs import copy_example, example_folder
+from aeromatch.cli.actions.examples import copy_example, example_folder
 from aeromatch.cli.verbs import EXAMPLES, example_command
 from flightmech.errors import SchemaError
 

@@ -14,7 +14,7 @@ import scipy.io
 import flightmech
 import flighttest
 import pom
-from aeromatch.cli.actions.verbs import copy_example
+from aeromatch.cli.actions.examples import copy_example
 from aeromatch.drafting.flown import held_for_proof
 from aeromatch.drafting.folder import StatedFacts, draft_project
 from aeromatch.drafting.geometry import geometry_of

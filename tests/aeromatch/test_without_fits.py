@@ -2,7 +2,7 @@
 
 import pytest
 
-from aeromatch.cli.actions.verbs import copy_example
+from aeromatch.cli.actions.examples import copy_example
 from aeromatch.planning.match_plan import make_plan
 from aeromatch.project.project import read_project
 from aeromatch.workflow.steps import perform_match

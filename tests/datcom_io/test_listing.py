@@ -1,7 +1,7 @@
 """How a listing and its cases represent themselves as text."""
 
 import datcom_io
-from aeromatch.cli.actions.verbs import example_folder
+from aeromatch.cli.actions.examples import example_folder
 from datcom_io.listing import Case, Listing
 
 LONGEST = 2000  # letters; a console shows what an expression returns

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flighttest.in_flight.following import FlightFollower
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 
 BAND = (0.1, 1.5)

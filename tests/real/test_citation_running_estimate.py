@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flighttest.flight_programme.planning.manoeuvre_end import may_end, running_estimate
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 
 MODEL, BAND = RegressionModel.parse("Cm = 1 + alpha + qhat + delta_e"), (0.1, 1.5)

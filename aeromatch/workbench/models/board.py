@@ -13,7 +13,7 @@ from aeromatch.workbench.coefficients import form_windows
 from aeromatch.workbench.fit_request import (
     FitRequest,
     RecordWindow,
-    order_windows,
+    order_fit_windows,
     records_of_request,
 )
 from aeromatch.workbench.models.selection import window_words
@@ -24,7 +24,7 @@ from flightmech.units import from_si
 from flighttest.maximum_likelihood.linear.motions import MOTIONS
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.validating.used_windows import ValidationWindow, digest_record
-from flighttest.maximum_likelihood.validation import (
+from flighttest.maximum_likelihood.validating.validation import (
     open_model,
     predict_window,
     validate_models,
@@ -90,7 +90,7 @@ def _windows(opened: OpenProject, request: BoardRequest) -> list[ValidationWindo
 def named_windows(opened: OpenProject, request: FitRequest) -> list[ValidationWindow]:
     """Return the windows of a request with name and hash of their records."""
     named = []
-    for window, data in zip(order_windows(request), form_windows(opened, request), strict=True):
+    for window, data in zip(order_fit_windows(request), form_windows(opened, request), strict=True):
         digest = _digest(opened, opened.path_file(window.record))
         named.append(ValidationWindow(window.record, data, digest))
     return named

@@ -12,7 +12,7 @@ from aeromatch.workbench.coefficients import form_windows
 from aeromatch.workbench.fit_request import (
     FitRequest,
     RecordWindow,
-    order_windows,
+    order_fit_windows,
     records_of_request,
 )
 from aeromatch.workbench.opened import OpenProject
@@ -116,7 +116,7 @@ def selection_words(opened: OpenProject, request: SelectionRequest) -> list[str]
 def window_words(request: FitRequest) -> list[str]:
     """Return the windows of a request as options of a command."""
     words: list[str] = []
-    for window in order_windows(request):
+    for window in order_fit_windows(request):
         words += ["--window-of", window.record, repr(window.start), repr(window.end)]
     return words
 

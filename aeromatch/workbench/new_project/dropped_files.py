@@ -62,7 +62,7 @@ def demand_plain_name(name: str) -> None:
         )
 
 
-def demand_size(length: str | None, folder: Path) -> None:
+def demand_request_size(length: str | None, folder: Path) -> None:
     """Raise if the stated length of a file is too large for the page or for the disk.
 
     Parameters
@@ -110,7 +110,7 @@ async def receive_file(
     name : str
         Name of the file without a path.
     length : str or None
-        As in `demand_size`.
+        As in `demand_request_size`.
     parts : asynchronous iterator of bytes
         Content of the file.
 
@@ -126,7 +126,7 @@ async def receive_file(
         The name, the size or the content is refused.
     """
     demand_plain_name(name)
-    demand_size(length, opened.work)
+    demand_request_size(length, opened.work)
     size = 0
     with _temporary_file(opened.work / "dropped") as (file, place):
         async for part in parts:

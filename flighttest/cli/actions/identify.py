@@ -16,10 +16,10 @@ from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import (
     print_json,
-    print_table,
     show_progress,
 )
 from flightmech.units import to_si
+from flighttest.cli.actions.fit_output import estimate_fields, fit_fields, print_fit
 from flighttest.cli.actions.manoeuvres import (
     demand_options,
     read_instruments,
@@ -40,21 +40,14 @@ from flighttest.maximum_likelihood.validating.used_windows import (
     digest_states,
     state_windows,
 )
-from flighttest.parameter_constraints import constraints_to_json
 from flighttest.reconstruction.dynamics.force_coefficients import select_time
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.reconstruction.quality.manoeuvre_faults import report_faults
 from flighttest.regression.combining.data_partition import fit_bins
 from flighttest.regression.combining.joined_fits import join_fits
 from flighttest.regression.combining.mixed_estimation import mix_with_prior, prior_of
-from flighttest.regression.equation_error.fit import (
-    constraint_lines,
-    correlation_lines,
-    open_fit,
-    save_fit,
-    slope_test_lines,
-)
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.fit_file import open_fit, save_fit
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.errors_in_variables.instrumental_variables import regress_instrumental
@@ -62,7 +55,7 @@ from flighttest.regression.errors_in_variables.total_least_squares import regres
 from flighttest.regression.model_structure.best_prediction import select_by_prediction
 from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
-from flighttest.remarks import is_forbidden, remark_lines, remarks_to_json
+from flighttest.remarks import is_forbidden, remarks_to_json
 from flighttest.submodels.aircraft_properties.inertia import inertia_from_flight
 
 _WAYS_TO_SELECT: dict[str, Callable[..., Any]] = {
@@ -238,14 +231,14 @@ def run_identify(
             if joined is None
             else {
                 "with_prior": {
-                    **_numbers(joined.estimates),
+                    **estimate_fields(joined.estimates),
                     "remarks": remarks_to_json(joined.remarks),
                 }
             }
         )
-        print_json({**_fitted(fit), "remarks": remarks_to_json(remarks), **more, "file": output})
+        print_json({**fit_fields(fit), "remarks": remarks_to_json(remarks), **more, "file": output})
     else:
-        _show(fit, remarks, correlation)
+        print_fit(fit, remarks, correlation)
         if joined is not None:
             click.echo(f"\n{joined.report()}")
         if output:
@@ -300,7 +293,7 @@ def run_select(
                 "steps": found.steps,
                 "idle": found.idle,
                 "models": found.models,
-                **_fitted(found.fit),
+                **fit_fields(found.fit),
                 "file": output,
             }
         )
@@ -318,7 +311,7 @@ def run_join(fits, method, as_json) -> None:
         print_json(
             {
                 **found.estimates.attrs,
-                **_numbers(found.estimates),
+                **estimate_fields(found.estimates),
                 "remarks": remarks_to_json(found.remarks),
             }
         )
@@ -363,7 +356,7 @@ def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_js
         print_json(
             {
                 **found.estimates.attrs,
-                **_numbers(found.estimates),
+                **estimate_fields(found.estimates),
                 "remarks": remarks_to_json(found.remarks),
             }
         )
@@ -435,60 +428,3 @@ def _edges(name: str, text: str) -> list[float]:
             "flight partition",
             [f"edges of {name} are {text!r}; expected numbers and a unit, as '0 5 10 deg'"],
         ) from None
-
-
-def _fitted(fit) -> dict:
-    """A fit as a document."""
-    return {
-        "model": str(fit.model),
-        **constraints_to_json(fit.estimates.attrs),
-        **_numbers(fit.estimates),
-        "remarks": remarks_to_json(fit.remarks),
-    }
-
-
-def _numbers(e) -> dict:
-    """Estimates by term, and their covariance."""
-    columns = [str(name) for name, item in e.data_vars.items() if item.dims == ("term",)]
-    terms = {
-        str(term): {name: float(e[name].values[k]) for name in columns}
-        for k, term in enumerate(e["term"].values)
-    }
-    return {"terms": terms, "covariance": e["covariance"].values}
-
-
-def _show(fit, remarks, correlation: bool) -> None:
-
-    e = fit.estimates
-    shown = {
-        "estimate": "estimate",
-        "stderr": "std error",
-        "low": "95 % low",
-        "high": "high",
-        "stderr_white": "if white",
-    }
-    if "least_squares" in e:
-        shown["least_squares"] = "least squares"
-    shown |= {"stderr_systematic": "systematic", "t": "t", "p_value": "p", "vif": "VIF"}
-    rows = [
-        (str(term), *(_cell(float(e[name].sel(term=term))) for name in shown))
-        for term in e["term"].values
-    ]
-    title = (
-        f"{fit.model}   {e.attrs['samples']} samples, R2 {e.attrs['R2']:.4f}, residual rms "
-        f"{e.attrs['residual_rms']:.3g}"
-    )
-    if e.attrs["domain"] == "frequency":
-        title += f", {e.attrs['frequencies']} frequencies in {e.attrs['band']} Hz"
-    print_table(["term", *shown.values()], rows, title, right=list(shown.values()))
-    for line in [
-        *slope_test_lines(e.attrs),
-        *constraint_lines(e.attrs),
-        *(correlation_lines(e) if correlation else []),
-        *remark_lines(remarks),
-    ]:
-        click.echo(line)
-
-
-def _cell(value: float) -> str:
-    return "-" if value != value else f"{value:.4g}"

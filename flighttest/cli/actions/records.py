@@ -32,7 +32,7 @@ from flighttest.records.files import save_record
 from flighttest.records.manoeuvre_table import edit_manoeuvres, read_manoeuvres, write_manoeuvres
 from flighttest.records.record import faults, flight_modes, marked_manoeuvres, read
 from flighttest.records.time_histories import record_figure, signals_figure, states_figure
-from flighttest.regression.equation_error.fit import open_fit
+from flighttest.regression.equation_error.fit_file import open_fit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,8 +20,8 @@ from flightmech.support.console import (
 )
 from flighttest.records.files import save_record
 from flighttest.regression.combining.pooling import pool_fits
-from flighttest.regression.equation_error.fit import save_fit
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.fit_file import save_fit
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials

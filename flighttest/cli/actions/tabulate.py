@@ -8,7 +8,7 @@ import pandas as pd
 import aerodb
 from flightmech.support.console import print_json, print_table, show_progress
 from flighttest.regression.combining.published_table import read_published
-from flighttest.regression.equation_error.fit import open_fit
+from flighttest.regression.equation_error.fit_file import open_fit
 
 _TABULATED = {
     "nodes": "nodes",

@@ -11,7 +11,7 @@ from flightmech.support.atomic_write import write_text
 from flightmech.support.console import print_json, show_progress
 from flighttest.cli.actions.manoeuvres import read_sourced_manoeuvres
 from flighttest.maximum_likelihood.validating.used_windows import ValidationWindow, digest_record
-from flighttest.maximum_likelihood.validation import open_model, validate_models
+from flighttest.maximum_likelihood.validating.validation import open_model, validate_models
 
 
 def run_validate(

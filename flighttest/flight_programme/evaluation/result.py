@@ -41,7 +41,8 @@ from flighttest.reconstruction.quality.page import (
 from flighttest.reconstruction.quality.result import Quality, format_display_value, is_meaningful
 from flighttest.reconstruction.quality.result import format_quality as quality_report
 from flighttest.records.files import save_record
-from flighttest.regression.equation_error.fit import Fit, save_fit
+from flighttest.regression.equation_error.fit import Fit
+from flighttest.regression.equation_error.fit_file import save_fit
 from flighttest.remarks import Remark, is_forbidden, remarks_to_json
 from flighttest.submodels.aircraft_properties.eigenmotion import Eigenmotion
 

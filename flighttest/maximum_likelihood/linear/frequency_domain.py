@@ -19,6 +19,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flighttest.maximum_likelihood.constrained_unknowns import constrain_unknowns
+from flighttest.maximum_likelihood.likelihood import Likelihood, LikelihoodMaximum
 from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
     demand_known,
@@ -26,17 +27,12 @@ from flighttest.maximum_likelihood.linear.state_space import (
     pick_values,
 )
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import (
-    Likelihood,
-    LikelihoodMaximum,
-    invert_information,
-    maximise_likelihood,
-)
+from flighttest.maximum_likelihood.search import invert_information, maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import noise_groups, uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
 from flighttest.records.signals.fourier import finite_fourier, harmonics
+from flighttest.regression.equation_error.frequency.transformed_stretches import stack_complex
 from flighttest.regression.equation_error.samples import list_manoeuvres
-from flighttest.regression.equation_error.transformed_stretches import stack_complex
 
 BAND = (0.1, 2.0)  # [Hz]
 _AROUND = 5  # frequencies on each side over which the spectrum of the noise is averaged

@@ -23,13 +23,14 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flighttest.maximum_likelihood.constrained_unknowns import ConstrainedPiece
 from flighttest.maximum_likelihood.innovations import whiteness_variables
+from flighttest.maximum_likelihood.likelihood import LikelihoodMaximum
 from flighttest.maximum_likelihood.linear.positive_unknowns import PositiveTransform
 from flighttest.maximum_likelihood.residual_covariance import (
     coloured_likelihood_covariance,
     effect_on_motion,
 )
 from flighttest.maximum_likelihood.result import estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import LikelihoodMaximum, maximise_likelihood
+from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.maximum_likelihood.unknowns import UnknownVector
 
 _INTENSITIES = ("process", "gust")

@@ -9,6 +9,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flighttest.maximum_likelihood.constrained_unknowns import constrain_unknowns
+from flighttest.maximum_likelihood.likelihood import Likelihood
 from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
     Predictor,
@@ -26,7 +27,7 @@ from flighttest.maximum_likelihood.residual_covariance import (
     warn_of_turbulence,
 )
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
+from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import noise_groups, uniform_step
 from flighttest.maximum_likelihood.unknowns import Wanted, lay_out
 from flighttest.regression.equation_error.samples import list_manoeuvres

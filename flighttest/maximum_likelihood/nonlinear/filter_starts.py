@@ -12,6 +12,7 @@ from flighttest.maximum_likelihood.constrained_unknowns import (
     ConstrainedUnknowns,
     constrain_unknowns,
 )
+from flighttest.maximum_likelihood.likelihood import Likelihood
 from flighttest.maximum_likelihood.linear.innovation_likelihood import (
     ConstrainedFilter,
     InnovationLikelihood,
@@ -20,7 +21,7 @@ from flighttest.maximum_likelihood.linear.innovation_likelihood import (
 )
 from flighttest.maximum_likelihood.nonlinear.filtered_flight import FilteredFlight, is_of_filter
 from flighttest.maximum_likelihood.nonlinear.linearised_flights import LinearisedPiece
-from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
+from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import SimulatedRecord
 from flighttest.maximum_likelihood.unknowns import UnknownVector
 

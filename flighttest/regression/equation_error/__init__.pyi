@@ -1,9 +1,9 @@
 """Public names of `flighttest.regression.equation_error`."""
 
 from .fit import Fit as Fit
-from .fit import open_fit as open_fit
-from .fit import save_fit as save_fit
-from .frequency_domain import regress_frequency as regress_frequency
+from .fit_file import open_fit as open_fit
+from .fit_file import save_fit as save_fit
+from .frequency.frequency_domain import regress_frequency as regress_frequency
 from .model import RegressionModel as Model
 from .model import RegressionModel as RegressionModel
 from .resampling import Bootstrap as Bootstrap

@@ -6,19 +6,17 @@ states how often each remark occurs by chance.
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flightmech.support.figures import new_figure
 from flighttest.parameter_constraints import constraint_remarks
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.fit_data import FitData
+from flighttest.regression.equation_error.spike_remarks import TINY, remark_spikes
 from flighttest.regression.equation_error.structure_remarks import (
     remark_growth,
     remark_noise,
@@ -38,21 +36,12 @@ WRONG = 0.01  # probability of t below which a wrong sign is not a chance result
 # share of the variance that a model must explain for its terms to be the cause of the movement
 EXPLAINED = 0.5
 SIGN_KNOWN = 2.0  # standard errors by which a prior must differ from zero to have a sign
-# robust standard deviations of a departure from its neighbours: never by chance in 10^6 Gaussian
-# samples
-SPIKE = 8.0
-OUTSIDE = 5.0  # robust standard deviations of the residual of a spike
-SMOOTH = 0.1  # least scatter about the neighbours, of that of the residual
-NEIGHBOURS = 4  # samples on each side that determine the expected sample; spikes are shorter
 # standard error over that of a lag window: four fifths of real fits lie between 1 and 2
 APART = 3.0
 # Change of weights or spectrum, in tolerances, above which a fit must not be used: a hundredth of
 # a weight, or of the variance at a frequency.
 FAR = 100.0
 _EDGE = 0.5  # posterior probability of the largest roughness above which the spectrum is too rough
-_TO_SIGMA = 1.4826  # standard deviation of Gaussian noise over its median absolute deviation
-_ROUNDING = 1e-9  # residual, of the largest coefficient, that may be rounding
-_TINY = np.finfo(float).tiny  # keeps divisions by a zero scatter finite
 SIGNS = {
     ("CL", "delta_e"): 1,
     ("CZ", "delta_e"): -1,
@@ -70,70 +59,6 @@ SIGNS = {
 
 Trailing edge down increases lift; the elevator is at the tail.
 """
-
-
-@dataclass(frozen=True)
-class FitData:
-    """Estimates of one model from one or several manoeuvres.
-
-    Attributes
-    ----------
-    name : str
-    model : RegressionModel
-    estimates : Dataset (term, term_, error)
-        ``estimate``, ``stderr`` (coloured residuals), ``stderr_white``, ``stderr_systematic``,
-        ``covariance`` and ``correlation`` of the estimates (coloured), ``systematic`` (term,
-        error): change of the estimates for one standard error of each source, ``stderr_window`` (by
-        a lag window of a tenth of the longest stretch, in time), ``contribution`` (rms of the term
-        about its mean over the rms of the coefficient about its mean). Of the regressors: ``vif``,
-        ``regressor_correlation``, ``condition_index`` (component) and ``proportion`` (component,
-        term). Attributes: ``coefficient``, ``name``, ``domain`` (time, frequency or published),
-        ``R2``, ``residual_rms``, ``samples``, ``manoeuvres``, ``offset`` (standard deviation of a
-        constant between manoeuvres). ``R2`` of a frequency fit is that inside ``band``. Tests and
-        intervals are those of `significance.add_tests` (``t``, ``p_value``, ``dof``, ``low``,
-        ``high``; ``F``, ``F_terms``, ``F_dof``, ``F_probability``). The colour of the residual is
-        that of `significance.residual_whiteness` (``portmanteau``, ``portmanteau_lags``,
-        ``portmanteau_probability``, ``correlation_time`` [s]). An iteration that did not converge
-        has its rounds and its last change over its tolerance (``weights_rounds``,
-        ``weights_change``, ``spectrum_rounds``, ``spectrum_change``).
-    data : Dataset (sample,)
-        The fitted samples: coefficient, model variables, other variables of tables, ``time`` and
-        ``manoeuvre`` (from 0).
-    design : DataArray (sample, term)
-        Equivalent regressors: the estimate is their ordinary least squares over the samples. They
-        differ from the regressors of the model for weights, ridge and frequency. The estimate is
-        then the same linear function of the measurements. Of total least squares they are the
-        regressors: a model without error is then returned from its values at the samples.
-    regressors : DataArray (sample, term)
-        The regressors of the model.
-    """
-
-    name: str
-    model: RegressionModel
-    estimates: xr.Dataset
-    data: xr.Dataset
-    design: xr.DataArray
-    regressors: xr.DataArray
-
-    @property
-    def residual(self) -> np.ndarray:
-        """Measured minus fitted coefficient, (sample,)."""
-        return (
-            self.data[self.model.coefficient].values
-            - self.regressors.values @ self.estimates["estimate"].values
-        )
-
-    @property
-    def time_along(self) -> np.ndarray:
-        """Time of the samples from the first one on, without gaps, (sample,). [s]"""
-        step = np.diff(self.data["time"].values)
-        ordinary = 0.0
-        if len(step):
-            ordinary = float(np.median(step))
-        # A gap, or the step to the next manoeuvre, becomes one sampling interval.
-        is_same = np.diff(self.data["manoeuvre"].values) == 0
-        is_continuous = is_same & (step < 1.5 * ordinary)
-        return np.concatenate([[0.0], np.cumsum(np.where(is_continuous, step, ordinary))])
 
 
 def fit_figure(fit: FitData) -> Figure:
@@ -174,7 +99,7 @@ def remarks_of(fit: FitData) -> list[Remark]:
         *_remark_significance(fit),
         *_remark_unexplained(fit),
         *_remark_signs(fit),
-        *_remark_spikes(fit),
+        *remark_spikes(fit),
         *_remark_collinearity(fit),
         *_remark_offset(fit),
         *_remark_disturbance(fit),
@@ -309,7 +234,7 @@ def _remark_signs(fit: FitData) -> list[Remark]:
         dof = float(e["dof"].values[slope != 0.0].min(initial=np.inf))
         if not sigma > 0.0 and "constraints" in e.attrs:
             continue  # a value that a constraint gives is not an estimate
-        if not (sign * value < 0.0 and _probability(value / max(sigma, _TINY), dof) < WRONG):
+        if not (sign * value < 0.0 and _probability(value / max(sigma, TINY), dof) < WRONG):
             continue
         expected = "positive" if sign > 0 else "negative"
         text = (
@@ -331,61 +256,6 @@ def _control_slope(fit: FitData, control: str) -> np.ndarray:
     down = fit.model.design(data.assign({control: data[control] + -1.0 * step}))
     slope_of = dict(zip(fit.model.terms, ((up - down) / (2.0 * step)).mean(axis=0)))
     return np.array([slope_of.get(str(term), 0.0) for term in fit.estimates["term"].values])
-
-
-def _remark_spikes(fit: FitData) -> list[Remark]:
-    """Return the largest residual that its neighbours do not share, and the fit without it."""
-    a = fit.estimates.attrs
-    if a.get("weights") == "robust" or fit.data.sizes.get("sample", 0) <= 2 * NEIGHBOURS + 1:
-        return []
-    v = fit.residual
-    departure = v - _running_median(v)
-    # A smooth residual is equal to its running median almost everywhere: its scatter is not used.
-    scatter = max(_robust_deviation(departure), SMOOTH * _robust_deviation(v), _TINY)
-    sizes = np.abs(departure) / scatter
-    distance = np.abs(v - np.median(v)) / max(_robust_deviation(v), _TINY)
-    least = _ROUNDING * np.abs(fit.data[fit.model.coefficient].values).max()
-    spikes = np.flatnonzero((sizes > SPIKE) & (distance > OUTSIDE) & (np.abs(v) > least))
-    if not len(spikes):
-        return []
-    worst = int(spikes[np.argmax(np.abs(departure[spikes]))])
-    where = f"{float(fit.data['time'].values[worst]):g} s"
-    if a["manoeuvres"] != 1:
-        where += f" of manoeuvre {int(fit.data['manoeuvre'].values[worst])}"
-    count = f" ({len(spikes)} samples stand out)" if len(spikes) > 1 else ""
-    text = (
-        f"spike of {departure[worst]:.3g} in {fit.model.coefficient} at {where}, "
-        f"{sizes[worst]:.0f} times the scatter of the residual{count}"
-        f"{_describe_without(fit, spikes)}; take it out of the record, or use weights='robust'"
-    )
-    return [Remark("spike", text, "", float(sizes[worst]), SPIKE)]
-
-
-def _running_median(v: np.ndarray) -> np.ndarray:
-    """Return the median of each sample and its neighbours; the ends are reflected."""
-    padded = np.pad(v, NEIGHBOURS, mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1)
-    return np.median(windows, axis=1)
-
-
-def _describe_without(fit: FitData, spikes: Collection[int]) -> str:
-    """Return the largest change of an estimate without the spikes; empty for a weighted fit."""
-    e, a = fit.estimates, fit.estimates.attrs
-    if a["domain"] != "time" or a["weights"] != "equal" or a["ridge"]:
-        return ""
-    if "method" in a or "constraints" in a:
-        return ""
-    rows = np.setdiff1d(np.arange(fit.data.sizes["sample"]), list(spikes))
-    z = fit.data[fit.model.coefficient].values
-    theta = np.linalg.lstsq(fit.regressors.values[rows], z[rows], rcond=None)[0]
-    estimates = e["estimate"].values
-    change = np.abs(theta - estimates) / np.maximum(e["stderr"].values, _TINY)
-    k = int(np.argmax(change))
-    return f"; without it {e['term'].values[k]} is {theta[k]:.4g} and not {float(estimates[k]):.4g}"
-
-
-def _robust_deviation(x: np.ndarray) -> float:
-    return float(_TO_SIGMA * np.median(np.abs(x - np.median(x))))
 
 
 def _remark_collinearity(fit: FitData) -> list[Remark]:

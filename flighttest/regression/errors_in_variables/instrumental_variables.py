@@ -36,15 +36,15 @@ from flighttest.parameter_constraints import ParameterElimination
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
-from flighttest.regression.equation_error.samples import list_manoeuvres
-from flighttest.regression.equation_error.time_domain import (
+from flighttest.regression.equation_error.problem import (
     LinearSolution,
     RegressionProblem,
     demand_choice,
-    fit_problem,
     prepare_problem,
     separate_intercepts,
 )
+from flighttest.regression.equation_error.samples import list_manoeuvres
+from flighttest.regression.equation_error.time_domain import fit_problem
 from flighttest.regression.errors_in_variables.simulated_states import CONTROLS, simulate_states
 from flighttest.regression.uncertainty import collinearity
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
@@ -92,7 +92,7 @@ def regress_instrumental(
     problem = prepare_problem(
         model, data, name=name, intercepts=intercepts, needed=list(model.variables)
     )
-    noisy = [variable for variable in model.variables if is_noisy(variable)]
+    noisy = [variable for variable in model.variables if is_measured_with_noise(variable)]
     if not noisy:
         raise IdentificationError(
             f"{model} has no noisy variable, only controls; instrumental variables change "
@@ -121,14 +121,18 @@ def regress_instrumental(
     return fit
 
 
-def is_noisy(variable: str) -> bool:
+def is_measured_with_noise(variable: str) -> bool:
     """Return whether a variable is a measured motion, and not a control or a configuration."""
     return not variable.startswith(CONTROLS) and variable not in EXACT and "." not in variable
 
 
 def _noisy_factors(term: str) -> dict[str, int]:
     """Return the powers of the noisy variables in a term."""
-    return {name: power for name, power in _variable_powers(term).items() if is_noisy(name)}
+    return {
+        name: power
+        for name, power in _variable_powers(term).items()
+        if is_measured_with_noise(name)
+    }
 
 
 def _variable_powers(term: str) -> dict[str, int]:

@@ -41,14 +41,14 @@ from flighttest.parameter_constraints import ParameterElimination
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.equation_error.samples import RegressionSamples
-from flighttest.regression.equation_error.time_domain import (
+from flighttest.regression.equation_error.problem import (
     LinearSolution,
     RegressionProblem,
     demand_choice,
-    fit_problem,
     prepare_problem,
 )
+from flighttest.regression.equation_error.samples import RegressionSamples
+from flighttest.regression.equation_error.time_domain import fit_problem
 from flighttest.regression.errors_in_variables.instrumental_variables import describe_powers
 from flighttest.regression.uncertainty.growing_residuals import memory_of_squares
 

@@ -13,21 +13,21 @@ import xarray as xr
 from flightmech.errors import IdentificationError, ParseError
 from flightmech.names import lookup
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.frequency_domain import WEIGHTS
+from flighttest.regression.equation_error.frequency.frequency_domain import WEIGHTS
+from flighttest.regression.equation_error.frequency.spectral_weights import whitening_weights
+from flighttest.regression.equation_error.frequency.transformed_stretches import (
+    select_stretches,
+    stack_complex,
+    transform_columns,
+)
 from flighttest.regression.equation_error.model import (
     term_powers,
     term_regressors,
     term_text,
     variable_of,
 )
+from flighttest.regression.equation_error.problem import demand_choice
 from flighttest.regression.equation_error.samples import RegressionSamples, stack_samples
-from flighttest.regression.equation_error.spectral_weights import whitening_weights
-from flighttest.regression.equation_error.time_domain import demand_choice
-from flighttest.regression.equation_error.transformed_stretches import (
-    select_stretches,
-    stack_complex,
-    transform_columns,
-)
 
 FREE = 2  # frequencies per candidate, from which on the residual of all candidates is the noise
 IDLE = 1e-9  # variation of a column, over its size, up to which it counts as a constant

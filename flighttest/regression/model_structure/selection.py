@@ -13,7 +13,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flightmech.short_text import ShortText
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import CandidateEquations

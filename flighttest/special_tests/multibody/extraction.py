@@ -28,7 +28,8 @@ from flightmech.errors import IdentificationError, SchemaError
 from flightmech.names import quantity_attributes
 from flightmech.support.figures import demand_drawable, new_figure, write_figure
 from flighttest.records.signals.fourier import finite_fourier, remove_straight_line
-from flighttest.regression.equation_error.fit import Fit, open_fit
+from flighttest.regression.equation_error.fit import Fit
+from flighttest.regression.equation_error.fit_file import open_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.special_tests.multibody.mechanics import (
     Posture,

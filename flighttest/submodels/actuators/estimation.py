@@ -35,12 +35,12 @@ from scipy.optimize import minimize_scalar
 
 from flightmech.errors import AeromatchWarning, IdentificationError
 from flighttest.records.signals.fourier import finite_fourier, harmonics
-from flighttest.regression.equation_error.spectral_weights import (
+from flighttest.regression.equation_error.frequency.spectral_weights import (
     residual_power,
     spectral_freedom,
     student_factor,
 )
-from flighttest.regression.equation_error.transformed_stretches import (
+from flighttest.regression.equation_error.frequency.transformed_stretches import (
     TransformedStretch,
     stack_complex,
 )

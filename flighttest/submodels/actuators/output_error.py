@@ -9,14 +9,10 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
+from flighttest.maximum_likelihood.likelihood import Likelihood, LikelihoodMaximum
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import (
-    Likelihood,
-    LikelihoodMaximum,
-    invert_information,
-    maximise_likelihood,
-)
+from flighttest.maximum_likelihood.search import invert_information, maximise_likelihood
 from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 from flighttest.submodels.actuators.response import (
     Structure,

@@ -20,7 +20,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.short_text import ShortText
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.time_domain import SAMPLES_PER_TERM
+from flighttest.regression.equation_error.problem import SAMPLES_PER_TERM
 from flighttest.regression.uncertainty import collinearity
 from flighttest.remarks import TabledEstimates
 from flighttest.submodels.control_loading.joint_fit import (

@@ -23,9 +23,10 @@ from flightmech.simulation.kernel import STATE
 from flightmech.simulation.run import constant_inputs, initialise_run, read_inputs
 from flightmech.terms import make_term
 from flighttest.maximum_likelihood.flown_runs import Runs
+from flighttest.maximum_likelihood.likelihood import Likelihood
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
+from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 from flighttest.remarks import remark_lines

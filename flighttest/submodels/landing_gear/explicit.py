@@ -27,9 +27,10 @@ import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
+from flighttest.maximum_likelihood.likelihood import Likelihood
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
+from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 from flighttest.remarks import Convergence, warn_forbidden
 from flighttest.submodels.landing_gear.wheel_positions import WheelGroup, wheel_groups, wheels_of

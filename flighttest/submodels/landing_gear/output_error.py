@@ -23,9 +23,10 @@ from flightmech.simulation.batch import fly_batch
 from flightmech.simulation.run import read_inputs
 from flightmech.support.arrays import true_runs
 from flighttest.maximum_likelihood.flown_runs import Runs
+from flighttest.maximum_likelihood.likelihood import Likelihood
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
+from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 from flighttest.submodels.landing_gear.explicit import FRICTION, LOAD, MOVING
 from flighttest.submodels.landing_gear.reconstructed_loads import TOUCHING, states_of

@@ -62,7 +62,7 @@ class DocumentContent:
     tunings : sequence of mapping
         Tunings of models, from `pom.report.models.tuning.tuning_context`.
     created : datetime
-        Date in the metadata (`creation_date`).
+        Date in the metadata (`document_date`).
     """
 
     title: str
@@ -75,7 +75,7 @@ class DocumentContent:
     created: datetime.datetime = UNDATED
 
 
-def creation_date(provenance: Mapping[str, Any]) -> datetime.datetime:
+def document_date(provenance: Mapping[str, Any]) -> datetime.datetime:
     """Return the date in the metadata of a report.
 
     It is the date of the results.  Without one it is the day on which the newest input file was

@@ -10,7 +10,7 @@ from contextlib import nullcontext
 
 import pytest
 
-from aeromatch.cli.actions.verbs import example_folder
+from aeromatch.cli.actions.examples import example_folder
 from aeromatch.project.project import read_project
 from aeromatch.workflow.steps import perform_match
 from flightmech.support.kept_stages.sharing import Cluster

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from aeromatch.cli.actions.verbs import example_folder
+from aeromatch.cli.actions.examples import example_folder
 from aeromatch.planning.record_looks import STATES
 from aeromatch.rebuilding.products import FLIGHTS
 from flightmech.support.kept_stages.store import PLACE

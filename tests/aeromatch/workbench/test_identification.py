@@ -30,7 +30,7 @@ from aeromatch.workflow.windows import spans_of
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError, UnknownName
 from flighttest.cli.identify import identify_command
 from flighttest.regression.combining.mixed_estimation import prior_of
-from flighttest.regression.equation_error.fit import open_fit
+from flighttest.regression.equation_error.fit_file import open_fit
 
 FIRST, SECOND = "t37_01_clean_low_speed_5kft", "t37_02_clean_cruise_5kft"
 PITCH = ("3211 elevator", "doublet elevator")

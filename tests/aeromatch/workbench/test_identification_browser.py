@@ -15,7 +15,7 @@ from bench import drawn_anew, reconstructed_project, served
 
 from aeromatch.project.project import read_project
 from aeromatch.workbench import coefficients
-from flighttest.regression.equation_error.fit import open_fit
+from flighttest.regression.equation_error.fit_file import open_fit
 
 expect = pytest.importorskip("playwright.sync_api").expect
 pytestmark = [pytest.mark.slow, pytest.mark.browser]

@@ -22,7 +22,7 @@ from aeromatch.project.editing import TRIAL
 from aeromatch.project.project import read_project
 from aeromatch.workbench.actions import read_action_log
 from flighttest.records.manoeuvre_table import read_manoeuvres
-from flighttest.regression.equation_error.fit import open_fit
+from flighttest.regression.equation_error.fit_file import open_fit
 from pom.result import results_name
 
 expect = pytest.importorskip("playwright.sync_api").expect

@@ -26,7 +26,7 @@ from flighttest.cli.identify import (
     select_command,
     tabulate_command,
 )
-from flighttest.regression.equation_error.fit import open_fit
+from flighttest.regression.equation_error.fit_file import open_fit
 
 AIRCRAFT = """
 name = "test"

@@ -5,7 +5,7 @@ from flown_lift import LIFT, TRUTH, record
 from flightmech.errors import IdentificationError
 from flighttest.regression.combining.joined_fits import join_fits
 from flighttest.regression.combining.pooling import pool
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 

@@ -13,8 +13,8 @@ from flightmech.errors import IdentificationError, SchemaError
 from flighttest.parameter_constraints import choose_active, eliminate, parse_constraints
 from flighttest.regression.combining.joined_fits import join_fits
 from flighttest.regression.combining.mixed_estimation import mix_with_prior
-from flighttest.regression.equation_error.fit import open_fit, save_fit
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.fit_file import open_fit, save_fit
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.errors_in_variables.instrumental_variables import regress_instrumental

@@ -4,9 +4,10 @@ import xarray as xr
 from flown_lift import LIFT, TRUTH, record
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.regression.equation_error import least_squares, spectral_weights
-from flighttest.regression.equation_error.fit import open_fit, save_fit
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error import least_squares
+from flighttest.regression.equation_error.fit_file import open_fit, save_fit
+from flighttest.regression.equation_error.frequency import spectral_weights
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials

@@ -4,7 +4,7 @@ import xarray as xr
 from flown_lift import LIFT, TRUTH, record
 
 from flightmech.errors import IdentificationError
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.resampling import bootstrap, monte_carlo
 from flighttest.regression.equation_error.time_domain import regress

@@ -8,7 +8,7 @@ from scipy.linalg import toeplitz
 
 from flightmech.errors import IdentificationError, ParseError, UnknownName
 from flighttest.regression.combining.mixed_estimation import mix_with_prior, total_covariance
-from flighttest.regression.equation_error.fit import open_fit, save_fit
+from flighttest.regression.equation_error.fit_file import open_fit, save_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of

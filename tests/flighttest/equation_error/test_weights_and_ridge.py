@@ -7,7 +7,7 @@ from flightmech import terms as terms_of
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.regression.combining.mixed_estimation import mix_with_prior, prior_of
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.time_domain import regress
 
 TRUE = np.array(list(TRUTH.values()))

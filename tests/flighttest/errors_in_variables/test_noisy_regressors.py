@@ -8,7 +8,7 @@ import aerodb
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import make_term
 from flighttest.parameter_constraints import parse_constraints
-from flighttest.regression.equation_error.fit import open_fit, save_fit
+from flighttest.regression.equation_error.fit_file import open_fit, save_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.errors_in_variables.instrumental_variables import (

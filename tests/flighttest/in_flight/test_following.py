@@ -30,7 +30,7 @@ from flighttest.in_flight.vane_angles import VaneAngles
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.records.readers.name_map import Channel, Clock, NameMap
 from flighttest.records.signals.delays import remove_lag
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 
 T37 = Path(__file__).parents[3] / "data" / "t37" / "aircraft.toml"

@@ -25,7 +25,7 @@ from flighttest.maximum_likelihood.validating.used_windows import (
     digest_states,
     state_windows,
 )
-from flighttest.maximum_likelihood.validation import (
+from flighttest.maximum_likelihood.validating.validation import (
     ALL,
     PredictedChannel,
     figures_of,

@@ -9,7 +9,7 @@ import xarray as xr
 from model_structure import CANDIDATES, LINEAR, before, record  # the benchmark
 
 from flightmech.errors import IdentificationError
-from flighttest.regression.equation_error.fit import open_fit, save_fit
+from flighttest.regression.equation_error.fit_file import open_fit, save_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.best_prediction import select_by_prediction

@@ -6,7 +6,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.flight_programme.planning.manoeuvre_end import may_end, running_estimate
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 
 MODEL = RegressionModel.parse("Cm = 1 + alpha + qhat + delta_e")

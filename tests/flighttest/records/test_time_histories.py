@@ -23,7 +23,7 @@ from flighttest.records.time_histories import (
     signals_figure,
     states_figure,
 )
-from flighttest.regression.equation_error.fit import save_fit
+from flighttest.regression.equation_error.fit_file import save_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 

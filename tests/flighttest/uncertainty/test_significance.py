@@ -10,8 +10,8 @@ from scipy import stats
 
 from flightmech.errors import IdentificationError
 from flighttest.regression.combining.mixed_estimation import mix_with_prior
-from flighttest.regression.equation_error.fit import open_fit, save_fit
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.fit_file import open_fit, save_fit
+from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.search import select_orthogonal

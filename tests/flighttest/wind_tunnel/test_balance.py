@@ -16,7 +16,7 @@ import tunnel
 from flightmech.errors import IdentificationError, SchemaError
 from flighttest.cli.group import flight
 from flighttest.records.readers.recording import RecordedTable, Recording
-from flighttest.regression.equation_error.fit import open_fit
+from flighttest.regression.equation_error.fit_file import open_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials

@@ -17,7 +17,7 @@ from pom.probing import (
     compare_inputs,
     compare_lift,
     flight_consistency,
-    judge_change,
+    judge_input_change,
 )
 from pom.probing.flight_consistency import judge_lift
 from pom.probing.input_probe import SCALE
@@ -62,7 +62,7 @@ def probe(fly, **inputs):
     """Return the remarks on a model, a function of the elevator."""
     changed = changed_job(job_of(**inputs), {})
     before, after = fly(inputs["delta_e"]), fly(changed.job.inputs["delta_e"])
-    return judge_change(TIME, before, after, {"q", "theta"}, moved=changed.moved)
+    return judge_input_change(TIME, before, after, {"q", "theta"}, moved=changed.moved)
 
 
 def test_a_linear_aeroplane_changes_by_its_whole_response():
@@ -111,12 +111,12 @@ def test_on_its_wheels_only_an_answer_that_stays_is_named():
     """Brakes and friction stop an aeroplane whatever the inputs are."""
     before = {"V": 40.0 - 3.0 * TIME}
     slower = {"V": 40.0 - 2.99 * TIME}
-    (remark,) = judge_change(TIME, before, slower, {"V"}, moved=True)
+    (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved=True)
     assert remark.kind == "not_driven"
-    (remark,) = judge_change(TIME, before, slower, {"V"}, moved=True, on_wheels=True)
+    (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved=True, on_wheels=True)
     assert remark.kind == "probe"
     assert "not checked" in remark.text
-    (remark,) = judge_change(TIME, before, before, {"V"}, moved=True, on_wheels=True)
+    (remark,) = judge_input_change(TIME, before, before, {"V"}, moved=True, on_wheels=True)
     assert remark.kind == "not_driven"
 
 

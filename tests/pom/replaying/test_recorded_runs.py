@@ -11,7 +11,7 @@ import pom
 from aeromatch.cli.command import main
 from flightmech.errors import OutOfRange, SchemaError
 from pom.archive.masters import read_masters
-from pom.replaying.recorded_runs import RecordedRun, read_recording, resample
+from pom.replaying.recorded_runs import RecordedRun, read_recording, resample_run
 
 DEGREE = np.pi / 180.0
 # headings of a host recorder: name, factor from SI
@@ -100,7 +100,7 @@ def test_gaps_and_turns_are_not_bridged():
     clock = np.array([0.0, 0.1, 0.2, 1.0, 1.1])
     heading = np.array([3.1, 3.14, -3.1, 3.0, 3.1])
     run = RecordedRun({"psi": (clock, heading)}, "", "")
-    found = resample(run, np.array([0.15, 0.2, 0.6, 1.0, 1.5]))["psi"]
+    found = resample_run(run, np.array([0.15, 0.2, 0.6, 1.0, 1.5]))["psi"]
     # half way between 3.14 and -3.1 + 2 pi
     assert found[0] == pytest.approx(0.5 * (3.14 - 3.1 + 2.0 * np.pi))
     assert np.isnan(found[[2, 4]]).all()

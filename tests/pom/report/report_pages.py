@@ -12,7 +12,7 @@ from pom.report.case.page import CommonHeading, case_keys, packed_page
 from pom.report.chapters import Chapters, draw_chapters
 from pom.report.page import html_files
 from pom.report.pdf.content import case_on_paper
-from pom.report.pdf.document import DocumentContent, creation_date, pdf_pages
+from pom.report.pdf.document import DocumentContent, document_date, pdf_pages
 from pom.report.presentation import traces
 
 
@@ -98,7 +98,7 @@ def paper(results, form="a4", **more):
             for i, (name, result) in enumerate(zip(names, results, strict=True), 1)
         ]
         content = DocumentContent(
-            paper=form, **{"created": creation_date(common["provenance"]), **common}
+            paper=form, **{"created": document_date(common["provenance"]), **common}
         )
         return pdf_pages(Path(folder), results, names, cases, content)
 

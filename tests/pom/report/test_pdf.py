@@ -219,10 +219,10 @@ def test_a_report_without_a_date_has_that_of_its_newest_input(tmp_path):
             (tmp_path / name).write_text(name)
             noon = datetime.datetime.fromisoformat(f"{day}T12:00:00+00:00").timestamp()
             os.utime(tmp_path / name, (noon, noon))
-    newest = document.creation_date({"date": "", "places": places})
+    newest = document.document_date({"date": "", "places": places})
     assert newest.isoformat() == "2025-07-09T00:00:00+00:00"
     # a stated date counts, whatever the files have
-    stated = document.creation_date({"date": "2026-11-21", "places": places})
+    stated = document.document_date({"date": "2026-11-21", "places": places})
     assert stated.isoformat() == "2026-11-21T00:00:00+00:00"
 
 

@@ -27,14 +27,9 @@ import numpy as np
 
 from flightmech.errors import IdentificationError
 from flightmech.simulation.estimation.circuit_response import MOST_UNKNOWNS
+from flighttest.maximum_likelihood.likelihood import Likelihood, LikelihoodMaximum
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
-from flighttest.maximum_likelihood.search import (
-    PROVEN,
-    Likelihood,
-    LikelihoodMaximum,
-    invert_information,
-    maximise_likelihood,
-)
+from flighttest.maximum_likelihood.search import PROVEN, invert_information, maximise_likelihood
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, lay_out
 from flighttest.remarks import Convergence
 from flighttest.submodels.control_loading.loading import ControlLoading

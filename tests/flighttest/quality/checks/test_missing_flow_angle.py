@@ -6,7 +6,7 @@ import pytest
 
 import flightmech
 import flighttest
-from aeromatch.cli.actions.verbs import example_folder
+from aeromatch.cli.actions.examples import example_folder
 
 C182 = example_folder("c182")
 

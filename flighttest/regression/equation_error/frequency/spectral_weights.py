@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 
 from flightmech.errors import IdentificationError
-from flighttest.regression.equation_error.transformed_stretches import (
+from flighttest.regression.equation_error.frequency.transformed_stretches import (
     TransformedStretch,
     stack_complex,
 )

@@ -20,7 +20,8 @@ from flighttest.maximum_likelihood.validating.predicted_channels import (
     predict_window,
 )
 from flighttest.maximum_likelihood.validating.used_windows import ValidationWindow, find_use
-from flighttest.regression.equation_error.fit import Fit, open_fit
+from flighttest.regression.equation_error.fit import Fit
+from flighttest.regression.equation_error.fit_file import open_fit
 from flighttest.remarks import PrintedResult
 
 COLUMNS = (

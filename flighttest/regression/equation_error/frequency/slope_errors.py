@@ -8,14 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from flighttest.records.signals.fourier import adjoint_fourier, remove_straight_line
-from flighttest.regression.equation_error.spectral_weights import (
+from flighttest.regression.equation_error.frequency.spectral_weights import (
     Whitened,
     estimate_freedom,
     residual_spectrum_of,
     spectral_freedom,
     student_factor,
 )
-from flighttest.regression.equation_error.transformed_stretches import TransformedStretch, fill_rows
+from flighttest.regression.equation_error.frequency.transformed_stretches import (
+    TransformedStretch,
+    fill_rows,
+)
 from flighttest.remarks import Convergence
 
 

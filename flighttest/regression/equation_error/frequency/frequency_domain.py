@@ -42,22 +42,22 @@ from flighttest.parameter_constraints import (
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.fit_remarks import unsettled_attributes
-from flighttest.regression.equation_error.frequency_slopes import (
+from flighttest.regression.equation_error.frequency.frequency_slopes import (
     FrequencyProblem,
     SlopeEstimate,
     SlopeFit,
     fit_slopes,
 )
+from flighttest.regression.equation_error.frequency.transformed_stretches import (
+    select_stretches,
+)
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.equation_error.samples import Response, slopes_of, stack_samples
-from flighttest.regression.equation_error.time_domain import (
+from flighttest.regression.equation_error.problem import (
     demand_choice,
     demand_determined,
     separate_intercepts,
 )
-from flighttest.regression.equation_error.transformed_stretches import (
-    select_stretches,
-)
+from flighttest.regression.equation_error.samples import Response, slopes_of, stack_samples
 from flighttest.regression.uncertainty import significance
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 

@@ -1,6 +1,6 @@
 """Slopes in the frequency domain: the transformed equations of a model, solved under an elimination.
 
-`flighttest.regression.equation_error.frequency_domain` describes the method.
+`flighttest.regression.equation_error.frequency.frequency_domain` describes the method.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ import numpy as np
 from flightmech.errors import IdentificationError
 from flighttest.parameter_constraints import ParameterElimination
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.least_squares import ridge_penalty
-from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.equation_error.samples import RegressionSamples
-from flighttest.regression.equation_error.slope_errors import (
+from flighttest.regression.equation_error.frequency.slope_errors import (
     SlopeErrors,
     estimate_slope_errors,
     map_samples_to_slopes,
 )
-from flighttest.regression.equation_error.spectral_weights import (
+from flighttest.regression.equation_error.frequency.spectral_weights import (
     equal_weights,
     whitening_weights,
 )
-from flighttest.regression.equation_error.time_domain import spell_term
-from flighttest.regression.equation_error.transformed_stretches import (
+from flighttest.regression.equation_error.frequency.transformed_stretches import (
     TransformedStretch,
     fill_rows,
     stack_complex,
     transform_columns,
 )
+from flighttest.regression.equation_error.least_squares import ridge_penalty
+from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.problem import spell_term
+from flighttest.regression.equation_error.samples import RegressionSamples
 from flighttest.regression.uncertainty import collinearity
 from flighttest.remarks import Convergence
 

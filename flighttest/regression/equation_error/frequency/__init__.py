@@ -1,0 +1,1 @@
+"""Regression of Fourier transforms, with weights by the spectrum of the disturbance."""
