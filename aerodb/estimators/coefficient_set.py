@@ -21,7 +21,7 @@ FORCES = {"stability": ("CL", "CD", "CY"), "body": ("CX", "CY", "CZ")}
 MOMENTS = ("Cl", "Cm", "Cn")
 RATES = ("phat", "qhat", "rhat")
 CONDITIONS = ("mach", "alpha", "beta", *RATES)
-VARIABLES = ("alpha", "beta", *RATES, "mach", "u", "v", "w")
+VARIABLES = ("alpha", "beta", *RATES, "alphadothat", "mach", "u", "v", "w")
 """Variables of derivatives, in addition to the controls; u, v, w are the body velocities over V."""
 
 _FIXED = (*CONDITIONS, "coefficient", "variable", "value", "file", "line")

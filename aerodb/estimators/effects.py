@@ -21,6 +21,7 @@ _OF_VARIABLE = {
     "phat": _LATERAL,
     "qhat": ("CL", "Cm"),
     "rhat": _LATERAL,
+    "alphadothat": ("CL", "Cm"),
     "delta_e": _LONGITUDINAL,
     "delta_f": _LONGITUDINAL,
     "delta_a": _LATERAL,
@@ -85,7 +86,7 @@ class EstimateTables:
             contribution = CONTROLS.get(variable, variable)
             if tables:
                 effects.append(self._effect(contribution, tables, variable))
-            elif variable not in RATES:
+            elif variable not in (*RATES, "alphadothat"):
                 increments = self._increments(variable, coefficients)
                 if increments is not None:
                     effects.append(increments)

@@ -9,13 +9,17 @@ from aerodb.estimators.avl import is_avl, read_avl
 from aerodb.estimators.coefficient_set import CoefficientSet, join_sets
 from aerodb.estimators.column_map import ColumnMap
 from aerodb.estimators.column_tables import read_table
+from aerodb.estimators.missile_datcom import is_missile_datcom, read_missile_datcom
 from aerodb.estimators.vspaero import is_vspaero, read_vspaero
+from aerodb.estimators.xflr5 import is_xflr5, read_xflr5
 from flightmech.errors import ParseError
 from flightmech.support.input_files import demand_regular
 
 _READERS: dict[str, tuple[Callable[[str], bool], Callable[..., CoefficientSet]]] = {
     "AVL": (is_avl, read_avl),
     "VSPAERO": (is_vspaero, read_vspaero),
+    "Missile DATCOM": (is_missile_datcom, read_missile_datcom),
+    "XFLR5": (is_xflr5, read_xflr5),
 }
 _EXPECTED = (
     "an output of AVL (.st, .sb, .ft) or of VSPAERO (.stab, .polar); a text table needs a column "
@@ -23,7 +27,6 @@ _EXPECTED = (
 )
 # Outputs and inputs of other programs, by a text in their first lines.
 _OTHERS = {
-    "THE USAF AUTOMATED MISSILE DATCOM": "a print of Missile DATCOM",
     "THE USAF STABILITY AND CONTROL  DIGITAL DATCOM": "a listing of Digital DATCOM, which "
     "`aeromatch db build` reads",
     "xflr5": "an export of XFLR5",
