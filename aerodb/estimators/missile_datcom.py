@@ -36,7 +36,9 @@ _STATIC = "STATIC AERODYNAMICS FOR"
 _DYNAMIC = re.compile(r"BODY (?:ALONE|\+ (\d+) FIN SETS?) DYNAMIC DERIVATIVES")
 _TRIMMED = "STATIC AERODYNAMIC COEFFICIENTS TRIMMED IN PITCH"
 _NUMBER = re.compile(r"[-+]?(?:\d+\.\d*|\.\d+)(?:[ED][-+]?\d+)?|\*NT\*|\*+|[-+]?NAN|[-+]?INF\w*")
-_HEADER = re.compile(r"([A-Z][A-Z ]*[A-Z]?)\s*=\s*([-+]?(?:\d+\.\d*|\.\d+)(?:E[-+]?\d+)?) {0,2}(\S*)")
+_HEADER = re.compile(
+    r"([A-Z][A-Z ]*[A-Z]?)\s*=\s*([-+]?(?:\d+\.\d*|\.\d+)(?:E[-+]?\d+)?) {0,2}(\S*)"
+)
 _PER = re.compile(r"DERIVATIVES \(PER (DEGREE|RADIAN)\)")
 _DEFLECTED_SET = re.compile(r"TRIM.*FIN SET (\d)|PANELS FROM FIN SET (\d)")
 # Columns of the print: coefficient, variable and sign in the neutral form.
@@ -118,7 +120,9 @@ def read_missile_datcom(path: str | Path) -> CoefficientSet:
         found, lost = page.rows(file, condition)
         rows += found
         cautions.update(dict.fromkeys(lost))
-    reference, reference_remark = make_missile_reference(file, [page.header for page in chosen], lines)
+    reference, reference_remark = make_missile_reference(
+        file, [page.header for page in chosen], lines
+    )
     remarks = [_REMARK]
     if reference_remark:
         remarks.append(reference_remark)

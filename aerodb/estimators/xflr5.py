@@ -190,9 +190,7 @@ def _read_row(
     return values
 
 
-def _condition(
-    file: Path, line: int, values: Mapping[str, float], program: str
-) -> dict[str, Any]:
+def _condition(file: Path, line: int, values: Mapping[str, float], program: str) -> dict[str, Any]:
     """Return the flight condition of a row. [rad]"""
     alpha = values["α"] if program == "flow5" else values["alpha"]
     beta = values["β"] if program == "flow5" else values.get("Beta", 0.0)

@@ -30,7 +30,9 @@ from flightmech.units import DEGREE, to_si
 _MARKS = ("Longitudinal derivatives", "Type 7 - Stability polar")
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan(?:\(ind\))?|[-+]?inf)"
 _PAIR = re.compile(rf"([A-Z][a-z]{{1,2}})\s*=\s*{_NUMBER}\s+(C[A-Za-z]{{2,3}})\s*=\s*{_NUMBER}")
-_ALPHA = re.compile(rf"(?:zero-moment angle\.*\s*Alpha\s*=|Calculating Plane for α\s*=)\s*{_NUMBER}")
+_ALPHA = re.compile(
+    rf"(?:zero-moment angle\.*\s*Alpha\s*=|Calculating Plane for α\s*=)\s*{_NUMBER}"
+)
 _POSITION = re.compile(rf"Calculation for control position\s+{_NUMBER}")
 _TURNED = re.compile(rf"total (?:flap )?angle is\s+{_NUMBER}")
 _SPEED = re.compile(rf"balance the weight\.*\s*VInf\s*=\s*{_NUMBER}\s*(\S+)")

@@ -21,7 +21,7 @@ from datcom_io.drawings.devices import device_outlines
 from datcom_io.drawings.outlines import ALL, DeckOutline, lifting_surface, mirror, upright_surface
 from flightmech.short_text import ShortText
 
-_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 49)
+_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 33)
 # Cases without an aeroplane made of parts.
 _SPECIAL = {
     "LARWB": "a low-aspect-ratio wing-body ($LARWB), whose cards give areas and no outlines",
@@ -86,10 +86,8 @@ def shape_of_deck(deck: Deck) -> DeckShape:
     for name, text in _SPECIAL.items():
         if name in deck.namelists:
             found.omissions.append(f"the case is {text}")
-    if deck.has("DIM"):
-        pass
-    elif deck.namelists:
-        found.omissions.append("no card DIM in this case or before: the unit is FT, the default")
+    if deck.dim == "FT" and not deck.has("DIM"):
+        found.omissions.append("the unit: without a card DIM it is FT, the default")
     _add_body(deck, found)
     for name, letter, what in (("WGPLNF", "W", "wing"), ("HTPLNF", "H", "horizontal tail")):
         _add_lifting_surface(deck, name, letter, what, found)
@@ -121,7 +119,9 @@ def _add_body(deck: Deck, found: _ShapeParts) -> None:
             found.omissions.append("no body ($BODY)")
         return
     x = np.array(deck.schedule("BODY", "X", "NX"))
-    arrays = {name: np.array(deck.values("BODY", name)[: len(x)]) for name in ("R", "S", "ZU", "ZL")}
+    arrays = {
+        name: np.array(deck.values("BODY", name)[: len(x)]) for name in ("R", "S", "ZU", "ZL")
+    }
     half = arrays["R"]
     note = ""
     if len(half) < len(x) and len(arrays["S"]) == len(x):
@@ -189,9 +189,7 @@ def _nodes(
     return nodes
 
 
-def _add_lifting_surface(
-    deck: Deck, name: str, letter: str, what: str, found: _ShapeParts
-) -> None:
+def _add_lifting_surface(deck: Deck, name: str, letter: str, what: str, found: _ShapeParts) -> None:
     nodes = _nodes(deck, name, what, found)
     apex = _apex(deck, letter, what, found) if nodes is not None else None
     if nodes is None or apex is None:
@@ -205,7 +203,7 @@ def _add_lifting_surface(
     dihedral, incidence = deck.value(name, "DHDADI"), deck.value("SYNTHS", f"ALI{letter}")
     text = (
         f"{what}: apex X {apex[0]:g}, Z {apex[1]:g}, span {2.0 * y[-1]:.4g}, chord {chord[0]:g} to "
-        f"{chord[-1]:g}, area {area:.4g}"
+        f"{chord[-1]:g}, area {area:.6g}"
     )
     if incidence is not None:
         text += f", incidence {incidence:g} deg"
@@ -214,9 +212,7 @@ def _add_lifting_surface(
     found.parts.append(text)
 
 
-def _add_upright_surface(
-    deck: Deck, name: str, letter: str, what: str, found: _ShapeParts
-) -> None:
+def _add_upright_surface(deck: Deck, name: str, letter: str, what: str, found: _ShapeParts) -> None:
     nodes = _nodes(deck, name, what, found)
     apex = _apex(deck, letter, what, found) if nodes is not None else None
     if nodes is None or apex is None:
@@ -234,7 +230,7 @@ def _add_upright_surface(
     area = float(np.trapezoid(chord, y))
     found.parts.append(
         f"{what}: apex X {apex[0]:g}, Z {apex[1]:g}, {'up' if is_up else 'down'} {y[-1]:g}, chord "
-        f"{chord[0]:g} to {chord[-1]:g}, area {area:.4g}"
+        f"{chord[0]:g} to {chord[-1]:g}, area {area:.6g}"
     )
 
 

@@ -27,7 +27,8 @@ _LEADING_EDGE = (6, 7, 8)
 def device_outlines(deck: Deck) -> tuple[list[DeckOutline], list[str], list[str]]:
     """Return outlines of the devices of a case, a line for each, and what is not defined.
 
-    The program puts a device on the horizontal tail if the case has one, otherwise on the wing.
+    The program puts a SYMFLP on the horizontal tail if the case has one, otherwise on the wing, and
+    an ASYFLP on the wing.
     """
     outlines: list[DeckOutline] = []
     parts: list[str] = []
@@ -48,10 +49,10 @@ def device_outlines(deck: Deck) -> tuple[list[DeckOutline], list[str], list[str]
             parts.append("differential horizontal tail ($ASYFLP, STYPE=5): the tail is the control")
         elif kind in _SPOILERS:
             _add_device(
-                deck, ("ASYFLP", surface, "spoiler"), (outlines, parts, omissions), is_spoiler=True
+                deck, ("ASYFLP", "WGPLNF", "spoiler"), (outlines, parts, omissions), is_spoiler=True
             )
         else:
-            _add_device(deck, ("ASYFLP", surface, "aileron"), (outlines, parts, omissions))
+            _add_device(deck, ("ASYFLP", "WGPLNF", "aileron"), (outlines, parts, omissions))
     if "CONTAB" in deck.namelists:
         _add_tab(deck, surface, (outlines, parts, omissions))
     return outlines, parts, omissions
@@ -79,7 +80,9 @@ def _add_device(
         # A spoiler is at XSPRME of the chord. The deck has no chord of it.
         chords = [0.0, 0.0]
     if inner is None or outer is None or None in chords:
-        omissions.append(f"the {what}: ${name} has no span or chord (SPANFI, SPANFO, CHRDFI, CHRDFO)")
+        omissions.append(
+            f"the {what}: ${name} has no span or chord (SPANFI, SPANFO, CHRDFI, CHRDFO)"
+        )
         return
     outline = _strip(
         deck,

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from datcom_io.decks.deck import Deck
+from datcom_io.decks.device_fit import advise_on_misfit, describe_misfit
 from datcom_io.drawings.deck_shape import DeckShape
 from flightmech.units import to_si
 
@@ -16,8 +18,15 @@ _TOLERANCE = 0.02  # of the length, by which a surface may end beyond the body
 _SLENDEST, _STUBBIEST = 0.15, 8.0  # span over length
 
 
-def doubts_of_shape(shape: DeckShape) -> list[str]:
-    """Return a sentence for each dimension that is probably an error, with the values."""
+def doubts_of_deck(deck: Deck, shape: DeckShape) -> list[str]:
+    """Return a sentence for each dimension that is probably an error, with the values.
+
+    Parameters
+    ----------
+    deck : Deck
+    shape : DeckShape
+        Of this deck, as from `shape_of_deck`.
+    """
     ranges: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for outline in shape.outlines:
         low, high = outline.points.min(axis=0), outline.points.max(axis=0)
@@ -27,6 +36,9 @@ def doubts_of_shape(shape: DeckShape) -> list[str]:
         ranges[outline.part] = low, high
     doubts = list(_doubt_size(shape, ranges))
     doubts += _doubt_places(shape, ranges)
+    # The drawing shows the device where the program puts it.
+    if misfit := describe_misfit(deck):
+        doubts.append(f"{misfit}; {advise_on_misfit(deck)}")
     return doubts
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from datcom_io.decks.deck import Deck
 from datcom_io.drawings.deck_shape import DeckShape, shape_of_deck
-from datcom_io.drawings.doubts import doubts_of_shape
+from datcom_io.drawings.doubts import doubts_of_deck
 from datcom_io.drawings.outlines import DeckOutline
 from flightmech.errors import SchemaError
 from flightmech.units import to_si
@@ -66,7 +66,8 @@ def draw_deck(deck: Deck, name: str = "") -> str:
     if not drawn or _size(drawn) <= 0.0:
         reason = "; ".join(shape.omissions) or "no namelist of a body or a surface"
         raise SchemaError("deck", [f"nothing to draw: {reason}"])
-    return _Drawing(shape, drawn, name or deck.caseid or "case without CASEID").svg()
+    drawing = _Drawing(shape, drawn, name or deck.caseid or "case without CASEID")
+    return drawing.svg(doubts_of_deck(deck, shape))
 
 
 def _size(outlines: Sequence[DeckOutline]) -> float:
@@ -118,7 +119,7 @@ class _Drawing:
         wide = max(extent["side"][0] + extent["front"][0], 1e-9)
         high = max(extent["top"][1] + extent["side"][1], 1e-9)
         scale = min((_WIDE - 2.0 * _MARGIN - _GAP) / wide, (_MOST_HIGH - _GAP) / high)
-        top_y = 110.0
+        top_y = 112.0
         side_y = top_y + scale * extent["top"][1] + _GAP
         front_x = _MARGIN + scale * extent["side"][0] + _GAP
         origins = {"top": (_MARGIN, top_y), "side": (_MARGIN, side_y), "front": (front_x, side_y)}
@@ -127,9 +128,8 @@ class _Drawing:
             views[view] = _View(view, low, top, origins[view], scale)
         return views
 
-    def svg(self) -> str:
-        """Return the document."""
-        doubts = doubts_of_shape(self.shape)
+    def svg(self, doubts: Sequence[str]) -> str:
+        """Return the document, with doubts below the views."""
         below = self._bottom() + 95.0
         lines = list(self._text_lines(doubts))
         height = below + _LINE * len(lines) + 20.0
@@ -189,7 +189,28 @@ class _Drawing:
                 if outline.style == style and view.name in outline.views:
                     yield _outline(outline, view.place(outline.points))
         yield from self._mark_points(view)
+        yield from self._label_parts(view)
         yield "</g>"
+
+    def _label_parts(self, view: _View) -> Iterator[str]:
+        """Yield the names of surfaces and devices in the view that shows them best."""
+        named: set[str] = set()
+        for outline in self.outlines:
+            in_top = outline.style in ("wing", "tail", "device")
+            if outline.part in named or view.name != ("top" if in_top else "side"):
+                continue
+            if outline.style == "body" or view.name not in outline.views:
+                continue
+            named.add(outline.part)
+            places = view.place(outline.points)
+            x, y = places[:, 0].max() + 6.0, float(places[:, 1].mean()) + 4.0
+            if outline.style in ("wing", "tail"):
+                # at the tip, whose end is the last point of the first half of the outline
+                tip = places[len(places) // 2 - 1 : len(places) // 2 + 1]
+                x, y = tip[:, 0].max() + 6.0, float(tip[:, 1].mean()) + 10.0
+            elif outline.part == "vertical tail":
+                y = float(places[:, 1].min()) + 10.0
+            yield _text(x, y, outline.part, size=11.0, colour=_COLOURS[outline.style][1])
 
     def _mark_points(self, view: _View) -> Iterator[str]:
         for point in self.shape.points:
@@ -205,6 +226,7 @@ class _Drawing:
     def _dimensions(self) -> Iterator[str]:
         """Yield length, height and span."""
         side, front = self.views["side"], self.views["front"]
+        z = np.hstack([o.points[:, 2] for o in self.outlines if "side" in o.views])
         for view, outlines_axis, label in ((side, 0, "length"), (front, 1, "span")):
             values = [o.points[:, outlines_axis] for o in self.outlines if view.name in o.views]
             low, high = float(np.min(np.hstack(values))), float(np.max(np.hstack(values)))
@@ -213,8 +235,9 @@ class _Drawing:
             y = self._bottom() + 26.0
             yield _dimension_line(x0, x1, y)
             text = f"{label} {self._length(high - low)}"
+            if label == "length":
+                text += f", height {self._length(float(np.ptp(z)))}"
             yield _text(0.5 * (x0 + x1), y + 16.0, text, anchor="middle")
-        z = np.hstack([o.points[:, 2] for o in self.outlines if "side" in o.views])
         low, high = float(z.min()), float(z.max())
         x = side.origin[0] - 22.0
         y0 = side.origin[1] + side.scale * (float(side.high[1]) - high)
@@ -223,23 +246,20 @@ class _Drawing:
             f'<path d="M{_number(x)} {_number(y0)}V{_number(y1)}M{_number(x - 5)} {_number(y0)}h10'
             f'M{_number(x - 5)} {_number(y1)}h10" stroke="#333333" fill="none"/>'
         )
-        middle = 0.5 * (y0 + y1)
-        yield (
-            f'<text x="{_number(x - 8)}" y="{_number(middle)}" font-size="{_FONT:g}" '
-            f'text-anchor="middle" transform="rotate(-90 {_number(x - 8)} {_number(middle)})">'
-            f"{escape(f'height {self._length(high - low)}')}</text>"
-        )
 
     def _scale_bar(self) -> Iterator[str]:
         """Yield a bar of a round length in metres, and a person of 1.8 m where it fits."""
         metre = self.views["side"].scale / float(to_si(1.0, self.unit, "m"))
         length = _round_length(140.0 / metre)
-        x, y = _WIDE - _MARGIN - metre * length, 66.0
+        top, front = self.views["top"], self.views["front"]
+        # in the corner that the views leave free
+        free = top.scale * float(top.high[1] - top.low[1])
+        x, y = front.origin[0], top.origin[1] + free
         yield _dimension_line(x, x + metre * length, y)
         yield _text(x + 0.5 * metre * length, y - 8.0, f"{length:g} m", anchor="middle")
         tall = 1.8 * metre
-        if 12.0 <= tall <= 170.0:
-            yield _person(x - 22.0 - 0.25 * tall, y + 5.0, tall)
+        if 12.0 <= tall <= free:
+            yield _person(x + metre * length + 30.0 + 0.15 * tall, y + 5.0, tall)
 
     def _text_lines(self, doubts: Sequence[str]) -> Iterator[tuple[str, str]]:
         """Yield style and text of the lines below the views."""
@@ -259,7 +279,8 @@ class _Drawing:
 
 def _wrapped(style: str, text: str) -> Iterator[tuple[str, str]]:
     for number, line in enumerate(wrap(text, _CHARACTERS)):
-        yield (style, line) if number == 0 else ("indent", line)
+        # The swatch of a part stands at its first line.
+        yield (style, line) if number == 0 or style == "check" else ("", line)
 
 
 def _round_length(target: float) -> float:
@@ -278,7 +299,10 @@ def _outline(outline: DeckOutline, places: np.ndarray) -> str:
     pairs = " ".join(f"{_number(x)},{_number(y)}" for x, y in places)
     title = f"<title>{escape(outline.part)}</title>"
     if len(places) == 2 or np.ptp(places, axis=0).min() < 0.5:
-        return f'<polyline points="{pairs}" fill="none" stroke="{stroke}" stroke-width="3">{title}</polyline>'
+        return (
+            f'<polyline points="{pairs}" fill="none" stroke="{stroke}" stroke-width="3">{title}'
+            f"</polyline>"
+        )
     opacity = "0.35" if outline.style == "engine" else "0.8"
     return (
         f'<polygon points="{pairs}" fill="{fill}" fill-opacity="{opacity}" stroke="{stroke}" '
@@ -317,7 +341,7 @@ def _person(x: float, foot: float, tall: float) -> str:
         f'<circle cx="{_number(x)}" cy="{_number(foot - tall + head)}" r="{_number(head)}"/>'
         f'<path d="M{_number(x - 0.13 * tall)} {_number(foot - 0.82 * tall)}'
         f"h{_number(0.26 * tall)}l{_number(-0.05 * tall)} {_number(0.4 * tall)}"
-        f"v{_number(0.42 * tall)}h{_number(-0.16 * tall)}v{_number(-0.42 * tall)}z\"/></g>"
+        f'v{_number(0.42 * tall)}h{_number(-0.16 * tall)}v{_number(-0.42 * tall)}z"/></g>'
         + _text(x, foot + 13.0, "1.8 m", anchor="middle", size=10.0, colour="#555555")
     )
 

@@ -6,7 +6,7 @@ import click
 
 from datcom_io.decks.deck_file import DeckFile, read_deck
 from datcom_io.drawings.deck_shape import shape_of_deck
-from datcom_io.drawings.doubts import doubts_of_shape
+from datcom_io.drawings.doubts import doubts_of_deck
 from datcom_io.drawings.three_view import draw_deck
 from flightmech.errors import SchemaError
 from flightmech.support import console
@@ -20,7 +20,7 @@ def run_draw_deck(deck: str, output: str, number: int | None, as_json: bool) -> 
     case = cases[chosen - 1]
     svg = draw_deck(case, case.caseid)
     shape = shape_of_deck(case)
-    doubts = doubts_of_shape(shape)
+    doubts = doubts_of_deck(case, shape)
     write_text(output, svg)
     if as_json:
         console.print_json(
