@@ -83,7 +83,7 @@ def test_reference_quantities_have_the_digits_of_the_cards():
     mk82 = read_estimate(SHARED / "mk82_rev902_for006.dat").reference
     assert (mk82.S, mk82.cbar, mk82.b, mk82.x) == (0.0585, 0.273, 0.273, 0.8522)
     example = read_estimate(SHARED / "example_rev399_for006.dat").reference
-    assert example.S == pytest.approx(11.045 * 0.3048**2)
+    assert pytest.approx(11.045 * 0.3048**2) == example.S
     assert example.x == pytest.approx(18.75 * 0.3048)
     javelin = read_estimate(SHARED / "javelin_rev399_for006.dat").reference
     assert (javelin.S, javelin.cbar, javelin.b) == (1.266768698e-02, 0.05, 0.268)

@@ -110,7 +110,7 @@ def test_a_faulty_mat_file_is_refused(tmp_path, change, message):
 def test_a_text_export_that_was_cut_off_is_refused(tmp_path):
     text = (TORNADO / "q1_Cx_file.txt").read_text()
     (tmp_path / "a.txt").write_text(text[:900])
-    with pytest.raises(ParseError, match="no 'Cm'.*cut off"):
+    with pytest.raises(ParseError, match=r"no 'Cm'.*cut off"):
         read_estimate(tmp_path / "a.txt")
 
 

@@ -199,7 +199,7 @@ def test_a_faulty_polar_is_refused(tmp_path, old, new, message):
 def test_a_polar_that_is_trimmed_throughout_is_refused(tmp_path):
     text = POLAR.replace("0.010000\n", "0.000010\n").replace("0.011000\n", "0.000000\n")
     text = text.replace("    2.000     5.000", "    3.000     0.000")
-    with pytest.raises(ParseError, match="without a pitching moment.*does not print the deflec"):
+    with pytest.raises(ParseError, match=r"without a pitching moment.*does not print the deflec"):
         read_estimate(write(tmp_path, text))
 
 
