@@ -53,10 +53,11 @@ def coefficients_command() -> None:
 @json_option
 @performed_by("aerodb.cli.actions.estimates:run_from_estimate")
 def from_estimate_command() -> None:
-    """Build a database of AIRCRAFT from outputs of one program for one geometry, or from text tables
-    with a column map.
+    """Build a database of AIRCRAFT from outputs of one program for one geometry, or from text
+    tables with a column map.
 
-    Programs are those of `db coefficients`. Most outputs state neither their unit of length nor the signs of their controls: --length-unit
-    and one --control for each control are required. Positive are delta_e and delta_f trailing edge
-    down, delta_a right aileron down (rolls left), delta_r trailing edge left (yaws left).
+    Programs are those of `db coefficients`. No output states the signs of its controls, and some
+    state no unit of length: one --control for each control, and --length-unit, are required.
+    Positive are delta_e and delta_f trailing edge down, delta_a right aileron down (rolls left),
+    delta_r trailing edge left (yaws left).
     """

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from aerodb.estimators.avl import is_avl, read_avl
 from aerodb.estimators.coefficient_set import CoefficientSet, join_sets
 from aerodb.estimators.column_map import ColumnMap
 from aerodb.estimators.column_tables import read_table
-from aerodb.estimators.missile_datcom import is_missile_datcom, read_missile_datcom
-from aerodb.estimators.tornado import is_tornado, read_tornado
-from aerodb.estimators.vspaero import is_vspaero, read_vspaero
-from aerodb.estimators.xflr5 import is_xflr5, read_xflr5
+from aerodb.estimators.programs.avl import is_avl, read_avl
+from aerodb.estimators.programs.missile_datcom import is_missile_datcom, read_missile_datcom
+from aerodb.estimators.programs.tornado import is_tornado, read_tornado
+from aerodb.estimators.programs.vspaero import is_vspaero, read_vspaero
+from aerodb.estimators.programs.xflr5 import is_xflr5, read_xflr5
 from flightmech.errors import ParseError
 from flightmech.support.input_files import demand_regular
 

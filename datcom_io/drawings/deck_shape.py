@@ -80,7 +80,7 @@ def shape_of_deck(deck: Deck) -> DeckShape:
     Returns
     -------
     DeckShape
-        Without outlines if the deck has no part that can be drawn; `omissions` then says why.
+        Without outlines if the deck has no part that can be drawn; `omissions` then states why.
     """
     found = _ShapeParts()
     for name, text in _SPECIAL.items():

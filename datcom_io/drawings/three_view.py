@@ -1,7 +1,7 @@
 """Three-view drawing of an input deck as SVG: top, side and front view at one scale.
 
 The views are aligned as in a workshop drawing: the side view is below the top view and the front
-view beside the side view. Coordinates of the drawing are rounded to 0.01, so that equal decks give
+view to the right of it. Coordinates of the drawing are rounded to 0.01, so that equal decks give
 equal bytes.
 """
 
@@ -59,7 +59,7 @@ def draw_deck(deck: Deck, name: str = "") -> str:
     Raises
     ------
     SchemaError
-        The deck has no part that can be drawn; the error says why.
+        The deck has no part that can be drawn; the error states why.
     """
     shape = shape_of_deck(deck)
     drawn = [outline for outline in shape.outlines if np.isfinite(outline.points).all()]

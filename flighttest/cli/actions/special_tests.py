@@ -40,8 +40,8 @@ from flighttest.special_tests.multibody.motion_fit import fit_tree_motion
 from flighttest.special_tests.multibody.vehicle import read_flight, read_vehicle
 from flighttest.special_tests.wind_tunnel.balance import read_setup
 from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
-from flighttest.special_tests.wind_tunnel.tables import write_balance_table
 from flighttest.special_tests.wind_tunnel.surfaces import draw_surfaces
+from flighttest.special_tests.wind_tunnel.tables import write_balance_table
 
 _MOVED = ("h", "vd", "az", "theta", "q", "q_dot")  # motions whose standard errors are listed
 

@@ -141,7 +141,7 @@ def test_broken_values_are_left_out_and_stated(tmp_path):
     assert find(one.numbers, "Cm", "alphadothat")["value"] == -0.293
 
 
-def test_few_digits_without_a_card_are_asked_for(tmp_path):
+def test_few_digits_without_a_card_need_reference_quantities(tmp_path):
     one = read_estimate(write(tmp_path, PRINT.replace("LREF=0.273,", "")))
     assert one.reference is None
     assert "REF LENGTH is printed as .27 M, and no card LREF" in one.remarks[1]

@@ -81,7 +81,7 @@ def test_points_near_a_set_point_are_averaged(files):
     at = clean.set_index("alpha_deg")
     assert at.loc[-4.0, "count"] == 2
     assert at.loc[-4.0, "CL"] == pytest.approx(lift(-4.0 * DEG, 0.0), abs=1e-9)
-    with pytest.raises(IdentificationError, match="none of 15 points lies within 0.75 deg"):
+    with pytest.raises(IdentificationError, match=r"none of 15 points lies within 0.75 deg"):
         average_at_set_points([data[0].assign(beta=data[0]["beta"] + 1.5 * DEG)], 3.0 * DEG)
 
 
@@ -114,7 +114,7 @@ def test_a_database_of_a_balance(files):
     assert db.attrs["source"] == "wind tunnel"
 
 
-def test_the_reference_point_is_asked_for(files):
+def test_the_reference_point_is_required(files):
     arguments = ["balance", str(files / "run.csv"), "--setup", str(files / "balance.toml")]
     result = CliRunner().invoke(flight, [*arguments, "--table", str(files / "t")])
     assert result.exit_code == 2

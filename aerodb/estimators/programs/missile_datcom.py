@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from aerodb.estimators.coefficient_set import CoefficientSet, make_numbers
-from aerodb.estimators.missile_reference import RoundedNumber, make_missile_reference
+from aerodb.estimators.programs.missile_reference import RoundedNumber, make_missile_reference
 from flightmech.errors import ParseError
 from flightmech.support.input_files import WESTERN, read_text
 from flightmech.units import DEGREE

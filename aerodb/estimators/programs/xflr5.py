@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from aerodb.estimators.coefficient_set import CoefficientSet, make_numbers
-from aerodb.estimators.xflr5_log import is_stability_log, read_stability_log
+from aerodb.estimators.programs.xflr5_log import is_stability_log, read_stability_log
 from flightmech.errors import ParseError
 from flightmech.support.input_files import WESTERN, read_text
 from flightmech.units import DEGREE

@@ -9,7 +9,7 @@
   then not read: only the MAT file has derivatives with the pitch rate. It has no moment centre.
 - The forces of a perturbed rate use the circulation of that rate and the local speed of the state:
   the change of local speed is missing, and Cl with the yaw rate is nearly 0.
-- A solution whose CL or CD exceeds 10 is not one of the flow; only the condition number tells.
+- A solution whose CL or CD exceeds 10 is not one of the flow; only the condition number shows it.
 
 Source: exports of version 1.36; ``coeff_create3`` and ``solver9`` of its source code.
 """
