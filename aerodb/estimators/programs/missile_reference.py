@@ -95,7 +95,8 @@ def make_missile_reference(
     height = 0.0
     if len(z) == 1:
         height = float(to_si(next(iter(z)), _unit(file, "ZCG", first["MOMENT CENTER"].unit), "m"))
-    return EstimateReference(*(values[name] for name in _CARDS), 0.0, height), ""
+    S, cbar, b, x = (values[name] for name in _CARDS)
+    return EstimateReference(S, cbar, b, x, 0.0, height), ""
 
 
 def _unit(file: Path, name: str, text: str) -> str:

@@ -30,10 +30,11 @@ from flightmech.units import DEGREE
 _EXPECTED = "a plane polar or a stability log of XFLR5 or flow5"
 _FOIL = ("Calculated polar for:", "Top Xtr", "Top_Xtr")
 _UNITS = re.compile(r"\([^)]*\)")
-# Columns that the two programs print; the first columns of flow5 in their order.
-_XFLR5 = {"alpha": "alpha", "CL": "CL", "CD": "CD", "CDv": "CDv"}
-_FLOW5 = ("Ctrl", "α", "β", "φ", "CL", "CD", "CD_viscous", "CD_induced", "CY", "Cm")
-_FLOW5 += ("Cm_viscous", "Cm_pressure", "Cl", "Cn")
+# First columns of flow5 in their order.
+_FLOW5: tuple[str, ...] = (
+    *("Ctrl", "α", "β", "φ", "CL", "CD", "CD_viscous", "CD_induced", "CY", "Cm"),
+    *("Cm_viscous", "Cm_pressure", "Cl", "Cn"),
+)
 _COMMON = {"CL": "CL", "CD": "CD", "CY": "CY", "Cl": "Cl", "Cm": "Cm", "Cn": "Cn"}
 _AFT_AND_UP = ("Cl", "Cn")  # moments about axes aft and up
 _STABILITY_POLAR = re.compile(r"^(?:Wing p|P)olar name\s*:\s*T7\b", re.MULTILINE)

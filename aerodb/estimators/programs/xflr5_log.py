@@ -108,7 +108,7 @@ def read_stability_log(file: Path, text: str) -> CoefficientSet:
         )
     deflections = _deflections(file, lines, len(blocks))
     controls: tuple[str, ...] = tuple(dict.fromkeys(_names(blocks)))
-    rows = []
+    rows: list[dict[str, Any]] = []
     for block, alpha, deflection in zip(blocks, alphas, deflections):
         condition = {"alpha": alpha * DEGREE, "file": file.name}
         if deflection and not controls:
