@@ -2,6 +2,7 @@
 
 from . import arrays as arrays
 from . import decks as decks
+from . import drawings as drawings
 from . import exchange as exchange
 from . import printout as printout
 from . import reading as reading

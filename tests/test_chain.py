@@ -40,6 +40,7 @@ ORDER = {
     "datcom_io": [
         "cells",
         "decks",
+        "drawings",
         "printout",
         "arrays",
         "listing",

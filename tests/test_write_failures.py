@@ -114,6 +114,7 @@ VERBS = {
     "datcom cells": Verb("datcom cells datcom/aileron.out -o c.csv", "c182", "c.csv"),
     "datcom convert": Verb("datcom convert datcom/aileron.out -o a.nc", "c182", "a.nc"),
     "datcom deck": Verb("datcom deck datcom/c182_study.inp -o d.dcm", "c182", "d.dcm"),
+    "datcom draw": Verb("datcom draw datcom/c182_study.inp -o d.svg", "c182", "d.svg"),
     "datcom export": Verb("datcom export datcom/clean.out -o e.mat", "c182", "e.mat"),
     "datcom split": Verb("datcom split datcom/c182_study.inp -o split", "c182", "split/*"),
     "build": Verb("db build aircraft.toml datcom/clean.out -o db.nc", "c182", "db.nc"),

@@ -14,8 +14,9 @@ from flightmech.support.console import InputFile, NewFile, json_option, performe
 @json_option
 @performed_by("aerodb.cli.actions.estimates:print_coefficients")
 def coefficients_command() -> None:
-    """Show the coefficients in outputs of AVL (.st, .sb, .ft), VSPAERO (.stab, .polar) or text
-    tables with a column map.
+    """Show the coefficients in outputs of AVL (.st, .sb, .ft), VSPAERO (.stab, .polar), XFLR5 or
+    flow5 (polars, logs), Missile DATCOM (for006.dat), Tornado (-Cx.mat) or text tables with a
+    column map.
 
     Angles are in rad in the CSV, derivatives per rad, rates p b/2V, q cbar/2V, r b/2V; each number
     has its file and line. Signs of controls are those of the files.
@@ -52,10 +53,11 @@ def coefficients_command() -> None:
 @json_option
 @performed_by("aerodb.cli.actions.estimates:run_from_estimate")
 def from_estimate_command() -> None:
-    """Build a database of AIRCRAFT from outputs of AVL or VSPAERO for one geometry, or from text
+    """Build a database of AIRCRAFT from outputs of one program for one geometry, or from text
     tables with a column map.
 
-    The outputs state neither their unit of length nor the signs of their controls: --length-unit
-    and one --control for each control are required. Positive are delta_e and delta_f trailing edge
-    down, delta_a right aileron down (rolls left), delta_r trailing edge left (yaws left).
+    Programs are those of `db coefficients`. No output states the signs of its controls, and some
+    state no unit of length: one --control for each control, and --length-unit, are required.
+    Positive are delta_e and delta_f trailing edge down, delta_a right aileron down (rolls left),
+    delta_r trailing edge left (yaws left).
     """

@@ -1,5 +1,6 @@
 """Public names of `aerodb.estimators`."""
 
+from . import programs as programs
 from .build import from_estimate as from_estimate
 from .coefficient_set import CoefficientSet as CoefficientSet
 from .coefficient_set import EstimateReference as EstimateReference

@@ -1,4 +1,4 @@
-"""A-priori database of an aeroplane from the outputs of a program such as AVL or VSPAERO."""
+"""A-priori database of an aeroplane from the outputs of a program such as AVL or XFLR5."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ def from_estimate(
         Name, reference quantities and moment reference point of the coefficients.  Without a
         reference point that of the files is used.
     files : sequence of str or Path
-        Outputs of AVL (``.st .sb .ft``) or VSPAERO (``.stab .polar``) for one geometry, or text
-        tables with `columns`.
+        Outputs of one program for one geometry, as `read_estimates` takes them, or text tables with
+        `columns`.
     length_unit : float, optional
         Unit of length of the files, required if they do not state it. [m]
     controls : mapping of str to str, optional

@@ -21,7 +21,7 @@ FORCES = {"stability": ("CL", "CD", "CY"), "body": ("CX", "CY", "CZ")}
 MOMENTS = ("Cl", "Cm", "Cn")
 RATES = ("phat", "qhat", "rhat")
 CONDITIONS = ("mach", "alpha", "beta", *RATES)
-VARIABLES = ("alpha", "beta", *RATES, "mach", "u", "v", "w")
+VARIABLES = ("alpha", "beta", *RATES, "alphadothat", "mach", "u", "v", "w")
 """Variables of derivatives, in addition to the controls; u, v, w are the body velocities over V."""
 
 _FIXED = (*CONDITIONS, "coefficient", "variable", "value", "file", "line")
@@ -149,7 +149,7 @@ def join_sets(sets: Iterable[CoefficientSet]) -> CoefficientSet:
     controls = max((one.controls for one in members), key=len)
     numbers = pd.concat([one.numbers for one in members], ignore_index=True)
     numbers = numbers.fillna(dict.fromkeys(controls, 0.0))
-    reference = next((one.reference for one in members if one.reference is not None), None)
+    stating = next((one for one in members if one.reference is not None), first)
     files: list[str] = []
     remarks: dict[str, None] = {}
     cautions: dict[str, None] = {}
@@ -159,7 +159,8 @@ def join_sets(sets: Iterable[CoefficientSet]) -> CoefficientSet:
         cautions.update(dict.fromkeys(one.cautions))
     return replace(
         first,
-        reference=reference,
+        reference=stating.reference,
+        unit_stated=stating.unit_stated,
         inviscid=any(one.inviscid for one in members),
         files=tuple(files),
         controls=controls,

@@ -21,6 +21,7 @@ _OF_VARIABLE = {
     "phat": _LATERAL,
     "qhat": ("CL", "Cm"),
     "rhat": _LATERAL,
+    "alphadothat": ("CL", "Cm"),
     "delta_e": _LONGITUDINAL,
     "delta_f": _LONGITUDINAL,
     "delta_a": _LATERAL,
@@ -83,9 +84,14 @@ class EstimateTables:
                 if table is not None:
                     tables[name] = table
             contribution = CONTROLS.get(variable, variable)
-            if tables:
+            if tables and not any(bool(table.any()) for table in tables.values()):
+                self.remarks.append(
+                    f"every derivative with {variable} is 0: the program did not estimate it; "
+                    f"it is left out"
+                )
+            elif tables:
                 effects.append(self._effect(contribution, tables, variable))
-            elif variable not in RATES:
+            elif variable not in (*RATES, "alphadothat"):
                 increments = self._increments(variable, coefficients)
                 if increments is not None:
                     effects.append(increments)
@@ -162,6 +168,12 @@ class EstimateTables:
                     [f"{name} over {variable} has no run at zero; give the clean runs as well"],
                 )
             tables[name] = self._increment(name, table, variable)
+        if not any(bool(table.any()) for table in tables.values()):
+            self.remarks.append(
+                f"every increment of {variable} is 0: the program did not estimate it; it is left "
+                f"out"
+            )
+            return None
         if variable == "beta":
             slopes = {name: self._slope(name, table) for name, table in tables.items()}
             return self._effect("beta", slopes, "beta", "slope of the totals over sideslip")
@@ -250,7 +262,13 @@ class EstimateTables:
         slope = self._table("CL", "alpha")
         if lift is None or slope is None or lift.sizes["alpha"] < 3:
             return
-        ratio = (lift.differentiate("alpha") / slope).isel(alpha=slice(1, -1))
+        gradient = lift.differentiate("alpha").isel(alpha=slice(1, -1))
+        if gradient.sizes["alpha"] > 1:
+            # The derivatives may be at other angles than the totals, as those of a trimmed log.
+            gradient = gradient.interp(alpha=slope["alpha"])
+        ratio = gradient / slope
+        if not ratio.notnull().any():
+            return
         worst = float(abs(ratio - 1.0).max())
         if worst > _SLOPE_TOLERANCE:
             self.remarks.append(

@@ -5,32 +5,48 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from aerodb.estimators.avl import is_avl, read_avl
 from aerodb.estimators.coefficient_set import CoefficientSet, join_sets
 from aerodb.estimators.column_map import ColumnMap
 from aerodb.estimators.column_tables import read_table
-from aerodb.estimators.vspaero import is_vspaero, read_vspaero
+from aerodb.estimators.programs.avl import is_avl, read_avl
+from aerodb.estimators.programs.missile_datcom import is_missile_datcom, read_missile_datcom
+from aerodb.estimators.programs.tornado import is_tornado, read_tornado
+from aerodb.estimators.programs.vspaero import is_vspaero, read_vspaero
+from aerodb.estimators.programs.xflr5 import is_xflr5, read_xflr5
 from flightmech.errors import ParseError
 from flightmech.support.input_files import demand_regular
 
 _READERS: dict[str, tuple[Callable[[str], bool], Callable[..., CoefficientSet]]] = {
     "AVL": (is_avl, read_avl),
     "VSPAERO": (is_vspaero, read_vspaero),
+    "Missile DATCOM": (is_missile_datcom, read_missile_datcom),
+    "Tornado": (is_tornado, read_tornado),
+    "XFLR5": (is_xflr5, read_xflr5),
 }
 _EXPECTED = (
-    "an output of AVL (.st, .sb, .ft) or of VSPAERO (.stab, .polar); a text table needs a column "
-    "map (--columns)"
+    "an output of AVL (.st, .sb, .ft), VSPAERO (.stab, .polar), XFLR5 or flow5 (polar or stability "
+    "log), Missile DATCOM (for006.dat) or Tornado (-Cx.mat); a text table needs a column map "
+    "(--columns)"
 )
 # Outputs and inputs of other programs, by a text in their first lines.
 _OTHERS = {
-    "THE USAF AUTOMATED MISSILE DATCOM": "a print of Missile DATCOM",
     "THE USAF STABILITY AND CONTROL  DIGITAL DATCOM": "a listing of Digital DATCOM, which "
     "`aeromatch db build` reads",
-    "xflr5": "an export of XFLR5",
+    "xflr5": "an export of XFLR5 that is neither a polar of a plane nor a stability log",
     "NumberOfControlGroups": "a set-up file of VSPAERO",
     "Vortex Lattice Output -- Strip Forces": "strip forces of AVL (.fs)",
     "Vortex Lattice Output -- Surface Forces": "surface forces of AVL (.fn)",
     "Vortex Lattice Output -- Element Forces": "element forces of AVL (.fe)",
+    "%Tornado exported state data": "a state of Tornado, an input",
+    "%Tornado exported geometry data": "a geometry of Tornado, an input",
+    "'x_np_lateral'": "a dictionary of AeroSandbox, which states neither its method, angle of "
+    "attack nor reference, and whose vortex lattice turns the aeroplane about the origin of the "
+    "geometry: write CL CD CY Cl Cm Cn over alpha, beta and deflections as a table",
+    '"x_np_lateral"': "a dictionary of AeroSandbox as JSON, whose vortex lattice turns the "
+    "aeroplane about the origin of the geometry: write CL CD CY Cl Cm Cn over alpha, beta and "
+    "deflections as a table",
+    ",x_np_lateral,": "a table of AeroSandbox derivatives: write CL CD CY Cl Cm Cn over alpha, "
+    "beta and deflections as a table",
 }
 
 
@@ -40,7 +56,8 @@ def read_estimates(paths: Iterable[str | Path], columns: ColumnMap | None = None
     Parameters
     ----------
     paths : iterable of str or Path
-        Files of AVL (``.st .sb .ft``) or of VSPAERO (``.stab .polar``).
+        Files of AVL (``.st .sb .ft``), VSPAERO (``.stab .polar``), XFLR5 or flow5, Missile DATCOM
+        (``for006.dat``) or Tornado (``-Cx.mat``).
     columns : ColumnMap, optional
         The files are text tables with these columns.
 
@@ -68,4 +85,5 @@ def read_estimate(path: str | Path) -> CoefficientSet:
     for mark, name in _OTHERS.items():
         if mark in text[:5000]:
             found = name
+            break
     raise ParseError(str(file), 1, found, _EXPECTED)

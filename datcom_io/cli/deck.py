@@ -1,4 +1,4 @@
-"""``aeromatch datcom deck | check | split | run``: work with input decks."""
+"""``aeromatch datcom deck | check | draw | split | run``: work with input decks."""
 
 from __future__ import annotations
 
@@ -44,6 +44,24 @@ def show_deck_command() -> None:
 @performed_by("datcom_io.cli.actions.deck:run_check_deck")
 def check_deck_command() -> None:
     """Report what the program would reject in an input deck; exit code 1 when there are errors."""
+
+
+@click.command("draw")
+@_DECK
+@click.option(
+    "-o", "--output", required=True, type=console.NewFile(), help="SVG file of the drawing."
+)
+@click.option(
+    "--case", "number", type=click.IntRange(min=1), help="Case, from 1; default: the first drawn."
+)
+@console.json_option
+@performed_by("datcom_io.cli.actions.drawing:run_draw_deck")
+def draw_deck_command() -> None:
+    """Draw the aeroplane of an input deck in three views (SVG).
+
+    Body, surfaces, controls, engines and centre of gravity are drawn from the cards. What the deck
+    does not define, and dimensions that are probably errors, are named below the views.
+    """
 
 
 @click.command("split")
@@ -93,4 +111,10 @@ def run_deck_command() -> None:
     """
 
 
-VERBS = (show_deck_command, check_deck_command, split_command, run_deck_command)
+VERBS = (
+    show_deck_command,
+    check_deck_command,
+    draw_deck_command,
+    split_command,
+    run_deck_command,
+)

@@ -77,6 +77,30 @@ def sample_chords(deck: Deck, name: str) -> tuple[np.ndarray, np.ndarray, np.nda
     The wing is straight or cranked. Chords are linear between root, break and tip. The program
     uses a break whatever TYPE is: a deck with TYPE=1, SSPNOP and CHRDBP prints the area with it.
     """
+    nodes = planform_nodes(deck, name)
+    if nodes is None:
+        return None
+    y, chord, edge = nodes
+    stations = np.linspace(0.0, y[-1], _STATIONS)
+    lead = (deck.value("SYNTHS", _APEX[name]) or 0.0) + np.interp(stations, y, edge)
+    return stations, np.interp(stations, y, chord), lead
+
+
+def planform_nodes(deck: Deck, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return root, break and tip of a planform, None without its cards.
+
+    Parameters
+    ----------
+    deck : Deck
+    name : str
+        Namelist of the planform, ``WGPLNF HTPLNF VTPLNF VFPLNF``.
+
+    Returns
+    -------
+    tuple of array (node,) or None
+        Stations from the root of the theoretical surface, chord, and leading edge from the apex,
+        aft. Chord and leading edge are linear between the nodes. [of the deck]
+    """
     names = ("CHRDR", "CHRDTP", "SSPN", "SAVSI", "CHSTAT")
     root, tip, half, sweep, station = (deck.value(name, key) for key in names)
     if root is None or tip is None or not half or sweep is None or root + tip <= 0.0:
@@ -88,14 +112,13 @@ def sample_chords(deck: Deck, name: str) -> tuple[np.ndarray, np.ndarray, np.nda
         y = [0.0, half - outer, half]
         c = [root, middle, tip]
         sweeps = [sweep, deck.value(name, "SAVSO") or sweep]
-    edge = [deck.value("SYNTHS", _APEX[name]) or 0.0]
+    edge = [0.0]
     # The sweep is that of the line at the fraction CHSTAT of the chord, so that the leading edge
     # moves forward by this fraction of the change of chord.
     for k, angle in enumerate(sweeps):
         slope = np.tan(np.radians(angle)) * (y[k + 1] - y[k])
         edge.append(edge[-1] + slope - (station or 0.0) * (c[k + 1] - c[k]))
-    stations = np.linspace(0.0, half, _STATIONS)
-    return stations, np.interp(stations, y, c), np.interp(stations, y, edge)
+    return np.array(y), np.array(c), np.array(edge)
 
 
 def measure_surface(deck: Deck, name: str) -> WingPlanform | None:

@@ -142,6 +142,15 @@ def markers_command() -> None:
     type=NewFolder(),
     help="Folder for the fits, one file per coefficient, for flight tabulate.",
 )
+@click.option(
+    "--table",
+    type=NewFolder(),
+    help="Folder for the points at set points and their column map, for db from-estimate.",
+)
+@click.option("--step", help="Distance of the set points of all angles, such as '2 deg'.")
+@click.option(
+    "--x-ref", help="Moment reference point of the setup, aft of the origin of the drawing."
+)
 @json_option
 @performed_by("flighttest.cli.actions.special_tests:run_balance")
 def balance_command() -> None:

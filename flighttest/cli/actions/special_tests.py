@@ -15,9 +15,11 @@ from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import (
     print_json,
+    print_remark,
     print_table,
     show_progress,
 )
+from flightmech.units import parse_quantity
 from flighttest.records.files import save_record
 from flighttest.regression.combining.pooling import pool_fits
 from flighttest.regression.equation_error.fit_file import save_fit
@@ -39,6 +41,7 @@ from flighttest.special_tests.multibody.vehicle import read_flight, read_vehicle
 from flighttest.special_tests.wind_tunnel.balance import read_setup
 from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
 from flighttest.special_tests.wind_tunnel.surfaces import draw_surfaces
+from flighttest.special_tests.wind_tunnel.tables import write_balance_table
 
 _MOVED = ("h", "vd", "az", "theta", "q", "q_dot")  # motions whose standard errors are listed
 
@@ -209,16 +212,28 @@ def run_balance(
     weights,
     figure,
     output,
+    table,
+    step,
+    x_ref,
     as_json,
 ) -> None:
     """Perform the command ``balance``."""
-    if not models and not selected:
+    if not models and not selected and not table:
         raise SchemaError(
-            "flight balance", ["nothing to fit; give --model 'CL = 1 + alpha' or --select CL"]
+            "flight balance",
+            ["nothing to fit; give --model 'CL = 1 + alpha', --select CL or --table"],
         )
+    if table and not (step and x_ref):
+        raise click.UsageError("--table needs --step and --x-ref")
     setup = read_setup(setup_file)
     with show_progress("reduce the points"):
         data = [balance_coefficients(path, setup) for path in points]
+    if table:
+        _write_table(data, setup, table, step, x_ref)
+        if not models and not selected:
+            if as_json:
+                print_json({"table": str(table)})
+            return
     wanted = [RegressionModel.parse(text) for text in models]
     with show_progress("fit the coefficients"):
         fits, spectral = coefficient_fits(
@@ -242,6 +257,21 @@ def run_balance(
     print_fits(fits, spectral, averages)
     if output:
         click.echo(f"written: {len(fits)} fits in {output}")
+
+
+def _write_table(data, setup, table, step, x_ref) -> None:
+    """Write the points at set points for a database."""
+    count = write_balance_table(
+        data,
+        setup,
+        table,
+        step=parse_quantity(step, "rad"),
+        x=parse_quantity(x_ref, "m"),
+    )
+    for name, terms in setup.nuisance.items():
+        text = f"{name} of the table holds the terms {', '.join(terms)}, which only a fit removes"
+        print_remark(f"note: {text}")
+    print_remark(f"written: {count} set points in {table}")
 
 
 _STATES = ("V", "u", "w", "q")

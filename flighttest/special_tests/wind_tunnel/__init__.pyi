@@ -5,3 +5,4 @@ from .balance import read_setup as read_setup
 from .reduction import balance_coefficients as balance_coefficients
 from .reduction import without_nuisance as without_nuisance
 from .surfaces import draw_surfaces as draw_surfaces
+from .tables import write_balance_table as write_balance_table

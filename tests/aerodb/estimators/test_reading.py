@@ -261,8 +261,12 @@ def test_a_run_of_vspaero_that_was_cut_off_is_refused(tmp_path, share):
 @pytest.mark.parametrize(
     ("file", "name"),
     [
-        ("missile_datcom/mk82_rev902_for006.dat", "a print of Missile DATCOM"),
-        ("xflr5/DesignIteration1.txt", "an export of XFLR5"),
+        ("aerosandbox/c182_VLM_printed.txt", "dictionary of AeroSandbox.*about the origin"),
+        ("aerosandbox/c182_AeroBuildup.json", "dictionary of AeroSandbox as JSON"),
+        ("aerosandbox/t37_VLM_wide.csv", "a table of AeroSandbox derivatives"),
+        ("aerosandbox/t37_VLM_long.csv", "a table of AeroSandbox derivatives"),
+        ("tornado/state.txt", "a state of Tornado, an input"),
+        ("tornado/geometry1.txt", "a geometry of Tornado, an input"),
         ("vspaero/c182.vspaero", "a set-up file of VSPAERO"),
         ("avl/c182.avl", "'"),
     ],
