@@ -21,7 +21,7 @@ A leaf is an ``xarray.Dataset``:
 ``K1``, ``K2``  optional factor tables, over other axes
 ``stderr``      optional, shape of ``value``: standard error of each node
 ``source``      optional, shape of ``value``: 0 datcom, 1 flight, 2 judgement, 3 estimate
-`POSTERIOR`     optional: the joint covariance of the nodes after a flight (`aerodb.update.posterior`)
+`POSTERIOR`     optional: joint covariance of the nodes after a flight (`aerodb.update.posterior`)
 ==============  ====================================================================================
 
 Its attributes are ``regressors`` (names), ``outside`` (``hold`` or ``linear``, the rule of the

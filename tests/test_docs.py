@@ -62,7 +62,6 @@ NOT_RUN = {
     "ruff": "style and types: run by .ci/run",
 }
 # pages of ten seconds and more, whose verbs have tests of their own in the suite: for .ci/nightly
-# the overview of the commands repeats what the how-to pages run
 NIGHTLY_PAGES = (
     "add-a-submodel.md",
     "certify-a-report.md",
@@ -71,7 +70,6 @@ NIGHTLY_PAGES = (
     "flapping-vehicle.md",
     "compare-databases.md",
     "real-flights.md",
-    "command-line.md",
     "tuning.md",
     "batch-on-a-cluster.md",
     "diagnosis.md",

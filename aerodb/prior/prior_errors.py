@@ -3,9 +3,9 @@
 The standard error of a node is ``factor * hypot(relative * |value|, absolute)``.  That of the roll
 damping also has `STALLED` of its difference from the largest damping within 10 deg of incidence:
 the damping follows the local lift slope, and the stall that takes it away is a prediction of its
-own.  The standard error is zero at nodes that are zero by definition (an increment at zero deflection, a
-ground effect at height).  The relative and absolute figures depend on the term and are those of the
-subsonic methods.  The factor depends on the class of method (static, dynamic, control, ground,
+own.  The standard error is zero at nodes that are zero by definition (an increment at zero
+deflection, a ground effect at height).  The relative and absolute figures depend on the term and
+are those of the subsonic methods.  The factor depends on the class of method (static, dynamic, control, ground,
 power, hinge) and on the speed regime.
 
 Figures marked g are the engineering defaults of the project's identification guide (``7.6 A-priori

@@ -1,4 +1,4 @@
-"""A package opened for reading: the copy of a folder, or the content of a zip, in a folder of our own.
+"""A package opened for reading: the copy of a folder, or the content of a zip, in our own folder.
 
 Whoever can write to the place of a package could change a file after its hash was compared. All
 stages of a verification therefore read one private copy, made once.

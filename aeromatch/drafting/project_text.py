@@ -130,7 +130,10 @@ def _term_lines(geometry: Geometry, fits: Sequence[FitDraft]) -> list[str]:
             lines.append(f"{quote(f'{coefficient}/{name}')} = {{ {keys}stderr = {stderr:g} }}")
     if not lines:
         return []
-    head = "[terms]   # what the listings cannot give: zero before flight, with a standard error; CONFIRM"
+    head = (
+        "[terms]   # what the listings cannot give: zero before flight, with a standard error; "
+        "CONFIRM"
+    )
     return ["", head, *lines]
 
 

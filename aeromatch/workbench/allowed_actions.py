@@ -156,7 +156,7 @@ def demand_allowed(words: Sequence[str], places: PlaceholderFolders | None = Non
 
 
 def _written_files(words: Sequence[str], path: Path) -> list[Path]:
-    """Return a path and, for a folder of `aeromatch init`, the files in it, which it may replace."""
+    """Return a path and, for a folder of `aeromatch init`, its files, which it may replace."""
     if words[0] == "init" and path.is_dir():
         return [path, *path.iterdir()]
     return [path]

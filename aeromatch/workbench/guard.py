@@ -17,7 +17,7 @@ _SOURCES = (
     "'self'; connect-src 'self'; frame-src 'none'"
 )
 PAGE_POLICY = f"{_SOURCES}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-"""Content policy of the page: no other host, no script inside the page, no frame around or in it."""
+"""Content policy of the page: no other host, no script in the page, no frame around or in it."""
 REPORT_POLICY = (
     "sandbox allow-scripts allow-downloads; default-src 'self' 'unsafe-inline' data: "
     "blob:; frame-ancestors 'none'"

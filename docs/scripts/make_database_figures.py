@@ -1,8 +1,8 @@
-"""Draw the figures of ``figures.md``: ``python docs/scripts/make_database_figures.py out/t37
---along path.nc``.
+"""Draw the figures of ``figures.md`` and of ``lr743-figures.md``: ``python
+docs/scripts/make_database_figures.py out/t37 --along path.nc``.
 
-The folder holds ``datcom.nc`` and ``final.nc``, as ``./run demo`` leaves them; the path is a
-reconstructed flight.  Needs the extra ``figures``.
+The folder is one that ``aeromatch demo`` wrote; the path is a reconstructed flight.  Needs the extra
+``figures``.
 """
 
 from __future__ import annotations
@@ -13,26 +13,14 @@ from pathlib import Path
 from PIL import Image
 
 import aerodb
+import flightmech
 
 IMAGES = Path(__file__).parents[1] / "images"
+WIDTH = 1000  # of a picture of the set of LR-743 [px]
 
 
-def figures(folder: Path, along: Path, images: Path) -> list[Path]:
-    """Write ``database-family.png`` and ``database-map.png``.
-
-    Parameters
-    ----------
-    folder : Path
-        Of ``datcom.nc`` and ``final.nc``.
-    along : Path
-        A reconstructed flight, whose samples are marked.
-    images : Path
-        Gets the figures.
-
-    Returns
-    -------
-    list of Path
-    """
+def draw_comparison(folder: Path, along: Path, images: Path) -> list[Path]:
+    """Write ``database-family.png`` and ``database-map.png``, with the samples of a flight."""
     databases = {name: aerodb.open(folder / f"{name}.nc") for name in ("datcom", "final")}
     flown, _ = aerodb.comparison.read_conditions(along, *databases.values())
     made = {
@@ -48,15 +36,40 @@ def figures(folder: Path, along: Path, images: Path) -> list[Path]:
     return [images / name for name in made]
 
 
+def draw_lr743(folder: Path, images: Path) -> list[str]:
+    """Write the set as small pictures into a new or empty folder; return what could not be drawn,
+    and why.
+    """
+    databases = {name: aerodb.open(folder / f"{name}.nc") for name in ("datcom", "final")}
+    aircraft = {name: flightmech.read_aircraft(folder / f"{name}.toml") for name in databases}
+    flown = aerodb.figures.read_flown(folder / "flown.nc")
+    sources = "datcom.nc, final.nc, flown.nc of aeromatch demo"
+    made = aerodb.figures.write_lr743(
+        databases, images, "png", aircraft=aircraft, flown=flown, sources=sources
+    )
+    for file in images.glob("*.png"):
+        picture = Image.open(file).convert("RGB")
+        picture = picture.resize(
+            (WIDTH, round(picture.height * WIDTH / picture.width)), Image.Resampling.LANCZOS
+        )
+        picture.quantize(64, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+            file, optimize=True
+        )
+    for table in images.glob("*.csv"):
+        table.unlink()  # no page shows them
+    return [f"{one.number} {one.title}: {one.missing}" for one in made if one.missing]
+
+
 def main() -> None:
     """Read the command line and draw."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("folder", type=Path, help="folder of datcom.nc and final.nc")
+    parser.add_argument("folder", type=Path, help="folder that aeromatch demo wrote")
     parser.add_argument("--along", type=Path, required=True, help="reconstructed flight, netCDF")
     parser.add_argument("-o", "--output", type=Path, default=IMAGES, help="folder of the figures")
     options = parser.parse_args()
-    for path in figures(options.folder, options.along, options.output):
+    for path in draw_comparison(options.folder, options.along, options.output):
         print(path)
+    print("\n".join(draw_lr743(options.folder, options.output / "lr743")))
 
 
 if __name__ == "__main__":

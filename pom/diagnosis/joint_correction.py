@@ -90,7 +90,7 @@ def join_diagnoses(
 
     Notes
     -----
-    None of the added terms can be left out alone: a case that the final model passes would not pass.
+    None of the added terms can be left out: a case that the final model passes would not pass.
     """
     models = swap_models(prior, final, aircraft, apriori)
     benches = {}

@@ -79,7 +79,7 @@ def read_fmu_interface(path: str | Path) -> Fmu:
 
 def _read_description_of_file(path: Path) -> Any:
     """Return the description of an FMU; ParseError for every error of the parser."""
-    # with FMPy, whose import takes a tenth of a second: a match that reuses its flights reads no FMU
+    # with FMPy, whose import takes a tenth of a second: a match that reuses flights reads no FMU
     from pom.fmu.worker.model import read_description
 
     try:

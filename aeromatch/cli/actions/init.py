@@ -63,7 +63,8 @@ def init_project(
     _print_draft(done)
     if plan is None:
         click.echo(
-            f'next: replace each "?" in the files as listed above, then aeromatch init {folder} again'
+            'next: replace each "?" in the files as listed above, '
+            f"then aeromatch init {folder} again"
         )
     elif plan.problems:
         click.echo(f"aeromatch match refuses the project for {len(plan.problems)} reasons:")

@@ -192,7 +192,7 @@ def _reason_to_leave(
 def _remark_absent_quantities(
     result: AssignedColumns, flap: float | None, confirmed: Collection[str]
 ) -> None:
-    """Add a remark for each absent quantity that is required, and take absent flaps as retracted."""
+    """Add a remark for each absent quantity that is required; absent flaps are retracted."""
     present = {*result.assigned, *confirmed}
     for name in REQUIRED:
         if name not in present:

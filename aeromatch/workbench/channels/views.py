@@ -1,4 +1,4 @@
-"""Requests of the page of the records for expressions, spectra, cursors and channel over channel."""
+"""Requests of the page of the records for expressions, spectra, cursors and XY plots."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Page of a new project: dropped files, columns, aircraft data, and the commands that change them."""
+"""Page of a new project: dropped files, columns, aircraft data, and commands that change them."""

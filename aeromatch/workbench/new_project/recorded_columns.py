@@ -71,7 +71,7 @@ def _drafted_clock(names: Path) -> Clock:
 
 
 def _from_earliest(tables: dict[str, ColumnTable]) -> dict[str, ColumnTable]:
-    """Return tables with times from the earliest stamp of all, so that their traces stay in step."""
+    """Return tables with times from the earliest stamp of all, on one time axis."""
     starts = [table.time[0] for table in tables.values() if table.has_clock]
     start = min(starts, default=0.0)
     shifted = {}

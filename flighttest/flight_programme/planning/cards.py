@@ -51,8 +51,8 @@ _INSTRUCTIONS = {
     "above, then hold. Height within 50 ft.",
     "device": "From trim: {d} to {a}, wait {t:g} s from the start, and back. Height, speed and "
     "heading held.",
-    "low_pass": "Down to {h} over the runway (moment reference point). Level for {t:g} s with pitch "
-    "attitude +-{a} at 0.2 Hz. Then climb back. Power for the speed.",
+    "low_pass": "Down to {h} over the runway (moment reference point). Level for {t:g} s with "
+    "pitch attitude +-{a} at 0.2 Hz. Then climb back. Power for the speed.",
     "landing": "Down the glide path of the trim. Flare from {h} over the runway, power fixed, to "
     "the contact of the wheels; {t:g} s at most.",
 }

@@ -70,8 +70,8 @@ class ProgrammePlan(ShortText):
         What the prediction of the rows assumes or lacks, and draws of the ranges that failed.
     ranges : dict of str to Dataset
         Range of the standard errors of the terms that the programme informs, over draws of what the
-        identification will learn (`flighttest.planning.draw_stderr`): ``low``, ``median``, ``high`` in
-        the shape of the table; 5, 50 and 95 %.  Empty without draws; NaN, and a note, for a
+        identification will learn (`flighttest.planning.draw_stderr`): ``low``, ``median``, ``high``
+        in the shape of the table; 5, 50 and 95 %.  Empty without draws; NaN, and a note, for a
         term with less than 20 draws that converge.
     """
 

@@ -227,7 +227,7 @@ def predict(
         with the instruments.
     """
     prediction = Prediction(catalogue, {}, {}, data={}, marks={}, trims={}, span=aircraft.b)
-    model = _Model(sim, aircraft)
+    model = _PredictionModel(sim, aircraft)
     records = {}
     for number, condition in enumerate(catalogue.condition):
         manoeuvres = []
@@ -257,7 +257,7 @@ def predict(
 
 
 @dataclass(frozen=True)
-class _Model:
+class _PredictionModel:
     """The a-priori model and its aircraft."""
 
     sim: SimModel
@@ -269,7 +269,7 @@ def _fly_condition(
     condition: PlannedCondition,
     manoeuvres: Sequence[PlannedManoeuvre],
     *,
-    model: _Model,
+    model: _PredictionModel,
 ) -> PredictedFlight | None:
     """Return one flight with all manoeuvres of a condition inside the limits, or None.
 
@@ -332,7 +332,7 @@ def predict_manoeuvre(
     """
     pairs = {(condition.name, one.name): (condition, one) for condition, one in catalogue.flyable()}
     condition, manoeuvre = pairs[item]
-    model = _Model(sim, aircraft)
+    model = _PredictionModel(sim, aircraft)
     start = trimmed_start(
         sim,
         condition.parameters,
@@ -347,7 +347,7 @@ def predict_manoeuvre(
 
 
 def _scale_manoeuvre(
-    model: _Model,
+    model: _PredictionModel,
     manoeuvre: PlannedManoeuvre,
     signal: xr.Dataset | None,
     *,
@@ -372,7 +372,7 @@ def _scale_manoeuvre(
 
 
 def _scale_input(
-    model: _Model,
+    model: _PredictionModel,
     manoeuvre: PlannedManoeuvre,
     start: Mapping[str, float],
     *,

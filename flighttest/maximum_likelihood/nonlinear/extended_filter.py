@@ -83,7 +83,7 @@ class FilterSettings(NamedTuple):
     speed: np.ndarray
 
 
-class _Model(NamedTuple):
+class _StepModel(NamedTuple):
     """Linear model of motion and lags: F, H, and the noise of a step, per run."""
 
     F: np.ndarray
@@ -127,7 +127,7 @@ def filter_flights(
                 model = _join_model(slopes, settings, passage, step=step)
                 for part in (model.F, model.H):
                     flights.failed |= ~np.isfinite(part).all(axis=(1, 2))
-                model = _Model(*(np.nan_to_num(part) for part in model))
+                model = _StepModel(*(np.nan_to_num(part) for part in model))
                 if not sample:
                     P = settled_covariance(model.F, model.H, model.Q, R)
             is_read = np.isfinite(z[sample])
@@ -207,7 +207,7 @@ def _lag_transitions(time: np.ndarray, step: float) -> np.ndarray:
 
 def _join_model(
     slopes: StepSlopes, settings: FilterSettings, passage: _Passage, step: float
-) -> _Model:
+) -> _StepModel:
     """Return the linear model of motion and lags."""
     runs, n = slopes.F.shape[:2]
     total = settings.intensity.shape[1]
@@ -223,4 +223,6 @@ def _join_model(
             + slopes.F_rise[:, :, gust, None] * rise[:, None, :]
         )
         H[:, :, place] = slopes.H_gust[:, :, gust, None] * (speed * READ)
-    return _Model(F, settings.factor[:, :, None] * H, noise_of_step(F, settings.intensity, step))
+    return _StepModel(
+        F, settings.factor[:, :, None] * H, noise_of_step(F, settings.intensity, step)
+    )

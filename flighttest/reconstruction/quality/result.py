@@ -110,7 +110,7 @@ class Quality(ShortText):
         return "sound"
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return the findings as a table: ``name severity kind channels text remedy start stop``."""
+        """Return the table of findings: ``name severity kind channels text remedy start stop``."""
         columns = ["name", "severity", "kind", "channels", "text", "remedy", "start", "stop"]
         rows = [finding.as_dict() for finding in self.findings]
         return pd.DataFrame(rows, columns=columns)

@@ -36,7 +36,7 @@ _BEYOND = 1e6  # response over the largest sample that counts as divergent
 
 
 @dataclass(frozen=True)
-class _Stretch:
+class _SampledStretch:
     """States (samples, states) and controls (samples, controls) of one stretch without a gap."""
 
     place: slice
@@ -89,7 +89,7 @@ def simulate_states(samples: RegressionSamples, noisy: Sequence[str]) -> dict[st
     size_x, size_u = _sizes(x), _sizes(u)
     stretches = []
     for piece, step in zip(*samples.pieces()):
-        stretches.append(_Stretch(piece, step, x[piece] / size_x, u[piece] / size_u))
+        stretches.append(_SampledStretch(piece, step, x[piece] / size_x, u[piece] / size_u))
     response = [stretch.x for stretch in stretches]
     for _ in range(ROUNDS):
         F, G = _estimate_system(stretches, response)
@@ -122,7 +122,7 @@ def _list_states(data, noisy: Sequence[str]) -> list[str]:
 
 
 def _estimate_system(
-    stretches: Sequence[_Stretch], instruments: Sequence[np.ndarray]
+    stretches: Sequence[_SampledStretch], instruments: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return F and G from integrals, with states as their instruments."""
     rows, given, targets = [], [], []
@@ -139,7 +139,7 @@ def _estimate_system(
     return found[:, :states], found[:, states:]
 
 
-def _simulate(stretch: _Stretch, F: np.ndarray, G: np.ndarray) -> np.ndarray:
+def _simulate(stretch: _SampledStretch, F: np.ndarray, G: np.ndarray) -> np.ndarray:
     """Return the response (samples, states) to the controls; x(0) and g by least squares."""
     n, h = len(F), stretch.step
     # (I - F h/2) x_(k+1) = (I + F h/2) x_k + h/2 (b_k + b_(k+1)), the rule of the integrals

@@ -29,7 +29,8 @@ _TITLES = {
     "prior": "a-priori model",
     "single": "a-priori model with one term taken from the final model",
     "group": "a-priori model with a group of terms taken from the final model",
-    "pair": "a-priori model with two terms taken from the final model: the pairs that interact most",
+    "pair": "a-priori model with two terms taken from the final model: "
+    "the pairs that interact most",
     "sequence": "corrected a-priori model: terms of the final model taken one after the other",
     "joint": "corrected model of all cases: without the terms added for this one, then with one "
     "after the other",

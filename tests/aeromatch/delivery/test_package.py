@@ -202,7 +202,7 @@ def run(*words):
 
 
 @pytest.mark.slow
-@pytest.mark.nightly  # docs/reference/command-line.md makes, verifies and compares the package of the demo
+@pytest.mark.nightly  # docs/how-to/data-package.md makes, verifies and compares the package of the demo
 def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path):
     project, match = matched
     for name in ("one.zip", "two.zip", "folder"):

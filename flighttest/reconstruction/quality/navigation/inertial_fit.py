@@ -56,7 +56,7 @@ class InertialFit:
 
 
 @dataclass(frozen=True)
-class _Stretch:
+class _InertialStretch:
     """Detrended references (samples, references), and the channel at each shift (shifts,
     samples).
     """
@@ -184,12 +184,12 @@ def _detrended(
     one: slice,
     shifts: np.ndarray,
     order: int,
-) -> _Stretch:
+) -> _InertialStretch:
     count = one.stop - one.start
     windows = np.lib.stride_tricks.sliding_window_view(channel, count)
     shifted = _without_drift(windows[one.start + shifts], order)
     inertial = _without_drift(np.stack([reference[one] for reference in references]), order)
-    return _Stretch(inertial.T, shifted)
+    return _InertialStretch(inertial.T, shifted)
 
 
 def _without_drift(x: np.ndarray, order: int) -> np.ndarray:
@@ -234,7 +234,7 @@ def _jackknife(normal: np.ndarray, cross: np.ndarray, power: np.ndarray) -> np.n
 
 
 def _coloured_errors(
-    pieces: list[_Stretch], index: int, scales: np.ndarray, *, step: float
+    pieces: list[_InertialStretch], index: int, scales: np.ndarray, *, step: float
 ) -> tuple[float, np.ndarray]:
     """Return the standard errors of delay and coefficients from coloured residuals."""
     X, residuals, parts, start = [], [], [], 0

@@ -1,4 +1,4 @@
-"""Slopes in the frequency domain: the transformed equations of a model, solved under an elimination.
+"""Slopes in the frequency domain: the transformed equations of a model, under an elimination.
 
 `flighttest.regression.equation_error.frequency.frequency_domain` describes the method.
 """

@@ -173,8 +173,9 @@ def _demand_room(windows: Sequence[FreeWindow], layout: UnknownVector, common: i
         if len(names) > MOST_UNKNOWNS:
             problems.append(
                 f"the window {window.time[0]:g}-{window.time[-1]:g} s has {len(names)} unknowns, "
-                f"{common} of the circuit and {len(window.edges)} jumps of the force among them; at "
-                f"most {MOST_UNKNOWNS} are possible: divide the window, or give fewer terms or nodes"
+                f"{common} of the circuit and {len(window.edges)} jumps of the force among them; "
+                f"at most {MOST_UNKNOWNS} are possible: divide the window, or give fewer terms "
+                "or nodes"
             )
     if problems:
         raise IdentificationError("; ".join(problems))
