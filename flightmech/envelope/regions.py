@@ -226,7 +226,7 @@ def shrink_table(table: RegionTable) -> RegionTable:
     """Return a table without edges that separate equal cells, and without axes of no effect."""
     axes, kept = [], []
     regions, leaving = table.regions, table.leaving
-    for k, (name, edges) in enumerate(zip(table.axes, table.edges, strict=True)):
+    for k, (_, edges) in enumerate(zip(table.axes, table.edges, strict=True)):
         place = len(axes)
         both = np.stack([regions, leaving])
         moved = np.moveaxis(both, place + 1, 0)

@@ -176,9 +176,7 @@ class SimModel:
         object.__setattr__(self, "block", state["block"])
 
 
-def compile(
-    aircraft: Aircraft, db: xr.DataTree, envelope: Envelope | None = None
-) -> SimModel:
+def compile(aircraft: Aircraft, db: xr.DataTree, envelope: Envelope | None = None) -> SimModel:
     """Compile an aircraft and its database to a simulation model.
 
     Parameters
