@@ -18,7 +18,7 @@ from flightmech.envelope.evidence import PLANES, flown_configurations
 from flightmech.envelope.regions import EXTRAPOLATED, REGIONS, axis_name, usual_width
 from flightmech.errors import SchemaError
 from flightmech.flown_states import CELL
-from flightmech.names import lookup, unit_suffix, value_text
+from flightmech.names import lookup, value_text
 from flightmech.short_text import ShortText
 from flightmech.support.figures import (
     WIDTH,
@@ -252,8 +252,8 @@ def _draw_map(
         value_text(name, own.held[name], ".3g") for name in ("mach", "beta") if name in own.held
     ]
     other = "mach" if y == "beta" else "beta"
-    labels = {name: f"{name}{unit_suffix(lookup(name).display_units)}" for name in own.plane}
-    second = f"{labels[y]} over alpha; {other} {held[0]}" if held else f"{labels[y]} over alpha"
+    labels = {name: name + _unit_of(name) for name in own.plane}
+    second = f"{labels[y]}, over alpha; {other} {held[0]}" if held else f"{labels[y]}, over alpha"
     middle = frame.left + 0.5 * frame.width
     return [
         clip_to_frame(frame, key, "".join(cells)),
@@ -262,6 +262,12 @@ def _draw_map(
         draw_text(frame.left, frame.top - 6.0, second, "label"),
         draw_text(middle, frame.bottom + 27.0, labels[x], "label", "middle"),
     ]
+
+
+def _unit_of(name: str) -> str:
+    """Return ``, deg``; empty for a ratio."""
+    unit = lookup(name).display_units
+    return "" if unit == "1" else f", {unit}"
 
 
 def _draw_legend() -> str:

@@ -13,7 +13,7 @@ def outputs(**regions):
     """Return regions by span of time ``a2=(2.0, 4.0)``: a letter, then the code."""
     region, axis = np.zeros(TIME.size), np.zeros(TIME.size)
     for key, (start, stop, code) in regions.items():
-        inside = (TIME >= start) & (TIME < stop)
+        inside = (start <= TIME) & (stop > TIME)
         region[inside], axis[inside] = int(key[1:]), code
     return {"envelope.region": region, "envelope.axis": axis}
 
