@@ -1,10 +1,10 @@
 """States that identified a model, kept with it in short form: the evidence of its validity envelope.
 
-A node of a table says that some flight gave it weight.  It does not say where between the nodes the
+A node of a table states that some flight gave it weight.  It does not state where between the nodes the
 samples were, nor in which combination of angle of attack, sideslip, Mach number and configuration.
 A database therefore keeps the cells of a fixed grid that the samples of its fits visited, in the
 text of one root attribute.  Heights and thrust coefficients are kept one by one, since no term
-joins them to all the others.  The sizes of the other variables are kept as well: they tell what a
+joins them to all the others.  The sizes of the other variables are kept as well: they show what a
 derivative contributes in flight.
 """
 
@@ -169,7 +169,7 @@ def join_states(*texts: str) -> str:
 
 
 def flown_size(states: FlownStates | None, name: str) -> float:
-    """Return the size of a variable in flight, or a usual one if no sample tells it. [SI]
+    """Return the size of a variable in flight, or a usual one if no sample has it. [SI]
 
     The usual size is 0.1 rad for an angle, 0.01 for a reduced rate and 1 for all others.
     """

@@ -1,7 +1,7 @@
 """Regions of the evidence: where the samples were that identified a model.
 
 The evidence of a configuration is drawn in two planes, Mach number and sideslip over the angle of
-attack; the rule asks for the second one, and flights cover the first along a curve.  A state is
+attack; the rule requires the second one, and flights cover the first along a curve.  A state is
 flown within one and a half cells of a sample (`flightmech.flown_states.CELL`), between flown points
 inside the convex hull of the samples of its configuration, and a-priori elsewhere.  A configuration
 between two flown ones is between flown points where both of them are flown or between.

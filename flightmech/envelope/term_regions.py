@@ -1,7 +1,7 @@
 """Regions of the terms of a database, from the source and the standard error of their nodes.
 
 A node counts as flown if its source is flight, its standard error is a number and the flights were
-not declined for its term.  A fixed zero beside such a node counts as well: an increment is zero by
+not declined for its term.  A fixed zero next to such a node counts as well: an increment is zero by
 definition where its control is at rest.
 
 At a state, a term is flown if more than half the weight of its nodes is.  It is between flown
@@ -75,13 +75,13 @@ def flown_nodes(leaf: xr.Dataset) -> np.ndarray:
     stderr = leaf["stderr"].values.astype(float)
     is_flown = (leaf["source"].values == _FLIGHT) & np.isfinite(stderr)
     is_zero = (leaf["value"].values == 0.0) & (stderr == 0.0)
-    beside = np.zeros(shape, bool)
+    adjacent = np.zeros(shape, bool)
     for k in range(len(shape)):
         # neighbours of flown nodes along this axis, on both sides
-        moved, marks = np.moveaxis(is_flown, k, 0), np.moveaxis(beside, k, 0)
+        moved, marks = np.moveaxis(is_flown, k, 0), np.moveaxis(adjacent, k, 0)
         marks[1:] |= moved[:-1]
         marks[:-1] |= moved[1:]
-    return is_flown | (is_zero & beside)
+    return is_flown | (is_zero & adjacent)
 
 
 def term_region_table(

@@ -110,8 +110,8 @@ def test_term_of_no_effect_does_not_decide():
     )
     assert term_region_table("CL/basic", small, None) is None
     # the same value with a standard error that counts
-    unsure = small.assign(stderr=small["stderr"] + 2.0 * LEAST_EFFECT["CL"])
-    assert region(unsure, alpha=0.0) == (A_PRIORI, 0)
+    uncertain = small.assign(stderr=small["stderr"] + 2.0 * LEAST_EFFECT["CL"])
+    assert region(uncertain, alpha=0.0) == (A_PRIORI, 0)
 
 
 def test_regressor_counts_from_its_size_on():
@@ -123,7 +123,7 @@ def test_regressor_counts_from_its_size_on():
     assert region(leaf, "CD/gear", gear=1.0) == (A_PRIORI, axis_code("gear"))
 
 
-def test_zero_by_definition_beside_a_flown_setting():
+def test_zero_by_definition_next_to_a_flown_setting():
     axes = {"delta_f": np.radians([0.0, 20.0, 40.0])}
     leaf = make_term([0.0, 0.3, 0.5], axes, stderr=[0.0, 0.01, 0.1], source="datcom")
     leaf["source"].values[1] = FLIGHT
