@@ -7,6 +7,7 @@ median of the Mach numbers that the configuration was flown at.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -238,7 +239,7 @@ def _draw_map(
     for i, column in enumerate(own.regions):
         # cells of one region that follow each other are one rectangle
         starts = np.concatenate([[0], np.flatnonzero(np.diff(column)) + 1, [len(column)]])
-        for first, last in zip(starts[:-1], starts[1:]):
+        for first, last in itertools.pairwise(starts):
             cells.append(
                 f'<rect x="{px[i]:.1f}" y="{py[last]:.1f}" width="{px[i + 1] - px[i] + 0.3:.1f}" '
                 f'height="{py[first] - py[last] + 0.3:.1f}" fill="{COLOURS[column[first]]}"/>'

@@ -52,7 +52,7 @@ def test_unknown_axis_is_not_named():
     assert "in 50 % of the time, first" in remark.text
 
 
-def test_kinds_of_the_house():
+def test_kinds_of_the_remarks():
     assert "envelope_left" in DEPARTURES
     assert "low_confidence" in NOTICES
     assert "low_confidence" not in DEPARTURES
