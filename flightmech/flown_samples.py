@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
+from flightmech.flown_states import FLOWN_STATES, join_states
 from flightmech.support.arrays import integrate_trapezoids
 
 FLOWN_SAMPLES = "flown_samples"
@@ -214,9 +215,15 @@ def join_packed(*texts: str) -> str:
 
 
 def with_flown_samples(*attributes: Mapping[Any, Any]) -> dict[str, str]:
-    """Return the root attribute `FLOWN_SAMPLES` of databases joined; empty if none has it."""
-    joined = join_packed(*(str(item.get(FLOWN_SAMPLES, "")) for item in attributes))
-    return {FLOWN_SAMPLES: joined} if joined else {}
+    """Return the root attributes `FLOWN_SAMPLES` and `FLOWN_STATES` of databases joined.
+
+    An attribute that none of them has is left out.
+    """
+    joined = {
+        FLOWN_SAMPLES: join_packed(*(str(item.get(FLOWN_SAMPLES, "")) for item in attributes)),
+        FLOWN_STATES: join_states(*(str(item.get(FLOWN_STATES, "")) for item in attributes)),
+    }
+    return {name: text for name, text in joined.items() if text}
 
 
 def find_shared_windows(

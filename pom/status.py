@@ -9,7 +9,15 @@ from pom.cases.case import PomCase
 
 BEYOND = "recurrent_beyond"
 """Kind of the remark on a run beyond its criterion about the master."""
-DEPARTURES = ("departure", "trim_allowed", "waived", "tables_left", "below_runway", BEYOND)
+DEPARTURES = (
+    "departure",
+    "trim_allowed",
+    "waived",
+    "tables_left",
+    "envelope_left",
+    "below_runway",
+    BEYOND,
+)
 """Kinds of remarks that make a pass a ``pass_with_departures``."""
 NOTICES = (
     *DEPARTURES,
@@ -20,6 +28,7 @@ NOTICES = (
     "not_driven",
     "recurrent",
     "watch",
+    "low_confidence",
     "far_from_evidence",
     "edited_evidence",
     "no_evidence",
@@ -28,12 +37,14 @@ NOTICES = (
 
 ``departure`` is a departure of the case from the printed row (`pom.judging.departures`),
 ``trim_allowed`` a trim beyond its limits that the case file allows, ``waived`` inputs that the
-model does not have, ``tables_left`` tables that the flight left, ``below_runway`` a model that sank
+model does not have, ``tables_left`` tables that the flight left, ``envelope_left`` a run beyond
+the validity envelope of its model (`pom.judging.envelope_remarks`), ``below_runway`` a model that sank
 through the runway.  ``additional`` is a case in another configuration that states itself so,
 ``record`` an error and ``record_warning`` a warning of the flight record, ``leak`` samples of the
 record that identified the model, ``not_driven`` an answer that the inputs do not drive
 (`pom.probing`), ``watch`` a watched channel beyond its limit, ``recurrent`` and
 ``recurrent_beyond`` the comparison of a run with its master (`pom.replaying.recorded_runs`),
+``low_confidence`` a run where no flight supports the model,
 ``far_from_evidence`` terms far from their flight estimate, ``no_evidence`` a model without terms to
 compare with it.
 """

@@ -41,6 +41,7 @@ _ELSEWHERE = {
     "coefficients": "estimates",
     "compare": "compare",
     "edit": "edit",
+    "envelope": "envelope",
     "export": "exchange",
     "figures": "compare",
     "history": "edit",

@@ -15,6 +15,7 @@ from aerodb.store.undo_history import add_history_line, note_suffix, record_edit
 from aerodb.update.cautions.notices import with_notices
 from flightmech.errors import UnknownName
 from flightmech.flown_samples import FLOWN_SAMPLES, with_flown_samples
+from flightmech.flown_states import FLOWN_STATES
 
 
 def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = "") -> xr.DataTree:
@@ -47,10 +48,14 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
     summary = [f"{verb} {' '.join(names)}" for verb, names in changes.items() if names]
     # Only a `Tabulation` has notices.
     notices = list(getattr(new, "notices", ()))
+    flown = {
+        FLOWN_SAMPLES: getattr(new, "flown_samples", ""),
+        FLOWN_STATES: getattr(new, "flown_states", ""),
+    }
     attributes = {
         **update_absent(db, without=new),
         **with_notices(db.attrs, notices),
-        **with_flown_samples(db.attrs, {FLOWN_SAMPLES: getattr(new, "flown_samples", "")}),
+        **with_flown_samples(db.attrs, flown),
     }
     return record_edit(
         db,

@@ -26,6 +26,7 @@ from flightmech.flown_samples import (
     cut_windows,
     pack_windows,
 )
+from flightmech.flown_states import gather_states, pack_states
 
 _FLIGHT = _terms.SOURCES.index("flight")
 # Information of a fit on a node, over that of the most informative fit, from which it contributes.
@@ -70,9 +71,9 @@ class Tabulation(Mapping[str, Any]):
     notices : tuple of str
         Warnings, one line each; `aerodb.replace_terms` writes them into the history of the
         database.
-    flown_samples : str
-        The samples of the fits in short form (`flightmech.flown_samples`), which
-        `aerodb.replace_terms` writes into the database.
+    flown_samples, flown_states : str
+        The samples of the fits and their states in short form (`flightmech.flown_samples`,
+        `flightmech.flown_states`), which `aerodb.replace_terms` writes into the database.
     """
 
     terms: dict[str, xr.Dataset]
@@ -82,6 +83,7 @@ class Tabulation(Mapping[str, Any]):
     unplaced: pd.DataFrame = field(default_factory=pd.DataFrame)
     notices: tuple[str, ...] = ()
     flown_samples: str = ""
+    flown_states: str = ""
 
     def __getitem__(self, name: str) -> xr.Dataset:
         return self.terms[name]
@@ -145,12 +147,14 @@ def add_cautions(
     for text in texts:
         # The warning belongs to the line that calls the public function, two frames up.
         warnings.warn(text, AeromatchWarning, stacklevel=3)
+    samples = list(samples)
     return replace(
         tabulation,
         terms={name: stamp_identified(leaf) for name, leaf in tabulation.terms.items()},
         unplaced=unplaced,
         notices=texts,
         flown_samples=pack_flown_samples(samples),
+        flown_states=pack_states(gather_states(data for _, data in samples)),
     )
 
 

@@ -21,6 +21,7 @@ from flightmech.air import P_SEA
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import ParseError, SchemaError, SimulationError
 from flightmech.names import lookup
+from flightmech.simulation.compiler import compile_with_envelope
 from flightmech.support.atomic_write import write_text
 from pom.result import PomResult
 
@@ -130,7 +131,7 @@ def write_flown_checks(
     list of Path
         The files.
     """
-    sim = flightmech.compile(aircraft, db)
+    sim = compile_with_envelope(aircraft, db)
     inertia = {key: float(getattr(aircraft, key)) for key in _INERTIA}
     files = []
     for name, condition in conditions.items():

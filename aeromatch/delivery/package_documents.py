@@ -23,6 +23,7 @@ import flightmech
 from aeromatch.delivery.places import FLOWN, README, RECORDINGS, ROADMAP
 from flightmech.errors import AeromatchError, UnknownName
 from flightmech.fmu_export.fmu_file import BLOCK
+from flightmech.simulation.compiler import compile_with_envelope
 from flightmech.support.figures import make_template_environment
 from flightmech.support.input_files import file_sha256
 from pom.archive.origins import read_report_manifest
@@ -244,7 +245,7 @@ def _compare_model(
                 return "its model is too large", False
             block = content.read(BLOCK)
         aircraft = flightmech.read_aircraft(folder / f"aircraft/{name}.toml")
-        sim = flightmech.compile(aircraft, aerodb.open(folder / f"database/{name}.nc"))
+        sim = compile_with_envelope(aircraft, aerodb.open(folder / f"database/{name}.nc"))
     except (AeromatchError, OSError, KeyError, zipfile.BadZipFile) as error:
         return f"cannot be compared with its database and aircraft: {error}", False
     if bytes(sim.block) == block:

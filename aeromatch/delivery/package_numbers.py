@@ -37,6 +37,7 @@ from aeromatch.delivery.package_documents import compare_documents
 from aeromatch.delivery.package_files import PackageCheck, read_package_manifest
 from aeromatch.delivery.places import FLOWN, README, RECORDINGS, ROADMAP, STATE_COUNT, STATES
 from flightmech.errors import AeromatchError
+from flightmech.simulation.compiler import compile_with_envelope
 from flightmech.support.foreign_code.process import (
     RunLimits,
     module_command,
@@ -188,7 +189,7 @@ def _check_kernel_flights(folder: Path) -> Iterator[PackageCheck]:
     files = sorted((folder / FLOWN).glob("*.csv"))
     if not files:
         return
-    sim = flightmech.compile(
+    sim = compile_with_envelope(
         flightmech.read_aircraft(folder / "aircraft/final.toml"),
         aerodb.open(folder / "database/final.nc"),
     )

@@ -16,6 +16,7 @@ import flightmech
 import pom
 from aerodb.update.cautions.notices import note_plausibility
 from flightmech.errors import AeromatchWarning
+from flightmech.simulation.compiler import compile_with_envelope
 from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flightmech.support.kept_stages.store import StageStore
@@ -119,7 +120,7 @@ def model_files(
             folder = Path(temporary)
             aerodb.save(tree, folder / f"{name}.nc")
             flightmech.write_aircraft(aircraft.value, folder / f"{name}.toml")
-            model = flightmech.compile(aircraft.value, tree)
+            model = compile_with_envelope(aircraft.value, tree)
             flightmech.write_fmu(model, folder / f"{name}.fmu")
             # An aircraft writes further files, such as the tables of its engines.
             return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from jinja2 import PackageLoader
 
 from flightmech.flown_samples import FLOWN_SAMPLES
+from flightmech.flown_states import FLOWN_STATES
 from flightmech.fmu_export.description import CHOICES, Description, FmuVariable
 from flightmech.fmu_export.term_plots import TermPlot
 from flightmech.simulation.kernel import (
@@ -33,6 +34,7 @@ _SUBMODELS = {
     "contact": "strut and tyre, or a point that touches the ground",
     "circuit": "control system from the pilot's hand to the surface: masses, cable, friction, "
     "stops, hinge moments",
+    "envelope": "how far flights support the model at the present state",
     "device": "further controls that only the tables know: an input each, without dynamics",
 }
 LONG = 200  # characters that a cell of a table shows at once
@@ -158,7 +160,8 @@ def _make_provenance_table(meta: Mapping[str, Any]) -> PageTable:
     texts = {key: item for key, item in meta.items() if key not in ("database", "terms")}
     texts |= meta.get("database", {})
     # numbers of the flights, no text
-    texts.pop(FLOWN_SAMPLES, None)
+    for name in (FLOWN_SAMPLES, FLOWN_STATES):
+        texts.pop(name, None)
     return PageTable(("attribute", "value"), [(key, str(item)) for key, item in texts.items()])
 
 

@@ -18,7 +18,9 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.build_up import evaluation_levels, term_level
+from flightmech.envelope.envelope import Envelope, make_envelope, unpack_envelope
 from flightmech.errors import ParseError, SchemaError
+from flightmech.flown_states import FLOWN_STATES
 from flightmech.names import lookup, unit_suffix
 from flightmech.simulation import catalogue, submodels
 from flightmech.simulation.kernel import (
@@ -33,7 +35,14 @@ from flightmech.simulation.kernel import (
     CatalogueEntry,
     KernelModel,
 )
-from flightmech.simulation.model_block import FORCES, MOMENTS, Packer, Term, list_table_axes
+from flightmech.simulation.model_block import (
+    FORCES,
+    MOMENTS,
+    Packer,
+    Term,
+    envelope_section,
+    list_table_axes,
+)
 from flightmech.simulation.model_checks import HINGES, check_leaf, check_root, get_force_axes
 from flightmech.simulation.submodels.devices import with_devices
 from flightmech.support.array_files.netcdf_trees import GROUPS, read_netcdf_tree
@@ -145,6 +154,11 @@ class SimModel:
         """Names of the table axes. A name appears once per set of breakpoints."""
         return _names(self.entries(AXIS))
 
+    @cached_property
+    def envelope(self) -> Envelope | None:
+        """The validity envelope; None for a model without one."""
+        return unpack_envelope(envelope_section(self.block), self.variables)
+
     @property
     def title(self) -> str:
         """Name of the aircraft."""
@@ -162,7 +176,7 @@ class SimModel:
         object.__setattr__(self, "block", state["block"])
 
 
-def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
+def compile(aircraft: Aircraft, db: xr.DataTree, envelope: Envelope | None = None) -> SimModel:
     """Compile an aircraft and its database to a simulation model.
 
     Parameters
@@ -172,6 +186,9 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
     db : DataTree
         Terms at ``/<coefficient>/<contribution>``, as in `flightmech.terms`; root attribute
         ``force_axes``.
+    envelope : Envelope, optional
+        Validity envelope of the database (`flightmech.envelope.envelope.make_envelope`).  The model
+        has the outputs ``envelope.region`` and ``envelope.axis`` then.
 
     Raises
     ------
@@ -193,7 +210,13 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
         terms, problems = _assign_levels(terms, get_force_axes(db))
     if problems:
         raise SchemaError(f"model of {aircraft.name}", problems)
-    packer = Packer(aircraft, terms, force_axes=get_force_axes(db), meta=_describe_model(db, terms))
+    packer = Packer(
+        aircraft,
+        terms,
+        force_axes=get_force_axes(db),
+        meta=_describe_model(db, terms),
+        envelope=envelope,
+    )
     block = packer.pack()
     KernelModel(block)  # raises if the kernel does not accept the block
     return SimModel(block)
@@ -314,6 +337,9 @@ def _describe_model(db: xr.DataTree, terms: list[Term]) -> str:
     """Return the provenance of a model as JSON text."""
     attributes = {}
     for key, item in db.attrs.items():
+        if key == FLOWN_STATES:
+            # the region tables of the model have been made of them
+            continue
         if isinstance(item, np.generic):  # a number from a file
             item = item.item()
         if isinstance(item, str | int | float):
@@ -361,7 +387,13 @@ def _count_sources(leaf: xr.Dataset) -> str:
 
 def compile_files(aircraft: str, database: str) -> SimModel:
     """Return the model of an aircraft file (TOML) and a database file (netCDF)."""
-    return compile(read_aircraft(aircraft), _open_database(database))
+    return compile_with_envelope(read_aircraft(aircraft), _open_database(database))
+
+
+def compile_with_envelope(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
+    """Return the model with its validity envelope, if the database keeps its flown states."""
+    envelope = make_envelope(db) if db.attrs.get(FLOWN_STATES) else None
+    return compile(aircraft, db, envelope)
 
 
 def _open_database(database: str) -> xr.DataTree:

@@ -19,8 +19,14 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.build_up import COEFFICIENTS
+from flightmech.envelope.envelope import Envelope, pack_envelope
 from flightmech.simulation import catalogue, submodels
-from flightmech.simulation.kernel import CatalogueEntry, list_name_groups
+from flightmech.simulation.kernel import (
+    OUTPUT,
+    CatalogueEntry,
+    computable_names,
+    list_name_groups,
+)
 from flightmech.simulation.kernel_library import load_kernel
 from flightmech.terms import list_regressors, power_factor
 
@@ -38,6 +44,8 @@ _HEADER_SIZE = 32  # magic, format, byte order, size, checksum, number of sectio
 _DIRECTORY_ENTRY_SIZE = 16  # offset and count of a section [bytes]
 _CHECKSUM_END = 28  # the checksum covers all bytes from here
 _BYTE_ORDER = 0x01020304
+_SECTIONS_PLACE = 28  # of the number of sections [bytes]
+_ENVELOPE_SECTION = 13  # the last one, which only models with a validity envelope have
 
 
 class Term(NamedTuple):
@@ -97,6 +105,7 @@ class Packer:
     terms: Sequence[Term]
     force_axes: str
     meta: str
+    envelope: Envelope | None = None
     strings: dict[str, int] = field(default_factory=dict, init=False)
     text: bytearray = field(default_factory=bytearray, init=False)
     points: list[float] = field(default_factory=list, init=False)
@@ -111,6 +120,8 @@ class Packer:
                 variables.add(factor.variable)
             for table in _list_tables(term.leaf).values():
                 axes |= dict.fromkeys(_list_axis_keys(term, table))
+        if self.envelope is not None:
+            variables |= set(self.envelope.axes)
         self.variables = sorted(variables)
         self.axes = sorted(axes, key=lambda axis: axis.stage)
         self.numbers = {axis: number for number, axis in enumerate(self.axes)}
@@ -129,7 +140,7 @@ class Packer:
         sections = [
             (1, self._pack_geometry()),
             self._pack_entries(catalogue.input_rows(self.aircraft)),
-            self._pack_entries(catalogue.output_rows(self.aircraft)),
+            self._pack_entries(self._list_outputs()),
             self._pack_entries(catalogue.parameter_rows(self.aircraft, names, powers)),
             self._pack_entries(catalogue.state_rows(self.aircraft)),
             self._pack_entries(catalogue.variable_rows(self.variables, self.aircraft)),
@@ -141,11 +152,28 @@ class Packer:
             (len(items), b"".join(items)),
         ]
         sections.append((len(self.text), bytes(self.text)))
+        if self.envelope is not None:
+            # a model without an envelope has no such section, and the bytes that it always had
+            tables = pack_envelope(self.envelope, self.variables)
+            sections.append((len(tables), tables))
         return _join_sections(sections)
+
+    def _list_outputs(self) -> list[CatalogueEntry]:
+        """Return the rows of the outputs; those of the envelope are the last."""
+        rows = catalogue.output_rows(self.aircraft)
+        if self.envelope is None:
+            return rows
+        group = submodels.envelope.GROUP
+        for name in computable_names(OUTPUT):
+            if name.group == group:
+                rows.append(submodels.submodel_row(OUTPUT, group, "", name.pattern, self.aircraft))
+        return rows
 
     def _pack_items(self) -> list[bytes]:
         """Return number of the group and name of each item of a submodel."""
         items = submodels.submodel_items(self.aircraft)
+        if self.envelope is not None:
+            items[submodels.envelope.GROUP] = ("",)
         records = []
         for number, group in enumerate(list_name_groups()):
             for item in items.get(group, ()):
@@ -255,3 +283,13 @@ def _join_sections(sections: list[tuple[int, bytes]]) -> bytes:
     size = _CHECKSUM_END + len(checked)
     header = struct.pack("<8s2IQ", b"AMKERNEL", load_kernel().am_format(), _BYTE_ORDER, size)
     return header + struct.pack("<I", zlib.crc32(checked)) + checked
+
+
+def envelope_section(block: bytes) -> bytes:
+    """Return the section of the validity envelope of a block; empty without one."""
+    (sections,) = struct.unpack_from("<I", block, _SECTIONS_PLACE)
+    if sections <= _ENVELOPE_SECTION:
+        return b""
+    place = _HEADER_SIZE + _DIRECTORY_ENTRY_SIZE * _ENVELOPE_SECTION
+    start, count = struct.unpack_from("<2Q", block, place)
+    return block[start : start + count]

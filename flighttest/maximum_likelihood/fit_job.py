@@ -18,6 +18,7 @@ from flightmech.flown_samples import (
     pack_windows,
     with_flown_samples,
 )
+from flightmech.flown_states import FLOWN_STATES, gather_states, pack_states
 from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.support.console import to_json_types
 from flighttest.maximum_likelihood.database_update import updated_database
@@ -135,7 +136,10 @@ class FitJobResult(PrintedResult):
             channels = {name: record[name].values for name in CHANNELS if name in record}
             time = record["time"].values.astype(float)
             windows += cut_windows(str(record.attrs["record"]), time, channels)
-        flown = {FLOWN_SAMPLES: pack_windows(windows)}
+        flown = {
+            FLOWN_SAMPLES: pack_windows(windows),
+            FLOWN_STATES: pack_states(gather_states(self.records)),
+        }
         updated.attrs |= with_flown_samples(database.attrs, flown)
         aerodb.save(updated, path)
         return unplaced

@@ -22,6 +22,7 @@ from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
+from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
 from pom.probing.record_leak import find_leaks
@@ -172,7 +173,7 @@ def perform_plan(
         names = [*channels, *axes, *GROUND_VELOCITY]
         # Probes and watched channels do not depend on what a case shows.
         names += SHOWN
-        requested = {*_output_names(names, model.links.outputs), *OBSERVED, *SIZES}
+        requested = {*_output_names(names, model.links.outputs), *OBSERVED, *SIZES, REGION, AXIS}
         job, trim_remarks, refused = solve_trim_surfaces(
             plan.job,
             plan.case.drive.trim_surfaces,
@@ -186,6 +187,7 @@ def perform_plan(
         remarks[name] = (
             *trim_remarks,
             *tables_left(plan.job.time, outputs, ranges),
+            *envelope_remarks(plan.job.time, outputs),
             *below_runway(plan.job.time, outputs, job.parameters),
             *find_leaks(plan.case, plan.states, model.fmu.path, model.fmu.sha256),
         )

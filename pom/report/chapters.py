@@ -16,6 +16,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from flightmech.envelope.maps import RegionMap
 from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
 from flighttest.regression.equation_error.fit import Fit
@@ -23,6 +24,7 @@ from pom.diagnosis.culprits.project_ranking import CAPTION, COLUMNS, ProjectRank
 from pom.report.case.page import run_line_classes
 from pom.report.models.database_comparison import compare_for_report
 from pom.report.models.identification import identification_chapter
+from pom.report.submodels.envelope import final_maps, restored_map
 from pom.report.submodels.section import Picture, Section, SectionTable
 from pom.report.submodels.sections import make_sections, needed_submodels
 
@@ -32,7 +34,7 @@ CHAPTERS = ("identification", "database")
 # Attributes of a database that the report prints.
 _ATTRIBUTES = ("title", "aircraft", "source", "absent", "notices")
 # Classes that are stored, by name, and the key that holds the name.
-_KINDS = {kind.__name__: kind for kind in (Picture, Section, SectionTable)}
+_KINDS = {kind.__name__: kind for kind in (Picture, Section, SectionTable, RegionMap)}
 _KIND = "of"
 
 
@@ -57,6 +59,8 @@ class Chapters:
         Terms of the a-priori model ranked over all cases.
     ranking_text : tuple of str
         What the ranking states, in sentences.
+    maps : tuple of RegionMap
+        Maps of the validity envelope of the last database.
     """
 
     databases: dict[str, dict[str, str]]
@@ -67,6 +71,7 @@ class Chapters:
     on_paper: tuple[str, ...] = ()
     ranking: SectionTable | None = None
     ranking_text: tuple[str, ...] = ()
+    maps: tuple[RegionMap, ...] = ()
 
     @property
     def roots(self) -> dict[str, xr.DataTree]:
@@ -133,6 +138,7 @@ def draw_chapters(
         on_paper=tuple(on_paper),
         ranking=ranked,
         ranking_text=text,
+        maps=final_maps(databases),
     )
 
 
@@ -177,6 +183,7 @@ def restore_chapters(kept: bytes) -> Chapters:
         on_paper=tuple(items.get("on_paper", ())),
         ranking=items.get("ranking"),
         ranking_text=tuple(items.get("ranking_text", ())),
+        maps=tuple(restored_map(own) for own in items.get("maps", ())),
     )
 
 
@@ -198,7 +205,9 @@ def with_kept(now: Chapters, before: Chapters, on_paper: Sequence[str] | None = 
     printed = before.on_paper if on_paper is None else tuple(on_paper)
     chapters = replace(now, on_paper=printed)
     if not now.databases:
-        chapters = replace(chapters, databases=before.databases, compared=before.compared)
+        chapters = replace(
+            chapters, databases=before.databases, compared=before.compared, maps=before.maps
+        )
     if not now.identification:
         chapters = replace(chapters, identification=before.identification)
     if not now.submodels:

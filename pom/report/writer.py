@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -45,6 +45,7 @@ from pom.report.models.tuning import tuning_context
 from pom.report.page import PAGE, PAGES, html_files
 from pom.report.pdf.document import DocumentContent, document_date, pdf_pages
 from pom.report.presentation.unit_sets import SETS, shown_in
+from pom.report.submodels.envelope import envelope_section
 from pom.report.submodels.sections import make_sections
 from pom.result import PomResult
 from pom.tolerances.editions import test_order
@@ -218,6 +219,11 @@ optional
         tunings=logs,
         chapters=all_chapters.kept(),
     )
+    if all_chapters.maps:
+        # the archive has the maps alone; the flights in them are those of this report
+        section = envelope_section(all_chapters.maps, results)
+        submodels_shown = (*all_chapters.submodels, section)
+        all_chapters = replace(all_chapters, submodels=submodels_shown)
     report = _Report(archive, case_keys(results), located, all_chapters, tuned, paper)
 
     folder = Path(folder)

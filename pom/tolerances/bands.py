@@ -35,7 +35,9 @@ class RowRemark:
         ``steady``, ``method``, ``span``, ``event``, ``trend``, ``tick``, ``lacking``,
         ``precondition``, ``certified``, ``no_value`` (a sample is NaN), ``trim`` (a trim quantity
         beyond its limit), ``trim_allowed`` (the same, allowed by the case file), ``trim_surface``
-        (a trim surface that the trim solved for), ``tables_left``, ``below_runway``, ``waived``
+        (a trim surface that the trim solved for), ``tables_left``, ``envelope_left`` (beyond the
+        validity envelope), ``low_confidence`` (where no flight supports the model),
+        ``below_runway``, ``waived``
         (inputs that the model does not have), ``record`` (an error of the flight record), ``watch``
         (a channel without a tolerance beyond its band), ``evidence`` (distance of the model from
         the flight estimates), ``no_evidence`` (a model without terms to compare),

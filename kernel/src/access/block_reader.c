@@ -19,7 +19,7 @@ typedef struct {
     uint64_t offset, count;
 } section_t;
 
-static const size_t RECORD[SECTIONS] = {
+static const size_t RECORD[ALL_SECTIONS] = {
     sizeof(geometry_record),
     sizeof(entry_record),
     sizeof(entry_record),
@@ -33,11 +33,13 @@ static const size_t RECORD[SECTIONS] = {
     sizeof(term_record),
     sizeof(item_record),
     1,
+    1,
 };
 
-static const char *const SECTION_NAME[SECTIONS] = {
+static const char *const SECTION_NAME[ALL_SECTIONS] = {
     "geometry", "inputs",  "outputs", "parameters", "states", "variables", "axes",
     "points",   "bundles", "nodes",   "terms",      "items",  "strings",
+    "envelope",
 };
 
 const char *section_name(int section) { return SECTION_NAME[section]; }
@@ -100,16 +102,20 @@ static bool check_header(reader *r, const unsigned char *bytes, size_t n) {
         return refuse_block(
             r, "model block: CRC-32 does not agree; the bytes were changed after compilation");
     }
-    if (head.sections != SECTIONS) {
-        return refuse_block(r, "model block: %u sections, expected %d", (unsigned)head.sections,
-                            SECTIONS);
+    if (head.sections != SECTIONS && head.sections != ALL_SECTIONS) {
+        return refuse_block(r, "model block: %u sections, expected %d or %d",
+                            (unsigned)head.sections, SECTIONS, ALL_SECTIONS);
     }
+    r->sections = (int)head.sections;
     return true;
 }
 
 static bool find_sections(reader *r, size_t n) {
+    if (n < sizeof(header_t) + (size_t)r->sections * sizeof(section_t)) {
+        return refuse_block(r, "model block: the directory does not lie inside the block");
+    }
     const section_t *directory = (const section_t *)(r->model->block + sizeof(header_t));
-    for (int i = 0; i < SECTIONS; i++) {
+    for (int i = 0; i < r->sections; i++) {
         const uint64_t offset = directory[i].offset;
         const uint64_t count = directory[i].count;
         if (offset > n || offset % 8 != 0 || count > (n - offset) / RECORD[i]) {
@@ -118,7 +124,7 @@ static bool find_sections(reader *r, size_t n) {
         }
         r->at[i] = r->model->block + offset;
         r->count[i] = (size_t)count;
-        if (i != STRINGS && i != NODES && i != POINTS && count > MOST) {
+        if (i < STRINGS && i != NODES && i != POINTS && count > MOST) {
             return refuse_block(r, "model block: section %s has too many records", SECTION_NAME[i]);
         }
     }

@@ -25,7 +25,9 @@ enum {
     TERMS,
     ITEMS,
     STRINGS,
-    SECTIONS
+    SECTIONS, /* that every block has */
+    ENVELOPE = SECTIONS,
+    ALL_SECTIONS
 };
 
 typedef struct {
@@ -61,8 +63,9 @@ typedef struct {
 
 typedef struct {
     am_model *model;
-    size_t count[SECTIONS];
-    const void *at[SECTIONS];
+    size_t count[ALL_SECTIONS];
+    const void *at[ALL_SECTIONS];
+    int sections; /* of the block */
     uint32_t first_slot[STAGES + 1]; /* as the block counts, without gaps */
     char *err;
     size_t nerr;

@@ -4,6 +4,7 @@
 
 #include "allocate.h"
 #include "read_catalogue.h"
+#include "read_envelope.h"
 #include "read_tables.h"
 #include "read_terms.h"
 #include "processor.h"
@@ -74,7 +75,7 @@ static bool read_block(reader *r, const unsigned char *bytes, size_t n) {
         if (!read_entries(r, INPUTS + kind, (am_kind)kind)) return false;
     }
     if (!read_items(r) || !find_group_starts(r) || !read_variables(r) || !read_axes(r)
-        || !read_bundles(r) || !read_terms(r)) {
+        || !read_bundles(r) || !read_terms(r) || !read_envelope(r)) {
         return false;
     }
     return check_names(r, AM_INPUT, 0) && check_names(r, AM_OUTPUT, 0)
@@ -105,6 +106,7 @@ void am_free(am_model *model) {
     free(model->bench);
     free(model->term);
     free(model->implicit);
+    free(model->region);
     free(model->late);
     free(model->power);
     free(model->cell);

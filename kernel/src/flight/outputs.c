@@ -5,6 +5,7 @@
 #include "algebra.h"
 #include "earth.h"
 #include "elementary_real.h"
+#include "envelope.h"
 #include "parts.h"
 
 #if LANES == 1
@@ -95,6 +96,7 @@ void write_outputs(flight_t *sim, real *y) {
     memcpy(y + Y_TRIM_U_DOT, sim->trim.residual, sizeof sim->trim.residual);
     y[Y_OUT_OF_RANGE] = HOOK(steps_outside)(sim);
     earth_outputs(sim, y);
+    envelope_outputs(sim, y);
     HOOK(part_outputs)(sim, y);
 }
 

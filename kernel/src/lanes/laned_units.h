@@ -9,6 +9,7 @@
 #include "control_step.c"
 #include "earth.c"
 #include "engine.c"
+#include "envelope.c"
 #include "fuel.c"
 #include "gear.c"
 #include "outputs.c"

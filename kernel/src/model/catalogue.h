@@ -12,6 +12,7 @@
 #include "device_names.h"
 #include "earth_names.h"
 #include "engine_names.h"
+#include "envelope_names.h"
 #include "fuel_names.h"
 #include "gear_names.h"
 #include "weather_names.h"
@@ -258,7 +259,8 @@ enum {
     G(G_CONTACT, CONTACT, "contact") \
     G(G_CIRCUIT, CIRCUIT, "circuit") \
     G(G_DEVICE, DEVICE, "device") \
-    G(G_EARTH, EARTH, "earth")
+    G(G_EARTH, EARTH, "earth") \
+    G(G_ENVELOPE, ENVELOPE, "envelope")
 
 #define AM_GROUP_ENUM(group, lists, word) group,
 enum { AM_GROUP_LIST(AM_GROUP_ENUM) GROUPS };
@@ -288,6 +290,7 @@ AM_ITEM_CODES(CONTACT)
 AM_ITEM_CODES(CIRCUIT)
 AM_ITEM_CODES(DEVICE)
 AM_ITEM_CODES(EARTH)
+AM_ITEM_CODES(ENVELOPE)
 #undef AM_ITEM_CODES
 #undef AM_CODES
 #undef AM_ENUM_STAGED

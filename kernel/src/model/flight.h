@@ -38,6 +38,7 @@
 #define earth_outputs LANED(earth_outputs)
 #define engine_forces LANED(engine_forces)
 #define engine_outputs LANED(engine_outputs)
+#define envelope_outputs LANED(envelope_outputs)
 #define evaluate_coefficients LANED(evaluate_coefficients)
 #define evaluate_terms LANED(evaluate_terms)
 #define fuel_left LANED(fuel_left)

@@ -119,6 +119,17 @@ typedef struct {
     bool bare;
 } implicit_t;
 
+#define MAX_REGION_AXES 8
+#define REGION_BITS 2 /* of a cell; the code of an axis is above them */
+#define REGION_MASK 3u
+
+/* Regions of the validity envelope over some variables: between two edges the byte of a cell. */
+typedef struct {
+    uint32_t axes, variable[MAX_REGION_AXES], edges[MAX_REGION_AXES];
+    const double *edge[MAX_REGION_AXES];
+    const unsigned char *cell;
+} region_table_t;
+
 /* A factor max(v, floor)^exponent; the exponent is a parameter. */
 typedef struct {
     uint32_t variable;
@@ -153,6 +164,8 @@ struct am_model {
     term_t *term;
     power_t *power;
     implicit_t *implicit;
+    region_table_t *region;
+    uint32_t regions;
     /* the implicit variables in use, 0..2 from A_ALPHADOTHAT */
     uint32_t unknown[IMPLICIT], unknowns;
     /* terms that depend on coefficients, level by level; levels: how many there are; late_force:

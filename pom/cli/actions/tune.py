@@ -17,6 +17,7 @@ from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.fmu_export.fmu_file import write_fmu
 from flightmech.simulation.compiler import compile as compile_model
+from flightmech.simulation.compiler import compile_with_envelope
 from flightmech.simulation.node_values import nodes_digest
 from flightmech.support.atomic_write import folder_written_atomically, write_text
 from flightmech.support.console import (
@@ -252,7 +253,7 @@ def _write_model(
         aerodb.save(database, new / "tuned.nc")
         write_aircraft(aircraft, new / "tuned.toml")
         if fmu:
-            write_fmu(compile_model(aircraft, database), new / "tuned.fmu")
+            write_fmu(compile_with_envelope(aircraft, database), new / "tuned.fmu")
         _write_log(new / "tuning.json", log)
         text = "\n".join(log_lines(log)) + "\n"
         (new / "tuning.txt").write_text(text, encoding="utf-8", newline="\n")

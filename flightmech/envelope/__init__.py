@@ -1,0 +1,1 @@
+"""Validity envelope of a model: where flights support it, and where they do not."""
