@@ -10,6 +10,8 @@ from .ground_effect import factor_table as factor_table
 from .ground_effect import factor_table as factored
 from .ground_effect import in_ground_effect as in_ground_effect
 from .ground_effect import with_height_table as with_height_table
+from .prior_blending import PriorBlend as PriorBlend
+from .prior_blending import blend_sources as blend_sources
 from .reference_point import move_reference as move_reference
 from .rescaling import rescale as rescale
 from .table_edits import scale as scale

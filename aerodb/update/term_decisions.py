@@ -72,8 +72,16 @@ def decision_rows(db: xr.DataTree) -> dict[str, tuple[str, str]]:
         elif _has_flight_nodes(leaf):
             rows[name] = "replace", _describe_entry(leaf)
         else:
-            rows[name] = _decide_uninformed(leaf), "no fit informs it"
+            rows[name] = _decide_uninformed(leaf), _describe_uninformed(leaf)
     return rows
+
+
+def _describe_uninformed(leaf: xr.Dataset) -> str:
+    """Return why a term without information from flight is as it is, with its a-priori sources."""
+    origin = str(leaf.attrs.get("origin", ""))
+    if not origin:
+        return "no fit informs it"
+    return f"no fit informs it; a priori from {origin}"
 
 
 def _has_flight_nodes(leaf: xr.Dataset) -> bool:
