@@ -29,6 +29,7 @@ from aeromatch.project.files import (
     OptionalFile,
     ProjectFolder,
 )
+from aeromatch.project.priors import PriorSection
 from aeromatch.project.sections import (
     Controls,
     EngineSection,
@@ -168,6 +169,15 @@ class Project(Strict):
     listings: Listings = Field(
         description="Digital DATCOM listings by role: FILE, FILE:CASE, a pattern, or several."
     )
+    prior: tuple[PriorSection, ...] = Field(
+        default=(),
+        description="Further a-priori sources, blended with the listings by their standard errors.",
+    )
+    take: dict[str, str] = Field(
+        default={},
+        examples=[{"Cn/*": "AVL"}],
+        description="Term or pattern to the one source that it is taken from, in place of a blend.",
+    )
     cases: MatchedFiles = Field(description="Patterns of Proof-of-Match cases.")
     cutoff: Annotated[float, InUnits("Hz")] | None = Field(
         default=None, description="Low-pass before coefficients are formed; none without it."
@@ -296,6 +306,10 @@ class Project(Strict):
 
     def _name_problems(self) -> list[str]:
         problems: list[str] = []
+        for number, section in enumerate(self.prior):
+            problems += section.problems(f"prior.{number}")
+        if self.take and not self.prior:
+            problems.append("take: chooses among several sources; give [[prior]] tables")
         for source in self.errors:
             if source not in ERRORS:
                 problems.append(f"errors: {UnknownName(source, ERRORS, 'source of error')}")
