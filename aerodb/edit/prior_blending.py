@@ -20,7 +20,7 @@ from aerodb.edit.source_blending import BlendedTerm, blend_term
 from aerodb.edit.source_nodes import HELD_ERROR, cover_ranges
 from aerodb.prior.sources import warn_user
 from aerodb.store.grids import is_within, regrid_leaf, union_axes, value_breakpoints
-from aerodb.store.overview import plain_number
+from aerodb.store.overview import ORIGIN, plain_number
 from aerodb.store.schema import SCHEME, make_database, terms
 from aerodb.store.undo_history import add_history_line
 from aerodb.update.cautions.notices import NOTICES, note_plausibility, notices_of, with_notices
@@ -28,8 +28,6 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.short_text import ShortText
 
-ORIGIN = "origin"
-"""Attribute of a term of a blended database: the labels of its sources."""
 _JOINED = ("references", "comment")
 # Root attributes that the blend sets itself.
 _OWN = (
@@ -134,12 +132,6 @@ def blend_sources(
         if finding.kind in ("implausible", "unused"):
             warn_user(str(finding))
     return PriorBlend(tree, _tabulate_terms(sources, blended))
-
-
-def origin_of(db: xr.DataTree, name: str) -> str:
-    """Return the programs that a term of a database comes from a priori, such as ``AVL``."""
-    leaf = terms(db)[name]
-    return str(leaf.attrs.get(ORIGIN) or db.attrs.get("source", ""))
 
 
 def _sources_by_term(

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.store.overview import ORIGIN
 from aerodb.store.schema import terms
 from aerodb.update.posterior import factor_of
 from flightmech import terms as _terms
@@ -78,7 +79,7 @@ def decision_rows(db: xr.DataTree) -> dict[str, tuple[str, str]]:
 
 def _describe_uninformed(leaf: xr.Dataset) -> str:
     """Return why a term without information from flight is as it is, with its a-priori sources."""
-    origin = str(leaf.attrs.get("origin", ""))
+    origin = str(leaf.attrs.get(ORIGIN, ""))
     if not origin:
         return "no fit informs it"
     return f"no fit informs it; a priori from {origin}"
