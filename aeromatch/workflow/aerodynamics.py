@@ -37,8 +37,17 @@ _NO_FIT = (
 def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
     """Return the a-priori database of a project.
 
-    It is that of the DATCOM listings, blended with the sources of ``[[prior]]``.
+    It is that of the DATCOM listings, blended with the sources of ``[[prior]]``, with the
+    differences by ice.
     """
+    clean = _clean_prior(project, aircraft)
+    if project.ice is None:
+        return clean
+    return aerodb.edit.add_ice(clean, aerodb.edit.read_ice(project.ice))
+
+
+def _clean_prior(project: Project, aircraft: Aircraft) -> xr.DataTree:
+    """Return the a-priori database without ice."""
     listings: dict[str, Any] = {}
     for role, places in project.listings.by_role.items():
         listings[role] = [read_place(listing) for listing in places]

@@ -132,6 +132,7 @@ def databases_before(
     files = [listing.file for listing in project.listings.places()]
     for section in project.prior:
         files += section.all_files
+    files += [file for file in (project.ice,) if file]
 
     def make() -> xr.DataTree:
         datcom = a_priori(project, aircraft)
@@ -154,6 +155,8 @@ def databases_before(
     if project.prior:
         inputs["prior"] = [_prior_inputs(section, custody) for section in project.prior]
         inputs["take"] = project.take
+    if project.ice is not None:
+        inputs["ice"] = FileContent(project.ice, custody.sha256(project.ice))
     datcom = stages.one("a-priori database", inputs, make)
     term_inputs = {"database": datcom, "terms": project.terms, "held": project.held}
     opened = stages.one(

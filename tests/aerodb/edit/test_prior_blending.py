@@ -16,6 +16,9 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 from flightmech.units import DEGREE
 
+# the small databases here lack most terms
+pytestmark = pytest.mark.filterwarnings("ignore:.*implausible:flightmech.errors.AeromatchWarning")
+
 ALPHA = np.array([0.0, 4.0, 8.0]) * DEGREE
 BOX = {"S": 16.0, "cbar": 1.5, "b": 11.0}
 
