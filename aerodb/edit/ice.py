@@ -15,7 +15,14 @@ import numpy as np
 import xarray as xr
 
 from aerodb.edit.ice_file import IceDifference, IceFile
-from aerodb.store.grids import add_leaves, regrid_leaf, value_breakpoints
+from aerodb.store.grids import (
+    add_leaves,
+    node_text,
+    regrid_leaf,
+    union_axes,
+    value_breakpoints,
+    with_table,
+)
 from aerodb.store.overview import ORIGIN
 from aerodb.store.schema import terms
 from aerodb.store.undo_history import note_suffix, record_edit, update_absent
@@ -53,8 +60,8 @@ def add_ice(db: xr.DataTree, ice: IceFile, *, note: str = "") -> xr.DataTree:
     UnknownName
         A difference of a term that the database does not have.
     SchemaError
-        The database has ice, a term has no alpha axis for `about`, or a term has too many
-        multipliers or axes; all faults.
+        The database has ice, a term has no alpha axis for `about`, an offset acts where a term is
+        zero by definition, or a term has too many multipliers or axes; all faults.
     """
     leaves = terms(db)
     problems = []
@@ -126,8 +133,31 @@ def _offset_part(clean: xr.Dataset, difference: IceDifference) -> xr.Dataset:
     offset, stderr = difference.filled_offset()
     points = difference.breakpoints()
     leaf = _terms.make_term(offset, points, stderr=stderr, source="estimate")
+    _demand_zeros(clean, leaf)
     factors = {key: clean[key] for key in ("K1", "K2") if key in clean}
     return leaf.assign(factors).assign_attrs(clean.attrs)
+
+
+def _demand_zeros(clean: xr.Dataset, offset: xr.Dataset) -> None:
+    """Raise if an offset acts where the clean term is zero by definition, without its cause."""
+    if "stderr" not in clean:
+        return
+    is_zero = (clean["value"].values == 0.0) & (clean["stderr"].values == 0.0)
+    union = union_axes(clean, offset)
+    zeros = with_table(clean, value_breakpoints(clean), value=is_zero.astype(float))
+    # A node of the union is zero by definition if all surrounding clean nodes are.
+    at_zero = regrid_leaf(zeros, union)["value"].values == 1.0
+    there = regrid_leaf(offset, union)
+    acts = (there["value"].values != 0.0) | (there["stderr"].values != 0.0)
+    if (at_zero & acts).any():
+        node = list(map(int, np.argwhere(at_zero & acts)[0]))
+        raise SchemaError(
+            "ice",
+            [
+                f"the offset acts at {node_text(union, node)}, where the term is zero by definition; "
+                f"give a factor, or an offset over that axis which is zero there"
+            ],
+        )
 
 
 def _bare(

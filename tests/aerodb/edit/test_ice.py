@@ -110,6 +110,21 @@ def test_a_factor_on_the_slope_leaves_the_value_at_its_angle(clean, ice):
         add_ice(clean, ice(HEAD + wrong))
 
 
+def test_an_offset_must_not_act_without_the_cause_of_the_term(clean, ice):
+    delta = np.array([-10.0, 0.0, 10.0]) * DEGREE
+    curve = terms.make_term(-0.1 * delta, {"delta_a": delta}, stderr=0.01 * abs(delta))
+    db = aerodb.replace_terms(clean, {"Cn/aileron": curve})
+    text = '[terms."Cn/aileron"]\noffset = 0.001\noffset_stderr = 0.001\n'
+    with pytest.raises(SchemaError, match="acts at delta_a 0 deg, where the term is zero by"):
+        add_ice(db, ice(HEAD + text))
+    axes = 'axes = { delta_a = ["-10 deg", "0 deg", "10 deg"] }\n'
+    text = text.replace("= 0.001", "= [0.001, 0.0, -0.001]", 1).replace(
+        "err = 0.001", "err = [0.001, 0.0, 0.001]"
+    )
+    iced = add_ice(db, ice(HEAD + text + axes))
+    assert aerodb.terms(iced)["Cn/aileron_ice"]["value"].values.tolist() == [0.001, 0.0, -0.001]
+
+
 def test_a_term_with_two_regressors_has_the_setting_as_a_factor(clean, ice):
     text = '[terms."Cm/twice"]\nfactor = 0.8\nfactor_stderr = 0.1\n'
     iced = add_ice(clean, ice(HEAD + text))
