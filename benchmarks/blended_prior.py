@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +82,23 @@ def derivative(db: xr.DataTree, name: str) -> tuple[float, float] | None:
     return _node(leaf, ALPHA)
 
 
+def print_errors(found: Mapping[str, xr.DataTree]) -> None:
+    """Print how many published values are within two standard errors, and how errors correlate."""
+    errors: dict[str, list[float]] = {label: [] for label in found}
+    for name, published in PUBLISHED.items():
+        pairs = [derivative(db, name) for db in found.values()]
+        if any(pair is None or not np.isfinite(pair[1]) for pair in pairs):
+            continue
+        for label, pair in zip(found, pairs):
+            errors[label].append((pair[0] - published) / pair[1])
+    for label, row in errors.items():
+        within = sum(abs(error) < 2.0 for error in row)
+        print(f"{label}: {within} of {len(row)} within two standard errors")
+    first, second = (np.array(errors[label]) for label in ("DATCOM", "AVL"))
+    correlation = first @ second / np.sqrt((first @ first) * (second @ second))
+    print(f"correlation of the errors of DATCOM and AVL: {correlation:.2f}")
+
+
 def _node(leaf: xr.Dataset, alpha: float, **more: float) -> tuple[float, float]:
     where = {"mach": MACH, "alpha": alpha, **more}
     at = leaf.interp({axis: x for axis, x in where.items() if axis in leaf["value"].dims})
@@ -102,6 +120,7 @@ def main(arguments: list[str]) -> None:
                 text = f"{text} +- {pair[1]:.2g}"
             cells.append(text)
         print(f"| {name} | {published} | {' | '.join(cells)} |")
+    print_errors(found)
 
 
 if __name__ == "__main__":

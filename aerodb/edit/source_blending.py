@@ -14,6 +14,10 @@ Sources of one method are first joined to one, with weights 1/s^2 and the error 
 correlation leaves.  The best weights of strongly correlated sources can be negative, and the result
 outside both of them (Peelle's puzzle); these cannot.
 
+Methods share an error of their own, because all describe one drawing.  The weights are those of
+independent methods; the standard error has the correlation `COMMON_ERROR`, and the chi-square of a
+difference has not, so that neither is taken for smaller than it may be.
+
 The standard error of a node is at least that of its sources node by node, (sum 1/s_k^2)^(-1/2): the
 neighbours of a node would add knowledge only if the shape of the common error were known exactly.
 
@@ -35,7 +39,7 @@ import scipy
 import xarray as xr
 
 from aerodb.edit.blending import UNLIKELY
-from aerodb.edit.prior_sources import SourceTable
+from aerodb.edit.prior_sources import COMMON_ERROR, SourceTable
 from aerodb.edit.source_nodes import (
     SourceNodes,
     mean_of_sources,
@@ -342,6 +346,7 @@ def _solve_nodes(methods: Sequence[_Method], mean: _Nodes) -> tuple[np.ndarray, 
         covariance = scipy.linalg.cho_solve(factor, np.eye(free.size))
         value.flat[free] = covariance @ b
         stderr.flat[free] = np.sqrt(np.diag(covariance))
+        stderr = stderr * _common_growth(variance, speaks)
     return value, np.where(exact, 0.0, np.maximum(stderr, _least_error(variance, speaks)))
 
 
@@ -353,6 +358,7 @@ def _least_error(variance: np.ndarray, speaks: np.ndarray) -> np.ndarray:
     inverse = np.divide(1.0, variance, out=np.zeros_like(variance), where=variance > 0.0) * speaks
     total = inverse.sum(axis=0)
     least = np.sqrt(np.divide(1.0, total, out=np.zeros_like(total), where=total > 0.0))
+    least = least * _common_growth(variance, speaks)
     alone = speaks.sum(axis=0) == 1
     for own_variance, speaks_here in zip(variance, speaks):
         own = np.sqrt(own_variance)
@@ -361,6 +367,18 @@ def _least_error(variance: np.ndarray, speaks: np.ndarray) -> np.ndarray:
             reduction = float((least[shared] / own[shared]).min())
             least = np.where(speaks_here & alone, reduction * own, least)
     return least
+
+
+def _common_growth(variance: np.ndarray, speaks: np.ndarray) -> np.ndarray:
+    """Return the factor on the standard error of each node by the common error of all methods.
+
+    sqrt(sum w_g w_h r_gh s_g s_h / sum w_g^2 s_g^2), with the weights of independent methods.
+    """
+    parts = weights_of(variance, speaks) * np.sqrt(variance)
+    own = (parts**2).sum(axis=0)
+    cross = parts.sum(axis=0) ** 2 - own
+    share = np.divide(cross, own, out=np.zeros_like(own), where=own > 0.0)
+    return np.sqrt(1.0 + COMMON_ERROR["aeroplane"] * np.maximum(share, 0.0))
 
 
 def _reach_sources(

@@ -66,7 +66,9 @@ def test_absolute_errors_of_two_methods_weigh_by_their_variance():
     # constant values and errors: scalar weights 1/s^2, and no node adds to another
     term = blended(table(0.10, stderr=0.02), table(0.16, stderr=0.04))
     assert term.leaf["value"].values == pytest.approx(0.112, rel=1e-9)
-    assert term.leaf["stderr"].values == pytest.approx(np.sqrt(1 / 2500) * np.sqrt(0.8), rel=1e-9)
+    # weights 0.8 and 0.2, and the common error of all methods
+    variance = 0.016**2 + 0.008**2 + 2 * COMMON_ERROR["aeroplane"] * 0.016 * 0.008
+    assert term.leaf["stderr"].values == pytest.approx(np.sqrt(variance), rel=1e-9)
 
 
 def test_a_common_error_is_not_averaged_over_the_nodes():
@@ -87,7 +89,8 @@ def test_two_runs_of_one_program_are_not_independent():
     assert same.leaf["stderr"].values == pytest.approx(0.02 * np.sqrt((1 + rho) / 2), rel=1e-9)
     rho = COMMON_ERROR["method"]
     assert method.leaf["stderr"].values == pytest.approx(0.02 * np.sqrt((1 + rho) / 2), rel=1e-9)
-    assert apart.leaf["stderr"].values == pytest.approx(0.02 / np.sqrt(2), rel=1e-9)
+    rho = COMMON_ERROR["aeroplane"]
+    assert apart.leaf["stderr"].values == pytest.approx(0.02 * np.sqrt((1 + rho) / 2), rel=1e-9)
     assert same.labels == ("AVL 1", "AVL 2")
 
 
