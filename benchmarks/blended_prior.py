@@ -1,5 +1,5 @@
 """Derivatives of the light aircraft from DATCOM, from AVL, from VSPAERO where its output is given, and
-from their blend, beside published values, as a table in Markdown.
+from their blend, next to published values, as a table in Markdown.
 
     python benchmarks/blended_prior.py [c182.stab]
 

@@ -137,7 +137,7 @@ def build_command() -> None:
     a part of a name.
 
     PLACES may also be a-priori databases, such as of `db from-estimate`. Terms of several sources
-    are blended by the covariance of their errors, and what each says is printed and kept in the
+    are blended by the covariance of their errors, and what each states is printed and kept in the
     history. A term that only one source has is taken from it.
     """
 

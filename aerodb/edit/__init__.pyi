@@ -14,8 +14,8 @@ from .ice import add_ice as add_ice
 from .ice_file import IceDifference as IceDifference
 from .ice_file import IceFile as IceFile
 from .ice_file import read_ice as read_ice
-from .prior_blending import PriorBlend as PriorBlend
-from .prior_blending import blend_sources as blend_sources
+from .joined_sources.prior_blending import PriorBlend as PriorBlend
+from .joined_sources.prior_blending import blend_sources as blend_sources
 from .reference_point import move_reference as move_reference
 from .rescaling import rescale as rescale
 from .table_edits import scale as scale

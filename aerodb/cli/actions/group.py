@@ -13,7 +13,7 @@ from typing import Any
 import click
 import xarray as xr
 
-from aerodb.edit.prior_blending import PriorBlend, blend_sources
+from aerodb.edit.joined_sources.prior_blending import PriorBlend, blend_sources
 from aerodb.prior.build import from_datcom
 from aerodb.prior.roles import CaseRole, assign_roles, by_role
 from aerodb.store.files import open as open_database
@@ -176,7 +176,7 @@ def _texts_of(caught: Iterable[warnings.WarningMessage]) -> list[str]:
 
 
 def _source_rows(blend: PriorBlend) -> list[dict[str, Any]]:
-    """Return one row per term: what each source says, what was taken, how well they agree."""
+    """Return one row per term: what each source states, what was taken, how well they agree."""
     return [
         without_missing({"term": str(name), **{str(key): item for key, item in row.items()}})
         for name, row in blend.table.iterrows()
@@ -184,7 +184,7 @@ def _source_rows(blend: PriorBlend) -> list[dict[str, Any]]:
 
 
 def _print_sources(rows: Iterable[Mapping[str, Any]]) -> None:
-    """Print what each source of a term says at the node where they differ most."""
+    """Print what each source of a term states at the node where they differ most."""
     rows = list(rows)
     stderr = " stderr"
     labels = dict.fromkeys(
@@ -192,12 +192,12 @@ def _print_sources(rows: Iterable[Mapping[str, Any]]) -> None:
     )
     cells = []
     for row in rows:
-        said = [
+        stated = [
             f"{row[label]:.4g} +- {row[label + stderr]:.2g}" if label in row else ""
             for label in labels
         ]
         agreement = [f"{row[key]:.3g}" if key in row else "" for key in ("chi2", "probability")]
-        cells.append([row["term"], *said, *agreement, row["where"], row["decision"]])
+        cells.append([row["term"], *stated, *agreement, row["where"], row["decision"]])
     head = ["term", *labels, "chi-square", "probability", "where", "decision"]
     print_table(head, cells, "sources at the node where they differ most", right=head[1:-2])
     click.echo()

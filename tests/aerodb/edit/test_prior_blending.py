@@ -7,10 +7,10 @@ import pytest
 import xarray as xr
 
 import aerodb
-from aerodb.edit.prior_blending import blend_sources
-from aerodb.edit.prior_sources import COMMON_ERROR, collect_tables, label_sources
-from aerodb.edit.source_blending import NODE_ERROR, blend_term
-from aerodb.edit.source_nodes import spread_on_grid
+from aerodb.edit.joined_sources.prior_blending import blend_sources
+from aerodb.edit.joined_sources.prior_sources import COMMON_ERROR, collect_tables, label_sources
+from aerodb.edit.joined_sources.source_blending import NODE_ERROR, blend_term
+from aerodb.edit.joined_sources.source_nodes import spread_on_grid
 from flightmech import terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName

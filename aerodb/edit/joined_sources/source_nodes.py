@@ -1,4 +1,4 @@
-"""What each source of a term says at the nodes of a common grid, and how sure it is.
+"""Numbers of each source of a term at the nodes of a common grid, with their standard errors.
 
 At every node a source has a rank: 0 where it computed a number, or interpolates between computed
 ones; 1 where the number is a judgement of its own (a held value, a deflection beyond that of a
@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
-from aerodb.edit.prior_sources import LINEAR_DEFLECTION, SourceTable
+from aerodb.edit.joined_sources.prior_sources import LINEAR_DEFLECTION, SourceTable
 from aerodb.prior.prior_errors import STMACH
 from aerodb.store.grids import (
     JUDGEMENT,
@@ -202,8 +202,8 @@ def _largest_bends(
             leaf = table.leaf
             if leaf.sizes.get(axis, 0) < 3 or axis not in leaf["value"].dims:
                 continue
-            bent = _bend(leaf, axis)
-            dense = regrid_leaf(with_table(leaf, value_breakpoints(leaf), value=bent), points)
+            curved = _bend(leaf, axis)
+            dense = regrid_leaf(with_table(leaf, value_breakpoints(leaf), value=curved), points)
             largest = np.maximum(largest, dense["value"].values)
         bends[axis] = largest
     return bends

@@ -1,4 +1,4 @@
-"""A-priori database of an aeroplane from several sources, and what each of them says."""
+"""A-priori database of an aeroplane from several sources, and what each of them states."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from aerodb.edit.prior_sources import (
+from aerodb.edit.joined_sources.prior_sources import (
     PriorSource,
     collect_tables,
     label_sources,
     refer_to_aircraft,
 )
-from aerodb.edit.source_blending import BlendedTerm, blend_term
-from aerodb.edit.source_nodes import HELD_ERROR, cover_ranges
+from aerodb.edit.joined_sources.source_blending import BlendedTerm, blend_term
+from aerodb.edit.joined_sources.source_nodes import HELD_ERROR, cover_ranges
 from aerodb.prior.sources import warn_user
 from aerodb.store.grids import is_within, regrid_leaf, union_axes, value_breakpoints
 from aerodb.store.overview import ORIGIN, plain_number
@@ -89,7 +89,7 @@ def blend_sources(
     -------
     PriorBlend
         Terms over the union of the breakpoints.  A term of one source is taken as it is.  The
-        attribute ``origin`` of a term names its sources, its history what each of them says.
+        attribute ``origin`` of a term names its sources, its history what each of them states.
 
     Raises
     ------
@@ -108,8 +108,8 @@ def blend_sources(
 
     Notes
     -----
-    See `aerodb.edit.source_blending` for the equations, and `aerodb.edit.source_nodes` for what a
-    source says between and beyond its nodes.
+    See `aerodb.edit.joined_sources.source_blending` for the equations, and `aerodb.edit.joined_sources.source_nodes` for what a
+    source states between and beyond its nodes.
     """
     if len(databases) < 2:
         raise SchemaError("blend", [f"{len(databases)} source; give two databases or more"])
@@ -271,7 +271,7 @@ def _cover_ranges(leaf: xr.Dataset, cover: Mapping[str, tuple[float, float]]) ->
 
 
 def _leaf_of(name: str, term: BlendedTerm, sources: Sequence[PriorSource]) -> xr.Dataset:
-    """Return the leaf of a term with its sources, and a line on what they say."""
+    """Return the leaf of a term with its sources, and a line on what they state."""
     leaf = term.leaf.assign_attrs({ORIGIN: ", ".join(term.labels)})
     if len(term.labels) == 1:
         return add_history_line(leaf, f"blend_sources: from {term.labels[0]}")
@@ -279,8 +279,8 @@ def _leaf_of(name: str, term: BlendedTerm, sources: Sequence[PriorSource]) -> xr
     for key in _JOINED:
         texts = dict.fromkeys(str(part.attrs.get(key, "")) for part in parts)
         leaf = leaf.assign_attrs({key: "; ".join(filter(None, texts))})
-    said = [f"{label} {_format_pair(pair)}" for label, pair in term.said.items()]
-    line = f"{', '.join(said)} at {term.location}; taken {_format_pair(term.taken)}"
+    stated = [f"{label} {_format_pair(pair)}" for label, pair in term.stated.items()]
+    line = f"{', '.join(stated)} at {term.location}; taken {_format_pair(term.taken)}"
     if term.worst is not None:
         line = (
             f"{line}; chi-square {term.worst.chi2:.4g} of {term.worst.nodes} nodes, probability "
@@ -304,7 +304,7 @@ def _tabulate_terms(
     for name, term in blended.items():
         row: dict[str, object] = {"sources": ", ".join(term.labels), "where": term.location}
         for source in sources:
-            value, stderr = term.said.get(source.label, (float("nan"), float("nan")))
+            value, stderr = term.stated.get(source.label, (float("nan"), float("nan")))
             row |= {source.label: value, f"{source.label} stderr": stderr}
         row["taken"], row["taken stderr"] = term.taken
         worst = term.worst

@@ -5,7 +5,7 @@ independent methods, y_k = H_k g + e_k with cov(e_k) = P_k, by generalised least
 
     g = (sum H_k' P_k^-1 H_k)^-1 sum H_k' P_k^-1 y_k
 
-H_k picks the nodes at which a source speaks (`aerodb.edit.source_nodes`).  P_k is the covariance of
+H_k picks the nodes at which a source speaks (`aerodb.edit.joined_sources.source_nodes`).  P_k is the covariance of
 `aerodb.update.correlation`: most of the error of a method is common to all nodes of a table, so that
 many nodes do not reduce it, and a correction that is found where two sources speak reaches the nodes
 where one of them is silent.  A share `NODE_ERROR` belongs to each node by itself (rounding, fairing).
@@ -39,8 +39,8 @@ import scipy
 import xarray as xr
 
 from aerodb.edit.blending import UNLIKELY
-from aerodb.edit.prior_sources import COMMON_ERROR, SourceTable
-from aerodb.edit.source_nodes import (
+from aerodb.edit.joined_sources.prior_sources import COMMON_ERROR, SourceTable
+from aerodb.edit.joined_sources.source_nodes import (
     SourceNodes,
     mean_of_sources,
     speaking,
@@ -94,14 +94,14 @@ class Disagreement(ShortText):
 
 @dataclass(frozen=True)
 class BlendedTerm(ShortText):
-    """A term after the blend, and what each of its sources says.
+    """A term after the blend, and what each of its sources states.
 
     Attributes
     ----------
     leaf : Dataset
     labels : tuple of str
         Sources of the term.
-    said : dict of str to (float, float)
+    stated : dict of str to (float, float)
         Value and standard error of each source at `location`.
     taken : (float, float)
         Value and standard error after the blend there.
@@ -113,7 +113,7 @@ class BlendedTerm(ShortText):
 
     leaf: xr.Dataset
     labels: tuple[str, ...]
-    said: Mapping[str, tuple[float, float]]
+    stated: Mapping[str, tuple[float, float]]
     taken: tuple[float, float]
     location: str
     worst: Disagreement | None
@@ -135,7 +135,7 @@ def blend_term(
     ----------
     name : str
     tables : sequence of SourceTable
-        From `aerodb.edit.prior_sources.collect_tables`, one or more.
+        From `aerodb.edit.joined_sources.prior_sources.collect_tables`, one or more.
     cover : mapping of str to (float, float)
         Range that an axis of the blended table has at least. [SI]
 
@@ -185,8 +185,10 @@ def blend_term(
     code = _node_sources(spread, speaks, stderr)
     leaf = with_table(template, points, value=value, stderr=stderr, source=code)
     node = _worst_node(spread, speaks)
-    said = {n.table.source.label: _at(n.value, np.sqrt(n.variance), node) for n in spread}
-    return BlendedTerm(leaf, labels, said, _at(value, stderr, node), node_text(points, node), worst)
+    stated = {n.table.source.label: _at(n.value, np.sqrt(n.variance), node) for n in spread}
+    return BlendedTerm(
+        leaf, labels, stated, _at(value, stderr, node), node_text(points, node), worst
+    )
 
 
 def _at(value: np.ndarray, stderr: np.ndarray, node: Sequence[int]) -> tuple[float, float]:
