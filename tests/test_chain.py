@@ -110,7 +110,7 @@ MOST_MODULES = 13  # in one folder
 # Folders at the edge, which only some users need, and what outside the command line may import
 # them: a reader can leave them out and still follow the whole job.
 WINGS = {
-    "aerodb.estimators": [],
+    "aerodb.estimators": ["aeromatch.project.priors"],
     "aerodb.exchange.daveml": ["aeromatch.delivery"],
     "aerodb.exchange.jsbsim": ["aeromatch.delivery"],
     "aerodb.exchange.tables.matlab": ["aeromatch.delivery"],

@@ -234,6 +234,18 @@ def blend_command() -> None:
     """Join terms with those of the database OTHER, each with the weight of its standard errors."""
 
 
+@edit.command("ice")
+@click.argument("ice_file", metavar="ICE", type=_FILE)
+@_note
+@_output
+@click.pass_obj
+@performed_by("aerodb.cli.actions.edit:run_ice")
+def ice_command() -> None:
+    """Add the differences of terms by ice in the file ICE (TOML or CSV), as terms that act with
+    device.ice.setting; the clean terms stay.
+    """
+
+
 @edit.command("delete")
 @click.argument("names", metavar="TERM...", nargs=-1, required=True)
 @_note

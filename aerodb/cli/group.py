@@ -119,17 +119,27 @@ def db() -> None:
     is_flag=True,
     help="Transfer moments by more than 0.1 chord to the reference of the aircraft file.",
 )
+@click.option(
+    "--take",
+    multiple=True,
+    metavar="TERM=SOURCE",
+    help="Take a term from one source in place of a blend: 'Cn/*=AVL'.",
+)
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @json_option
 @performed_by("aerodb.cli.actions.group:run_build")
 def build_command() -> None:
-    """Build a database from the listings of AIRCRAFT (a TOML file).
+    """Build a database from the listings of AIRCRAFT (a TOML file), and from other sources.
 
     PLACES are listings (FILE, FILE:CASE) and folders of listings, such as `datcom run` left: what
     each case is (clean, flaps, elevator, aileron, ground, power ...) is found from its cards and
     headings, and printed. AIRCRAFT may be a folder that holds aircraft.toml and the listings. The
     options give the role instead; one given twice takes several files. CASE is a number, a name or
     a part of a name.
+
+    PLACES may also be a-priori databases, such as of `db from-estimate`. Terms of several sources
+    are blended by the covariance of their errors, and what each states is printed and kept in the
+    history. A term that only one source has is taken from it.
     """
 
 

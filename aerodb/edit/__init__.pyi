@@ -10,6 +10,12 @@ from .ground_effect import factor_table as factor_table
 from .ground_effect import factor_table as factored
 from .ground_effect import in_ground_effect as in_ground_effect
 from .ground_effect import with_height_table as with_height_table
+from .ice import add_ice as add_ice
+from .ice_file import IceDifference as IceDifference
+from .ice_file import IceFile as IceFile
+from .ice_file import read_ice as read_ice
+from .joined_sources.prior_blending import PriorBlend as PriorBlend
+from .joined_sources.prior_blending import blend_sources as blend_sources
 from .reference_point import move_reference as move_reference
 from .rescaling import rescale as rescale
 from .table_edits import scale as scale

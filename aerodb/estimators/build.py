@@ -33,6 +33,7 @@ from aerodb.store.effects import (
     transfer_moments,
     with_added,
 )
+from aerodb.store.overview import ORIGIN
 from aerodb.store.schema import SCHEME, make_database
 from aerodb.update.cautions.notices import note_plausibility
 from flightmech.aircraft.aircraft import Aircraft
@@ -285,7 +286,7 @@ def _make_tree(
     names = sorted(leaves, key=lambda name: (order.get(name, len(order)), name))
     x_ref, y_ref, z_ref = point
     return make_database(
-        {name: leaves[name] for name in names},
+        {name: leaves[name].assign_attrs({ORIGIN: one.program}) for name in names},
         title=f"{aircraft.name}: a-priori database from {one.program}",
         aircraft=aircraft.name,
         S=float(aircraft.S),

@@ -50,6 +50,16 @@ _FEW = 12  # absent terms that are listed one by one
 HEAD = ("term", "axes", "times", "values", "stderr", "source")
 
 
+ORIGIN = "origin"
+"""Attribute of a term: the programs that it comes from a priori, such as ``Digital DATCOM, AVL``."""
+
+
+def list_origins(db: xr.DataTree) -> dict[str, str]:
+    """Return the a-priori sources of the terms that state them, by term."""
+    leaves = terms(db).items()
+    return {name: str(leaf.attrs[ORIGIN]) for name, leaf in leaves if ORIGIN in leaf.attrs}
+
+
 def describe_database(db: xr.DataTree) -> list[dict[str, Any]]:
     """Return one row per term, for a program.
 

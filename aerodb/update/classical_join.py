@@ -65,9 +65,10 @@ from aerodb.update.tabulation_report import (
 from aerodb.update.term_decisions import add_decisions
 from aerodb.update.weight_learning import SCATTER, estimate_mixed, estimate_scatter
 from flightmech import terms as _terms
+from flightmech.aircraft.controls import ICE
 from flightmech.errors import IdentificationError
 
-DEVICES = ("delta_f", "gear", "speedbrake", "h_agl")
+DEVICES = ("delta_f", "gear", "speedbrake", "h_agl", ICE)
 """Variables whose terms are increments on the clean configuration."""
 
 _HISTORY = "join_submodels: joined with {} fits"

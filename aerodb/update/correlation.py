@@ -234,7 +234,7 @@ def covariance_between(
 def _error_products(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     """Return s_i s_j c_ij."""
     v, sd = leaf["value"].values.ravel(), leaf["stderr"].values.ravel()
-    r2, a2 = _fit_error_kinds(v, sd)
+    r2, a2 = fit_error_kinds(v, sd)
     size = np.sqrt(r2 * v**2 + a2)
     size[size == 0.0] = 1.0  # exact nodes: sd is zero as well
     return sd[i] * sd[j] * (r2 * v[i] * v[j] + a2) / (size[i] * size[j])
@@ -247,14 +247,14 @@ def error_kinds(leaf: xr.Dataset) -> np.ndarray:
     two vectors is s_i s_j c_ij.
     """
     v, sd = leaf["value"].values.ravel(), leaf["stderr"].values.ravel()
-    r2, a2 = _fit_error_kinds(v, sd)
+    r2, a2 = fit_error_kinds(v, sd)
     parts = np.stack([np.sqrt(r2) * v, np.full(len(v), np.sqrt(a2))])
     size = np.sqrt((parts**2).sum(axis=0))
     size[size == 0.0] = 1.0
     return sd * parts / size
 
 
-def _fit_error_kinds(v: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
+def fit_error_kinds(v: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
     """Return the variances r^2 and a^2 whose proportion explains the standard errors best."""
     uncertain = sd > 0
     if not uncertain.any():

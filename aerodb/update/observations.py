@@ -16,6 +16,7 @@ import xarray as xr
 from aerodb.store.schema import database_coefficients, terms
 from aerodb.update.posterior import joint_covariance
 from flightmech import terms as _terms
+from flightmech.aircraft.controls import ICE
 from flightmech.errors import SchemaError, UnknownName
 
 _MISSING_VARIABLE = (
@@ -23,7 +24,7 @@ _MISSING_VARIABLE = (
     "in [constants] of the name map"
 )
 # Devices that count as neutral if the record does not have them.
-_NEUTRAL = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")
+_NEUTRAL = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake", ICE)
 _FREE_AIR = 1e4  # height above ground where a fit has no information on the ground [m]
 _NEGLIGIBLE = 1e-6  # variance of an error of a fixed term, relative to its largest
 

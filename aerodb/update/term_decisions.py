@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.store.overview import ORIGIN
 from aerodb.store.schema import terms
 from aerodb.update.posterior import factor_of
 from flightmech import terms as _terms
@@ -72,8 +73,16 @@ def decision_rows(db: xr.DataTree) -> dict[str, tuple[str, str]]:
         elif _has_flight_nodes(leaf):
             rows[name] = "replace", _describe_entry(leaf)
         else:
-            rows[name] = _decide_uninformed(leaf), "no fit informs it"
+            rows[name] = _decide_uninformed(leaf), _describe_uninformed(leaf)
     return rows
+
+
+def _describe_uninformed(leaf: xr.Dataset) -> str:
+    """Return why a term without information from flight is as it is, with its a-priori sources."""
+    origin = str(leaf.attrs.get(ORIGIN, ""))
+    if not origin:
+        return "no fit informs it"
+    return f"no fit informs it; a priori from {origin}"
 
 
 def _has_flight_nodes(leaf: xr.Dataset) -> bool:

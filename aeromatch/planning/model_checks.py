@@ -17,6 +17,7 @@ from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import Project
 from aeromatch.project.sections import EngineSection, GroundEffectSection
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.controls import ICE
 from flightmech.support.kept_stages.stages import Kept, Stages
 from flighttest.regression.combining.published_table import read_published
 from flighttest.regression.equation_error.model import RegressionModel
@@ -28,7 +29,7 @@ from pom.cases.case import PomCase
 from pom.fmu.models import Models
 
 # Quantities with a default if they are not recorded: a device at rest, or free air.
-_WITH_DEFAULT = {"h_agl", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake"}
+_WITH_DEFAULT = {"h_agl", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake", ICE}
 
 
 def own_model(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from aeromatch.project.project import OWN_MODELS, Project
-from aeromatch.workflow.aerodynamics import WAYS
+from aeromatch.workflow.aerodynamics import WAYS, prior_step
 from aeromatch.workflow.steps import COMPARED, FLOWN, REPORT, replay_step
 from flightmech.errors import AeromatchError, SchemaError
 
@@ -68,7 +68,7 @@ def steps_of(project: Project, records: Mapping[str, bool], cases: int, compare:
     identifying = sum(records.values())
     models = 3 + len(project.fmus)
     steps = [
-        f"read {len(project.listings.places())} DATCOM listings, build the a-priori database",
+        prior_step(project),
         f"read and check {len(records)} flight records",
         f"reconstruct {len(records)} paths; {identifying} records determine the constants of "
         f"the instruments",

@@ -168,6 +168,10 @@ def _match_patterns(patterns: tuple[str, ...], folder: ProjectFolder, key: str) 
     return tuple(files)
 
 
+def _match_paths(patterns: Paths, folder: ProjectFolder, key: str) -> tuple[Path, ...]:
+    return _match_patterns(_as_sequence(patterns), folder, key)
+
+
 def _match_flights(patterns: Paths, folder: ProjectFolder, key: str) -> dict[str, Path]:
     if not patterns and not isinstance(patterns, str):
         folder.problems.append(
@@ -200,6 +204,7 @@ InputFile = Annotated[Path, ReadAs(str, _find_file)]
 OptionalFile = Annotated[Path | None, ReadAs(str | None, _find_optional_file)]
 InputFiles = Annotated[tuple[Path, ...], ReadAs(tuple[str, ...], _find_files)]
 MatchedFiles = Annotated[tuple[Path, ...], ReadAs(tuple[str, ...], _match_patterns)]
+PathPatterns = Annotated[tuple[Path, ...], ReadAs(Paths, _match_paths)]
 FlightFiles = Annotated[Mapping[str, Path], ReadAs(Paths, _match_flights)]
 ListingCases = Annotated[tuple[ListingCase, ...], ReadAs(Paths, _find_listings)]
 

@@ -19,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from aerodb.edit.ice_file import read_ice
 from aeromatch.project.devices import DeviceSection
 from aeromatch.project.files import (
     FlightFiles,
@@ -29,6 +30,7 @@ from aeromatch.project.files import (
     OptionalFile,
     ProjectFolder,
 )
+from aeromatch.project.priors import PriorSection
 from aeromatch.project.sections import (
     Controls,
     EngineSection,
@@ -168,6 +170,21 @@ class Project(Strict):
     listings: Listings = Field(
         description="Digital DATCOM listings by role: FILE, FILE:CASE, a pattern, or several."
     )
+    prior: tuple[PriorSection, ...] = Field(
+        default=(),
+        description="Further a-priori sources, blended with the listings by their standard errors.",
+    )
+    take: dict[str, str] = Field(
+        default={},
+        examples=[{"Cn/*": "AVL"}],
+        description="Term or pattern to the one source that it is taken from, in place of a blend.",
+    )
+    ice: OptionalFile = Field(
+        default=None,
+        examples=["ice.toml"],
+        description="Differences of terms by ice, which act in records and cases with "
+        "device.ice.setting.",
+    )
     cases: MatchedFiles = Field(description="Patterns of Proof-of-Match cases.")
     cutoff: Annotated[float, InUnits("Hz")] | None = Field(
         default=None, description="Low-pass before coefficients are formed; none without it."
@@ -296,6 +313,12 @@ class Project(Strict):
 
     def _name_problems(self) -> list[str]:
         problems: list[str] = []
+        for number, section in enumerate(self.prior):
+            problems += section.problems(f"prior.{number}")
+        if self.take and not self.prior:
+            problems.append("take: chooses among several sources; give [[prior]] tables")
+        if self.ice is not None and self.ice.is_file():
+            problems += find_faults("ice", read_ice, self.ice)
         for source in self.errors:
             if source not in ERRORS:
                 problems.append(f"errors: {UnknownName(source, ERRORS, 'source of error')}")

@@ -1,4 +1,4 @@
-"""Single steps from the DATCOM listings of a project to its database after flight."""
+"""Single steps from the a-priori database of a project to its database after flight."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ import aerodb
 import flightmech
 import flighttest
 from aerodb.update.tabulation_report import make_empty_tabulation
+from aeromatch.project.priors import PriorSection
 from aeromatch.project.project import Project
 from aeromatch.workflow.submodels import Submodels, with_engine
 from aeromatch.workflow.windows import IdentificationWindows, raise_problems, records_of
 from datcom_io.reading.reader import read_place
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchWarning, UnknownName
+from flightmech.support.console import count_text
 from flighttest.regression.combining.joined_fits import coloured_covariance, table_samples
 from flighttest.regression.combining.published_table import read_published
 from flighttest.submodels.control_loading.hinge_terms import replace_hinge_moments
@@ -33,14 +35,53 @@ _NO_FIT = (
 
 
 def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
-    """Return the database of the project's DATCOM listings."""
+    """Return the a-priori database of a project.
+
+    It is that of the DATCOM listings, blended with the sources of ``[[prior]]``, with the
+    differences by ice.
+    """
+    clean = _clean_prior(project, aircraft)
+    if project.ice is None:
+        return clean
+    return aerodb.edit.add_ice(clean, aerodb.edit.read_ice(project.ice))
+
+
+def _clean_prior(project: Project, aircraft: Aircraft) -> xr.DataTree:
+    """Return the a-priori database without ice."""
     listings: dict[str, Any] = {}
     for role, places in project.listings.by_role.items():
         listings[role] = [read_place(listing) for listing in places]
     statements: dict[str, Any] = project.listings.statements
-    return aerodb.from_datcom(
+    datcom = aerodb.from_datcom(
         aircraft, altitude=project.listings.altitude, **listings, **statements
     )
+    if not project.prior:
+        return datcom
+    others = [_open_source(section, aircraft) for section in project.prior]
+    blend = aerodb.edit.blend_sources(
+        [datcom, *others],
+        aircraft,
+        take=project.take,
+        methods=["", *(section.method for section in project.prior)],
+        move_reference=any(section.move_reference for section in project.prior),
+    )
+    return blend.database
+
+
+def _open_source(section: PriorSection, aircraft: Aircraft) -> xr.DataTree:
+    """Return the database of one source."""
+    if section.is_database:
+        return aerodb.open(section.files[0])
+    return aerodb.from_estimate(aircraft, section.files, **section.options())
+
+
+def prior_step(project: Project) -> str:
+    """Return the name of the step that builds the a-priori database."""
+    text = f"read {len(project.listings.places())} DATCOM listings"
+    if not project.prior:
+        return f"{text}, build the a-priori database"
+    sources = count_text(len(project.prior), "further source")
+    return f"{text} and {sources}, blend the a-priori database"
 
 
 def add_missing_terms(project: Project, prior: xr.DataTree) -> xr.DataTree:

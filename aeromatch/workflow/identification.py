@@ -12,7 +12,12 @@ import xarray as xr
 import flightmech
 import pom
 from aeromatch.project.project import Project
-from aeromatch.workflow.aerodynamics import WAYS, before_flight, identifying_records
+from aeromatch.workflow.aerodynamics import (
+    WAYS,
+    before_flight,
+    identifying_records,
+    prior_step,
+)
 from aeromatch.workflow.identified import (
     Identified,
     check_identified_records,
@@ -67,8 +72,7 @@ def run_identification(
     apriori: Kept[Any] = stages.given(before_flight(project, aircraft))
     cases = [pom.read_case(file) for file in project.cases]
     result = Identified(project, custody, cases, records_of(project, cases))
-    count = len(project.listings.places())
-    with step(f"read {count} DATCOM listings, build the a-priori database"):
+    with step(prior_step(project)):
         datcom, start = databases_before(project, aircraft, custody, stages)
     unidentified = stages.given(aircraft)
     _reconstruct(result, unidentified, jobs, step=step, stages=stages)

@@ -13,6 +13,7 @@ import xarray as xr
 
 import flighttest
 import pom
+from aeromatch.project.priors import PriorSection
 from aeromatch.project.project import Project
 from aeromatch.workflow.aerodynamics import (
     a_priori,
@@ -129,6 +130,9 @@ def databases_before(
 ) -> tuple[Kept[xr.DataTree], Kept[xr.DataTree]]:
     """Return the a-priori database of the listings, and the database with the missing terms."""
     files = [listing.file for listing in project.listings.places()]
+    for section in project.prior:
+        files += section.all_files
+    files += [file for file in (project.ice,) if file]
 
     def make() -> xr.DataTree:
         datcom = a_priori(project, aircraft)
@@ -142,18 +146,29 @@ def databases_before(
         for listing_case in places:
             content = FileContent(listing_case.file, custody.sha256(listing_case.file))
             listings[role].append((content, listing_case.case))
-    inputs = {
+    inputs: dict[str, Any] = {
         "aircraft": aircraft,
         "listings": listings,
         "altitude": project.listings.altitude,
         "stated": project.listings.statements,
     }
+    if project.prior:
+        inputs["prior"] = [_prior_inputs(section, custody) for section in project.prior]
+        inputs["take"] = project.take
+    if project.ice is not None:
+        inputs["ice"] = FileContent(project.ice, custody.sha256(project.ice))
     datcom = stages.one("a-priori database", inputs, make)
     term_inputs = {"database": datcom, "terms": project.terms, "held": project.held}
     opened = stages.one(
         "opened database", term_inputs, lambda: add_missing_terms(project, datcom.value)
     )
     return datcom, opened
+
+
+def _prior_inputs(section: PriorSection, custody: pom.archive.Custody) -> dict[str, Any]:
+    """Return what the database of a further source depends on."""
+    contents = [FileContent(file, custody.sha256(file)) for file in section.all_files]
+    return {"files": contents, **section.settings()}
 
 
 def _record_files(project: Project, name: str) -> list[Path]:

@@ -93,9 +93,11 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     files += [file for file in (project.apriori, project.names) if file]
     # Several roles may use cases of one listing.
     files += dict.fromkeys(listing.file for listing in project.listings.places())
+    for section in project.prior:
+        files += section.all_files
     files += [project.flights[name] for name in names]
     files += [*project.cases, *project.tables.values()]
-    files += [file for file in (project.manoeuvres,) if file]
+    files += [file for file in (project.manoeuvres, project.ice) if file]
     for device in project.devices.values():
         files += device.files
     return [*files, *project.published]

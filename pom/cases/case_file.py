@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field, StrictBool, field_validator
 
+from flightmech.aircraft.controls import DEVICE
 from flightmech.aircraft.facts import FactsTable
 from flightmech.names import VOCABULARY, lookup
 from flightmech.support.toml_models import Strict, file_schema, part_schema
@@ -350,6 +351,11 @@ def case_schema() -> dict[str, Any]:
     case["show"]["items"]["examples"] = sorted(VOCABULARY)
     top = schema["properties"]
     _restrict_keys(top["conditions"], {name: _condition_schema(name) for name in CONDITIONS})
+    # Further controls of the tables, such as device.ice.setting.
+    top["conditions"]["patternProperties"] = {
+        rf"^{re.escape(DEVICE)}\w+\.{kind}$": _condition_schema(kind)
+        for kind in ("deflection", "setting")
+    }
     event = {"type": "number", "description": "[s] on the clock of the record", "examples": [12.5]}
     _restrict_keys(top["events"], {name: dict(event) for name in sorted(rows.window_events())})
     top["tolerance"]["additionalProperties"] = {

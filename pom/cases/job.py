@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.controls import DEVICE
+from flightmech.aircraft.controls import DEVICE, ICE
 from flightmech.errors import OutOfRange, UnknownName
 from flightmech.units import DEGREE
 from pom.cases.case import PRIMARY, PomCase
@@ -190,7 +190,9 @@ def _recorded_inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]
     """Return the inputs of the models: controls, wind, devices and engines. [SI]"""
     count, primary = states.sizes["time"], PRIMARY[case.drive.level]
     piloted = {loop.control for loop in case.drive.pilot}
-    devices = sorted(str(name) for name in states.data_vars if str(name).startswith(DEVICE))
+    # A device is recorded, or held by the case.
+    known = {str(name) for name in (*states.data_vars, *case.conditions)}
+    devices = sorted(name for name in known if name.startswith(DEVICE))
     names = [*primary, *(name for name in INPUTS if name not in primary)]
     if case.wind != "none":
         names += WIND
@@ -337,7 +339,7 @@ def initial_configuration(case: PomCase, job: ReplayJob) -> Mapping[str, float]:
     for parameter, value in job.parameters.items():
         name = parameter.removeprefix("init.").removeprefix("mass.").removeprefix("env.")
         conditions[name] = value
-    for name in ("delta_f", "gear", "speedbrake", *WIND):
+    for name in ("delta_f", "gear", "speedbrake", ICE, *WIND):
         if name in job.inputs:
             conditions[name] = float(job.inputs[name][0])
     # switches and the data of the trim are not conditions of the flight

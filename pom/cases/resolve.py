@@ -15,8 +15,9 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import is_quantity, lookup
 from flightmech.units import parse_quantity
 from pom.cases.case_file import CONDITIONS, FORCES, CaseFile
 from pom.tolerances import rows as table
@@ -150,8 +151,10 @@ def resolve_quantities(
 
 
 def resolve_conditions(entries: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
-    """Return ``[conditions]`` in SI."""
+    """Return ``[conditions]`` in SI; further controls of the tables are allowed, too."""
     units = {name: lookup(name).units for name in CONDITIONS}
+    devices = [name for name in entries if name.startswith(DEVICE) and is_quantity(name)]
+    units |= {name: lookup(name).units for name in devices}
     return resolve_quantities(
         "conditions", entries, units=units, what="condition", problems=problems
     )

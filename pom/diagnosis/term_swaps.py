@@ -10,11 +10,12 @@ import numpy as np
 import xarray as xr
 
 import aerodb
+from flightmech.aircraft.controls import ICE
 from flightmech.errors import UnknownName
 
 # Variables of a configuration or a control. Terms with one of them among their axes or regressors
 # form a group.
-_VARIABLES = ("delta_f", "gear", "speedbrake", "h_agl", "delta_e", "delta_a", "delta_r")
+_VARIABLES = ("delta_f", "gear", "speedbrake", ICE, "h_agl", "delta_e", "delta_a", "delta_r")
 _SUBMODEL_OF_PART = {
     "engine": "engine",
     "gear": "landing gear",

@@ -422,3 +422,59 @@ def test_a_copy_with_changes_takes_only_keys_of_the_file(write):
     assert (project.unplaced, other.unplaced, other.file) == ("raise", "warn", project.file)
     with pytest.raises(TypeError, match="fits: not a key of a project file"):
         project.with_changes(fits=())
+
+
+PRIOR = """
+[[prior]]
+files = "avl/*.st"
+length_unit = "ft"
+controls = { rudder = "-delta_r" }
+"""
+
+
+def with_priors(write, text, files=("avl/a0.st", "avl/a4.st", "tunnel.nc", "map.toml")):
+    """Return a project file with further a-priori sources."""
+    path = write(("[terms", f"{text}\n[terms"))
+    for name in files:
+        file = path.parent / name
+        file.parent.mkdir(exist_ok=True)
+        file.touch()
+    return path
+
+
+def test_a_prior_names_its_files_and_what_they_do_not_state(write):
+    project = read_project(with_priors(write, PRIOR))
+    (section,) = project.prior
+    assert [file.name for file in section.files] == ["a0.st", "a4.st"]
+    assert section.options()["length_unit"] == pytest.approx(0.3048)
+    assert section.options()["reference"] is None
+    # the files are inputs of the report
+    assert set(section.files) <= set(inputs_of(project, []))
+    known = PRIOR + 'S = "174 ft2"\ncbar = 1.5\nb = 11.0\nx_ref = 2.3\n'
+    (section,) = read_project(with_priors(write, known)).prior
+    area = section.options()["reference"].S
+    assert area == pytest.approx(16.165, abs=1e-3)
+
+
+def test_faults_of_a_prior_are_listed(write):
+    wrong = PRIOR.replace('"ft"', '"furlong"').replace("controls", "S = 16.0\ncontrols")
+    found = problems(with_priors(write, wrong))
+    assert found[0] == "prior.0: cbar, b, x_ref missing; S, cbar, b, x_ref go together"
+    assert found[1].startswith("prior.0.length_unit: ")
+    database = '[[prior]]\nfiles = ["tunnel.nc"]\nmach = 0.2\n'
+    assert problems(with_priors(write, database)) == [
+        "prior.0: mach with a database, which states it; leave it out"
+    ]
+    absent = problems(write(("[terms", "[[prior]]\nfiles = 'none/*.st'\n[terms")))
+    assert absent[0].startswith("files: no file matches 'none/*.st'")
+    alone = problems(write(('cutoff = "4 Hz"', 'take = { "Cn/*" = "AVL" }')))
+    assert alone == ["take: chooses among several sources; give [[prior]] tables"]
+
+
+def test_a_faulty_file_of_ice_is_a_problem_of_the_project(write):
+    path = with_priors(write, "", files=("ice.toml",))
+    text = path.read_text().replace('cutoff = "4 Hz"', 'ice = "ice.toml"')
+    path.write_text(text)
+    found = problems(path)
+    assert {line.partition(":")[0] for line in found} == {"ice"}
+    assert any("title" in line for line in found)

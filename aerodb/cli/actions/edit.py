@@ -12,6 +12,8 @@ from aerodb.edit.blending import blend as blended
 from aerodb.edit.blending import consistency
 from aerodb.edit.breakpoint_edits import extend as extended
 from aerodb.edit.breakpoint_edits import regrid as regridded
+from aerodb.edit.ice import add_ice
+from aerodb.edit.ice_file import read_ice
 from aerodb.edit.reference_point import move_reference as moved
 from aerodb.edit.table_edits import scale as scaled
 from aerodb.edit.table_edits import set_nodes as with_nodes
@@ -147,6 +149,12 @@ def run_blend(
     ]
     head = ("term", "nodes", "chi-square", "probability", "worst in std. errors", "where")
     print_table(head, rows, title="how well they agree", right=head[1:5])
+
+
+def run_ice(file: str, ice_file: str, note: str, output: str) -> None:
+    """Perform the command ``ice``."""
+    ice = read_ice(ice_file)
+    _write(file, output, lambda db: add_ice(db, ice, note=note))
 
 
 def run_delete(file: str, names: tuple[str, ...], note: str, output: str) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import click
 import xarray as xr
 
+from aerodb.edit.joined_sources.prior_blending import PriorBlend, blend_sources
 from aerodb.prior.build import from_datcom
 from aerodb.prior.roles import CaseRole, assign_roles, by_role
 from aerodb.store.files import open as open_database
@@ -31,6 +32,7 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
+from flightmech.support.hdf5_seal import SIGNATURE
 from flightmech.units import parse_quantity
 
 
@@ -87,13 +89,16 @@ def run_build(
     powered: bool,
     tailless: bool,
     move_reference: bool,
+    take: tuple[str, ...],
     output: str,
     as_json: bool,
     **listings: tuple[ListingCase, ...],
 ) -> None:
     """Perform the command ``build``."""
-    file, folders = aircraft_and_places(aircraft, places)
+    file, found_places = aircraft_and_places(aircraft, places)
     craft = read_aircraft(file)
+    others = [open_database(place) for place in found_places if _is_database(place)]
+    folders = [place for place in found_places if not _is_database(place)]
     given: dict[str, Any] = {
         role: [read_place(place) for place in found] for role, found in listings.items() if found
     }
@@ -110,23 +115,92 @@ def run_build(
     }
     if altitude is not None:
         options["altitude"] = parse_quantity(altitude, "m")
-    tree, messages = _build(craft, given, options)
+    choices = _read_choices(take, len(others))
+    databases, messages = others, list[str]()
+    if given or not others:
+        tree, messages = _build(craft, given, options)
+        databases = [tree, *others]
+    rows_of_sources: list[dict[str, Any]] = []
+    if others:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", AeromatchWarning)
+            blend = blend_sources(databases, craft, take=choices, move_reference=move_reference)
+        messages += _texts_of(caught)
+        tree, rows_of_sources = blend.database, _source_rows(blend)
     save(tree, output)
     for text in messages:
         print_remark(f"warning: {text}")
     if as_json:
-        print_json(
-            {
-                "file": output,
-                "attributes": tree.attrs,
-                "terms": describe_database(tree),
-                "roles": rows,
-                "warnings": messages,
-            }
-        )
-    else:
-        click.echo(summary(tree))
-        click.echo(f"\nwritten: {output}")
+        content: dict[str, Any] = {
+            "file": output,
+            "attributes": tree.attrs,
+            "terms": describe_database(tree),
+            "roles": rows,
+            "warnings": messages,
+        }
+        if others:
+            content["sources"] = rows_of_sources
+        print_json(content)
+        return
+    if others:
+        _print_sources(rows_of_sources)
+    click.echo(summary(tree))
+    click.echo(f"\nwritten: {output}")
+
+
+def _is_database(place: str) -> bool:
+    """Return whether a place is a file of netCDF-4, by its first bytes."""
+    try:
+        with open(place, "rb") as file:
+            return file.read(len(SIGNATURE)) == SIGNATURE
+    except OSError:
+        return False
+
+
+def _read_choices(take: Iterable[str], others: int) -> dict[str, str]:
+    """Return the source of every term that ``--take`` names."""
+    choices = {}
+    for text in take:
+        term, equals, label = text.partition("=")
+        if not equals or not term.strip() or not label.strip():
+            raise click.UsageError(f"--take {text!r}: expected TERM=SOURCE such as 'Cn/*=AVL'")
+        choices[term.strip()] = label.strip()
+    if choices and not others:
+        raise click.UsageError("--take chooses among several sources; give databases as PLACES")
+    return choices
+
+
+def _texts_of(caught: Iterable[warnings.WarningMessage]) -> list[str]:
+    """Return the texts of the warnings of the package."""
+    return [str(item.message) for item in caught if issubclass(item.category, AeromatchWarning)]
+
+
+def _source_rows(blend: PriorBlend) -> list[dict[str, Any]]:
+    """Return one row per term: what each source states, what was taken, how well they agree."""
+    return [
+        without_missing({"term": str(name), **{str(key): item for key, item in row.items()}})
+        for name, row in blend.table.iterrows()
+    ]
+
+
+def _print_sources(rows: Iterable[Mapping[str, Any]]) -> None:
+    """Print what each source of a term states at the node where they differ most."""
+    rows = list(rows)
+    stderr = " stderr"
+    labels = dict.fromkeys(
+        key.removesuffix(stderr) for row in rows for key in row if key.endswith(stderr)
+    )
+    cells = []
+    for row in rows:
+        stated = [
+            f"{row[label]:.4g} +- {row[label + stderr]:.2g}" if label in row else ""
+            for label in labels
+        ]
+        agreement = [f"{row[key]:.3g}" if key in row else "" for key in ("chi2", "probability")]
+        cells.append([row["term"], *stated, *agreement, row["where"], row["decision"]])
+    head = ["term", *labels, "chi-square", "probability", "where", "decision"]
+    print_table(head, cells, "sources at the node where they differ most", right=head[1:-2])
+    click.echo()
 
 
 def _build(
@@ -145,11 +219,7 @@ def _build(
     ):
         warnings.simplefilter("always", AeromatchWarning)
         tree = from_datcom(craft, **options, **cases)
-    messages = []
-    for warning in caught:
-        if issubclass(warning.category, AeromatchWarning):
-            messages.append(str(warning.message))
-    return tree, messages
+    return tree, _texts_of(caught)
 
 
 def run_decisions(file: str, as_json: bool) -> None:

@@ -22,6 +22,7 @@ GAP = 3.0
 _CONTROLS = (
     *("delta_", "throttle", "pla", "gear", "speedbrake", "brake"),
     *("column", "wheel", "pedal", "F_", "wow_"),
+    "setting",  # of a device
 )
 
 

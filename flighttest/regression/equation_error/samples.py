@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import xarray as xr
 
+from flightmech.aircraft.controls import ICE
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.names import REDUCED_RATES
 from flighttest.regression.equation_error.model import RegressionModel
@@ -18,7 +19,7 @@ _AIR_DATA = ("alpha", "beta", "mach", "V", "qbar", "h", "h_agl")
 _RATES = ("p", "q", "r", *REDUCED_RATES)
 _LOADS = ("phi", "nz", "dnz", "CL", "CT")
 _SURFACES = ("delta_e", "delta_a", "delta_r", "delta_f", "delta_t", "delta_ta", "delta_tr")
-_TABLE_VARIABLES = (*_AIR_DATA, *_RATES, *_LOADS, *_SURFACES, "gear", "speedbrake")
+_TABLE_VARIABLES = (*_AIR_DATA, *_RATES, *_LOADS, *_SURFACES, "gear", "speedbrake", ICE)
 _GAP = 1.5  # sampling intervals between two samples from which on there is a gap
 
 Response = Callable[[Mapping[str, np.ndarray]], np.ndarray]

@@ -31,6 +31,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from flightmech.aircraft.controls import ICE
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.parameter_constraints import ParameterElimination
 from flighttest.regression.equation_error import least_squares
@@ -51,7 +52,7 @@ from flighttest.regression.uncertainty.coloured_residuals import coloured_covari
 
 WEAK = 10.0  # F of the first stage below which instruments are weak [Staiger1997]
 # variables that the crew sets, or that hardly have noise: they are their own instruments
-EXACT = ("gear", "speedbrake", "mach", "h", "h_agl", "CT")
+EXACT = ("gear", "speedbrake", ICE, "mach", "h", "h_agl", "CT")
 _TOO_NONLINEAR = 3  # power of a term whose mean the noise changes together with a slope
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import pandas as pd
 import xarray as xr
 
+from aerodb.store.overview import list_origins
 from pom.diagnosis.culprits.ranking import order_corrections, rank_culprits
 from pom.diagnosis.culprits.sentences import describe_culprits
 from pom.diagnosis.kept_diagnosis import LateBench
@@ -33,15 +34,18 @@ class ProjectRanking:
         Of `rank_culprits`.
     corrections : DataFrame
         Of `order_corrections`.
+    origins : mapping of str to str
+        A-priori sources of the terms, for a database of several sources.
     """
 
     culprits: pd.DataFrame
     corrections: pd.DataFrame
+    origins: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def sentences(self) -> list[str]:
         """What the ranking states about the a-priori model."""
-        return describe_culprits(self.culprits, self.corrections)
+        return describe_culprits(self.culprits, self.corrections, self.origins)
 
     def rows(self) -> list[tuple[str, ...]]:
         """Return the a-priori model, the corrected terms and the final model, as `COLUMNS`."""
@@ -76,4 +80,5 @@ def rank_project(
         As in `rank_culprits`.
     """
     culprits = rank_culprits(benches, evidence, jobs)
-    return ProjectRanking(culprits, order_corrections(benches, culprits))
+    origins = list_origins(evidence) if evidence is not None else {}
+    return ProjectRanking(culprits, order_corrections(benches, culprits), origins)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import pandas as pd
@@ -15,7 +16,11 @@ from pom.judging.beyond_the_bands import FAR
 FIRST = 3  # terms that the sentence names
 
 
-def describe_culprits(ranked: pd.DataFrame, corrections: pd.DataFrame) -> list[str]:
+def describe_culprits(
+    ranked: pd.DataFrame,
+    corrections: pd.DataFrame,
+    origins: Mapping[str, str] = MappingProxyType({}),
+) -> list[str]:
     """Return what the joint ranking states about the a-priori model.
 
     Parameters
@@ -24,6 +29,8 @@ def describe_culprits(ranked: pd.DataFrame, corrections: pd.DataFrame) -> list[s
         Of `rank_culprits`.
     corrections : DataFrame
         Of `order_corrections`.
+    origins : mapping of str to str
+        A-priori sources by term.
     """
     rows = corrections.to_dict("records")
     if not rows or not rows[0]["cases"]:
@@ -37,7 +44,8 @@ def describe_culprits(ranked: pd.DataFrame, corrections: pd.DataFrame) -> list[s
     named = [str(row["term"]) for row in steps]
     near = list(ranked.loc[ranked["term"].isin(named) & (ranked["distance"] < FAR), "term"])
     refuted = [name for name in named if name not in near][:FIRST]
-    first = f"Over all cases the a-priori model is most likely wrong in {', '.join(refuted)}."
+    wrong = [_with_origin(name, origins) for name in refuted]
+    first = f"Over all cases the a-priori model is most likely wrong in {', '.join(wrong)}."
     if not refuted:
         first = "Over all cases the evidence refutes none of the terms that the flights feel."
     sentences = [
@@ -64,6 +72,13 @@ def describe_culprits(ranked: pd.DataFrame, corrections: pd.DataFrame) -> list[s
             "takes it as right."
         )
     return sentences
+
+
+def _with_origin(name: str, origins: Mapping[str, str]) -> str:
+    """Return a term with its a-priori sources, if they are known."""
+    if name not in origins:
+        return name
+    return f"{name} (a priori from {origins[name]})"
 
 
 def _describe_worse_step(before: Mapping[Hashable, Any], row: Mapping[Hashable, Any]) -> str:

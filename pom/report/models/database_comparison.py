@@ -13,6 +13,7 @@ import pandas as pd
 import xarray as xr
 
 import aerodb
+from aerodb.store.overview import ORIGIN
 from flightmech import terms
 from flightmech.names import COEFFICIENTS
 from flightmech.support.figures import make_svg_figure
@@ -236,6 +237,8 @@ def _leaf_facts(leaf: xr.Dataset) -> dict[str, str]:
         pairs = zip(terms.SOURCES, count, strict=True)
         source = ", ".join(f"{number} {name}" for name, number in pairs if number)
         node_count = f"{count[FLIGHT]} of {count.sum()}"
+    if ORIGIN in leaf.attrs:
+        source = f"{source}; a priori from {leaf.attrs[ORIGIN]}"
     facts = {
         "shape": shape or "scalar",
         "flown": node_count,

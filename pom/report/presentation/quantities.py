@@ -15,6 +15,7 @@ import numpy as np
 from markupsafe import Markup
 
 from flightmech import units
+from flightmech.aircraft.controls import ICE
 from flightmech.errors import UnknownName
 from flightmech.names import GREEK, SIGNS, lookup
 from flightmech.support.figures import MINUS
@@ -97,6 +98,7 @@ _SHORT = {
     "wind_n": "wind, velocity north",
     "wind_e": "wind, velocity east",
     "wind_d": "wind, velocity down",
+    ICE: "ice, 0 clean, 1 the ice of the database",
 }
 # Quantities with two end positions, and the words of 0 and 1.
 _ENDS = {"gear": ("up", "down"), "speedbrake": ("in", "out")}

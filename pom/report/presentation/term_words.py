@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from flightmech.aircraft.controls import ICE
+
 # Adjective of each coefficient.
 _COEFFICIENTS = {
     "CL": "lift",
@@ -39,6 +41,7 @@ _CONDITIONS = {
     "gear": "with gear down",
     "ground": "in ground effect",
     "speedbrake": "with speed-brakes",
+    "ice": "with ice",
     "beta": "in sideslip",
 }
 # Variable of a group of terms such as ``*(gear)``.
@@ -46,6 +49,7 @@ _VARIABLES = {
     "delta_f": "flap extension",
     "gear": "gear extension",
     "speedbrake": "speed-brake extension",
+    ICE: "ice",
     "h_agl": "ground effect",
     "delta_e": "elevator deflection",
     "delta_a": "aileron deflection",
@@ -102,6 +106,8 @@ def _contribution_words(coefficient: str, name: str) -> str:
         return f"all {coefficient} terms"
     if name == "basic":
         return f"basic {coefficient.replace('-', ' ')}"
+    if name == "basic_ice":
+        return f"change of basic {coefficient.replace('-', ' ')} by ice"
     if name == "flap_slope":
         return f"change of {coefficient} slope due to flap extension"
     # Some causes have an underscore, such as load_factor.

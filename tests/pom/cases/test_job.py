@@ -202,3 +202,11 @@ def test_controls_that_only_the_tables_know_are_driven_as_recorded(write_case, t
     assert (
         "device.body_flap.deflection" in found.needed_inputs
     )  # a model without it cannot fly the case
+
+
+def test_a_case_holds_a_control_that_only_the_tables_know(write_case, tmp_path, rolling):
+    held = '\n\n[conditions]\n"device.ice.setting" = 1.0\n'
+    found = job(write_case, tmp_path, rolling, 'engine = "thrust"' + held)
+    assert set(found.inputs["device.ice.setting"]) == {1.0}
+    # a model without ice cannot fly the case
+    assert "device.ice.setting" in found.needed_inputs

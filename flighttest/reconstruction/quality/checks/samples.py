@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from flightmech.aircraft.controls import ICE
 from flightmech.names import lookup
 from flightmech.support.arrays import true_runs
 from flighttest.reconstruction.quality.checks.signals import unwrap_angle
@@ -267,7 +268,8 @@ def _white_noise(x: np.ndarray, name: str) -> float:
 
 
 def _stuck_finding(row) -> list[Finding]:
-    if row.channel.rpartition(".")[2].startswith(_DEVICES):
+    # A whole flight may be clean or iced.
+    if row.channel == ICE or row.channel.rpartition(".")[2].startswith(_DEVICES):
         return []
     text = f"{row.channel} never changes from {row.minimum:.6g} {row.units}"
     remedy = "check sensor, wiring and column; leave the channel out of the name map if it is dead"

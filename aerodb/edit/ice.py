@@ -1,0 +1,186 @@
+"""Ice as a difference of terms, which acts with the setting of the ice.
+
+With the clean table P of a term, factor k, offset d and setting eta (0 clean, 1 the ice of the file),
+
+    P_iced = P + eta [(k - 1) (P - P_0) + d],    P_0 = P(about), zero without `about`
+
+The bracket becomes a term of its own, ``Cm/elevator_ice``, with `ICE` among its multipliers.  The
+clean terms do not change, so that a flight with eta = 0 is that of the clean database.  Such a term
+has a standard error, is estimated from flight, exchanged and proven as every other one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from aerodb.edit.ice_file import IceDifference, IceFile
+from aerodb.store.grids import (
+    add_leaves,
+    node_text,
+    regrid_leaf,
+    union_axes,
+    value_breakpoints,
+    with_table,
+)
+from aerodb.store.overview import ORIGIN
+from aerodb.store.schema import terms
+from aerodb.store.undo_history import note_suffix, record_edit, update_absent
+from aerodb.update.cautions.notices import with_notices
+from flightmech import terms as _terms
+from flightmech.aircraft.controls import ICE
+from flightmech.errors import SchemaError, UnknownName
+
+SUFFIX = "_ice"
+# Attributes of a clean term that its difference keeps: how its table contributes.
+_RULES = ("regressors", "outside", "power", "exponent", "floor")
+
+
+def add_ice(db: xr.DataTree, ice: IceFile, *, note: str = "") -> xr.DataTree:
+    """Return a database with the differences of its terms by ice.
+
+    Parameters
+    ----------
+    db : DataTree
+        The clean database; it does not change.
+    ice : IceFile
+        Differences by term, from `read_ice`.
+    note : str, optional
+        Reason for the change; stored in the history.
+
+    Returns
+    -------
+    DataTree
+        With a term ``..._ice`` for each difference.  Its standard error is
+        hypot(s_k |P - P_0|, |k - 1| s_P, s_d); its nodes have the source ``estimate``.  Its notice
+        states the ice, its document, and the conditions for which it is valid.
+
+    Raises
+    ------
+    UnknownName
+        A difference of a term that the database does not have.
+    SchemaError
+        The database has ice, a term has no alpha axis for `about`, an offset acts where a term is
+        zero by definition, or a term has too many multipliers or axes; all faults.
+    """
+    leaves = terms(db)
+    problems = []
+    present = [name for name in leaves if name.endswith(SUFFIX)]
+    if present:
+        problems.append(
+            f"{', '.join(present[:3])}: the database has ice already; give the clean database"
+        )
+    new: dict[str, xr.Dataset] = {}
+    for name, difference in ice.terms.items():
+        if name not in leaves:
+            raise UnknownName(name, leaves, "term", f"ice: {ice.title}")
+        try:
+            new[name + SUFFIX] = _difference_leaf(leaves[name], difference, ice)
+        except SchemaError as error:
+            problems += [f"{name}: {fault}" for fault in error.problems]
+    if problems:
+        raise SchemaError("ice", problems)
+    notice = (
+        f"ice: {', '.join(new)} hold a difference by ice ({ice.title}; {ice.reference}), which acts "
+        f"with {ICE}; valid for {ice.valid}"
+    )
+    summary = f"{', '.join(new)}: {ice.title}; {ice.reference}; valid for {ice.valid}"
+    line = f"ice: {ice.title}{note_suffix(note)}"
+    leaves |= {name: leaf.assign_attrs(history=line) for name, leaf in new.items()}
+    attributes = {**update_absent(db, without=new), **with_notices(db.attrs, [notice])}
+    return record_edit(db, leaves, "ice", summary=summary, note=note, attributes=attributes)
+
+
+def _difference_leaf(clean: xr.Dataset, difference: IceDifference, ice: IceFile) -> xr.Dataset:
+    """Return the term of a difference by ice."""
+    parts = []
+    if difference.factor is not None:
+        parts.append(_factor_part(clean, difference))
+    if difference.offset is not None:
+        parts.append(_offset_part(clean, difference))
+    leaf = parts[0]
+    for part in parts[1:]:
+        leaf = add_leaves(leaf, part)
+    code = np.full(leaf["value"].shape, _terms.SOURCES.index("estimate"), np.uint8)
+    leaf = leaf.assign(source=(leaf["value"].dims, code, _terms.source_attributes(code)))
+    texts = {"references": ice.reference, "comment": f"{ice.title}; valid for {ice.valid}"}
+    kept = {key: item for key, item in clean.attrs.items() if key in _RULES}
+    leaf.attrs = {**kept, **texts, ORIGIN: ice.title}
+    return _with_setting(leaf)
+
+
+def _factor_part(clean: xr.Dataset, difference: IceDifference) -> xr.Dataset:
+    """Return (k - 1) (P - P_0) with its standard error."""
+    assert difference.factor is not None
+    assert difference.factor_stderr is not None
+    change = clean["value"].values
+    if difference.about is not None:
+        if "alpha" not in clean["value"].dims:
+            raise SchemaError("ice", ["about needs a table over alpha; leave it out"])
+        points = value_breakpoints(clean) | {"alpha": np.array([difference.about])}
+        level = regrid_leaf(clean, points)["value"].values
+        change = change - level
+    less = difference.factor - 1.0
+    own = np.zeros_like(change)
+    if "stderr" in clean:
+        own = clean["stderr"].values
+    stderr = np.hypot(difference.factor_stderr * np.abs(change), abs(less) * own)
+    return _bare(clean, clean["value"].dims, less * change, stderr)
+
+
+def _offset_part(clean: xr.Dataset, difference: IceDifference) -> xr.Dataset:
+    """Return the offset as a table over its axis, with the factors of the clean term."""
+    offset, stderr = difference.filled_offset()
+    points = difference.breakpoints()
+    leaf = _terms.make_term(offset, points, stderr=stderr, source="estimate")
+    _demand_zeros(clean, leaf)
+    factors = {key: clean[key] for key in ("K1", "K2") if key in clean}
+    return leaf.assign(factors).assign_attrs(clean.attrs)
+
+
+def _demand_zeros(clean: xr.Dataset, offset: xr.Dataset) -> None:
+    """Raise if an offset acts where the clean term is zero by definition, without its cause."""
+    if "stderr" not in clean:
+        return
+    is_zero = (clean["value"].values == 0.0) & (clean["stderr"].values == 0.0)
+    union = union_axes(clean, offset)
+    zeros = with_table(clean, value_breakpoints(clean), value=is_zero.astype(float))
+    # A node of the union is zero by definition if all surrounding clean nodes are.
+    at_zero = regrid_leaf(zeros, union)["value"].values == 1.0
+    there = regrid_leaf(offset, union)
+    acts = (there["value"].values != 0.0) | (there["stderr"].values != 0.0)
+    if (at_zero & acts).any():
+        node = list(map(int, np.argwhere(at_zero & acts)[0]))
+        raise SchemaError(
+            "ice",
+            [
+                f"the offset acts at {node_text(union, node)}, where the term is zero by definition; "
+                f"give a factor, or an offset over that axis which is zero there"
+            ],
+        )
+
+
+def _bare(
+    clean: xr.Dataset, dims: tuple[object, ...], value: np.ndarray, stderr: np.ndarray
+) -> xr.Dataset:
+    """Return a leaf of the clean term with another table, without a joint covariance."""
+    names = [name for name in clean.data_vars if name in ("K1", "K2")]
+    coords = {name: clean[name] for name in clean.coords}
+    leaf = xr.Dataset({"value": (dims, value), "stderr": (dims, stderr)}, coords, clean.attrs)
+    leaf["source"] = dims, np.full(value.shape, _terms.SOURCES.index("estimate"), np.uint8)
+    return leaf.assign({name: clean[name] for name in names})
+
+
+def _with_setting(leaf: xr.Dataset) -> xr.Dataset:
+    """Return a term that is multiplied by the setting of the ice.
+
+    With two regressors already, the setting is a factor table from 0 to 1.
+    """
+    regressors = _terms.list_regressors(leaf)
+    if len(regressors) < _terms.MAX_REGRESSORS:
+        return leaf.assign_attrs(regressors=" ".join([*regressors, ICE]))
+    for key in ("K1", "K2"):
+        if key not in leaf:
+            factor = xr.DataArray([0.0, 1.0], {ICE: [0.0, 1.0]}, ICE)
+            return leaf.assign({key: factor})
+    raise SchemaError("ice", ["the term has two regressors and two factors; fold one of them"])

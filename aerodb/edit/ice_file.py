@@ -1,0 +1,217 @@
+"""Differences of terms by ice: a TOML or CSV file of factors and offsets with standard errors.
+
+    title = "artificial tail ice, flap 0"
+    reference = "NASA TM, 1993"
+    valid = "DHC-6, flap 0, thrust coefficient 0 to 0.14"
+
+    [terms."Cm/elevator"]
+    factor = 0.88
+    factor_stderr = 0.05
+
+    [terms."CL/basic"]
+    axes = { alpha = ["0 deg", "4 deg", "8 deg"] }
+    offset = [-0.088, -0.102, -0.113]
+    offset_stderr = 0.02
+
+With the clean table P, the iced one is  factor P + offset  (Deiler's icing model [Deiler2021]_).  With
+``about`` the factor acts on the change from that angle of attack, factor (P - P(about)) + P(about), for
+a published slope.  A CSV file has a row per node of an offset, with the columns ``term``, ``factor``,
+``factor_stderr``, ``offset``, ``offset_stderr``, and one for each axis, such as ``alpha [deg]``; title,
+reference and validity are lines before the heading, ``# title: ...``.
+
+References
+----------
+.. [Deiler2021] C. Deiler, Flight characteristics with different supercooled large droplet ice
+   configurations, The Aeronautical Journal, 2021 (nomenclature: k_P, d_P).
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Mapping
+from io import StringIO
+from itertools import takewhile
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from flightmech.errors import ParseError, SchemaError, UnitError
+from flightmech.names import lookup
+from flightmech.support.input_files import demand_regular
+from flightmech.support.toml_files import read_toml
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.support.toml_quantities import InUnits
+from flightmech.units import parse_quantity
+
+_NUMBERS = ("factor", "factor_stderr", "offset", "offset_stderr")
+_LINE = re.compile(r"#\s*(\w+)\s*:\s*(.*)")
+_AXIS = re.compile(r"(\w+)\s*(?:\[(.+)\])?$")
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
+class IceDifference(Strict):
+    """Difference of one term by ice: iced table = factor x clean table + offset."""
+
+    factor: float | None = Field(
+        default=None, allow_inf_nan=False, description="Factor on the clean table; 1 unless given."
+    )
+    factor_stderr: NotNegative | None = Field(
+        default=None, description="Its standard error; required with a factor."
+    )
+    about: Annotated[float, InUnits("rad")] | None = Field(
+        default=None,
+        description="Angle of attack from which the factor counts the change of the table.",
+    )
+    offset: float | tuple[float, ...] | None = Field(
+        default=None, description="Offset in the unit of the table, or one for each node of axes."
+    )
+    offset_stderr: NotNegative | tuple[NotNegative, ...] | None = Field(
+        default=None, description="Its standard error; required with an offset."
+    )
+    axes: dict[str, tuple[float | str, ...]] = Field(
+        default={}, description="One axis of the offset with its breakpoints."
+    )
+
+    @model_validator(mode="after")
+    def _check_numbers(self) -> IceDifference:
+        if self.factor is None and self.offset is None:
+            raise ValueError("neither factor nor offset; give one of them")
+        for name in ("factor", "offset"):
+            stated = getattr(self, f"{name}_stderr") is not None
+            if stated != (getattr(self, name) is not None):
+                raise ValueError(f"{name} and {name}_stderr go together; no default is assumed")
+        if self.about is not None and self.factor is None:
+            raise ValueError("about goes with a factor")
+        sizes = [len(points) for points in self.axes.values()]
+        if len(sizes) > 1:
+            raise ValueError("one axis at most")
+        size = sizes[0] if sizes else None
+        for name in ("offset", "offset_stderr"):
+            given = getattr(self, name)
+            if given is not None and np.ndim(given) and np.size(given) != size:
+                raise ValueError(f"{name} has {np.size(given)} numbers for {size or 'no'} nodes")
+        if sizes and self.offset is None:
+            raise ValueError("axes go with an offset")
+        return self
+
+    def breakpoints(self) -> dict[str, np.ndarray]:
+        """Return the breakpoints of the offset by axis. [SI]
+
+        Raises
+        ------
+        UnknownName, UnitError
+            An axis or a unit that does not exist.
+        """
+        points = {}
+        for name, texts in self.axes.items():
+            units = lookup(name).units
+            points[name] = np.array([parse_quantity(text, units) for text in texts])
+        return points
+
+    def filled_offset(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the offsets and their standard errors in the shape of the axes."""
+        shape = tuple(len(points) for points in self.axes.values())
+        offset = np.broadcast_to(np.asarray(self.offset or 0.0, float), shape)
+        return offset, np.broadcast_to(np.asarray(self.offset_stderr or 0.0, float), shape)
+
+
+class IceFile(Strict):
+    """Ice of one kind: where its numbers come from, and the differences by term."""
+
+    title: str = Field(description="What ice.", examples=["tail ice, flap 0"])
+    reference: str = Field(description="Document of the numbers.", examples=["NASA TM, 1993"])
+    valid: str = Field(
+        description="Conditions for which the numbers hold.", examples=["flap 0, below 12 deg"]
+    )
+    terms: Annotated[dict[str, IceDifference], Field(min_length=1)] = Field(
+        description="Differences by term, such as Cm/elevator."
+    )
+
+
+def read_ice(path: str | Path) -> IceFile:
+    """Return the differences in a TOML or CSV file.
+
+    Raises
+    ------
+    ParseError
+        The file is not TOML or CSV, or a number is not one.
+    SchemaError
+        With all wrong keys and values.
+    """
+    file = Path(path)
+    demand_regular(file, "differences by ice (.toml or .csv)")
+    content: Mapping[str, Any]
+    content = _read_csv(file) if file.suffix.lower() == ".csv" else read_toml(file)
+    ice = validate_content(IceFile, dict(content), str(file))
+    problems = []
+    for name, difference in ice.terms.items():
+        try:
+            difference.breakpoints()
+        except (UnitError, SchemaError) as error:
+            problems.append(f"terms.{name}.axes: {error}")
+    if problems:
+        raise SchemaError(str(file), problems)
+    return ice
+
+
+def _read_csv(file: Path) -> dict[str, Any]:
+    """Return the content of a CSV file in the form of a TOML file."""
+    lines = file.read_text(encoding="utf-8-sig").splitlines()
+    content: dict[str, Any] = {}
+    head = list(takewhile(lambda line: line.startswith("#"), lines))
+    for match in filter(None, map(_LINE.match, head)):
+        content[match[1]] = match[2].strip()
+    start = len(head)
+    reader = csv.DictReader(StringIO("\n".join(lines[start:])))
+    columns = [str(name).strip() for name in reader.fieldnames or []]
+    if "term" not in columns:
+        raise ParseError(
+            str(file),
+            start + 1,
+            repr(",".join(columns)),
+            f"a heading with term, {', '.join(_NUMBERS)}",
+        )
+    terms: dict[str, dict[str, Any]] = {}
+    for number, row in enumerate(reader, start + 2):
+        cells = {str(k).strip(): (v or "").strip() for k, v in row.items() if k is not None}
+        _add_row(terms.setdefault(cells.pop("term"), {}), cells, file, number)
+    for entry in terms.values():
+        _make_scalar(entry)
+    return {**content, "terms": terms}
+
+
+def _add_row(entry: dict[str, Any], cells: Mapping[str, str], file: Path, number: int) -> None:
+    """Add the numbers of one row to those of its term."""
+    for column, cell in cells.items():
+        if not cell:
+            continue
+        if column == "about":
+            entry[column] = cell
+            continue
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise ParseError(str(file), number, f"{column} {cell!r}", "a number, or an empty cell")
+        if column in ("factor", "factor_stderr"):
+            entry[column] = value
+        elif column in _NUMBERS:
+            entry.setdefault(column, []).append(value)
+        else:
+            match = _AXIS.match(column)
+            if match is None:
+                raise ParseError(str(file), number, column, "a column such as 'alpha [deg]'")
+            text = f"{cell} {match[2]}" if match[2] else value
+            entry.setdefault("axes", {}).setdefault(match[1], []).append(text)
+
+
+def _make_scalar(entry: dict[str, Any]) -> None:
+    """Make single numbers of the offsets of a term without an axis."""
+    for name in ("offset", "offset_stderr"):
+        if "axes" not in entry and len(entry.get(name, ())) == 1:
+            (entry[name],) = entry[name]

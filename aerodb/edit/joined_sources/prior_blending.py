@@ -1,0 +1,318 @@
+"""A-priori database of an aeroplane from several sources, and what each of them states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from aerodb.edit.joined_sources.prior_sources import (
+    PriorSource,
+    collect_tables,
+    label_sources,
+    refer_to_aircraft,
+)
+from aerodb.edit.joined_sources.source_blending import BlendedTerm, blend_term
+from aerodb.edit.joined_sources.source_nodes import HELD_ERROR, cover_ranges
+from aerodb.prior.sources import warn_user
+from aerodb.store.grids import is_within, regrid_leaf, union_axes, value_breakpoints
+from aerodb.store.overview import ORIGIN, plain_number
+from aerodb.store.schema import SCHEME, make_database, terms
+from aerodb.store.undo_history import add_history_line
+from aerodb.update.cautions.notices import NOTICES, note_plausibility, notices_of, with_notices
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.errors import SchemaError, UnknownName
+from flightmech.short_text import ShortText
+
+_JOINED = ("references", "comment")
+# Root attributes that the blend sets itself.
+_OWN = (
+    *("title", "aircraft", "S", "cbar", "b", "x_ref", "y_ref", "z_ref", "force_axes", "source"),
+    *("history", "absent", "edits", NOTICES, *_JOINED),
+)
+
+
+@dataclass(frozen=True)
+class PriorBlend(ShortText):
+    """An a-priori database from several sources.
+
+    Attributes
+    ----------
+    database : DataTree
+    table : DataFrame
+        Index ``term``; ``sources``, ``where`` (node of the largest disagreement), for each source a
+        column with its value and one with its standard error (``AVL``, ``AVL stderr``), ``taken``,
+        ``taken stderr``, ``nodes``, ``chi2``, ``probability``, ``worst`` [standard errors],
+        ``decision`` (``blended``, ``widened``, or ``only`` and the source).
+    """
+
+    database: xr.DataTree
+    table: pd.DataFrame
+
+    def report(self) -> str:
+        """Return the table of the terms as text."""
+        return self.table.drop(columns="sources").to_string(na_rep="", float_format="%.4g")
+
+
+def blend_sources(
+    databases: Sequence[xr.DataTree],
+    aircraft: Aircraft,
+    *,
+    take: Mapping[str, str] | None = None,
+    methods: Sequence[str] | None = None,
+    move_reference: bool = False,
+) -> PriorBlend:
+    """Return the a-priori database of several sources, blended by the covariance of their errors.
+
+    Parameters
+    ----------
+    databases : sequence of DataTree
+        A-priori databases of one aeroplane, such as of `aerodb.from_datcom` and
+        `aerodb.from_estimate`, with forces in stability axes.
+    aircraft : Aircraft
+        Its reference quantities and reference point are those of the result.  Without a reference
+        point that of the first database is used.
+    take : mapping of str to str, optional
+        Term, or a pattern such as ``"Cn/*"``, to the one source that it is taken from: a label such
+        as ``AVL``.
+    methods : sequence of str, optional
+        Method of each database, empty for that of its program.  Sources of one method have common
+        errors; two wind-tunnel tables of different tunnels may be two methods.
+    move_reference : bool
+        Permit a distance of more than 0.1 chord between a reference point and that of the aircraft.
+
+    Returns
+    -------
+    PriorBlend
+        Terms over the union of the breakpoints.  A term of one source is taken as it is.  The
+        attribute ``origin`` of a term names its sources, its history what each of them states.
+
+    Raises
+    ------
+    SchemaError
+        Less than two databases, one that is not a-priori, force axes other than stability axes,
+        regressors of a term that differ, or sources with opposite signs far beyond their errors; all
+        faults.
+    UnknownName
+        An unknown term or source in `take`.
+
+    Warns
+    -----
+    AeromatchWarning
+        Terms whose sources disagree by more than their standard errors, which are widened; other
+        reference quantities; an implausible value.
+
+    Notes
+    -----
+    See `aerodb.edit.joined_sources.source_blending` for the equations, and `aerodb.edit.joined_sources.source_nodes` for what a
+    source states between and beyond its nodes.
+    """
+    if len(databases) < 2:
+        raise SchemaError("blend", [f"{len(databases)} source; give two databases or more"])
+    point = aircraft.reference
+    if point is None:
+        point = tuple(float(databases[0].attrs[key]) for key in ("x_ref", "y_ref", "z_ref"))
+    referred, remarks = [], list[str]()
+    for db in databases:
+        tree, texts = refer_to_aircraft(db, aircraft, point, move_reference)
+        referred.append(tree)
+        remarks += texts
+    sources = label_sources(referred, methods)
+    blended = _blend_terms(sources, _sources_by_term(sources, take or {}))
+    disagreements = _describe_disagreements(blended)
+    for text in (*remarks, *disagreements):
+        warn_user(text)
+    tree = _make_tree(aircraft, sources, blended, point=point, notices=disagreements)
+    tree, findings = note_plausibility(tree, aircraft)
+    for finding in findings:
+        if finding.kind in ("implausible", "unused"):
+            warn_user(str(finding))
+    return PriorBlend(tree, _tabulate_terms(sources, blended))
+
+
+def _sources_by_term(
+    sources: Sequence[PriorSource], take: Mapping[str, str]
+) -> dict[str, list[PriorSource]]:
+    """Return the sources of every term, one where `take` names it, in the order of the scheme."""
+    names = dict.fromkeys(name for source in sources for name in terms(source.database))
+    order = {name: position for position, name in enumerate(SCHEME)}
+    by_term = {}
+    for name in sorted(names, key=lambda name: order.get(name, len(order))):
+        by_term[name] = [s for s in sources if name in terms(s.database)]
+    labels = {source.label: source for source in sources}
+    for pattern, label in take.items():
+        if label not in labels:
+            raise UnknownName(label, labels, "source", f"take: {pattern}")
+        matched = [name for name in by_term if fnmatchcase(name, pattern)]
+        held = [name for name in matched if labels[label] in by_term[name]]
+        if not held:
+            raise UnknownName(pattern, terms(labels[label].database), "term", f"take from {label}")
+        for name in held:
+            by_term[name] = [labels[label]]
+    return by_term
+
+
+def _blend_terms(
+    sources: Sequence[PriorSource], by_term: Mapping[str, Sequence[PriorSource]]
+) -> dict[str, BlendedTerm]:
+    """Return every term; raise with the faults of all of them."""
+    cover = _basic_ranges(sources)
+    blended, problems = {}, []
+    for name, members in by_term.items():
+        try:
+            term = blend_term(name, collect_tables(members, name), cover)
+            if len(members) == 1:
+                term = replace(term, leaf=_cover_ranges(term.leaf, cover))
+            blended[name] = term
+        except SchemaError as error:
+            problems += error.problems
+    if problems:
+        raise SchemaError("blend", problems)
+    return blended
+
+
+def _describe_disagreements(blended: Mapping[str, BlendedTerm]) -> list[str]:
+    """Return a sentence on each term whose sources disagree by more than their errors."""
+    texts = []
+    for name, term in blended.items():
+        if term.is_widened and term.worst is not None:
+            first, second = term.worst.labels
+            texts.append(
+                f"{name}: {first} and {second} disagree by up to {abs(term.worst.worst):.2g} "
+                f"standard errors ({term.location}; probability {term.worst.probability:.1g}); "
+                f"the standard error of the blend reaches to both"
+            )
+    return texts
+
+
+def _make_tree(
+    aircraft: Aircraft,
+    sources: Sequence[PriorSource],
+    blended: Mapping[str, BlendedTerm],
+    *,
+    point: Sequence[float],
+    notices: Sequence[str],
+) -> xr.DataTree:
+    """Return the database of the blended terms."""
+    labels = ", ".join(source.label for source in sources)
+    attributes: dict[str, str | float] = {}
+    history, earlier = list[str](), list[str]()
+    for source in sources:
+        root = source.database.attrs
+        for key, item in root.items():
+            if key not in _OWN:
+                attributes.setdefault(str(key), item)
+        history += str(root.get("history", "")).splitlines()
+        earlier += notices_of(root)
+    for key in _JOINED:
+        texts = dict.fromkeys(str(source.database.attrs.get(key, "")) for source in sources)
+        if joined := "; ".join(filter(None, texts)):
+            attributes[key] = joined
+    shared = [name for name, term in blended.items() if len(term.labels) > 1]
+    history.append(f"blend_sources: {labels}; {len(shared)} terms of several sources")
+    leaves = {name: _leaf_of(name, term, sources) for name, term in blended.items()}
+    x_ref, y_ref, z_ref = map(float, point)
+    return make_database(
+        leaves,
+        title=f"{aircraft.name}: a-priori database from {labels}",
+        aircraft=aircraft.name,
+        S=float(aircraft.S),
+        cbar=float(aircraft.cbar),
+        b=float(aircraft.b),
+        x_ref=x_ref,
+        y_ref=y_ref,
+        z_ref=z_ref,
+        force_axes="stability",
+        source=labels,
+        history="\n".join(history),
+        absent=" ".join(name for name in SCHEME if name not in leaves),
+        **attributes,
+        **with_notices({}, [*earlier, *notices]),
+    )
+
+
+def _basic_ranges(sources: Sequence[PriorSource]) -> dict[str, tuple[float, float]]:
+    """Return the ranges of Mach number and incidence of the basic lift of all sources.
+
+    All tables cover them: a flight inside the basic tables then stays inside all tables.
+    """
+    basic = [terms(s.database)["CL/basic"] for s in sources if "CL/basic" in terms(s.database)]
+    union = union_axes(*basic)
+    ranges = {}
+    for axis in ("mach", "alpha"):
+        if axis in union:
+            ranges[axis] = float(union[axis][0]), float(union[axis][-1])
+    return ranges
+
+
+def _cover_ranges(leaf: xr.Dataset, cover: Mapping[str, tuple[float, float]]) -> xr.Dataset:
+    """Return the term of one source that reaches over ranges.
+
+    Added nodes hold the value of the end with twice its standard error.  They are judgement.
+    """
+    old = value_breakpoints(leaf)
+    points = cover_ranges(old, cover)
+    if all(len(points[axis]) == len(old[axis]) for axis in old):
+        return leaf
+    new = regrid_leaf(leaf, points)
+    outside = np.zeros((), bool)
+    for dimension, axis in enumerate(points):
+        along = [-1 if k == dimension else 1 for k in range(len(points))]
+        outside = outside | ~is_within(old[axis], points[axis]).reshape(along)
+    if "stderr" not in new:
+        return new
+    stderr = new["stderr"].values
+    widened = np.where(outside, HELD_ERROR * stderr, stderr)
+    return new.assign(stderr=new["stderr"].copy(data=widened))
+
+
+def _leaf_of(name: str, term: BlendedTerm, sources: Sequence[PriorSource]) -> xr.Dataset:
+    """Return the leaf of a term with its sources, and a line on what they state."""
+    leaf = term.leaf.assign_attrs({ORIGIN: ", ".join(term.labels)})
+    if len(term.labels) == 1:
+        return add_history_line(leaf, f"blend_sources: from {term.labels[0]}")
+    parts = [terms(source.database)[name] for source in sources if source.label in term.labels]
+    for key in _JOINED:
+        texts = dict.fromkeys(str(part.attrs.get(key, "")) for part in parts)
+        leaf = leaf.assign_attrs({key: "; ".join(filter(None, texts))})
+    stated = [f"{label} {_format_pair(pair)}" for label, pair in term.stated.items()]
+    line = f"{', '.join(stated)} at {term.location}; taken {_format_pair(term.taken)}"
+    if term.worst is not None:
+        line = (
+            f"{line}; chi-square {term.worst.chi2:.4g} of {term.worst.nodes} nodes, probability "
+            f"{term.worst.probability:.2g}"
+        )
+    if term.is_widened:
+        line = f"{line}; standard error widened to reach all sources"
+    return add_history_line(leaf, f"blend_sources: {line}")
+
+
+def _format_pair(pair: Iterable[float]) -> str:
+    value, stderr = pair
+    return f"{plain_number(value)} +- {stderr:.2g}"
+
+
+def _tabulate_terms(
+    sources: Sequence[PriorSource], blended: Mapping[str, BlendedTerm]
+) -> pd.DataFrame:
+    """Return the table of `PriorBlend`."""
+    rows = {}
+    for name, term in blended.items():
+        row: dict[str, object] = {"sources": ", ".join(term.labels), "where": term.location}
+        for source in sources:
+            value, stderr = term.stated.get(source.label, (float("nan"), float("nan")))
+            row |= {source.label: value, f"{source.label} stderr": stderr}
+        row["taken"], row["taken stderr"] = term.taken
+        worst = term.worst
+        if worst is not None:
+            row |= {"nodes": worst.nodes, "chi2": worst.chi2, "probability": worst.probability}
+            row["worst"] = worst.worst
+        row["decision"] = "widened" if term.is_widened else "blended"
+        if len(term.labels) == 1:
+            row["decision"] = f"only {term.labels[0]}"
+        rows[name] = row
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("term")
