@@ -41,6 +41,7 @@ _ELSEWHERE = {
     "coefficients": "estimates",
     "compare": "compare",
     "edit": "edit",
+    "estimate": "estimates",
     "export": "exchange",
     "figures": "compare",
     "history": "edit",

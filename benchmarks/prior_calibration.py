@@ -1,0 +1,301 @@
+"""Calibration of a-priori standard errors on aircraft with published derivatives.
+
+    python benchmarks/prior_calibration.py estimate --program DATCOM   # runs both estimators
+    python benchmarks/prior_calibration.py derive                      # the table, and its coverage
+
+The first command writes `data/calibration/estimates.csv`: derivatives of the decks in
+`data/calibration` by Digital DATCOM (an executable of the user), by OptVL with the body and without.
+The second command compares them with `published.csv` and writes
+`aerodb/prior/calibrated_errors.csv`.  It needs no program and has no random numbers.
+
+Model: published = b * estimate + s * hypot(relative * |estimate|, absolute) * z, with the relative
+and absolute figures of the identification guide, a ratio b and a factor s of the program and term.
+s^2 is the mean square of z with `SHRINKAGE` further values at the mean of its class.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+import aerodb
+from aerodb.estimators.vortex_lattice.estimate import from_decks
+from aerodb.estimators.vortex_lattice.geometry import model_of_decks
+from aerodb.prior.prior_errors import PRIOR_ERRORS
+from aerodb.prior.roles import assign_roles
+from datcom_io.decks.deck_file import read_deck, write_deck
+from datcom_io.runs.running import run_deck
+from datcom_io.runs.splitting import split_deck
+from flightmech.units import DEGREE
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "data" / "calibration"
+TABLE = ROOT / "aerodb" / "prior" / "calibrated_errors.csv"
+# Term and method class of each derivative.  The tail methods are of one surface in the wash of
+# another; the balance of body and tail decides the last class.
+QUANTITIES = {
+    "CL_alpha": ("CL/basic", "wing-body"),
+    "Cl_beta": ("Cl/beta", "wing-body"),
+    "Cl_phat": ("Cl/phat", "wing-body"),
+    "Cn_phat": ("Cn/phat", "wing-body"),
+    "Cl_rhat": ("Cl/rhat", "wing-body"),
+    "Cl_delta_a": ("Cl/aileron", "wing-body"),
+    "Cn_delta_a": ("Cn/aileron", "wing-body"),
+    "CL_qhat": ("CL/qhat", "tail"),
+    "Cm_qhat": ("Cm/qhat", "tail"),
+    "CL_alphadothat": ("CL/alphadothat", "tail"),
+    "Cm_alphadothat": ("Cm/alphadothat", "tail"),
+    "CY_phat": ("CY/phat", "tail"),
+    "CY_rhat": ("CY/rhat", "tail"),
+    "Cn_rhat": ("Cn/rhat", "tail"),
+    "CL_delta_e": ("CL/elevator", "tail"),
+    "Cm_delta_e": ("Cm/elevator", "tail"),
+    "CY_delta_r": ("CY/rudder", "tail"),
+    "Cl_delta_r": ("Cl/rudder", "tail"),
+    "Cn_delta_r": ("Cn/rudder", "tail"),
+    "Cm_alpha": ("Cm/basic", "body"),
+    "CY_beta": ("CY/beta", "body"),
+    "Cn_beta": ("Cn/beta", "body"),
+}
+_AXES = {"elevator": "delta_e", "aileron": "delta_a", "rudder": "delta_r"}
+_STEP = 5.0 * DEGREE
+_USUAL_DEFLECTION = 0.3  # [rad], at which the absolute error of a control counts
+_USUAL_INCIDENCE = 0.1  # [rad], at which that of the pitching moment counts
+SHRINKAGE = 2.0
+PROGRAMS = ("DATCOM", "OptVL", "OptVL without body")
+
+
+def estimate(program: str) -> None:
+    """Write the derivatives of all decks by all estimators."""
+    conditions = pd.read_csv(FOLDER / "conditions.csv", comment="#").set_index("aircraft")
+    rows = []
+    for name, condition in conditions.iterrows():
+        deck = FOLDER / f"{name}.inp"
+        share = condition["rudder"]
+        rudder = None if np.isnan(share) else (float(share), 0.0, 1.0)
+        for label, build in (
+            ("DATCOM", lambda: from_program(deck, program)),
+            ("OptVL", lambda: from_decks([deck], rudder=rudder)),
+            ("OptVL without body", lambda: from_decks([deck], rudder=rudder, with_body=False)),
+        ):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", aerodb_warning())
+                found = derivatives(build(), float(condition["CL"]))
+            for quantity, value in found.items():
+                rows.append((name, label, quantity, round(value, 5)))
+            print(name, label, len(found), flush=True)
+    table = pd.DataFrame(rows, columns=["aircraft", "program", "quantity", "value"])
+    with (FOLDER / "estimates.csv").open("w", encoding="ascii") as stream:
+        stream.write("# Derivatives by program, stability axes, at the condition of the deck.\n")
+        table.to_csv(stream, index=False)
+
+
+def aerodb_warning() -> type[Warning]:
+    from flightmech.errors import AeromatchWarning
+
+    return AeromatchWarning
+
+
+def from_program(deck: Path, program: str) -> xr.DataTree:
+    """Return the database of the runs of a study deck."""
+    r = model_of_decks([read_deck(deck)]).reference
+    aircraft = SimpleNamespace(
+        name=deck.stem, S=r.S, cbar=r.cbar, b=r.b, reference=(-r.x, 0.0, -r.z), x_ref_mac=0.25
+    )
+    listings = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, run in split_deck(deck).items():
+            path = Path(folder) / f"{name}.inp"
+            write_deck(run, path)
+            listings.append(run_deck(path, program, folder).listing)
+    by_role: dict[str, list[object]] = {}
+    for item in assign_roles(listings):
+        for role in item.roles:
+            by_role.setdefault(role, []).append(item.case)
+    return aerodb.from_datcom(aircraft, **by_role)
+
+
+def derivatives(db: xr.DataTree, lift: float) -> dict[str, float]:
+    """Return derivatives in stability axes where the database has a lift coefficient."""
+    terms = {name: leaf["value"] for name, leaf in aerodb.terms(db).items()}
+    if "mach" in terms["CL/basic"].dims:
+        # The highest Mach number is that of the deck; a lower one may be an extension.
+        mach = float(terms["CL/basic"]["mach"].max())
+        for name, table in terms.items():
+            if "mach" in table.dims:
+                terms[name] = table.sel(mach=mach, method="nearest")
+    lifts = terms["CL/basic"]
+    rising = lifts.isel(alpha=slice(0, int(np.argmax(lifts.values)) + 1))
+    alpha = float(np.interp(lift, rising.values, rising["alpha"].values))
+    found = {}
+    for coefficient in ("CL", "Cm"):
+        slope = terms[f"{coefficient}/basic"].differentiate("alpha")
+        found[f"{coefficient}_alpha"] = float(slope.interp(alpha=alpha))
+    for name, table in terms.items():
+        coefficient, contribution = name.split("/")
+        at = table.interp(alpha=alpha) if "alpha" in table.dims else table
+        axis = _AXES.get(contribution)
+        if axis and axis in at.dims:
+            high, low = (float(at.interp({axis: sign * _STEP})) for sign in (1.0, -1.0))
+            found[f"{coefficient}_{axis}"] = (high - low) / (2.0 * _STEP)
+        elif axis:
+            found[f"{coefficient}_{axis}"] = float(at)
+        elif contribution in ("beta", "phat", "qhat", "rhat", "alphadothat"):
+            found[f"{coefficient}_{contribution}"] = float(at)
+    turned = to_stability(found, alpha)
+    return {name: turned[name] for name in QUANTITIES if name in turned}
+
+
+def to_stability(found: Mapping[str, float], alpha: float) -> dict[str, float]:
+    """Return derivatives with moments and rates along stability axes instead of body axes."""
+    turned = dict(found)
+    turn = np.array([[np.cos(alpha), np.sin(alpha)], [-np.sin(alpha), np.cos(alpha)]])
+    for variable in ("beta", "delta_a", "delta_r"):
+        names = [f"Cl_{variable}", f"Cn_{variable}"]
+        if names[0] in found:
+            pair = [found.get(name, 0.0) for name in names]
+            turned.update(zip(names, turn @ pair))
+    names = ["Cl_phat", "Cl_rhat", "Cn_phat", "Cn_rhat"]
+    if all(name in found for name in names):
+        matrix = turn @ np.array([found[name] for name in names]).reshape(2, 2) @ turn.T
+        turned.update(zip(names, matrix.ravel()))
+    if "CY_phat" in found and "CY_rhat" in found:
+        pair = turn @ [found["CY_phat"], found["CY_rhat"]]
+        turned.update(zip(["CY_phat", "CY_rhat"], pair))
+    return {name: float(value) for name, value in turned.items()}
+
+
+def read_cases() -> pd.DataFrame:
+    """Return one row per aircraft, program and derivative: estimate, published value and scale."""
+    published = pd.read_csv(FOLDER / "published.csv", comment="#")
+    rows = []
+    for (aircraft, _), group in published.groupby(["aircraft", "source"], sort=False):
+        values = dict(zip(group["quantity"], group["value"]))
+        if group["axes"].iloc[0] == "body":
+            values = to_stability(values, float(group["alpha"].iloc[0]) * DEGREE)
+        rows += [(aircraft, quantity, value) for quantity, value in values.items()]
+    # Two sources of one aircraft are one case.
+    known = pd.DataFrame(rows, columns=["aircraft", "quantity", "published"])
+    known = known.groupby(["aircraft", "quantity"], sort=False, as_index=False).mean()
+    estimates = pd.read_csv(FOLDER / "estimates.csv", comment="#")
+    cases = known.merge(estimates.rename(columns={"value": "estimate"}))
+    scales = []
+    for row in cases.itertuples():
+        relative, absolute = guide(row.quantity)
+        scales.append(np.hypot(relative * row.estimate, absolute))
+    return cases.assign(scale=scales, method=[QUANTITIES[q][1] for q in cases["quantity"]])
+
+
+def guide(quantity: str) -> tuple[float, float]:
+    """Return relative and absolute standard error of a derivative by the identification guide."""
+    relative, absolute = PRIOR_ERRORS[QUANTITIES[quantity][0]]
+    if quantity == "CL_alpha":
+        return relative, 0.0  # the absolute error is that of the lift at zero incidence
+    if quantity == "Cm_alpha":
+        return relative, absolute / _USUAL_INCIDENCE
+    if "delta" in quantity:
+        return relative, absolute / _USUAL_DEFLECTION
+    return relative, absolute
+
+
+def fit_terms(cases: pd.DataFrame, corrected: bool) -> pd.DataFrame:
+    """Return ratio, factor and count of each derivative of one program."""
+    rows = []
+    for quantity, group in cases.groupby("quantity", sort=False):
+        weight = group["scale"] ** -2
+        ratio = 1.0
+        if corrected and len(group) > 2:
+            ratio = float((weight * group["published"] * group["estimate"]).sum())
+            ratio /= float((weight * group["estimate"] ** 2).sum())
+        z = (group["published"] - ratio * group["estimate"]) / group["scale"]
+        freedom = max(len(group) - (ratio != 1.0), 1)
+        method = group["method"].iloc[0]
+        rows.append((quantity, method, len(group), ratio, float((z**2).sum()), freedom))
+    columns = ["quantity", "method", "count", "ratio", "squares", "freedom"]
+    terms = pd.DataFrame(rows, columns=columns)
+    pooled = terms.groupby("method")[["squares", "freedom"]].sum()
+    mean = (pooled["squares"] / pooled["freedom"])[terms["method"]].to_numpy()
+    terms["factor"] = np.sqrt(
+        (terms["squares"] + SHRINKAGE * mean) / (terms["freedom"] + SHRINKAGE)
+    )
+    return terms.set_index("quantity")
+
+
+def leave_one_out(cases: pd.DataFrame, corrected: bool) -> pd.DataFrame:
+    """Return the cases of one program with their residual in errors that others calibrate."""
+    parts = []
+    for aircraft, left_out in cases.groupby("aircraft", sort=False):
+        terms = fit_terms(cases[cases["aircraft"] != aircraft], corrected)
+        known = left_out[left_out["quantity"].isin(terms.index)]
+        row = terms.loc[known["quantity"]]
+        residual = known["published"].to_numpy() - row["ratio"].to_numpy() * known["estimate"]
+        parts.append(known.assign(z=residual / (row["factor"].to_numpy() * known["scale"])))
+    return pd.concat(parts)
+
+
+def derive() -> None:
+    """Write the table of standard errors, and print coverage and bias."""
+    cases = read_cases()
+    rows = []
+    for program in PROGRAMS:
+        mine = cases[cases["program"] == program]
+        for corrected in (False, True):
+            tested = leave_one_out(mine, corrected)
+            inside = tested["z"].abs() <= 2.0
+            classes = inside.groupby(tested["method"]).mean() * 100.0
+            text = ", ".join(f"{name} {share:.0f}" for name, share in classes.items())
+            sizes = np.sqrt((tested["z"] ** 2).mean())
+            logs = np.log(fit_terms(mine, corrected)["factor"]).mean()
+            print(
+                f"{program}, bias {'corrected' if corrected else 'carried'}: {len(tested)} values, "
+                f"inside two standard errors {100.0 * inside.mean():.1f} % ({text}); rms z "
+                f"{sizes:.2f}; mean factor {np.exp(logs):.2f}"
+            )
+        guide_inside = (mine["published"] - mine["estimate"]).abs() <= 2.0 * mine["scale"]
+        print(f"{program}, errors of the guide: {100.0 * guide_inside.mean():.1f} %")
+        carried, ratios = fit_terms(mine, corrected=False), fit_terms(mine, corrected=True)
+        for quantity, row in carried.iterrows():
+            term = QUANTITIES[str(quantity)][0]
+            relative, absolute = PRIOR_ERRORS[term]
+            rows.append(
+                (
+                    program,
+                    term,
+                    row["method"],
+                    int(row["count"]),
+                    round(ratios.loc[quantity, "ratio"], 2),
+                    round(row["factor"], 2),
+                    float(f"{row['factor'] * relative:.2g}"),
+                    float(f"{row['factor'] * absolute:.2g}"),
+                )
+            )
+    columns = ["program", "term", "method", "count", "ratio", "factor", "relative", "absolute"]
+    with TABLE.open("w", encoding="ascii") as stream:
+        stream.write(
+            "# Standard errors of a-priori estimates up to Mach 0.6, from published derivatives of "
+            "11 aircraft.\n# Derived by benchmarks/prior_calibration.py; do not edit by hand.\n"
+        )
+        pd.DataFrame(rows, columns=columns).to_csv(stream, index=False)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("command", choices=["estimate", "derive"])
+    parser.add_argument("--program", default="datcom", help="Digital DATCOM executable")
+    given = parser.parse_args()
+    if given.command == "estimate":
+        estimate(given.program)
+    else:
+        derive()
+
+
+if __name__ == "__main__":
+    main()
