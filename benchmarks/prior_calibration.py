@@ -10,7 +10,8 @@ The second command compares them with `published.csv` and writes
 
 Model: published = b * estimate + s * hypot(relative * |estimate|, absolute) * z, with the relative
 and absolute figures of the identification guide, a ratio b and a factor s of the program and term.
-s^2 is the mean square of z with `SHRINKAGE` further values at the mean of its class.
+s^2 is the mean square of z with `SHRINKAGE` further values at the mean of its class.  The table has
+the ratios: leaving out each aircraft in turn, they make the published values more probable.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import argparse
 import tempfile
 import warnings
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -34,6 +36,7 @@ from aerodb.prior.roles import assign_roles
 from datcom_io.decks.deck_file import read_deck, write_deck
 from datcom_io.runs.running import run_deck
 from datcom_io.runs.splitting import split_deck
+from flightmech.errors import AeromatchWarning
 from flightmech.units import DEGREE
 
 ROOT = Path(__file__).parents[1]
@@ -70,7 +73,8 @@ _STEP = 5.0 * DEGREE
 _USUAL_DEFLECTION = 0.3  # [rad], at which the absolute error of a control counts
 _USUAL_INCIDENCE = 0.1  # [rad], at which that of the pitching moment counts
 SHRINKAGE = 2.0
-PROGRAMS = ("DATCOM", "OptVL", "OptVL without body")
+LEAST_CASES = 3  # aircraft of a ratio
+PROGRAMS = ("DATCOM", "OptVL with body", "OptVL")
 
 
 def estimate(program: str) -> None:
@@ -81,13 +85,14 @@ def estimate(program: str) -> None:
         deck = FOLDER / f"{name}.inp"
         share = condition["rudder"]
         rudder = None if np.isnan(share) else (float(share), 0.0, 1.0)
-        for label, build in (
-            ("DATCOM", lambda: from_program(deck, program)),
-            ("OptVL", lambda: from_decks([deck], rudder=rudder)),
-            ("OptVL without body", lambda: from_decks([deck], rudder=rudder, with_body=False)),
-        ):
+        builds = {
+            "DATCOM": partial(from_program, deck, program),
+            "OptVL with body": partial(from_decks, [deck], rudder=rudder, with_body=True, errors="guide"),
+            "OptVL": partial(from_decks, [deck], rudder=rudder, errors="guide"),
+        }
+        for label, build in builds.items():
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", aerodb_warning())
+                warnings.simplefilter("ignore", AeromatchWarning)
                 found = derivatives(build(), float(condition["CL"]))
             for quantity, value in found.items():
                 rows.append((name, label, quantity, round(value, 5)))
@@ -96,12 +101,6 @@ def estimate(program: str) -> None:
     with (FOLDER / "estimates.csv").open("w", encoding="ascii") as stream:
         stream.write("# Derivatives by program, stability axes, at the condition of the deck.\n")
         table.to_csv(stream, index=False)
-
-
-def aerodb_warning() -> type[Warning]:
-    from flightmech.errors import AeromatchWarning
-
-    return AeromatchWarning
 
 
 def from_program(deck: Path, program: str) -> xr.DataTree:
@@ -186,7 +185,7 @@ def read_cases() -> pd.DataFrame:
     known = pd.DataFrame(rows, columns=["aircraft", "quantity", "published"])
     known = known.groupby(["aircraft", "quantity"], sort=False, as_index=False).mean()
     estimates = pd.read_csv(FOLDER / "estimates.csv", comment="#")
-    cases = known.merge(estimates.rename(columns={"value": "estimate"}))
+    cases = known.merge(estimates.dropna().rename(columns={"value": "estimate"}))
     scales = []
     for row in cases.itertuples():
         relative, absolute = guide(row.quantity)
@@ -211,12 +210,12 @@ def fit_terms(cases: pd.DataFrame, corrected: bool) -> pd.DataFrame:
     rows = []
     for quantity, group in cases.groupby("quantity", sort=False):
         weight = group["scale"] ** -2
-        ratio = 1.0
-        if corrected and len(group) > 2:
+        ratio, freedom = 1.0, len(group)
+        if corrected and len(group) >= LEAST_CASES:
             ratio = float((weight * group["published"] * group["estimate"]).sum())
             ratio /= float((weight * group["estimate"] ** 2).sum())
+            freedom -= 1
         z = (group["published"] - ratio * group["estimate"]) / group["scale"]
-        freedom = max(len(group) - (ratio != 1.0), 1)
         method = group["method"].iloc[0]
         rows.append((quantity, method, len(group), ratio, float((z**2).sum()), freedom))
     columns = ["quantity", "method", "count", "ratio", "squares", "freedom"]
@@ -230,60 +229,71 @@ def fit_terms(cases: pd.DataFrame, corrected: bool) -> pd.DataFrame:
 
 
 def leave_one_out(cases: pd.DataFrame, corrected: bool) -> pd.DataFrame:
-    """Return the cases of one program with their residual in errors that others calibrate."""
+    """Return the cases of one program with errors that the other aircraft calibrate.
+
+    Columns ``z``, the residual in standard errors, and ``score``, its log density.
+    """
     parts = []
     for aircraft, left_out in cases.groupby("aircraft", sort=False):
         terms = fit_terms(cases[cases["aircraft"] != aircraft], corrected)
         known = left_out[left_out["quantity"].isin(terms.index)]
         row = terms.loc[known["quantity"]]
-        residual = known["published"].to_numpy() - row["ratio"].to_numpy() * known["estimate"]
-        parts.append(known.assign(z=residual / (row["factor"].to_numpy() * known["scale"])))
+        error = row["factor"].to_numpy() * known["scale"]
+        z = (known["published"] - row["ratio"].to_numpy() * known["estimate"]) / error
+        score = -np.log(error) - 0.5 * z**2 - 0.5 * np.log(2.0 * np.pi)
+        parts.append(known.assign(z=z, score=score))
     return pd.concat(parts)
 
 
 def derive() -> None:
-    """Write the table of standard errors, and print coverage and bias."""
+    """Write the table of standard errors, and print coverage and score of each choice."""
     cases = read_cases()
+    print("| program | bias | values | body | tail | wing-body | all | mean score | mean factor |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     rows = []
     for program in PROGRAMS:
         mine = cases[cases["program"] == program]
+        inside = (mine["published"] - mine["estimate"]).abs() <= 2.0 * mine["scale"]
+        print(table_row(program, "errors of the guide", mine, inside))
         for corrected in (False, True):
             tested = leave_one_out(mine, corrected)
-            inside = tested["z"].abs() <= 2.0
-            classes = inside.groupby(tested["method"]).mean() * 100.0
-            text = ", ".join(f"{name} {share:.0f}" for name, share in classes.items())
-            sizes = np.sqrt((tested["z"] ** 2).mean())
-            logs = np.log(fit_terms(mine, corrected)["factor"]).mean()
-            print(
-                f"{program}, bias {'corrected' if corrected else 'carried'}: {len(tested)} values, "
-                f"inside two standard errors {100.0 * inside.mean():.1f} % ({text}); rms z "
-                f"{sizes:.2f}; mean factor {np.exp(logs):.2f}"
-            )
-        guide_inside = (mine["published"] - mine["estimate"]).abs() <= 2.0 * mine["scale"]
-        print(f"{program}, errors of the guide: {100.0 * guide_inside.mean():.1f} %")
-        carried, ratios = fit_terms(mine, corrected=False), fit_terms(mine, corrected=True)
-        for quantity, row in carried.iterrows():
+            terms = fit_terms(mine, corrected)
+            factor = np.exp(np.log(terms["factor"]).mean())
+            bias = "corrected" if corrected else "carried"
+            ends = f" {tested['score'].mean():.2f} | {factor:.2f} |"
+            print(table_row(program, bias, tested, tested["z"].abs() <= 2.0) + ends)
+        for quantity, row in terms.iterrows():
             term = QUANTITIES[str(quantity)][0]
             relative, absolute = PRIOR_ERRORS[term]
+            # The lift at zero incidence is not compared: it keeps the error of the guide.
+            scale = 1.0 if quantity == "CL_alpha" else row["factor"]
             rows.append(
-                (
-                    program,
-                    term,
-                    row["method"],
-                    int(row["count"]),
-                    round(ratios.loc[quantity, "ratio"], 2),
-                    round(row["factor"], 2),
-                    float(f"{row['factor'] * relative:.2g}"),
-                    float(f"{row['factor'] * absolute:.2g}"),
-                )
+                {
+                    "program": program,
+                    "term": term,
+                    "method": row["method"],
+                    "count": int(row["count"]),
+                    "ratio": round(row["ratio"], 2),
+                    "factor": round(row["factor"], 2),
+                    "relative": float(f"{row['factor'] * relative:.2g}"),
+                    "absolute": float(f"{scale * absolute:.2g}"),
+                }
             )
-    columns = ["program", "term", "method", "count", "ratio", "factor", "relative", "absolute"]
     with TABLE.open("w", encoding="ascii") as stream:
         stream.write(
-            "# Standard errors of a-priori estimates up to Mach 0.6, from published derivatives of "
-            "11 aircraft.\n# Derived by benchmarks/prior_calibration.py; do not edit by hand.\n"
+            "# Ratio of published to estimated derivatives and standard errors of estimates, up to "
+            "Mach 0.6,\n# from 11 aircraft. Derived by benchmarks/prior_calibration.py; do not edit "
+            "by hand.\n"
         )
-        pd.DataFrame(rows, columns=columns).to_csv(stream, index=False)
+        pd.DataFrame(rows).to_csv(stream, index=False)
+
+
+def table_row(program: str, bias: str, cases: pd.DataFrame, inside: pd.Series) -> str:
+    """Return the shares inside two standard errors as a row in Markdown."""
+    classes = 100.0 * inside.groupby(cases["method"]).mean()
+    shares = [f"{classes[name]:.0f}" for name in ("body", "tail", "wing-body")]
+    cells = [program, bias, str(len(cases)), *shares, f"{100.0 * inside.mean():.1f}"]
+    return f"| {' | '.join(cells)} |"
 
 
 def main() -> None:

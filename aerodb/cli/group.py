@@ -119,6 +119,13 @@ def db() -> None:
     is_flag=True,
     help="Transfer moments by more than 0.1 chord to the reference of the aircraft file.",
 )
+@click.option(
+    "--errors",
+    type=click.Choice(["guide", "calibrated"]),
+    default="guide",
+    help="Standard errors of the guide (default), or calibrated on published derivatives, with the "
+    "bias of the program removed.",
+)
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @json_option
 @performed_by("aerodb.cli.actions.group:run_build")

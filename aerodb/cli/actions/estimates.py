@@ -135,9 +135,10 @@ def run_estimate(
     aircraft: str,
     decks: tuple[str, ...],
     rudder: str | None,
-    no_body: bool,
+    body: bool,
     CD0: float | None,
     move_reference: bool,
+    errors: str,
     output: str,
     as_json: bool,
 ) -> None:
@@ -153,9 +154,10 @@ def run_estimate(
             given,
             known,
             rudder=_read_rudder(rudder),
-            with_body=not no_body,
+            with_body=body,
             CD0=CD0,
             move_reference=move_reference,
+            errors=errors,
         )
     _save_and_show(tree, caught, output, as_json)
 

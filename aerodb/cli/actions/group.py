@@ -87,6 +87,7 @@ def run_build(
     powered: bool,
     tailless: bool,
     move_reference: bool,
+    errors: str,
     output: str,
     as_json: bool,
     **listings: tuple[ListingCase, ...],
@@ -107,6 +108,7 @@ def run_build(
         "powered": powered,
         "tailless": tailless,
         "move_reference": move_reference,
+        "errors": errors,
     }
     if altitude is not None:
         options["altitude"] = parse_quantity(altitude, "m")

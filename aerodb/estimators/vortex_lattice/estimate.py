@@ -12,8 +12,8 @@ import xarray as xr
 from aerodb.estimators.build import build_database
 from aerodb.estimators.conventions import name_controls
 from aerodb.estimators.vortex_lattice.geometry import ThinSurfaceModel, model_of_decks
-from aerodb.estimators.vortex_lattice.lattice import compute_coefficients
-from aerodb.prior.calibration import errors_of
+from aerodb.estimators.vortex_lattice.lattice import PROGRAM, compute_coefficients
+from aerodb.prior.prior_errors import choose_errors
 from datcom_io.decks.deck_file import read_deck
 from flightmech.errors import SchemaError
 
@@ -34,10 +34,11 @@ def from_decks(
     aircraft: Any = None,
     *,
     rudder: tuple[float, float, float] | None = None,
-    with_body: bool = True,
+    with_body: bool = False,
     CD0: float | None = None,
     move_reference: bool = False,
     stderr: Mapping[str, tuple[float, float] | float] | None = None,
+    errors: str = "calibrated",
 ) -> xr.DataTree:
     """Return the a-priori database that a vortex lattice gives for the geometry of decks.
 
@@ -53,12 +54,15 @@ def from_decks(
         Share of the chord of the fin behind the hinge, and start and end of the rudder as shares of
         the span of the fin.
     with_body : bool
-        Whether the body is modelled by slender-body theory.
+        Whether the body is modelled by slender-body theory.  Without it the calibrated errors are
+        smaller.
     CD0 : float, optional
         Friction drag that is added.
     move_reference, stderr
-        As in `aerodb.from_estimate`; the default standard errors are those of the calibration for
-        this program.
+        As in `aerodb.from_estimate`.
+    errors : {"calibrated", "guide"}
+        Standard errors and ratios of the calibration on aircraft with published derivatives, or
+        the errors of the identification guide without a ratio.
 
     Returns
     -------
@@ -72,6 +76,8 @@ def from_decks(
         The package optvl is not installed.
     SchemaError
         The decks are not of one aeroplane, lack a wing, or the rudder is not on the fin.
+    UnknownName
+        `stderr` or `errors` has an unknown name.
     SimulationError
         The program failed on the geometry.
 
@@ -84,13 +90,15 @@ def from_decks(
         raise SchemaError("deck", ["no deck; give an input deck of DATCOM (.inp)"])
     if rudder is not None:
         _check_rudder(rudder)
+    program = f"{PROGRAM} with body" if with_body else PROGRAM
+    rules = choose_errors(errors, program, stderr)
     model = model_of_decks([read_deck(path) for path in decks], rudder)
     one = compute_coefficients(model, with_body=with_body)
     one = name_controls(one, {name: f"+{name}" for name in one.controls})
     return build_database(
         aircraft or _aircraft_of(model),
         one,
-        errors=errors_of(one.program, stderr),
+        errors=rules,
         CD0=CD0,
         move_reference=move_reference,
     )
