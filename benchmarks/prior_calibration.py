@@ -2,11 +2,13 @@
 
     python benchmarks/prior_calibration.py estimate --program DATCOM   # runs both estimators
     python benchmarks/prior_calibration.py derive                      # the table, and its coverage
+    python benchmarks/prior_calibration.py show navion c182 t37        # estimates and published
 
 The first command writes `data/calibration/estimates.csv`: derivatives of the decks in
 `data/calibration` by Digital DATCOM (an executable of the user), by OptVL with the body and without.
 The second command compares them with `published.csv` and writes
-`aerodb/prior/calibrated_errors.csv`.  It needs no program and has no random numbers.
+`aerodb/prior/calibrated_errors.csv`; the third prints calibrated estimates of aircraft, with errors
+that the aircraft itself did not calibrate.  Both need no program and have no random numbers.
 
 Model: published = b * estimate + s * hypot(relative * |estimate|, absolute) * z, with the relative
 and absolute figures of the identification guide, a ratio b and a factor s of the program and term.
@@ -87,7 +89,9 @@ def estimate(program: str) -> None:
         rudder = None if np.isnan(share) else (float(share), 0.0, 1.0)
         builds = {
             "DATCOM": partial(from_program, deck, program),
-            "OptVL with body": partial(from_decks, [deck], rudder=rudder, with_body=True, errors="guide"),
+            "OptVL with body": partial(
+                from_decks, [deck], rudder=rudder, with_body=True, errors="guide"
+            ),
             "OptVL": partial(from_decks, [deck], rudder=rudder, errors="guide"),
         }
         for label, build in builds.items():
@@ -184,13 +188,22 @@ def read_cases() -> pd.DataFrame:
     # Two sources of one aircraft are one case.
     known = pd.DataFrame(rows, columns=["aircraft", "quantity", "published"])
     known = known.groupby(["aircraft", "quantity"], sort=False, as_index=False).mean()
-    estimates = pd.read_csv(FOLDER / "estimates.csv", comment="#")
-    cases = known.merge(estimates.dropna().rename(columns={"value": "estimate"}))
+    cases = known.merge(read_estimates().rename(columns={"value": "estimate"}))
     scales = []
     for row in cases.itertuples():
-        relative, absolute = guide(row.quantity)
-        scales.append(np.hypot(relative * row.estimate, absolute))
+        scales.append(np.hypot(*guide_parts(row.quantity, row.estimate)))
     return cases.assign(scale=scales, method=[QUANTITIES[q][1] for q in cases["quantity"]])
+
+
+def read_estimates() -> pd.DataFrame:
+    """Return the derivatives of the decks by program."""
+    return pd.read_csv(FOLDER / "estimates.csv", comment="#").dropna()
+
+
+def guide_parts(quantity: str, value: float) -> tuple[float, float]:
+    """Return the two parts of the standard error of a derivative by the guide."""
+    relative, absolute = guide(quantity)
+    return relative * value, absolute
 
 
 def guide(quantity: str) -> tuple[float, float]:
@@ -296,15 +309,44 @@ def table_row(program: str, bias: str, cases: pd.DataFrame, inside: pd.Series) -
     return f"| {' | '.join(cells)} |"
 
 
+def show(names: list[str]) -> None:
+    """Print calibrated estimates next to published values, the aircraft left out of its errors."""
+    cases = read_cases()
+    published = cases.drop_duplicates(["aircraft", "quantity"])
+    published = published.set_index(["aircraft", "quantity"])["published"]
+    estimates = read_estimates().set_index(["aircraft", "program", "quantity"])["value"]
+    print(f"| derivative | {' | '.join(f'{name}: DATCOM | OptVL | published' for name in names)} |")
+    print("| --- |" + " --- |" * (3 * len(names)))
+    for quantity in QUANTITIES:
+        cells = []
+        for name in names:
+            for program in ("DATCOM", "OptVL"):
+                mine = cases[(cases["program"] == program) & (cases["aircraft"] != name)]
+                terms = fit_terms(mine, corrected=True)
+                value = estimates.get((name, program, quantity))
+                if value is None or quantity not in terms.index:
+                    cells.append("")
+                    continue
+                row = terms.loc[quantity]
+                error = row["factor"] * np.hypot(*guide_parts(quantity, value))
+                cells.append(f"{row['ratio'] * value:.3g} ± {error:.2g}")
+            known = published.get((name, quantity))
+            cells.append("" if known is None else f"{known:.3g}")
+        print(f"| {quantity} | {' | '.join(cells)} |")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("command", choices=["estimate", "derive"])
+    parser.add_argument("command", choices=["estimate", "derive", "show"])
+    parser.add_argument("aircraft", nargs="*", help="for show")
     parser.add_argument("--program", default="datcom", help="Digital DATCOM executable")
     given = parser.parse_args()
     if given.command == "estimate":
         estimate(given.program)
-    else:
+    elif given.command == "derive":
         derive()
+    else:
+        show(given.aircraft)
 
 
 if __name__ == "__main__":
