@@ -3,6 +3,7 @@
     python benchmarks/prior_calibration.py estimate --program DATCOM   # runs both estimators
     python benchmarks/prior_calibration.py derive                      # the table, and its coverage
     python benchmarks/prior_calibration.py show navion c182 t37        # estimates and published
+    python benchmarks/prior_calibration.py flown                       # models of the examples
 
 The first command writes `data/calibration/estimates.csv`: derivatives of the decks in
 `data/calibration` by Digital DATCOM (an executable of the user), by OptVL with the body and without.
@@ -75,6 +76,13 @@ _STEP = 5.0 * DEGREE
 _USUAL_DEFLECTION = 0.3  # [rad], at which the absolute error of a control counts
 _USUAL_INCIDENCE = 0.1  # [rad], at which that of the pitching moment counts
 SHRINKAGE = 2.0
+# Constants of JSBSim's c182 at small incidence that differ from `published.csv`, or add to it.
+FLOWN_C182 = {
+    "Cm_delta_e": -0.622,
+    "Cl_delta_a": -0.15,
+    "Cn_delta_a": 0.0216,
+    "Cn_delta_r": -0.0645,
+}
 LEAST_CASES = 3  # aircraft of a ratio
 PROGRAMS = ("DATCOM", "OptVL with body", "OptVL")
 
@@ -335,9 +343,42 @@ def show(names: list[str]) -> None:
         print(f"| {quantity} | {' | '.join(cells)} |")
 
 
+def flown() -> None:
+    """Print how far estimates are from the models that flew the recordings of the examples."""
+    import derivative_table
+
+    # JSBSim's c182 takes most of its constants from the source of `published.csv`.
+    published = read_cases().query("aircraft == 'c182'").drop_duplicates("quantity")
+    c182 = dict(zip(published["quantity"], published["published"])) | FLOWN_C182
+    models = {"t37": derivative_table.jsbsim_values(0.459, 2.0 * DEGREE), "c182": c182}
+    # The pitch damping of JSBSim's T37 is three times that of any estimate.
+    models["t37"].pop("Cm_qhat")
+    cases = read_cases()
+    estimates = read_estimates().set_index(["aircraft", "program", "quantity"])["value"]
+    for aircraft, model in models.items():
+        for program in ("DATCOM", "OptVL"):
+            mine = cases[(cases["program"] == program) & (cases["aircraft"] != aircraft)]
+            terms = fit_terms(mine, corrected=True)
+            by_guide, calibrated = [], []
+            for quantity, value in model.items():
+                estimated = estimates.get((aircraft, program, quantity))
+                if estimated is None or quantity not in terms.index:
+                    continue
+                row = terms.loc[quantity]
+                scale = float(np.hypot(*guide_parts(quantity, estimated)))
+                by_guide.append((value - estimated) / scale)
+                residual = value - row["ratio"] * estimated
+                calibrated.append(residual / (scale * row["factor"]))
+            sizes = [np.sqrt(np.mean(np.square(one))) for one in (by_guide, calibrated)]
+            print(
+                f"{aircraft}, {program}: {len(by_guide)} derivatives, rms of the difference in "
+                f"standard errors {sizes[0]:.2f} (guide), {sizes[1]:.2f} (calibrated)"
+            )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("command", choices=["estimate", "derive", "show"])
+    parser.add_argument("command", choices=["estimate", "derive", "show", "flown"])
     parser.add_argument("aircraft", nargs="*", help="for show")
     parser.add_argument("--program", default="datcom", help="Digital DATCOM executable")
     given = parser.parse_args()
@@ -345,8 +386,10 @@ def main() -> None:
         estimate(given.program)
     elif given.command == "derive":
         derive()
-    else:
+    elif given.command == "show":
         show(given.aircraft)
+    else:
+        flown()
 
 
 if __name__ == "__main__":

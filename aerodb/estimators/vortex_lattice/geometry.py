@@ -152,7 +152,7 @@ def model_of_decks(
         if remark:
             remarks.append(f"{name}: {remark}")
     if "TVTPAN" in base.namelists:
-        remarks.append("the twin vertical panels (TVTPAN) are not modelled")
+        remarks.append("the vertical panels of TVTPAN are not modelled")
     if rudder is None and "VTPLNF" in base.namelists:
         remarks.append("no rudder: DATCOM has no card for it; state it to have its derivatives")
     scale = base.value("SYNTHS", "SCALE") or 1.0
@@ -250,7 +250,7 @@ def _make_surface(
     is_fin = namelist in ("VTPLNF", "VFPLNF")
     down = -1.0 if namelist == "VFPLNF" else 1.0
     incidence = (deck.value("SYNTHS", incidence_name) or 0.0) if incidence_name else 0.0
-    # Twin fins stand at YV of both sides.
+    # Two fins stand at YV of both sides.
     aside = (deck.value("SYNTHS", "YV" if namelist == "VTPLNF" else "YF") or 0.0) * unit
     surface = ThinSurface(
         name=name,
