@@ -239,7 +239,7 @@ def _check(
         share = float(np.abs(near[high] / far[high] - 1.0).max())
         text = (
             f"induced drag of the surfaces and of the wake differ by up to {100.0 * share:.0f} % "
-            f"above CL {_DRAG_LIFT:g}; that of the wake is taken"
+            f"above CL {_DRAG_LIFT:g}, and that of the wake is taken"
         )
         (cautions if share > _SAME_DRAG else remarks).append(text)
     return remarks, cautions
