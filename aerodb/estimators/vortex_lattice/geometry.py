@@ -5,7 +5,7 @@ Axes of the drawing: x aft, y right, z up, from the drawing datum of the deck.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -278,7 +278,7 @@ def _find_devices(cases: Iterable[Deck]) -> list[tuple[str, HingedPart]]:
             values = {}
             for assignment in item.assignments:
                 if assignment.values:
-                    values[assignment.variable] = assignment.values[0]
+                    values[assignment.variable] = float(assignment.values[0] or 0.0)
             place = _place_device(case, item.name, values)
             if place is None:
                 continue
@@ -294,10 +294,10 @@ def _find_devices(cases: Iterable[Deck]) -> list[tuple[str, HingedPart]]:
     return list(found.values())
 
 
-def _place_device(case: Deck, name: str, values: dict[str, object]) -> tuple[str, str] | None:
+def _place_device(case: Deck, name: str, values: Mapping[str, float]) -> tuple[str, str] | None:
     """Return surface and control of a device, None for a spoiler and the like."""
     if name == "ASYFLP":
-        style = round(float(str(values.get("STYPE", 0.0))))
+        style = round(values.get("STYPE", 0.0))
         if style == _AILERON:
             return "WGPLNF", "delta_a"
         return None
@@ -306,7 +306,7 @@ def _place_device(case: Deck, name: str, values: dict[str, object]) -> tuple[str
     if not has_tail:
         return "WGPLNF", "delta_f"
     # With several SYMFLP the place alone decides: the case holds the last one only.
-    inner, outer = (float(str(values.get(key, 0.0))) for key in ("SPANFI", "SPANFO"))
+    inner, outer = (values.get(key, 0.0) for key in ("SPANFI", "SPANFO"))
     half, wing = case.value("HTPLNF", "SSPN") or 0.0, case.value("WGPLNF", "SSPN") or 0.0
     exposed = case.value("WGPLNF", "SSPNE") or wing
     fits_wing_only = outer > 1.001 * half
@@ -319,13 +319,13 @@ def _place_device(case: Deck, name: str, values: dict[str, object]) -> tuple[str
 
 
 def _make_part(
-    case: Deck, namelist: str, control: str, values: dict[str, object], unit: float
+    case: Deck, namelist: str, control: str, values: Mapping[str, float], unit: float
 ) -> HingedPart | None:
     """Return a control with its shares of the local chord, None if a card is missing."""
     keys = ("SPANFI", "SPANFO", "CHRDFI", "CHRDFO")
     if any(key not in values for key in keys):
         return None
-    inner, outer, chord_in, chord_out = (float(str(values[key])) * unit for key in keys)
+    inner, outer, chord_in, chord_out = (values[key] * unit for key in keys)
     surface, _ = _make_surface(case, namelist, (), unit)
     local = np.interp([inner, outer], surface.span, surface.chord)
     shares = (chord_in / float(local[0]), chord_out / float(local[1]))
