@@ -207,7 +207,8 @@ def _check(
     with_body: bool,
 ) -> tuple[list[str], list[str]]:
     """Return remarks and cautions on panels, sideslip and the two computations of the drag."""
-    remarks, cautions = [], []
+    remarks: list[str] = []
+    cautions: list[str] = []
     fine, rough = straight["derivatives"], coarse["derivatives"]
     slope = abs(rough["dCL/dalpha"] / fine["dCL/dalpha"] - 1.0)
     rolling = abs(rough["dCl'/dp'"] / fine["dCl'/dp'"] - 1.0)
