@@ -170,6 +170,7 @@ NOT_TRIED = {
     *("demo", "match", "package make", "view", "pom diagnose", "pom tune"),
     *("datcom plot", "datcom run", "flight fit", "flight fit-linear", "flight plan"),
     "pom spread",
+    "db estimate",  # with a package of an extra
     *("flight balance", "flight controls", "flight engine", "flight gear", "flight ground-effect"),
     *("flight markers", "flight multibody", "flight report"),
     # needs a database that keeps its flown states; it writes a text by the usual writer

@@ -1,4 +1,4 @@
-"""The verbs ``aeromatch db coefficients`` and ``aeromatch db from-estimate``."""
+"""The verbs ``aeromatch db coefficients``, ``from-estimate`` and ``estimate``."""
 
 from __future__ import annotations
 
@@ -60,4 +60,40 @@ def from_estimate_command() -> None:
     state no unit of length: one --control for each control, and --length-unit, are required.
     Positive are delta_e and delta_f trailing edge down, delta_a right aileron down (rolls left),
     delta_r trailing edge left (yaws left).
+    """
+
+
+@click.command("estimate")
+@click.argument("aircraft", type=InputFile())
+@click.argument("decks", nargs=-1, type=InputFile())
+@click.option(
+    "--rudder",
+    metavar="CHORD[,FROM,TO]",
+    help="Share of the fin's chord behind the hinge, and its ends as shares of the fin's span: "
+    "0.35 or 0.35,0,0.9. DATCOM has no card for a rudder.",
+)
+@click.option("--body", is_flag=True, help="Model the body by slender-body theory.")
+@click.option("--CD0", "CD0", type=float, help="Friction drag to add; the method has none.")
+@click.option(
+    "--move-reference",
+    is_flag=True,
+    help="Transfer moments by more than 0.1 chord to the reference of the aircraft file.",
+)
+@click.option(
+    "--errors",
+    type=click.Choice(["calibrated", "guide"]),
+    default="calibrated",
+    help="Standard errors: calibrated on published derivatives (default), or of the guide.",
+)
+@click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
+@json_option
+@performed_by("aerodb.cli.actions.estimates:run_estimate")
+def estimate_command() -> None:
+    """Build a database from the geometry of DATCOM DECKS with a second estimator, the vortex lattice
+    of AVL (package optvl, extra `estimate`).
+
+    AIRCRAFT is an aircraft file (TOML) with its decks after it, or the first of the decks, which
+    then give name, reference quantities and moment centre too. Wing, tails, elevator (SYMFLP on the
+    tail), flap (SYMFLP on the wing) and aileron (ASYFLP) are those of the cards. The body is left
+    out: with it the estimates of eleven aircraft are worse.
     """

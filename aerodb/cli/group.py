@@ -42,6 +42,7 @@ _ELSEWHERE = {
     "compare": "compare",
     "edit": "edit",
     "envelope": "envelope",
+    "estimate": "estimates",
     "export": "exchange",
     "figures": "compare",
     "history": "edit",
@@ -124,6 +125,13 @@ def db() -> None:
     multiple=True,
     metavar="TERM=SOURCE",
     help="Take a term from one source in place of a blend: 'Cn/*=AVL'.",
+)
+@click.option(
+    "--errors",
+    type=click.Choice(["guide", "calibrated"]),
+    default="guide",
+    help="Standard errors of the guide (default), or calibrated on published derivatives, with the "
+    "bias of the program removed.",
 )
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @json_option

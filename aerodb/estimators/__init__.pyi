@@ -8,3 +8,4 @@ from .column_map import ColumnMap as ColumnMap
 from .column_map import read_column_map as read_column_map
 from .reading import read_estimate as read_estimate
 from .reading import read_estimates as read_estimates
+from .vortex_lattice.estimate import from_decks as from_decks

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -108,13 +109,44 @@ def from_estimate(
         symmetric, the printed lift slope is not that of the totals, or a value is implausible.
     """
     given = read_estimates(files, columns)
-    one = _in_metres(given, length_unit, reference)
-    one = forces_to_stability(name_controls(one, controls or {}))
+    one = name_controls(_in_metres(given, length_unit, reference), controls or {})
+    return build_database(
+        aircraft,
+        one,
+        mach=mach,
+        CD0=CD0,
+        move_reference=move_reference,
+        errors=errors_with(stderr),
+    )
+
+
+def build_database(
+    aircraft: Any,
+    one: CoefficientSet,
+    *,
+    errors: PriorErrors,
+    mach: float | None = None,
+    CD0: float | None = None,
+    move_reference: bool = False,
+) -> xr.DataTree:
+    """Return the a-priori database of a set of coefficients in metres with the product's controls.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Its name, reference quantities and moment reference point are used.
+    one : CoefficientSet
+    errors : PriorErrors
+        Rules of the standard errors.
+    mach, CD0, move_reference
+        As for `from_estimate`, which states the result, the errors and the warnings.
+    """
+    one = forces_to_stability(one)
     tables = EstimateTables(one, mach)
     effects = tables.effects()
     for remark in (*one.cautions, *tables.remarks):
         warn_user(f"{one.program}: {remark}")
-    prior = _per_radian(errors_with(stderr), effects)
+    prior = _per_radian(errors, effects)
     point = _reference_point(aircraft, one, move_reference)
     effects, prior = _complete_drag(one, effects, prior, CD0)
     by_name = _refer_to_aircraft(effects, one, aircraft, point)

@@ -18,7 +18,7 @@ from aerodb.prior.damping import with_tail_arm
 from aerodb.prior.effect_to_terms import terms_of_effect
 from aerodb.prior.power import power_effect, with_idle_engines, with_power_in_it
 from aerodb.prior.print_remarks import describe_tail_pressure, list_missing_numbers
-from aerodb.prior.prior_errors import errors_with
+from aerodb.prior.prior_errors import choose_errors
 from aerodb.prior.reference_quantities import (
     Point,
     find_basic_ranges,
@@ -87,6 +87,7 @@ def from_datcom(
     tailless: bool = False,
     move_reference: bool = False,
     stderr: Mapping[str, tuple[float, float] | float] | None = None,
+    errors: str = "guide",
 ) -> xr.DataTree:
     """Return the a-priori database of Digital DATCOM listings.
 
@@ -136,6 +137,9 @@ def from_datcom(
         A-priori relative and absolute standard errors by term, ``{"Cm/qhat": (0.5, 0.0)}``, and
         factors by regime and class of method, ``{"transonic static": 3.0}``.  They replace those of
         `aerodb.prior.prior_errors`.
+    errors : {"guide", "calibrated"}
+        Standard errors of the identification guide, or those of the calibration on aircraft with
+        published derivatives.  With the latter the terms are multiplied by the calibrated ratios.
 
     Returns
     -------
@@ -184,7 +188,7 @@ def from_datcom(
     sources = _collect_sources(listings, powered)
     clean_source = sources["clean"]
     # Speed regimes are those of the program's methods in the clean listing.
-    prior = errors_with(stderr, *clean_source.regimes)
+    prior = choose_errors(errors, "DATCOM", stderr, *clean_source.regimes)
     if not tailless:
         _require_tail(clean_source)
     if not clean_source.has("dynamic"):

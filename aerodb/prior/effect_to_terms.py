@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import xarray as xr
 
-from aerodb.prior.prior_errors import PriorErrors
+from aerodb.prior.prior_errors import CALIBRATED_MACH, PriorErrors
 from aerodb.prior.sources import warn_user
 from aerodb.store.effects import Effect, join_sentences
 from flightmech import terms as _terms
@@ -95,6 +95,7 @@ def terms_of_effect(
             notes=notes,
             source=source,
         )
+    leaves = _without_bias(leaves, prior)
     for (last, end), names in extended.items():
         warn_user(
             f"{' '.join(names)}: nothing is printed beyond Mach {last:g}; that value is held "
@@ -131,6 +132,49 @@ def _make_leaf(
     judgement = _terms.SOURCES.index("judgement")
     code = np.where(judged.transpose(*value.dims), judgement, leaf["source"]).astype(np.uint8)
     return leaf.assign(source=leaf["source"].copy(data=code))
+
+
+def _without_bias(leaves: Mapping[str, xr.Dataset], prior: PriorErrors) -> dict[str, xr.Dataset]:
+    """Return terms multiplied by their ratios of true to estimated slopes.
+
+    The pitching moment of the basic aeroplane keeps its value at zero lift: its slope has the ratio.
+    The standard errors stay, because the calibration refers them to the estimates.
+    """
+    corrected = {}
+    for name, leaf in leaves.items():
+        ratio = prior.ratios.get(name, 1.0)
+        if ratio == 1.0:
+            corrected[name] = leaf
+            continue
+        value = leaf["value"]
+        fixed = xr.zeros_like(value)
+        note = f"multiplied by {ratio:g}"
+        if name == "Cm/basic":
+            fixed = _moment_at_zero_lift(leaves["CL/basic"]["value"], value)
+            note = f"slope over the value at zero lift multiplied by {ratio:g}"
+        changed = fixed + ratio * (value - fixed)
+        if "mach" in value.dims:
+            changed = changed.where(value["mach"] <= CALIBRATED_MACH, value)
+        changed = changed.transpose(*value.dims)
+        comment = join_sentences(leaf.attrs["comment"], f"{note}, the bias of the calibration")
+        leaf = leaf.assign(value=value.copy(data=changed.values))
+        corrected[name] = leaf.assign_attrs(comment=comment)
+    return corrected
+
+
+def _moment_at_zero_lift(lift: xr.DataArray, moment: xr.DataArray) -> xr.DataArray:
+    """Return the pitching moment where the lift is zero, below the largest lift."""
+    others = [axis for axis in moment.dims if axis != "alpha"]
+    lift = lift.interp_like(moment["alpha"]) if "alpha" in lift.dims else lift
+
+    def at_zero(lifts: np.ndarray, moments: np.ndarray) -> float:
+        rising = slice(0, int(np.argmax(lifts)) + 1)
+        return float(np.interp(0.0, lifts[rising], moments[rising]))
+
+    found = xr.apply_ufunc(
+        at_zero, lift, moment, input_core_dims=[["alpha"], ["alpha"]], vectorize=True
+    )
+    return found.broadcast_like(moment).transpose(*others, "alpha")
 
 
 def _is_at(table: xr.DataArray, axis: str, points: np.ndarray) -> xr.DataArray | bool:

@@ -13,15 +13,22 @@ weighting``).  The others (j), and all factors, are engineering judgement by the
 fin-and-body build-ups, section data, charts of a few points, fairings between two regimes.  They
 are starting values.  Replace them by the results of a comparison of estimates with flight: pass
 ``stderr=`` to `aerodb.from_datcom`.
+
+`calibrated_errors.csv` has figures from aircraft with published derivatives in their place
+(`calibrated_errors`): relative and absolute error, and the ratio of published to estimated values,
+by program and term.  `benchmarks/prior_calibration.py` derives it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib.resources import files
 from typing import TypeGuard
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
@@ -31,6 +38,12 @@ REGIMES = ("subsonic", "transonic", "supersonic")
 # Last Mach number of DATCOM's subsonic methods and first one of its supersonic methods, unless the
 # deck states others.
 STMACH, TSMACH = 0.6, 1.4
+
+CALIBRATED_MACH = 0.6
+"""Largest Mach number of the calibration."""
+CALIBRATIONS = "calibrated_errors.csv"
+ERRORS = ("guide", "calibrated")
+"""Kinds of standard errors: of the identification guide, and of the calibration."""
 
 # By term: relative and absolute subsonic error, the latter in the unit of the table.
 PRIOR_ERRORS: dict[str, tuple[float, float]] = {
@@ -153,12 +166,16 @@ class PriorErrors:
         Factors in the transonic and the supersonic regime, by class of method.
     stmach, tsmach : float
         Last Mach number of the subsonic methods, first one of the supersonic methods.
+    ratios : dict of str to float
+        Mean ratio of the true to the estimated slope of a term, up to `CALIBRATED_MACH`; 1 for a
+        term that is absent.
     """
 
     terms: Mapping[str, tuple[float, float]] = field(default_factory=lambda: dict(PRIOR_ERRORS))
     factors: Mapping[str, tuple[float, float]] = field(default_factory=lambda: dict(REGIME_FACTORS))
     stmach: float = STMACH
     tsmach: float = TSMACH
+    ratios: Mapping[str, float] = field(default_factory=dict)
 
     def regime(self, mach: float) -> str:
         """Return the speed regime of a Mach number."""
@@ -248,6 +265,71 @@ def errors_with(
             hint = "stderr= takes terms that a listing can give, and regimes with a class"
             raise UnknownName(name, [*terms, *regime_names], "term", hint)
     return PriorErrors(terms, factors, stmach=stmach, tsmach=tsmach)
+
+
+@cache
+def read_calibration() -> pd.DataFrame:
+    """Return the table of the calibration, one row per program and term.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``program``, ``term``, ``method`` (class), ``count`` (aircraft), ``ratio`` (published
+        over estimated), ``factor`` (on the figures of the guide), ``relative``, ``absolute`` [1,
+        unit of the table].
+    """
+    with (files("aerodb.prior") / CALIBRATIONS).open(encoding="ascii") as stream:
+        return pd.read_csv(stream, comment="#")
+
+
+def calibrated_errors(rules: PriorErrors, program: str, kept: Collection[str] = ()) -> PriorErrors:
+    """Return rules with the calibrated figures and ratios of a program.
+
+    Parameters
+    ----------
+    rules : PriorErrors
+    program : str
+        ``DATCOM``, ``OptVL`` or ``OptVL with body``.
+    kept : collection of str
+        Terms whose figures a project has given: they stay, without a ratio.
+
+    Raises
+    ------
+    UnknownName
+        A program without a calibration.
+    """
+    table = read_calibration()
+    programs = list(table["program"].unique())
+    if program not in programs:
+        raise UnknownName(program, programs, "calibrated program", "use the errors of the guide")
+    terms, ratios = dict(rules.terms), {}
+    for row in table[table["program"] == program].to_dict("records"):
+        if row["term"] not in kept:
+            terms[row["term"]] = row["relative"], row["absolute"]
+            ratios[row["term"]] = row["ratio"]
+    return replace(rules, terms=terms, ratios=ratios)
+
+
+def choose_errors(
+    kind: str,
+    program: str,
+    overrides: Mapping[str, tuple[float, float] | float] | None,
+    stmach: float = STMACH,
+    tsmach: float = TSMACH,
+) -> PriorErrors:
+    """Return the rules of one of the kinds of `ERRORS` for a program.
+
+    Raises
+    ------
+    UnknownName, SchemaError
+        As `errors_with` and `calibrated_errors`, or the kind is unknown.
+    """
+    if kind not in ERRORS:
+        raise UnknownName(kind, ERRORS, "kind of standard errors", "errors= takes one of them")
+    rules = errors_with(overrides, stmach, tsmach)
+    if kind == "guide":
+        return rules
+    return calibrated_errors(rules, program, overrides or {})
 
 
 def _require_pair(name: str, item: object) -> tuple[float, float]:

@@ -8,11 +8,13 @@ from typing import Any
 
 import click
 import numpy as np
+import xarray as xr
 
 from aerodb.estimators.build import from_estimate
 from aerodb.estimators.coefficient_set import CoefficientSet, EstimateReference
 from aerodb.estimators.column_map import ColumnMap, read_column_map
 from aerodb.estimators.reading import read_estimates
+from aerodb.estimators.vortex_lattice.estimate import from_decks
 from aerodb.store.files import save
 from aerodb.store.overview import describe_database, summary
 from flightmech.aircraft.aircraft_file import read_aircraft
@@ -126,6 +128,59 @@ def run_from_estimate(
             CD0=CD0,
             move_reference=move_reference,
         )
+    _save_and_show(tree, caught, output, as_json)
+
+
+def run_estimate(
+    aircraft: str,
+    decks: tuple[str, ...],
+    rudder: str | None,
+    body: bool,
+    CD0: float | None,
+    move_reference: bool,
+    errors: str,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Perform the command ``estimate``."""
+    given, known = (aircraft, *decks), None
+    if aircraft.lower().endswith(".toml"):
+        given, known = decks, read_aircraft(aircraft)
+        if not decks:
+            raise click.UsageError(f"give the decks (.inp) of {aircraft} after it")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", AeromatchWarning)
+        tree = from_decks(
+            given,
+            known,
+            rudder=_read_rudder(rudder),
+            with_body=body,
+            CD0=CD0,
+            move_reference=move_reference,
+            errors=errors,
+        )
+    _save_and_show(tree, caught, output, as_json)
+
+
+def _read_rudder(text: str | None) -> tuple[float, float, float] | None:
+    """Return share of the chord, start and end of a rudder; None without one."""
+    if text is None:
+        return None
+    try:
+        numbers = [float(word) for word in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 1:
+        return numbers[0], 0.0, 1.0
+    if len(numbers) != 3:
+        raise click.UsageError(f"--rudder {text!r}: expected CHORD or CHORD,FROM,TO: 0.35,0,0.9")
+    return numbers[0], numbers[1], numbers[2]
+
+
+def _save_and_show(
+    tree: xr.DataTree, caught: list[warnings.WarningMessage], output: str, as_json: bool
+) -> None:
+    """Save a database, and print it with its warnings and notes."""
     messages = []
     for warning in caught:
         if issubclass(warning.category, AeromatchWarning):

@@ -90,6 +90,7 @@ def run_build(
     tailless: bool,
     move_reference: bool,
     take: tuple[str, ...],
+    errors: str,
     output: str,
     as_json: bool,
     **listings: tuple[ListingCase, ...],
@@ -112,6 +113,7 @@ def run_build(
         "powered": powered,
         "tailless": tailless,
         "move_reference": move_reference,
+        "errors": errors,
     }
     if altitude is not None:
         options["altitude"] = parse_quantity(altitude, "m")
