@@ -32,6 +32,7 @@ _FLAP_ON_TAIL = (
 )
 _WRONG_CARDS = "correct the stations and chords of the device"
 _NO_HEIGHT = "give DELTAS, XSOC and HSOC, or STYPE=4.0 for an aileron with DELTAL and DELTAR"
+_NO_TAIL = "give HTPLNF, or STYPE=4.0 for an aileron"
 # A device of the wing does not begin inside the body; rounding of the cards, part of the semispan.
 _ROUNDED = 0.005
 # From the side of the body to the device: of the wing's semispan, and of the tail's.
@@ -96,7 +97,9 @@ def describe_misfit(deck: Deck, tolerance: float = _CARELESS_SPAN) -> str:
         if _is_on_tail(deck):
             surface = "HTPLNF"
     elif style == _DIFFERENTIAL_TAIL:
-        return ""
+        if "HTPLNF" in deck.namelists:
+            return ""
+        return f"$ASYFLP: STYPE={style} is a horizontal tail whose halves move, and HTPLNF is absent"
     return describe_span_beyond_tip(
         deck, name, surface, tolerance
     ) or describe_chord_beyond_surface(deck, name, surface, tolerance)
@@ -106,8 +109,11 @@ def advise_on_misfit(deck: Deck) -> str:
     """Return what to do about a device that does not fit its surface."""
     if "SYMFLP" in deck.namelists and _is_on_tail(deck):
         return _FLAP_ON_TAIL
-    if round(deck.value("ASYFLP", "STYPE") or 0.0) in _SPOILERS:
+    style = round(deck.value("ASYFLP", "STYPE") or 0.0)
+    if style in _SPOILERS:
         return _NO_HEIGHT
+    if style == _DIFFERENTIAL_TAIL:
+        return _NO_TAIL
     return _WRONG_CARDS
 
 

@@ -3,13 +3,20 @@
 import pytest
 
 from datcom_io.decks.deck_file import read_deck
-from datcom_io.decks.device_fit import IS_FLAP, MAY_BE_FLAP, weigh_device_on_tail
+from datcom_io.decks.device_fit import (
+    IS_FLAP,
+    MAY_BE_FLAP,
+    advise_on_misfit,
+    describe_misfit,
+    weigh_device_on_tail,
+)
 
 # A light aeroplane: the body is 0.8 m from the axis at the wing and 0.15 m at the tail.
 AEROPLANE = """\
  $WGPLNF CHRDR=1.95,CHRDTP=1.05,SSPN=5.9,SSPNE=5.1,SAVSI=3.0,TYPE=1.0$
  $HTPLNF CHRDR=1.05,CHRDTP=0.65,SSPN=2.3,SSPNE=2.15,SAVSI=9.0,TYPE=1.0$
 """
+WING = AEROPLANE.splitlines()[0]
 
 
 def weigh(inner: float, outer: float, chord_in: float, chord_out: float, planforms=AEROPLANE):
@@ -61,3 +68,14 @@ def test_a_short_device_in_the_middle_of_both_is_doubtful() -> None:
 def test_without_planforms_nothing_is_known() -> None:
     assert weigh(0.8, 2.2, 0.4, 0.4, planforms="").weight == 0
     assert weigh(0.8, 2.2, 0.0, 0.0).weight == 0
+
+
+@pytest.mark.parametrize(("planforms", "misfit"), [(AEROPLANE, False), (WING, True)])
+def test_halves_of_a_tail_need_the_tail(planforms, misfit) -> None:
+    """STYPE=5 without HTPLNF is an aileron with a wrong type: the program prints a moment of 0."""
+    (deck,) = read_deck([*planforms.splitlines(), " $ASYFLP STYPE=5.0,NDELTA=1.0$"])
+    text = describe_misfit(deck)
+    assert bool(text) == misfit
+    if misfit:
+        assert text.startswith("$ASYFLP: STYPE=5 is a horizontal tail whose halves move")
+        assert "STYPE=4.0" in advise_on_misfit(deck)
