@@ -164,7 +164,7 @@ def weigh_device_on_tail(deck: Deck) -> DeviceDoubt:
         )
     fits_wing = wing.start < _AT_WING and max(wing.chords) < _LARGEST_FLAP
     if not clauses and fits_wing and not states_elevator(deck, deck.caseid):
-        # A body as wide at the tail as at the wing: nothing tells one from the other.
+        # A body as wide at the tail as at the wing: the cards do not separate both.
         weight = MAY_BE_FLAP
         clauses.append(
             f"it fits the wing as well: from {wing.start:.0%} of the semispan outside the body, "

@@ -175,7 +175,7 @@ LISTINGS = Path(__file__).parents[1] / "listings"
         ("no_angles", ["section", "static"]),
     ],
 )
-def test_headings_without_rows_that_the_cards_do_not_ask_for_are_no_damage(name, kinds):
+def test_headings_without_rows_that_the_cards_do_not_request_are_no_damage(name, kinds):
     """Run again, the program prints the same: SYMFLP without deflections, FLTCON without angles."""
     listing = datcom_io.read(LISTINGS / f"{name}.out")
     assert [page.kind for page in listing.pages] == kinds
@@ -183,7 +183,7 @@ def test_headings_without_rows_that_the_cards_do_not_ask_for_are_no_damage(name,
     assert listing.unread == []
 
 
-def test_a_missing_row_of_a_table_that_the_cards_ask_for_is_damage(elevator_lines):
+def test_a_missing_row_of_a_table_that_the_cards_request_is_damage(elevator_lines):
     heading = next(k for k, line in enumerate(elevator_lines) if "D(CDI)" in line)
     first = next(
         k for k in range(heading, len(elevator_lines)) if elevator_lines[k].startswith("    -8.0")
