@@ -21,6 +21,7 @@ from datcom_io.decks.device_fit import (
     DeviceDoubt,
     advise_on_misfit,
     describe_misfit,
+    states_elevator,
     weigh_device_on_tail,
 )
 from datcom_io.decks.namelists import COUNTS
@@ -175,8 +176,7 @@ def weigh_device(case: Case) -> DeviceDoubt:
     clauses, weight = doubt.clauses, doubt.weight
     if _is_named_flap(case):
         clauses, weight = (*clauses, f"the case is named {case.name!r}"), weight + 1
-    is_stated = "ELEV" in case.name.upper() or case.deck.has("TRIM")
-    if is_stated or "CONTAB" in case.deck.namelists:
+    if states_elevator(case.deck, case.name):
         weight = min(weight, MAY_BE_FLAP)
     return DeviceDoubt(weight, clauses)
 

@@ -89,6 +89,9 @@ def verify_package_command() -> None:
     """Verify a PACKAGE (folder or zip) in stages: structure, signature, hashes, verdicts judged
     again, check cases through every format; exit code 1 on a difference.
 
+    Exit code 0 states that the package is consistent with itself. Who made it is proven with
+    --trusted-key alone: a package without a signature by one of these keys then has exit code 1.
+
     A package with a changed file is not read further. Its files are read, and its models flown, in
     child processes with limits, and in a sandbox where bubblewrap is installed.
     """

@@ -137,7 +137,8 @@ def check_package_signature(signature: PackageSignature, has_trusted: bool) -> l
 def describe_verdict(checks: Sequence[PackageCheck], signature: PackageSignature) -> str:
     """Return in one line whether a package holds, and who has made it.
 
-    A package that is consistent with itself can come from anyone.
+    A package that is consistent with itself can come from anyone: its maker is proven by a known
+    key alone, and the line begins with that.
     """
     bad = [check for check in checks if not check.good and check.kind != "signature"]
     origin = signature.text
@@ -152,4 +153,4 @@ def describe_verdict(checks: Sequence[PackageCheck], signature: PackageSignature
         return f"does NOT hold: {origin}"
     if signature.state == "known":
         return f"{origin}, and consistent with itself"
-    return f"consistent with itself; {origin}"
+    return f"MAKER NOT PROVEN, consistent with itself; {origin}"

@@ -32,10 +32,12 @@ _FLAP_ON_TAIL = (
 )
 _WRONG_CARDS = "correct the stations and chords of the device"
 _NO_HEIGHT = "give DELTAS, XSOC and HSOC, or STYPE=4.0 for an aileron with DELTAL and DELTAR"
+_NO_TAIL = "give HTPLNF, or STYPE=4.0 for an aileron"
 # A device of the wing does not begin inside the body; rounding of the cards, part of the semispan.
 _ROUNDED = 0.005
 # From the side of the body to the device: of the wing's semispan, and of the tail's.
 _AT_WING, _FROM_TAIL, _FAR_FROM_TAIL = 0.15, 0.08, 0.15
+_LARGEST_FLAP = 0.45  # of the chord of the wing
 _LEAST_END = 0.75  # of the semispan of the tail
 _LEAST_CHORD = 0.12  # of the chord of the tail
 # A device of constant chord ratio on one surface, and the change of it on the other.
@@ -96,7 +98,11 @@ def describe_misfit(deck: Deck, tolerance: float = _CARELESS_SPAN) -> str:
         if _is_on_tail(deck):
             surface = "HTPLNF"
     elif style == _DIFFERENTIAL_TAIL:
-        return ""
+        if "HTPLNF" in deck.namelists:
+            return ""
+        return (
+            f"$ASYFLP: STYPE={style} is a horizontal tail whose halves move, and HTPLNF is absent"
+        )
     return describe_span_beyond_tip(
         deck, name, surface, tolerance
     ) or describe_chord_beyond_surface(deck, name, surface, tolerance)
@@ -106,8 +112,11 @@ def advise_on_misfit(deck: Deck) -> str:
     """Return what to do about a device that does not fit its surface."""
     if "SYMFLP" in deck.namelists and _is_on_tail(deck):
         return _FLAP_ON_TAIL
-    if round(deck.value("ASYFLP", "STYPE") or 0.0) in _SPOILERS:
+    style = round(deck.value("ASYFLP", "STYPE") or 0.0)
+    if style in _SPOILERS:
         return _NO_HEIGHT
+    if style == _DIFFERENTIAL_TAIL:
+        return _NO_TAIL
     return _WRONG_CARDS
 
 
@@ -121,6 +130,14 @@ def weigh_device_on_tail(deck: Deck) -> DeviceDoubt:
 
     Without complete cards of the device and both planforms there is none.
     """
+    spans = [deck.value(name, "SSPN") or 0.0 for name in ("WGPLNF", "HTPLNF")]
+    if (
+        0.0 < spans[0] < spans[1]
+        and "SYMFLP" in deck.namelists
+        and not states_elevator(deck, deck.caseid)
+    ):
+        clause = f"HTPLNF has a span of {spans[1] / spans[0]:.2g} times WGPLNF: it is the main wing"
+        return DeviceDoubt(MAY_BE_FLAP, (clause,))
     tail, wing = _place_device(deck, "HTPLNF"), _place_device(deck, "WGPLNF")
     if tail is None or wing is None or wing.start < -_ROUNDED or wing.end > 1.0 + _ROUNDED:
         return DeviceDoubt()
@@ -145,7 +162,20 @@ def weigh_device_on_tail(deck: Deck) -> DeviceDoubt:
             f"its chord is {wing.chords[0]:.0%} of that of the wing at both ends, and "
             f"{tail.chords[0]:.0%} and {tail.chords[1]:.0%} of that of the tail"
         )
+    fits_wing = wing.start < _AT_WING and max(wing.chords) < _LARGEST_FLAP
+    if not clauses and fits_wing and not states_elevator(deck, deck.caseid):
+        # A body as wide at the tail as at the wing: the cards do not separate both.
+        weight = MAY_BE_FLAP
+        clauses.append(
+            f"it fits the wing as well: from {wing.start:.0%} of the semispan outside the body, "
+            f"with {wing.chords[0]:.0%} and {wing.chords[1]:.0%} of the chord"
+        )
     return DeviceDoubt(weight, tuple(clauses))
+
+
+def states_elevator(deck: Deck, name: str) -> bool:
+    """Return whether the name of a case, TRIM or CONTAB states that its SYMFLP is an elevator."""
+    return "ELEV" in name.upper() or deck.has("TRIM") or "CONTAB" in deck.namelists
 
 
 def _place_device(deck: Deck, surface: str) -> _Place | None:

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from datcom_io.arrays.conditions import parse_configuration
-from datcom_io.cells import FILLED, is_number_flag
+from datcom_io.cells import FILLED, OVERFLOW, is_number_flag
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
 
@@ -34,6 +34,7 @@ _DECIMALS = {
 }
 _DIGITS = {"dCDi": 3}  # significant ones; four in all other columns
 _ROUNDING = 1e-9  # of the unit conversions, in half units
+_SINGLE = 2.0**-23  # spacing of numbers of single precision, relative
 # Half of the last digit of a Mach number and of an altitude [m] in the print.
 _MACH, _HEIGHT = 5.1e-4, 0.31
 _MOST_FAULTS = 5  # of a variable, in a message
@@ -56,7 +57,8 @@ def refine(tree: xr.DataTree, plot: xr.DataTree) -> xr.DataTree:
     -------
     DataTree
         A new tree.  In ``static``, ``downwash`` and ``symflp`` the plot file replaces every number
-        that it has of a page in free air, without power and deflection.  Attribute ``refined`` of
+        that it has of a page in free air, without power and deflection, unless power effects of
+        the same case have left fewer digits in it than the print has.  Attribute ``refined`` of
         each variable states how many numbers come from which file.  Flags, missing numbers and all
         other numbers stay as printed.
 
@@ -189,7 +191,10 @@ def _refine_leaf(
             both_filled = (old_flag == FILLED) & (new_flag == FILLED)
             in_both = both_numbers | both_filled
             half_units = _half_units(name, old, new, to_print=scale, to_file=file_scale)
-            differing = in_both & ~(np.abs(old - new) * scale <= half_units)
+            rounding = scale * _rounding_of_power(printed, name, target)
+            differing = in_both & ~(np.abs(old - new) * scale <= half_units + rounding)
+            # A written number that power has rounded more than the print has fewer digits.
+            in_both &= rounding <= half_units
             for index in map(tuple, np.argwhere(differing)[:_MOST_FAULTS]):
                 where = "".join(f", {dim} {i}" for dim, i in zip(dims, index))
                 faults.append(
@@ -203,6 +208,21 @@ def _refine_leaf(
             f"{file}, all others as printed"
         )
     return finer, faults
+
+
+def _rounding_of_power(leaf: xr.Dataset, name: str, page: Index) -> np.ndarray:
+    """Return by how much the written numbers of a clean page are rounded by power effects.
+
+    The program adds power effects to its numbers of single precision, and subtracts them again
+    before it writes the plot file.  It is infinite where the print of a sum overflows.
+    """
+    dims = leaf[name][page].dims
+    if "power" not in page:
+        return np.zeros([leaf.sizes[dim] for dim in dims])
+    every_power = {axis: index for axis, index in page.items() if axis != "power"}
+    sums, flags = leaf[name][every_power], leaf[f"{name}_flag"][every_power]
+    largest = np.abs(sums).fillna(0.0).where(flags != OVERFLOW, np.inf).max("power")
+    return _SINGLE * largest.transpose(*dims).values
 
 
 # Values of a clean page along the axes of the print.

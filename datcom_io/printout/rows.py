@@ -43,7 +43,8 @@ class HeadingAxis(NamedTuple):
     """The second axis of a two-way table, whose values stand in a heading line.
 
     ``first`` and ``last`` bound the first heading value, ``cell`` is the first value column.  Both
-    repeat every ``step`` columns.
+    repeat every ``step`` columns.  ``counted`` is the namelist and the variable of the cards that
+    count the values.
     """
 
     name: str
@@ -52,6 +53,7 @@ class HeadingAxis(NamedTuple):
     last: int
     cell: PrintedColumn
     step: int
+    counted: tuple[str, str] = ("SYMFLP", "NDELTA")
 
 
 Line = tuple[int, str]

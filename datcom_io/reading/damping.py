@@ -11,8 +11,9 @@ prints -27 to +101 per radian over 0.8 chord of XCG, where the shares give -28 t
 
 At supersonic Mach numbers a wing has CLAD and CMAD of its own, of either sign, and the page prints
 the sum. Neither the share of the tail nor a sign follows from them there. CMQ is compared with
-thin-aerofoil strips of wing and tail and slender-body theory of the body instead. CLQ is not: the
-moments of first order of wing and tail nearly cancel.
+thin-aerofoil strips of wing and tail and slender-body theory of the body instead. So is CLQ, but
+the moments of first order of wing and tail nearly cancel on some aircraft: its bounds have 0.25 to
+1.2 of the strips of each surface by itself, and 1 per radian.
 
 The program multiplies the lift of the tail by Q/QINF. Its supersonic method prints 0 or 3 for some
 aircraft, so that the tail is absent from all numbers of the page.
@@ -52,6 +53,7 @@ _OFF_ABOVE, _OFF_BELOW, _OFF_LIFT = 0.3, 1.5, 1.5
 # radian. On sound pages the surfaces have 0.35 to 1.1; sqrt(0.35 1.1) is about 0.7.
 _STRIPS_LEAST, _STRIPS_MOST, _BODY_MOST, _STRIPS_AMOUNT = 0.25, 1.2, 1.5, 0.5
 _STRIPS_MEDIAN = 0.7
+_STRIPS_LIFT = 1.0  # supersonic CLQ: amount per radian
 # Lift from which the rolling moment due to yaw has the sign of the lift, but for the share of a
 # vertical tail.
 _LIFTING, _TAIL_CLR = 0.2, 0.2
@@ -160,7 +162,7 @@ def find_inconsistent(
         Whether the page is that of an aeroplane with a second surface; by default, whether a
         downwash is printed.
     strips : mapping of str to float, optional
-        ``surfaces`` and ``body`` of CMQ at supersonic speed (`estimate_supersonic_shares`). [1/rad]
+        CMQ and CLQ at supersonic speed (`estimate_supersonic_shares`). [1/rad]
 
     Returns
     -------
@@ -202,7 +204,20 @@ def find_inconsistent(
         low = _STRIPS_MOST * strips["surfaces"] + _BODY_MOST * min(0.0, strips["body"])
         high, Cm_q = _STRIPS_LEAST * strips["surfaces"], derivatives["Cm_qhat"]
         wrong["Cm_qhat"] = wrong["Cm_qhat"] | (Cm_q < low - _STRIPS_AMOUNT) | (Cm_q > high)
+        low, high = _bound_supersonic_lift(strips)
+        CL_q = derivatives["CL_qhat"]
+        wrong["CL_qhat"] = wrong["CL_qhat"] | (CL_q < low) | (CL_q > high)
     return {name: mask for name, mask in wrong.items() if mask.any()}
+
+
+def _bound_supersonic_lift(strips: Mapping[str, float]) -> tuple[float, float]:
+    """Return the lowest and highest supersonic CLQ that fits the strips. [1/rad]"""
+    low, high = -_STRIPS_LIFT, _STRIPS_LIFT
+    for name in ("lift_wing", "lift_tail"):
+        ends = [_STRIPS_LEAST * strips.get(name, 0.0), _STRIPS_MOST * strips.get(name, 0.0)]
+        low, high = low + min(ends), high + max(ends)
+    body = _BODY_MOST * strips["lift_body"]
+    return low + min(0.0, body), high + max(0.0, body)
 
 
 def _expected_rates(name: str, tail: float, wing: float | None) -> tuple[float, float]:
@@ -272,6 +287,9 @@ def flag_damping(case: Case) -> None:
             if name == "Cm_qhat" and strips:
                 text += f", where strips of the planforms give {strips['surfaces']:.4g} and the "
                 text += f"body {strips['body']:.4g}"
+            if name == "CL_qhat" and strips:
+                low, high = _bound_supersonic_lift(strips)
+                text += f", where strips of the planforms allow {low:.4g} to {high:.4g}"
             _, _, machs = reports.setdefault(
                 (page.configuration, name), (table.lines[row], text, [])
             )

@@ -250,8 +250,29 @@ class Scanner:
         page, messages, empty_tables = read_page(self.page, self.case.ordinal)
         self.page, self.region = [], "between"
         self.case.messages += messages
+        page, empty_tables = self._accept_headings(page, empty_tables)
         self.listing.unread += page.unread
         self._add_page(page, empty_tables)
+
+    def _accept_headings(
+        self, page: Page, empty_tables: list[tuple[int, TableLayout]]
+    ) -> tuple[Page, list[tuple[int, TableLayout]]]:
+        """Return a page and its empty tables without those for which the cards count no value.
+
+        The program prints the headings of a table whose angles or deflections are not given.
+        """
+        assert self.case is not None
+        left, unread = [], list(page.unread)
+        for line, layout in empty_tables:
+            across = layout.across.counted if layout.across else None
+            if across and not self.case.deck.count(*across):
+                # Below the heading stand angles alone.
+                unread = [number for number in unread if number < line]
+            elif layout.rows and not self.case.deck.count(*layout.rows):
+                unread.remove(line)
+            else:
+                left.append((line, layout))
+        return replace(page, unread=tuple(unread)), left
 
     def _add_page(self, page: Page, empty_tables: list[tuple[int, TableLayout]]) -> None:
         """Put a page into its case, without its damaged items; raise unless they are allowed."""

@@ -17,12 +17,16 @@ incidence q (x - x_cg) / V, so that [DATCOM 4.1.3.2, 7.1.1.2, 7.4.1.2]
 
     Cmq = -2 K / (S cbar^2) sum of the integrals of (x - x_cg)^2 over wing and tail,
 
+    CLq = 2 K / (S cbar) sum of the integrals of (x - x_cg),
+
 with K = 4 / sqrt(M^2 - 1), at most pi A / 2 of a slender wing. The body adds slender-body theory
 
     Cmq = -4 / (S cbar^2) {(x_b - x_cg)^2 S_b - integral of (x - x_cg) S(x) dx}    [DATCOM 7.2.1.2]
+    CLq = 4 / (S cbar) (x_b - x_cg) S_b    [DATCOM 7.2.1.1]
 
 for its base S_b at x_b. Tips, and the downwash in which a tail flies, lower the first: the print of
-sound pages is 0.35 to 1.0 of it.
+sound pages is 0.35 to 1.0 of it. In CLq wing and tail nearly cancel on some aircraft, so that the
+print lies between bounds: each surface counts with a part of its own.
 """
 
 from __future__ import annotations
@@ -39,7 +43,7 @@ _SECTION_SLOPE = 2.0 * math.pi  # of a thin section [1/rad]
 _LARGEST_MACH = 0.9
 # Mach numbers of the supersonic method; beyond them the program's method is hypersonic.
 _STRIPS = (1.0, 6.0)
-_SURFACES = ("WGPLNF", "HTPLNF")
+_SURFACES = {"WGPLNF": "lift_wing", "HTPLNF": "lift_tail"}
 
 
 def estimate_wing_share(deck: Deck, mach: float) -> dict[str, float]:
@@ -78,7 +82,7 @@ def estimate_wing_share(deck: Deck, mach: float) -> dict[str, float]:
 
 
 def estimate_supersonic_shares(deck: Deck, mach: float, has_tail: bool) -> dict[str, float]:
-    """Return CMQ of the surfaces and of the body of a deck at supersonic speed.
+    """Return CMQ and CLQ of the surfaces and of the body of a deck at supersonic speed.
 
     Parameters
     ----------
@@ -91,16 +95,16 @@ def estimate_supersonic_shares(deck: Deck, mach: float, has_tail: bool) -> dict[
     Returns
     -------
     dict of str to float
-        ``surfaces`` by strips, an upper bound in size, and ``body``; empty where the method does
-        not hold. [1/rad]
+        CMQ: ``surfaces`` by strips, an upper bound in size, and ``body``; CLQ: ``lift_wing``,
+        ``lift_tail`` with a tail, and ``lift_body``. Empty where the method does not hold. [1/rad]
     """
     x_cg, wing = deck.value("SYNTHS", "XCG"), measure_wing(deck)
     if wing is None or x_cg is None or not _STRIPS[0] <= mach <= _STRIPS[1]:
         return {}
     S = deck.value("OPTINS", "SREF") or wing.area
     cbar = deck.value("OPTINS", "CBARR") or wing.mean_chord
-    total = 0.0
-    for name in _SURFACES[: 1 + has_tail]:
+    total, shares = 0.0, {}
+    for name, lift in list(_SURFACES.items())[: 1 + has_tail]:
         surface, sampled = measure_surface(deck, name), sample_chords(deck, name)
         if surface is None or sampled is None:
             return {}
@@ -110,17 +114,24 @@ def estimate_supersonic_shares(deck: Deck, mach: float, has_tail: bool) -> dict[
             slope = min(slope, 4.0 / math.sqrt(mach**2 - 1.0))
         front, rear = lead - x_cg, lead + chord - x_cg
         total += slope * 2.0 * float(np.trapezoid((rear**3 - front**3) / 3.0, stations))
-    return {"surfaces": -2.0 * total / (S * cbar**2), "body": _body_share(deck, x_cg, S * cbar**2)}
+        first_moment = 2.0 * float(np.trapezoid((rear**2 - front**2) / 2.0, stations))
+        shares[lift] = 2.0 * slope * first_moment / (S * cbar)
+    damping, lift_of_body = _body_shares(deck, x_cg)
+    shares["surfaces"] = -2.0 * total / (S * cbar**2)
+    shares["body"] = damping / (S * cbar**2)
+    shares["lift_body"] = lift_of_body / (S * cbar)
+    return shares
 
 
-def _body_share(deck: Deck, x_cg: float, scale: float) -> float:
-    """Return CMQ of the body by slender-body theory, 0 without its cards. [1/rad]"""
+def _body_shares(deck: Deck, x_cg: float) -> tuple[float, float]:
+    """Return S cbar^2 CMQ and S cbar CLQ of the body by slender-body theory, 0 without cards."""
     count = deck.count("BODY", "NX") or 0
     x = np.array(deck.values("BODY", "X")[:count])
     area = np.array(deck.values("BODY", "S")[:count])
     if not area.size:
         area = math.pi * np.array(deck.values("BODY", "R")[:count]) ** 2
     if x.size < 2 or area.size != x.size or not (np.isfinite(x) & np.isfinite(area)).all():
-        return 0.0
+        return 0.0, 0.0
     base = (x[-1] - x_cg) ** 2 * area[-1]
-    return -4.0 / scale * float(base - np.trapezoid((x - x_cg) * area, x))
+    damping = -4.0 * float(base - np.trapezoid((x - x_cg) * area, x))
+    return damping, 4.0 * float((x[-1] - x_cg) * area[-1])

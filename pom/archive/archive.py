@@ -277,7 +277,11 @@ def _read_fan(group: h5py.Group, number: int) -> xr.Dataset:
 def _read_part(group: h5py.Group, head: Mapping[str, Any], part: str) -> xr.Dataset:
     values, names = group[part][()], list(group[_NAMES[part]].asstr()[()])
     clock = f"{_NAMES[part]}_time"
-    coords: dict[str, Any] = {"time": group[clock if clock in group else "time"][()]}
+    if clock not in group:
+        clock = "time"
+    coords: dict[str, Any] = {"time": group[clock][()]}
+    if not np.all(np.isfinite(coords["time"])) or np.any(np.diff(coords["time"]) < 0.0):
+        raise ValueError(f"{group.name}/{clock} is not a rising time")
     dims: tuple[str, ...] = ("time",)
     if part == "signals":
         coords["run"] = list(group["run"].asstr()[()])

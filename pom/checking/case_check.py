@@ -15,6 +15,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, OutOfRange, SchemaError, SimulationError, UnknownName
 from flightmech.simulation.compiler import SimModel
 from flightmech.support.kept_stages.sharing import process_pool
+from flighttest.reconstruction.quality import describe_name
 from pom.cases.case import PomCase, driven_quantities
 from pom.fmu.models import FmuModel
 from pom.fmu.variable_map import Fmu, links_of
@@ -183,11 +184,16 @@ class RecordError:
             return True
         return self.start <= window[1] and window[0] <= self.stop
 
+    @property
+    def title(self) -> str:
+        """Kind and channels in words: "sign of delta_e (elevator deflection)"."""
+        return describe_name(self.name)
+
     def line(self) -> str:
-        """Return name, part of the record and text in one line."""
+        """Return title, part of the record and text in one line."""
         if self.start is None or self.stop is None:
-            return f"{self.name}: {self.text}"
-        return f"{self.name} [{self.start:g} ... {self.stop:g} s]: {self.text}"
+            return f"{self.title}: {self.text}"
+        return f"{self.title} [{self.start:g} ... {self.stop:g} s]: {self.text}"
 
 
 @dataclass(frozen=True)
@@ -295,13 +301,13 @@ def _add_record_remarks(result: PomResult, checks: Mapping[str, RecordCheck]) ->
     remarks = []
     for error in check.errors:
         if error.concerns(case.window):
-            text = f"error of the flight record: {error.name}: {error.text}"
+            text = f"error of the flight record: {error.title}: {error.text}"
             remarks.append(RowRemark("record", text, error.name))
     driven = driven_quantities(case)
     for warning in check.warnings:
         if not warning.concerns(case.window):
             continue
-        text = f"warning on the flight record: {warning.name}: {warning.text}"
+        text = f"warning on the flight record: {warning.title}: {warning.text}"
         kind, _, channels = warning.name.partition(":")
         is_late = kind == "lag" and driven.intersection(channels.split("+"))
         # dynamic pressure and damping of the model go with it

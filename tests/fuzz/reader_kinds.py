@@ -218,6 +218,40 @@ KINDS = (
     Kind("tables_matlab", "bytes", "model.mat", (("db", "import", "model.mat", "-o", "out.nc"),)),
     Kind("tables_csv", "text", "", (("db", "import", "tables", "-o", "out.nc"),)),
     Kind("fmu", "bytes", "model.fmu", (("fmu", "show", "model.fmu"),)),
+    Kind("plot_file", "text", "plot.for013", (("datcom", "plot", "plot.for013"),)),
+    Kind(
+        "avl",
+        "text",
+        "c182.a4.st",
+        (
+            ("db", "coefficients", "c182.a0.st", "c182.a4.st"),
+            (
+                *("db", "from-estimate", "c182_aircraft.toml", "c182.a0.st", "c182.a4.st"),
+                *("--length-unit", "ft", "--CD0", "0.02", "--control", "elevator=+delta_e"),
+                *("--control", "aileron=+delta_a", "--control", "rudder=-delta_r", "-o", "out.nc"),
+            ),
+        ),
+    ),
+    *(
+        Kind(name, "text", file, (("db", "coefficients", file),))
+        for name, file in (("vspaero_stab", "c182.stab"), ("vspaero_polar", "c182.polar"))
+    ),
+    *(
+        Kind(
+            name,
+            "text",
+            file,
+            (
+                ("db", "coefficients", "columns.csv", "--columns", "columns.toml"),
+                (
+                    *("db", "from-estimate", "c182_aircraft.toml", "columns.csv"),
+                    *("--columns", "columns.toml", "--control", "elevator=+delta_e"),
+                    *("-o", "out.nc"),
+                ),
+            ),
+        )
+        for name, file in (("columns", "columns.csv"), ("column_map", "columns.toml"))
+    ),
 )
 NAMES = tuple(kind.name for kind in KINDS)
 
@@ -246,7 +280,7 @@ def make_kinds(
         if (folder / kind.file).is_file():
             made.append(kind)
         else:
-            print(f"{kind.name}: not fuzzed, its writer is not installed", flush=True)
+            print(f"{kind.name}: not fuzzed, its file or its writer is not here", flush=True)
     return made
 
 
@@ -278,8 +312,47 @@ def _copy_examples(folder: Path) -> None:
     (place / "flight").mkdir()
     shutil.copy(DATA / "t37" / "flight" / FLIGHT, place / "flight" / FLIGHT)
     shutil.copy(DATA / "c182" / "names.toml", folder / "c182.toml")
+    _copy_estimates(folder)
     lines = (DATA / "c182" / "flight" / "check_short_period.csv").read_text().split("\n")
     (folder / "c182.csv").write_text("\n".join(lines[:LINES]) + "\n")
+
+
+COLUMN_MAP = """layout = "runs"
+force_axes = "stability"
+moment_axes = "stability"
+mach = 0.2
+[reference]
+S = "174 ft2"
+cbar = "4.9 ft"
+b = "35.8 ft"
+x = "7.6 ft"
+[columns]
+alpha_deg = "alpha [deg]"
+de_deg = "elevator [deg]"
+CL = "CL"
+CD = "CD"
+Cm = "Cm"
+"""
+
+
+def _copy_estimates(folder: Path) -> None:
+    """Copy or write what the estimates of other programs need, and a plot file of DATCOM."""
+    shutil.copy(DATA / "c182" / "aircraft.toml", folder / "c182_aircraft.toml")
+    for path in (DATA / "avl").glob("*.st"):
+        shutil.copy(path, folder / path.name)
+    # outputs of VSPAERO are not part of the checkout
+    for path in (ROOT.parent / "shared" / "data" / "estimators" / "vspaero").glob("c182.*"):
+        shutil.copyfile(path, folder / path.name)
+    listings = ROOT / "tests" / "datcom_io" / "listings"
+    shutil.copy(listings / "hypersonic_tail_flap.for013", folder / "plot.for013")
+    rows = ["alpha_deg,de_deg,CL,CD,Cm"]
+    for alpha in range(-4, 12, 4):
+        for elevator in (-10, 0, 10):
+            lift = 0.4 + 0.09 * alpha + 0.008 * elevator
+            moment = 0.05 - 0.015 * alpha - 0.025 * elevator
+            rows.append(f"{alpha},{elevator},{lift:.4f},{0.03 + 0.05 * lift**2:.5f},{moment:.4f}")
+    (folder / "columns.csv").write_text("\n".join(rows) + "\n")
+    (folder / "columns.toml").write_text(COLUMN_MAP)
 
 
 _WRITTEN = ("zipped", "matlab", "matlab73", "classic", "px4", "ardupilot", "ch10", "mdf")

@@ -85,6 +85,7 @@ def run_verify_package(
         print_json(
             {
                 "holds": not bad,
+                "maker_proven": signature.state == "known",
                 "verdict": verdict,
                 "signature": signature.state,
                 "isolation": describe_sandbox(),

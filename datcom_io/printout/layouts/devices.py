@@ -100,6 +100,7 @@ _DIFFERENCE = HeadingAxis(
     last=23,
     cell=PrintedColumn("CN", 14, 25, "Cn"),
     step=12,
+    counted=("ASYFLP", "NDELTA"),
 )
 _ASYFLP_CN = TableLayout(
     "asyflp_cn",

@@ -122,7 +122,14 @@ def _increment_layout(table: _Increment, form: _Form) -> TableLayout:
         (PrintedColumn("ALPHA", *form.alpha, "alpha", "deg"),),
         keys=1,
         rows=("FLTCON", "NALPHA"),
-        across=HeadingAxis("DELTA", "delta", *form.delta, cell=cell, step=form.step),
+        across=HeadingAxis(
+            "DELTA",
+            "delta",
+            *form.delta,
+            cell=cell,
+            step=form.step,
+            counted=("HYPEFF", "HNDLTA"),
+        ),
     )
 
 

@@ -17,7 +17,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy
@@ -29,6 +29,10 @@ from flightmech.simulation.normal_sums import Elimination, NormalSums
 # Number of directions of the constants that are substituted together. More do not stay in the
 # cache.
 AT_ONCE = 8
+# Part of the information on a constant that is rounding, for each constant.
+_LEAST_PART = 8.0 * np.finfo(float).eps
+# Part of a constant in an undetermined combination from which it is named.
+_NAMED = 0.3
 
 
 class NormalEquations:
@@ -38,6 +42,8 @@ class NormalEquations:
     ----------
     samples, states, constants : int
         N, n and nc.
+    names : sequence of str, optional
+        Names of the constants, for errors.
 
     Attributes
     ----------
@@ -49,7 +55,8 @@ class NormalEquations:
         Gradient by states (N, n) and constants (nc,).
     """
 
-    def __init__(self, samples: int, states: int, constants: int):
+    def __init__(self, samples: int, states: int, constants: int, names: Sequence[str] = ()):
+        self.names = tuple(names)
         self.sums = NormalSums(samples, states, constants)
         self.D, self.O, self.G, self.C = self.sums.D, self.sums.O, self.sums.G, self.sums.C
         self.gx, self.gc = self.sums.gx, self.sums.gc
@@ -164,7 +171,8 @@ class NormalEquations:
         Raises
         ------
         IdentificationError
-            The normal matrix is singular: an unknown has neither a reading nor a prior.
+            The normal matrix is singular within rounding: an unknown has neither a reading nor a
+            prior, or several do the same.
         """
         elimination = self._elimination = self._eliminate_states()
         # G' T^-1 [G gx]
@@ -176,16 +184,19 @@ class NormalEquations:
             movable = np.flatnonzero(free)
         if len(movable):
             # Scaled, because the units of the constants differ by powers of ten.
-            scale = 1.0 / np.sqrt(np.diag(self.C)[movable])
+            own = np.diag(self.C)[movable]
+            if not np.all(own > 0.0):
+                raise self._undetermined(movable[~(own > 0.0)])
+            scale = 1.0 / np.sqrt(own)
+            scaled = schur[np.ix_(movable, movable)] * np.outer(scale, scale)
             try:
-                root = scipy.linalg.cho_factor(
-                    schur[np.ix_(movable, movable)] * np.outer(scale, scale)
-                )
-            except np.linalg.LinAlgError as error:
-                raise IdentificationError(
-                    "the constants are not determined: two of them do the same and have no "
-                    "prior; give one a prior"
-                ) from error
+                root = scipy.linalg.cho_factor(scaled)
+            except (np.linalg.LinAlgError, ValueError) as error:
+                raise self._undetermined(_weakest(scaled, movable)) from error
+            # The square of a pivot is the part of the information on a constant that neither the
+            # path nor the constants before it take; a part within rounding is none.
+            if np.min(np.diag(root[0]) ** 2) < _LEAST_PART * len(movable):
+                raise self._undetermined(_weakest(scaled, movable))
             gradient = (self.gc - border[:-1, -1])[movable]
             dc[movable] = -scale * scipy.linalg.cho_solve(root, scale * gradient)
         # dx = -T^-1 (G dc + gx)
@@ -222,6 +233,23 @@ class NormalEquations:
             for by_state in np.ascontiguousarray(change.T):
                 yield by_state.T
 
+    def _undetermined(self, constants: np.ndarray) -> IdentificationError:
+        """Return the error on constants that the readings and priors do not determine."""
+        names = [str(k) for k in constants]
+        if self.names:
+            names = [self.names[k] for k in constants]
+        text = (
+            f"the constant {names[0]} is not determined: it has no reading of its own and no prior"
+        )
+        if len(names) > 1:
+            text = (
+                f"the constants {', '.join(names)} are not determined: together they have no "
+                f"reading and no prior, because they do the same"
+            )
+        return IdentificationError(
+            f"{text}; give one a prior, or a manoeuvre that separates them from the path"
+        )
+
     def _eliminate_states(self) -> Elimination:
         """Factor T and return the elimination of the states."""
         try:
@@ -232,3 +260,12 @@ class NormalEquations:
                 f"the trajectory is not determined at sample {k}, state {i}; give a sensor "
                 f"or a prior for it"
             ) from error
+
+
+def _weakest(scaled: np.ndarray, constants: np.ndarray) -> np.ndarray:
+    """Return the constants of the combination that a scaled information determines least."""
+    if not np.isfinite(scaled).all():
+        return constants[~np.isfinite(scaled).all(axis=1)]
+    _, vectors = np.linalg.eigh(scaled)
+    parts = np.abs(vectors[:, 0])
+    return constants[parts >= _NAMED * parts.max()]

@@ -291,7 +291,7 @@ def linearise(
         equations = spare.pop()
         equations.clear()
     else:
-        equations = NormalEquations(len(x), problem.states, len(c))
+        equations = NormalEquations(len(x), problem.states, len(c), problem.constants.names)
     with equations.sums.collect_groups():
         _add_path_steps(problem, x, c, equations)
         _add_gust_steps(problem, x, equations)

@@ -11,12 +11,52 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from flightmech.names import is_quantity, lookup
 from flighttest.records.readers.channel_correction import correct_channel, line_of
 from flighttest.records.readers.name_map import Channel
 
 SEVERITIES = ("error", "warning", "note")
 """An error makes results wrong. A warning affects some results. A note is information."""
 
+# Words for the kinds of findings in front of their channels.
+_TITLES = {
+    "absent": "absent:",
+    "axis": "axis of",
+    "coarse": "coarse steps of",
+    "collinear": "moved together:",
+    "column": "column of",
+    "column_name": "name of the column of",
+    "definition": "definition of",
+    "duplicate": "repeated times of",
+    "excitation": "little movement of",
+    "gap": "gap in",
+    "geometry": "position of",
+    "held": "held values of",
+    "inconsistent": "inconsistent:",
+    "inertia": "inertia against",
+    "jump": "jump of",
+    "lag": "delay of",
+    "minimum_speed": "below the least speed:",
+    "missing": "missing values of",
+    "noise": "noise of",
+    "offset": "offset of",
+    "outside": "beyond the calibration:",
+    "range": "range of",
+    "reconstruction": "reconstruction of",
+    "reset": "clock set back in",
+    "saturation": "end of the range of",
+    "scale": "scale of",
+    "sign": "sign of",
+    "small_scale": "small error of scale of",
+    "spike": "spikes of",
+    "stated_unit": "stated unit of",
+    "stray": "stray times of",
+    "stuck": "constant:",
+    "undecided": "sign or delay of",
+    "unit": "unit of",
+    "weight": "weight against",
+    "wrap": "clock that wraps in",
+}
 # Kinds of findings, and the kinds of faults of the same channel that cause them.
 _CAUSES = {
     "noise": ("sign", "unit", "axis", "definition", "spike", "held"),
@@ -75,6 +115,21 @@ class Finding:
     def as_dict(self) -> dict[str, Any]:
         """Return all fields, with the name."""
         return {"name": self.name, **asdict(self)}
+
+
+def describe_name(name: str) -> str:
+    """Return the name of a finding as words: ``sign:delta_r`` as "sign of delta_r (rudder
+    deflection)".
+
+    A kind without words, and a channel out of the vocabulary, keep their names.
+    """
+    kind, _, channels = name.partition(":")
+    described = []
+    for channel in filter(None, channels.split("+")):
+        if is_quantity(channel):
+            channel += f" ({lookup(channel).long_name.partition(',')[0]})"
+        described.append(channel)
+    return f"{_TITLES.get(kind, kind)} {', '.join(described)}".strip()
 
 
 def map_entry(record: xr.DataTree, name: str, slope: float, shift: float = 0.0) -> str:

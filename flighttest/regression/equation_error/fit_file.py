@@ -147,7 +147,8 @@ def _find_sample_fault(fit: Fit, terms: list[str]) -> str:
             return f"the figure {name} with another number of terms than the estimates"
         if not _is_usable(figure):
             return f"the figure {name} with NaN, infinite or very large numbers"
-    for name in (fit.model.coefficient, *fit.model.variables):
+    # Time and manoeuvre are those of a fit of flights, see `fit_figure`.
+    for name in (fit.model.coefficient, *fit.model.variables, "time", "manoeuvre"):
         # values that a publication states come without samples of the coefficient
         if name not in data:
             continue

@@ -242,7 +242,10 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
     assert (done.exit_code, found["holds"]) == (0, True)
     kinds = {"structure", "hash", "report", "states", "flown"}
     assert {item["kind"] for item in found["findings"]} == kinds
-    assert found["verdict"] == "consistent with itself; not signed, so anyone can have made it"
+    assert (
+        found["verdict"]
+        == "MAKER NOT PROVEN, consistent with itself; not signed, so anyone can have made it"
+    )
 
     harmed = tmp_path / "folder" / "check_cases" / "flown"
     (file,) = [item for item in sorted(harmed.iterdir())][:1]

@@ -280,11 +280,17 @@ def test_the_first_line_separates_consistent_from_signed(delivery, tmp_path):
         state = check_package_signature(signature, bool(trusted))
         return describe_verdict([*state, *checks], signature), all(item.good for item in state)
 
-    assert line(good) == ("consistent with itself; not signed, so anyone can have made it", True)
+    assert line(good) == (
+        "MAKER NOT PROVEN, consistent with itself; not signed, so anyone can have made it",
+        True,
+    )
     assert line(good, public)[1] is False
     sign(delivery, tmp_path / "ours")
     unknown = f"signed by an unknown key ({fingerprint}), which proves nothing about its maker"
-    assert line(good) == (f"consistent with itself; {unknown}: give --trusted-key", True)
+    assert line(good) == (
+        f"MAKER NOT PROVEN, consistent with itself; {unknown}: give --trusted-key",
+        True,
+    )
     known = f"signed by the known key ours.pub ({fingerprint})"
     assert line(good, public) == (f"{known}, and consistent with itself", True)
     assert line(bad, public) == (f"does NOT hold: 1 findings (hash); {known}", True)

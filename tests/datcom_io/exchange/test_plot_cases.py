@@ -255,3 +255,18 @@ def test_a_plot_file_without_angles_refines_nothing():
     empty["static"] = tree["static"].isel(alpha=slice(0, 0))
     fine = datcom_io.exchange.refine(case, empty)
     assert fine["static"].to_dataset().identical(case["static"].to_dataset())
+
+
+def test_numbers_that_power_has_rounded_stay_as_printed():
+    """The sum with power overflows the print; its rounding stays in the plot file, which has CD
+    1/1024 off.
+    """
+    tree = datcom_io.read(LISTINGS / "tiny_propeller.out")[0].to_datatree()
+    plot = datcom_io.exchange.read_plot(LISTINGS / "tiny_propeller.for013")["case 1"]
+    fine = datcom_io.exchange.refine(tree, plot)
+    body, whole = ({"configuration": k, "condition": 0, "power": 0} for k in (0, 2))
+    printed, written = tree["static"]["CD"], plot["static"]["CD"]
+    np.testing.assert_array_equal(fine["static"]["CD"][whole], printed[whole])
+    where = {"configuration": 2, "condition": 0}
+    assert np.abs(written[where].values - printed[whole].values).max() > 5e-4
+    assert not np.array_equal(fine["static"]["CD"][body], printed[body])

@@ -163,3 +163,31 @@ def test_a_page_that_comes_twice_is_not_overwritten(elevator_lines):
         ParseError, match="a second symflp table for the place of the one at lines 275-283"
     ):
         case.to_datatree()
+
+
+LISTINGS = Path(__file__).parents[1] / "listings"
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds"),
+    [
+        ("no_deflections", ["section", "section", "section", "static", "dynamic", "high-lift"]),
+        ("no_angles", ["section", "static"]),
+    ],
+)
+def test_headings_without_rows_that_the_cards_do_not_request_are_no_damage(name, kinds):
+    """Run again, the program prints the same: SYMFLP without deflections, FLTCON without angles."""
+    listing = datcom_io.read(LISTINGS / f"{name}.out")
+    assert [page.kind for page in listing.pages] == kinds
+    assert listing.pages[-1].printed == ()
+    assert listing.unread == []
+
+
+def test_a_missing_row_of_a_table_that_the_cards_request_is_damage(elevator_lines):
+    heading = next(k for k, line in enumerate(elevator_lines) if "D(CDI)" in line)
+    first = next(
+        k for k in range(heading, len(elevator_lines)) if elevator_lines[k].startswith("    -8.0")
+    )
+    lines = elevator_lines[:first] + elevator_lines[first + 1 :]
+    with pytest.raises(ParseError, match=r"18 rows in the dcdi table; expected 19 rows"):
+        datcom_io.read(lines)

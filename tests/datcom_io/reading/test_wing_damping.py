@@ -125,7 +125,12 @@ def test_a_rectangular_wing_at_the_centre_of_gravity_is_a_closed_form() -> None:
     text = " $OPTINS SREF=10.0,CBARR=1.0,BLREF=10.0$\n $SYNTHS XCG=0.5,XW=0.0$\n"
     text += " $WGPLNF CHRDR=1.0,CHRDTP=1.0,SSPN=5.0,SSPNE=5.0,SAVSI=0.0,CHSTAT=0.0,TYPE=1.0$\n"
     shares = estimate_supersonic_shares(deck(text), 2.0, has_tail=False)
-    assert shares == {"surfaces": pytest.approx(-8.0 / 12.0 / 3.0**0.5), "body": 0.0}
+    assert shares.pop("surfaces") == pytest.approx(-8.0 / 12.0 / 3.0**0.5)
+    assert shares == {"body": 0.0, "lift_wing": pytest.approx(0.0, abs=1e-12), "lift_body": 0.0}
+    # Half a chord ahead of the leading edge, one ahead of the middle: CLq = 2 (4 / sqrt(3)).
+    text = text.replace("XCG=0.5", "XCG=-0.5")
+    shares = estimate_supersonic_shares(deck(text), 2.0, has_tail=False)
+    assert shares["lift_wing"] == pytest.approx(8.0 / 3.0**0.5)
     # No tail in the deck, and speeds at which the method does not hold.
     assert estimate_supersonic_shares(deck(text), 2.0, has_tail=True) == {}
     assert estimate_supersonic_shares(deck(text), 0.9, has_tail=False) == {}
@@ -139,6 +144,22 @@ def test_a_rectangular_wing_at_the_centre_of_gravity_is_a_closed_form() -> None:
 def test_a_supersonic_print_off_the_strips_is_inconsistent(factor: float, expected) -> None:
     strips = estimate_supersonic_shares(deck(FIGHTER), 1.6, has_tail=True)
     derivatives = page(-3.71 * factor, CL_qhat=3.63)
+    alpha, lift = np.array([-2.0, 0.0, 2.0]), np.array([0.1, 0.3, 0.5])
+    more = {"has_tail": True, "strips": strips}
+    slope = np.full(3, 0.35)
+    assert list(find_inconsistent(derivatives, alpha, lift, slope, 1.6, **more)) == expected
+
+
+@pytest.mark.parametrize(
+    ("factor", "expected"),
+    [(1.0, []), (0.5, []), (-1.0, ["CL_qhat"]), (3.0, ["CL_qhat"]), (57.3, ["CL_qhat"])],
+)
+def test_a_supersonic_lift_due_to_pitch_rate_beyond_the_strips(factor: float, expected) -> None:
+    """The program prints 3.63 per radian; 0.25 to 1.2 of the strips of wing and tail, 1 and the
+    body allow 0.16 to 6.87.
+    """
+    strips = estimate_supersonic_shares(deck(FIGHTER), 1.6, has_tail=True)
+    derivatives = page(-3.71, CL_qhat=3.63 * factor)
     alpha, lift = np.array([-2.0, 0.0, 2.0]), np.array([0.1, 0.3, 0.5])
     more = {"has_tail": True, "strips": strips}
     slope = np.full(3, 0.35)

@@ -12,6 +12,7 @@ from sampling import sampled
 import flightmech
 import flighttest
 from flightmech.units import DEGREE, FOOT, G0, KNOT
+from flighttest.reconstruction.quality import describe_name
 from flighttest.records.signals.resampling import resample
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
@@ -464,3 +465,9 @@ def test_compass_that_wanders_in_straight_flight_has_no_wrong_unit():
     assert any(
         finding.kind == "inconsistent" and "psi" in finding.channels for finding in found.findings
     )
+
+
+def test_names_of_findings_are_words_in_reports():
+    assert describe_name("sign:delta_r") == "sign of delta_r (rudder deflection)"
+    assert describe_name("stuck:own_channel") == "constant: own_channel"
+    assert describe_name("weight:") == "weight against"

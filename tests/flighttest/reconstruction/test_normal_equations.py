@@ -71,6 +71,35 @@ def test_undetermined_state_is_an_error():
         NormalEquations(4, 2, 1).solve()
 
 
+def with_constants(derivatives, names):
+    """Equations of a path that is known, and of constants with one reading each of four."""
+    equations = NormalEquations(4, 2, len(names), names)
+    equations.D[:] = np.eye(2)
+    J = np.array(derivatives, float)
+    equations.C += J.T @ J
+    return equations
+
+
+def test_constants_that_do_the_same_are_named():
+    """Two columns that agree within rounding; a third that is far from both."""
+    rng = np.random.default_rng(1)
+    a, b = rng.standard_normal((2, 4))
+    equations = with_constants(np.column_stack([a, b, 2.0 * a * (1.0 + 1e-16)]), ["x", "y", "z"])
+    with pytest.raises(IdentificationError, match="constants x, z are not determined"):
+        equations.solve()
+    # a difference of 1e-5 leaves a part of 1e-10 of the information
+    apart = 2.0 * a + 1e-5 * rng.standard_normal(4)
+    equations = with_constants(np.column_stack([a, b, apart]), ["x", "y", "z"])
+    equations.gc[:] = equations.C @ [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(equations.solve()[1], [-1.0, -2.0, -3.0], rtol=3e-3)
+
+
+def test_a_constant_without_reading_and_prior_is_named():
+    equations = with_constants(np.column_stack([np.ones(4), np.zeros(4)]), ["used", "spare"])
+    with pytest.raises(IdentificationError, match="constant spare is not determined"):
+        equations.solve()
+
+
 @pytest.fixture(scope="module")
 def setup(flown, aircraft):
     record, _, _ = flown(0, duration=3.0)

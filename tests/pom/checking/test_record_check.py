@@ -36,6 +36,7 @@ C182 = Path(__file__).parents[3] / "data" / "c182"
 SIGN = RecordError(
     "sign:delta_a+p", "delta_a has the wrong sign; delta_a = { column = 'Aileron', sign = -1 }"
 )
+SIGN_TITLE = "sign of delta_a (aileron deflection), p (body roll rate)"
 
 
 @pytest.fixture(scope="module")
@@ -58,9 +59,7 @@ def test_a_pass_on_a_faulty_record_has_a_status_of_its_own(passed):
     assert made.status("final") == "record_error"
     assert not made.passed("final")
     assert status_text("record_error") == "RECORD"
-    assert (
-        run_notices(made, "final")[0] == f"error of the flight record: sign:delta_a+p: {SIGN.text}"
-    )
+    assert run_notices(made, "final")[0] == f"error of the flight record: {SIGN_TITLE}: {SIGN.text}"
     assert made.status("datcom") == passed.status("datcom") == "fail"  # a failure stays one
 
 
@@ -83,7 +82,7 @@ def test_report_states_the_error_on_page_and_index(passed, tmp_path):
             [RecordCheck("r", "not fit", (SIGN,)), RecordCheck("sound", "sound")]
         )
     }
-    assert made_from == {"record_errors": {"r": f"sign:delta_a+p: {SIGN.text}"}}
+    assert made_from == {"record_errors": {"r": f"{SIGN_TITLE}: {SIGN.text}"}}
     write_report(
         [on_record(passed, SIGN)], tmp_path / "rep", title="T", provenance=made_from, jobs=1
     )
@@ -145,9 +144,7 @@ def test_checks_of_records_are_those_of_the_assessment(spoilt):
     assert checks["good"].errors == ()
     assert checks["good"].verdict.startswith("sound: 0 errors")
     assert (
-        checks["bad"]
-        .lines()[0]
-        .startswith("record bad: sign:delta_a+p: delta_a has the wrong sign")
+        checks["bad"].lines()[0].startswith(f"record bad: {SIGN_TITLE}: delta_a has the wrong sign")
     )
 
 
@@ -206,8 +203,10 @@ def test_a_warning_on_the_record_is_stated_and_a_late_control_is_a_departure(pas
     (made,) = with_record_checks([passed], {passed.case.record: check})
     assert made.status("final") == "pass_with_departures"
     found = [text for text in run_notices(made, "final") if "flight record" in text]
-    assert found[0].startswith("departure: warning on the flight record: lag:delta_e+q")
-    assert found[1] == f"warning on the flight record: noise:q: {noise.text}"
+    assert found[0].startswith(
+        "departure: warning on the flight record: delay of delta_e (elevator"
+    )
+    assert found[1] == f"warning on the flight record: noise of q (body pitch rate): {noise.text}"
     # what does not drive the model is a notice
     (made,) = with_record_checks([passed], {passed.case.record: RecordCheck("r", "", (), (noise,))})
     assert made.status("final") == "pass"
