@@ -3,6 +3,7 @@
 from . import air as air
 from . import aircraft as aircraft
 from . import axes as axes
+from . import envelope as envelope
 from . import errors as errors
 from . import flying_qualities as flying_qualities
 from . import flying_qualities as performance
