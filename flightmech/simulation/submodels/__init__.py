@@ -17,6 +17,7 @@ from flightmech.simulation.submodels import (
     engine,
     fuel,
     landing_gear,
+    separation,
     weather,
 )
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
     from flightmech.simulation.kernel import CatalogueEntry
 
-MODULES = (weather, engine, fuel, landing_gear, controls, devices, earth_axes)
+MODULES = (weather, engine, fuel, landing_gear, controls, devices, earth_axes, separation)
 # Module of each group of names.
 _MODULE_OF_GROUP = {
     "weather": weather,
@@ -38,6 +39,7 @@ _MODULE_OF_GROUP = {
     "circuit": controls,
     "device": devices,
     "earth": earth_axes,
+    "separation": separation,
 }
 
 

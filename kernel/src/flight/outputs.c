@@ -6,6 +6,7 @@
 #include "earth.h"
 #include "elementary_real.h"
 #include "parts.h"
+#include "separation.h"
 
 #if LANES == 1
 #include "control_outputs.h"
@@ -31,6 +32,7 @@ static void one_part_outputs(am_sim *sim, double *y) {
     engine_outputs(sim, y);
     gear_outputs(sim, y);
     control_outputs(sim, y);
+    separation_outputs(sim, y);
 }
 
 #endif

@@ -9,6 +9,7 @@
 #include "engine.h"
 #include "fuel.h"
 #include "gear.h"
+#include "separation.h"
 #include "sixdof.h"
 #include "weather.h"
 
@@ -88,5 +89,6 @@ void start_state(am_sim *sim, double alpha, double beta, double theta) {
     engine_start(sim, sim->time);
     gear_start(sim);
     control_start(sim);
+    separation_start(sim);
     sim->fresh = false;
 }

@@ -12,6 +12,7 @@
 #include "fuel.c"
 #include "gear.c"
 #include "outputs.c"
+#include "separation.c"
 #include "sixdof.c"
 #include "spool.c"
 #include "steering.c"

@@ -14,6 +14,7 @@
 #include "engine_names.h"
 #include "fuel_names.h"
 #include "gear_names.h"
+#include "separation_names.h"
 #include "weather_names.h"
 
 /* most coefficients in a row that depend on each other: six of them make five steps */
@@ -25,6 +26,7 @@ enum {
     STAGE_MASS,
     STAGE_ENGINE,
     STAGE_GEAR,
+    STAGE_SEPARATION,
     STAGE_AERO,
     STAGE_LATE,
     STAGE_HINGE = STAGE_LATE + LEVELS,
@@ -258,7 +260,8 @@ enum {
     G(G_CONTACT, CONTACT, "contact") \
     G(G_CIRCUIT, CIRCUIT, "circuit") \
     G(G_DEVICE, DEVICE, "device") \
-    G(G_EARTH, EARTH, "earth")
+    G(G_EARTH, EARTH, "earth") \
+    G(G_SEPARATION, SEPARATION, "separation")
 
 #define AM_GROUP_ENUM(group, lists, word) group,
 enum { AM_GROUP_LIST(AM_GROUP_ENUM) GROUPS };
@@ -288,6 +291,7 @@ AM_ITEM_CODES(CONTACT)
 AM_ITEM_CODES(CIRCUIT)
 AM_ITEM_CODES(DEVICE)
 AM_ITEM_CODES(EARTH)
+AM_ITEM_CODES(SEPARATION)
 #undef AM_ITEM_CODES
 #undef AM_CODES
 #undef AM_ENUM_STAGED
