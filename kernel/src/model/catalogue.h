@@ -21,15 +21,16 @@
 #define LEVELS 5
 
 /* Tables and terms of a stage are evaluated together, in this order.  Tables over a coefficient
- * stand in the stages from STAGE_LATE on, one for each level of dependence. */
+ * stand in the stages from STAGE_LATE on, one for each level of dependence.  STAGE_SEPARATION goes
+ * before STAGE_AERO; it stands last, so that the stages of blocks without it keep their numbers. */
 enum {
     STAGE_MASS,
     STAGE_ENGINE,
     STAGE_GEAR,
-    STAGE_SEPARATION,
     STAGE_AERO,
     STAGE_LATE,
     STAGE_HINGE = STAGE_LATE + LEVELS,
+    STAGE_SEPARATION,
     STAGES
 };
 
