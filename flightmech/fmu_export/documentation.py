@@ -33,6 +33,7 @@ _SUBMODELS = {
     "contact": "strut and tyre, or a point that touches the ground",
     "circuit": "control system from the pilot's hand to the surface: masses, cable, friction, "
     "stops, hinge moments",
+    "separation": "flow separation of both wing halves, a state each; buffet as an output",
     "device": "further controls that only the tables know: an input each, without dynamics",
 }
 LONG = 200  # characters that a cell of a table shows at once

@@ -64,7 +64,8 @@ bool read_items(reader *r) {
     }
     if (m->items[G_FUEL] > 1 || m->items[G_GEAR] > 1 || m->items[G_EARTH] > 1
         || m->items[G_SEPARATION] > 1) {
-        return refuse_block(r, "model block: fuel, gear, earth and separation can be there only once");
+        return refuse_block(
+            r, "model block: fuel, gear, earth and separation can be there only once");
     }
     if (m->items[G_SPOOL] && m->items[G_SPOOL] != m->items[G_ENGINE]) {
         return refuse_block(r, "model block: %u engines have spools, of %u",

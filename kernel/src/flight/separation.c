@@ -17,11 +17,10 @@
 
 #if ORIGINAL
 #include "error.h"
-#include "sixdof.h"
 #endif
 
-#define FASTEST 100.0   /* [1/s] */
-#define STEEPEST 600.0  /* of the exponent: beyond it X0 is 0 or 1 to the last bit */
+#define FASTEST 100.0  /* [1/s] */
+#define STEEPEST 600.0 /* of the exponent: beyond it X0 is 0 or 1 to the last bit */
 
 static real kirchhoff_lift(real X) {
     const real half = 0.5 * (1.0 + root(X));
@@ -59,7 +58,7 @@ static real half_alpha(const flight_t *sim, real y, real *rate) {
 }
 
 /* X0 of a wing half; side is -1 left, 1 right; moving: with the rate of alpha. */
-static real steady_separation(const flight_t *sim, double side, bool moving) {
+real steady_separation(const flight_t *sim, double side, bool moving) {
     const real *sum = sum_of(sim, G_SEPARATION, 0);
     real rate;
     real alpha = half_alpha(sim, side * par_of(sim, G_SEPARATION, 0)[P_STATION], &rate);
@@ -115,16 +114,6 @@ int separation_check(am_sim *sim) {
     if (status == AM_OK) status = check_target(sim, T_TAU1, 0.0, true, "positive");
     if (status == AM_OK) status = check_target(sim, T_TAU2, 0.0, false, "zero or positive");
     return status;
-}
-
-void separation_start(am_sim *sim) {
-    if (!separates(sim)) return;
-    double *state = rate_of(sim, sim->x, G_SEPARATION, 0);
-    state[X_SEPARATION_LEFT] = state[X_SEPARATION_RIGHT] = 1.0;
-    /* sets the flow and what the tables of the separation may depend on: neither depends on X */
-    derivative(sim, sim->x, sim->u, sim->k);
-    state[X_SEPARATION_LEFT] = steady_separation(sim, -1.0, false);
-    state[X_SEPARATION_RIGHT] = steady_separation(sim, 1.0, false);
 }
 
 #endif

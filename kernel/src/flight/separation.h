@@ -13,14 +13,15 @@ void separation_variables(flight_t *sim, const real *x);
 /* Rates of both separation points, once the accelerations of the aircraft are known. */
 void separation_rates(flight_t *sim, const real *x, real *dx);
 
+/* Steady separation point of a wing half, side -1 left or 1 right, as the last derivative found the
+ * flow; moving: delayed by the rate of alpha. */
+real steady_separation(const flight_t *sim, double side, bool moving);
+
 void separation_outputs(const flight_t *sim, real *y);
 
 #if ORIGINAL
 
 int separation_check(am_sim *sim);
-
-/* Both points at their steady value for the flow angles and body rates of the state. */
-void separation_start(am_sim *sim);
 
 #endif
 

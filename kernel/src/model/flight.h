@@ -70,6 +70,7 @@
 #define spool_variables LANED(spool_variables)
 #define steering_angle LANED(steering_angle)
 #define steering_derivative LANED(steering_derivative)
+#define steady_separation LANED(steady_separation)
 #define surface_deflection LANED(surface_deflection)
 #define surface_slope LANED(surface_slope)
 #define symmetric_deflection LANED(symmetric_deflection)
