@@ -170,6 +170,7 @@ NOT_TRIED = {
     *("datcom plot", "datcom run", "flight fit", "flight fit-linear", "flight plan"),
     "pom spread",
     *("flight balance", "flight controls", "flight engine", "flight gear", "flight ground-effect"),
+    "flight stall",
     *("flight markers", "flight multibody", "flight report"),
     *("db edit blend", "db edit delete", "db edit extend", "db edit move-reference"),
     *("db edit regrid", "db edit replace", "db edit set", "db edit shift"),

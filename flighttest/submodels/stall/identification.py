@@ -172,6 +172,7 @@ def identify_stall(
         attached={name: tuple(wanted[name]) for name in coefficients},
         separated=_separated_terms(task.terms),
         not_identified=reasons,
+        records=records,
         with_database=database is not None,
     )
 

@@ -43,6 +43,8 @@ class StallIdentification(ShortText):
         Terms of the separated flow that are identified.
     not_identified : dict of str to str
         Parameters and terms that are not identified, and the reason.
+    records : tuple of Dataset (time,)
+        Records with the coefficients that were fitted: with a database, those on top of it.
     with_database : bool
         Whether the coefficients are those on top of a database.
     """
@@ -54,6 +56,7 @@ class StallIdentification(ShortText):
     attached: Mapping[str, tuple[str, ...]]
     separated: Mapping[str, tuple[SeparatedTerm, ...]]
     not_identified: Mapping[str, str]
+    records: tuple[xr.Dataset, ...]
     with_database: bool
 
     def value(self, parameter: str) -> tuple[float, float]:
