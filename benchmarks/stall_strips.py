@@ -226,7 +226,7 @@ def compiled(found, aircraft: flightmech.Aircraft) -> flightmech.SimModel:
             regressors = (
                 [] if term == "1" else ["alpha", "alpha"] if "^2" in term else term.split("*")
             )
-            value = found.fit.value(f"{model.target}: {term}")[0]
+            value = found.term_value(model.target, term)[0]
             leaves[f"{model.target}/attached_{'_'.join(regressors) or 'basic'}"] = make_term(
                 value, regressors=regressors
             )

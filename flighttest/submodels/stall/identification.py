@@ -19,10 +19,11 @@ from flighttest.regression.equation_error.samples import stack_samples
 from flighttest.regression.separable.fit import SeparableFit, regress_separable
 from flighttest.regression.separable.search import SeparableProblem, WeightedMinimum
 from flighttest.regression.separable_model import ShapeParameter
+from flighttest.regression.uncertainty import collinearity
 from flighttest.submodels.ground_effect.evidence import independent_samples, schwarz_criterion
 from flighttest.submodels.ground_effect.identification import AT_REST
 from flighttest.submodels.stall.flow import PER_NODE, SHARED, SIDES, SeparationFlow, with_half_flow
-from flighttest.submodels.stall.model import SeparatedModel, SeparatedTerm
+from flighttest.submodels.stall.model import SeparatedModel, SeparatedTerm, term_label
 from flighttest.submodels.stall.result import StallIdentification
 
 ATTACHED = {
@@ -254,6 +255,8 @@ def _start_values(task: _Task) -> dict[str, ShapeParameter]:
                 if found is not None and found.cost < best:
                     best, start = found.cost, trial
     if not len(start):
+        for design, terms in zip(problem.designs(trial), problem.terms, strict=True):
+            collinearity.demand_rank(design.A, terms)
         raise IdentificationError(
             "the records do not determine the terms at any start; add stalls, or leave terms out"
         )
@@ -334,7 +337,7 @@ def _fit_determined(task: _Task) -> tuple[SeparableFit, _Task, dict[str, str]]:
             task = replace(task, flow=flow)
         elif term:
             coefficient, text = term
-            reasons[f"{coefficient}: {text}"] = why[f"{coefficient}: {text}"]
+            reasons[f"{coefficient}: {text}"] = why[term_label(coefficient, text, len(task.terms))]
             rest = tuple(name for name in task.terms[coefficient] if name != text)
             task = replace(task, terms={**task.terms, coefficient: rest})
         else:
@@ -349,12 +352,13 @@ def _weakest_term(fit: SeparableFit, task: _Task) -> tuple[str, str] | None:
     """Return coefficient and text of the separated term with the least t that is too small."""
     weakest, least = None, np.inf
     table = fit.estimates
-    for label, t, why in zip(table["term"].values, table["t"].values, table["why"].values):
-        coefficient, _, text = str(label).partition(": ")
-        if not text or not why or not t < least:
-            continue
-        if not _is_main_lift(coefficient, text, task.terms[coefficient]):
-            weakest, least = (coefficient, text), float(t)
+    for coefficient, terms in task.terms.items():
+        for text in terms:
+            row = table.sel(term=term_label(coefficient, text, len(task.terms)))
+            if not str(row["why"].values) or not float(row["t"]) < least:
+                continue
+            if not _is_main_lift(coefficient, text, terms):
+                weakest, least = (coefficient, text), float(row["t"])
     return weakest
 
 

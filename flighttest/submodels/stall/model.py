@@ -50,6 +50,11 @@ class SeparatedTerm(NamedTuple):
         return "_".join(["stall", *self.regressors])
 
 
+def term_label(coefficient: str, text: str, count: int) -> str:
+    """Return the name of a term in a fit of `count` coefficients."""
+    return f"{coefficient}: {text}" if count > 1 else text
+
+
 @dataclass(frozen=True)
 class SeparatedModel(SeparableModel):
     """A separable model whose shape parameters are those of a flow separation.

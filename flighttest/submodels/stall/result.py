@@ -16,7 +16,7 @@ from flightmech.terms import make_term
 from flighttest.regression.expression_functions import Pieces
 from flighttest.regression.separable.fit import SeparableFit
 from flighttest.submodels.stall.flow import PER_NODE, SHARED, SeparationFlow, with_half_flow
-from flighttest.submodels.stall.model import SeparatedTerm
+from flighttest.submodels.stall.model import SeparatedTerm, term_label
 
 LEAST = {"X": 0.0, "X_lift": 0.25}
 """Value of a variable of the separation in fully separated flow."""
@@ -65,6 +65,10 @@ class StallIdentification(ShortText):
             return float(self.flow.fixed[parameter]), 0.0
         return self.fit.value(parameter)
 
+    def term_value(self, coefficient: str, text: str) -> tuple[float, float]:
+        """Return the coefficient of a term of the fit and its standard error."""
+        return self.fit.value(term_label(coefficient, text, len(self.fit.models)))
+
     def tables(self) -> dict[str, xr.Dataset]:
         """Return the tables of the separation as term leaves with source ``flight``."""
         tables = {}
@@ -89,7 +93,7 @@ class StallIdentification(ShortText):
         leaves = {}
         for coefficient, terms in self.separated.items():
             for term in terms:
-                value, stderr = self.fit.value(f"{coefficient}: {term.text}")
+                value, stderr = self.term_value(coefficient, term.text)
                 name = f"{coefficient}/{term.contribution}"
                 leaves[name] = _term_leaf(term, value, stderr)
         return leaves
@@ -118,7 +122,7 @@ class StallIdentification(ShortText):
         for model in self.fit.models:
             own = {name: quantities[name] for name in model.variables}
             X, _ = model.columns(own, len(time), values, pieces)
-            theta = [self.fit.value(f"{model.target}: {term}")[0] for term in model.terms]
+            theta = [self.term_value(model.target, term)[0] for term in model.terms]
             found[model.target] = ("time", X @ np.array(theta))
         return xr.Dataset(found, {"time": time})
 
@@ -128,21 +132,22 @@ class StallIdentification(ShortText):
         remarks = [f"{name}: not identified: {why}" for name, why in self.not_identified.items()]
         remarks += [remark.text for remark in self.fit.convergence_remarks]
         if self.with_database:
-            for label in self._attached_labels():
-                value, stderr = self.fit.value(label)
+            for coefficient, term in self._attached_terms():
+                value, stderr = self.term_value(coefficient, term)
                 if abs(value) > _SIGNIFICANT * stderr:
                     remarks.append(
-                        f"{label}: the attached flow of the database is off by {value:.3g} "
+                        f"{coefficient}: {term}: the attached flow of the database is off by {value:.3g} "
                         f"({stderr:.2g}); it is not changed, update it first"
                     )
         return remarks
 
-    def _attached_labels(self) -> list[str]:
+    def _attached_terms(self) -> list[tuple[str, str]]:
+        """Return coefficient and text of the estimated terms of the attached flow."""
         labels = []
         for model in self.fit.models:
             for term, shapes in model.shapes.items():
                 if not shapes:
-                    labels.append(f"{model.target}: {term}")
+                    labels.append((model.target, term))
         return labels
 
     def as_dict(self) -> dict[str, Any]:
@@ -154,7 +159,7 @@ class StallIdentification(ShortText):
         terms: dict[str, Any] = {}
         for coefficient, separated in self.separated.items():
             for term in separated:
-                value, stderr = self.fit.value(f"{coefficient}: {term.text}")
+                value, stderr = self.term_value(coefficient, term.text)
                 terms[f"{coefficient}: {term.text}"] = {"value": value, "stderr": stderr}
         R2 = np.atleast_1d(self.fit.estimates.attrs["R2"]).tolist()
         return {
