@@ -235,14 +235,14 @@ def _variables(left: Slopes, right: Slopes) -> dict[str, Slopes]:
         by = {name: a * one.by[name] + b * other.by[name] for name in names}
         return Slopes(a * one.value + b * other.value, by)
 
-    mean, mean_lift = combine(left, right, 0.5, 0.5), combine(*lift, 0.5, 0.5)
+    mean, mean_lift = combine(left, right, 0.5, 0.5), combine(lift[0], lift[1], 0.5, 0.5)
     return {
         "X_left": left,
         "X_right": right,
         "X": mean,
         "X_diff": combine(left, right, 1.0, -1.0),
         "X_lift": mean_lift,
-        "X_lift_diff": combine(*lift, 1.0, -1.0),
+        "X_lift_diff": combine(lift[0], lift[1], 1.0, -1.0),
         "X_loss": _complement(mean),
         "X_lift_loss": _complement(mean_lift),
     }
