@@ -131,7 +131,7 @@ class SeparationFlow:
         pieces : Pieces
             Stretches of samples without a gap.
         """
-        # All coefficients ask for the same values in turn.
+        # All coefficients need the same values in turn.
         key = tuple(sorted(values.items()))
         alpha = quantities["alpha_left"]
         if self._last.get("key") == key and np.array_equal(self._last["alpha"], alpha):  # type: ignore[arg-type]

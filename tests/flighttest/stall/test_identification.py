@@ -131,7 +131,9 @@ def test_slow_stalls_do_not_identify_the_delay():
     assert {"tau1", "tau2"} & set(found.not_identified)
     assert "not identified" in found.report()
     assert found.tables()["asymmetry"].attrs["comment"].startswith("not identified:")
-    assert found.value("alpha_star")[0] == pytest.approx(0.30, abs=0.005)
+    assert "no effect" in found.not_identified["asymmetry"]
+    value, stderr = found.value("alpha_star")
+    assert abs(value - 0.30) < 3.0 * stderr
 
 
 def test_stalls_below_alpha_star_do_not_identify_the_steepness():
