@@ -216,6 +216,15 @@ _ROWS = [
     ("qhat_osc", "1", "ANU", "reduced q_osc, q_osc cbar/(2 V)", "", "1"),
     ("rhat_osc", "1", "ANR", "reduced r_osc, r_osc b/(2 V)", "", "1"),
     ("rhat_wind", "1", "ANR", "reduced r_wind, r_wind b/(2 V)", "", "1"),
+    # flow separation of the wing halves
+    ("X", "1", "attached", "separation point of the flow in chords, mean of both wing halves", "", "1"),
+    ("X_left", "1", "attached", "separation point on the left wing half, in chords", "", "1"),
+    ("X_right", "1", "attached", "separation point on the right wing half, in chords", "", "1"),
+    ("X_diff", "1", "left attached", "separation point, left wing half minus right", "", "1"),
+    ("X_lift", "1", "attached", "Kirchhoff factor of the lift, ((1 + sqrt X)/2)^2, mean of both "
+        "wing halves", "", "1"),
+    ("X_lift_diff", "1", "left attached", "Kirchhoff factor of the lift, left wing half minus "
+        "right", "", "1"),
     # joints of a vehicle of several bodies, joint.NAME.angle
     ("angle", "rad", "right-handed about its axis", "angle of a joint", "", "deg"),
     ("angle_rate", "rad s-1", "right-handed about its axis", "rate of the angle of a joint", "", "deg/s"),
@@ -249,6 +258,8 @@ REDUCED_RATES = {
 """Reduced rate: the rate and the reference length in rate * length / (2 V)."""
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
 """Variables that the simulation solves for: they depend on the coefficients themselves."""
+SEPARATION = ("X", "X_left", "X_right", "X_diff", "X_lift", "X_lift_diff")
+"""Variables of the flow separation, which models with the section ``[stall]`` have."""
 WRAPPED = frozenset({"phi", "psi", "lon"})
 """Angles that jump by a full turn."""
 GREEK = {

@@ -50,7 +50,15 @@ FITS += [
 ]
 FITS += [
     f"tests/flighttest/{name}/"
-    for name in ("engine", "ground_effect", "landing_gear", "multibody", "spin", "actuators")
+    for name in (
+        "engine",
+        "ground_effect",
+        "landing_gear",
+        "multibody",
+        "spin",
+        "actuators",
+        "stall",
+    )
 ]
 
 

@@ -207,6 +207,7 @@ NOT_TRIED = {
     *("demo", "match", "package make", "view", "pom tune", "pom spread"),
     *("flight fit", "flight plan", "flight report", "flight multibody"),
     *("flight controls", "flight engine", "flight gear", "flight ground-effect"),
+    "flight stall",
     "db estimate",  # with a package of an extra
     # needs a database that keeps its flown states; it writes a text by the usual writer
     "db envelope",

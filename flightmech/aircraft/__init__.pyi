@@ -17,5 +17,6 @@ from .landing_gear import LandingGear as LandingGear
 from .landing_gear import Steering as Steering
 from .parts import different_parts as different_parts
 from .parts import swap_parts as swap_parts
+from .separation import FlowSeparation as FlowSeparation
 from .similarity import rescale as rescale
 from .writing import write_aircraft as write_aircraft

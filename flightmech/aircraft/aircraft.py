@@ -20,6 +20,7 @@ from flightmech.aircraft.engine import Engine
 from flightmech.aircraft.facts import AircraftFacts
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import LandingGear
+from flightmech.aircraft.separation import FlowSeparation
 from flightmech.short_text import ShortText, describe_fields
 from flightmech.support.figures import html_table
 
@@ -77,6 +78,9 @@ class Aircraft(ShortText):
         Wheels, skids, steering and runway, ``[gear]`` in the file.
     fuel : Fuel, optional
         Fuel on board, part of `mass`. Without it the mass is constant.
+    stall : FlowSeparation, optional
+        Flow separation of both wing halves, ``[stall]`` in the file. Without it the tables of the
+        database are the stall.
     earth_outputs : bool
         Whether the models have outputs in Earth-fixed and inertial axes, and the gravitation.
     acknowledged : dict of str to str
@@ -108,6 +112,7 @@ class Aircraft(ShortText):
     circuits: dict[str, Circuit] = field(default_factory=dict)
     gear: LandingGear | None = None
     fuel: Fuel | None = None
+    stall: FlowSeparation | None = None
     earth_outputs: bool = False
     acknowledged: dict[str, str] = field(default_factory=dict)
     history: str = ""

@@ -67,6 +67,7 @@ from flightmech.aircraft.engine_deck import DeckFiles
 from flightmech.aircraft.facts import FactsTable, fact_problems
 from flightmech.aircraft.fuel import FuelSection, fuel_of
 from flightmech.aircraft.landing_gear_file import GearTable, gear_of
+from flightmech.aircraft.separation import StallSection, separation_of
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
 from flightmech.support.toml_files import read_toml
@@ -105,6 +106,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
         engines.append(engine_of(item, number, files, problems))
     gear = gear_of(content.gear, problems) if content.gear else None
     fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
+    stall = separation_of(content.stall, path.parent, problems) if content.stall else None
     controls = {name: ControlGeometry(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)
     facts = content.facts.facts()
@@ -117,6 +119,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
         "circuits": circuits,
         "gear": gear,
         "fuel": fuel,
+        "stall": stall,
         "facts": facts,
     }
     # all other fields have the same name and type in the file
@@ -256,6 +259,9 @@ class _AircraftFile(_NumberOrText):
         default=None,
         description="Fuel on board, part of the mass; without it the mass does not change.",
     )
+    stall: StallSection | None = Field(  # type: ignore[valid-type]
+        default=None, description="Flow separation of both wing halves, a state of the simulation."
+    )
     earth_outputs: bool = Field(
         default=False,
         description="Whether models have outputs in Earth-fixed and inertial axes (earth.x, "
@@ -319,7 +325,7 @@ def aircraft_schema() -> dict[str, Any]:
     return file_schema(
         _AircraftFile,
         "An aircraft: geometry, mass, engines, limits, instruments, control circuits, "
-        "landing gear and fuel.",
+        "landing gear, fuel and stall.",
     )
 
 

@@ -4,8 +4,8 @@ A part has a name with a slash, as a term of the aerodynamics has. The parts of 
 for all engines together, are ``engine/static`` (thrust and air flow over speed),
 ``engine/schedule`` (lever to commanded speed), ``engine/dynamics`` (response of the rotors) and
 ``engine/rest``. Other parts are ``gear/nose`` (a contact), ``gear/steering``, ``gear/runway``,
-``circuit/column`` and ``fuel/load``. Geometry, mass and limits are not parts. Parts can only be
-exchanged between two models of the same aeroplane.
+``circuit/column``, ``fuel/load`` and ``stall/separation``. Geometry, mass and limits are not parts.
+Parts can only be exchanged between two models of the same aeroplane.
 """
 
 from __future__ import annotations
@@ -92,6 +92,10 @@ def _list_parts(aircraft: Aircraft) -> dict[str, _PartAccess]:
         parts[f"circuit/{name}"] = _circuit_part(name)
     if aircraft.fuel is not None:
         parts["fuel/load"] = _PartAccess(lambda a: a.fuel, lambda a, value: replace(a, fuel=value))
+    if aircraft.stall is not None:
+        parts["stall/separation"] = _PartAccess(
+            lambda a: a.stall, lambda a, value: replace(a, stall=value)
+        )
     return parts
 
 

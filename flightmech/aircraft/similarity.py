@@ -34,6 +34,8 @@ from flightmech.aircraft.engine_deck import TARGETS, EngineDeck
 from flightmech.aircraft.facts import AircraftFacts
 from flightmech.aircraft.fuel import INERTIAS, MOMENTS, Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear
+from flightmech.aircraft.separation import TARGETS as SEPARATION_TARGETS
+from flightmech.aircraft.separation import FlowSeparation
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.terms import SOURCES, list_regressors
@@ -145,7 +147,7 @@ class Scale:
 
 
 def scaled_parts(aircraft: Aircraft, scale: Scale) -> dict[str, Any]:
-    """Return fuel, gear and circuits of the similar aircraft, by the field of `Aircraft`."""
+    """Return fuel, stall, gear and circuits of the similar aircraft, by the field of `Aircraft`."""
     circuits = {}
     for name, circuit in aircraft.circuits.items():
         # the wheel turns, column and pedals move along a line
@@ -153,6 +155,7 @@ def scaled_parts(aircraft: Aircraft, scale: Scale) -> dict[str, Any]:
         circuits[name] = _scale_constants(circuit, units, scale)
     return {
         "fuel": None if aircraft.fuel is None else _scale_fuel(aircraft.fuel, scale),
+        "stall": None if aircraft.stall is None else _scale_separation(aircraft.stall, scale),
         "gear": None if aircraft.gear is None else _scale_gear(aircraft.gear, scale),
         "circuits": circuits,
     }
@@ -213,6 +216,14 @@ def _scale_fuel(fuel: Fuel, scale: Scale) -> Fuel:
     for name, leaf in fuel.tables.items():
         tables[name] = _scale_table(leaf, scale.of(units[name]), scale, axes={"fuel": "kg"})
     return Fuel(fuel.mass * scale.mass, _scale_value(fuel.position, scale.length), tables)
+
+
+def _scale_separation(stall: FlowSeparation, scale: Scale) -> FlowSeparation:
+    tables = {}
+    axes = {"V": "m s-1", "h_agl": "m", "qbar": "Pa"}
+    for name, leaf in stall.tables.items():
+        tables[name] = _scale_table(leaf, scale.of(SEPARATION_TARGETS[name]), scale, axes=axes)
+    return FlowSeparation(stall.station * scale.length, tables)
 
 
 def _scale_gear(gear: LandingGear, scale: Scale) -> LandingGear:

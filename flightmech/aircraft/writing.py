@@ -1,6 +1,6 @@
 """Writer of aircraft files. `read_aircraft` reads the same aircraft from the file.
 
-The tables of engines and fuel are written to netCDF files next to the TOML file.
+The tables of engines, fuel and stall are written to netCDF files next to the TOML file.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import CONDITIONS, LandingGear
 from flightmech.aircraft.landing_gear_file import ORDERS
+from flightmech.aircraft.separation import FlowSeparation
 from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
 
@@ -48,8 +49,8 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
     ----------
     aircraft : Aircraft
     path : str or path
-        TOML file. Tables are written next to it as ``<name>_engine1.nc`` and so on, and
-        ``<name>_fuel.nc``. Engines with the same tables share a file.
+        TOML file. Tables are written next to it as ``<name>_engine1.nc`` and so on,
+        ``<name>_fuel.nc`` and ``<name>_stall.nc``. Engines with the same tables share a file.
 
     Returns
     -------
@@ -77,6 +78,8 @@ def _write_all_tables(aircraft: Aircraft, path: Path, parts: ExitStack) -> list[
         lines += _engine_lines(engine, file)
     if aircraft.fuel is not None:
         lines += _write_fuel(aircraft.fuel, path, parts)
+    if aircraft.stall is not None:
+        lines += _write_separation(aircraft.stall, path, parts)
     if aircraft.gear is not None:
         lines += _gear_lines(aircraft.gear)
     facts = aircraft.facts.known()
@@ -191,6 +194,13 @@ def _write_fuel(fuel: Fuel, path: Path, parts: ExitStack) -> list[str]:
     file = f"{path.stem}_fuel.nc"
     write_tables(fuel.tables, parts.enter_context(written_atomically(path.with_name(file))))
     return [*lines, f"file = {_to_toml(file)}"]
+
+
+def _write_separation(stall: FlowSeparation, path: Path, parts: ExitStack) -> list[str]:
+    """Write the tables of the separation, and return the lines of its section."""
+    file = f"{path.stem}_stall.nc"
+    write_tables(stall.tables, parts.enter_context(written_atomically(path.with_name(file))))
+    return ["", "[stall]", *_field_lines(stall, ("station",)), f"file = {_to_toml(file)}"]
 
 
 def _field_lines(item: Any, names: Iterable[str]) -> list[str]:

@@ -34,6 +34,7 @@ _SUBMODELS = {
     "contact": "strut and tyre, or a point that touches the ground",
     "circuit": "control system from the pilot's hand to the surface: masses, cable, friction, "
     "stops, hinge moments",
+    "separation": "flow separation of both wing halves, a state each; buffet as an output",
     "envelope": "how far flights support the model at the present state",
     "device": "further controls that only the tables know: an input each, without dynamics",
 }

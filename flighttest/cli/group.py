@@ -74,6 +74,7 @@ _ELSEWHERE = {
     "validate": "validation",
     "follow": "follow",
     "ground-effect": "submodels",
+    "stall": "submodels",
     "controls": "submodels",
     "engine": "submodels",
     "gear": "submodels",

@@ -333,3 +333,59 @@ def ground_effect_command() -> None:
     """Identify k and s of C = C_free (1 + k h^s) from reconstructed PATHS: landings, low passes,
     and free air at the same flap.
     """
+
+
+@click.command("stall")
+@click.argument("paths", nargs=-1, required=True, type=_FILE)
+@click.option("--aircraft", "aircraft_file", required=True, type=_FILE, help="Aircraft, TOML.")
+@click.option(
+    "--database",
+    "database_file",
+    type=_FILE,
+    help="Attached flow, which is subtracted; without it the terms of the attached flow are "
+    "estimated alone.",
+)
+@click.option(
+    "--attached-to",
+    help="Angle of attack such as '12 deg' from which the tables of the database are continued "
+    "linearly, where they contain a stall.",
+)
+@click.option(
+    "--station",
+    help="Station of the wing halves from the plane of symmetry, such as '2.5 m'. Default: a "
+    "quarter of the span.",
+)
+@click.option(
+    "--over",
+    default="",
+    help="Variable of the configuration, such as delta_f, over which a1 and alpha_star are tables.",
+)
+@click.option(
+    "--coefficient",
+    "names",
+    multiple=True,
+    help="Coefficient to fit. Default: CL, CD, Cm, Cl and Cn.",
+)
+@click.option(
+    "--attached",
+    multiple=True,
+    help="Terms of the attached flow of a coefficient, as 'CL = 1 + alpha + qhat + delta_e'.",
+)
+@click.option(
+    "--cutoff",
+    type=click.FloatRange(0.0, min_open=True),
+    help="Low-pass all states alike first [Hz].",
+)
+@click.option(
+    "--figure", type=NewFile(), help="Draw loops of the lift and the separation: png, svg or pdf."
+)
+@click.option(
+    "--into", type=NewFile(), help="Database to write, with the terms of the separated flow."
+)
+@click.option("-o", "--output", type=NewFile(), help="Aircraft to write, with the separation.")
+@json_option
+@performed_by("flighttest.cli.actions.submodels:run_stall")
+def stall_command() -> None:
+    """Identify a stall from PATHS: quasi-steady and accelerated stalls of all configurations,
+    reconstructed.
+    """

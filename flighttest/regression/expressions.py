@@ -29,13 +29,13 @@ class Scope:
 
     Attributes
     ----------
-    quantities : mapping of str to array (samples,)
+    quantities : mapping of str to array (samples,), or Slopes of a quantity with derivatives
     parameters : mapping of str to float
     pieces : Pieces
         Stretches in which time is continuous.
     """
 
-    quantities: Mapping[str, np.ndarray]
+    quantities: Mapping[str, np.ndarray | Slopes]
     parameters: Mapping[str, float]
     pieces: Pieces = field(default_factory=Pieces)
 
@@ -98,7 +98,10 @@ def _look_up_name(name: str, scope: Scope) -> Slopes:
         raise UnknownName(
             name, [*scope.parameters, *map(str, scope.quantities)], "quantity or parameter"
         )
-    return Slopes(np.asarray(scope.quantities[name], float), {})
+    quantity = scope.quantities[name]
+    if isinstance(quantity, Slopes):
+        return quantity
+    return Slopes(np.asarray(quantity, float), {})
 
 
 # binding strength of the operations; numbers, names and functions bind strongest

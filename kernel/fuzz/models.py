@@ -4,6 +4,8 @@ is tried on.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 
@@ -12,6 +14,7 @@ from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.aircraft.engine_deck import EngineDeck
 from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
+from flightmech.aircraft.separation import FlowSeparation
 from flightmech.terms import make_term
 
 ALPHA, MACH = np.array([-0.2, 0.0, 0.2, 0.4]), np.array([0.1, 0.8])
@@ -232,9 +235,45 @@ def plain() -> flightmech.Aircraft:
     return flightmech.Aircraft(name="plain", **BODY, engines=(engine,))
 
 
+def stalling() -> flightmech.Aircraft:
+    """Return the jet with one static engine and a flow separation, all its tables in use."""
+    tables = {
+        "a1": make_term([20.0, 24.0], {"delta_f": [0.0, 0.7]}),
+        "alpha_star": make_term([0.28, 0.24], {"mach": [0.1, 0.5]}),
+        "asymmetry": make_term(0.01),
+        "tau1": make_term([6.0, 5.0], {"CT": [0.0, 0.4]}),
+        "tau2": make_term(8.0),
+        "buffet_rms": make_term([2.0, 0.5, 0.0], {"X": [0.2, 0.8, 1.0]}),
+        "buffet_frequency": make_term(60.0),
+        "buffet_damping": make_term(0.1),
+    }
+    return replace(plain(), name="stalling", stall=FlowSeparation(2.4, tables))
+
+
+def separated() -> dict[str, xr.Dataset]:
+    """Return terms over every variable of the separation."""
+    return {
+        "CL/attached": make_term(0.25),
+        "CL/kirchhoff": make_term(4.8, regressors=["X_lift", "alpha"]),
+        "CD/basic": make_term(0.024 + 0.8 * ALPHA**2, {"alpha": ALPHA}),
+        "CD/separation": make_term([0.12, 0.0], {"X": [0.0, 1.0]}),
+        "CY/beta": make_term(-0.6, regressors=["beta"]),
+        "Cl/separation": make_term(0.5, regressors=["X_lift_diff", "alpha"]),
+        "Cl/phat": make_term([-0.1, -0.44], {"X": [0.0, 1.0]}, ["phat"]),
+        "Cl/aileron": make_term([-0.08, -0.15], {"X_right": [0.0, 1.0]}, ["delta_a"]),
+        "Cm/basic": make_term(0.03 - 0.7 * ALPHA, {"alpha": ALPHA}),
+        "Cm/separation": make_term([-0.15, 0.0], {"X": [0.0, 1.0]}),
+        "Cm/elevator": make_term([-0.7, -1.05], {"X": [0.0, 1.0]}, ["delta_e"]),
+        "Cm/qhat": make_term(-13.0, regressors=["qhat"]),
+        "Cn/separation": make_term(-0.03, regressors=["X_diff"]),
+        "Cn/beta": make_term([0.04, 0.1], {"X_left": [0.0, 1.0]}, ["beta"]),
+        "Cn/rhat": make_term(-0.14, regressors=["rhat"]),
+    }
+
+
 def compiled() -> dict[str, flightmech.SimModel]:
-    """Return the models by name: every submodel; one engine and body axes; one constant; no term at
-    all.
+    """Return the models by name: every submodel; one engine and body axes; flow separation; one
+    constant; no term at all.
     """
     body = {
         "CX/basic": make_term(-0.03),
@@ -244,6 +283,7 @@ def compiled() -> dict[str, flightmech.SimModel]:
     return {
         "whole": flightmech.compile(whole(), _tree(air())),
         "plain": flightmech.compile(plain(), _tree(body, force_axes="body")),
+        "stalling": flightmech.compile(stalling(), _tree(separated())),
         "bare": flightmech.compile(
             flightmech.Aircraft(name="bare", **BODY),
             _tree({"CL/alpha": make_term(4.5, regressors=["alpha"])}),

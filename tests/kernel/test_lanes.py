@@ -80,14 +80,14 @@ def test_table_aircraft_on_every_earth(sim, record, earth, trim):
     assert float(np.ptp(found["alpha"].values[:, -1])) > 0.01
 
 
-@pytest.mark.parametrize("name", ["plain", "bare", "empty"])
+@pytest.mark.parametrize("name", ["plain", "stalling", "bare", "empty"])
 @pytest.mark.parametrize("drive", [0.0, 2.0])
 def test_small_models(models, record, name, drive):
     demand_same(
         models[name],
         record,
         AIR | {"env.delta_T": spread(-20.0, 20.0)},
-        {"mode.engine": drive * (name == "plain"), "mode.rates": 1.0},
+        {"mode.engine": drive * (name in ("plain", "stalling")), "mode.rates": 1.0},
     )
 
 

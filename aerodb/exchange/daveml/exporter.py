@@ -33,9 +33,9 @@ from aerodb.store.schema import require_valid, terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.build_up import used_coefficients
 from flightmech.errors import SchemaError
-from flightmech.names import REDUCED_RATES, lookup
+from flightmech.names import REDUCED_RATES, SEPARATION, lookup
 from flightmech.support.atomic_write import write_text
-from flightmech.terms import list_regressors, power_factor
+from flightmech.terms import list_model_variables, list_regressors, power_factor
 
 _HEAD = """<?xml version="1.0" standalone="no"?>
 <!DOCTYPE DAVEfunc PUBLIC "-//AIAA//DTD for Flight Dynamic Models - Functions 2.0//EN" "http://www.daveml.org/DTDs/2p0/DAVEfunc.dtd">"""
@@ -107,6 +107,11 @@ def _demand_tables(db: xr.DataTree) -> None:
             problems.append(
                 f"{name}: the factor {power_factor(leaf)} is a formula, and the file takes tables; "
                 "make it one first (aerodb.transform.with_height_table)"
+            )
+        for variable in sorted(list_model_variables(leaf) & set(SEPARATION)):
+            problems.append(
+                f"{name}: {variable} is a state of the flow, and the file holds functions; leave "
+                f"the term out (aerodb.delete_terms), or write an FMU, which has it"
             )
         for coefficient in sorted(used_coefficients(leaf)):
             problems.append(

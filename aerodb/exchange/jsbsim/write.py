@@ -46,6 +46,7 @@ from aerodb.exchange.jsbsim.vehicle_elements import (
 from aerodb.store.schema import HINGE, require_valid, terms
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.errors import SchemaError
+from flightmech.names import SEPARATION
 from flightmech.support.atomic_write import written_atomically
 from flightmech.terms import SOURCES, list_model_variables, list_regressors, power_factor
 
@@ -151,6 +152,12 @@ def _leaf_problems(
     """Return the reasons for which JSBSim cannot compute a term."""
     problems = []
     for variable in sorted(list_model_variables(leaf) - _available_variables(leaf, aircraft)):
+        if variable in SEPARATION:
+            problems.append(
+                f"{variable} is a state of the flow, which the export does not write; leave the "
+                f"term out (aerodb.delete_terms), or write an FMU, which has it"
+            )
+            continue
         problems.append(
             f"{variable} is nothing that JSBSim knows or that can be computed from what it "
             f"knows; leave the term out (aerodb.delete_terms)"

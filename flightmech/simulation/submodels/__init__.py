@@ -18,6 +18,7 @@ from flightmech.simulation.submodels import (
     envelope,
     fuel,
     landing_gear,
+    separation,
     weather,
 )
 
@@ -27,7 +28,17 @@ if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
     from flightmech.simulation.kernel import CatalogueEntry
 
-MODULES = (weather, engine, fuel, landing_gear, controls, devices, earth_axes, envelope)
+MODULES = (
+    weather,
+    engine,
+    fuel,
+    landing_gear,
+    controls,
+    devices,
+    earth_axes,
+    separation,
+    envelope,
+)
 # Module of each group of names.
 _MODULE_OF_GROUP = {
     "weather": weather,
@@ -39,6 +50,7 @@ _MODULE_OF_GROUP = {
     "circuit": controls,
     "device": devices,
     "earth": earth_axes,
+    "separation": separation,
     "envelope": envelope,
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -16,6 +17,7 @@ from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError
 from flightmech.support.console import print_json, show_progress
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
+from flightmech.units import parse_quantity
 from flighttest.cli.submodels import _MODELS
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
@@ -38,6 +40,9 @@ from flighttest.submodels.ground_effect.database_terms import replace_ground_eff
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
 from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
+from flighttest.submodels.stall.database_terms import add_stall, continue_attached_flow
+from flighttest.submodels.stall.figure import draw_stall
+from flighttest.submodels.stall.identification import identify_stall
 
 
 def run_actuator(
@@ -321,3 +326,49 @@ def ground_effect(
     click.echo(found.report(heights))
     if output:
         click.echo(f"written: {output}")
+
+
+def run_stall(
+    paths,
+    aircraft_file,
+    database_file,
+    attached_to,
+    station,
+    over,
+    names,
+    attached,
+    cutoff,
+    figure,
+    into,
+    output,
+    as_json,
+) -> None:
+    """Perform the command ``stall``."""
+    if (into or attached_to) and not database_file:
+        raise SchemaError("flight stall", ["--into and --attached-to need --database; give it"])
+    aircraft = read_aircraft(aircraft_file)
+    database = aerodb.open(database_file) if database_file else None
+    if database is not None and attached_to:
+        database = continue_attached_flow(database, parse_quantity(attached_to, "rad"))
+    with show_progress(f"coefficients along {len(paths)} paths"):
+        data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
+    terms = {model.coefficient: model.terms for model in map(RegressionModel.parse, attached)}
+    half = parse_quantity(station, "m") if station else 0.25 * aircraft.b
+    chosen = {"coefficients": names} if names else {}
+    with show_progress("identify the stall"):
+        found = identify_stall(data, half, aircraft.cbar, database, over, attached=terms, **chosen)
+    if figure:
+        draw_stall(found, found.records, figure)
+    if into and database is not None:
+        aerodb.save(add_stall(database, found), into)
+    if output:
+        buffet = aircraft.stall.tables if aircraft.stall else {}
+        kept = {name: leaf for name, leaf in buffet.items() if name.startswith("buffet")}
+        write_aircraft(replace(aircraft, stall=found.separation(kept)), output)
+    written = [file for file in (figure, into, output) if file]
+    if as_json:
+        print_json(found.as_dict() | {"files": written})
+        return
+    click.echo(found.report())
+    if written:
+        click.echo(f"written: {', '.join(written)}")

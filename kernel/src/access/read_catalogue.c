@@ -63,9 +63,9 @@ bool read_items(reader *r) {
         return refuse_block(r, "model block: core and weather must be there once");
     }
     if (m->items[G_FUEL] > 1 || m->items[G_GEAR] > 1 || m->items[G_EARTH] > 1
-        || m->items[G_ENVELOPE] > 1) {
-        return refuse_block(
-            r, "model block: fuel, gear, earth and envelope can be there only once");
+        || m->items[G_SEPARATION] > 1 || m->items[G_ENVELOPE] > 1) {
+        return refuse_block(r,
+            "model block: fuel, gear, earth, separation and envelope can be there only once");
     }
     if (m->items[G_SPOOL] && m->items[G_SPOOL] != m->items[G_ENGINE]) {
         return refuse_block(r, "model block: %u engines have spools, of %u",

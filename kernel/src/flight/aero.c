@@ -8,6 +8,7 @@
 
 #include "algebra.h"
 #include "look_up.h"
+#include "separation.h"
 #include "terms.h"
 
 #include <math.h>
@@ -265,8 +266,8 @@ void aero_forces(flight_t *sim, real per_mass, const real applied[3], const real
     memcpy(now->c, c, sizeof c);
     lift_drag_to_body(now, c, now->F);
     for (int i = 0; i < 3; i++) now->F[i] = flow.qS * now->F[i] + applied[i];
-    /* the later slopes of a step need no rates of the flow angles */
-    if (!sim->anchored) find_flow_rates(now, &flow);
+    /* the later slopes of a step need no rates of the flow angles, but for a separation */
+    if (!sim->anchored || separates(sim)) find_flow_rates(now, &flow);
     /* M = qbar S (b Cl, cbar Cm, b Cn) about the reference point */
     now->M[0] = flow.qS * m->b * c[3];
     now->M[1] = flow.qS * m->cbar * c[4];

@@ -30,6 +30,7 @@
 #include "fuel.c"
 #include "gear.c"
 #include "one_step.c"
+#include "separation.c"
 #include "sixdof.c"
 #include "spool.c"
 #include "steering.c"

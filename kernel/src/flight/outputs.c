@@ -7,6 +7,7 @@
 #include "elementary_real.h"
 #include "envelope.h"
 #include "parts.h"
+#include "separation.h"
 
 #if LANES == 1
 #include "control_outputs.h"
@@ -32,6 +33,7 @@ static void one_part_outputs(am_sim *sim, double *y) {
     engine_outputs(sim, y);
     gear_outputs(sim, y);
     control_outputs(sim, y);
+    separation_outputs(sim, y);
 }
 
 #endif

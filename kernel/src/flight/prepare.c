@@ -8,6 +8,7 @@
 #include "error.h"
 #include "fuel.h"
 #include "gear.h"
+#include "separation.h"
 #include "terms.h"
 #include "weather.h"
 
@@ -97,7 +98,7 @@ int prepare(am_sim *sim) {
     }
     list_terms(sim);
     int (*const check[])(am_sim *) = {check_sizes,  set_inertia, weather_check, fuel_check,
-                                      engine_check, gear_check,  control_check};
+                                      engine_check, gear_check,  control_check, separation_check};
     for (size_t i = 0; i < sizeof check / sizeof check[0]; i++) {
         const int status = check[i](sim);
         if (status != AM_OK) return status;

@@ -18,6 +18,7 @@
 #include "earth.h"
 #include "elementary_real.h"
 #include "parts.h"
+#include "separation.h"
 #include "terms.h"
 
 static void set_variables(flight_t *sim, const real *x, const real *u) {
@@ -124,6 +125,7 @@ void derivative(flight_t *sim, const real *x, const real *u, real *dx) {
     engine_forces(sim, x, u, push, moment, H, dx);
     set_thrust_coefficient(sim);
     gear_forces(sim, x, u, ground, ground_moment, dx);
+    if (separates(sim)) separation_variables(sim, x);
     for (int i = 0; i < 3; i++) {
         push[i] += ground[i];
         moment[i] += ground_moment[i];
@@ -155,4 +157,5 @@ void derivative(flight_t *sim, const real *x, const real *u, real *dx) {
         dx[X_P + i] = now->angular[i];
     }
     quaternion_rate(x + X_Q0, now->rate, dx + X_Q0);
+    if (separates(sim)) separation_rates(sim, x, dx);
 }

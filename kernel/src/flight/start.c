@@ -9,6 +9,7 @@
 #include "engine.h"
 #include "fuel.h"
 #include "gear.h"
+#include "separation.h"
 #include "sixdof.h"
 #include "weather.h"
 
@@ -55,6 +56,17 @@ double start_pitch(const am_sim *sim, double alpha, double beta) {
     return theta;
 }
 
+/* Both separation points at their steady value for the flow angles and body rates of the state. */
+void start_separation(am_sim *sim) {
+    if (!separates(sim)) return;
+    double *state = rate_of(sim, sim->x, G_SEPARATION, 0);
+    state[X_SEPARATION_LEFT] = state[X_SEPARATION_RIGHT] = 1.0;
+    /* sets the flow and what the tables of the separation may depend on: neither depends on X */
+    derivative(sim, sim->x, sim->u, sim->k);
+    state[X_SEPARATION_LEFT] = steady_separation(sim, -1.0, false);
+    state[X_SEPARATION_RIGHT] = steady_separation(sim, 1.0, false);
+}
+
 /* State from init.* with the given flow angles and pitch attitude; the submodels start
  * in equilibrium. */
 void start_state(am_sim *sim, double alpha, double beta, double theta) {
@@ -88,5 +100,6 @@ void start_state(am_sim *sim, double alpha, double beta, double theta) {
     engine_start(sim, sim->time);
     gear_start(sim);
     control_start(sim);
+    start_separation(sim);
     sim->fresh = false;
 }

@@ -8,6 +8,9 @@
  * in equilibrium. */
 void start_state(am_sim *sim, double alpha, double beta, double theta);
 
+/* Separation points of the wing halves at their steady value for the flow and the body rates. */
+void start_separation(am_sim *sim);
+
 /* Pitch attitude of a climb by init.gamma over ground. [rad] */
 double start_pitch(const am_sim *sim, double alpha, double beta);
 

@@ -14,6 +14,7 @@
 #include "one_step.h"
 #include "outputs.h"
 #include "runge_kutta.h"
+#include "separation.h"
 #include "spool.h"
 #include "terms.h"
 
@@ -221,6 +222,7 @@ static void laned_part_outputs(flight_t *f, real *y) {
     engine_outputs(f, y);
     gear_outputs(f, y);
     control_outputs(f, y);
+    separation_outputs(f, y);
 }
 
 static void refresh_lanes(flight_t *f) {

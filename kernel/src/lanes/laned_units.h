@@ -13,6 +13,7 @@
 #include "fuel.c"
 #include "gear.c"
 #include "outputs.c"
+#include "separation.c"
 #include "sixdof.c"
 #include "spool.c"
 #include "steering.c"

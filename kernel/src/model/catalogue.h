@@ -15,13 +15,15 @@
 #include "envelope_names.h"
 #include "fuel_names.h"
 #include "gear_names.h"
+#include "separation_names.h"
 #include "weather_names.h"
 
 /* most coefficients in a row that depend on each other: six of them make five steps */
 #define LEVELS 5
 
 /* Tables and terms of a stage are evaluated together, in this order.  Tables over a coefficient
- * stand in the stages from STAGE_LATE on, one for each level of dependence. */
+ * stand in the stages from STAGE_LATE on, one for each level of dependence.  STAGE_SEPARATION goes
+ * before STAGE_AERO; it stands last, so that the stages of blocks without it keep their numbers. */
 enum {
     STAGE_MASS,
     STAGE_ENGINE,
@@ -29,6 +31,7 @@ enum {
     STAGE_AERO,
     STAGE_LATE,
     STAGE_HINGE = STAGE_LATE + LEVELS,
+    STAGE_SEPARATION,
     STAGES
 };
 
@@ -260,6 +263,7 @@ enum {
     G(G_CIRCUIT, CIRCUIT, "circuit") \
     G(G_DEVICE, DEVICE, "device") \
     G(G_EARTH, EARTH, "earth") \
+    G(G_SEPARATION, SEPARATION, "separation") \
     G(G_ENVELOPE, ENVELOPE, "envelope")
 
 #define AM_GROUP_ENUM(group, lists, word) group,
@@ -290,6 +294,7 @@ AM_ITEM_CODES(CONTACT)
 AM_ITEM_CODES(CIRCUIT)
 AM_ITEM_CODES(DEVICE)
 AM_ITEM_CODES(EARTH)
+AM_ITEM_CODES(SEPARATION)
 AM_ITEM_CODES(ENVELOPE)
 #undef AM_ITEM_CODES
 #undef AM_CODES

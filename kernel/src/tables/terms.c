@@ -217,7 +217,10 @@ void evaluate_coefficients(flight_t *sim, real c[COEFFICIENTS]) {
 void contributions(const flight_t *sim, real *term) {
     const am_model *m = sim->model;
     const uint32_t hinge = m->first_term[STAGE_HINGE];
-    for (uint32_t i = 0; i < hinge; i++) term[i] = term_value(sim, i);
-    /* the variables of these were those of one surface after the other */
-    for (uint32_t i = hinge; i < m->terms; i++) term[i] = sim->slot[m->slots + i];
+    const uint32_t behind = m->first_term[STAGE_HINGE + 1];
+    for (uint32_t i = 0; i < m->terms; i++) {
+        /* the variables of hinge moments were those of one surface after the other */
+        const bool of_hinge = i >= hinge && i < behind;
+        term[i] = of_hinge ? sim->slot[m->slots + i] : term_value(sim, i);
+    }
 }

@@ -4,11 +4,14 @@
 #include "algebra.h"
 #include "error.h"
 #include "sixdof.h"
+#include "start.h"
 
-/* Body rates of a turn with init.psi_dot about the vertical, on top of what the state holds. */
+/* Body rates of a turn with init.psi_dot about the vertical, on top of what the state holds; the
+ * flow over the wing halves follows them. */
 void add_turn(am_sim *sim) {
     const now_t *now = &sim->now;
     for (int i = 0; i < 3; i++) sim->x[X_P + i] += sim->par[P_PSI_DOT] * dot(now->C[i], now->down);
+    start_separation(sim);
 }
 
 /* Accelerations minus wanted ones, u' v' w' p' q' r', at the present state. */

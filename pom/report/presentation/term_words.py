@@ -69,6 +69,7 @@ _GROUPS = {
     "gear/steering": "nose-wheel steering",
     "gear/runway": "runway friction",
     "fuel/load": "fuel",
+    "stall/separation": "flow separation",
 }
 
 

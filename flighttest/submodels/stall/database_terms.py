@@ -1,0 +1,100 @@
+"""Terms of an identified stall in a database, and the attached flow that they need."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from aerodb.edit.term_edits import delete_terms, replace_terms
+from aerodb.store.identified_terms import stamp_identified
+from aerodb.store.schema import terms
+from aerodb.update.posterior import without_posterior
+from flightmech.errors import SchemaError
+from flightmech.names import SEPARATION, value_text
+from flightmech.terms import list_model_variables
+from flighttest.submodels.stall.result import StallIdentification
+
+_NOTE = "stall identified from flight"
+
+
+def add_stall(database: xr.DataTree, found: StallIdentification) -> xr.DataTree:
+    """Return a database with the terms of an identified stall.
+
+    Parameters
+    ----------
+    database : DataTree
+        Attached flow, as it was given to `identify_stall`. Its terms over the separation are
+        deleted.
+    found : StallIdentification
+
+    Returns
+    -------
+    DataTree
+    """
+    new = {name: stamp_identified(leaf) for name, leaf in found.leaves().items()}
+    old = []
+    for name, leaf in terms(database).items():
+        if list_model_variables(leaf) & set(SEPARATION) and name not in new:
+            old.append(name)
+    remainder = delete_terms(database, old, _NOTE) if old else database
+    return replace_terms(remainder, new, _NOTE)
+
+
+def continue_attached_flow(database: xr.DataTree, alpha: float) -> xr.DataTree:
+    """Return a database whose tables over alpha go on linearly from an angle of attack on.
+
+    Parameters
+    ----------
+    database : DataTree
+        A database whose tables contain a stall.
+    alpha : float
+        Last angle of attack of attached flow. Breakpoints beyond it get the values of the line
+        through the table at `alpha` with the slope of the cell below it. [rad]
+
+    Returns
+    -------
+    DataTree
+        The terms of hinge moments, and terms without alpha as axis of ``value``, do not change.
+
+    Raises
+    ------
+    SchemaError
+        A table has fewer than two breakpoints up to `alpha`.
+    """
+    changed, problems = {}, []
+    for name, leaf in terms(database).items():
+        if name.startswith("Ch_") or "alpha" not in leaf["value"].dims:
+            continue
+        points = leaf["alpha"].values
+        if points[-1] <= alpha:
+            continue
+        if points[0] >= alpha or (points < alpha).sum() < 2:
+            problems.append(
+                f"{name}: alpha starts at {value_text('alpha', points[0])}; two breakpoints below "
+                f"{value_text('alpha', alpha)} are needed"
+            )
+            continue
+        changed[name] = _continue_table(leaf, alpha)
+    if problems:
+        raise SchemaError("attached flow", problems)
+    note = f"tables continued linearly beyond {value_text('alpha', alpha)}"
+    return replace_terms(database, changed, note) if changed else database
+
+
+def _continue_table(leaf: xr.Dataset, alpha: float) -> xr.Dataset:
+    """Return a leaf with a straight line in place of its values beyond alpha."""
+    leaf = without_posterior(leaf).copy()
+    axis = leaf["value"].dims.index("alpha")
+    points = leaf["alpha"].values
+    values = np.moveaxis(leaf["value"].values.astype(float), axis, 0)
+    k = int(np.searchsorted(points, alpha, side="left")) - 1
+    slope = (values[k + 1] - values[k]) / (points[k + 1] - points[k])
+    if points[k + 1] > alpha:
+        # the cell that contains alpha may hold the break: take the slope below it
+        slope = (values[k] - values[k - 1]) / (points[k] - points[k - 1])
+    at_alpha = values[k] + slope * (alpha - points[k])
+    beyond = points > alpha
+    line = at_alpha + slope * (points[beyond] - alpha)[(...,) + (None,) * (values.ndim - 1)]
+    values[beyond] = line
+    leaf["value"] = (leaf["value"].dims, np.moveaxis(values, 0, axis), leaf["value"].attrs)
+    return leaf

@@ -1,0 +1,403 @@
+"""Stall model from quasi-steady and accelerated stalls of several configurations.
+
+The parameters of the separation are nonlinear, the coefficients of the terms linear: separable
+least squares of all coefficients together (`regress_separable`). The terms are selected by
+Schwarz's criterion with the number of independent samples, as in the ground effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from aerodb.store.evaluation import contributions
+from flightmech.errors import IdentificationError
+from flighttest.regression.equation_error.samples import stack_samples
+from flighttest.regression.separable.fit import SeparableFit, regress_separable
+from flighttest.regression.separable.search import SeparableProblem, WeightedMinimum
+from flighttest.regression.separable_model import ShapeParameter
+from flighttest.regression.uncertainty import collinearity
+from flighttest.submodels.ground_effect.evidence import independent_samples, schwarz_criterion
+from flighttest.submodels.ground_effect.identification import AT_REST
+from flighttest.submodels.stall.flow import PER_NODE, SHARED, SIDES, SeparationFlow, with_half_flow
+from flighttest.submodels.stall.model import SeparatedModel, SeparatedTerm, term_label
+from flighttest.submodels.stall.result import StallIdentification
+
+ATTACHED = {
+    "CL": ("1", "alpha", "qhat", "delta_e"),
+    "CD": ("1", "alpha", "alpha^2"),
+    "Cm": ("1", "alpha", "qhat", "delta_e"),
+    "CY": ("1", "beta", "delta_r"),
+    "Cl": ("1", "beta", "phat", "rhat", "delta_a", "delta_r"),
+    "Cn": ("1", "beta", "phat", "rhat", "delta_a", "delta_r"),
+}
+"""Terms of the attached flow by coefficient."""
+SEPARATED = {
+    "CL": (SeparatedTerm((), "X_lift"), SeparatedTerm(("alpha",), "X_lift")),
+    "CD": (SeparatedTerm((), "X"), SeparatedTerm(("alpha",), "X")),
+    "Cm": (
+        SeparatedTerm((), "X"),
+        SeparatedTerm(("alpha",), "X"),
+        SeparatedTerm(("delta_e",), "X"),
+    ),
+    "CY": (SeparatedTerm(("beta",), "X"),),
+    "Cl": (
+        SeparatedTerm(("X_lift_diff",)),
+        SeparatedTerm(("X_lift_diff", "alpha")),
+        SeparatedTerm(("beta",), "X"),
+        SeparatedTerm(("phat",), "X"),
+        SeparatedTerm(("delta_a",), "X"),
+    ),
+    "Cn": (
+        SeparatedTerm(("X_diff",)),
+        SeparatedTerm(("beta",), "X"),
+        SeparatedTerm(("rhat",), "X"),
+        SeparatedTerm(("delta_r",), "X"),
+    ),
+}
+"""Candidates for terms of the separated flow by coefficient."""
+BOUNDS = {
+    "a1": (4.0, 80.0),
+    "tau1": (0.5, 40.0),
+    "tau2": (0.0, 40.0),
+    "asymmetry": (-0.12, 0.12),
+}
+"""Bounds of the search. [1, 1, 1, rad]"""
+# Range of alpha* beyond the flown angles of attack, and its lower end as a share of their range.
+_BEYOND, _LOWEST = 0.06, 0.4
+# Values of a parameter that the data do not determine: no delay, a lag of one chord.
+_WITHOUT = {"tau2": 0.0, "tau1": 1.0, "asymmetry": 0.0}
+# Values from which the search starts: shares of the range of alpha*, a1, and tau1 = tau2.
+_STARTS_STAR = (0.35, 0.5, 0.65, 0.8)
+_STARTS_A1 = (12.0, 30.0)
+_START_TAU = (4.0, 12.0)
+_PASSES = 2  # of selection and search
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Records, coefficients and the parameters of the separation that are estimated."""
+
+    records: tuple[xr.Dataset, ...]
+    flow: SeparationFlow
+    shape: Mapping[str, ShapeParameter]
+    terms: Mapping[str, tuple[str, ...]]
+
+    def models(self) -> list[SeparatedModel]:
+        """Return the model of every coefficient."""
+        estimated = {k: v for k, v in self.shape.items() if k not in self.flow.fixed}
+        models = []
+        for name, terms in self.terms.items():
+            models.append(SeparatedModel(name, terms, estimated, flow=self.flow))
+        return models
+
+    def fit(self) -> SeparableFit:
+        """Return the fit from the start values of the parameters."""
+        return regress_separable(self.models(), list(self.records), "stall")
+
+
+def identify_stall(
+    data: Sequence[xr.Dataset],
+    station: float,
+    cbar: float,
+    database: xr.DataTree | None = None,
+    axis: str = "",
+    coefficients: Sequence[str] = ("CL", "CD", "Cm", "Cl", "Cn"),
+    attached: Mapping[str, Sequence[str]] | None = None,
+) -> StallIdentification:
+    """Identify a stall model.
+
+    Parameters
+    ----------
+    data : sequence of Dataset (time,)
+        Stalls and their entries, as from `coefficients`: the coefficients, ``alpha beta p q r V``,
+        reduced rates and deflections. [SI]
+    station : float
+        Distance of the stations of the wing halves from the plane of symmetry. [m]
+    cbar : float
+        Reference chord. [m]
+    database : DataTree, optional
+        Attached flow, whose coefficients are subtracted. The terms `attached` are estimated in any
+        case: on top of a database they are its error.
+    axis : str
+        Variable of the configuration, such as ``delta_f``, over which ``a1`` and ``alpha_star`` are
+        tables, with a node for each value that the records hold. Default: one configuration.
+    coefficients : sequence of str
+        Coefficients of `ATTACHED` to fit; CL is needed.
+    attached : mapping of str to sequence of str, optional
+        Terms of the attached flow in place of `ATTACHED`.
+
+    Returns
+    -------
+    StallIdentification
+
+    Raises
+    ------
+    IdentificationError
+        No record, a coefficient without a model, or data that do not determine the terms.
+
+    Notes
+    -----
+    tau2, tau1 and asymmetry that the records do not determine are fixed at zero, one and zero, and
+    the rest is fitted again. The criteria are those of `separable.identifiability`. a1 is also not
+    identified if no sample of its configuration is beyond alpha_star.
+    """
+    wanted = {**ATTACHED, **(attached or {})}
+    unknown = [name for name in coefficients if name not in SEPARATED]
+    if not data or unknown or "CL" not in coefficients:
+        raise IdentificationError(
+            f"{len(data)} records, coefficients {' '.join(coefficients)}; give at least one record "
+            f"and CL among {' '.join(SEPARATED)}"
+        )
+    records = tuple(with_half_flow(record, station, cbar) for record in data)
+    if database is not None:
+        records = tuple(_without_database(record, database, coefficients) for record in records)
+    flow = SeparationFlow(axis, _nodes(records, axis))
+    terms: dict[str, tuple[str, ...]] = {}
+    for name in coefficients:
+        candidates = (term.text for term in SEPARATED[name])
+        terms[name] = (*wanted[name], *candidates)
+    task = _Task(records, flow, _shape_parameters(records, flow), terms)
+    task = replace(task, shape=_start_values(task))
+    for _ in range(_PASSES):
+        task = _select_terms(task)
+    fit, task, reasons = _fit_determined(task)
+    return StallIdentification(
+        fit=fit,
+        station=station,
+        cbar=cbar,
+        flow=task.flow,
+        attached={name: tuple(wanted[name]) for name in coefficients},
+        separated=_separated_terms(task.terms),
+        not_identified=reasons,
+        records=records,
+        with_database=database is not None,
+    )
+
+
+def _without_database(
+    record: xr.Dataset, database: xr.DataTree, coefficients: Sequence[str]
+) -> xr.Dataset:
+    """Return a record with its coefficients less those of the database."""
+    missing = {name: 0.0 for name in AT_REST if name not in record}
+    conditions = record.assign(missing)
+    less = {}
+    for name in coefficients:
+        total = sum(contributions(database, name, conditions, outside="clamp").values())
+        less[name] = record[name] - np.broadcast_to(total, record[name].shape)
+    return record.assign(less)
+
+
+def _nodes(records: Sequence[xr.Dataset], axis: str) -> tuple[float, ...]:
+    """Return the values of the configuration: the median of every record, rounded to 1e-3."""
+    if not axis:
+        return (0.0,)
+    for number, record in enumerate(records, 1):
+        if axis not in record:
+            raise IdentificationError(
+                f"record {number} has no {axis}; add it or leave the axis out"
+            )
+    medians = {round(float(record[axis].median()), 3) for record in records}
+    return tuple(sorted(medians))
+
+
+def _shape_parameters(
+    records: Sequence[xr.Dataset], flow: SeparationFlow
+) -> dict[str, ShapeParameter]:
+    """Return the nonlinear parameters with their bounds."""
+    shape = {}
+    for k, name in enumerate(flow.names("alpha_star")):
+        alpha = np.concatenate([record["alpha"].values for record in _at_node(records, flow, k)])
+        low, high = float(np.quantile(alpha, 0.01)), float(alpha.max())
+        shape[name] = ShapeParameter(low + _LOWEST * (high - low), high + _BEYOND)
+    for name in flow.names("a1"):
+        shape[name] = ShapeParameter(*BOUNDS["a1"])
+    for name in SHARED:
+        shape[name] = ShapeParameter(*BOUNDS[name])
+    return {name: shape[name] for name in flow.parameters}
+
+
+def _at_node(records: Sequence[xr.Dataset], flow: SeparationFlow, k: int) -> list[xr.Dataset]:
+    """Return the records whose configuration is nearest to a node."""
+    if not flow.axis:
+        return list(records)
+    nodes = np.array(flow.nodes)
+    chosen = []
+    for record in records:
+        if int(np.argmin(np.abs(nodes - float(record[flow.axis].median())))) == k:
+            chosen.append(record)
+    return chosen
+
+
+def _problem(task: _Task) -> SeparableProblem:
+    """Return the least-squares problem with the weight of one over the size of a coefficient."""
+    models = task.models()
+    samples = []
+    for model in models:
+        samples.append(stack_samples(model.target, model.variables, task.records, model))
+    problem = SeparableProblem(models, samples)
+    problem.weights = np.array([1.0 / max(float(np.std(z)), 1e-12) for z in problem.z])
+    return problem
+
+
+def _start_values(task: _Task) -> dict[str, ShapeParameter]:
+    """Return the parameters with the best of a grid of start values."""
+    problem = _problem(task)
+    best, start = np.inf, np.zeros(0)
+    for share in _STARTS_STAR:
+        for a1 in _STARTS_A1:
+            for tau in _START_TAU:
+                trial = _trial_values(task.shape, share, a1, tau)
+                found = problem.project(trial, np.zeros(len(trial)))
+                if found is not None and found.cost < best:
+                    best, start = found.cost, trial
+    if not len(start):
+        for design, terms in zip(problem.designs(trial), problem.terms, strict=True):
+            collinearity.demand_rank(design.A, terms)
+        raise IdentificationError(
+            "the records do not determine the terms at any start; add stalls, or leave terms out"
+        )
+    pairs = zip(task.shape.items(), start, strict=True)
+    return {name: item._replace(start=float(value)) for (name, item), value in pairs}
+
+
+def _trial_values(
+    shape: Mapping[str, ShapeParameter], share: float, a1: float, tau: float
+) -> np.ndarray:
+    """Return the values of all parameters of one start."""
+    values = []
+    for name, item in shape.items():
+        if name.startswith("alpha_star"):
+            values.append(item.low + share * (item.high - item.low))
+        else:
+            values.append(a1 if name.startswith("a1") else 0.0 if name == "asymmetry" else tau)
+    return np.array(values)
+
+
+def _select_terms(task: _Task) -> _Task:
+    """Return the task with the terms of least criterion, and the parameters of its minimum."""
+    problem = _problem(task)
+    s = WeightedMinimum(problem).search(np.zeros(len(problem.names)))
+    kept: dict[str, tuple[str, ...]] = {}
+    for model, samples, z, design in zip(
+        problem.models, problem.samples, problem.z, problem.designs(s), strict=True
+    ):
+        names, A = list(model.terms), design.A
+        v = _residual(A, z)
+        n = independent_samples(v, samples)
+        criterion = schwarz_criterion(v, len(names), n)
+        while True:
+            trials = {}
+            for j, name in enumerate(names):
+                if name == "1" or _is_main_lift(model.target, name, names):
+                    continue
+                rest = np.delete(A, j, axis=1)
+                trials[j] = schwarz_criterion(_residual(rest, z), len(names) - 1, n)
+            if not trials or min(trials.values()) > criterion:
+                break
+            worst = min(trials, key=lambda j: trials[j])
+            criterion = trials[worst]
+            A = np.delete(A, worst, axis=1)
+            del names[worst]
+        kept[model.target] = tuple(names)
+    shape = dict(task.shape)
+    for name, value in zip(problem.names, s, strict=True):
+        item = shape[name]
+        shape[name] = item._replace(start=float(np.clip(value, item.low, item.high)))
+    return replace(task, terms=kept, shape=shape)
+
+
+def _is_main_lift(target: str, name: str, names: Sequence[str]) -> bool:
+    """Return whether a term is the last one of CL over the separation, without which X is idle."""
+    separated = {term.text for term in SEPARATED["CL"]}
+    return target == "CL" and name in separated and len(separated & set(names)) == 1
+
+
+def _residual(A: np.ndarray, z: np.ndarray) -> np.ndarray:
+    return z - A @ np.linalg.lstsq(A, z, rcond=None)[0]
+
+
+def _fit_determined(task: _Task) -> tuple[SeparableFit, _Task, dict[str, str]]:
+    """Return the fit without what the records do not determine, and why it is left out."""
+    reasons: dict[str, str] = {}
+    while True:
+        fit = task.fit()
+        estimates = fit.estimates
+        why = dict(zip(estimates["term"].values.astype(str), estimates["why"].values.astype(str)))
+        fixed = next((name for name in _WITHOUT if why.get(name)), "")
+        term = _weakest_term(fit, task)
+        if fixed:
+            reasons[fixed] = (
+                f"{_reason(fit, task, fixed, why[fixed])}; fixed at {_WITHOUT[fixed]:g}"
+            )
+            flow = SeparationFlow(
+                task.flow.axis, task.flow.nodes, {**task.flow.fixed, fixed: _WITHOUT[fixed]}
+            )
+            task = replace(task, flow=flow)
+        elif term:
+            coefficient, text = term
+            reasons[f"{coefficient}: {text}"] = why[term_label(coefficient, text, len(task.terms))]
+            rest = tuple(name for name in task.terms[coefficient] if name != text)
+            task = replace(task, terms={**task.terms, coefficient: rest})
+        else:
+            break
+    for name in task.shape:
+        if name.startswith(PER_NODE) and why.get(name):
+            reasons[name] = why[name]
+    return fit, task, {**reasons, **_not_reached(fit, task)}
+
+
+def _reason(fit: SeparableFit, task: _Task, name: str, why: str) -> str:
+    """Return why a parameter is not identified; one between its bounds may have no effect."""
+    value, _ = fit.value(name)
+    item = task.shape[name]
+    margin = 1e-6 * (item.high - item.low)
+    if why.startswith("at its bound") and item.low + margin < value < item.high - margin:
+        return "it has no effect on the coefficients of these records"
+    return why
+
+
+def _weakest_term(fit: SeparableFit, task: _Task) -> tuple[str, str] | None:
+    """Return coefficient and text of the separated term with the least t that is too small."""
+    weakest, least = None, np.inf
+    table = fit.estimates
+    for coefficient, terms in task.terms.items():
+        for text in terms:
+            row = table.sel(term=term_label(coefficient, text, len(task.terms)))
+            if not str(row["why"].values) or not float(row["t"]) < least:
+                continue
+            if not _is_main_lift(coefficient, text, terms):
+                weakest, least = (coefficient, text), float(row["t"])
+    return weakest
+
+
+def _not_reached(fit: SeparableFit, task: _Task) -> dict[str, str]:
+    """Return the nodes whose records stay below alpha_star on both wing halves."""
+    reasons = {}
+    for k, (name, star) in enumerate(
+        zip(task.flow.names("a1"), task.flow.names("alpha_star"), strict=True)
+    ):
+        value, _ = fit.value(star)
+        highest = -np.inf
+        for record in _at_node(task.records, task.flow, k):
+            for side in SIDES:
+                highest = max(highest, float(record[f"alpha_{side}"].max()))
+        if highest < value:
+            reasons[name] = (
+                f"the records reach {np.rad2deg(highest):.1f} deg, alpha_star is "
+                f"{np.rad2deg(value):.1f} deg: the shape beyond half a chord is an assumption"
+            )
+    return reasons
+
+
+def _separated_terms(
+    terms: Mapping[str, Sequence[str]],
+) -> dict[str, tuple[SeparatedTerm, ...]]:
+    """Return the separated terms that are left, by coefficient."""
+    found = {}
+    for name, texts in terms.items():
+        found[name] = tuple(term for term in SEPARATED[name] if term.text in texts)
+    return found
