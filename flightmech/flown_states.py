@@ -86,7 +86,9 @@ def gather_states(samples: Iterable[Mapping[str, Any]]) -> FlownStates | None:
     if not kept:
         return None
     axes = tuple(name for name in JOINT if all(name in item for item in kept))
-    blocks, single, sizes = [], {}, {}
+    blocks: list[np.ndarray] = []
+    single: dict[str, Any] = {}
+    sizes: dict[str, Any] = {}
     for item in kept:
         columns = [_cell_numbers(name, item[name]) for name in axes]
         block = np.stack(np.broadcast_arrays(*columns), axis=-1).reshape(-1, len(axes))

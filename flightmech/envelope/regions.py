@@ -224,7 +224,8 @@ def leaving_axes(
 
 def shrink_table(table: RegionTable) -> RegionTable:
     """Return a table without edges that separate equal cells, and without axes of no effect."""
-    axes, kept = [], []
+    axes: list[str] = []
+    kept = []
     regions, leaving = table.regions, table.leaving
     for k, (_, edges) in enumerate(zip(table.axes, table.edges, strict=True)):
         place = len(axes)
