@@ -9,7 +9,7 @@ import pytest
 
 import flightmech
 from flightmech.aircraft.aircraft import inertia_tensor
-from flightmech.aircraft.engine_deck import EngineDeck
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import STATE

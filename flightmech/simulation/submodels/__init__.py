@@ -17,6 +17,7 @@ from flightmech.simulation.submodels import (
     engine,
     fuel,
     landing_gear,
+    propellers,
     weather,
 )
 
@@ -26,12 +27,15 @@ if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
     from flightmech.simulation.kernel import CatalogueEntry
 
-MODULES = (weather, engine, fuel, landing_gear, controls, devices, earth_axes)
+MODULES = (weather, engine, propellers, fuel, landing_gear, controls, devices, earth_axes)
 # Module of each group of names.
 _MODULE_OF_GROUP = {
     "weather": weather,
     "engine": engine,
     "spool": engine,
+    "propeller": propellers,
+    "piston": propellers,
+    "motor": propellers,
     "fuel": fuel,
     "gear": landing_gear,
     "contact": landing_gear,

@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.engine_deck import (
+from flightmech.aircraft.propulsion.engine_deck import (
     TARGETS,
     EngineDeck,
     leaf_from_toml,
