@@ -17,6 +17,11 @@ import numpy as np
 import xarray as xr
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
+from flightmech.aircraft.propulsion.electric_motor import (
+    MOTOR_TARGETS,
+    ElectricMotor,
+    MotorTable,
+)
 from flightmech.aircraft.propulsion.engine_deck import (
     DeckFiles,
     DeckTable,
@@ -25,11 +30,6 @@ from flightmech.aircraft.propulsion.engine_deck import (
     _Length,
     deck_of,
     leaf_from_toml,
-)
-from flightmech.aircraft.propulsion.electric_motor import (
-    MOTOR_TARGETS,
-    ElectricMotor,
-    MotorTable,
 )
 from flightmech.aircraft.propulsion.piston_engine import (
     PISTON_TARGETS,

@@ -30,10 +30,10 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft, Vector
 from flightmech.aircraft.controls import ControlGeometry
 from flightmech.aircraft.engine import Engine
-from flightmech.aircraft.propulsion.engine_deck import TARGETS, EngineDeck
 from flightmech.aircraft.facts import AircraftFacts
 from flightmech.aircraft.fuel import INERTIAS, MOMENTS, Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear
+from flightmech.aircraft.propulsion.engine_deck import TARGETS, EngineDeck
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.terms import SOURCES, list_regressors

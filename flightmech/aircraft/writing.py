@@ -15,10 +15,10 @@ from typing import Any
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import ControlGeometry
 from flightmech.aircraft.engine import Engine
-from flightmech.aircraft.propulsion.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import CONDITIONS, LandingGear
 from flightmech.aircraft.landing_gear_file import ORDERS
+from flightmech.aircraft.propulsion.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
 
@@ -73,9 +73,7 @@ def _write_all_tables(aircraft: Aircraft, path: Path, parts: ExitStack) -> list[
     """
     files = _write_engine_tables(aircraft.engines, path, parts)
     lines = _main_lines(aircraft)
-    number = 0
-    for engine, file in zip(aircraft.engines, files, strict=True):
-        number += 1
+    for number, (engine, file) in enumerate(zip(aircraft.engines, files, strict=True), 1):
         lines += _engine_lines(engine, file)
         lines += _write_shaft_tables(engine, number, path, parts)
     if aircraft.fuel is not None:

@@ -12,9 +12,7 @@ from flightmech.aircraft.engine import list_leaves
 from flightmech.simulation.run import constant_inputs, initialise_run
 from flightmech.steady_flight.trim_point import Point
 
-NO_THRUST = (
-    "the aircraft file gives an engine neither a thrust table nor a deck nor a propeller"
-)
+NO_THRUST = "the aircraft file gives an engine neither a thrust table nor a deck nor a propeller"
 # Tables of a deck that decide the thrust at full throttle: thrust and governed spool speeds.
 _FULL_THROTTLE_TABLES = (
     "thrust",
@@ -47,7 +45,9 @@ def has_thrust(aircraft: Aircraft) -> bool:
     """Return whether there are engines and each has a thrust table, a deck or a propeller."""
     sources = []
     for engine in aircraft.engines:
-        sources += [any(part is not None for part in (engine.thrust, engine.deck, engine.propeller))]
+        sources += [
+            any(part is not None for part in (engine.thrust, engine.deck, engine.propeller))
+        ]
     return bool(sources) and all(sources)
 
 

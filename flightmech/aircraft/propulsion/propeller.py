@@ -178,7 +178,9 @@ class PropellerTable(Strict):
         description="Speed of the engine over that of the propeller; 1 without it.",
     )
     low_pitch: Annotated[float, InUnits("rad")] | None = Field(
-        default=None, examples=["12 deg"], description="Lower stop of the blade angle; 0 without it."
+        default=None,
+        examples=["12 deg"],
+        description="Lower stop of the blade angle; 0 without it.",
     )
     high_pitch: Annotated[float, InUnits("rad")] | None = Field(
         default=None,
@@ -186,7 +188,9 @@ class PropellerTable(Strict):
         description="Upper stop of the blade angle; fixed pitch without it.",
     )
     feather_pitch: Annotated[float, InUnits("rad")] | None = Field(
-        default=None, examples=["82 deg"], description="Blade angle when feathered; 1.5 rad without it."
+        default=None,
+        examples=["82 deg"],
+        description="Blade angle when feathered; 1.5 rad without it.",
     )
     pitch_rate: Annotated[float, InUnits("rad s-1")] | None = Field(
         default=None,
@@ -282,6 +286,16 @@ def _check_range(propeller: Propeller) -> Iterator[str]:
             f"blades at {np.degrees(propeller.low_pitch):.3g} deg; a dive and a failed engine go "
             f"beyond: continue both tables until the thrust is negative"
         )
+    if propeller.feather_rate > 0.0:
+        at["blade_angle"] = propeller.feather_pitch
+        power = _evaluate(propeller.tables["CP_prop"], at)
+        if power > 0.0:
+            yield (
+                f"CP_prop is still {power:.3g} at J {propeller.J_end:g}, the end of the tables, with "
+                f"feathered blades at {np.degrees(propeller.feather_pitch):.3g} deg; a feathered "
+                f"propeller slows down to any J: continue both tables until the power is negative "
+                f"there, or leave out feather_rate"
+            )
 
 
 def _check_blade_angles(propeller: Propeller) -> Iterator[str]:
@@ -318,5 +332,3 @@ def _evaluate(leaf: xr.Dataset, at: Mapping[str, float]) -> float:
         nodes = leaf[name].values
         point[name] = float(np.clip(at[name], nodes[0], nodes[-1]))
     return float(evaluate_term(leaf, point))
-
-

@@ -1,6 +1,6 @@
-/* Engines that turn a propeller, names: group propeller (blades, governor and shaft, every engine or
- * none), group piston and group motor (what turns the shaft, every engine or none; a gas turbine
- * has the group spool). */
+/* Engines that turn a propeller, names: group propeller (blades, governor and shaft), group piston
+ * and group motor (what turns the shaft; a gas turbine has the group spool).  Every engine has one
+ * or none has. */
 #ifndef AEROMATCH_PROPELLER_NAMES_H
 #define AEROMATCH_PROPELLER_NAMES_H
 
@@ -133,7 +133,7 @@
 #define D_PER_PROPELLER 0
 #define D_PER_PISTON 0
 #define D_PER_MOTOR 0
-/* of a propeller: the coefficients, the torque of the engine at the propeller shaft and its power */
+/* coefficients, torque of the engine at the shaft of the propeller, its power */
 enum { W_CT_PROP, W_CP_PROP, W_TORQUE, W_SHAFT_POWER, W_PER_PROPELLER };
 enum { W_PISTON_FUEL_FLOW, W_PISTON_AIR_FLOW, W_PER_PISTON };
 enum { W_CURRENT, W_BATTERY_VOLTAGE, W_PER_MOTOR };
