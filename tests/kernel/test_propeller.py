@@ -36,7 +36,7 @@ TABLES = {
 }
 FIXED_TABLES = {
     "CT_prop": make_term(0.11 - 0.1 * J[:4], {"J": J[:4]}),
-    "CP_prop": make_term(0.06 - 0.05 * J[:4], {"J": J[:4]}),
+    "CP_prop": make_term(0.065 - 0.05 * J[:4], {"J": J[:4]}),
     "shaft_power": TABLES["shaft_power"],
 }
 
@@ -132,7 +132,7 @@ def test_loads_by_hand(compiled):
     advance = flight["V"] / (n * D)
     assert flight["engine1.J"] == pytest.approx(advance, rel=1e-14)
     thrust = (0.11 - 0.1 * advance) * density(flight) * n**2 * D**4
-    power = (0.06 - 0.05 * advance) * density(flight) * n**3 * D**5
+    power = (0.065 - 0.05 * advance) * density(flight) * n**3 * D**5
     assert flight["engine1.thrust"] == pytest.approx(thrust, rel=1e-9)
     # the steady speed balances the torques
     assert power == pytest.approx(0.8 * POWER, rel=1e-9)
@@ -146,7 +146,7 @@ def test_speed_follows_the_excess_of_torque(compiled):
     flight = _Flight(compiled(fixed()), engine1__throttle=0.5)
     for speed in (120.0, 260.0):
         n = speed / (2.0 * np.pi)
-        torque = (0.06 - 0.05 * 60.0 / (n * D)) * density(flight) * n**2 * D**5 / (2.0 * np.pi)
+        torque = (0.065 - 0.05 * 60.0 / (n * D)) * density(flight) * n**2 * D**5 / (2.0 * np.pi)
         expected = (0.5 * POWER / speed - torque) / INERTIA
         assert flight.rate("engine1.rpm", engine1__rpm=speed) == pytest.approx(expected, rel=1e-9)
 
@@ -265,7 +265,7 @@ def test_reverse_by_the_low_stop(compiled):
     reach = J[:5]
     tables = {
         "CT_prop": make_term(
-            0.05 + 0.4 * angles[None, :] - 0.1 * reach[:, None], {"J": reach, "blade_angle": angles}
+            0.05 + 0.2 * angles[None, :] - 0.1 * reach[:, None], {"J": reach, "blade_angle": angles}
         ),
         "CP_prop": make_term(
             0.03 + 0.2 * np.maximum(angles[None, :], 0.0) - 0.02 * reach[:, None],
@@ -447,6 +447,8 @@ def test_refusals():
     assert "a feathered propeller slows down to any J" in refusal(
         lambda: turning(tables=TABLES | ends)
     )
+    radians = {"CP_prop": make_term(0.01 - 0.008 * J[:4], {"J": J[:4]})}
+    assert "J CT/CP is 5 at J 0.5, above 1" in refusal(lambda: fixed(tables=FIXED_TABLES | radians))
     assert "inertia is 0; it must be positive" in refusal(lambda: fixed(inertia=0.0))
     powerless = fixed(tables={name: FIXED_TABLES[name] for name in ("CT_prop", "CP_prop")})
     assert "nothing turns the propeller" in refusal(

@@ -253,6 +253,7 @@ def _check_propeller(propeller: Propeller) -> Iterator[str]:
     for name in ("CT_prop", "CP_prop"):
         yield from _check_coefficient(propeller, name)
     yield from _check_range(propeller)
+    yield from _check_efficiency(propeller)
     if propeller.turns_blades:
         yield from _check_blade_angles(propeller)
 
@@ -298,6 +299,31 @@ def _check_range(propeller: Propeller) -> Iterator[str]:
             )
 
 
+def _check_efficiency(propeller: Propeller) -> Iterator[str]:
+    """Yield the node at which the propeller would give more power than it takes."""
+    thrust, power = propeller.tables["CT_prop"], propeller.tables["CP_prop"]
+    for leaf in (thrust, power):
+        if "J" not in leaf["value"].dims:
+            return
+    angles = [propeller.low_pitch]
+    if propeller.turns_blades and "blade_angle" in power["value"].dims:
+        nodes = power["blade_angle"].values
+        inside = (nodes >= propeller.low_pitch) & (nodes <= propeller.highest)
+        angles = [propeller.low_pitch, *nodes[inside], propeller.highest]
+    for angle in angles:
+        for J in power["J"].values:
+            at = {"J": float(J), "blade_angle": float(angle)}
+            taken = _evaluate(power, at)
+            given = at["J"] * _evaluate(thrust, at)
+            if given > taken > 0.0:
+                yield (
+                    f"J CT/CP is {given / taken:.3g} at J {J:g}, above 1: the coefficients are not "
+                    f"T/(rho n^2 D^4) and P/(rho n^3 D^5) with n in revolutions per second; convert "
+                    f"both"
+                )
+                return
+
+
 def _check_blade_angles(propeller: Propeller) -> Iterator[str]:
     """Yield advance ratios at which a coarser blade takes less torque, so that no governor works."""
     leaf = propeller.tables["CP_prop"]
@@ -308,7 +334,8 @@ def _check_blade_angles(propeller: Propeller) -> Iterator[str]:
     angles = np.concatenate([[propeller.low_pitch], nodes[inside], [propeller.highest]])
     for J in leaf["J"].values:
         power = np.array([_evaluate(leaf, {"J": J, "blade_angle": angle}) for angle in angles])
-        falls = np.flatnonzero(np.diff(power) < 0.0)
+        # a windmilling propeller may lose torque with the blade angle
+        falls = np.flatnonzero((np.diff(power) < 0.0) & (power[:-1] > 0.0))
         if falls.size:
             k = int(falls[0])
             low, high = np.degrees(angles[k : k + 2])

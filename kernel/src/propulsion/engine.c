@@ -152,13 +152,13 @@ static real run_engine(flight_t *sim, uint32_t i, const intake_t *in, const real
     if (sim->rotors >> i & 1) add_rotors(p, deck.momentum, deck.torque, M, H);
     /* net thrust: gross thrust less the momentum of the air taken in */
     now->thrust[i] = var_of(sim, G_ENGINE, i)[A_THRUST] = thrust - air_flow * now->V;
-    if (propelled(sim->model) && decked(sim)) work_of(sim, G_SPOOL, i)[W_FUEL_FLOW] = deck.fuel_flow;
     if (!decked(sim)) return deck.fuel_flow;
     if (spool_breathes(sim->model, i)) ram_force(sim, i, air_flow, F, M);
     real *work = work_of(sim, G_SPOOL, i);
     work[W_GROSS_THRUST] = thrust;
     work[W_RAM_DRAG] = air_flow * now->V;
     work[W_AIR_FLOW] = deck.air_flow;
+    work[W_FUEL_FLOW] = deck.fuel_flow;
     return deck.fuel_flow;
 }
 

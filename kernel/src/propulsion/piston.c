@@ -11,10 +11,11 @@
  *     P   = b (P_t + fuel_work F air - D w / (4 pi) friction_pressure) - friction_power
  *           - (1 - b) motoring_power + pumping D w / (4 pi) (m - p)
  *
- * D is the displacement, e the compression ratio, g = 1.3.  The air: Taylor, The Internal Combustion
- * Engine in Theory and Practice, vol. 1, eq. (6-10), with the exhaust at ambient pressure.  A chart
- * of power over manifold pressure and speed is P_t; its correction for temperature is the rule of
- * Lycoming's operator's manuals.  The flame b is a state as in spool.c. */
+ * D is the displacement, e the compression ratio, g = 1.3.  The air: Taylor, The Internal
+ * Combustion Engine in Theory and Practice, vol. 1, eq. (6-10), with the exhaust at ambient
+ * pressure.  A chart of power over manifold pressure and speed is P_t; its correction for
+ * temperature is the rule of Lycoming's operator's manuals.  The flame b is a state as in
+ * spool.c. */
 #include "piston.h"
 
 #include "algebra.h"
@@ -122,8 +123,8 @@ real piston_torque(flight_t *sim, uint32_t i, const real *x, const real *u, real
     const real b = s[X_PISTON_BURNING];
     const real swept = p[P_DISPLACEMENT] * speed / FOUR_PI;
     const real air = breathed(sim, i, swept);
-    const real mixed = PICK(supplied(sim, i, x, u), air * var_of(sim, G_PISTON, i)[A_FUEL_AIR_RATIO],
-                            0.0);
+    const real ratio = var_of(sim, G_PISTON, i)[A_FUEL_AIR_RATIO];
+    const real mixed = PICK(supplied(sim, i, x, u), air * ratio, 0.0);
     const real chart = charted(sim, i);
     const real fired = chart + sum[T_FUEL_WORK] * mixed - swept * sum[T_FRICTION_PRESSURE];
     const real pumped = p[P_PUMPING] * swept * (s[X_MANIFOLD_PRESSURE] - sim->now.p);
@@ -133,7 +134,8 @@ real piston_torque(flight_t *sim, uint32_t i, const real *x, const real *u, real
     const real crank = p[P_CRANK_TORQUE] * larger(1.0 - speed / p[P_CRANK_RPM], 0.0);
     real *rate = rate_of(sim, dx, G_PISTON, i);
     real *work = work_of(sim, G_PISTON, i);
-    *fuel_flow = mixed + b * larger(sum[T_PISTON_FUEL_FLOW] + sum[T_BSFC] * larger(chart, 0.0), 0.0);
+    const real tabled = sum[T_PISTON_FUEL_FLOW] + sum[T_BSFC] * larger(chart, 0.0);
+    *fuel_flow = mixed + b * larger(tabled, 0.0);
     rate[X_MANIFOLD_PRESSURE] = (steady_manifold(sim, i) - s[X_MANIFOLD_PRESSURE]) / p[P_MAP_TIME];
     rate[X_PISTON_BURNING] = (PICK(fires(sim, i, x, u), 1.0, 0.0) - b) / p[P_PISTON_FLAME_TIME];
     work[W_PISTON_FUEL_FLOW] = *fuel_flow;

@@ -1,14 +1,14 @@
 /* Propeller on its shaft: coefficients over the advance ratio, blades, governor, and what the
  * aircraft feels of it.
  *
- *     n' = max(n, V_a / (J_end D)),  J = V_a / (n' D)    n: rev/s, V_a: along the thrust line at the hub
+ *     n' = max(n, V_a / (J_end D)),  J = V_a / (n' D)    n: rev/s, V_a: at the hub, along the line
  *     T  = CT rho n'^2 D^4                               along the thrust line
  *     Q  = CP rho n'^2 D^5 / (2 pi)                      torque of the air, opposes the rotation
  *     w' = (Q_e - Q) / inertia                           Q_e: torque of the engine at the shaft
- *     H  = rotation inertia w,   M = - rotation Q_e      along the thrust line; Q_e = Q + inertia w'
+ *     H  = rotation inertia w,   M = - rotation Q_e      along the line; Q_e = Q + inertia w'
  *
- * Below V_a / (J_end D), where the tables end, T and Q depend on the airspeed alone: T / (rho V^2 D^2)
- * of a propeller that slows down to a stop stays that of J_end.
+ * Below V_a / (J_end D), where the tables end, T and Q depend on the airspeed alone:
+ * T / (rho V^2 D^2) of a propeller that slows down to a stop stays that of J_end.
  *
  * With the flow at the hub v across the thrust line d, of size V sin(inflow):
  *
@@ -17,8 +17,8 @@
  * F is the force in the disk, M the moment of the thrust that moves to the blade that goes down
  * (P-factor): a propeller that turns right-handed at positive alpha yaws the nose to the left.
  *
- * The governor turns the blades by the error of the speed, with a lag and within a rate; the low stop
- * may be a table over the lever (beta range and reverse). */
+ * The governor turns the blades by the error of the speed, with a lag and within a rate; the low
+ * stop may be a table over the lever (beta range and reverse). */
 #include "propeller.h"
 
 #include "algebra.h"
@@ -121,7 +121,8 @@ real propeller_power(const flight_t *sim, uint32_t i, const real *x) {
 static void add_inflow(flight_t *sim, uint32_t i, const real velocity[3], real load,
                        real F[restrict 3], real M[restrict 3]) {
     const am_model *m = sim->model;
-    if (!has_terms(m, G_PROPELLER, i, T_CN_PROP) && !has_terms(m, G_PROPELLER, i, T_CM_PROP)) return;
+    const bool lifts = has_terms(m, G_PROPELLER, i, T_CN_PROP);
+    if (!lifts && !has_terms(m, G_PROPELLER, i, T_CM_PROP)) return;
     const real *p = par_of(sim, G_PROPELLER, i);
     const real *sum = sum_of(sim, G_PROPELLER, i);
     const real *line = par_of(sim, G_ENGINE, i) + P_DIRECTION_X;
@@ -160,10 +161,8 @@ real propeller_loads(flight_t *sim, uint32_t i, const real *x, const real *u, re
     const mask_t rests = (speed <= 0.0) & (drive < resist);
     rate[X_RPM] = PICK(rests, -speed / STOP_TIME, (drive - resist) / p[P_SHAFT_INERTIA]);
     const real held = PICK(rests, resist, drive);
-    rate[X_SHAFT_POWER] = PICK(p[P_POWER_TIME] > 0.0,
-                               (settled_power(sim, i) - state_of(sim, x, G_PROPELLER, i)[X_SHAFT_POWER])
-                                   / p[P_POWER_TIME],
-                               0.0);
+    const real lag = settled_power(sim, i) - state_of(sim, x, G_PROPELLER, i)[X_SHAFT_POWER];
+    rate[X_SHAFT_POWER] = PICK(p[P_POWER_TIME] > 0.0, lag / p[P_POWER_TIME], 0.0);
     turn_blades(sim, i, x, u, rate);
     for (int k = 0; k < 3; k++) {
         H[k] += p[P_ROTATION] * p[P_SHAFT_INERTIA] * v[A_RPM] * line[k];

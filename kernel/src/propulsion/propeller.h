@@ -10,8 +10,8 @@ int propeller_check(am_sim *sim, uint32_t engine);
 /* advance ratio, speeds and what else the tables depend on */
 void propeller_variables(flight_t *sim, uint32_t engine, const real *x, const real *u);
 /* Thrust along the thrust line [N]; adds the other loads to F and M, the angular momentum to H, and
- * sets the rates of the shaft.  torque: of the engine, at the crankshaft [N m]; own: what the tables
- * of shaft power count with, 0 ... 1. */
+ * sets the rates of the shaft.  torque: of the engine, at the crankshaft [N m]; own: what the
+ * tables of shaft power count with, 0 ... 1. */
 real propeller_loads(flight_t *sim, uint32_t engine, const real *x, const real *u, real torque,
                      real own, real F[restrict 3], real M[restrict 3], real H[restrict 3],
                      real *dx);

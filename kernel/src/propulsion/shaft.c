@@ -1,5 +1,5 @@
-/* An engine with a propeller: the torque of piston, motor or turbine on the shaft, and the balance of
- * torques at the start. */
+/* An engine with a propeller: the torque of piston, motor or turbine on the shaft, and the balance
+ * of torques at the start. */
 #include "shaft.h"
 
 #include "motor.h"
@@ -109,8 +109,8 @@ static void halve(const shaft_t *shaft, double speed[2], double angle[2]) {
     }
 }
 
-/* The highest speed at which the torques balance and a faster propeller slows down; 0 where there is
- * none. */
+/* The highest speed at which the torques balance and a faster propeller slows down; 0 where there
+ * is none. */
 static double balanced(const shaft_t *shaft, double angle) {
     double top = 2.0 * par_of(shaft->sim, G_PROPELLER, shaft->engine)[P_RPM_HIGH];
     for (int k = 0; k < DOUBLINGS && excess(shaft, top, angle) > 0.0; k++) top *= 2.0;
