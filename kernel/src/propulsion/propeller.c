@@ -61,7 +61,9 @@ void propeller_variables(flight_t *sim, uint32_t i, const real *x, const real *u
     const real axial = dot(velocity, par_of(sim, G_ENGINE, i) + P_DIRECTION_X);
     const real speed = larger(s[X_RPM], 0.0);
     const real tip = 0.5 * speed * p[P_DIAMETER];
-    v[A_J] = axial / (turns_of(p, speed, axial) * p[P_DIAMETER]);
+    const real turns = turns_of(p, speed, axial);
+    work_of(sim, G_PROPELLER, i)[W_TURNS] = turns;
+    v[A_J] = axial / (turns * p[P_DIAMETER]);
     v[A_RPM] = speed;
     v[A_ENGINE_RPM] = speed * p[P_GEAR_RATIO];
     v[A_BLADE_ANGLE] = s[X_BLADE_ANGLE];
@@ -118,14 +120,16 @@ real propeller_power(const flight_t *sim, uint32_t i, const real *x) {
 }
 
 /* Force in the disk and moment of the thrust that moves sideways. */
-static void add_inflow(flight_t *sim, uint32_t i, const real velocity[3], real load,
-                       real F[restrict 3], real M[restrict 3]) {
+static void add_inflow(flight_t *sim, uint32_t i, real load, real F[restrict 3],
+                       real M[restrict 3]) {
     const am_model *m = sim->model;
     const bool lifts = has_terms(m, G_PROPELLER, i, T_CN_PROP);
     if (!lifts && !has_terms(m, G_PROPELLER, i, T_CM_PROP)) return;
     const real *p = par_of(sim, G_PROPELLER, i);
     const real *sum = sum_of(sim, G_PROPELLER, i);
     const real *line = par_of(sim, G_ENGINE, i) + P_DIRECTION_X;
+    real velocity[3];
+    hub_velocity(sim, i, velocity);
     const real axial = dot(velocity, line);
     const real size = root(dot(velocity, velocity));
     const real per_V = PICK(size > V_FLOOR, 1.0 / size, 0.0);
@@ -149,9 +153,7 @@ real propeller_loads(flight_t *sim, uint32_t i, const real *x, const real *u, re
     real *v = var_of(sim, G_PROPELLER, i);
     real *rate = rate_of(sim, dx, G_PROPELLER, i);
     real *work = work_of(sim, G_PROPELLER, i);
-    real velocity[3];
-    hub_velocity(sim, i, velocity);
-    const real n = turns_of(p, v[A_RPM], dot(velocity, line));
+    const real n = work[W_TURNS];
     const real load = sim->now.rho * n * n * D * D * D * D;
     const real power = own * propeller_power(sim, i, x);
     const real drive = p[P_GEAR_RATIO] * torque + power / larger(v[A_RPM], SLOW_SHAFT);
@@ -168,7 +170,7 @@ real propeller_loads(flight_t *sim, uint32_t i, const real *x, const real *u, re
         H[k] += p[P_ROTATION] * p[P_SHAFT_INERTIA] * v[A_RPM] * line[k];
         M[k] -= p[P_ROTATION] * held * line[k];
     }
-    add_inflow(sim, i, velocity, load, F, M);
+    add_inflow(sim, i, load, F, M);
     work[W_CT_PROP] = v[A_CT_PROP] = sum[T_CT_PROP];
     work[W_CP_PROP] = v[A_CP_PROP] = sum[T_CP_PROP];
     work[W_TORQUE] = v[A_TORQUE] = held;
