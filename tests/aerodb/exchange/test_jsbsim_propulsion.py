@@ -15,8 +15,10 @@ import aerodb
 import flightmech
 from aerodb.exchange.jsbsim.propulsion.engines import import_jsbsim_engine
 from aerodb.exchange.jsbsim.propulsion.propellers import import_jsbsim_propeller
+from aerodb.exchange.jsbsim.propulsion.writing import export_jsbsim_engine
 from flightmech import air
 from flightmech.aircraft import Engine
+from flightmech.aircraft.propulsion.shaft_tables import list_constants
 from flightmech.errors import ParseError, SchemaError
 from flightmech.simulation.kernel import STATE, Simulation
 from flightmech.terms import make_term
@@ -267,3 +269,107 @@ def test_short_propeller_is_refused(tmp_path):
     file.write_text(text[:begin] + text[end:])
     with pytest.raises(SchemaError, match="continue both tables until the thrust is negative"):
         import_jsbsim_propeller(file, engine_rpm=280.0)
+
+
+def same_tables(a, b) -> None:
+    """Tables of two engines agree to the rounding of the units."""
+    assert set(a) == set(b)
+    for name, leaf in a.items():
+        for table in leaf.data_vars:
+            np.testing.assert_allclose(
+                leaf[table].values, b[name][table].values, rtol=1e-9, atol=1e-12
+            )
+
+
+@pytest.mark.parametrize(
+    ("engine", "propeller"),
+    [
+        ("eng_io320.xml", "prop_75in2f.xml"),
+        ("engIO360C.xml", "prop_81in2v.xml"),
+        ("engtm601.xml", "prop_PT6.xml"),
+    ],
+)
+def test_written_files_are_read_again(tmp_path, engine, propeller):
+    """Import, export, import: the same constants and tables."""
+    mover = import_jsbsim_engine(ENGINES / engine)
+    blades, _ = import_jsbsim_propeller(ENGINES / propeller, engine_rpm=mover.rated_rpm)
+    whole = Engine(
+        (0.0, 0.0, 0.0), propeller=mover.on(blades), piston=mover.piston, deck=mover.deck
+    )
+    names = export_jsbsim_engine(whole, tmp_path, "again")
+    again = import_jsbsim_engine(tmp_path / f"{names[0]}.xml")
+    turned, _ = import_jsbsim_propeller(tmp_path / f"{names[1]}.xml", engine_rpm=again.rated_rpm)
+    same_tables(blades.tables, turned.tables)
+    for name in ("diameter", "inertia", "rpm_high", "low_pitch", "highest", "gear_ratio"):
+        assert getattr(turned, name) == pytest.approx(getattr(blades, name), rel=1e-12), name
+    if mover.piston is not None:
+        assert again.piston is not None
+        same_tables(mover.piston.tables, again.piston.tables)
+        for name in list_constants(type(mover.piston)):
+            value = getattr(mover.piston, name)
+            assert getattr(again.piston, name) == pytest.approx(value, rel=1e-9), name
+    else:
+        assert mover.deck is not None
+        assert again.deck is not None
+        same_tables(mover.tables, again.tables)
+        same_tables(mover.deck.tables, again.deck.tables)
+        assert again.limits == pytest.approx(mover.limits)
+
+
+WRITTEN = """
+import jsbsim, sys
+f = jsbsim.FGFDMExec(None)
+f.set_debug_level(0)
+f.set_aircraft_path(sys.argv[1])
+f.load_model("trainer")
+f["ic/h-sl-ft"], f["ic/vc-kts"] = 3000, 95
+f.run_ic()
+f["propulsion/set-running"] = -1
+f["fcs/throttle-cmd-norm"], f["fcs/mixture-cmd-norm"] = 0.9, 0.9
+for k in range(600):
+    rpm = f["propulsion/engine/propeller-rpm"]
+    f.run()
+e = "propulsion/engine/"
+print("WRITTEN", rpm, f[e + "power-hp"], f[e + "thrust-lbs"], f[e + "advance-ratio"],
+      f["atmosphere/rho-slugs_ft3"], f["inertia/weight-lbs"])
+"""
+
+
+def test_jsbsim_flies_the_written_aircraft(tmp_path):
+    """JSBSim starts the written engine; its thrust is that of our table at its rpm and J."""
+    mover = import_jsbsim_engine(ENGINES / "eng_io320.xml")
+    blades, _ = import_jsbsim_propeller(ENGINES / "prop_75in2f.xml", engine_rpm=mover.rated_rpm)
+    engine = Engine((1.0, 0.0, 0.0), propeller=mover.on(blades), piston=mover.piston)
+    fields = {"S": 16.2, "cbar": 1.5, "b": 11.0, "Ixx": 1300.0, "Iyy": 1800.0, "Izz": 2700.0}
+    craft = flightmech.Aircraft("trainer", **fields, mass=1000.0, x_ref_mac=0.25, engines=(engine,))
+    folder = tmp_path / "trainer"
+    folder.mkdir()
+    leaves = {
+        "CL/basic": make_term([-0.6, 1.4], {"alpha": [-0.2, 0.2]}),
+        "CD/basic": make_term(0.035),
+        "Cm/basic": make_term([0.2, -0.2], {"alpha": [-0.2, 0.2]}),
+        "Cm/pitch_rate": make_term(-12.0, regressors=["qhat"]),
+    }
+    sizes = {name: fields[name] for name in ("S", "cbar", "b")}
+    place = {"x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
+    database = aerodb.make_database(
+        leaves, title="trainer", aircraft="trainer", **sizes, **place, force_axes="stability"
+    )
+    aerodb.exchange.export_jsbsim(database, folder / "trainer.xml", craft)
+    run = subprocess.run(
+        [sys.executable, "-c", WRITTEN, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    line = next(row for row in run.stdout.splitlines() if row.startswith("WRITTEN"))
+    rpm, power, thrust, advance, rho, weight = map(float, line.split()[1:])
+    assert rpm > 1500.0
+    assert power > 50.0
+    n = rpm / 60.0
+    CT = float(blades.tables["CT_prop"]["value"].interp(J=advance))
+    expected = CT * rho * SLUGS * n**2 * blades.diameter**4
+    # the factor of the tip Mach number may take some per cent
+    assert thrust * POUND_FORCE == pytest.approx(expected, rel=0.06)
+    assert weight * 0.45359237 == pytest.approx(1000.0, rel=1e-3)

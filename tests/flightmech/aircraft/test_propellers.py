@@ -101,7 +101,10 @@ def test_a_similar_aircraft_needs_its_own_propeller(read):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (HEAD.replace("inertia = 2.26\n", "") + PISTON, "engine.0.propeller.inertia: missing; give it"),
+        (
+            HEAD.replace("inertia = 2.26\n", "") + PISTON,
+            "engine.0.propeller.inertia: missing; give it",
+        ),
         (HEAD, "nothing turns the propeller"),
         (HEAD + PISTON + MOTOR, "piston and motor turn one propeller; keep one"),
         (HEAD.replace("1.2]", "0.7]").replace("-0.02]", "0.03]") + PISTON, "continue both tables"),

@@ -146,7 +146,8 @@ def _read_piston(root: Element) -> ShaftEngine:
         fuel_air, effect = read_line_table(mixture)
     # W per kg/s: pounds per hour over pounds per hour and horsepower
     work = POUNDS_PER_KILOGRAM * 3600.0 / consumption * HORSEPOWER
-    speeds = np.array([0.0, 1.5 * most_rpm * _RPM])
+    # the friction is linear beyond this speed too
+    speeds = np.array([0.0, 300.0])
     piston = PistonEngine(
         {
             "fuel_work": make_term(work * np.asarray(effect), {"fuel_air_ratio": fuel_air}),
@@ -278,5 +279,6 @@ def _read_consumption(root: Element) -> xr.Dataset:
         points, efficiency = read_line_table(table)
     # the efficiency is linear between its nodes, its reciprocal is not
     fine = np.arange(points[0], points[-1] + 0.5 * _N1_STEP, _N1_STEP)
-    n1 = np.union1d(points, fine[fine < points[-1]])
+    # nodes that differ by rounding are one
+    n1 = np.unique(np.round(np.union1d(points, fine[fine < points[-1]]), 9))
     return make_term(specific / np.interp(n1, points, efficiency), {"n1": n1 / 100.0})
