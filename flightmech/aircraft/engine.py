@@ -7,7 +7,7 @@ propeller that a piston engine, a motor, a deck or a table of power turns.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -226,7 +226,7 @@ def engine_of(item: EngineTable, number: int, files: DeckFiles, problems: list[s
         Problems of the tables are appended to it.
     """
     parts: dict[str, Any] = {}
-    readers = {
+    readers: dict[str, Callable[[], Any]] = {
         "thrust": lambda: _read_thrust(item, files.folder),
         "deck": lambda: None if item.deck is None else deck_of(item.deck, files),
         **{name: partial(_read_section, item, name, files) for name in _SECTIONS},
@@ -242,7 +242,7 @@ def engine_of(item: EngineTable, number: int, files: DeckFiles, problems: list[s
                 texts = [_describe_missing_file(item, files.folder) or str(error)]
             problems += [f"engine.{number}.{key}: {text}" for text in texts]
             parts[key] = None
-    engine = {
+    engine: dict[str, Any] = {
         "position": item.position,
         "direction": item.direction,
         "time_constant": item.time_constant,

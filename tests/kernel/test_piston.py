@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -321,6 +323,42 @@ def test_trim_with_the_lever(make_aircraft, make_tree):
     thrust = float(flown["engine1.thrust"][0])
     drag = 0.035 * float(flown["qbar"][0]) * 17.0
     assert thrust == pytest.approx(drag, rel=0.05)
+
+
+def test_lever_trims_from_a_flat_chart(make_aircraft, make_tree):
+    """The chart ends above the manifold pressure of idle; the search of the lever does not start
+    there.  The failed engine windmills.
+    """
+    blades = Propeller(BLADES, diameter=D, inertia=2.0, rpm_high=RATED)
+    engines = [
+        Engine((1.0, y, 0.0), propeller=replace(blades, rotation=rotation), piston=chart())
+        for y, rotation in ((-1.5, 1), (1.5, -1))
+    ]
+    limits = dict.fromkeys(("delta_e", "delta_a", "delta_r"), (-0.5, 0.5))
+    craft = make_aircraft(
+        engines=tuple(engines), mass=1800.0, limits=limits, Ixy=0.0, Ixz=0.0, Iyz=0.0
+    )
+    leaves = {
+        "CL/basic": make_term([-0.6, 1.4], {"alpha": [-0.2, 0.2]}),
+        "CD/basic": make_term(0.035),
+        "Cm/basic": make_term([0.2, -0.2], {"alpha": [-0.2, 0.2]}),
+        "Cm/elevator": make_term(-1.2, regressors=["delta_e"]),
+        "CY/beta": make_term(-0.5, regressors=["beta"]),
+        "Cn/beta": make_term(0.1, regressors=["beta"]),
+        "Cn/rudder": make_term(-0.1, regressors=["delta_r"]),
+        "Cl/aileron": make_term(-0.1, regressors=["delta_a"]),
+    }
+    sim = flightmech.compile(craft, make_tree(leaves))
+    start = {"init.V": 55.0, "init.h": 1000.0, "mode.engine": 0.0}
+    both = flightmech.trim(sim, start, kind="level")
+    assert both.attrs["converged"]
+    # the Earth turns, so that both differ a little
+    assert float(both["engine1.thrust"]) == pytest.approx(float(both["engine2.thrust"]), rel=1e-5)
+    one = flightmech.trim(sim, start, kind="level", fixed={"engine1.failed": 1.0})
+    assert one.attrs["converged"]
+    # the rudder turns against the windmilling left engine
+    assert float(one["engine1.thrust"]) < 0.0 < float(one["engine2.thrust"])
+    assert float(one["beta"]) != pytest.approx(0.0, abs=1e-3)
 
 
 def test_speed_is_a_state_of_the_linear_model(make_aircraft, make_tree):

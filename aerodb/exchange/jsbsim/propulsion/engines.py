@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -72,7 +72,8 @@ class ShaftEngine(NamedTuple):
     def on(self, propeller: Propeller) -> Propeller:
         """Return the propeller with the tables and limits of the engine."""
         tables = dict(propeller.tables) | self.tables
-        return replace(propeller, tables=tables, **self.limits)
+        limits: dict[str, Any] = dict(self.limits)
+        return replace(propeller, tables=tables, **limits)
 
 
 def import_jsbsim_engine(path: str | Path) -> ShaftEngine:
@@ -140,7 +141,7 @@ def _read_piston(root: Element) -> ShaftEngine:
             [displacement, most_rpm, efficiency, high_map, most_power, friction],
             mean_pressure=dynamic * rated_speed + static,
         )
-    fuel_air, effect = _MIXTURE
+    fuel_air, effect = map(np.array, _MIXTURE)
     mixture = find_table(root, "MIXTURE")
     if mixture is not None:
         fuel_air, effect = read_line_table(mixture)
@@ -273,7 +274,7 @@ def _read_itt(table: Element) -> xr.Dataset:
 def _read_consumption(root: Element) -> xr.Dataset:
     """Return the specific fuel consumption over N1, PSFC over the efficiency. [kg J-1]"""
     specific = read_value(root, "psfc", {"LBS/HR/HP": POUND / 3600.0 / HORSEPOWER})
-    points, efficiency = _COMBUSTION
+    points, efficiency = map(np.array, _COMBUSTION)
     table = find_table(root, "CombustionEfficiency_N1")
     if table is not None:
         points, efficiency = read_line_table(table)
