@@ -5,7 +5,7 @@
 Four aircraft of the size of a Citation's (`kernel_step`), each with two engines: jets with decks of
 two spools, governed propellers on piston engines with a model of air and fuel, turboprops with gas
 generators, and electric motors.  Prints processor times and their ratios to the jet.  Jets with a
-table of static thrust stand beside them.
+table of static thrust are the last row.
 """
 
 from __future__ import annotations

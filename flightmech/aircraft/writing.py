@@ -132,7 +132,7 @@ def _write_engine_tables(engines: tuple[Engine, ...], path: Path, parts: ExitSta
     return files
 
 
-# Sections of an engine beside the deck.
+# Sections of an engine in addition to the deck.
 _SHAFT_SECTIONS = ("propeller", "piston", "motor")
 
 

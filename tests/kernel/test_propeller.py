@@ -417,11 +417,11 @@ def test_runs_side_by_side_have_the_same_bits(compiled):
 def test_copy_and_state_continue_with_the_same_bits(compiled):
     flight = _Flight(compiled(turning(governor_time=0.1)), engine1__throttle=0.3)
     flight.fly(0.5, engine1__throttle=0.9)
-    twin = flight.run.copy()
+    copy = flight.run.copy()
     flight.fly(0.5)
     for k in range(50):
-        twin.step(0.5 + 0.01 * k, 0.01, flight.u, flight.u)
-    np.testing.assert_allclose(twin.state, flight.run.state, rtol=1e-13)
+        copy.step(0.5 + 0.01 * k, 0.01, flight.u, flight.u)
+    np.testing.assert_allclose(copy.state, flight.run.state, rtol=1e-13)
 
 
 def refusal(make) -> str:

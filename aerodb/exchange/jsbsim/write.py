@@ -105,7 +105,7 @@ def export_jsbsim(
 
     Notes
     -----
-    Engines with propellers become ``<propulsion>``, with files in the folder ``Engines`` beside
+    Engines with propellers become ``<propulsion>``, with files in the folder ``Engines`` next to
     the file.  Other engines become external forces ``engine1`` ..., with first-order lag.  The angular momentum of
     their rotors is lost.  The file has no landing gear, since an aircraft file has none.  JSBSim
     takes the load factor of its last step, and so do terms with ``dnz``.  Our simulation solves

@@ -141,7 +141,7 @@ def test_own_points_of_the_cessna():
     """Power and thrust of nine recorded points of JSBSim, from rpm, manifold pressure and density."""
     path = SHARED / "own_jsbsim_c172p_engine_points.csv"
     if not path.is_file():
-        pytest.skip(f"no {path}: the shared material is not beside the checkout")
+        pytest.skip(f"no {path}: the shared material is not next to the checkout")
     rows = np.genfromtxt(path, delimiter=",", names=True)
     blades, _ = import_jsbsim_propeller(ENGINES / "prop_75in2f.xml", engine_rpm=280.0)
     for row in rows:
@@ -206,7 +206,9 @@ def test_turboprop_flies():
     blades, _ = import_jsbsim_propeller(ENGINES / "prop_PT6.xml")
     engine = Engine((0.0, 0.0, 0.0), propeller=mover.on(blades), deck=mover.deck)
     fields = {"S": 28.0, "cbar": 1.9, "b": 15.0, "Ixx": 2e4, "Iyy": 2e4, "Izz": 4e4}
-    craft = flightmech.Aircraft("twin", **fields, mass=5000.0, x_ref_mac=0.25, engines=(engine,))
+    craft = flightmech.Aircraft(
+        "commuter", **fields, mass=5000.0, x_ref_mac=0.25, engines=(engine,)
+    )
     sim = flightmech.compile(craft, flightmech_tree())
     run = Simulation(sim.model)
     for name, value in {"init.V": 80.0, "init.h": 1000.0, "mode.engine": 0.0}.items():

@@ -45,7 +45,7 @@ def export_jsbsim_engine(engine: Engine, folder: Path, name: str) -> tuple[str, 
     engine : Engine
         With a propeller, and a piston engine or a gas generator.
     folder : Path
-        Folder of the files, ``Engines`` beside the aircraft file.
+        Folder of the files, ``Engines`` next to the aircraft file.
     name : str
         Beginning of the names of the files.
 
