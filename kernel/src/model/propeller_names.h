@@ -133,8 +133,8 @@
 #define D_PER_PROPELLER 0
 #define D_PER_PISTON 0
 #define D_PER_MOTOR 0
-/* coefficients, torque of the engine at the shaft of the propeller, its power; turns per second with
- * which the coefficients count */
+/* coefficients, torque of the engine at the shaft of the propeller, its power; turns per second
+ * with which the coefficients count */
 enum { W_CT_PROP, W_CP_PROP, W_TORQUE, W_SHAFT_POWER, W_TURNS, W_PER_PROPELLER };
 enum { W_PISTON_FUEL_FLOW, W_PISTON_AIR_FLOW, W_PER_PISTON };
 enum { W_CURRENT, W_BATTERY_VOLTAGE, W_PER_MOTOR };
