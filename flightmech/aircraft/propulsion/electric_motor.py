@@ -69,7 +69,9 @@ class MotorTable(Strict):
     model_config = ConfigDict(protected_namespaces=())
 
     file: str | None = Field(
-        default=None, description="netCDF file with a group for each table, relative to this file."
+        default=None,
+        examples=["motor.nc"],
+        description="netCDF file with a group for each table, relative to this file.",
     )
     tables: dict[str, Any] = Field(
         default_factory=dict,

@@ -234,6 +234,7 @@ class DeckTable(Strict):
     )
     coupled: bool | None = Field(
         default=None,
+        examples=[True],
         description="Whether the gas generator turns with the propeller, geared; a turbine of its "
         "own turns the propeller without it.",
     )

@@ -124,7 +124,9 @@ class PistonTable(Strict):
     model_config = ConfigDict(protected_namespaces=())
 
     file: str | None = Field(
-        default=None, description="netCDF file with a group for each table, relative to this file."
+        default=None,
+        examples=["piston.nc"],
+        description="netCDF file with a group for each table, relative to this file.",
     )
     tables: dict[str, Any] = Field(
         default_factory=dict,

@@ -141,7 +141,9 @@ class PropellerTable(Strict):
     model_config = ConfigDict(protected_namespaces=())
 
     file: str | None = Field(
-        default=None, description="netCDF file with a group for each table, relative to this file."
+        default=None,
+        examples=["propeller.nc"],
+        description="netCDF file with a group for each table, relative to this file.",
     )
     tables: dict[str, Any] = Field(
         default_factory=dict,
@@ -212,6 +214,7 @@ class PropellerTable(Strict):
     )
     governed: bool | None = Field(
         default=None,
+        examples=[False],
         description="Whether a governor turns the blades; false: the propeller lever sets the blade "
         "angle.",
     )
