@@ -53,9 +53,12 @@ CLASS, WHOLE = (
 )  # tables of one to four axes in addition to the six that make it fly
 
 
-def citation_like(counts: tuple[int, ...] = CLASS) -> flightmech.SimModel:
+def citation_like(
+    counts: tuple[int, ...] = CLASS,
+    engines: tuple[flightmech.aircraft.Engine, ...] | None = None,
+) -> flightmech.SimModel:
     """Tables of sine waves around the derivatives of a light jet: the numbers do not matter, the
-    shapes do.
+    shapes do.  Without engines two with thrust tables.
     """
     one, two = {"alpha": ALPHA}, {"alpha": ALPHA, "mach": MACH}
     three, four = (
@@ -95,7 +98,7 @@ def citation_like(counts: tuple[int, ...] = CLASS) -> flightmech.SimModel:
         np.outer([300.0, 4500.0, 9000.0], [1.0, 0.8, 0.7]),
         {"throttle": [0.0, 0.6, 1.0], "mach": [0.0, 0.4, 0.8]},
     )
-    engines = tuple(
+    engines = engines or tuple(
         flightmech.aircraft.Engine((0.0, side, 0.0), thrust=thrust, time_constant=1.0)
         for side in (-1.0, 1.0)
     )

@@ -27,8 +27,8 @@ DEGREE = math.pi / 180.0
 # pressure of a metre of mercury at 0 degC [Pa m-1]
 MERCURY = 13595.1 * G0
 
-# By unit: dimension as powers of (m, kg, s, K), and factor to SI. Angles and fractions are pure
-# numbers.
+# By unit: dimension as powers of (m, kg, s, K), and factor to SI. Angles, fractions and amperes are
+# pure numbers.
 _BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
     "1": ((0, 0, 0, 0), 1.0),
     "%": ((0, 0, 0, 0), 0.01),
@@ -69,6 +69,11 @@ _BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
     "kt": ((1, 0, -1, 0), KNOT),
     "g": ((1, 0, -2, 0), G0),
     "Hz": ((0, 0, -1, 0), 1.0),
+    "W": ((2, 1, -3, 0), 1.0),
+    "kW": ((2, 1, -3, 0), 1000.0),
+    "hp": ((2, 1, -3, 0), 550.0 * FOOT * POUND_FORCE),
+    "A": ((0, 0, 0, 0), 1.0),
+    "V": ((2, 1, -3, 0), 1.0),
     "rpm": ((0, 0, -1, 0), 2.0 * math.pi / 60.0),
     "K": ((0, 0, 0, 1), 1.0),
     "degR": ((0, 0, 0, 1), 1.0 / 1.8),

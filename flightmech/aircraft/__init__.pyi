@@ -8,8 +8,6 @@ from .controls import Circuit as Circuit
 from .controls import ControlGeometry as Control
 from .controls import ControlGeometry as ControlGeometry
 from .engine import Engine as Engine
-from .engine_deck import EngineDeck as Deck
-from .engine_deck import EngineDeck as EngineDeck
 from .fuel import Fuel as Fuel
 from .fuel import Tank as Tank
 from .landing_gear import Contact as Contact
@@ -17,6 +15,11 @@ from .landing_gear import LandingGear as LandingGear
 from .landing_gear import Steering as Steering
 from .parts import different_parts as different_parts
 from .parts import swap_parts as swap_parts
+from .propulsion.electric_motor import ElectricMotor as ElectricMotor
+from .propulsion.engine_deck import EngineDeck as Deck
+from .propulsion.engine_deck import EngineDeck as EngineDeck
+from .propulsion.piston_engine import PistonEngine as PistonEngine
+from .propulsion.propeller import Propeller as Propeller
 from .separation import FlowSeparation as FlowSeparation
 from .similarity import rescale as rescale
 from .writing import write_aircraft as write_aircraft

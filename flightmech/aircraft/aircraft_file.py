@@ -63,10 +63,10 @@ from flightmech.aircraft.controls import (
     circuits_of,
 )
 from flightmech.aircraft.engine import EngineTable, engine_of
-from flightmech.aircraft.engine_deck import DeckFiles
 from flightmech.aircraft.facts import FactsTable, fact_problems
 from flightmech.aircraft.fuel import FuelSection, fuel_of
 from flightmech.aircraft.landing_gear_file import GearTable, gear_of
+from flightmech.aircraft.propulsion.engine_deck import DeckFiles
 from flightmech.aircraft.separation import StallSection, separation_of
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup

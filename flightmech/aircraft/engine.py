@@ -1,13 +1,15 @@
 """Engines of an aircraft, and the section ``[[engine]]`` of the aircraft file.
 
-An engine has a table of the static thrust with a lag, or a full deck (`engine_deck`).
+An engine has a table of the static thrust with a lag, a full deck (`propulsion.engine_deck`), or a
+propeller that a piston engine, a motor, a deck or a table of power turns.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,7 +17,12 @@ import numpy as np
 import xarray as xr
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from flightmech.aircraft.engine_deck import (
+from flightmech.aircraft.propulsion.electric_motor import (
+    MOTOR_TARGETS,
+    ElectricMotor,
+    MotorTable,
+)
+from flightmech.aircraft.propulsion.engine_deck import (
     DeckFiles,
     DeckTable,
     EngineDeck,
@@ -24,6 +31,17 @@ from flightmech.aircraft.engine_deck import (
     deck_of,
     leaf_from_toml,
 )
+from flightmech.aircraft.propulsion.piston_engine import (
+    PISTON_TARGETS,
+    PistonEngine,
+    PistonTable,
+)
+from flightmech.aircraft.propulsion.propeller import (
+    PROPELLER_TARGETS,
+    Propeller,
+    PropellerTable,
+)
+from flightmech.aircraft.propulsion.shaft_tables import read_part
 from flightmech.errors import SchemaError, UnitError
 from flightmech.short_text import ShortText
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
@@ -56,7 +74,14 @@ class Engine(ShortText):
         of a deck is added. [kg m2 s-1]
     deck : EngineDeck, optional
         Governor, spools and tables in place of `thrust`. All engines of an aircraft have a deck, or
-        none has.
+        none has. With a propeller the tables of thrust are that of the jet, and the propeller
+        has a table of shaft power.
+    propeller : Propeller, optional
+        Propeller at `position`. All engines of an aircraft have one, or none has.
+    piston : PistonEngine, optional
+        What turns the propeller.
+    motor : ElectricMotor, optional
+        What turns the propeller.
     """
 
     position: Vector
@@ -65,10 +90,51 @@ class Engine(ShortText):
     time_constant: float = 0.0
     angular_momentum: float = 0.0
     deck: EngineDeck | None = None
+    propeller: Propeller | None = None
+    piston: PistonEngine | None = None
+    motor: ElectricMotor | None = None
 
     def __post_init__(self) -> None:
-        if self.thrust is not None and self.deck is not None:
-            raise SchemaError("engine", ["thrust and deck are both given; keep one"])
+        problems = list(_check_sources(self))
+        if problems:
+            raise SchemaError("engine", problems)
+
+
+def list_leaves(engine: Engine) -> dict[str, xr.Dataset]:
+    """Return all tables of an engine by target."""
+    leaves = {} if engine.thrust is None else {"thrust": engine.thrust}
+    for part in (engine.deck, engine.propeller, engine.piston, engine.motor):
+        if part is not None:
+            leaves |= part.tables
+    return leaves
+
+
+def _check_sources(engine: Engine) -> Iterator[str]:
+    """Yield the problems of the parts of an engine with each other."""
+    if engine.thrust is not None and engine.deck is not None:
+        yield "thrust and deck are both given; keep one"
+    movers = [name for name in ("deck", "piston", "motor") if getattr(engine, name) is not None]
+    if engine.propeller is None:
+        for name in ("piston", "motor"):
+            if name in movers:
+                yield f"{name} is given without a propeller; add the section propeller"
+        if engine.deck is not None and engine.deck.coupled:
+            yield "the deck is coupled to a propeller that is not given; add the section propeller"
+        return
+    if len(movers) > 1:
+        yield f"{' and '.join(movers)} turn one propeller; keep one"
+    if engine.thrust is not None:
+        yield "thrust and propeller are both given; the thrust is that of CT_prop: delete thrust"
+    if engine.time_constant:
+        yield "time_constant lags a static thrust; a propeller has its inertia: delete it"
+    powers = {"shaft_power", "corrected_shaft_power"} & set(engine.propeller.tables)
+    if not powers and not {"piston", "motor"} & set(movers):
+        yield "nothing turns the propeller; give a table shaft_power, or a piston engine or motor"
+    if powers and {"piston", "motor"} & set(movers):
+        yield f"{min(powers)} and {movers[0]} turn one propeller; keep one"
+    for name in ("corrected_shaft_power", "shaft_bsfc"):
+        if name in engine.propeller.tables and engine.deck is None:
+            yield f"{name} needs the deck of a gas turbine; give one, or use shaft_power"
 
 
 class EngineTable(Strict):
@@ -108,6 +174,15 @@ class EngineTable(Strict):
     )
     deck: DeckTable | None = Field(
         default=None, description="Governor, spools and tables in place of a table of thrust."
+    )
+    propeller: PropellerTable | None = Field(
+        default=None, description="Propeller at the position, with its governor and shaft."
+    )
+    piston: PistonTable | None = Field(
+        default=None, description="Piston engine that turns the propeller."
+    )
+    motor: MotorTable | None = Field(
+        default=None, description="Electric motor that turns the propeller."
     )
 
     @field_validator("direction")
@@ -150,32 +225,58 @@ def engine_of(item: EngineTable, number: int, files: DeckFiles, problems: list[s
     problems : list of str
         Problems of the tables are appended to it.
     """
-    folder = files.folder
-    thrust = deck = None
-    # name of the source in the file, for the problems
-    key = "deck" if item.deck is not None else "thrust"
+    parts: dict[str, Any] = {}
+    readers: dict[str, Callable[[], Any]] = {
+        "thrust": lambda: _read_thrust(item, files.folder),
+        "deck": lambda: None if item.deck is None else deck_of(item.deck, files),
+        **{name: partial(_read_section, item, name, files) for name in _SECTIONS},
+    }
+    for key, read in readers.items():
+        try:
+            parts[key] = read()
+        except (SchemaError, UnitError, ValueError, OSError) as error:
+            # the engine is made without the part, so that the problems of others are found too
+            if isinstance(error, SchemaError):
+                texts = error.problems
+            else:
+                texts = [_describe_missing_file(item, files.folder) or str(error)]
+            problems += [f"engine.{number}.{key}: {text}" for text in texts]
+            parts[key] = None
+    engine: dict[str, Any] = {
+        "position": item.position,
+        "direction": item.direction,
+        "time_constant": item.time_constant,
+        "angular_momentum": item.angular_momentum,
+    }
     try:
-        if item.thrust is not None:
-            thrust = _thrust_table(item.thrust)
-        elif item.thrust_file is not None:
-            thrust = _thrust_file(folder / item.thrust_file)
-        elif item.deck is not None:
-            deck = deck_of(item.deck, files)
-    except (SchemaError, UnitError, ValueError, OSError) as error:
-        # the engine is made without the table, so that the problems of other parts are found too
-        if isinstance(error, SchemaError):
-            texts = error.problems
-        else:
-            texts = [_describe_missing_file(item, folder) or str(error)]
-        problems += [f"engine.{number}.{key}: {text}" for text in texts]
-    return Engine(
-        position=item.position,
-        direction=item.direction,
-        thrust=thrust,
-        time_constant=item.time_constant,
-        angular_momentum=item.angular_momentum,
-        deck=deck,
-    )
+        return Engine(**engine, **parts)
+    except SchemaError as error:
+        problems += [f"engine.{number}: {text}" for text in error.problems]
+        return Engine(**engine)
+
+
+# Sections of an engine that a dataclass with tables stands for: class, tables, name for problems.
+_SECTIONS: dict[str, tuple[type, Mapping[str, str], str]] = {
+    "propeller": (Propeller, PROPELLER_TARGETS, "propeller"),
+    "piston": (PistonEngine, PISTON_TARGETS, "piston engine"),
+    "motor": (ElectricMotor, MOTOR_TARGETS, "electric motor"),
+}
+
+
+def _read_section(item: EngineTable, name: str, files: DeckFiles) -> Any:
+    section = getattr(item, name)
+    if section is None:
+        return None
+    part, targets, what = _SECTIONS[name]
+    return read_part(section, files, part=part, targets=targets, what=what)
+
+
+def _read_thrust(item: EngineTable, folder: Path) -> xr.Dataset | None:
+    if item.thrust is not None:
+        return _thrust_table(item.thrust)
+    if item.thrust_file is not None:
+        return _thrust_file(folder / item.thrust_file)
+    return None
 
 
 def _describe_missing_file(item: EngineTable, folder: Path) -> str:
@@ -183,12 +284,12 @@ def _describe_missing_file(item: EngineTable, folder: Path) -> str:
 
     The messages of the libraries that open the file differ from each other.
     """
-    name = item.thrust_file
-    if not name and item.deck is not None:
-        name = item.deck.file
-    if name is None or (folder / name).is_file():
-        return ""
-    return f"no file {name!r} in {folder}; give its path from the aircraft file"
+    sections = (item.deck, item.propeller, item.piston, item.motor)
+    names = [item.thrust_file, *(section.file for section in sections if section is not None)]
+    for name in names:
+        if name and not (folder / name).is_file():
+            return f"no file {name!r} in {folder}; give its path from the aircraft file"
+    return ""
 
 
 def _thrust_table(table: Mapping[str, Any]) -> xr.Dataset:

@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from flightmech.aircraft.engine_deck import open_tables
+from flightmech.aircraft.propulsion.engine_deck import open_tables
 from flightmech.errors import SchemaError
 from flightmech.short_text import ShortText
 from flightmech.support.toml_models import Strict

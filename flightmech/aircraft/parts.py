@@ -100,12 +100,31 @@ def _list_parts(aircraft: Aircraft) -> dict[str, _PartAccess]:
 
 
 def _engine_parts(aircraft: Aircraft) -> dict[str, _PartAccess]:
+    parts = {}
+    for name in ("propeller", "piston", "motor"):
+        if any(getattr(engine, name) for engine in aircraft.engines):
+            parts[name] = _section_part(name)
     # all engines have a deck, or none has
     if any(engine.deck for engine in aircraft.engines):
-        return {group: _deck_part(group) for group in (*_GROUPS, "rest")}
-    if aircraft.engines:
+        return parts | {group: _deck_part(group) for group in (*_GROUPS, "rest")}
+    if aircraft.engines and not parts:
         return {"thrust": _static_thrust_part()}
-    return {}
+    return parts
+
+
+def _section_part(name: str) -> _PartAccess:
+    """Return the part that is a section of the engines, for all engines."""
+
+    def get(aircraft: Aircraft) -> Any:
+        return tuple(getattr(engine, name) for engine in aircraft.engines)
+
+    def put(aircraft: Aircraft, values: Any) -> Aircraft:
+        engines = []
+        for engine, value in zip(aircraft.engines, values, strict=True):
+            engines.append(replace(engine, **{name: value}))
+        return replace(aircraft, engines=tuple(engines))
+
+    return _PartAccess(get, put)
 
 
 def _static_thrust_part() -> _PartAccess:

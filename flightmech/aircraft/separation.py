@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import ConfigDict, Field, create_model
 
-from flightmech.aircraft.engine_deck import leaf_from_toml, open_tables
+from flightmech.aircraft.propulsion.engine_deck import leaf_from_toml, open_tables
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import SEPARATION
 from flightmech.short_text import ShortText

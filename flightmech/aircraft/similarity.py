@@ -30,10 +30,10 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft, Vector
 from flightmech.aircraft.controls import ControlGeometry
 from flightmech.aircraft.engine import Engine
-from flightmech.aircraft.engine_deck import TARGETS, EngineDeck
 from flightmech.aircraft.facts import AircraftFacts
 from flightmech.aircraft.fuel import INERTIAS, MOMENTS, Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear
+from flightmech.aircraft.propulsion.engine_deck import TARGETS, EngineDeck
 from flightmech.aircraft.separation import TARGETS as SEPARATION_TARGETS
 from flightmech.aircraft.separation import FlowSeparation
 from flightmech.errors import SchemaError, UnknownName
@@ -406,6 +406,14 @@ def _append_line(history: str, line: str) -> str:
 
 def _scale_engine(engine: Engine, factors: Mapping[str, float], scale: Scale, line: str) -> Engine:
     deck, thrust = engine.deck, engine.thrust
+    if engine.propeller is not None:
+        raise SchemaError(
+            "similar aircraft",
+            [
+                "an engine turns a propeller, whose tables the laws of similarity do not scale; "
+                "delete the engines and add those of the new aircraft afterwards"
+            ],
+        )
     if deck is not None:
         deck = scaled_deck(deck, scale)
     if thrust is not None:

@@ -15,10 +15,10 @@ from typing import Any
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import ControlGeometry
 from flightmech.aircraft.engine import Engine
-from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import CONDITIONS, LandingGear
 from flightmech.aircraft.landing_gear_file import ORDERS
+from flightmech.aircraft.propulsion.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.aircraft.separation import FlowSeparation
 from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
@@ -74,8 +74,9 @@ def _write_all_tables(aircraft: Aircraft, path: Path, parts: ExitStack) -> list[
     """
     files = _write_engine_tables(aircraft.engines, path, parts)
     lines = _main_lines(aircraft)
-    for engine, file in zip(aircraft.engines, files, strict=True):
+    for number, (engine, file) in enumerate(zip(aircraft.engines, files, strict=True), 1):
         lines += _engine_lines(engine, file)
+        lines += _write_shaft_tables(engine, number, path, parts)
     if aircraft.fuel is not None:
         lines += _write_fuel(aircraft.fuel, path, parts)
     if aircraft.stall is not None:
@@ -134,6 +135,27 @@ def _write_engine_tables(engines: tuple[Engine, ...], path: Path, parts: ExitSta
     return files
 
 
+# Sections of an engine in addition to the deck.
+_SHAFT_SECTIONS = ("propeller", "piston", "motor")
+
+
+def _write_shaft_tables(engine: Engine, number: int, path: Path, parts: ExitStack) -> list[str]:
+    """Write the tables of propeller, piston engine and motor, and return the lines of the sections."""
+    lines: list[str] = []
+    for name in _SHAFT_SECTIONS:
+        section = getattr(engine, name)
+        if section is None:
+            continue
+        file = f"{path.stem}_engine{number}_{name}.nc"
+        write_tables(section.tables, parts.enter_context(written_atomically(path.with_name(file))))
+        lines += ["", f"[engine.{name}]", f"file = {_to_toml(file)}"]
+        constants = [item for item in fields(section) if item.name != "tables"]
+        # constants with their defaults are omitted
+        changed = [f.name for f in constants if getattr(section, f.name) != f.default]
+        lines += _field_lines(section, changed)
+    return lines
+
+
 def _has_same_tables(a: Engine, b: Engine) -> bool:
     if a.thrust is not None and b.thrust is not None:
         return bool(a.thrust.identical(b.thrust))
@@ -154,7 +176,8 @@ def _engine_lines(engine: Engine, file: str) -> list[str]:
 
 
 def _deck_lines(deck: EngineDeck, file: str) -> list[str]:
-    lines = ["", "[engine.deck]", f"file = {_to_toml(file)}", *_field_lines(deck, CONSTANTS)]
+    constants = [name for name in CONSTANTS if name != "coupled" or deck.coupled]
+    lines = ["", "[engine.deck]", f"file = {_to_toml(file)}", *_field_lines(deck, constants)]
     if deck.inlet is not None:
         lines.append(f"inlet = {_to_toml(deck.inlet)}")
     return lines

@@ -330,6 +330,11 @@ def _add_units(root: ET.Element, variables: Sequence[FmuVariable]) -> None:
             ET.SubElement(unit, "DisplayUnit", attributes)
 
 
+def _count_powers(name: str, units: str) -> int:
+    """Return the sum of the exponents of a unit in a text, where no number means 1."""
+    return sum(int(power or 1) for power in re.findall(rf"\b{name}\^?(-?\d*)(?![A-Za-z])", units))
+
+
 def base_units(units: str) -> dict[str, str]:
     """Return the exponents of an SI unit with the names of FMI, without zeros.
 
@@ -344,7 +349,9 @@ def base_units(units: str) -> dict[str, str]:
             "model description",
             [f"{units!r} is not an SI unit; the catalogue of the kernel holds SI units only"],
         )
-    # the dimension has no angle: exponents of rad come from the text, where no number means 1
-    radians = sum(int(power or 1) for power in re.findall(r"\brad\^?(-?\d*)", units))
-    exponents = dict(zip(("m", "kg", "s", "K", "rad"), (*dimension, radians), strict=True))
+    # the dimension has no angle and no current: their exponents come from the text
+    radians = _count_powers("rad", units)
+    amperes = _count_powers("A", units) - _count_powers("V", units)
+    names = ("m", "kg", "s", "K", "rad", "A")
+    exponents = dict(zip(names, (*dimension, radians, amperes), strict=True))
     return {name: str(power) for name, power in exponents.items() if power}

@@ -285,6 +285,6 @@ def _mode_row(name: str, quantity: str, aircraft: Aircraft) -> CatalogueEntry:
     if quantity == "engine":
         # an engine without tables has no lever: recorded thrust drives it
         for engine in aircraft.engines:
-            if engine.thrust is None and engine.deck is None:
+            if engine.thrust is None and engine.deck is None and engine.propeller is None:
                 value = 2.0
     return make_row(name, "1", text, value=value, low=low, high=high, flags=FIXED | INTEGER)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.engine import list_leaves
 from flightmech.simulation.run import constant_inputs, initialise_run
 from flightmech.steady_flight.trim_point import Point
 
-NO_THRUST = "the aircraft file gives an engine neither a thrust table nor a deck"
+NO_THRUST = "the aircraft file gives an engine neither a thrust table nor a deck nor a propeller"
 # Tables of a deck that decide the thrust at full throttle: thrust and governed spool speeds.
 _FULL_THROTTLE_TABLES = (
     "thrust",
@@ -21,7 +21,13 @@ _FULL_THROTTLE_TABLES = (
     "n2_command",
     "corrected_n1_command",
     "corrected_n2_command",
+    "power",
+    "corrected_power",
+    "shaft_power",
+    "corrected_shaft_power",
 )
+# Tables that make a fuel flow.
+_FUEL_TABLES = ("fuel_flow", "corrected_fuel_flow", "bsfc", "shaft_bsfc", "fuel_work")
 
 
 class Heights(NamedTuple):
@@ -36,18 +42,21 @@ class Heights(NamedTuple):
 
 
 def has_thrust(aircraft: Aircraft) -> bool:
-    """Return whether there are engines and each has a thrust table or a deck."""
-    return bool(aircraft.engines) and all(
-        engine.thrust is not None or engine.deck is not None for engine in aircraft.engines
-    )
+    """Return whether there are engines and each has a thrust table, a deck or a propeller."""
+    sources = []
+    for engine in aircraft.engines:
+        sources += [
+            any(part is not None for part in (engine.thrust, engine.deck, engine.propeller))
+        ]
+    return bool(sources) and all(sources)
 
 
 def burns_fuel(aircraft: Aircraft) -> bool:
-    """Return whether there are engines and each has a deck with a fuel flow."""
+    """Return whether there are engines and each has a fuel flow: of a deck or a piston engine."""
     for engine in aircraft.engines:
-        if engine.deck is None:
+        if engine.deck is None and engine.piston is None:
             return False
-        if not {"fuel_flow", "corrected_fuel_flow"} & set(engine.deck.tables):
+        if not set(_FUEL_TABLES) & set(list_leaves(engine)):
             return False
     return bool(aircraft.engines)
 
@@ -76,13 +85,9 @@ def thrust_over_height(aircraft: Aircraft) -> Heights:
     tables: list[xr.Dataset] = []
     lapses = []
     for engine in aircraft.engines:
-        deck: Mapping[str, xr.Dataset] = {}
-        if engine.deck is not None:
-            deck = engine.deck.tables
-        tables += [deck[name] for name in _FULL_THROTTLE_TABLES if name in deck]
-        if engine.thrust is not None:
-            tables.append(engine.thrust)
-        lapses.append("corrected_thrust" in deck)
+        leaves = list_leaves(engine)
+        tables += [leaves[name] for name in _FULL_THROTTLE_TABLES if name in leaves]
+        lapses.append("corrected_thrust" in leaves)
     end = np.inf
     for table in tables:
         if "h" in table.coords and table["h"].size > 1:

@@ -416,6 +416,11 @@ class _RequestResolver:
     def _first_guess(self, name: str, item: str, path: int) -> float:
         if path == ON_GROUND and name in ("h", "theta"):
             return np.nan  # the kernel computes height and attitude of the aircraft at rest
+        has_propeller = f"{item.partition('.')[0]}.rpm" in self.sim.outputs
+        if item.endswith(".throttle") and has_propeller and item not in self.values:
+            # a chart of power that ends above idle is flat there: the search starts half-way
+            row = self.rows[item]
+            return 0.5 * (max(row.low, 0.0) + min(row.high, 1.0))
         return 0.0 if item in self.states else self._value(item)
 
     def _limits(self, name: str, item: str, path: int) -> TrimLimits:

@@ -11,9 +11,9 @@ import xarray as xr
 
 import flightmech
 from flightmech.aircraft.controls import Circuit, ControlGeometry
-from flightmech.aircraft.engine_deck import EngineDeck
 from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.aircraft.separation import FlowSeparation
 from flightmech.terms import make_term
 

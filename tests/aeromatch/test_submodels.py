@@ -23,7 +23,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import Circuit
 from flightmech.aircraft.controls import ControlGeometry as Surface
 from flightmech.aircraft.engine import Engine as Jet
-from flightmech.aircraft.engine_deck import EngineDeck
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.errors import SchemaError
 from flightmech.terms import make_term
 

@@ -15,9 +15,9 @@ from fmpy.fmi3 import FMU3Model, FMU3Slave
 import flightmech
 from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.aircraft.engine import Engine
-from flightmech.aircraft.engine_deck import EngineDeck
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.terms import make_term
 
 VERSIONS = ("2.0", "3.0")

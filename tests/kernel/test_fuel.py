@@ -9,8 +9,8 @@ import pytest
 
 import flightmech
 from flightmech.aircraft.aircraft import inertia_tensor
-from flightmech.aircraft.engine_deck import EngineDeck
 from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import STATE
 from flightmech.terms import make_term

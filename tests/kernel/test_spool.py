@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import flightmech
 from flightmech import air, terms
 from flightmech.aircraft.aircraft import inertia_tensor
-from flightmech.aircraft.engine_deck import EngineDeck
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import STATE, Simulation
 from flightmech.terms import make_term

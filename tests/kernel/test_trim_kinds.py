@@ -15,7 +15,7 @@ import xarray as xr
 
 import flightmech
 from flightmech import axes
-from flightmech.aircraft.engine_deck import EngineDeck
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.errors import SchemaError, SimulationError, UnknownName
 from flightmech.steady_flight.trim_search import start_of
 from flightmech.terms import make_term

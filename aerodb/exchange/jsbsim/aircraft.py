@@ -16,6 +16,7 @@ from aerodb.exchange.jsbsim.metrics import (
     read_sizes,
     unit_of_element,
 )
+from aerodb.exchange.jsbsim.propulsion.installation import read_engines
 from aerodb.exchange.xml_reader import Element, read_xml
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.units import FOOT, POUND, SLUG
@@ -59,9 +60,10 @@ def import_jsbsim_aircraft(
     -------
     Aircraft
         Reference quantities, moment reference ``AERORP``, mass, c.g. and inertia of the empty
-        aircraft with its point masses and the contents of its tanks, as JSBSim starts.  Engines,
-        landing gear and travel of the controls are not read, because JSBSim has them in other files
-        and other forms.  The history states so.
+        aircraft with its point masses and the contents of its tanks, as JSBSim starts.  Piston
+        engines and turboprops are read with their propellers, if all engines are such and their
+        files are in the folders of JSBSim.  Other engines, landing gear and travel of the controls
+        are not read, because JSBSim has them in other forms.  The history states so.
 
     Raises
     ------
@@ -91,6 +93,11 @@ def import_jsbsim_aircraft(
     cg = (empty.mass * empty.position + moments) / mass
     parallel = sum((_inertia_about(point, cg) for point in (empty, *points)), np.zeros((3, 3)))
     J = _read_inertia(balance) + parallel
+    engines, remarks = read_engines(root, datum)
+    unread = "landing gear and limits of the controls are not read"
+    if not engines and not remarks:
+        unread = f"engines, {unread}"
+    notes = "; ".join([f"{len(points)} point masses and tanks", *remarks, unread])
     return Aircraft(
         name or root.attributes.get("name", "") or path.stem,
         S=sizes["S"],
@@ -106,8 +113,8 @@ def import_jsbsim_aircraft(
         reference=(float(datum[0]), float(datum[1]), float(datum[2])),
         x_ref_mac=x_ref_mac,
         cg=tuple(map(float, cg - datum)),  # type: ignore[arg-type]
-        history=f"import_jsbsim_aircraft: {path.name}, {len(points)} point masses and "
-        f"tanks; engines, landing gear and limits of the controls are not read",
+        engines=engines,
+        history=f"import_jsbsim_aircraft: {path.name}, {notes}",
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -17,10 +18,13 @@ from aerodb.exchange.jsbsim.properties import (
 )
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.aircraft.engine import Engine
+from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.terms import list_regressors
 from flightmech.units import FOOT, INCH, POUND, POUND_FORCE, SLUG
 
 _SLUGFT2 = SLUG * FOOT**2
+# Part of the mass that is fuel in the tank of engines with propellers.
+_FUEL_PART = 0.1
 
 # Control: command and position. A positive aileron command rolls right, a positive delta_a, delta_d
 # or delta_s rolls left.
@@ -79,8 +83,11 @@ def write_geometry_and_mass(root: ET.Element, aircraft: Aircraft) -> None:
 
 
 def write_engines(root: ET.Element, aircraft: Aircraft) -> None:
-    """Write the engines as external forces that follow ``fcs/engine1-thrust-lbs``."""
-    if not aircraft.engines:
+    """Write the engines as external forces that follow ``fcs/engine1-thrust-lbs``.
+
+    Engines with propellers are written by `write_propulsion`.
+    """
+    if not aircraft.engines or has_propellers(aircraft):
         return
     reactions = ET.SubElement(root, "external_reactions")
     for number, engine in enumerate(aircraft.engines, 1):
@@ -90,6 +97,52 @@ def write_engines(root: ET.Element, aircraft: Aircraft) -> None:
         direction = ET.SubElement(force, "direction")
         for name, component in zip("xyz", engine.direction, strict=True):
             add_text_child(direction, name, repr(float(component)))
+
+
+def has_propellers(aircraft: Aircraft) -> bool:
+    """Return whether the engines turn propellers."""
+    return any(engine.propeller is not None for engine in aircraft.engines)
+
+
+def write_propulsion(
+    root: ET.Element, aircraft: Aircraft, files: Sequence[tuple[str, str]]
+) -> None:
+    """Write the engines with propellers; `files` are the names of engine and propeller files."""
+    if not files:
+        return
+    propulsion = ET.SubElement(root, "propulsion")
+    for engine, (engine_file, propeller_file) in zip(aircraft.engines, files, strict=True):
+        element = ET.SubElement(propulsion, "engine", file=engine_file)
+        add_text_child(element, "feed", "0")
+        thruster = ET.SubElement(element, "thruster", file=propeller_file)
+        _write_location(thruster, aircraft, engine.position)
+        x, y, z = engine.direction
+        orient = ET.SubElement(thruster, "orient", unit="RAD")
+        angles = {"roll": 0.0, "pitch": math.atan2(-z, math.hypot(x, y)), "yaw": math.atan2(y, x)}
+        for name, angle in angles.items():
+            add_text_child(orient, name, repr(angle))
+        blades = engine.propeller
+        assert blades is not None, "engines with propellers alone have files"
+        add_text_child(thruster, "sense", str(blades.rotation))
+        add_text_child(thruster, "p_factor", repr(_p_factor(blades)))
+    tank = ET.SubElement(propulsion, "tank", type="FUEL")
+    _write_location(tank, aircraft, aircraft.cg)
+    # JSBSim burns from a tank: a part of the mass is fuel at the centre of gravity
+    fuel = _FUEL_PART * aircraft.mass / POUND
+    _write_number(tank, "capacity", fuel, unit="LBS")
+    _write_number(tank, "contents", fuel, unit="LBS")
+    empty = root.find("mass_balance/emptywt")
+    assert empty is not None, "write_geometry_and_mass writes it"
+    empty.text = repr(aircraft.mass / POUND - fuel)
+
+
+def _p_factor(blades: Propeller) -> float:
+    """Return the shift of the thrust per angle of the inflow. [in]"""
+    if "CM_prop" not in blades.tables:
+        return 0.0
+    moment = blades.tables["CM_prop"]["value"].values
+    thrust = blades.tables["CT_prop"]["value"].values
+    return float((moment * thrust).sum() / (thrust**2).sum()) * blades.diameter / INCH
 
 
 @dataclass(frozen=True)
@@ -106,6 +159,8 @@ def write_flight_control(
     """Write the scaling of the commands in `used`, and the thrust of the engines."""
     control = ET.SubElement(root, "flight_control", name=aircraft.name)
     for number, engine in enumerate(aircraft.engines, 1):
+        if engine.propeller is not None:
+            continue
         _declare_property(control, throttle_property(number))
         if engine.thrust is None:
             _declare_property(control, thrust_property(number))

@@ -18,6 +18,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -32,6 +33,7 @@ from aerodb.exchange.jsbsim.properties import (
     extend_linearly,
     factor_elements,
 )
+from aerodb.exchange.jsbsim.propulsion.writing import export_jsbsim_engine, list_obstacles
 from aerodb.exchange.jsbsim.vehicle_elements import (
     Propulsion,
     add_text_child,
@@ -42,6 +44,7 @@ from aerodb.exchange.jsbsim.vehicle_elements import (
     write_flight_control,
     write_geometry_and_mass,
     write_header,
+    write_propulsion,
 )
 from aerodb.store.schema import HINGE, require_valid, terms
 from flightmech.aircraft.aircraft import Aircraft, reference_in
@@ -103,7 +106,8 @@ def export_jsbsim(
 
     Notes
     -----
-    Engines become external forces ``engine1`` ..., with first-order lag.  The angular momentum of
+    Engines with propellers become ``<propulsion>``, with files in the folder ``Engines`` next to
+    the file.  Other engines become external forces ``engine1`` ..., with first-order lag.  The angular momentum of
     their rotors is lost.  The file has no landing gear, since an aircraft file has none.  JSBSim
     takes the load factor of its last step, and so do terms with ``dnz``.  Our simulation solves
     for the load factor of the same instant.  A drag polar ``CL CL`` becomes ``aero/cl-squared``,
@@ -124,6 +128,9 @@ def export_jsbsim(
         problems += [f"{name}: {text}" for text in _leaf_problems(leaf, aircraft, reach)]
     used = set().union(*(list_model_variables(leaf) for leaf in leaves.values()))
     problems += missing_limits(aircraft, used)
+    for number, engine in enumerate(aircraft.engines, 1):
+        if engine.propeller is not None:
+            problems += [f"engine {number}: {text}" for text in list_obstacles(engine)]
     if problems:
         raise SchemaError(f"JSBSim model of {aircraft.name}", problems)
     leaves = {name: extend_linearly(leaf, reach) for name, leaf in leaves.items()}
@@ -133,6 +140,7 @@ def export_jsbsim(
     write_header(root, db.attrs)
     write_geometry_and_mass(root, aircraft)
     write_engines(root, aircraft)
+    write_propulsion(root, aircraft, _write_engine_files(aircraft, Path(path)))
     write_flight_control(root, aircraft, used, propulsion=Propulsion(thrusts, native))
     aerodynamics = ET.SubElement(root, "aerodynamics")
     for variable in FUNCTION:
@@ -324,3 +332,13 @@ def _property_element(name: str) -> ET.Element:
     element = ET.Element("property")
     element.text = name
     return element
+
+
+def _write_engine_files(aircraft: Aircraft, path: Path) -> list[tuple[str, str]]:
+    """Write the files of engines with propellers, and return their names."""
+    files = []
+    for number, engine in enumerate(aircraft.engines, 1):
+        if engine.propeller is not None:
+            name = f"{path.stem}_{number}"
+            files.append(export_jsbsim_engine(engine, path.parent / "Engines", name))
+    return files

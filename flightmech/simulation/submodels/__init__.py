@@ -18,6 +18,7 @@ from flightmech.simulation.submodels import (
     envelope,
     fuel,
     landing_gear,
+    propellers,
     separation,
     weather,
 )
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 MODULES = (
     weather,
     engine,
+    propellers,
     fuel,
     landing_gear,
     controls,
@@ -44,6 +46,9 @@ _MODULE_OF_GROUP = {
     "weather": weather,
     "engine": engine,
     "spool": engine,
+    "propeller": propellers,
+    "piston": propellers,
+    "motor": propellers,
     "fuel": fuel,
     "gear": landing_gear,
     "contact": landing_gear,

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from flightmech.aircraft.engine import MOST, Engine
-from flightmech.aircraft.engine_deck import OWN
+from flightmech.aircraft.engine import MOST, Engine, list_leaves
+from flightmech.aircraft.propulsion.engine_deck import OWN
+from flightmech.aircraft.propulsion.shaft_tables import SHAFT_VARIABLES
 from flightmech.errors import SchemaError
 from flightmech.simulation.catalogue_row import make_row, make_vocabulary_row
 from flightmech.simulation.kernel import INPUT, OUTPUT, STATE, VARIABLE, CatalogueEntry
@@ -117,16 +118,12 @@ def _geometry_row(name: str, word: str, engine: Engine) -> CatalogueEntry:
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
-    """Return the tables of thrust and of the decks."""
+    """Return the tables of thrust, of the decks, and of what turns and is a propeller."""
     for number, engine in enumerate(aircraft.engines, 1):
-        tables: Mapping[str, xr.Dataset] = {}
-        if engine.deck is not None:
-            tables = engine.deck.tables
-        elif engine.thrust is not None:
-            tables = {"thrust": engine.thrust}
+        own = OWN if engine.propeller is None else (*OWN, *SHAFT_VARIABLES)
         # variables of an engine have its number in the model: engine1.throttle
-        names = {name: f"engine{number}.{name}" for name in OWN}
-        for target, leaf in tables.items():
+        names = {name: f"engine{number}.{name}" for name in own}
+        for target, leaf in list_leaves(engine).items():
             renamed = _rename_variables(leaf, names)
             yield f"engine{number}.{target}", f"engine{number}/{target}", renamed
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 import aerodb
 from flightmech.aircraft.aircraft_file import read_aircraft
-from flightmech.aircraft.engine_deck import open_tables
+from flightmech.aircraft.propulsion.engine_deck import open_tables
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError
 from flightmech.support.console import print_json, show_progress

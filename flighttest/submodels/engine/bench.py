@@ -16,7 +16,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.air import atmosphere
-from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck
+from flightmech.aircraft.propulsion.engine_deck import CONSTANTS, EngineDeck
 from flightmech.errors import IdentificationError
 from flightmech.simulation.batch import fly_batch
 from flightmech.simulation.kernel import STATE

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck, write_tables
+from flightmech.aircraft.propulsion.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.errors import IdentificationError
 from flightmech.short_text import ShortText
 from flightmech.support.atomic_write import written_atomically

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from flightmech.aircraft.engine_deck import EngineDeck
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.errors import IdentificationError
 from flightmech.short_text import ShortText
 from flightmech.terms import make_term

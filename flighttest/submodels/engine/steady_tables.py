@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.engine_deck import OWN, TARGETS
+from flightmech.aircraft.propulsion.engine_deck import OWN, TARGETS
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.short_text import ShortText
 from flightmech.terms import SOURCES, basis, make_term

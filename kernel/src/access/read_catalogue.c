@@ -71,6 +71,13 @@ bool read_items(reader *r) {
         return refuse_block(r, "model block: %u engines have spools, of %u",
                             (unsigned)m->items[G_SPOOL], (unsigned)m->items[G_ENGINE]);
     }
+    for (int group = G_PROPELLER; group <= G_MOTOR; group++) {
+        const uint32_t all = m->items[group == G_PROPELLER ? G_ENGINE : G_PROPELLER];
+        if (m->items[group] && m->items[group] != all) {
+            return refuse_block(r, "model block: %u items %s, of %u engines with a propeller",
+                                (unsigned)m->items[group], am_group(group), (unsigned)all);
+        }
+    }
     if (m->items[G_CONTACT] && !m->items[G_GEAR]) {
         return refuse_block(r, "model block: contacts without a gear");
     }

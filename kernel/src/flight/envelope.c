@@ -24,7 +24,8 @@ static unsigned region_byte(const region_table_t *table, const real *var, int la
     (void)lane;
     for (uint32_t k = 0; k < table->axes; k++) {
         const double x = LANE(var[table->variable[k]], lane);
-        cell = cell * ((size_t)table->edges[k] + 1) + region_cell(table->edge[k], table->edges[k], x);
+        size_t cells = (size_t)table->edges[k] + 1;
+        cell = cell * cells + region_cell(table->edge[k], table->edges[k], x);
     }
     return table->cell[cell];
 }

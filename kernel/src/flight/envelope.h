@@ -1,4 +1,4 @@
-/* Validity envelope: the region of the present state, and the axis by which it left a better one. */
+/* Validity envelope: region of the present state, and the axis by which it left a better one. */
 #ifndef AEROMATCH_ENVELOPE_H
 #define AEROMATCH_ENVELOPE_H
 

@@ -15,6 +15,7 @@
 #include "envelope_names.h"
 #include "fuel_names.h"
 #include "gear_names.h"
+#include "propeller_names.h"
 #include "separation_names.h"
 #include "weather_names.h"
 
@@ -257,6 +258,9 @@ enum {
     G(G_WEATHER, WEATHER, "weather") \
     G(G_ENGINE, ENGINE, "engine") \
     G(G_SPOOL, SPOOL, "spool") \
+    G(G_PROPELLER, PROPELLER, "propeller") \
+    G(G_PISTON, PISTON, "piston") \
+    G(G_MOTOR, MOTOR, "motor") \
     G(G_FUEL, FUEL, "fuel") \
     G(G_GEAR, GEAR, "gear") \
     G(G_CONTACT, CONTACT, "contact") \
@@ -288,6 +292,9 @@ AM_CODES(CORE)
 AM_ITEM_CODES(WEATHER)
 AM_ITEM_CODES(ENGINE)
 AM_ITEM_CODES(SPOOL)
+AM_ITEM_CODES(PROPELLER)
+AM_ITEM_CODES(PISTON)
+AM_ITEM_CODES(MOTOR)
 AM_ITEM_CODES(FUEL)
 AM_ITEM_CODES(GEAR)
 AM_ITEM_CODES(CONTACT)

@@ -8,6 +8,7 @@
 
 #include "error.h"
 #include "fuel.h"
+#include "shaft.h"
 #include "spool.h"
 #include "terms.h"
 #include "thrust.h"
@@ -26,6 +27,7 @@ static void look_at_engines(flight_t *sim, const intake_t *in, const real *x, co
         var_of(sim, G_ENGINE, i)[A_THROTTLE] = lever + sim->par[P_BIAS_THROTTLE]
                                                + sim->trim.throttle;
         if (decked(sim)) spool_variables(sim, i, in, x, u);
+        if (propelled(sim->model)) shaft_variables(sim, i, x, u);
     }
     evaluate_stage(sim, STAGE_ENGINE);
     for (uint32_t i = 0; decked(sim) && i < n; i++) again = spool_driven(sim, i) || again;
@@ -40,7 +42,7 @@ double applied_throttle(const am_sim *sim, const double *u, uint32_t i) {
 }
 
 static bool has_thrust(const am_sim *sim, uint32_t i) {
-    return has_terms(sim->model, G_ENGINE, i, T_THRUST)
+    return propelled(sim->model) || has_terms(sim->model, G_ENGINE, i, T_THRUST)
            || (decked(sim) && has_terms(sim->model, G_SPOOL, i, T_CORRECTED_THRUST));
 }
 
@@ -63,22 +65,36 @@ int engine_check(am_sim *sim) {
                 "mode.engine = %d needs a thrust table, engine%u has none; use mode.engine = 2",
                 sim->drive, (unsigned)(i + 1));
         }
-        const int status = decked(sim) ? spool_check(sim, i) : AM_OK;
+        int status = decked(sim) ? spool_check(sim, i) : AM_OK;
+        if (status == AM_OK && propelled(m)) status = shaft_check(sim, i);
         if (status != AM_OK) return status;
     }
     return AM_OK;
+}
+
+static void look_at_start(am_sim *sim) {
+    const intake_t in = decked(sim) ? spool_intake(sim) : (intake_t){.theta = 0.0};
+    look_at_engines(sim, &in, sim->x, sim->u);
+}
+
+static void start_shafts(am_sim *sim) {
+    if (!propelled(sim->model)) return;
+    for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) shaft_start(sim, i, look_at_start);
 }
 
 void engine_start(am_sim *sim, double t) {
     const uint32_t n = items(sim->model, G_ENGINE);
     const intake_t in = spool_intake(sim);
     bool moved = decked(sim);
+    for (uint32_t i = 0; propelled(sim->model) && i < n; i++) shaft_guess(sim, i);
     for (uint32_t i = 0; decked(sim) && i < n; i++) spool_start(sim, i, t);
     for (int pass = 0; pass < SETTLED && moved; pass++) {
         look_at_engines(sim, &in, sim->x, sim->u);
         moved = false;
         for (uint32_t i = 0; i < n; i++) moved = spool_steady(sim, i, sim->x, sim->u) || moved;
+        start_shafts(sim);
     }
+    if (!decked(sim)) start_shafts(sim);
     look_at_engines(sim, &in, sim->x, sim->u);
     for (uint32_t i = 0; i < n; i++) {
         rate_of(sim, sim->x, G_ENGINE, i)[X_LAGGED] = decked(sim)
@@ -124,20 +140,25 @@ static real run_engine(flight_t *sim, uint32_t i, const intake_t *in, const real
     real *rate = rate_of(sim, dx, G_ENGINE, i);
     rate[X_LAGGED] = recorded ? (real)0.0
                               : PICK(lags, (deck.thrust - state) / p[P_TIME_CONSTANT], 0.0);
-    const real own = recorded ? input_of(sim, u, G_ENGINE, i)[U_THRUST_DRIVE]
+    const real given = recorded ? input_of(sim, u, G_ENGINE, i)[U_THRUST_DRIVE]
                               : PICK(lags, state, deck.thrust);
+    const real blades = propelled(sim->model)
+                            ? shaft_loads(sim, i, x, u, &deck.fuel_flow, F, M, H, dx)
+                            : (real)0.0;
+    const real own = propelled(sim->model) && !recorded ? given + blades : given;
     const real thrust = own + sim->par[P_BIAS_THRUST] + sim->trim.thrust;
     const real air_flow = recorded ? (real)0.0 : deck.air_flow;
     add_thrust(p, thrust, now->cg, F, M);
     if (sim->rotors >> i & 1) add_rotors(p, deck.momentum, deck.torque, M, H);
     /* net thrust: gross thrust less the momentum of the air taken in */
     now->thrust[i] = var_of(sim, G_ENGINE, i)[A_THRUST] = thrust - air_flow * now->V;
-    if (!decked(sim)) return (real)0.0;
+    if (!decked(sim)) return deck.fuel_flow;
     if (spool_breathes(sim->model, i)) ram_force(sim, i, air_flow, F, M);
     real *work = work_of(sim, G_SPOOL, i);
     work[W_GROSS_THRUST] = thrust;
     work[W_RAM_DRAG] = air_flow * now->V;
     work[W_AIR_FLOW] = deck.air_flow;
+    work[W_FUEL_FLOW] = deck.fuel_flow;
     return deck.fuel_flow;
 }
 
@@ -156,6 +177,7 @@ void engine_forces(flight_t *sim, const real *x, const real *u, real F[3], real 
 void engine_outputs(const flight_t *sim, real *y) {
     for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) {
         output_of(sim, y, G_ENGINE, i)[Y_THRUST] = sim->now.thrust[i];
+        if (propelled(sim->model)) shaft_outputs(sim, i, y);
     }
     for (uint32_t i = 0; i < items(sim->model, G_SPOOL); i++) {
         const real *v = var_of(sim, G_SPOOL, i);

@@ -39,6 +39,11 @@ typedef struct {
     bool n1_driven;
 } spool_t;
 
+/* Whether the gas generator turns with a propeller; shaft.c finds its rate then. */
+static inline bool on_shaft(const flight_t *sim, uint32_t i) {
+    return items(sim->model, G_PROPELLER) && FIRST(par_of(sim, G_PROPELLER, i)[P_COUPLED]) != 0.0;
+}
+
 static inline spool_t spool_of(const flight_t *sim, uint32_t i, real root_theta, const real *x,
                                const real *u) {
     const am_model *m = sim->model;
@@ -50,7 +55,7 @@ static inline spool_t spool_of(const flight_t *sim, uint32_t i, real root_theta,
                      .sum = sim->sum + target,
                      .given = m->decks[i],
                      .root_theta = root_theta,
-                     .n1_driven = sim->drive == N1_DRIVEN,
+                     .n1_driven = sim->drive == N1_DRIVEN || on_shaft(sim, i),
                      .fuel = fuel_left(sim, x)};
 }
 

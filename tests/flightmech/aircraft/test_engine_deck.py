@@ -12,14 +12,14 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.engine_deck import (
+from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
+from flightmech.aircraft.propulsion.engine_deck import (
     TARGETS,
     EngineDeck,
     leaf_from_toml,
     open_tables,
     write_tables,
 )
-from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.errors import SchemaError
 from flightmech.simulation import catalogue
 from flightmech.simulation.kernel import INPUT, PARAMETER, TARGET, computable_names

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 import flightmech
 from flightmech.aircraft.controls import ControlGeometry
 from flightmech.aircraft.engine import Engine
-from flightmech.aircraft.engine_deck import EngineDeck
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.errors import SchemaError, SimulationError, UnknownName
 from flightmech.simulation import catalogue, submodels
 from flightmech.simulation.kernel import VARIABLE

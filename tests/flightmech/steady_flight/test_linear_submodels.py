@@ -10,9 +10,9 @@ import xarray as xr
 from scipy.linalg import expm
 
 import flightmech
-from flightmech.aircraft.engine_deck import EngineDeck
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.errors import UnknownName
 from flightmech.simulation.kernel import STATE
 from flightmech.steady_flight import linear_model as linear

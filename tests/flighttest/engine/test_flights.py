@@ -10,7 +10,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.air import atmosphere
-from flightmech.aircraft.engine_deck import EngineDeck, open_tables, write_tables
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck, open_tables, write_tables
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import evaluate_term, make_term
 from flighttest.submodels.engine.bench import (

@@ -14,7 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 import flightmech
 from flightmech.air import atmosphere
-from flightmech.aircraft.engine_deck import EngineDeck, open_tables, write_tables
+from flightmech.aircraft.propulsion.engine_deck import EngineDeck, open_tables, write_tables
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import make_term
 from flighttest.cli.submodels import engine_command

@@ -12,7 +12,7 @@ import xarray as xr
 
 import flighttest
 from flightmech.aircraft.aircraft_file import read_aircraft
-from flightmech.aircraft.engine_deck import open_tables
+from flightmech.aircraft.propulsion.engine_deck import open_tables
 from flighttest.records.signals.conditioning import cut
 from flighttest.submodels.engine.bench import fly_deck
 from flighttest.submodels.engine.records import engine_channels

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from flightmech.aircraft.engine_deck import open_tables
+from flightmech.aircraft.propulsion.engine_deck import open_tables
 from flightmech.errors import ParseError
 from flightmech.support.file_kinds import file_kind
 from flighttest.reconstruction.dynamics.saved_paths import open_path

@@ -114,6 +114,9 @@ class EngineDeck(ShortText):
         Rotor speeds at the fraction 1, positive right-handed about the thrust. [rad s-1]
     n1_inertia, n2_inertia : float
         Moments of inertia of the rotors. [kg m2]
+    coupled : bool
+        Whether the gas generator turns with the propeller, at ``engine_rpm`` over `n1_rated`. Its
+        command is not used then.
     inlet : tuple of float (3,), optional
         Point at which the ram drag acts, body axes, from the moment reference point. The default
         is the position of the engine. [m]
@@ -135,10 +138,13 @@ class EngineDeck(ShortText):
     n2_rated: float = 0.0
     n1_inertia: float = 0.0
     n2_inertia: float = 0.0
+    coupled: bool = False
     inlet: Vector | None = None
 
     def __post_init__(self) -> None:
-        problems = list(_check_tables(self.tables))
+        problems = list(_check_tables(self.tables, self.coupled))
+        if self.coupled and not self.n1_rated:
+            problems.append("coupled needs n1_rated, the speed of the gas generator at n1 = 1")
         if problems:
             raise SchemaError("engine deck", problems)
 
@@ -226,6 +232,12 @@ class DeckTable(Strict):
     n2_inertia: Annotated[float, InUnits("kg m2")] | None = Field(
         default=None, examples=[0.1], description="Moment of inertia of the gas generator's rotor."
     )
+    coupled: bool | None = Field(
+        default=None,
+        examples=[True],
+        description="Whether the gas generator turns with the propeller, geared; a turbine of its "
+        "own turns the propeller without it.",
+    )
     inlet: tuple[_Length, _Length, _Length] | None = Field(
         default=None,
         examples=[[0.5, 0.0, 0.1]],
@@ -288,7 +300,7 @@ def deck_of(item: DeckTable, files: DeckFiles) -> EngineDeck:
             problems += [f"{target}: {text}" for text in getattr(error, "problems", [str(error)])]
             # a valid value, so that _check_tables reports only other problems
             tables[target] = make_term(1.0)
-    problems += _check_tables(tables)
+    problems += _check_tables(tables, bool(item.coupled))
     if problems:
         raise SchemaError("engine deck", problems)
     constants = {}
@@ -367,14 +379,14 @@ def write_tables(tables: Mapping[str, xr.Dataset], path: Path, **attributes: str
     write_netcdf(tree, path)
 
 
-def _check_tables(tables: Mapping[str, xr.Dataset]) -> Iterator[str]:
+def _check_tables(tables: Mapping[str, xr.Dataset], coupled: bool) -> Iterator[str]:
     """Yield the problems of the tables of a deck."""
     for target in sorted(set(tables) - set(TARGETS)):
         yield str(UnknownName(target, TARGETS, "table of an engine deck"))
     if not {"thrust", "corrected_thrust"} & set(tables):
         yield "no table of the thrust; give corrected_thrust or thrust"
     spools = [n for n in _SPOOLS if {f"{n}_command", f"corrected_{n}_command"} & set(tables)]
-    if not spools:
+    if not spools and not coupled:
         yield (
             "no table of a commanded speed; give n1_command or n2_command over the lever, or their "
             "corrected_ forms"

@@ -1,0 +1,1 @@
+"""Propellers, piston engines and turboprops of JSBSim."""

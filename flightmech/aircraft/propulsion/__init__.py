@@ -1,0 +1,1 @@
+"""Parts of an engine: the deck of a gas turbine, propeller, piston engine, electric motor."""
