@@ -221,7 +221,7 @@ def _rounding_of_power(leaf: xr.Dataset, name: str, page: Index) -> np.ndarray:
         return np.zeros([leaf.sizes[dim] for dim in dims])
     every_power = {axis: index for axis, index in page.items() if axis != "power"}
     sums, flags = leaf[name][every_power], leaf[f"{name}_flag"][every_power]
-    largest = np.abs(sums).fillna(0.0).where(flags != OVERFLOW, np.inf).max("power")
+    largest = abs(sums).fillna(0.0).where(flags != OVERFLOW, np.inf).max("power")
     return _SINGLE * largest.transpose(*dims).values
 
 

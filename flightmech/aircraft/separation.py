@@ -124,6 +124,17 @@ def _check_table(name: str, leaf: xr.Dataset) -> Iterator[str]:
             yield f"axis {axis}; allowed: {', '.join(allowed)}, engine1.throttle, device.NAME"
 
 
+# One value of each key, for the page of the keys.
+_EXAMPLES = {
+    "a1": 20.0,
+    "alpha_star": "17 deg",
+    "tau1": 10.0,
+    "tau2": 3.0,
+    "asymmetry": "0.5 deg",
+    "buffet_rms": {"X": [0.0, 1.0], "value": [1.5, 0.0]},
+    "buffet_frequency": 12.0,
+    "buffet_damping": 0.1,
+}
 _Station = Annotated[float, InUnits("m")]
 
 
@@ -146,7 +157,8 @@ def _table_keys() -> dict[str, Any]:
     keys: dict[str, Any] = {}
     for name, text in _DESCRIPTIONS.items():
         description = f"{text} A number, or a table with axes and value [{TARGETS[name]}]."
-        keys[name] = (float | str | dict[str, Any] | None, Field(None, description=description))
+        field = Field(None, description=description, examples=[_EXAMPLES[name]])
+        keys[name] = (float | str | dict[str, Any] | None, field)
     return keys
 
 

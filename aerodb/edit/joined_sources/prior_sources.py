@@ -188,7 +188,7 @@ def refer_to_aircraft(
     if given != quantities:
         db = _with_quantities(db, given, quantities)
     if distance * aircraft.cbar > NEAR * aircraft.cbar:
-        db = move_reference(db, new, flow="moved")
+        db = move_reference(db, list(new), flow="moved")
         remarks.append(f"{title}: moments moved by {distance:.2g} chords")
     return db, remarks
 

@@ -183,11 +183,14 @@ def _without_database(
 ) -> xr.Dataset:
     """Return a record with its coefficients less those of the database."""
     missing = {name: 0.0 for name in AT_REST if name not in record}
-    conditions = record.assign(missing)
+    full = record.assign(missing)
+    conditions = {str(name): values for name, values in full.data_vars.items()}
     less = {}
     for name in coefficients:
-        total = sum(contributions(database, name, conditions, outside="clamp").values())
-        less[name] = record[name] - np.broadcast_to(total, record[name].shape)
+        total = np.zeros(record[name].shape)
+        for part in contributions(database, name, conditions, outside="clamp").values():
+            total += part
+        less[name] = record[name] - total
     return record.assign(less)
 
 

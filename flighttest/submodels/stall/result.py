@@ -79,8 +79,9 @@ class StallIdentification(ShortText):
             values, errors = pairs.T if tabled else pairs[0]
             source = "judgement" if name in self.flow.fixed else "flight"
             comment = self.not_identified.get(name, "")
-            text = {"comment": f"not identified: {comment}"} if comment else {}
-            tables[name] = make_term(values, axes, stderr=errors, source=source, **text)
+            tables[name] = make_term(values, axes, stderr=errors, source=source)
+            if comment:
+                tables[name].attrs["comment"] = f"not identified: {comment}"
         return tables
 
     def separation(self, buffet: Mapping[str, xr.Dataset] | None = None) -> FlowSeparation:

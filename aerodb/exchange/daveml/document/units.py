@@ -73,6 +73,7 @@ _CODES = {
     "s": "s", "sec": "s", "min": "min", "h": "h", "hr": "h", "Hz": "Hz", "rpm": "rpm",
     "kg": "kg", "lbm": "lb", "slug": "slug", "sl": "slug", "N": "N", "lbf": "lbf", "Pa": "Pa", "hPa": "hPa", "kPa": "kPa",
     "psf": "psf", "psi": "psi", "kt": "kt", "kts": "kt", "knots": "kt", "g": "g",
+    "W": "W", "kW": "kW", "hp": "hp", "A": "A", "V": "V",
     "K": "K", "degK": "K", "R": "degR", "degR": "degR", "C": "degC", "degC": "degC", "F": "degF", "degF": "degF",
 }  # fmt: skip
 # The longest code first, so that "slug" is not read as "s" and "lug".
