@@ -67,7 +67,7 @@ class Envelope(ShortText):
         UnknownName
             Another variable is missing.
         """
-        full = {name: 0.0 for name in CONFIGURATION if name not in states}
+        full: dict[str, Any] = {name: 0.0 for name in CONFIGURATION if name not in states}
         for name in self.axes:
             if name in states:
                 full[name] = np.asarray(states[name], dtype=float)

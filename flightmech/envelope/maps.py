@@ -224,7 +224,7 @@ def _map_limits(own: RegionMap) -> tuple[tuple[float, float], tuple[float, float
     return limits[0], limits[1]
 
 
-def _display(name: str, values: np.ndarray) -> np.ndarray:
+def _display(name: str, values: float | np.ndarray) -> np.ndarray:
     return np.asarray(from_si(values, lookup(name).display_units), dtype=float)
 
 

@@ -266,7 +266,10 @@ def join_tables(first: RegionTable, second: RegionTable) -> RegionTable:
     for place in order:
         shape[place] = len(takes[place][1])
     a = first.regions[grid], first.leaving[grid]
-    b = [part[others].transpose(rank).reshape(shape) for part in (second.regions, second.leaving)]
+    b = []
+    for part in (second.regions, second.leaving):
+        # a table without axes has one cell, which indexing makes a number
+        b.append(np.asarray(part[others]).transpose(*rank).reshape(shape))
     is_second = (b[0] > a[0]) | ((b[0] == a[0]) & (a[1] == 0))
     return RegionTable(
         first.axes,

@@ -5,14 +5,22 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { HEADER = 32, SECTIONS = 13, DIRECTORY = HEADER + 16 * SECTIONS, CALLS = 12 };
+enum { HEADER = 32, ENTRY = 16, SECTIONS = 13, NAMES = 12, CALLS = 12 };
+enum { DIRECTORY = HEADER + ENTRY * SECTIONS };
+
+/* A block with a validity envelope has one section more. */
+static uint32_t sections_of(const uint8_t *block, size_t n) {
+    uint32_t stated;
+    memcpy(&stated, block + 28, sizeof stated);
+    return stated == SECTIONS + 1 && n >= DIRECTORY + ENTRY ? stated : SECTIONS;
+}
 
 size_t LLVMFuzzerMutate(uint8_t *data, size_t n, size_t most);
 
 /* magic, format, endian mark, size, CRC-32, sections */
 static void seal(uint8_t *block, size_t n) {
     const uint32_t words[] = {(uint32_t)am_format(), 0x01020304, (uint32_t)n, 0};
-    const uint32_t sections = SECTIONS;
+    const uint32_t sections = sections_of(block, n);
     memcpy(block, "AMKERNEL", 8);
     memcpy(block + 8, words, sizeof words);
     memcpy(block + 28, &sections, sizeof sections);
@@ -60,11 +68,14 @@ size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t n, size_t most, unsigned se
     uint64_t place[2];
     if (n < DIRECTORY || seed % 8 == 0) return LLVMFuzzerMutate(data, n, most);
     srand(seed);
+    const uint32_t sections = sections_of(data, n);
     for (int edits = 1 + rand() % 3; edits > 0; edits--) {
-        memcpy(place, data + HEADER + 16 * (size_t)(rand() % (SECTIONS - 1)), sizeof place);
+        size_t section = (size_t)rand() % (sections - 1);
+        if (section >= NAMES) section++;
+        memcpy(place, data + HEADER + ENTRY * section, sizeof place);
         const size_t records = place[0] < n ? n - (size_t)place[0] : 0;
         const size_t at = rand() % 8 ? (size_t)place[0] + 4 * (size_t)(rand() % 64)
-                                     : HEADER + (size_t)(rand() % 208);
+                                     : HEADER + (size_t)rand() % (ENTRY * sections);
         if (records < 4 || at + 4 > n) continue;
         uint32_t word;
         memcpy(&word, data + at, sizeof word);

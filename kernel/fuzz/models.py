@@ -15,6 +15,8 @@ from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.aircraft.separation import FlowSeparation
+from flightmech.flown_states import FLOWN_STATES, gather_states, pack_states
+from flightmech.simulation.compiler import compile_with_envelope
 from flightmech.terms import make_term
 
 ALPHA, MACH = np.array([-0.2, 0.0, 0.2, 0.4]), np.array([0.1, 0.8])
@@ -271,9 +273,29 @@ def separated() -> dict[str, xr.Dataset]:
     }
 
 
+def supported() -> xr.DataTree:
+    """Return terms with the states of flights, for a validity envelope with tables of 2 to 3
+    axes.
+    """
+    lift = np.add.outer(0.3 + 4.0 * ALPHA, 0.1 * MACH)
+    found = _tree(
+        {
+            "CL/basic": make_term(
+                lift, {"alpha": ALPHA, "mach": MACH}, stderr=0.01, source="flight"
+            ),
+            "CD/gear": make_term(0.03, regressors=["gear"], stderr=0.02, source="judgement"),
+            "Cm/qhat": make_term(-13.0, regressors=["qhat"], stderr=0.5, source="flight"),
+        }
+    )
+    flown = np.linspace(0.0, 0.2, 40)
+    samples = {"alpha": flown, "mach": 0.5 - flown, "beta": flown - 0.1, "gear": 0.0 * flown}
+    found.attrs[FLOWN_STATES] = pack_states(gather_states([samples]))
+    return found
+
+
 def compiled() -> dict[str, flightmech.SimModel]:
-    """Return the models by name: every submodel; one engine and body axes; flow separation; one
-    constant; no term at all.
+    """Return the models by name: every submodel; one engine and body axes; flow separation; a
+    validity envelope; one constant; no term at all.
     """
     body = {
         "CX/basic": make_term(-0.03),
@@ -284,6 +306,7 @@ def compiled() -> dict[str, flightmech.SimModel]:
         "whole": flightmech.compile(whole(), _tree(air())),
         "plain": flightmech.compile(plain(), _tree(body, force_axes="body")),
         "stalling": flightmech.compile(stalling(), _tree(separated())),
+        "supported": compile_with_envelope(plain(), supported()),
         "bare": flightmech.compile(
             flightmech.Aircraft(name="bare", **BODY),
             _tree({"CL/alpha": make_term(4.5, regressors=["alpha"])}),

@@ -26,7 +26,9 @@ _WORDS = {
 }
 
 
-def envelope_remarks(time: np.ndarray, outputs: Mapping[str, np.ndarray]) -> tuple[RowRemark, ...]:
+def envelope_remarks(
+    time: np.ndarray, outputs: Mapping[str, np.ndarray], on_wheels: np.ndarray | None = None
+) -> tuple[RowRemark, ...]:
     """Return a remark for each of the regions a-priori and extrapolated that a run enters.
 
     Parameters
@@ -36,6 +38,9 @@ def envelope_remarks(time: np.ndarray, outputs: Mapping[str, np.ndarray]) -> tup
     outputs : mapping of str to array (time,)
         Of one run, with `REGION` and `AXIS`.  Without them there is no remark.  Samples at an
         airspeed ``V`` below 15 m/s are left out.
+    on_wheels : array of bool (time,), optional
+        Samples at which the flight had a wheel on the ground.  They are left out, since wheels and
+        not the air hold the aeroplane there.
 
     Returns
     -------
@@ -50,6 +55,8 @@ def envelope_remarks(time: np.ndarray, outputs: Mapping[str, np.ndarray]) -> tup
     weight = np.gradient(time)
     if "V" in outputs:
         weight = np.where(np.asarray(outputs["V"]) > SLOWEST, weight, 0.0)
+    if on_wheels is not None:
+        weight = np.where(on_wheels, 0.0, weight)
     if not weight.sum() > 0.0:
         return ()
     remarks = []

@@ -23,6 +23,7 @@ from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
 from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
+from pom.probing.flight_consistency import on_wheels
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
 from pom.probing.record_leak import find_leaks
@@ -165,6 +166,7 @@ def perform_plan(
     failures: dict[str, str] = {}
     remarks: dict[str, tuple[RowRemark, ...]] = {}
     channels = shown_channels(plan.case, plan.states)
+    rolling = on_wheels(plan.states)
     for name, model in models.items():
         ranges = table_ranges(model.fmu.path, model.fmu.sha256)
         # The variables of the tables show where a run left them.
@@ -187,7 +189,7 @@ def perform_plan(
         remarks[name] = (
             *trim_remarks,
             *tables_left(plan.job.time, outputs, ranges),
-            *envelope_remarks(plan.job.time, outputs),
+            *envelope_remarks(plan.job.time, outputs, rolling),
             *below_runway(plan.job.time, outputs, job.parameters),
             *find_leaks(plan.case, plan.states, model.fmu.path, model.fmu.sha256),
         )

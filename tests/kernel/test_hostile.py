@@ -69,7 +69,7 @@ def reported(text: str, sim: flightmech.SimModel) -> bool:
     return text == "" or any(name in text for name in names)
 
 
-@pytest.mark.parametrize("model", ["whole", "plain", "stalling", "bare", "empty"])
+@pytest.mark.parametrize("model", ["whole", "plain", "stalling", "supported", "bare", "empty"])
 def test_the_models_fly(model, fleet):
     for case in CASES if model == "whole" else [FLYING]:
         assert outcome(fleet[model], case, steps=20) == ""
@@ -233,7 +233,7 @@ def test_the_work_of_a_step_is_bounded(fleet):
     assert text == "9e+09 s are more than 1e9 steps of mode.step = 0.01 s"
 
 
-@pytest.mark.parametrize("model", ["whole", "plain", "stalling", "bare", "empty"])
+@pytest.mark.parametrize("model", ["whole", "plain", "stalling", "supported", "bare", "empty"])
 def test_every_index_is_a_parameter_or_none(model, fleet):
     """Nodes, scales and offsets follow the catalogue; between the tables of two stages there are
     numbers that are none.

@@ -8,7 +8,7 @@ standard error of the term as well.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import xarray as xr
@@ -276,13 +276,33 @@ def _over_ground(
         largest = float(np.abs(leaf["K1"].values).max())
     size = leaf["value"].values * largest
     leaf = leaf.assign(stderr=(dims, np.hypot(free_stderr, share * np.abs(size))))
-    source = np.full(shape, _terms.SOURCES.index("flight"), np.uint8)
+    source = np.full(shape, _terms.SOURCES.index("judgement"), np.uint8)
+    source[_flown_nodes(leaf, one.flown)] = _terms.SOURCES.index("flight")
     leaf = leaf.assign(source=(dims, source))
     leaf["source"].attrs = dict(_terms.SOURCE_ATTRS)
     return leaf.assign_attrs(
         references="[LR743] eq. (14)" if term == BANK else "[LR743] eq. (13)",
         comment=_comment(one, term, growth),
     )
+
+
+def _flown_nodes(leaf: xr.Dataset, flown: Mapping[str, tuple[float, float]]) -> np.ndarray:
+    """Return the nodes that the samples over the ground reach with half a cell.
+
+    At all others the factor is taken over from those: no landing showed it there.
+    """
+    dims, is_flown = leaf["value"].dims, np.ones(leaf["value"].shape, bool)
+    for k, axis in enumerate(map(str, dims)):
+        points = leaf[axis].values.astype(float)
+        if axis not in flown or len(points) == 1:
+            continue
+        low, high = flown[axis]
+        middle = 0.5 * (points[1:] + points[:-1])
+        # the outer cells have no end: beyond the table its end is used
+        starts, ends = np.append(-np.inf, middle), np.append(middle, np.inf)
+        is_reached = (ends >= low) & (starts <= high)
+        is_flown &= is_reached.reshape([-1 if j == k else 1 for j in range(len(dims))])
+    return is_flown
 
 
 def _tabulate_law(one: CoefficientOverGround, term: str) -> tuple[np.ndarray, np.ndarray]:

@@ -145,6 +145,18 @@ def _demand_models(coefficients: Sequence[str], ground: Collection[str]) -> None
             )
 
 
+def _flown_ranges(data: xr.Dataset, chosen: np.ndarray) -> dict[str, tuple[float, float]]:
+    """Return the smallest and largest value of each variable among chosen samples."""
+    ranges = {}
+    for name in map(str, data.data_vars):
+        values = data[name].values
+        if values.shape != chosen.shape or not np.isfinite(values[chosen]).any():
+            continue
+        own = values[chosen]
+        ranges[name] = float(np.nanmin(own)), float(np.nanmax(own))
+    return ranges
+
+
 class _CoefficientIdentification:
     """Identification of one coefficient over the ground."""
 
@@ -199,6 +211,7 @@ class _CoefficientIdentification:
         identified = best.terms if best else ()
         taken = set[str]().union(*(fit.terms for fit in closed.values()))
         taken.update(*(table.terms for table in tables.values()))
+        top = float(height_breakpoints(h)[-1])
         return CoefficientOverGround(
             model=self.model,
             ground=identified,
@@ -208,9 +221,10 @@ class _CoefficientIdentification:
             references=self.references(taken),
             tables=tables,
             form=form,
-            heights=(lowest, float(height_breakpoints(h)[-1])),
+            heights=(lowest, top),
             evidence=evidence,
             misfit=misfit_of(form, residual, int(evidence["parameters"][form]), richest),
+            flown=_flown_ranges(samples.data, h <= top),
         )
 
     def full_searches(self, lowest: float) -> list[tuple[LawSearch, ClosedForm]]:

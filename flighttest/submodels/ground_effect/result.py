@@ -9,7 +9,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,6 +83,8 @@ class CoefficientOverGround:
         Index form; ``parameters``, ``rms``, ``BIC``.
     misfit : Misfit or None
         What the form leaves beyond the noise; None where the samples do not show it.
+    flown : dict of str to (float, float)
+        Smallest and largest value of the variables among the samples within `heights`. [SI]
     """
 
     model: RegressionModel
@@ -96,6 +98,7 @@ class CoefficientOverGround:
     heights: tuple[float, float]
     evidence: pd.DataFrame
     misfit: Misfit | None = None
+    flown: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def table(self) -> HeightTable | None:

@@ -13,6 +13,7 @@ from flightmech.envelope.envelope import make_envelope
 from flightmech.envelope.maps import RegionMap, draw_maps, region_maps
 from flightmech.envelope.regions import EXTRAPOLATED, REGIONS
 from flightmech.flown_states import CELL, FLOWN_STATES
+from pom.judging.beyond_the_bands import SLOWEST
 from pom.report.submodels.section import Picture, Section, SectionTable
 from pom.result import PomResult
 
@@ -79,6 +80,8 @@ def _flown_path(result: PomResult) -> dict[str, np.ndarray]:
     # the static pressure of the standard atmosphere: a path in a map needs no more
     mach = mach_number(impact_pressure_at(speed), atmosphere(flight["h"]).p_static)
     kept = np.isfinite(flight["alpha"]) & np.isfinite(flight["beta"]) & np.isfinite(mach)
+    # at rest flow angles have no meaning
+    kept &= speed > SLOWEST
     if not kept.any():
         return {}
     return {"alpha": flight["alpha"][kept], "beta": flight["beta"][kept], "mach": mach[kept]}

@@ -226,6 +226,20 @@ def test_worst_term_decides_where_it_counts():
     assert at(envelope, gear=1.0) == (A_PRIORI, axis_code("gear"))
 
 
+def test_constant_that_no_flight_informed():
+    """A derivative without axes is a-priori everywhere, on no axis, and joins the other tables."""
+    leaves = {
+        "/CL/basic": lift(range(7)),
+        "/Cm/qhat": make_term(-13.0, regressors=["qhat"], stderr=5.0, source="datcom"),
+    }
+    db = xr.DataTree.from_dict(leaves)
+    samples = {"alpha": np.linspace(0.0, 0.1, 20), "mach": np.full(20, 0.3)}
+    db.attrs[FLOWN_STATES] = pack_states(gather_states([samples]))
+    found, axis = make_envelope(db).look_up({"alpha": [0.05, 0.6], "mach": 0.3})
+    assert found.tolist() == [A_PRIORI, EXTRAPOLATED]
+    assert axis.tolist() == [0, axis_code("alpha")]
+
+
 def test_damaged_states_leave_the_nodes():
     tree = database(CLEAN)
     tree.attrs[FLOWN_STATES] = "no states"

@@ -116,6 +116,11 @@ def test_the_database_flies_the_law(identified):
     share = float((leaf["stderr"] / (largest * np.abs(leaf["value"]))).min())
     assert share > 1.0 - 1.0 / growth
     assert "Prandtl" in leaf.attrs["comment"]
+    # the slope over alpha keeps its nodes at -10, 0, 10 and 20 deg: landings had 1 to 7 deg
+    assert one.flown["alpha"] == pytest.approx((0.020, 0.120), abs=0.005)
+    sloped = aerodb.terms(new)["CL/ground_basic_alpha"]
+    assert sloped["source"].values.tolist() == [2, 1, 1, 2]
+    assert leaf["source"].values.tolist() == 1
 
 
 def test_prandtls_factor_has_the_values_of_the_report():

@@ -45,6 +45,9 @@ def test_rest_and_models_without_an_envelope():
     (remark,) = envelope_remarks(TIME, rolling)
     assert "in 100 % of the time by alpha, first at 5.1 s" in remark.text
     assert envelope_remarks(TIME, {"V": TIME}) == ()
+    (remark,) = envelope_remarks(TIME, rolling, TIME < 7.95)
+    assert "in 100 % of the time by alpha, first at 8.0 s" in remark.text
+    assert envelope_remarks(TIME, rolling, np.ones(TIME.size, bool)) == ()
 
 
 def test_unknown_axis_is_not_named():
