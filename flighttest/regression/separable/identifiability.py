@@ -54,9 +54,7 @@ def assess_identifiability(
     narrowed = np.full(len(names), np.nan)
     for m, item in enumerate(shape.values()):
         narrowed[count + m] = stderr[count + m] / item.spread
-    why = _explain_parameters(
-        models, shape, theta=theta, t=t, narrowed=narrowed, solution=solution
-    )
+    why = _explain_parameters(models, shape, theta=theta, t=t, narrowed=narrowed, solution=solution)
     index, proportion = _variance_decomposition(solution)
     t_name = {"long_name": "coefficient over its standard error, shapes as they are"}
     return {
