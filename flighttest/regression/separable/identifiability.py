@@ -54,9 +54,7 @@ def assess_identifiability(
     narrowed = np.full(len(names), np.nan)
     for m, item in enumerate(shape.values()):
         narrowed[count + m] = stderr[count + m] / item.spread
-    why = _explain_parameters(
-        models, shape, theta=theta, t=t, narrowed=narrowed, free=solution.free
-    )
+    why = _explain_parameters(models, shape, theta=theta, t=t, narrowed=narrowed, solution=solution)
     index, proportion = _variance_decomposition(solution)
     t_name = {"long_name": "coefficient over its standard error, shapes as they are"}
     return {
@@ -90,7 +88,7 @@ def _explain_parameters(
     theta: np.ndarray,
     t: np.ndarray,
     narrowed: np.ndarray,
-    free: np.ndarray,
+    solution: SeparableSolution,
 ) -> list[str]:
     """Return for every parameter why it is not identified; empty text if it is."""
     shapes_of_terms: list[tuple[str, ...]] = []
@@ -102,7 +100,9 @@ def _explain_parameters(
         largest_t = max(t[j] for j, shapes in enumerate(shapes_of_terms) if name in shapes)
         if largest_t < T_SHAPED:
             text = f"its term is {largest_t:.1f} standard errors from zero, {T_SHAPED:g} are needed"
-        elif not free[k]:
+        elif solution.products[k, k] == 0.0:
+            text = "it has no effect on the samples"
+        elif not solution.free[k]:
             text = f"at its bound {theta[k]:g}"
         else:
             text = _explain_shape(item, narrowed[k])

@@ -45,5 +45,4 @@ def draw_stall(
         for axis in (loop, states):
             axis.legend(loc="best")
             axis.grid(alpha=0.3)
-    figure.tight_layout()
     write_figure(figure, target, dpi=120)

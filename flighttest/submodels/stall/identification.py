@@ -333,9 +333,7 @@ def _fit_determined(task: _Task) -> tuple[SeparableFit, _Task, dict[str, str]]:
         fixed = next((name for name in _WITHOUT if why.get(name)), "")
         term = _weakest_term(fit, task)
         if fixed:
-            reasons[fixed] = (
-                f"{_reason(fit, task, fixed, why[fixed])}; fixed at {_WITHOUT[fixed]:g}"
-            )
+            reasons[fixed] = f"{why[fixed]}; fixed at {_WITHOUT[fixed]:g}"
             flow = SeparationFlow(
                 task.flow.axis, task.flow.nodes, {**task.flow.fixed, fixed: _WITHOUT[fixed]}
             )
@@ -351,16 +349,6 @@ def _fit_determined(task: _Task) -> tuple[SeparableFit, _Task, dict[str, str]]:
         if name.startswith(PER_NODE) and why.get(name):
             reasons[name] = why[name]
     return fit, task, {**reasons, **_not_reached(fit, task)}
-
-
-def _reason(fit: SeparableFit, task: _Task, name: str, why: str) -> str:
-    """Return why a parameter is not identified; one between its bounds may have no effect."""
-    value, _ = fit.value(name)
-    item = task.shape[name]
-    margin = 1e-6 * (item.high - item.low)
-    if why.startswith("at its bound") and item.low + margin < value < item.high - margin:
-        return "it has no effect on the coefficients of these records"
-    return why
 
 
 def _weakest_term(fit: SeparableFit, task: _Task) -> tuple[str, str] | None:

@@ -328,6 +328,23 @@ def test_a_parameter_at_its_bound_has_no_standard_error():
     assert np.isnan(fit.derived("2*g")[1]).all()
 
 
+def test_a_parameter_without_effect_is_not_at_its_bound():
+    """The argument of tanh is zero in all samples: no value of g changes the fit."""
+    rng = np.random.default_rng(7)
+    alpha = 0.1 * rng.normal(size=300)
+    columns = {"alpha": alpha, "q": np.zeros(300), "CL": 0.3 + 5.0 * alpha}
+    columns["CL"] = columns["CL"] + 0.01 * rng.normal(size=300)
+    data = xr.Dataset(
+        {name: ("time", values) for name, values in columns.items()},
+        {"time": np.arange(300) * 0.05},
+    )
+    model = SeparableModel("CL", ("1", "alpha*exp(g*q)"), {"g": (0.5, 5.0)})
+    fit = regress_separable(model, data)
+    assert "g: not identified: it has no effect on the samples" in fit.remarks
+    assert np.isnan(fit.value("g")[1])
+    assert fit.value("alpha*exp(g*q)")[0] == pytest.approx(5.0, abs=0.05)
+
+
 def test_any_quantity_of_the_vocabulary_is_a_target():
     rng = np.random.default_rng(6)
     alpha, delta_e = rng.normal(size=(2, 200)) * 0.1

@@ -223,7 +223,7 @@ def test_the_result_is_a_separation(found):
 @pytest.mark.nightly
 def test_two_standard_errors_hold_the_truth():
     """Parameters of twelve sets of flights within two standard errors: 75 of 84 were seen, 89 %,
-    where 90 to 98 % are wanted.
+    where 90 to 98 % are wanted; 78 of 84 with the true terms and a search from the true values.
     """
     inside = []
     for seed in range(12):
@@ -234,6 +234,7 @@ def test_two_standard_errors_hold_the_truth():
     assert 0.86 <= np.mean(inside) <= 0.98
 
 
+@pytest.mark.nightly
 def test_rounding_does_not_move_the_estimates(flights):
     """Records changed by 1e-12 of themselves."""
     rng = np.random.default_rng(9)
