@@ -44,6 +44,14 @@ band = ["0.2 Hz", "1 Hz"]
 [axis.delta_e]
 amplitude = "2 deg"
 """,
+    "ice.toml": """
+title = "tail ice"
+reference = "NASA, 1993"
+valid = "flap 0"
+[terms."CL/basic"]
+factor = 0.9
+factor_stderr = 0.05
+""",
     # stands for the program: it prints what it printed of the shipped deck
     "datcom.sh": f"#!/bin/sh\ncp {C182}/datcom/aileron.out for006.dat\n",
 }
@@ -167,6 +175,7 @@ VERBS = {
     ),
     "example": Verb("example c182 new --inputs-only", "c182", "new"),
     "blend": Verb("db edit db.nc blend e.nc CL/basic -o b.nc", "db.nc e.nc", "b.nc"),
+    "ice": Verb("db edit db.nc ice ice.toml -o b.nc", "db.nc", "b.nc"),
     "delete": Verb("db edit db.nc delete CL/basic -o b.nc", "db.nc", "b.nc"),
     "extend": Verb("db edit db.nc extend CL/basic --axis 'alpha=40 deg' -o b.nc", "db.nc", "b.nc"),
     "move-reference": Verb("db edit db.nc move-reference --x -2.1 -o b.nc", "db.nc", "b.nc"),

@@ -17,6 +17,7 @@ import xarray as xr
 from aerodb.edit.ice_file import IceDifference, IceFile
 from aerodb.store.grids import (
     add_leaves,
+    is_within,
     node_text,
     regrid_leaf,
     union_axes,
@@ -30,6 +31,8 @@ from aerodb.update.cautions.notices import with_notices
 from flightmech import terms as _terms
 from flightmech.aircraft.controls import ICE
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.names import lookup
+from flightmech.units import DEGREE
 
 SUFFIX = "_ice"
 # Attributes of a clean term that its difference keeps: how its table contributes.
@@ -61,7 +64,8 @@ def add_ice(db: xr.DataTree, ice: IceFile, *, note: str = "") -> xr.DataTree:
         A difference of a term that the database does not have.
     SchemaError
         The database has ice, a term has no alpha axis for `about`, an offset acts where a term is
-        zero by definition, or a term has too many multipliers or axes; all faults.
+        zero by definition, an angle is beyond its range, or a term has too many multipliers or
+        axes; all faults.
     """
     leaves = terms(db)
     problems = []
@@ -117,6 +121,8 @@ def _factor_part(clean: xr.Dataset, difference: IceDifference) -> xr.Dataset:
     if difference.about is not None:
         if "alpha" not in clean["value"].dims:
             raise SchemaError("ice", ["about needs a table over alpha; leave it out"])
+        if not is_within(clean["alpha"].values, np.array([difference.about])).all():
+            raise SchemaError("ice", ["about lies beyond the alpha of the table; give one within"])
         points = value_breakpoints(clean) | {"alpha": np.array([difference.about])}
         level = regrid_leaf(clean, points)["value"].values
         change = change - level
@@ -132,6 +138,11 @@ def _offset_part(clean: xr.Dataset, difference: IceDifference) -> xr.Dataset:
     """Return the offset as a table over its axis, with the factors of the clean term."""
     offset, stderr = difference.filled_offset()
     points = difference.breakpoints()
+    for name, nodes in points.items():
+        # 4 and 8 without a unit are radians, and no angle of an aeroplane's table
+        if lookup(name).units == "rad" and np.abs(nodes).max() > np.pi / 2.0:
+            largest = np.abs(nodes).max() / DEGREE
+            raise SchemaError("ice", [f"{name} reaches {largest:.4g} deg; give it as '8 deg'"])
     leaf = _terms.make_term(offset, points, stderr=stderr, source="estimate")
     _demand_zeros(clean, leaf)
     factors = {key: clean[key] for key in ("K1", "K2") if key in clean}

@@ -56,8 +56,8 @@ NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 class IceDifference(Strict):
     """Difference of one term by ice: iced table = factor x clean table + offset."""
 
-    factor: float | None = Field(
-        default=None, allow_inf_nan=False, description="Factor on the clean table; 1 unless given."
+    factor: Annotated[float, Field(ge=0.0, le=10.0, allow_inf_nan=False)] | None = Field(
+        default=None, description="Factor on the clean table, 0 to 10 (0.88, not 88 or -12 %)."
     )
     factor_stderr: NotNegative | None = Field(
         default=None, description="Its standard error; required with a factor."
@@ -177,7 +177,12 @@ def _read_csv(file: Path) -> dict[str, Any]:
         )
     terms: dict[str, dict[str, Any]] = {}
     for number, row in enumerate(reader, start + 2):
-        cells = {str(k).strip(): (v or "").strip() for k, v in row.items() if k is not None}
+        if None in row:
+            found = f"{len(columns) + len(row[None])} cells"
+            raise ParseError(
+                str(file), number, found, f"{len(columns)} cells; a decimal comma needs quotes"
+            )
+        cells = {str(k).strip(): (v or "").strip() for k, v in row.items()}
         _add_row(terms.setdefault(cells.pop("term"), {}), cells, file, number)
     for entry in terms.values():
         _make_scalar(entry)
@@ -190,7 +195,7 @@ def _add_row(entry: dict[str, Any], cells: Mapping[str, str], file: Path, number
         if not cell:
             continue
         if column == "about":
-            entry[column] = cell
+            _set_once(entry, column, cell, file, number)
             continue
         try:
             value = float(cell)
@@ -199,15 +204,28 @@ def _add_row(entry: dict[str, Any], cells: Mapping[str, str], file: Path, number
         if not math.isfinite(value):
             raise ParseError(str(file), number, f"{column} {cell!r}", "a number, or an empty cell")
         if column in ("factor", "factor_stderr"):
-            entry[column] = value
+            _set_once(entry, column, value, file, number)
         elif column in _NUMBERS:
             entry.setdefault(column, []).append(value)
         else:
             match = _AXIS.match(column)
             if match is None:
                 raise ParseError(str(file), number, column, "a column such as 'alpha [deg]'")
-            text = f"{cell} {match[2]}" if match[2] else value
+            if not match[2]:
+                raise ParseError(
+                    str(file),
+                    number,
+                    f"column {column!r} without a unit",
+                    f"'{match[1]} [deg]' (or [rad], [1])",
+                )
+            text = f"{cell} {match[2]}"
             entry.setdefault("axes", {}).setdefault(match[1], []).append(text)
+
+
+def _set_once(entry: dict[str, Any], key: str, item: Any, file: Path, number: int) -> None:
+    """Set a number that a term has once, in one row or equal in all of its rows."""
+    if entry.setdefault(key, item) != item:
+        raise ParseError(str(file), number, f"{key} {item}", f"{entry[key]}, as in the row before")
 
 
 def _make_scalar(entry: dict[str, Any]) -> None:

@@ -14,6 +14,7 @@ from aerodb.edit.joined_sources.prior_sources import (
     PriorSource,
     collect_tables,
     label_sources,
+    list_repeated_sources,
     refer_to_aircraft,
 )
 from aerodb.edit.joined_sources.source_blending import BlendedTerm, blend_term
@@ -94,7 +95,7 @@ def blend_sources(
     Raises
     ------
     SchemaError
-        Less than two databases, one that is not a-priori, force axes other than stability axes,
+        Less than two databases, one that is not a-priori or is a blend, one twice, force axes other than stability axes,
         regressors of a term that differ, or sources with opposite signs far beyond their errors; all
         faults.
     UnknownName
@@ -122,6 +123,8 @@ def blend_sources(
         referred.append(tree)
         remarks += texts
     sources = label_sources(referred, methods)
+    if problems := list_repeated_sources(databases):
+        raise SchemaError("blend", problems)
     blended = _blend_terms(sources, _sources_by_term(sources, take or {}))
     disagreements = _describe_disagreements(blended)
     for text in (*remarks, *disagreements):

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from aerodb.prior.reference_quantities import FAR, NEAR, describe_other_quantiti
 from aerodb.store.effects import Effect, change_reference_quantities
 from aerodb.store.grids import fold_factors, same_factors, union_axes, value_breakpoints
 from aerodb.store.schema import make_database, terms
+from aerodb.store.undo_history import COLUMNS, edit_rows
 from flightmech import terms as _terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
@@ -49,6 +51,9 @@ COMMON_ERROR = {"program": 0.9, "method": 0.7, "aeroplane": 0.5}
 # A derivative speaks up to this deflection: beyond it the flow over a control separates. [rad]
 LINEAR_DEFLECTION = 0.3
 
+# Lines of the history that state a blend, and the place of the verb in such a row.
+_JOINERS = ("blend", "blend_sources")
+_VERB = COLUMNS.index("verb")
 _FLIGHT = _terms.SOURCES.index("flight")
 _POINT = ("x_ref", "y_ref", "z_ref")
 _LENGTHS = ("S", "cbar", "b")
@@ -113,7 +118,8 @@ def label_sources(
     Raises
     ------
     SchemaError
-        A database does not state its program, or holds nodes that come from flight.
+        A database does not state its program, holds nodes that come from flight, or is a
+        blend.
     """
     problems = []
     for db in databases:
@@ -126,6 +132,10 @@ def label_sources(
                 f"{title!r} holds terms from flight ({', '.join(flown[:3])}), and is no a-priori "
                 f"source; join them with `db edit blend` or `db edit replace`"
             )
+        if any(line[_VERB] in _JOINERS for line in edit_rows(db)):
+            problems.append(
+                f"{title!r} is a blend, whose sources could count twice; give its sources instead"
+            )
     if problems:
         raise SchemaError("blend", problems)
     programs = [str(db.attrs["source"]) for db in databases]
@@ -137,6 +147,27 @@ def label_sources(
         method = (methods[position] if methods else "") or METHODS.get(program, program)
         sources.append(PriorSource(label, program, method, db))
     return sources
+
+
+def list_repeated_sources(databases: Sequence[xr.DataTree]) -> list[str]:
+    """Return a sentence on each database that repeats all common terms of an earlier one."""
+    problems = []
+    for (first, db), (second, other) in combinations(enumerate(databases, 1), 2):
+        ours, theirs = terms(db), terms(other)
+        common = ours.keys() & theirs.keys()
+        if common and all(_has_same_table(ours[name], theirs[name]) for name in common):
+            problems.append(
+                f"sources {first} and {second} ({other.attrs.get('title', '')!r}) hold the same "
+                f"numbers; a repeated source adds nothing, give it once"
+            )
+    return problems
+
+
+def _has_same_table(first: xr.Dataset, second: xr.Dataset) -> bool:
+    tables = [key for key in ("value", "stderr") if key in first or key in second]
+    return all(key in first and key in second for key in tables) and all(
+        first[key].equals(second[key]) for key in tables
+    )
 
 
 def _has_flight_nodes(leaf: xr.Dataset) -> bool:

@@ -242,14 +242,38 @@ def with_common_scale(spread: Sequence[SourceNodes], common: np.ndarray) -> list
 def mean_of_sources(spread: Sequence[SourceNodes]) -> np.ndarray:
     """Return the mean of the speaking sources at every node, weighted by 1/s^2.
 
-    The weights are those of errors that refer to the plain mean.
+    The weights are those of errors that refer to the plain mean.  Where sources are silent, the
+    others are first multiplied by the ratio of the mean to their values where most speak.  Without
+    it the mean would have a step there, and an error in proportion to it the wrong size.
     """
     speaks = speaking(spread)
     values = np.stack([nodes.value for nodes in spread])
     plain = (values * speaks).sum(axis=0) / speaks.sum(axis=0)
-    scaled = with_common_scale(spread, plain)
+    scaled = with_common_scale(spread, _carry_ratio(plain, values, speaks=speaks, weights=speaks))
     variance = np.stack([nodes.variance for nodes in scaled])
-    return (weights_of(variance, speaks) * values).sum(axis=0)
+    weights = weights_of(variance, speaks)
+    mean = (weights * values).sum(axis=0)
+    return _carry_ratio(mean, values, speaks=speaks, weights=weights)
+
+
+def _carry_ratio(
+    mean: np.ndarray, values: np.ndarray, *, speaks: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Return a mean that has, where sources are silent, the level of the nodes where most speak.
+
+    With c_k = sum(m v_k)/sum(v_k^2) over the nodes where most speak, not negative, the mean of the
+    other nodes is sum(w_k c_k v_k)/sum(w_k).
+    """
+    count = speaks.sum(axis=0)
+    shared = count == count.max()
+    total, weight = np.zeros_like(mean), np.zeros_like(mean)
+    for own, speaks_here, own_weight in zip(values, speaks, weights):
+        base = shared & speaks_here
+        square = float((own[base] ** 2).sum())
+        ratio = max(float(mean[base] @ own[base]) / square, 0.0) if square > 0.0 else 1.0
+        total = total + own_weight * speaks_here * ratio * own
+        weight = weight + own_weight * speaks_here
+    return np.where(shared, mean, total / weight)
 
 
 def weights_of(variance: np.ndarray, speaks: np.ndarray) -> np.ndarray:

@@ -186,3 +186,34 @@ def test_the_model_has_the_setting_as_an_input_and_a_scale_of_each_difference(cl
     assert "term.Cm.elevator_ice" in iced.parameters
     # the clean database has no such input
     assert ICE not in flightmech.compile(craft, clean).inputs
+
+
+ROWS = "# title: tail ice\n# reference: NASA, 1993\n# valid: flap 0\n"
+
+
+@pytest.mark.parametrize(
+    ("rows", "text"),
+    [
+        ("term,offset,offset_stderr,alpha\nCL/basic,-0.1,0.02,0\nCL/basic,-0.1,0.02,4\n", "a unit"),
+        ("term,factor,factor_stderr\nCm/elevator,0,88,0,05\n", "5 cells; expected 3 cells"),
+        ("term,factor,factor_stderr\nCL/basic,0.9,0.05\nCL/basic,0.5,0.05\n", "in the row before"),
+    ],
+)
+def test_a_csv_file_that_could_be_misread_is_refused(ice, rows, text):
+    with pytest.raises(ParseError, match=text):
+        ice(ROWS + rows, "ice.csv")
+
+
+def test_numbers_in_other_units_are_refused(clean, ice):
+    # percent, and a change in place of a factor
+    for factor in ("88", "-0.12"):
+        with pytest.raises(SchemaError, match="factor"):
+            ice(HEAD + ELEVATOR.replace("0.88", factor))
+    degrees = (
+        LIFT.replace(' deg"', "").replace('"', "").replace("[terms.CL/basic]", '[terms."CL/basic"]')
+    )
+    with pytest.raises(SchemaError, match=r"alpha reaches 687\.5 deg"):
+        add_ice(clean, ice(HEAD + degrees))
+    text = '[terms."Cm/basic"]\nfactor = 0.9\nfactor_stderr = 0.05\nabout = "40 deg"\n'
+    with pytest.raises(SchemaError, match="about lies beyond the alpha of the table"):
+        add_ice(clean, ice(HEAD + text))

@@ -281,3 +281,41 @@ def test_the_blend_repeats_to_rounding():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         blended(*pair)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.3, 0.1])
+def test_a_large_correction_reaches_silent_nodes_with_its_own_sign(share):
+    # errors in proportion to the values; the second source is silent at 12 and 16 deg
+    wide = np.array([0.0, 4.0, 8.0, 12.0, 16.0]) * DEGREE
+    first = table(-20.0, alpha=wide, stderr=5.0, regressors=("qhat",))
+    second = table(-20.0 * share, stderr=5.0 * share, regressors=("qhat",))
+    value = blended(first, second, name="Cm/qhat").leaf["value"].values
+    assert np.all((value >= -20.0) & (value <= -20.0 * share))
+    # most of the correction is common to the table
+    assert value[3:] == pytest.approx(value[0], rel=0.2)
+
+
+def test_a_blend_or_a_repeated_source_is_refused(aircraft):
+    first = database({"Cn/beta": table(0.10)}, "Digital DATCOM")
+    second = database({"Cn/beta": table(0.12)}, "AVL")
+    joined = blend_sources([first, second], aircraft).database
+    with pytest.raises(SchemaError, match="is a blend, whose sources could count twice"):
+        blend_sources([joined, second], aircraft)
+    edited = aerodb.edit.blend(first, second)
+    with pytest.raises(SchemaError, match="is a blend"):
+        blend_sources([edited, second], aircraft)
+    with pytest.raises(SchemaError, match=r"sources 1 and 2 .* hold the same numbers"):
+        blend_sources([first, first.copy(deep=True)], aircraft)
+
+
+def test_the_order_of_the_sources_does_not_matter(aircraft):
+    sources = [
+        database({"Cn/beta": table(0.10, stderr=0.02)}, "Digital DATCOM"),
+        database({"Cn/beta": table([0.12, 0.13, 0.16], stderr=0.03)}, "AVL"),
+        database({"Cn/beta": table(0.14, alpha=ALPHA[:2], stderr=0.03)}, "VSPAERO"),
+    ]
+    first = aerodb.terms(blend_sources(sources, aircraft).database)["Cn/beta"]
+    other = aerodb.terms(blend_sources(sources[::-1], aircraft).database)["Cn/beta"]
+    for key in ("value", "stderr"):
+        assert other[key].values == pytest.approx(first[key].values, rel=1e-9)
+    assert np.array_equal(first["source"].values, other["source"].values)
