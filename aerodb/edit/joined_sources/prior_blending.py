@@ -114,9 +114,8 @@ def blend_sources(
     """
     if len(databases) < 2:
         raise SchemaError("blend", [f"{len(databases)} source; give two databases or more"])
-    point = aircraft.reference
-    if point is None:
-        point = tuple(float(databases[0].attrs[key]) for key in ("x_ref", "y_ref", "z_ref"))
+    given = [float(databases[0].attrs[key]) for key in ("x_ref", "y_ref", "z_ref")]
+    point = given if aircraft.reference is None else list(aircraft.reference)
     referred, remarks = [], list[str]()
     for db in databases:
         tree, texts = refer_to_aircraft(db, aircraft, point, move_reference)
@@ -245,7 +244,7 @@ def _basic_ranges(sources: Sequence[PriorSource]) -> dict[str, tuple[float, floa
     """
     basic = [terms(s.database)["CL/basic"] for s in sources if "CL/basic" in terms(s.database)]
     union = union_axes(*basic)
-    ranges = {}
+    ranges: dict[str, tuple[float, float]] = {}
     for axis in ("mach", "alpha"):
         if axis in union:
             ranges[axis] = float(union[axis][0]), float(union[axis][-1])

@@ -251,7 +251,7 @@ def _join_method(spread: Sequence[SourceNodes], speaks: np.ndarray) -> _Method:
             variance = variance + rho * w_first * w_second * first.stderr * second.stderr
     own_variance = sum(w_k**2 * n.own_error**2 for w_k, n in zip(w, spread))
     value = (w * _values(spread)).sum(axis=0)
-    return _Method(value, np.sqrt(variance), np.sqrt(own_variance), any_speaks)
+    return _Method(value, np.sqrt(variance), np.sqrt(own_variance), np.asarray(any_speaks))
 
 
 def _demand_exact_agreement(
