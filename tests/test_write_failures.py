@@ -44,6 +44,7 @@ band = ["0.2 Hz", "1 Hz"]
 [axis.delta_e]
 amplitude = "2 deg"
 """,
+    "ice.toml": 'title = "ice"\n[terms."CL/basic"]\nfactor = 0.9\nfactor_stderr = 0.05\n',
     # stands for the program: it prints what it printed of the shipped deck
     "datcom.sh": f"#!/bin/sh\ncp {C182}/datcom/aileron.out for006.dat\n",
 }
@@ -169,6 +170,7 @@ VERBS = {
     "blend": Verb("db edit db.nc blend e.nc CL/basic -o b.nc", "db.nc e.nc", "b.nc"),
     "delete": Verb("db edit db.nc delete CL/basic -o b.nc", "db.nc", "b.nc"),
     "extend": Verb("db edit db.nc extend CL/basic --axis 'alpha=40 deg' -o b.nc", "db.nc", "b.nc"),
+    "ice": Verb("db edit db.nc ice ice.toml -o b.nc", "db.nc", "b.nc"),
     "move-reference": Verb("db edit db.nc move-reference --x -2.1 -o b.nc", "db.nc", "b.nc"),
     "regrid": Verb(
         "db edit db.nc regrid CL/basic --axis 'alpha=0 4 8 deg' -o b.nc", "db.nc", "b.nc"
@@ -191,6 +193,12 @@ VERBS = {
         "flight balance tail_1.csv tail_2.csv --setup balance.toml --model 'CL = 1 + alpha' -o fits",
         "tunnel",
         "fits",
+    ),
+    "balance at set points": Verb(
+        "flight balance tail_1.csv tail_2.csv --setup balance.toml --table points "
+        "--step '2 deg' --x-ref '0 m'",
+        "tunnel",
+        "points",
     ),
     "markers": Verb(
         "flight markers cameras.csv --setup markers.toml -o body.nc", "cameras", "body.nc"
