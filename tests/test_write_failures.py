@@ -44,7 +44,14 @@ band = ["0.2 Hz", "1 Hz"]
 [axis.delta_e]
 amplitude = "2 deg"
 """,
-    "ice.toml": 'title = "ice"\n[terms."CL/basic"]\nfactor = 0.9\nfactor_stderr = 0.05\n',
+    "ice.toml": """
+title = "ice"
+reference = "none"
+valid = "all flight"
+[terms."CL/basic"]
+factor = 0.9
+factor_stderr = 0.05
+""",
     # stands for the program: it prints what it printed of the shipped deck
     "datcom.sh": f"#!/bin/sh\ncp {C182}/datcom/aileron.out for006.dat\n",
 }
