@@ -201,6 +201,12 @@ VERBS = {
         "tunnel",
         "fits",
     ),
+    "balance at set points": Verb(
+        "flight balance tail_1.csv tail_2.csv --setup balance.toml --table points "
+        "--step '2 deg' --x-ref '0 m'",
+        "tunnel",
+        "points",
+    ),
     "markers": Verb(
         "flight markers cameras.csv --setup markers.toml -o body.nc", "cameras", "body.nc"
     ),

@@ -421,7 +421,9 @@ def _read_states(path: Path) -> xr.Dataset:
         )
     demand_self_contained(path)
     try:
-        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as file:
+        with xr.open_datatree(
+            path, engine="h5netcdf", phony_dims="access", decode_timedelta=False
+        ) as file:
             tree = file.load()
     except Exception as error:
         # A damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError and others.

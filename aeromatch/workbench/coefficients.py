@@ -150,7 +150,9 @@ def window_of(
             stored = _stored_coefficients(opened, record, cutoff)
         # The time of the file is that of its last use.
         os.utime(stored)
-        with xr.open_dataset(stored, engine="h5netcdf", decode_timedelta=False) as coefficients:
+        with xr.open_dataset(
+            stored, engine="h5netcdf", phony_dims="access", decode_timedelta=False
+        ) as coefficients:
             return flighttest.select_time(coefficients, start, end).load()
 
     return opened.kept(("window", *key, start, end), sources, read_window, _MOST_WINDOWS)

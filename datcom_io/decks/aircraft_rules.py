@@ -134,37 +134,32 @@ def check_reference_quantities(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(deck.line_of("OPTINS"), WARNING, text)
 
 
-def flap_span(deck: Deck) -> Iterator[DeckFinding]:
-    """Yield a flap that begins inside the body, or does not fit its surface.
+def surface_of_device(deck: Deck, name: str) -> str:
+    """Return the namelist of the planform on which the program computes a device.
 
-    The program tests the body in single precision.
+    With a wing and a horizontal tail a ``SYMFLP`` is on the tail. An ``ASYFLP``, except the halves
+    of a tail, is on the wing, with or without a tail.
     """
+    if name == "SYMFLP" and {"WGPLNF", "HTPLNF"} <= deck.namelists.keys():
+        return "HTPLNF"
+    return "WGPLNF"
+
+
+def flap_span(deck: Deck) -> Iterator[DeckFinding]:
+    """Yield a flap that begins inside the body, or does not fit its surface."""
     name = _device_namelist(deck)
     if not name or round(deck.value("ASYFLP", "STYPE") or 0) == _DIFFERENTIAL_TAIL:
         return
-    surface = "WGPLNF"
+    surface = surface_of_device(deck, name)
+    # The program looks at the tail if there is one, for ailerons too.
+    tested = surface
     if "HTPLNF" in deck.namelists:
-        surface = "HTPLNF"
-    # The side of the body is where the exposed span begins.
-    tip, exposed = deck.value(surface, "SSPN"), deck.value(surface, "SSPNE")
-    if tip is None or exposed is None:
-        return
-    # The program subtracts in single precision, so a flap at the side may seem to lie inside.
-    side = np.float32(tip) - np.float32(exposed)
-    inner = np.float32(deck.value(name, "SPANFI") or 0.0)
-    if inner < side:
-        rounding = ""
-        if float(side) - float(inner) < 1e-5 * tip:
-            rounding = " (by rounding alone: write a little more)"
-        text = (
-            f"${name}: SPANFI={inner:g} lies inside the body, which reaches to SSPN - SSPNE = "
-            f"{side:g} of ${surface}{rounding}"
-        )
-        yield DeckFinding(
-            deck.line_of(name, "SPANFI"),
-            WARNING,
-            f"{text}; the program prints ERROR and computes with {side:g}: write it",
-        )
+        tested = "HTPLNF"
+    for body_at in dict.fromkeys((tested, surface)):
+        begins_inside = _begin_inside_body(deck, name, body_at, noticed=body_at == tested)
+        if begins_inside is not None:
+            yield begins_inside
+            break
     text, variable = describe_span_beyond_tip(deck, name, surface), "SPANFO"
     if not text:
         text, variable = describe_chord_beyond_surface(deck, name, surface), "CHRDFI"
@@ -172,6 +167,42 @@ def flap_span(deck: Deck) -> Iterator[DeckFinding]:
         if surface == "HTPLNF":
             text += "; with a wing and a horizontal tail the program puts the device on the tail"
         yield DeckFinding(deck.line_of(name, variable), WARNING, text)
+
+
+def _begin_inside_body(deck: Deck, name: str, surface: str, *, noticed: bool) -> DeckFinding | None:
+    """Return the finding on a device that begins inside the body at a surface, None if none does.
+
+    Parameters
+    ----------
+    deck : Deck
+    name, surface : str
+        Namelists of the device and of the planform.
+    noticed : bool
+        Whether the program tests the device against the body at this surface.
+    """
+    # The side of the body is where the exposed span begins.
+    tip, exposed = deck.value(surface, "SSPN"), deck.value(surface, "SSPNE")
+    if tip is None or exposed is None:
+        return None
+    # The program subtracts in single precision, so a flap at the side may seem to lie inside.
+    side = np.float32(tip) - np.float32(exposed)
+    inner = np.float32(deck.value(name, "SPANFI") or 0.0)
+    if inner >= side:
+        return None
+    is_rounding = float(side) - float(inner) < 1e-5 * tip
+    if is_rounding and not noticed:
+        return None
+    rounding = ""
+    if is_rounding:
+        rounding = " (by rounding alone: write a little more)"
+    consequence = f"the program prints ERROR and computes with {side:g}: write it"
+    if not noticed:
+        consequence = f"the program does not notice it, and computes with it: write {side:g}"
+    text = (
+        f"${name}: SPANFI={inner:g} lies inside the body, which reaches to SSPN - SSPNE = "
+        f"{side:g} of ${surface}{rounding}"
+    )
+    return DeckFinding(deck.line_of(name, "SPANFI"), WARNING, f"{text}; {consequence}")
 
 
 def describe_span_beyond_tip(

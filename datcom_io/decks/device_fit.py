@@ -17,6 +17,7 @@ import numpy as np
 from datcom_io.decks.aircraft_rules import (
     describe_chord_beyond_surface,
     describe_span_beyond_tip,
+    surface_of_device,
 )
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.planforms import sample_chords
@@ -89,20 +90,19 @@ def describe_misfit(deck: Deck, tolerance: float = _CARELESS_SPAN) -> str:
         Part of the semispan that the device may reach beyond the tip, and of the chord of the
         surface by which its chord may be larger.
     """
-    name, surface = "ASYFLP", "WGPLNF"
+    name = "ASYFLP"
     style = round(deck.value("ASYFLP", "STYPE") or 0.0)
     if style in _SPOILERS and not any(deck.values("ASYFLP", "DELTAS")):
         return f"$ASYFLP: STYPE={style} is a spoiler, and no height DELTAS is given"
     if "SYMFLP" in deck.namelists:
         name = "SYMFLP"
-        if _is_on_tail(deck):
-            surface = "HTPLNF"
     elif style == _DIFFERENTIAL_TAIL:
         if "HTPLNF" in deck.namelists:
             return ""
         return (
             f"$ASYFLP: STYPE={style} is a horizontal tail whose halves move, and HTPLNF is absent"
         )
+    surface = surface_of_device(deck, name)
     return describe_span_beyond_tip(
         deck, name, surface, tolerance
     ) or describe_chord_beyond_surface(deck, name, surface, tolerance)
@@ -110,7 +110,7 @@ def describe_misfit(deck: Deck, tolerance: float = _CARELESS_SPAN) -> str:
 
 def advise_on_misfit(deck: Deck) -> str:
     """Return what to do about a device that does not fit its surface."""
-    if "SYMFLP" in deck.namelists and _is_on_tail(deck):
+    if "SYMFLP" in deck.namelists and surface_of_device(deck, "SYMFLP") == "HTPLNF":
         return _FLAP_ON_TAIL
     style = round(deck.value("ASYFLP", "STYPE") or 0.0)
     if style in _SPOILERS:
@@ -118,11 +118,6 @@ def advise_on_misfit(deck: Deck) -> str:
     if style == _DIFFERENTIAL_TAIL:
         return _NO_TAIL
     return _WRONG_CARDS
-
-
-def _is_on_tail(deck: Deck) -> bool:
-    """Return whether the program puts a SYMFLP on the horizontal tail."""
-    return {"WGPLNF", "HTPLNF"} <= deck.namelists.keys()
 
 
 def weigh_device_on_tail(deck: Deck) -> DeviceDoubt:

@@ -212,7 +212,9 @@ def open_biases(path: str | os.PathLike[str]) -> xr.Dataset:
             biases = plain_group(file["biases"])
         # The general reader reads a group with more than plain numbers.
         if biases is None:
-            with xr.open_dataset(path, group="biases", engine="h5netcdf") as data:
+            with xr.open_dataset(
+                path, group="biases", engine="h5netcdf", phony_dims="access"
+            ) as data:
                 biases = data.load()
     if fault := _find_fault(biases):
         raise ParseError(str(path), 0, fault, expected)

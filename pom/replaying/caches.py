@@ -63,7 +63,7 @@ class KeptStates:
             with h5py.File(file, "r") as content:
                 states = plain_group(content)
             if states is None:
-                states = xr.load_dataset(file, engine="h5netcdf")
+                states = xr.load_dataset(file, engine="h5netcdf", phony_dims="access")
         return states
 
     def make(self, case: PomCase) -> xr.Dataset:

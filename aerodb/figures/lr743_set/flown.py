@@ -109,7 +109,7 @@ def read_flown(path: str | os.PathLike[str]) -> FlightData:
         )
     demand_self_contained(path)
     try:
-        with xr.open_datatree(path, engine="h5netcdf") as tree:
+        with xr.open_datatree(path, engine="h5netcdf", phony_dims="access") as tree:
             content = tree.load()
     except Exception as error:
         # A damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError and others.

@@ -108,7 +108,7 @@ def residuals_of(opened: OpenProject, record: str) -> xr.Dataset | None:
 def _read_residuals(file: Path) -> xr.Dataset | None:
     try:
         with xr.open_dataset(
-            file, group="residuals", engine="h5netcdf", decode_timedelta=False
+            file, group="residuals", engine="h5netcdf", phony_dims="access", decode_timedelta=False
         ) as data:
             return data.load()
     # A path of another program has its states alone.

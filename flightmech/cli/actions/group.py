@@ -207,7 +207,7 @@ def _read(path: str) -> xr.Dataset:
         demand_self_contained(path)
         with (
             decoding_errors(path, "a netCDF-4 file of time histories"),
-            xr.open_dataset(path, engine="h5netcdf") as dataset,
+            xr.open_dataset(path, engine="h5netcdf", phony_dims="access") as dataset,
         ):
             return dataset.load()
     try:

@@ -180,7 +180,9 @@ def _divided(states, record: Path, free_names) -> tuple[list, list]:
     demand_self_contained(record)
     with (
         decoding_errors(record, "a flight record, netCDF-4"),
-        xr.open_datatree(record, engine="h5netcdf", decode_timedelta=False) as tree,
+        xr.open_datatree(
+            record, engine="h5netcdf", phony_dims="access", decode_timedelta=False
+        ) as tree,
     ):
         listed = marked_manoeuvres(tree)
     return (

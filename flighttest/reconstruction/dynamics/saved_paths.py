@@ -70,7 +70,9 @@ def _read_any(path: str | os.PathLike) -> SavedPath:
     """Return the content of a file with any variables."""
     with (
         decoding_errors(path, _EXPECTED),
-        xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree,
+        xr.open_datatree(
+            path, engine="h5netcdf", phony_dims="access", decode_timedelta=False
+        ) as tree,
     ):
         states = tree.children.get("states", tree).to_dataset(inherit=False).load()
         groups = {}

@@ -181,7 +181,9 @@ def open_tree(path: str | os.PathLike, content: str, expected: str) -> xr.DataTr
     demand_self_contained(path)
     with (
         decoding_errors(path, expected),
-        xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree,
+        xr.open_datatree(
+            path, engine="h5netcdf", phony_dims="access", decode_timedelta=False
+        ) as tree,
     ):
         tree.load()
     for node in tree.subtree:

@@ -332,6 +332,23 @@ def test_devices():
         severity="warning",
         **tail,
     )
+    # The program computes an aileron on the wing, with or without a tail (run: the same roll moment
+    # of -0.035328 for SPANFO beyond the tip of the tail), and tests SPANFI at the tail.
+    aileron = {"FLTCON": ONE_CONDITION, "HTPLNF": TAIL}
+    span = "STYPE=4.0,NDELTA=1.0,DELTAL(1)=5.0,DELTAR(1)=-5.0,CHRDFI=0.2,CHRDFO=0.2"
+    good = found("NACA H 4 0012", **aileron, ASYFLP=f"{span},SPANFI=3.5,SPANFO=6.5")
+    assert good == []
+    for inner, words in (
+        (0.01, "of $HTPLNF; the program prints ERROR"),
+        (0.5, "of $WGPLNF; the program does not notice it"),
+    ):
+        one(
+            words,
+            "NACA H 4 0012",
+            severity="warning",
+            **aileron,
+            ASYFLP=f"{span},SPANFI={inner},SPANFO=6.5",
+        )
     one("TRIM without device", "TRIM", severity="warning")
     one("TRIM with $ASYFLP", "TRIM", severity="warning", ASYFLP="STYPE=4.0,SPANFI=1.0,SPANFO=2.0")
     assert found("TRIM", **flap) == []

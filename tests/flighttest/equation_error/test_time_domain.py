@@ -309,3 +309,18 @@ def test_a_fit_with_a_changed_number_is_refused(tmp_path, name, place, number, w
         spoil(file, name, place, number)
     with pytest.raises(ParseError, match=words):
         open_fit(tmp_path / "fit.nc")
+
+
+def test_a_fit_whose_time_is_a_text_is_refused(tmp_path, recwarn):
+    """Its dimension scale is gone too, so that the file has a dimension without a name."""
+    fit = regress(RegressionModel("CL", LIFT.terms), record(np.random.default_rng(11)), "run 1")
+    save_fit(fit, tmp_path / "fit.nc")
+    with h5py.File(tmp_path / "fit.nc", "r+") as file:
+        count = len(file["data/alpha"])
+        if "time" in file["data"]:
+            del file["data/time"]
+        file["data"].create_dataset("time", data=np.full(count, b"noon"))
+    with pytest.raises(ParseError, match="variable time that is not a number for each sample"):
+        open_fit(tmp_path / "fit.nc")
+    # nothing else is said, such as advice to the programmer about dimensions without names
+    assert [str(item.message) for item in recwarn] == []

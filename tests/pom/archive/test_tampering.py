@@ -6,6 +6,7 @@ import random
 import shutil
 from dataclasses import replace as replaced
 
+import h5py
 import pytest
 
 import pom
@@ -167,6 +168,19 @@ def test_a_removed_number_is_found(folder):
     details = [item.detail for item in pom.verify(changed) if item.kind == "verdict"]
     assert len(details) == 1
     assert "worst_ratio nan, judged again " in details[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [math.inf, math.nan, -1.0])
+def test_a_time_that_does_not_rise_is_an_error_of_the_file(folder, number):
+    """Fits through the samples fail on an infinite time."""
+    with h5py.File(folder / "report" / "results.nc", "r+") as file:
+        group = next(item for item in file.values() if isinstance(item, h5py.Group))
+        time = group["time"][()]
+        time[-1] = number
+        group["time"][...] = time
+    with pytest.raises(SchemaError, match="is not a rising time"):
+        read_archive(folder / "report")
 
 
 @pytest.mark.slow
