@@ -70,7 +70,7 @@ class FlownStates(ShortText):
     sizes: dict[str, float] = field(default_factory=dict)
 
 
-def gather_states(samples: Iterable[Mapping[str, Any]]) -> FlownStates | None:
+def gather_states(samples: Iterable[Mapping[Any, Any]]) -> FlownStates | None:
     """Return the states of samples; None without a sample that has alpha and mach.
 
     Parameters

@@ -154,13 +154,8 @@ def add_cautions(
         unplaced=unplaced,
         notices=texts,
         flown_samples=pack_flown_samples(samples),
-        flown_states=pack_states(gather_states(_quantities(data) for _, data in samples)),
+        flown_states=pack_states(gather_states(data for _, data in samples)),
     )
-
-
-def _quantities(data: xr.Dataset) -> dict[str, xr.DataArray]:
-    """Return the quantities of a data set by name."""
-    return {str(name): values for name, values in data.data_vars.items()}
 
 
 def pack_flown_samples(samples: Iterable[tuple[str, xr.Dataset]]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import xarray as xr
@@ -125,11 +126,10 @@ def _left_table(results: Sequence[PomResult]) -> SectionTable:
     for result in results:
         for run in result.runs:
             shares = {}
-            for row in result.verdict.itertuples():
-                if row.run == run:
-                    for remark in row.remarks:
-                        if remark.kind in ("low_confidence", "envelope_left"):
-                            shares[remark.kind] = f"{100.0 * remark.values['share']:.0f} %"
+            own = result.verdict.loc[result.verdict["run"] == run, "remarks"]
+            for remark in chain.from_iterable(own.tolist()):
+                if remark.kind in ("low_confidence", "envelope_left"):
+                    shares[remark.kind] = f"{100.0 * remark.values['share']:.0f} %"
             if shares:
                 cells = (shares.get("low_confidence", "-"), shares.get("envelope_left", "-"))
                 rows.append((result.case.title or result.case.name, run, *cells))

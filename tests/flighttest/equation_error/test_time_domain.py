@@ -322,5 +322,5 @@ def test_a_fit_whose_time_is_a_text_is_refused(tmp_path, recwarn):
         file["data"].create_dataset("time", data=np.full(count, b"noon"))
     with pytest.raises(ParseError, match="variable time that is not a number for each sample"):
         open_fit(tmp_path / "fit.nc")
-    # nothing else is said, such as advice to the programmer about dimensions without names
+    # no other text is printed, such as advice to the programmer about dimensions without names
     assert [str(item.message) for item in recwarn] == []
