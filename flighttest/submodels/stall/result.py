@@ -22,6 +22,12 @@ LEAST = {"X": 0.0, "X_lift": 0.25}
 """Value of a variable of the separation in fully separated flow."""
 # Change of the attached flow of a database that is reported, in standard errors.
 _SIGNIFICANT = 3.0
+# On a path that was reconstructed from sensors with noise, two of five parameters were off by
+# more than three standard errors (docs/evidence/submodels.md).
+_NOT_CONTAINED = (
+    "standard errors do not contain the errors of alpha, of its rate and of p in the record; not "
+    "checked: those of tau2 and asymmetry can be several times larger on reconstructed paths"
+)
 
 
 @dataclass(frozen=True)
@@ -132,6 +138,12 @@ class StallIdentification(ShortText):
         """What restricts the use of the model."""
         remarks = [f"{name}: not identified: {why}" for name, why in self.not_identified.items()]
         remarks += [remark.text for remark in self.fit.convergence_remarks]
+        remarks.append(_NOT_CONTAINED)
+        targets = {model.target for model in self.fit.models}
+        if "asymmetry" not in self.flow.fixed and "Cl" not in targets:
+            remarks.append(
+                "asymmetry: estimated without Cl: the lift of both halves together hardly shows it"
+            )
         if self.with_database:
             for coefficient, term in self._attached_terms():
                 value, stderr = self.term_value(coefficient, term)

@@ -58,6 +58,7 @@ def test_parameters_and_terms_come_back(found):
     assert texts["Cm"] == ["X_loss", "delta_e*X_loss"]
     value, stderr = found.fit.value("CL: alpha*X_lift_loss")
     assert abs(value + 4.8) < 3.0 * stderr
+    assert not [text for text in found.remarks if "estimated without Cl" in text]
 
 
 def test_unseen_stalls_are_predicted(found):
@@ -184,6 +185,9 @@ def test_a_database_is_subtracted(flights):
     found = identify(flights, coefficients=("CL",), database=db)
     assert SeparatedTerm(("alpha",), "X_lift") in found.separated["CL"]
     assert not [text for text in found.remarks if "database is off" in text]
+    # what was not checked, and what lift alone cannot show
+    assert [text for text in found.remarks if "do not contain the errors of alpha" in text]
+    assert [text for text in found.remarks if "asymmetry: estimated without Cl" in text]
 
 
 def test_attached_flow_goes_on_as_a_line():
