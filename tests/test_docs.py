@@ -55,6 +55,8 @@ NOT_RUN = {
     "aeromatch view": "serves until it is interrupted; tests/aeromatch/workbench opens it",
     "--actions": "needs the log of a session of the workbench; "
     "tests/aeromatch/workbench/test_server.py replays one",
+    "aeromatch flight stall": "needs recorded stalls, no part of the repository; "
+    "tests/flighttest/stall runs the verb on simulated ones",
     "db import-aircraft": "files of other programs, no part of the repository; "
     "tests/aerodb/cli/test_import_aircraft.py runs it",
     "aeromatch store": "shows and clears the cache of the user; "

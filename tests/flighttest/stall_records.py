@@ -8,6 +8,9 @@ import xarray as xr
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+import aerodb
+from flightmech.terms import make_term
+
 CBAR, SPAN, STEP = 1.67, 10.3, 0.04
 STATION = 0.25 * SPAN
 ALPHA_STAR = {0.0: np.deg2rad(17.0), 0.6: np.deg2rad(15.0)}
@@ -128,3 +131,17 @@ def stall_flights(seed: int, flaps: tuple[float, ...] = (0.0, 0.6)) -> list[xr.D
     rng = np.random.default_rng(seed)
     kinds = ("quasi-steady", "accelerated", "accelerated")
     return [stall_record(rng, kind, flap) for flap in flaps for kind in kinds]
+
+
+def attached_database() -> xr.DataTree:
+    """Return the lift of the attached flow as a database."""
+    leaves = {
+        "CL/basic": make_term(0.25),
+        "CL/alpha": make_term(4.8, regressors=["alpha"]),
+        "CL/flap": make_term(0.3, regressors=["delta_f"]),
+        "CL/qhat": make_term(4.0, regressors=["qhat"]),
+        "CL/elevator": make_term(0.4, regressors=["delta_e"]),
+    }
+    root = {"title": "jet", "aircraft": "jet", "S": 17.0, "cbar": 1.67, "b": 10.3}
+    root |= {"x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability", "source": "own"}
+    return aerodb.make_database(leaves, **root, history="", absent="")

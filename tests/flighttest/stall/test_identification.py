@@ -172,16 +172,7 @@ def test_the_database_flies_the_model(found, tmp_path):
 
 
 def test_a_database_is_subtracted(flights):
-    leaves = {
-        "CL/basic": make_term(0.25),
-        "CL/alpha": make_term(4.8, regressors=["alpha"]),
-        "CL/flap": make_term(0.3, regressors=["delta_f"]),
-        "CL/qhat": make_term(4.0, regressors=["qhat"]),
-        "CL/elevator": make_term(0.4, regressors=["delta_e"]),
-    }
-    root = {"title": "jet", "aircraft": "jet", "S": 17.0, "cbar": 1.67, "b": 10.3}
-    root |= {"x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability", "source": "own"}
-    db = aerodb.make_database(leaves, **root, history="", absent="")
+    db = records.attached_database()
     found = identify(flights, coefficients=("CL",), database=db)
     assert SeparatedTerm(("alpha",), "X_lift") in found.separated["CL"]
     assert not [text for text in found.remarks if "database is off" in text]
