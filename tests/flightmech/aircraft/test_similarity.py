@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ import flightmech
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import ControlGeometry
 from flightmech.aircraft.engine import Engine
+from flightmech.aircraft.separation import FlowSeparation
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.terms import make_term
 
@@ -155,10 +156,25 @@ def test_every_field_has_been_thought_of():
         "gear",
         "history",
         "facts",
+        "stall",
     }
     scaled |= {"Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"}
     kept = {"x_ref_mac", "limits", "earth_outputs", "acknowledged"}
     assert {field.name for field in fields(Aircraft)} == scaled | kept
+
+
+def test_separation_is_similar():
+    """Steepness, angles and lags in chords stay; station and frequency follow length and time."""
+    old = flightmech.read_aircraft(Path(__file__).parents[3] / "data" / "t37" / "aircraft.toml")
+    tables = {"a1": 20.0, "alpha_star": 0.3, "tau1": 10.0, "tau2": 3.0}
+    tables |= {"buffet_rms": 1.5, "buffet_frequency": 40.0, "buffet_damping": 0.1}
+    leaves = {name: make_term(value) for name, value in tables.items()}
+    old = replace(old, stall=FlowSeparation(2.5, leaves))
+    new = flightmech.aircraft.rescale(old, 4.0, 32.0).stall
+    assert new.station == pytest.approx(10.0)
+    found = {name: float(leaf["value"]) for name, leaf in new.tables.items()}
+    # Froude: accelerations stay, times grow with the root of the length
+    assert found == pytest.approx(tables | {"buffet_frequency": 20.0})
 
 
 def test_gear_circuits_fuel_and_deck_are_similar():
