@@ -13,6 +13,7 @@ PACKAGES = ("flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch
 OWN_LISTS = {
     "flightmech/names.py": "the vocabulary",
     "aerodb/comparison/conditions.py": "range of each variable in a comparison",
+    "aerodb/estimators/effects.py": "coefficients with a derivative for each variable",
     "aerodb/exchange/daveml/export_checks.py": "range of each variable in a check case",
     "aerodb/exchange/jsbsim/properties.py": "property of JSBSim for each variable",
     "aerodb/prior/prior_errors.py": "standard error of each derivative of DATCOM",

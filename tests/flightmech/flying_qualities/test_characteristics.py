@@ -478,7 +478,7 @@ def test_what_is_absent_states_why(plain_aircraft, plain_tree):
     assert reason(found, "roll_rate_peak") == "the aircraft file gives no limits of delta_a"
     assert (
         reason(found, "climb_rate_max")
-        == "the aircraft file gives an engine neither a thrust table nor a deck"
+        == "the aircraft file gives an engine neither a thrust table nor a deck nor a propeller"
     )
     assert "no engines off the centre line" in reason(found, "minimum_control_speed")
     half = flightmech.characteristics(plain_aircraft(), plain_tree(Ch_e=HINGE), CONDITION)
