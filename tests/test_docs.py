@@ -78,6 +78,10 @@ NIGHTLY_PAGES = (
     "edit-a-database.md",
     "reconstruct-a-flight.md",  # the tutorial runs the verbs of this page and of the next
     "fit-a-manoeuvre.md",
+    "plan-a-programme.md",
+    "control-law.md",
+    "own-fmu.md",
+    "export-a-database.md",
 )
 FENCE = re.compile(
     r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: "

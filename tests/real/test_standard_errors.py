@@ -111,7 +111,7 @@ def test_a_perturbation_of_1e_12_stays_one(citation):
     assert spread < 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_standard_errors_of_real_fits_are_those_of_common_sense(citation):
     """Without the fits that a lag window itself cannot judge, the slopes: 0.45 to 2.6 of those of a
     lag window.

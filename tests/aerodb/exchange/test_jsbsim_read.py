@@ -131,7 +131,7 @@ def test_induced_drag_flies_equal():
         assert (flight.worst(flight.loads(db, at, craft)[0], F).max() < ROUNDING) == exact
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_list_of_aircraft_that_are_read():
     """Every name of docs/evidence/jsbsim-aircraft.md."""
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
