@@ -136,7 +136,8 @@ def test_gradient_of_the_whole_cost(setup, air):
         )
         # what a gust adds to a reading does not move with the latency: its part of the derivative
         # is left out
-        tolerance = 1e-3 if (air, name) == ("shown", "delay.air_data") else 1e-4
+        # The quotient rounds: under another kernel of the linear algebra it is off by 1.2e-4.
+        tolerance = 1e-3 if (air, name) == ("shown", "delay.air_data") else 3e-4
         assert slope == pytest.approx(2 * equations.gc[i], rel=tolerance, abs=1e-3 / scale[i]), name
     for j in range(problem.states):
         # samples inside, where the prior on the start (which moves with the iteration) does not act
