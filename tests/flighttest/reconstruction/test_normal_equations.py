@@ -130,14 +130,14 @@ def test_gradient_of_the_whole_cost(setup, air):
     scale = np.sqrt(np.diag(problem.constants.covariance))
     for i, name in enumerate(problem.constants.names):
         step = np.zeros(len(c))
-        step[i] = 1e-4 * scale[i]
+        # The cost is large and rounds: a shorter step misses the tolerance under some kernels.
+        step[i] = 1e-3 * scale[i]
         slope = (linearise(problem, x, c + step).cost - linearise(problem, x, c - step).cost) / (
             2 * step[i]
         )
         # what a gust adds to a reading does not move with the latency: its part of the derivative
         # is left out
-        # The quotient rounds: under another kernel of the linear algebra it is off by 1.2e-4.
-        tolerance = 1e-3 if (air, name) == ("shown", "delay.air_data") else 3e-4
+        tolerance = 1e-3 if (air, name) == ("shown", "delay.air_data") else 1e-4
         assert slope == pytest.approx(2 * equations.gc[i], rel=tolerance, abs=1e-3 / scale[i]), name
     for j in range(problem.states):
         # samples inside, where the prior on the start (which moves with the iteration) does not act
