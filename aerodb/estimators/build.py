@@ -35,7 +35,7 @@ from aerodb.store.effects import (
     with_added,
 )
 from aerodb.store.overview import ORIGIN
-from aerodb.store.schema import SCHEME, make_database
+from aerodb.store.schema import make_prior_database
 from aerodb.update.cautions.notices import note_plausibility
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
@@ -314,22 +314,11 @@ def _make_tree(
     aircraft: Aircraft, one: CoefficientSet, leaves: Mapping[str, xr.Dataset], point: Point
 ) -> xr.DataTree:
     """Return the database of the terms, in the order of the scheme."""
-    order = {name: position for position, name in enumerate(SCHEME)}
-    names = sorted(leaves, key=lambda name: (order.get(name, len(order)), name))
-    x_ref, y_ref, z_ref = point
-    return make_database(
-        {name: leaves[name].assign_attrs({ORIGIN: one.program}) for name in names},
-        title=f"{aircraft.name}: a-priori database from {one.program}",
-        aircraft=aircraft.name,
-        S=float(aircraft.S),
-        cbar=float(aircraft.cbar),
-        b=float(aircraft.b),
-        x_ref=x_ref,
-        y_ref=y_ref,
-        z_ref=z_ref,
-        force_axes="stability",
+    return make_prior_database(
+        aircraft,
+        {name: leaf.assign_attrs({ORIGIN: one.program}) for name, leaf in leaves.items()},
+        point,
         source=one.program,
         history=f"from_estimate: {one.program} from {', '.join(one.files)}",
         comment="; ".join(one.remarks),
-        absent=" ".join(name for name in SCHEME if name not in leaves),
     )

@@ -30,7 +30,7 @@ from aerodb.prior.reference_quantities import (
 from aerodb.prior.sources import Source, collect_source, split_powered, warn_user
 from aerodb.store.effects import Effect
 from aerodb.store.plausible_ranges import CANARD, REAR_WING, TAIL_PRESSURE
-from aerodb.store.schema import SCHEME, make_database
+from aerodb.store.schema import make_prior_database
 from aerodb.update.cautions.notices import note_plausibility
 from datcom_io.decks.aircraft_rules import ROUNDED_SPAN
 from datcom_io.decks.device_fit import (
@@ -294,26 +294,17 @@ def _assemble_database(
     sources: Mapping[str, Source],
 ) -> xr.DataTree:
     """Return the database of all terms, in the order of the scheme."""
-    x_ref, y_ref, z_ref = reference
     origins = [f"{role} from {source.file}" for role, source in sources.items()]
-    return make_database(
-        {name: leaves[name] for name in sorted(leaves, key=_scheme_order)},
-        title=f"{aircraft.name}: a-priori database from Digital DATCOM",
-        aircraft=aircraft.name,
-        S=float(aircraft.S),
-        cbar=float(aircraft.cbar),
-        b=float(aircraft.b),
-        x_ref=x_ref,
-        y_ref=y_ref,
-        z_ref=z_ref,
-        force_axes="stability",
+    return make_prior_database(
+        aircraft,
+        leaves,
+        reference,
         configuration=_describe_configuration(sources["clean"]),
         source="Digital DATCOM",
         references="AFFDL-TR-79-3032; LR-743",
         history=f"from_datcom: {'; '.join(origins)}",
         comment="moments and rates in body axes; DATCOM's stability-axis ones are turned by alpha "
         "at the nodes",
-        absent=" ".join(name for name in SCHEME if name not in leaves),
     )
 
 
@@ -418,10 +409,3 @@ def _require_tail(clean: Source) -> None:
                 "(--tailless) for an aircraft that has no tail"
             ],
         )
-
-
-def _scheme_order(name: str) -> tuple[int, str]:
-    """Return the sort key of a term: its position in the scheme, terms outside it last."""
-    if name in SCHEME:
-        return SCHEME.index(name), name
-    return len(SCHEME), name

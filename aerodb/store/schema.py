@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from flightmech.support.array_files.netcdf_trees import GROUPS
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from flightmech.aircraft.aircraft import Aircraft
 
 FORCE_AXES = {
     "stability": ("CL", "CD", "CY", "Cl", "Cm", "Cn"),
@@ -76,6 +78,55 @@ def make_database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -
     tree = xr.DataTree.from_dict(nodes)
     require_valid(tree)
     return tree
+
+
+def make_prior_database(
+    aircraft: Aircraft,
+    leaves: Mapping[str, xr.Dataset],
+    point: Sequence[float],
+    **attributes: str | float,
+) -> xr.DataTree:
+    """Return a checked a-priori database of an aircraft, its terms in the order of the scheme.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Its name and reference quantities are those of the database.
+    leaves : mapping of str to Dataset
+        Terms by name, forces in stability axes.
+    point : sequence of float
+        Moment reference point from the drawing datum, body directions. [m]
+    **attributes : str or float
+        Further root attributes: ``source``, the programs that the terms come from, ``history``, and
+        others.
+
+    Raises
+    ------
+    SchemaError
+        As `make_database`.
+    """
+    x_ref, y_ref, z_ref = map(float, point)
+    return make_database(
+        {name: leaves[name] for name in sorted(leaves, key=scheme_order)},
+        title=f"{aircraft.name}: a-priori database from {attributes['source']}",
+        aircraft=aircraft.name,
+        S=float(aircraft.S),
+        cbar=float(aircraft.cbar),
+        b=float(aircraft.b),
+        x_ref=x_ref,
+        y_ref=y_ref,
+        z_ref=z_ref,
+        force_axes="stability",
+        **attributes,
+        absent=" ".join(name for name in SCHEME if name not in leaves),
+    )
+
+
+def scheme_order(name: str) -> tuple[int, str]:
+    """Return the sort key of a term: its position in the scheme, terms outside it last."""
+    if name in SCHEME:
+        return SCHEME.index(name), name
+    return len(SCHEME), name
 
 
 def check(db: xr.DataTree) -> list[str]:

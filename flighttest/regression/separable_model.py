@@ -246,16 +246,7 @@ class SeparableModel:
         """Return the result of `design` for arrays (size,) by name."""
         # A lag needs the stretches without a gap; other terms ignore them.
         scope = Scope(quantities, dict(parameters), pieces or Pieces())
-        X = np.empty((size, len(self.terms)))
-        slopes: list[Slope] = []
-        # Overflow gives infinite regressors, which the projection refuses.
-        with np.errstate(over="ignore", invalid="ignore"):
-            for j, expression in enumerate(self.expressions):
-                value, derivatives = expression.at(scope)
-                X[:, j] = value
-                for name, slope in derivatives.items():
-                    slopes.append(Slope(name, j, np.broadcast_to(slope, (size,))))
-        return X, slopes
+        return evaluate_columns(self.expressions, scope, size)
 
 
 def _demand_terms(names: Sequence[str]) -> None:
@@ -293,3 +284,19 @@ def _list_faults(name: str, item: ShapeParameter, used: Sequence[str]) -> list[s
             f"{name}: a standard error of {item.sigma:g}; it must be positive and needs a start"
         )
     return faults
+
+
+def evaluate_columns(
+    expressions: Sequence[Expression], scope: Scope, size: int
+) -> tuple[np.ndarray, list[Slope]]:
+    """Return regressors (size, terms), and their derivatives by the shape parameters."""
+    X = np.empty((size, len(expressions)))
+    slopes: list[Slope] = []
+    # Overflow gives infinite regressors, which the projection refuses.
+    with np.errstate(over="ignore", invalid="ignore"):
+        for j, expression in enumerate(expressions):
+            value, derivatives = expression.at(scope)
+            X[:, j] = value
+            for name, slope in derivatives.items():
+                slopes.append(Slope(name, j, np.broadcast_to(slope, (size,))))
+    return X, slopes

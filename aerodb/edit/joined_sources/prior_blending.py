@@ -22,7 +22,7 @@ from aerodb.edit.joined_sources.source_nodes import HELD_ERROR, cover_ranges
 from aerodb.prior.sources import warn_user
 from aerodb.store.grids import is_within, regrid_leaf, union_axes, value_breakpoints
 from aerodb.store.overview import ORIGIN, plain_number
-from aerodb.store.schema import SCHEME, make_database, terms
+from aerodb.store.schema import make_prior_database, scheme_order, terms
 from aerodb.store.undo_history import add_history_line
 from aerodb.update.cautions.notices import NOTICES, note_plausibility, notices_of, with_notices
 from flightmech.aircraft.aircraft import Aircraft
@@ -95,8 +95,9 @@ def blend_sources(
     Raises
     ------
     SchemaError
-        Less than two databases, one that is not a-priori or is a blend, one twice, force axes other than stability axes,
-        regressors of a term that differ, or sources with opposite signs far beyond their errors; all
+        Less than two databases, one that is not a-priori or is a blend, one twice, force axes other
+        than stability axes, regressors of a term that differ, or sources with opposite signs far
+        beyond their errors; all
         faults.
     UnknownName
         An unknown term or source in `take`.
@@ -109,8 +110,8 @@ def blend_sources(
 
     Notes
     -----
-    See `aerodb.edit.joined_sources.source_blending` for the equations, and `aerodb.edit.joined_sources.source_nodes` for what a
-    source states between and beyond its nodes.
+    See `aerodb.edit.joined_sources.source_blending` for the equations, and
+    `aerodb.edit.joined_sources.source_nodes` for what a source states between and beyond its nodes.
     """
     if len(databases) < 2:
         raise SchemaError("blend", [f"{len(databases)} source; give two databases or more"])
@@ -141,9 +142,8 @@ def _sources_by_term(
 ) -> dict[str, list[PriorSource]]:
     """Return the sources of every term, one where `take` names it, in the order of the scheme."""
     names = dict.fromkeys(name for source in sources for name in terms(source.database))
-    order = {name: position for position, name in enumerate(SCHEME)}
     by_term = {}
-    for name in sorted(names, key=lambda name: order.get(name, len(order))):
+    for name in sorted(names, key=scheme_order):
         by_term[name] = [s for s in sources if name in terms(s.database)]
     labels = {source.label: source for source in sources}
     for pattern, label in take.items():
@@ -217,21 +217,12 @@ def _make_tree(
     shared = [name for name, term in blended.items() if len(term.labels) > 1]
     history.append(f"blend_sources: {labels}; {len(shared)} terms of several sources")
     leaves = {name: _leaf_of(name, term, sources) for name, term in blended.items()}
-    x_ref, y_ref, z_ref = map(float, point)
-    return make_database(
+    return make_prior_database(
+        aircraft,
         leaves,
-        title=f"{aircraft.name}: a-priori database from {labels}",
-        aircraft=aircraft.name,
-        S=float(aircraft.S),
-        cbar=float(aircraft.cbar),
-        b=float(aircraft.b),
-        x_ref=x_ref,
-        y_ref=y_ref,
-        z_ref=z_ref,
-        force_axes="stability",
+        point,
         source=labels,
         history="\n".join(history),
-        absent=" ".join(name for name in SCHEME if name not in leaves),
         **attributes,
         **with_notices({}, [*earlier, *notices]),
     )

@@ -16,7 +16,7 @@ import numpy as np
 from flightmech.names import SEPARATION
 from flighttest.regression.expression_functions import Pieces
 from flighttest.regression.expressions import Expression, Scope, parse_terms
-from flighttest.regression.separable_model import SeparableModel, Slope
+from flighttest.regression.separable_model import SeparableModel, Slope, evaluate_columns
 from flighttest.submodels.stall.flow import LOSSES, UNITS, SeparationFlow
 
 _FLOW = {*SEPARATION, *LOSSES}
@@ -106,11 +106,4 @@ class SeparatedModel(SeparableModel):
         pieces = pieces or Pieces()
         flow = self.flow.evaluate(quantities, parameters, pieces)
         scope = Scope({**quantities, **flow}, {}, pieces)
-        X = np.empty((size, len(self.terms)))
-        slopes: list[Slope] = []
-        for j, expression in enumerate(self.expressions):
-            value, derivatives = expression.at(scope)
-            X[:, j] = value
-            for name, slope in derivatives.items():
-                slopes.append(Slope(name, j, np.broadcast_to(slope, (size,))))
-        return X, slopes
+        return evaluate_columns(self.expressions, scope, size)
