@@ -15,7 +15,6 @@ import aerodb
 from aerodb.figures.lr743_set.flown import (
     FLOWN,
     FlightData,
-    configuration_text,
     is_clean,
     read_flown,
 )
@@ -25,6 +24,7 @@ from aerodb.store.overview import describe_database, heading_lines
 from aeromatch.project.project import OWN_MODELS
 from aeromatch.workbench.opened import MATCH, OpenProject
 from flightmech import terms as _terms
+from flightmech.envelope.maps import configuration_text
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.figures import to_display_quantity
@@ -243,7 +243,7 @@ def _point_rows(table: pd.DataFrame, axes: list[str], names: Iterable[Any]) -> l
             "value": float(row["estimate"]),
             "stderr": float(row["stderr"]),
             "clean": bool(is_row_clean),
-            "configuration": configuration_text(row),
+            "configuration": configuration_text(row.to_dict()),
             "at": coordinates,
         }
         rows.append(point)

@@ -13,13 +13,14 @@ import xarray as xr
 
 import aerodb
 import flighttest
-from aerodb.figures.lr743_set.flown import configuration_text, height_text
+from aerodb.figures.lr743_set.flown import height_text
 from aeromatch.workbench.channels.signals import residuals_of
 from aeromatch.workbench.channels.views import ROUTES as CHANNEL_ROUTES
 from aeromatch.workbench.channels.views import number_of, pack_expressions
 from aeromatch.workbench.opened import MATCH, OpenProject, decimate_channels, pack_traces
 from flightmech.air import atmosphere, impact_pressure_at, mach_number
 from flightmech.aircraft.aircraft_file import read_aircraft
+from flightmech.envelope.maps import configuration_text
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.figures import to_display_quantity
@@ -256,7 +257,7 @@ def list_test_points(opened: OpenProject, query: Mapping[str, str], body: Any) -
             if name in means:
                 row[name] = float(to_display_quantity(name, np.array([means[name]]))[0][0])
         # A device without a channel is at rest.
-        settings = pd.Series({**dict.fromkeys(_SETTINGS, 0.0), **means})
+        settings = {**dict.fromkeys(_SETTINGS, 0.0), **means}
         row["configuration"] = configuration_text(settings)
         rows.append(row)
     return {"points": rows, "units": {name: _display_unit(name) for name in _CONDITIONS}}

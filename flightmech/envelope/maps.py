@@ -40,6 +40,8 @@ _LEFT, _TOP, _HEIGHT, _FOOT, _GAP = 44.0, 40.0, 190.0, 40.0, 50.0
 _BEYOND = 0.08  # of the range of the tables, shown beyond their ends
 _LEGEND = 26.0
 _MOST_POINTS = 300  # of the drawn path of a case
+AT_REST = 0.01  # of an extension or a flap angle [1, rad]
+EXTENDED = 0.5  # extension of a gear or speed brake that counts as extended
 
 
 @dataclass(frozen=True)
@@ -84,20 +86,28 @@ class RegionMap(ShortText):
         return "\n".join([*lines, f"{'':9} {x} {ends} {lookup(x).display_units}"])
 
 
-def configuration_text(configuration: Mapping[str, float]) -> str:
-    """Return a configuration in words, ``delta_f 20 deg, gear 1``.
+def configuration_text(configuration: Mapping[Any, Any]) -> str:
+    """Return flaps, gear and speed brake in words; ``clean`` if all are retracted, and ``one
+    configuration`` if none of them is stated.
 
     Examples
     --------
-    >>> configuration_text({"delta_f": 0.0, "gear": 1.0})
-    'delta_f 0 deg, gear 1'
+    >>> configuration_text({"delta_f": 0.698, "gear": 1.0, "speedbrake": 0.0})
+    'flaps 40 deg, gear'
     """
-    return (
-        ", ".join(
-            f"{name} {value_text(name, value, '.3g')}" for name, value in configuration.items()
-        )
-        or "one configuration"
-    )
+    if not configuration:
+        return "one configuration"
+    parts = []
+    flaps = configuration.get("delta_f", 0.0)
+    if abs(flaps) >= AT_REST:
+        parts.append(f"flaps {value_text('delta_f', flaps, '.0f')}")
+    for name, word in (("gear", "gear"), ("speedbrake", "speed brake")):
+        extension = configuration.get(name, 0.0)
+        if extension >= EXTENDED:
+            parts.append(word)
+        elif extension >= AT_REST:
+            parts.append(f"{word} {extension:.2g} extended")
+    return ", ".join(parts) or "clean"
 
 
 def region_maps(envelope: Envelope) -> list[RegionMap]:

@@ -24,7 +24,6 @@ from aerodb.figures.lr743_set.combinations import (
 )
 from aerodb.figures.lr743_set.flown import (
     FlightData,
-    configuration_text,
     group_heights,
     height_text,
     is_clean,
@@ -50,6 +49,7 @@ from aerodb.figures.symbols import (
 )
 from flightmech.air import GAMMA, atmosphere
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.envelope.maps import configuration_text
 from flightmech.errors import SimulationError
 from flightmech.flying_qualities.performance import one_g, polar, stall
 from flightmech.steady_flight.trim_point import trimmed_at
@@ -113,7 +113,7 @@ def one_g_lines(
         for h in map(float, np.unique(heights)):
             rows = group[heights == h]
             means = rows.mean(numeric_only=True)
-            configuration = configuration_text(means)
+            configuration = configuration_text(means.to_dict())
             mass_text = number_text(float(np.round(means["mass"], -1)))
             label = f"{height_text(h)}, {mass_text} kg, {configuration}"
             # The flight is trimmed at the largest Mach number of the test points.
@@ -233,7 +233,7 @@ def elevator_sweep_chart(databases: Databases, flown: FlightData | None) -> Char
         if np.ptp(samples["CL"]) < _LEAST_EXCURSION or np.ptp(samples["mach"]) > _MOST_MACH_CHANGE:
             continue
         row = rows.loc[[number]].iloc[0]
-        title = f"{configuration_text(row)}, {height_text(row['height'])}"
+        title = f"{configuration_text(row.to_dict())}, {height_text(row['height'])}"
         sweeps.setdefault(title, []).append(_sweep_curves(db, row, samples))
     if not sweeps:
         raise NotDrawn(

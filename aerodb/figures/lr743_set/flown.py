@@ -16,6 +16,7 @@ from aerodb.store.evaluation import contributions
 from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.air import atmosphere
+from flightmech.envelope.maps import AT_REST
 from flightmech.errors import ParseError
 from flightmech.short_text import ShortText
 from flightmech.support.hdf5_seal import demand_self_contained
@@ -55,8 +56,6 @@ _COLUMNS = {
     "submodels": ("submodel", "part", "technique", "residual"),
 }
 _GROUND = ("coefficient", "term", "y_inf", "k", "k_stderr", "s", "s_stderr", "correlation", "note")
-_AT_REST = 0.01  # of an extension or a flap angle [1, rad]
-_EXTENDED = 0.5  # extension of a gear or speed brake that counts as extended
 # Height above the ground without ground effect, more than one span of any aeroplane. [m]
 _FREE = 100.0
 _HEIGHT_GAP = 300.0  # between two heights that are distinguished [m]
@@ -141,28 +140,15 @@ def is_clean(table: pd.DataFrame) -> pd.Series:
     """Return whether rows are of the clean aeroplane in free air."""
     return (
         is_free(table)
-        & (table["delta_f"].abs() < _AT_REST)
-        & (table["gear"] < _AT_REST)
-        & (table["speedbrake"] < _AT_REST)
+        & (table["delta_f"].abs() < AT_REST)
+        & (table["gear"] < AT_REST)
+        & (table["speedbrake"] < AT_REST)
     )
 
 
 def is_free(table: pd.DataFrame) -> pd.Series:
     """Return whether rows are out of ground effect."""
     return table["h_agl"] >= _FREE
-
-
-def configuration_text(row: pd.Series) -> str:
-    """Return the configuration in words: ``clean``, ``flaps 40 deg, gear``."""
-    parts = []
-    if abs(row["delta_f"]) >= _AT_REST:
-        degrees = np.round(to_printed_unit("delta_f", row["delta_f"]))
-        parts.append(f"flaps {number_text(float(degrees))} deg")
-    if row["gear"] >= _EXTENDED:
-        parts.append("gear")
-    if row["speedbrake"] >= _EXTENDED:
-        parts.append("speed brake")
-    return ", ".join(parts) or "clean"
 
 
 def group_heights(table: pd.DataFrame) -> np.ndarray:

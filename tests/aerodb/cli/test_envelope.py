@@ -43,9 +43,9 @@ def run(*arguments):
 
 def test_text_has_a_map_per_plane_and_the_marks(path):
     lines = run(path).stdout.splitlines()
-    assert [line for line in lines if line.startswith("gear")] == [
-        "gear 0: mach over alpha",
-        "gear 0: beta over alpha",
+    assert [line for line in lines if line.startswith("clean")] == [
+        "clean: mach over alpha",
+        "clean: beta over alpha",
     ]
     assert lines[-1] == "# flown, + between flown points, . a-priori, x extrapolated"
     # cells at Mach 0.3: beyond the table, a-priori, flown, a-priori, beyond the table

@@ -20,13 +20,13 @@ from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightP
 from aerodb.figures.lr743_set.combinations import combine_coefficients, remove_moving_devices
 from aerodb.figures.lr743_set.flown import (
     _sample_conditions,
-    configuration_text,
     group_heights,
 )
 from aerodb.figures.lr743_set.sheet import draw_chart
 from aerodb.update.correlation import covariance_between
 from flightmech import terms
 from flightmech.air import atmosphere
+from flightmech.envelope.maps import configuration_text
 from flightmech.errors import ParseError, SchemaError
 from flightmech.units import DEGREE, G0
 
@@ -556,7 +556,7 @@ def test_polars_are_trimmed_and_carry_the_errors_of_lift_and_drag(rich, aircraft
 
 
 def test_names_of_configurations_and_heights(flown):
-    assert [configuration_text(row) for _, row in flown.manoeuvres.iterrows()] == [
+    assert [configuration_text(row.to_dict()) for _, row in flown.manoeuvres.iterrows()] == [
         "clean",
         "flaps 20 deg",
         "flaps 40 deg, gear",
