@@ -44,7 +44,7 @@ CELL = {
 
 Our numbers: narrower than the breakpoints of the tables, wider than the errors of the instruments.
 """
-HIGHEST = 100.0  # [m] heights from there on are kept as one: there is no effect of the ground
+HIGHEST = 100.0  # [m] one cell for all heights above: the ground has no effect there
 _LARGE = 99.0  # percentile of the absolute values that counts as the flown size of a variable
 
 

@@ -158,7 +158,7 @@ class _TermRegions:
         return np.where(effect >= self.least, regions, FLOWN)
 
     def _factor(self, full: dict[str, np.ndarray]) -> Any:
-        """Return the absolute value of regressors and power; what is no axis has its flown size."""
+        """Return the absolute value of regressors and power; variables without an axis have their flown size."""
         product: Any = 1.0
         for name in _terms.list_regressors(self.leaf):
             product = product * np.abs(full.get(name, flown_size(self.states, name)))

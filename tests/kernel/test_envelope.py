@@ -158,7 +158,7 @@ START = struct.unpack_from("<Q", SIM.block, HEADER + ENTRY * ENVELOPE)[0]
         (START, struct.pack("<I", 65), "too many region tables"),
         (START, struct.pack("<I", 60), "region table"),
         (START + 8, struct.pack("<I", 9), "too many axes"),
-        (START + 12, struct.pack("<I", 999), "no variable"),
+        (START + 12, struct.pack("<I", 999), "unknown axis"),
         (START + 16, struct.pack("<I", 10**8), "edges of a region table"),
         (START + 16, struct.pack("<I", 2**32 - 1), "edges of a region table"),
         (HEADER + ENTRY * ENVELOPE + 8, struct.pack("<Q", 16), "region table"),

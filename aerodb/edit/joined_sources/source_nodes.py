@@ -185,7 +185,7 @@ def _interpolation_error(own: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     interval = np.clip(np.searchsorted(own, wanted) - 1, 0, len(own) - 2)
     width = own[interval + 1] - own[interval]
     t = np.clip((wanted - own[interval]) / width, 0.0, 1.0)
-    # Rounding of degrees is no distance.
+    # Differences by the rounding of degrees do not count.
     share = t * (1.0 - t)
     return np.where(share > 1e-6, 0.5 * share * width**2, 0.0)
 

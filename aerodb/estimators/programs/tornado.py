@@ -50,7 +50,7 @@ _YAW_RATE = (
 _NO_CENTRE = "the text export has no moment centre; its S, cbar and b are {S:g}, {cbar:g}, {b:g}"
 
 
-class _Solution(NamedTuple):
+class _TornadoSolution(NamedTuple):
     """Numbers of one solution: names of the program to a value or one per control, and line."""
 
     numbers: dict[str, tuple[np.ndarray, int]]
@@ -117,7 +117,7 @@ def read_tornado(path: str | Path) -> CoefficientSet:
     )
 
 
-def _read_mat(file: Path, raw: bytes) -> _Solution:
+def _read_mat(file: Path, raw: bytes) -> _TornadoSolution:
     """Return the solution in the structures results, state, geo and ref."""
     names = ("results", "state", "geo", "ref")
     try:
@@ -149,7 +149,7 @@ def _read_mat(file: Path, raw: bytes) -> _Solution:
     if centre.size != 3:
         raise ParseError(str(file), 0, "geo.ref_point of other size", "three coordinates")
     x, y, z = (float(value) for value in centre)
-    return _Solution(
+    return _TornadoSolution(
         numbers,
         {to: float(_array(file, name, state.get(name))[0]) for name, to in fields.items()},
         {to: float(_array(file, name, ref.get(name))[0]) for name, to in lengths.items()},
@@ -162,11 +162,11 @@ def _read_mat(file: Path, raw: bytes) -> _Solution:
 def _array(file: Path, name: str, value: Any) -> np.ndarray:
     array = np.atleast_1d(np.asarray(value))
     if array.dtype.kind not in "fiub" or array.ndim != 1 or not array.size:
-        raise ParseError(str(file), 0, f"{name} that is no number", f"{_EXPECTED} as saved")
+        raise ParseError(str(file), 0, f"{name} that is not a number", f"{_EXPECTED} as saved")
     return array.astype(float)
 
 
-def _read_text(file: Path, lines: Sequence[str]) -> _Solution:
+def _read_text(file: Path, lines: Sequence[str]) -> _TornadoSolution:
     """Return the solution of a text export, whose numbers stand before their labels."""
     labelled: dict[str, tuple[np.ndarray, int]] = {}
     in_pitch = False
@@ -195,7 +195,7 @@ def _read_text(file: Path, lines: Sequence[str]) -> _Solution:
                 str(file), len(lines), f"no '{name}'", "a whole export; it was cut off"
             )
     names = [name + s for name in _COEFFICIENTS for s in ("", *(f"_{v}" for v in _VARIABLES))]
-    return _Solution(
+    return _TornadoSolution(
         {name: labelled[name] for name in names if name in labelled},
         {to: float(labelled[name][0][0]) for name, to in state.items()},
         {to: float(labelled[name][0][0]) for name, to in lengths.items()},
@@ -205,7 +205,7 @@ def _read_text(file: Path, lines: Sequence[str]) -> _Solution:
     )
 
 
-def _check(file: Path, solution: _Solution) -> None:
+def _check(file: Path, solution: _TornadoSolution) -> None:
     for name in _COEFFICIENTS:
         if name not in solution.numbers:
             raise ParseError(str(file), 0, f"no {name}", f"{_EXPECTED} of a solved case")
@@ -223,13 +223,13 @@ def _check(file: Path, solution: _Solution) -> None:
             )
 
 
-def _of_controls(solution: _Solution) -> Iterator[tuple[np.ndarray, int]]:
+def _of_controls(solution: _TornadoSolution) -> Iterator[tuple[np.ndarray, int]]:
     for name, entry in solution.numbers.items():
         if name.endswith("_d"):
             yield entry
 
 
-def _condition(file: Path, solution: _Solution) -> dict[str, Any]:
+def _condition(file: Path, solution: _TornadoSolution) -> dict[str, Any]:
     """Return the flight condition with the signs of flight dynamics. [rad]"""
     state, lengths = solution.state, solution.reference
     speed = state["V"]
@@ -248,7 +248,7 @@ def _condition(file: Path, solution: _Solution) -> dict[str, Any]:
 
 
 def _rows(
-    file: Path, solution: _Solution, condition: dict[str, Any], controls: Sequence[str]
+    file: Path, solution: _TornadoSolution, condition: dict[str, Any], controls: Sequence[str]
 ) -> Iterator[dict[str, Any]]:
     """Yield totals and derivatives with the signs of flight dynamics."""
     for name, (values, line) in solution.numbers.items():

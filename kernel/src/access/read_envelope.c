@@ -35,7 +35,7 @@ static bool read_axes_of(reader *r, place_t *from, const uint32_t *words, region
         const uint32_t variable = words[1 + 2 * k];
         to->edges[k] = words[2 + 2 * k];
         if (variable >= r->count[VARIABLES] || is_implicit(r->model->variable[variable])) {
-            return refuse_block(r, "model block: a region table has an axis that is no variable");
+            return refuse_block(r, "model block: a region table has an unknown axis");
         }
         to->variable[k] = r->model->variable[variable];
         const double *edge = take(from, to->edges[k], sizeof(double));
