@@ -1,6 +1,7 @@
 """Imports of the modules of the packages, for the tests of their order and the page of folders."""
 
 import ast
+import functools
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -27,11 +28,9 @@ def imported(file: Path, known: dict[str, Path], root: Path = ROOT) -> set[str]:
     own = module_name(file, root)
     package = own.split(".") if file.name == "__init__.py" else own.split(".")[:-1]
     found = set()
-    stub = file.with_suffix(
-        ".pyi"
-    )  # the public names of a package, which its __init__.py loads when they are used
-    texts = [part.read_text(encoding="utf-8") for part in (file, stub) if part.is_file()]
-    for node in (node for text in texts for node in ast.walk(ast.parse(text))):
+    # the public names of a package, which its __init__.py loads when they are used
+    stub = file.with_suffix(".pyi")
+    for node in [*import_statements(file), *import_statements(stub)]:
         if isinstance(node, ast.Import):
             found |= {nearest(alias.name, known) for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -46,6 +45,15 @@ def imported(file: Path, known: dict[str, Path], root: Path = ROOT) -> set[str]:
             )
             found |= {nearest(f"{base}.{alias.name}", known) for alias in node.names}
     return found - {"", own}
+
+
+@functools.cache  # the tests and the page of folders read the same files
+def import_statements(file: Path) -> list[ast.Import | ast.ImportFrom]:
+    """Return all import statements of a file, empty when there is no such file."""
+    if not file.is_file():
+        return []
+    nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+    return [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
 
 
 def nearest(name: str, known: dict[str, Path]) -> str:
