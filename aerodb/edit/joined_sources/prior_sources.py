@@ -45,6 +45,8 @@ METHODS = {
     "Tornado": "potential flow",
     "AeroSandbox": "potential flow",
 }
+# Programs under another name: their errors are those of one program.
+SAME_PROGRAM = {"OptVL": "AVL"}  # AVL as a Python library
 # Correlation of the errors of two sources of one program, of two programs of one method, and of two
 # methods.
 COMMON_ERROR = {"program": 0.9, "method": 0.7, "aeroplane": 0.5}
@@ -81,7 +83,8 @@ class PriorSource(ShortText):
 
         It is 0 for two methods: their difference is not expected to be small.
         """
-        if self.program == other.program:
+        names = {SAME_PROGRAM.get(name, name) for name in (self.program, other.program)}
+        if len(names) == 1:
             return COMMON_ERROR["program"]
         return COMMON_ERROR["method"] if self.method == other.method else 0.0
 

@@ -82,6 +82,8 @@ def test_two_runs_of_one_program_are_not_independent():
     pair = [table(0.10, stderr=0.02), table(0.12, stderr=0.02)]
     apart = blended(*pair)
     same = blended(*pair, programs=("AVL", "AVL"))
+    renamed = blended(*pair, programs=("AVL", "OptVL"))
+    assert renamed.leaf["stderr"].values == pytest.approx(same.leaf["stderr"].values, rel=1e-12)
     method = blended(*pair, programs=("AVL", "VSPAERO"))
     for term in (apart, same, method):
         assert term.leaf["value"].values == pytest.approx(0.11, rel=1e-9)
