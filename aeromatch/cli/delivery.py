@@ -20,7 +20,7 @@ class FileOrFolder(InputFile):
         return Path(value) if Path(value).is_dir() else super().convert(value, param, ctx)
 
 
-_MODEL = click.Choice(["datcom", "corrected", "final"])
+_MODEL = click.Choice(["datcom", "prior", "corrected", "final"])
 
 
 @click.group()

@@ -43,7 +43,7 @@ from aeromatch.delivery.places import (
     STATES,
 )
 from aeromatch.delivery.signing import read_private_key, signature_text
-from aeromatch.project.project import OWN_MODELS, Project
+from aeromatch.project.project import Project
 from aeromatch.workflow.steps import REPORT
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError
@@ -185,7 +185,7 @@ def _fill(
 def _copy_files(folder: Path, project: Project, match: Path, wishes: PackageOptions) -> None:
     """Copy models, aircraft, databases, cases, report, and the recordings if requested."""
     folders = {".fmu": "models", ".toml": "aircraft", ".nc": "aircraft"}
-    for name in OWN_MODELS:
+    for name in project.own_models:
         for file in sorted(match.glob(f"{name}*")):
             if file.name == f"{name}.nc":
                 _copy_file(file, folder / "database" / file.name)

@@ -218,7 +218,8 @@ class _CaseChecker:
             return {}
         # An identified engine of the final model may have tables that the aircraft file lacks.
         if self._project.engine is not None:
-            return {name: model for name, model in compiled.items() if name == "datcom"}
+            before = self._project.prior_model
+            return {name: model for name, model in compiled.items() if name == before}
         return dict(compiled)
 
 

@@ -327,16 +327,25 @@ class _ModelChecks:
             datcom, start = databases_before(
                 project, self._aircraft, self._custody, stages=self._stages
             )
-            return {"datcom": datcom, "final": start}
+            return {project.prior_model: datcom, "final": start}
         except (AeromatchError, OSError):
             # The two steps are repeated one by one, so that each error has its place.
-            prior = run_collecting_problems(problems, "listings", a_priori, project, self._aircraft)
+            prior = run_collecting_problems(
+                problems,
+                "prior" if project.prior else "listings",
+                a_priori,
+                project,
+                self._aircraft,
+            )
         if prior is None:
             return {}
         opened = run_collecting_problems(problems, "", add_missing_terms, project, prior)
         if opened is None:
             opened = prior
-        return {"datcom": self._stages.given(prior), "final": self._stages.given(opened)}
+        return {
+            project.prior_model: self._stages.given(prior),
+            "final": self._stages.given(opened),
+        }
 
     def run(self) -> None:
         """Check the databases with their updates, and every case with every model."""
@@ -367,7 +376,7 @@ class _ModelChecks:
             plan.cases,
             windows,
             databases=databases,
-            aircraft={"datcom": self._apriori, "final": self._aircraft},
+            aircraft={project.prior_model: self._apriori, "final": self._aircraft},
         )
 
 

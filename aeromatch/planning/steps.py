@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from aeromatch.project.project import OWN_MODELS, Project
+from aeromatch.project.project import Project
 from aeromatch.workflow.aerodynamics import WAYS, prior_step
 from aeromatch.workflow.steps import COMPARED, FLOWN, REPORT, replay_step
 from flightmech.errors import AeromatchError, SchemaError
@@ -106,7 +106,7 @@ def _count_fits(project: Project) -> int:
 def products_of(project: Project, cases: Sequence[Any], compare: bool) -> list[str]:
     """Return the files of a match, relative to its folder."""
     files: list[str] = []
-    for name in OWN_MODELS:
+    for name in project.own_models:
         files += [f"{name}.nc", f"{name}.toml", f"{name}.fmu"]
     if project.fit or project.ground_effect is not None:
         files.append(FLOWN)

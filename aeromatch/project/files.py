@@ -214,7 +214,10 @@ class Listings(Strict):
     ``FILE:CASE`` takes one case of a file, a pattern such as ``datcom/flaps_*.out`` all its files.
     """
 
-    clean: ListingCases = Field(description="The whole aeroplane without deflections.")
+    clean: ListingCases = Field(
+        default=(),
+        description="The whole aeroplane without deflections; required with any other role.",
+    )
     flaps: ListingCases = Field(default=(), description="Increments of the flaps.")
     elevator: ListingCases = Field(
         default=(), description="Increments of the elevator or stabiliser."

@@ -52,7 +52,8 @@ from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.engine.tables import read_structure
 from pom.cases.signatures import Role, Signature
 
-OWN_MODELS = ("datcom", "corrected", "final")
+# Names of the models of a match: the a-priori one is datcom, or prior with sources of `[[prior]]`.
+OWN_MODELS = ("datcom", "prior", "corrected", "final")
 """Names of the models that a project makes."""
 
 
@@ -168,7 +169,9 @@ class Project(Strict):
         "their records carry.",
     )
     listings: Listings = Field(
-        description="Digital DATCOM listings by role: FILE, FILE:CASE, a pattern, or several."
+        default=Listings(),
+        description="Digital DATCOM listings by role: FILE, FILE:CASE, a pattern, or several. "
+        "Without listings the a-priori database is that of `[[prior]]`.",
     )
     prior: tuple[PriorSection, ...] = Field(
         default=(),
@@ -311,12 +314,37 @@ class Project(Strict):
                 )
         return problems
 
-    def _name_problems(self) -> list[str]:
+    def _source_problems(self) -> list[str]:
         problems: list[str] = []
+        roles = self.listings.by_role
+        if roles and "clean" not in roles:
+            problems.append(
+                f"listings.clean: missing, with listings of {', '.join(roles)}; give the listing of "
+                f"the whole aeroplane without deflections"
+            )
+        if not roles and not self.prior:
+            problems.append(
+                "listings: no a-priori source; give listings.clean, a Digital DATCOM listing, or a "
+                "table [[prior]] with outputs of another program"
+            )
         for number, section in enumerate(self.prior):
             problems += section.problems(f"prior.{number}")
-        if self.take and not self.prior:
-            problems.append("take: chooses among several sources; give [[prior]] tables")
+        if self.take and len(self.prior) + bool(roles) < 2:
+            problems.append("take: chooses among several sources; give more [[prior]] tables")
+        return problems
+
+    @property
+    def prior_model(self) -> str:
+        """Name of the a-priori model: ``datcom``, or ``prior`` with sources of ``[[prior]]``."""
+        return "prior" if self.prior else "datcom"
+
+    @property
+    def own_models(self) -> tuple[str, str, str]:
+        """Names of the three models of a match, from the a-priori to the final one."""
+        return self.prior_model, "corrected", "final"
+
+    def _name_problems(self) -> list[str]:
+        problems = self._source_problems()
         if self.ice is not None and self.ice.is_file():
             problems += find_faults("ice", read_ice, self.ice)
         for source in self.errors:

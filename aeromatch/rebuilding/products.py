@@ -53,6 +53,8 @@ class MatchOutcome:
         Errors in the flight records, one line each.
     ranking : list of str
         What the ranking of the terms over all cases states, one sentence each.
+    prior_model : str
+        Name of the a-priori model.
     """
 
     results: list[Any]
@@ -65,6 +67,7 @@ class MatchOutcome:
     files: list[str]
     record_errors: list[str] = field(default_factory=list)
     ranking: list[str] = field(default_factory=list)
+    prior_model: str = "datcom"
 
     @property
     def tabulation(self) -> Any:

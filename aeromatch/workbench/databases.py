@@ -21,7 +21,6 @@ from aerodb.figures.lr743_set.flown import (
 from aerodb.store.files import open as open_database
 from aerodb.store.grids import regrid_leaf, union_axes
 from aerodb.store.overview import describe_database, heading_lines
-from aeromatch.project.project import OWN_MODELS
 from aeromatch.workbench.opened import MATCH, OpenProject
 from flightmech import terms as _terms
 from flightmech.envelope.maps import configuration_text
@@ -50,7 +49,7 @@ def list_databases(opened: OpenProject, query: Mapping[str, str], body: Any) -> 
 def _database_files(opened: OpenProject) -> dict[str, Path]:
     """Return the databases by their location: those of the match, edited ones, tuned ones."""
     files = []
-    for name in OWN_MODELS:
+    for name in opened.project.own_models:
         file = opened.work / MATCH / f"{name}.nc"
         if file.exists():
             files.append(file)
@@ -72,7 +71,9 @@ def _aircraft_place(opened: OpenProject, file: Path) -> str:
     It is the file of the same name, or else the last one of the match, or else the project's.
     """
     candidates = [file.with_suffix(".toml")]
-    candidates += [opened.work / MATCH / f"{name}.toml" for name in reversed(OWN_MODELS)]
+    candidates += [
+        opened.work / MATCH / f"{name}.toml" for name in reversed(opened.project.own_models)
+    ]
     for candidate in candidates:
         if candidate.exists():
             return opened.places.named(candidate)

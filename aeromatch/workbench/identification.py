@@ -13,7 +13,6 @@ import xarray as xr
 
 import aerodb
 import flighttest
-from aeromatch.project.project import OWN_MODELS
 from aeromatch.workbench.coefficients import form_windows
 from aeromatch.workbench.fit_curves import (
     added_variable_residuals,
@@ -342,7 +341,7 @@ def _outcome(opened: OpenProject, request: FitRequest) -> dict[str, Any]:
 def _prior_files(opened: OpenProject) -> dict[str, Path]:
     """Return the databases that may be a prior, by place; the database of DATCOM is first."""
     files = []
-    for name in OWN_MODELS:
+    for name in opened.project.own_models:
         file = opened.work / MATCH / f"{name}.nc"
         if file.exists():
             files.append(file)

@@ -297,7 +297,7 @@ def list_one_g_lines(opened: OpenProject, query: Mapping[str, str], body: Any) -
 
 def _last_model(opened: OpenProject) -> str | None:
     """Return the last model of the match whose database and aircraft exist."""
-    for name in ("final", "datcom"):
+    for name in reversed(opened.project.own_models):
         files = [opened.work / MATCH / f"{name}.{kind}" for kind in ("nc", "toml")]
         if all(file.exists() for file in files):
             return name

@@ -37,8 +37,8 @@ _NO_FIT = (
 def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
     """Return the a-priori database of a project.
 
-    It is that of the DATCOM listings, blended with the sources of ``[[prior]]``, with the
-    differences by ice.
+    It is that of the DATCOM listings and of the sources of ``[[prior]]``, blended if there are two
+    or more, with the differences by ice.
     """
     clean = _clean_prior(project, aircraft)
     if project.ice is None:
@@ -48,21 +48,24 @@ def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
 
 def _clean_prior(project: Project, aircraft: Aircraft) -> xr.DataTree:
     """Return the a-priori database without ice."""
+    sources = [_open_source(section, aircraft) for section in project.prior]
+    methods = [section.method for section in project.prior]
     listings: dict[str, Any] = {}
     for role, places in project.listings.by_role.items():
         listings[role] = [read_place(listing) for listing in places]
-    statements: dict[str, Any] = project.listings.statements
-    datcom = aerodb.from_datcom(
-        aircraft, altitude=project.listings.altitude, **listings, **statements
-    )
-    if not project.prior:
-        return datcom
-    others = [_open_source(section, aircraft) for section in project.prior]
+    if listings:
+        statements: dict[str, Any] = project.listings.statements
+        datcom = aerodb.from_datcom(
+            aircraft, altitude=project.listings.altitude, **listings, **statements
+        )
+        sources, methods = [datcom, *sources], ["", *methods]
+    if len(sources) == 1:
+        return sources[0]
     blend = aerodb.edit.blend_sources(
-        [datcom, *others],
+        sources,
         aircraft,
         take=project.take,
-        methods=["", *(section.method for section in project.prior)],
+        methods=methods,
         move_reference=any(section.move_reference for section in project.prior),
     )
     return blend.database
@@ -77,11 +80,13 @@ def _open_source(section: PriorSection, aircraft: Aircraft) -> xr.DataTree:
 
 def prior_step(project: Project) -> str:
     """Return the name of the step that builds the a-priori database."""
-    text = f"read {len(project.listings.places())} DATCOM listings"
+    listings = f"{len(project.listings.places())} DATCOM listings"
     if not project.prior:
-        return f"{text}, build the a-priori database"
-    sources = count_text(len(project.prior), "further source")
-    return f"{text} and {sources}, blend the a-priori database"
+        return f"read {listings}, build the a-priori database"
+    if not project.listings.by_role:
+        return f"read {count_text(len(project.prior), 'source')}, build the a-priori database"
+    further = count_text(len(project.prior), "further source")
+    return f"read {listings} and {further}, blend the a-priori database"
 
 
 def add_missing_terms(project: Project, prior: xr.DataTree) -> xr.DataTree:

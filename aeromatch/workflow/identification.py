@@ -224,5 +224,6 @@ def _diagnose(
         {"before": apriori, "after": flying, "reasons": reasons},
         lambda: pom.corrected_aircraft(apriori.value, flying.value, result.diagnoses),
     )
-    result.databases = {"datcom": datcom, "corrected": corrected, "final": final}
-    result.aircraft = {"datcom": apriori, "corrected": mixed, "final": flying}
+    names = result.project.own_models
+    result.databases = dict(zip(names, (datcom, corrected, final), strict=True))
+    result.aircraft = dict(zip(names, (apriori, mixed, flying), strict=True))

@@ -321,7 +321,8 @@ def _summarise(result: Identified, replays: list[Any], folder: Path) -> MatchOut
     # The first database is the a-priori one, the last one is final.
     databases = [stored.value for stored in result.databases.values()]
     terms = differing_terms(databases[0], databases[-1])
-    parts = different_parts(result.aircraft["datcom"].value, result.aircraft["final"].value)
+    aircraft = [stored.value for stored in result.aircraft.values()]
+    parts = different_parts(aircraft[0], aircraft[-1])
     corrected = pom.corrected_terms(result.diagnoses.values())
     record_errors: list[str] = []
     for check in result.checks.values():
@@ -332,6 +333,7 @@ def _summarise(result: Identified, replays: list[Any], folder: Path) -> MatchOut
         corrected_submodels=by_submodel(corrected, *databases),
         joint_terms=joint_terms(result.diagnoses),
         ranking=result.ranking.sentences if result.ranking else [],
+        prior_model=result.project.prior_model,
         differing=len(terms) + len(parts),
         tables=result.tables,
         report=folder / REPORT / "report.html" if replays else None,

@@ -6,6 +6,7 @@ import pytest
 
 from aeromatch.project.project import NewTerm, read_project
 from aeromatch.rebuilding.products import of_cases
+from aeromatch.workflow.aerodynamics import prior_step
 from aeromatch.workflow.devices import read_devices
 from aeromatch.workflow.windows import inputs_of
 from datcom_io.reading.reader import ListingCase
@@ -260,7 +261,7 @@ def test_models_from_elsewhere_come_with_their_tables_of_names(write, tmp_path):
     found = problems(write(("[listings]", wrong)))
     assert (
         found[0]
-        == "models.final: the name is taken; call it otherwise than flight, datcom, corrected, "
+        == "models.final: the name is taken; call it otherwise than flight, datcom, prior, corrected, "
         "final"
     )
     assert found[1].startswith("models.final.fmu: no file 'gone.fmu' in ")
@@ -286,7 +287,8 @@ def test_a_device_has_a_name_and_cases_of_its_own(write, tmp_path):
     (tmp_path / "rol.csv").touch()
     device = '[devices.final]\nrecordings = "rol.csv"\nrecurrent_share = 0.2\n\n[listings]'
     assert problems(write(("[listings]", device))) == [
-        "devices.final: the name is taken; call it otherwise than flight, datcom, corrected, final"
+        "devices.final: the name is taken; call it otherwise than flight, datcom, prior, "
+        "corrected, final"
     ]
     project = read_project(write(("[listings]", device.replace("final", "box"))))
     cases = [SimpleNamespace(name="roll")]
@@ -456,6 +458,28 @@ def test_a_prior_names_its_files_and_what_they_do_not_state(write):
     assert area == pytest.approx(16.165, abs=1e-3)
 
 
+def test_a_project_may_have_no_datcom_listing(write):
+    path = with_priors(write, PRIOR)
+    assert read_project(path).own_models == ("prior", "corrected", "final")
+    text = path.read_text()
+    listings = '[listings]\nclean = "clean.out"\naltitude = "10000 ft"\n'
+    assert listings in text
+    path.write_text(text.replace(listings, ""))
+    project = read_project(path)
+    assert project.listings.places() == []
+    assert prior_step(project) == "read 1 source, build the a-priori database"
+    path.write_text(text.replace('clean = "clean.out"', 'flaps = "clean.out"'))
+    assert problems(path) == [
+        "listings.clean: missing, with listings of flaps; give the listing of the whole aeroplane "
+        "without deflections"
+    ]
+    path.write_text(text.replace(listings, "").replace(PRIOR, ""))
+    assert problems(path) == [
+        "listings: no a-priori source; give listings.clean, a Digital DATCOM listing, or a table "
+        "[[prior]] with outputs of another program"
+    ]
+
+
 def test_faults_of_a_prior_are_listed(write):
     wrong = PRIOR.replace('"ft"', '"furlong"').replace("controls", "S = 16.0\ncontrols")
     found = problems(with_priors(write, wrong))
@@ -468,7 +492,7 @@ def test_faults_of_a_prior_are_listed(write):
     absent = problems(write(("[terms", "[[prior]]\nfiles = 'none/*.st'\n[terms")))
     assert absent[0].startswith("files: no file matches 'none/*.st'")
     alone = problems(write(('cutoff = "4 Hz"', 'take = { "Cn/*" = "AVL" }')))
-    assert alone == ["take: chooses among several sources; give [[prior]] tables"]
+    assert alone == ["take: chooses among several sources; give more [[prior]] tables"]
 
 
 def test_a_faulty_file_of_ice_is_a_problem_of_the_project(write):

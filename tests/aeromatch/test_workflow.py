@@ -11,6 +11,7 @@ import flightmech
 import flighttest
 import pom
 from aeromatch.project.files import Listings
+from aeromatch.project.priors import PriorSection
 from aeromatch.project.project import NewTerm, read_project
 from aeromatch.project.sections import Controls, GroundEffectSection, RecordSelection
 from aeromatch.workflow.aerodynamics import (
@@ -55,6 +56,22 @@ def prior(shipped):
     """The a-priori database of the clean aeroplane alone."""
     clean = shipped.with_changes(listings=Listings.model_construct(clean=shipped.listings.clean))
     return a_priori(clean, flightmech.read_aircraft(shipped.aircraft))
+
+
+def test_the_a_priori_database_needs_no_listing():
+    """Of one source it is that source, with the rudder that DATCOM does not have."""
+    light = read_project(DATA.parent / "c182" / "aeromatch.toml")
+    section = PriorSection.model_construct(
+        files=tuple(sorted((DATA.parent / "avl").glob("*.st"))),
+        length_unit="ft",
+        controls={"elevator": "+delta_e", "aileron": "+delta_a", "rudder": "-delta_r"},
+        CD0=0.027,
+    )
+    without = light.with_changes(listings=Listings(), prior=(section,))
+    db = a_priori(without, flightmech.read_aircraft(light.aircraft))
+    assert db.attrs["source"] == "AVL"
+    assert "Cn/rudder" in aerodb.terms(db)
+    assert without.prior_model == "prior"
 
 
 @pytest.fixture

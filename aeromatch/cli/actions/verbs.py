@@ -332,8 +332,8 @@ def _summary(outcome: Any) -> dict[str, Any]:
                 f"{result.case.id:<8}{result.case.title:<44} {run}: {sampled_line(result, run)}"
             )
     lines.append(
-        f"corrected = datcom with {len(outcome.corrected_terms)} of the {outcome.differing} "
-        f"terms and parts of final that differ"
+        f"corrected = {outcome.prior_model} with {len(outcome.corrected_terms)} of the "
+        f"{outcome.differing} terms and parts of final that differ"
     )
     lines += [
         f"{submodel:>15}: {', '.join(names)}"

@@ -44,7 +44,7 @@ from pom.result import PomResult, results_name
 from pom.result_notices import run_notices, spread_notice
 
 # The line code of LR-743 Figs. 18 to 21.  Any further model gets the next free style.
-_STYLES = {"datcom": "run-1", "corrected": "run-2", "final": "run-3"}
+_STYLES = {"datcom": "run-1", "prior": "run-1", "corrected": "run-2", "final": "run-3"}
 _SPARE = ("run-4", "run-5", "run-1", "run-2", "run-3")
 
 _OF_ALL = ("document", "chapters")  # names in ``results.nc`` besides the groups of the cases
