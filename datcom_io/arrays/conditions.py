@@ -313,7 +313,10 @@ def reference_contradictions(case: PrintedCase) -> Iterator[tuple[int, str]]:
         value = float(table.values[0, k])
         if abs(value - exact) > _HALF_UNIT["reference"] * (1.0 + 1e-6) + _SAME * abs(exact):
             text = f"{cards[1]} is {exact:g} on the input cards and {value:g} on the page: the "
-            yield table.lines[0], f"{text}page is used; page and cards are of different runs"
+            yield (
+                table.lines[0],
+                f"{text}page is used; run the deck again, and check which is right",
+            )
 
 
 def _first_static_line(case: PrintedCase) -> tuple[str, PrintedTable] | None:
