@@ -307,8 +307,10 @@ def reference_contradictions(case: PrintedCase) -> Iterator[tuple[int, str]]:
         yield table.lines[0], f"{text}: page and cards are of different runs"
     for k, column in enumerate(table.columns):
         cards = _REFERENCE_CARDS.get(column.quantity)
-        exact = case.deck.value(*cards) if cards else None
-        if exact is None or table.flags[0, k] != OK:
+        if cards is None or table.flags[0, k] != OK:
+            continue
+        exact = case.deck.value(*cards)
+        if exact is None:
             continue
         value = float(table.values[0, k])
         if abs(value - exact) > _HALF_UNIT["reference"] * (1.0 + 1e-6) + _SAME * abs(exact):
