@@ -1,7 +1,7 @@
 """Contradictions within a print: numbers that an intact listing prints twice.
 
 The program prints the forces of a static page in two pairs of axes, the moment as centre of
-pressure, and the slopes of lift and moment beside them:
+pressure, and the slopes of lift and moment:
 
     CN = CL cos(alpha) + CD sin(alpha),    CA = CD cos(alpha) - CL sin(alpha),    CM = XCP CN,
 
@@ -40,7 +40,7 @@ _MACH_ROUNDING, _SPEED_ROUNDING = 0.0005, 0.005
 
 
 def flag_contradictions(case: Case) -> None:
-    """Flag the numbers of static pages that contradict each other, and report what they say."""
+    """Flag the numbers of static pages that contradict each other, and report what contradicts what."""
     # CA of a body with fins lacks a part of their drag.
     places, tables = [], []
     for i, page in enumerate(case.pages):
@@ -157,7 +157,7 @@ def _add_rows(text: str, is_off: np.ndarray) -> str:
 def _compare_slopes(
     alpha: np.ndarray, values: np.ndarray, slopes: np.ndarray
 ) -> tuple[float, float]:
-    """Return how a coefficient rises, and how much its slopes say; 0 for less than three rows."""
+    """Return how a coefficient rises, and how much by its slopes; 0 for less than three rows."""
     if alpha.size < 3:
         return 0.0, 0.0
     return float(values[-1] - values[0]), float(np.trapezoid(slopes, np.radians(alpha)))
