@@ -17,7 +17,11 @@ from aerodb.prior import ground_increments, increments
 from aerodb.prior.damping import with_tail_arm
 from aerodb.prior.effect_to_terms import terms_of_effect
 from aerodb.prior.power import power_effect, with_idle_engines, with_power_in_it
-from aerodb.prior.print_remarks import describe_tail_pressure, list_missing_numbers
+from aerodb.prior.print_remarks import (
+    describe_suspect_numbers,
+    describe_tail_pressure,
+    list_missing_numbers,
+)
 from aerodb.prior.prior_errors import choose_errors
 from aerodb.prior.reference_quantities import (
     Point,
@@ -29,7 +33,7 @@ from aerodb.prior.reference_quantities import (
 )
 from aerodb.prior.sources import Source, collect_source, split_powered, warn_user
 from aerodb.store.effects import Effect
-from aerodb.store.plausible_ranges import CANARD, REAR_WING, TAIL_PRESSURE
+from aerodb.store.plausible_ranges import CANARD, REAR_WING, SUSPECT_NUMBERS, TAIL_PRESSURE
 from aerodb.store.schema import make_prior_database
 from aerodb.update.cautions.notices import note_plausibility
 from datcom_io.decks.aircraft_rules import ROUNDED_SPAN
@@ -220,6 +224,8 @@ def from_datcom(
     # Nothing in the stored tables shows that the tail is absent, so the database states it.
     if pressure := describe_tail_pressure(clean_source, h_ref):
         tree.attrs = {**tree.attrs, TAIL_PRESSURE: pressure}
+    if suspects := describe_suspect_numbers(clean_source, h_ref):
+        tree.attrs = {**tree.attrs, SUSPECT_NUMBERS: suspects}
     tree, findings = note_plausibility(tree, aircraft)
     for finding in findings:
         if finding.kind in ("implausible", "unused"):

@@ -9,10 +9,12 @@ import numpy as np
 import datcom_io
 from aerodb.prior.sources import Source
 from datcom_io.reading.suspects import TAIL_PRESSURE
+from flightmech.units import DEGREE
 
 _SUSPECT = datcom_io.FLAGS.index("suspect")
 _FAILED = datcom_io.FLAGS.index("nan")
 _NO_METHOD = datcom_io.FLAGS.index("NDM")
+_MOST_PLACES = 4  # in a clause
 # Quantities of a print of which a database makes terms.
 _USED = {
     "static": ("CL", "CD", "Cm", "CY_beta", "Cl_beta", "Cn_beta"),
@@ -90,4 +92,39 @@ def describe_tail_pressure(clean: Source, h_ref: float) -> str:
         f"{clean.file} prints Q/QINF of {values} at the tail for Mach {at}, and only {low:g} to "
         f"{high:g} are possible: CL, Cm and pitch damping hold no tail or a wrong one there; leave "
         f"out these Mach numbers, or move ZH or XH a little and compare"
+    )
+
+
+def describe_suspect_numbers(clean: Source, h_ref: float) -> str:
+    """Return a clause on suspect static coefficients of the whole aeroplane, or nothing.
+
+    Mach numbers whose tail has an impossible pressure are left to `describe_tail_pressure`.
+    """
+    if not clean.has("static"):
+        return ""
+    grid = clean.grid("static").sel(h=h_ref, method="nearest", drop=True)
+    # Cells that power fills are removed elsewhere (`aerodb.prior.power`).
+    if "power" in grid.coords and not bool((grid["power"] == "off").all()):
+        return ""
+    places = []
+    for name in (*_USED["static"], "CL_alpha", "Cm_alpha"):
+        if f"{name}_flag" not in grid or "mach" not in grid.dims:
+            continue
+        is_suspect = (grid[f"{name}_flag"] == _SUSPECT) & grid[name].notnull()
+        for mach in grid["mach"].values[is_suspect.any("alpha").values]:
+            rows = is_suspect.sel(mach=mach).values
+            angles = grid["alpha"].values[rows] / DEGREE
+            where = f"alpha {angles[0]:g} deg"
+            if angles.size > 1:
+                where = f"{angles.size} angles of attack from {angles[0]:g} deg on"
+            places.append(f"{name} at Mach {mach:g}, {where}")
+    if not places:
+        return ""
+    more = ""
+    if len(places) > _MOST_PLACES:
+        more = f" and {len(places) - _MOST_PLACES} more"
+    return (
+        f"{clean.file} contradicts itself, or a fault of the program is in "
+        f"{'; '.join(places[:_MOST_PLACES])}{more}: its messages state why (datcom show); run the "
+        f"deck again, or correct it"
     )

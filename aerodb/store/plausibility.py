@@ -24,7 +24,12 @@ import xarray as xr
 
 from aerodb.store.evaluation import cruise_state, evaluate_held
 from aerodb.store.plausibility_findings import PlausibilityFinding, find_outside, merge_findings
-from aerodb.store.plausible_ranges import TAIL_PRESSURE, derivative_ranges, tailless_words
+from aerodb.store.plausible_ranges import (
+    SUSPECT_NUMBERS,
+    TAIL_PRESSURE,
+    derivative_ranges,
+    tailless_words,
+)
 from aerodb.store.schema import database_coefficients, terms
 from flightmech.errors import SchemaError
 from flightmech.names import VOCABULARY
@@ -122,6 +127,8 @@ def check_plausibility(
     findings = [*_check_lengths(db), *_check_alphas(db), *_check_mach_ends(db)]
     if clause := str(db.attrs.get(TAIL_PRESSURE, "")):
         findings.append(PlausibilityFinding("tail pressure", "implausible", source=clause))
+    elif clause := str(db.attrs.get(SUSPECT_NUMBERS, "")):
+        findings.append(PlausibilityFinding("print", "implausible", source=clause))
     # Without lift over several alphas no slope exists.
     if not findings or all(item.subject != "angles of attack" for item in findings):
         findings += merge_findings(_check_slopes(db, machs, state, aircraft=aircraft), machs)

@@ -39,6 +39,8 @@ CANARD = "(canard)"
 REAR_WING = "(rear wing)"
 # Root attribute with a clause on Mach numbers at which the print holds no tail.
 TAIL_PRESSURE = "tail_pressure"
+# Root attribute with a clause on static numbers of the print that are suspect.
+SUSPECT_NUMBERS = "suspect_numbers"
 _FINS = ("VERTICAL", "FIN", "PANEL")
 # Cmq = -0.7 cl_alpha cos L {... + 1/8} of a wing about its own aerodynamic centre is -0.55 without
 # sweep and -0.27 at 60 deg; aspect ratio 15 and 35 deg of sweep give -13 [DATCOM 7.1.1.2].

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from datcom_io.cells import OK, OVERFLOW
@@ -36,6 +36,8 @@ _HALF_UNIT = {
     "flap": 0.0151,
     "reference": 0.0005,
 }
+
+_SAME = 1e-5  # relative difference of the single precision of the program
 
 
 def si_factor(units: str, dim: str) -> float:
@@ -291,6 +293,32 @@ def reference_quantities(case: PrintedCase) -> dict[str, float]:
                 value = nearest_exact(value, [exact], _HALF_UNIT["reference"])
         quantities[column.quantity] = value * si_factor(column.units, dim)
     return quantities
+
+
+def reference_contradictions(case: PrintedCase) -> Iterator[tuple[int, str]]:
+    """Yield line and text of reference quantities that differ on the page and the input cards."""
+    static = _first_static_line(case)
+    # A scale factor multiplies some cards and not others.
+    if static is None or case.deck.value("SYNTHS", "SCALE") not in (None, 1.0):
+        return
+    dim, table = static
+    if dim != case.deck.dim:
+        text = f"the page is in {dim} and card DIM of the case is {case.deck.dim}"
+        yield table.lines[0], f"{text}: page and cards are of different runs"
+    for k, column in enumerate(table.columns):
+        cards = _REFERENCE_CARDS.get(column.quantity)
+        if cards is None or table.flags[0, k] != OK:
+            continue
+        exact = case.deck.value(*cards)
+        if exact is None:
+            continue
+        value = float(table.values[0, k])
+        if abs(value - exact) > _HALF_UNIT["reference"] * (1.0 + 1e-6) + _SAME * abs(exact):
+            text = f"{cards[1]} is {exact:g} on the input cards and {value:g} on the page: the "
+            yield (
+                table.lines[0],
+                f"{text}page is used; run the deck again, and check which is right",
+            )
 
 
 def _first_static_line(case: PrintedCase) -> tuple[str, PrintedTable] | None:

@@ -11,9 +11,9 @@ prints -27 to +101 per radian over 0.8 chord of XCG, where the shares give -28 t
 
 At supersonic Mach numbers a wing has CLAD and CMAD of its own, of either sign, and the page prints
 the sum. Neither the share of the tail nor a sign follows from them there. CMQ is compared with
-thin-aerofoil strips of wing and tail and slender-body theory of the body instead. So is CLQ, but
-the moments of first order of wing and tail nearly cancel on some aircraft: its bounds have 0.25 to
-1.2 of the strips of each surface by itself, and 1 per radian.
+thin-aerofoil strips of wing and tail and slender-body theory of the body instead. So is CLQ, which
+CMQ and CMA of the same page bound more closely
+(`datcom_io.reading.wing_damping.bound_supersonic_lift`).
 
 The program multiplies the lift of the tail by Q/QINF. Its supersonic method prints 0 or 3 for some
 aircraft, so that the tail is absent from all numbers of the page.
@@ -32,7 +32,14 @@ from datcom_io.listing import Case
 from datcom_io.printout.content import ListingMessage, Page
 from datcom_io.printout.tables import PrintedTable
 from datcom_io.reading.suspects import with_suspects
-from datcom_io.reading.wing_damping import estimate_supersonic_shares, estimate_wing_share
+from datcom_io.reading.wing_damping import (
+    BODY_MOST,
+    STRIPS_LEAST,
+    STRIPS_MOST,
+    bound_supersonic_lift,
+    estimate_supersonic_shares,
+    estimate_wing_share,
+)
 
 # Range in which the signs of attached flow hold. [deg]
 _LINEAR = 6.0
@@ -49,11 +56,8 @@ _LIFT_PART, _LIFT_AMOUNT = 1.0, 5.0
 # and amount per radian. The largest seen are 0.05, 0.16 and 0.9; a body adds damping.
 _OFF_TAIL, _OFF_WING = 0.10, 0.35
 _OFF_ABOVE, _OFF_BELOW, _OFF_LIFT = 0.3, 1.5, 1.5
-# Supersonic CMQ: least and largest part of that of the strips, part of the body's, and amount per
-# radian. On sound pages the surfaces have 0.35 to 1.1; sqrt(0.35 1.1) is about 0.7.
-_STRIPS_LEAST, _STRIPS_MOST, _BODY_MOST, _STRIPS_AMOUNT = 0.25, 1.2, 1.5, 0.5
-_STRIPS_MEDIAN = 0.7
-_STRIPS_LIFT = 1.0  # supersonic CLQ: amount per radian
+# Supersonic CMQ: amount per radian, and part of that of the strips: sqrt(0.35 1.1) is about 0.7.
+_STRIPS_AMOUNT, _STRIPS_MEDIAN = 0.5, 0.7
 # Lift from which the rolling moment due to yaw has the sign of the lift, but for the share of a
 # vertical tail.
 _LIFTING, _TAIL_CLR = 0.2, 0.2
@@ -139,6 +143,7 @@ def find_inconsistent(
     wing: Mapping[str, float] | None = None,
     has_tail: bool | None = None,
     strips: Mapping[str, float] | None = None,
+    moment_slope: float = math.nan,
 ) -> dict[str, np.ndarray]:
     """Return masks of the numbers that contradict their sign, their size or each other.
 
@@ -163,6 +168,8 @@ def find_inconsistent(
         downwash is printed.
     strips : mapping of str to float, optional
         CMQ and CLQ at supersonic speed (`estimate_supersonic_shares`). [1/rad]
+    moment_slope : float, optional
+        CMA of the page, NaN if it is not printed. [1/rad]
 
     Returns
     -------
@@ -200,24 +207,23 @@ def find_inconsistent(
         if name in shares or (wing and not has_tail):
             low, high = _expected_rates(name, shares.get(name, 0.0), (wing or {}).get(name))
             wrong[name] = wrong[name] | (derivatives[name] < low) | (derivatives[name] > high)
+    CL_q, Cm_q = derivatives["CL_qhat"], derivatives["Cm_qhat"]
     if strips:
-        low = _STRIPS_MOST * strips["surfaces"] + _BODY_MOST * min(0.0, strips["body"])
-        high, Cm_q = _STRIPS_LEAST * strips["surfaces"], derivatives["Cm_qhat"]
+        low = STRIPS_MOST * strips["surfaces"] + BODY_MOST * min(0.0, strips["body"])
+        high = STRIPS_LEAST * strips["surfaces"]
         wrong["Cm_qhat"] = wrong["Cm_qhat"] | (Cm_q < low - _STRIPS_AMOUNT) | (Cm_q > high)
-        low, high = _bound_supersonic_lift(strips)
-        CL_q = derivatives["CL_qhat"]
-        wrong["CL_qhat"] = wrong["CL_qhat"] | (CL_q < low) | (CL_q > high)
+    damping = _first_sound(Cm_q, wrong["Cm_qhat"])
+    low, high = bound_supersonic_lift(mach, strips or {}, damping, moment_slope)
+    wrong["CL_qhat"] = wrong["CL_qhat"] | (CL_q < low) | (CL_q > high)
     return {name: mask for name, mask in wrong.items() if mask.any()}
 
 
-def _bound_supersonic_lift(strips: Mapping[str, float]) -> tuple[float, float]:
-    """Return the lowest and highest supersonic CLQ that fits the strips. [1/rad]"""
-    low, high = -_STRIPS_LIFT, _STRIPS_LIFT
-    for name in ("lift_wing", "lift_tail"):
-        ends = [_STRIPS_LEAST * strips.get(name, 0.0), _STRIPS_MOST * strips.get(name, 0.0)]
-        low, high = low + min(ends), high + max(ends)
-    body = _BODY_MOST * strips["lift_body"]
-    return low + min(0.0, body), high + max(0.0, body)
+def _first_sound(values: np.ndarray, is_wrong: np.ndarray) -> float:
+    """Return the first number that is printed and not wrong, NaN if there is none."""
+    sound = values[np.isfinite(values) & ~is_wrong]
+    if sound.size:
+        return float(sound[0])
+    return math.nan
 
 
 def _expected_rates(name: str, tail: float, wing: float | None) -> tuple[float, float]:
@@ -271,8 +277,21 @@ def flag_damping(case: Case) -> None:
         wing = estimate_wing_share(case.deck, mach)
         has_tail = "HORIZONTAL" in page.configuration
         strips = estimate_supersonic_shares(case.deck, mach, has_tail)
+        moments = per_radian * _column_of_page(static, "static", "Cm_alpha", alpha)
+        moments = moments[np.isfinite(moments) & (np.abs(alpha) <= _LINEAR)]
+        moment_slope = math.nan
+        if moments.size:
+            moment_slope = float(np.median(moments))
         wrong = find_inconsistent(
-            derivatives, alpha, lift, slope, mach, wing=wing, has_tail=has_tail, strips=strips
+            derivatives,
+            alpha,
+            lift,
+            slope,
+            mach,
+            wing=wing,
+            has_tail=has_tail,
+            strips=strips,
+            moment_slope=moment_slope,
         )
         shares = estimate_tail_share(derivatives, alpha, slope, mach)
         for name, mask in wrong.items():
@@ -287,9 +306,12 @@ def flag_damping(case: Case) -> None:
             if name == "Cm_qhat" and strips:
                 text += f", where strips of the planforms give {strips['surfaces']:.4g} and the "
                 text += f"body {strips['body']:.4g}"
-            if name == "CL_qhat" and strips:
-                low, high = _bound_supersonic_lift(strips)
-                text += f", where strips of the planforms allow {low:.4g} to {high:.4g}"
+            if name == "CL_qhat" and mach >= _SUPERSONIC:
+                no_row = np.zeros(alpha.size, bool)
+                damping = _first_sound(derivatives["Cm_qhat"], wrong.get("Cm_qhat", no_row))
+                low, high = bound_supersonic_lift(mach, strips, damping, moment_slope)
+                text += f", where strips of the planforms, CMQ and CMA allow {low:.4g} to "
+                text += f"{high:.4g}"
             _, _, machs = reports.setdefault(
                 (page.configuration, name), (table.lines[row], text, [])
             )

@@ -17,6 +17,7 @@ from datcom_io.listing import Case
 from datcom_io.printout.content import ListingMessage
 from datcom_io.printout.layouts.special import HYPERSONIC_FROM
 from datcom_io.printout.tables import PrintedTable
+from datcom_io.reading.contradictions import flag_contradictions
 from datcom_io.reading.damping import flag_damping
 from datcom_io.reading.suspects import (
     flag_flap_moments,
@@ -49,6 +50,7 @@ class Observer:
         _report_flaps_in_ground_effect(case)
         flag_power_increments(case)
         flag_tail_pressure(case)
+        flag_contradictions(case)
         flag_damping(case)
         _report_stick_force(case)
         _report_lost_flap_moment(case)

@@ -25,13 +25,23 @@ with K = 4 / sqrt(M^2 - 1), at most pi A / 2 of a slender wing. The body adds sl
     CLq = 4 / (S cbar) (x_b - x_cg) S_b    [DATCOM 7.2.1.1]
 
 for its base S_b at x_b. Tips, and the downwash in which a tail flies, lower the first: the print of
-sound pages is 0.35 to 1.0 of it. In CLq wing and tail nearly cancel on some aircraft, so that the
-print lies between bounds: each surface counts with a part of its own.
+sound pages is 0.35 to 1.0 of it. A wing behind the Mach cone of its apex tends to slender-wing
+theory, where all lift has the incidence of the trailing edge, so that its CLq lies between that of
+strips and 2 K / (S cbar) times the integral of the chord times the arm of the trailing edge. So
+does that of transonic pages, whose fairing starts at the subsonic (1/2 + 2 xi) CL_alpha.
+
+In CLq wing and tail nearly cancel on some aircraft, so that the print lies between bounds: each
+surface counts with a part of its own. Two relations within the page bring the bounds together. The
+damping of a tail is its CLq times its arm, so that CMQ less the part of wing and body gives the CLq
+of the tail. And the lift that a pitch rate adds acts about where that of the angle of attack does,
+so that CLq of a wing is about -2 Cm_alpha; it is more with a tail in downwash, which lowers
+Cm_alpha alone.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -44,6 +54,16 @@ _LARGEST_MACH = 0.9
 # Mach numbers of the supersonic method; beyond them the program's method is hypersonic.
 _STRIPS = (1.0, 6.0)
 _SURFACES = {"WGPLNF": "lift_wing", "HTPLNF": "lift_tail"}
+# Least and largest part of CMQ and CLQ of the strips, on sound pages 0.35 to 1.1, and largest part
+# of those of the body.
+STRIPS_LEAST, STRIPS_MOST, BODY_MOST = 0.25, 1.2, 1.5
+# Amounts per radian in the bounds of CLQ by strips, by CMQ (below and above), and by CMA.
+_BY_STRIPS, _BELOW_DAMPING, _ABOVE_DAMPING, _BY_MOMENT = 1.0, 0.5, 1.0, 0.25
+_ARM_OFF = 0.15  # part of the arm of a tail
+_LEAST_PART = 0.7  # of -2 CMA
+# Up to this Mach number static pages come from the transonic fairing, whose CMA is not linear
+# theory (the largest TSMACH).
+_LINEAR_THEORY = 1.4
 
 
 def estimate_wing_share(deck: Deck, mach: float) -> dict[str, float]:
@@ -96,7 +116,10 @@ def estimate_supersonic_shares(deck: Deck, mach: float, has_tail: bool) -> dict[
     -------
     dict of str to float
         CMQ: ``surfaces`` by strips, an upper bound in size, and ``body``; CLQ: ``lift_wing``,
-        ``lift_tail`` with a tail, and ``lift_body``. Empty where the method does not hold. [1/rad]
+        ``lift_tail`` with a tail, ``lift_body``, and ``slender_wing``, the larger of that by strips
+        and by slender-wing theory where it holds; ``wing``: CMQ of the wing alone. With a tail
+        ``arm``: centroid of its area behind the moment centre [CBARR], NaN if it is nearer than one
+        of its mean chords. Empty where the method does not hold. [1/rad]
     """
     x_cg, wing = deck.value("SYNTHS", "XCG"), measure_wing(deck)
     if wing is None or x_cg is None or not _STRIPS[0] <= mach <= _STRIPS[1]:
@@ -116,11 +139,79 @@ def estimate_supersonic_shares(deck: Deck, mach: float, has_tail: bool) -> dict[
         total += slope * 2.0 * float(np.trapezoid((rear**3 - front**3) / 3.0, stations))
         first_moment = 2.0 * float(np.trapezoid((rear**2 - front**2) / 2.0, stations))
         shares[lift] = 2.0 * slope * first_moment / (S * cbar)
+        if name == "WGPLNF":
+            shares["slender_wing"] = shares[lift]
+            is_behind = lead[-1] - lead[0] > math.sqrt(mach**2 - 1.0) * stations[-1]
+            if is_behind or mach < _LINEAR_THEORY:
+                moment = 2.0 * float(np.trapezoid(chord * rear, stations))
+                shares["slender_wing"] = 2.0 * slope * moment / (S * cbar)
+            shares["wing"] = -2.0 * total / (S * cbar**2)
+        else:
+            arm = first_moment / surface.area
+            shares["arm"] = arm / cbar if arm >= surface.mean_chord else math.nan
     damping, lift_of_body = _body_shares(deck, x_cg)
     shares["surfaces"] = -2.0 * total / (S * cbar**2)
     shares["body"] = damping / (S * cbar**2)
     shares["lift_body"] = lift_of_body / (S * cbar)
     return shares
+
+
+def bound_supersonic_lift(
+    mach: float, strips: Mapping[str, float], damping: float, moment_slope: float
+) -> tuple[float, float]:
+    """Return the lowest and highest supersonic CLQ that fits strips, CMQ and CMA. [1/rad]
+
+    Parameters
+    ----------
+    mach : float
+    strips : mapping of str to float
+        `estimate_supersonic_shares`; without it CMA alone is a bound.
+    damping, moment_slope : float
+        CMQ and CMA of the page, NaN where there is none. [1/rad]
+
+    Returns
+    -------
+    tuple of float
+        Infinite where nothing bounds CLQ, as at subsonic speed.
+    """
+    low, high = -math.inf, math.inf
+    if strips:
+        low, high = -_BY_STRIPS, _BY_STRIPS
+        for names in (("lift_wing", "slender_wing"), ("lift_tail",)):
+            lifts = [strips.get(name, 0.0) for name in names]
+            low += min(STRIPS_LEAST * lifts[0], STRIPS_MOST * lifts[0])
+            high += max(STRIPS_LEAST * max(lifts), STRIPS_MOST * max(lifts))
+        body = BODY_MOST * strips["lift_body"]
+        low, high = low + min(0.0, body), high + max(0.0, body)
+        arm = strips.get("arm", math.nan)
+        if math.isfinite(arm) and math.isfinite(damping):
+            least, most = _bound_lift_by_damping(strips, damping, arm)
+            low, high = max(low, least - _BELOW_DAMPING), min(high, most + _ABOVE_DAMPING)
+    # A tail ahead of the moment centre adds less to CLQ than to -2 CMA.
+    is_behind = strips.get("lift_tail", 0.0) >= 0.0
+    if mach >= _LINEAR_THEORY and is_behind and math.isfinite(moment_slope):
+        parts = (_LEAST_PART, 2.0 - _LEAST_PART)
+        low = max(low, min(-2.0 * moment_slope * part for part in parts) - _BY_MOMENT)
+    return low, high
+
+
+def _bound_lift_by_damping(
+    strips: Mapping[str, float], damping: float, arm: float
+) -> tuple[float, float]:
+    """Return the lowest and highest CLQ of wing, body and the tail that leaves `damping` of all.
+
+    CMQ = wing + body - arm tail, so that the tail has (wing + body - CMQ) / arm of CLQ.
+    """
+    lows, highs = [], []
+    for length in ((1.0 - _ARM_OFF) * arm, (1.0 + _ARM_OFF) * arm):
+        # Wing and body count with parts that do not depend on each other.
+        body = BODY_MOST * (strips["lift_body"] + strips["body"] / length)
+        least = strips["lift_wing"] + strips["wing"] / length
+        most = strips["slender_wing"] + strips["wing"] / length
+        tail = -damping / length
+        lows.append(tail + min(STRIPS_LEAST * least, STRIPS_MOST * least) + min(0.0, body))
+        highs.append(tail + max(STRIPS_LEAST * most, STRIPS_MOST * most) + max(0.0, body))
+    return min(lows), max(highs)
 
 
 def _body_shares(deck: Deck, x_cg: float) -> tuple[float, float]:

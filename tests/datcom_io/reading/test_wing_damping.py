@@ -8,7 +8,11 @@ import pytest
 import datcom_io
 from datcom_io.decks.deck_file import read_deck
 from datcom_io.reading.damping import estimate_tail_share, find_inconsistent
-from datcom_io.reading.wing_damping import estimate_supersonic_shares, estimate_wing_share
+from datcom_io.reading.wing_damping import (
+    bound_supersonic_lift,
+    estimate_supersonic_shares,
+    estimate_wing_share,
+)
 
 T37 = Path(__file__).parents[3] / "data" / "t37" / "datcom"
 # A transport of aspect ratio 15 whose centre of gravity lies ahead of the wing, in feet. The
@@ -126,7 +130,11 @@ def test_a_rectangular_wing_at_the_centre_of_gravity_is_a_closed_form() -> None:
     text += " $WGPLNF CHRDR=1.0,CHRDTP=1.0,SSPN=5.0,SSPNE=5.0,SAVSI=0.0,CHSTAT=0.0,TYPE=1.0$\n"
     shares = estimate_supersonic_shares(deck(text), 2.0, has_tail=False)
     assert shares.pop("surfaces") == pytest.approx(-8.0 / 12.0 / 3.0**0.5)
-    assert shares == {"body": 0.0, "lift_wing": pytest.approx(0.0, abs=1e-12), "lift_body": 0.0}
+    assert shares["lift_wing"] == shares["slender_wing"] == pytest.approx(0.0, abs=1e-12)
+    # Behind its Mach cone all lift has the incidence of the trailing edge: K (1/2) (2 S / (S c)),
+    # here with K = pi A / 2 of a chord of 1 at Mach 1.
+    sonic = estimate_supersonic_shares(deck(text), 1.0, has_tail=False)
+    assert sonic["slender_wing"] == pytest.approx(5.0 * np.pi)
     # Half a chord ahead of the leading edge, one ahead of the middle: CLq = 2 (4 / sqrt(3)).
     text = text.replace("XCG=0.5", "XCG=-0.5")
     shares = estimate_supersonic_shares(deck(text), 2.0, has_tail=False)
@@ -150,17 +158,44 @@ def test_a_supersonic_print_off_the_strips_is_inconsistent(factor: float, expect
     assert list(find_inconsistent(derivatives, alpha, lift, slope, 1.6, **more)) == expected
 
 
-@pytest.mark.parametrize(
-    ("factor", "expected"),
-    [(1.0, []), (0.5, []), (-1.0, ["CL_qhat"]), (3.0, ["CL_qhat"]), (57.3, ["CL_qhat"])],
-)
-def test_a_supersonic_lift_due_to_pitch_rate_beyond_the_strips(factor: float, expected) -> None:
-    """The program prints 3.63 per radian; 0.25 to 1.2 of the strips of wing and tail, 1 and the
-    body allow 0.16 to 6.87.
-    """
+def fighter_bounds(damping: float, moment_slope: float) -> tuple[float, float]:
+    strips = estimate_supersonic_shares(deck(FIGHTER), 1.6, has_tail=True)
+    return bound_supersonic_lift(1.6, strips, damping, moment_slope)
+
+
+def test_damping_and_moment_slope_bound_the_lift_due_to_pitch_rate() -> None:
+    """The program prints CLQ 3.63, CMQ -3.71 and CMA -1.41 per radian."""
+    assert fighter_bounds(np.nan, np.nan) == pytest.approx((0.16, 6.87), abs=0.01)
+    # Wing 2.03 and CMQ -1.38 by strips, body 0.21 and -0.39, arm 1.51: at 1.15 arms the least is
+    # 0.25 (2.03 - 1.38 / 1.74) + 3.71 / 1.74 + 1.5 (0.21 - 0.39 / 1.74) - 0.5.
+    assert fighter_bounds(-3.71, np.nan) == pytest.approx((1.913, 4.934), abs=0.01)
+    # CLq of at least 0.7 (2.82) - 0.25 by CMA.
+    assert fighter_bounds(np.nan, -1.41) == pytest.approx((1.724, 6.87), abs=0.01)
+    # Transonic pages, and those without cards.
+    assert bound_supersonic_lift(1.2, {}, -3.71, -1.41) == (-np.inf, np.inf)
+    assert bound_supersonic_lift(1.6, {}, -3.71, -1.41)[0] == pytest.approx(1.724)
+
+
+FACTORS = (1.0, 0.6, 0.1, -1.0, 3.0, 57.3)
+
+
+@pytest.mark.parametrize("factor", FACTORS)
+def test_a_supersonic_lift_due_to_pitch_rate_beyond_its_bounds(factor: float) -> None:
     strips = estimate_supersonic_shares(deck(FIGHTER), 1.6, has_tail=True)
     derivatives = page(-3.71, CL_qhat=3.63 * factor)
     alpha, lift = np.array([-2.0, 0.0, 2.0]), np.array([0.1, 0.3, 0.5])
-    more = {"has_tail": True, "strips": strips}
-    slope = np.full(3, 0.35)
-    assert list(find_inconsistent(derivatives, alpha, lift, slope, 1.6, **more)) == expected
+    more = {"has_tail": True, "strips": strips, "moment_slope": -1.41}
+    expected = ["CL_qhat"]
+    if factor in (1.0, 0.6):
+        expected = []
+    found = find_inconsistent(derivatives, alpha, lift, np.full(3, 0.35), 1.6, **more)
+    assert list(found) == expected
+
+
+def test_a_wrong_damping_does_not_make_the_lift_due_to_pitch_rate_suspect() -> None:
+    strips = estimate_supersonic_shares(deck(FIGHTER), 1.6, has_tail=True)
+    derivatives = page(-37.1, CL_qhat=3.63)
+    alpha, lift = np.array([-2.0, 0.0, 2.0]), np.array([0.1, 0.3, 0.5])
+    more = {"has_tail": True, "strips": strips, "moment_slope": -1.41}
+    found = find_inconsistent(derivatives, alpha, lift, np.full(3, 0.35), 1.6, **more)
+    assert list(found) == ["Cm_qhat"]
