@@ -57,6 +57,7 @@ MEASURES: dict[str, Callable[[Criterion, Comparison], Judgement]] = {
     "damping_ratio": modal.judge_mode,
     "peak_lag": modal.peak_lag,
     "trend": values.judge_trend,
+    "demonstration": values.show_demonstration,
 }
 
 

@@ -24,9 +24,11 @@ from pom.tolerances.bands import (
     inside_window,
     judge_number,
     judge_trace,
+    reason_remarks,
     unwrapped_difference,
 )
 from pom.tolerances.criteria import OF_PARAMETER, Criterion
+from pom.tolerances.rows import DEMONSTRATION
 
 LEVEL = 1.0  # [s] End of the window over which the end level is averaged; our choice.
 
@@ -239,6 +241,11 @@ def low_speed_end(criterion: Criterion, match: Comparison) -> Judgement:
         "method", f"low-speed end, from {start:.1f} s on", values={"start": start}, unit="s"
     )
     return replace(outcome, remarks=(remark, *outcome.remarks))
+
+
+def show_demonstration(criterion: Criterion, match: Comparison) -> Judgement:
+    """Return the verdict of a row without a tolerance: its curves are shown and not judged."""
+    return Judgement("demonstration", remarks=reason_remarks(DEMONSTRATION))
 
 
 # The rule has no numbers for a trend. The following ones are our choice.

@@ -240,6 +240,8 @@ def case_objective(case: PomCase) -> str:
     names = [criterion.name for criterion in case.criteria if criterion.applies]
     judged = ", ".join(dict.fromkeys(map(criterion_words, names)))
     title = _row_title(case)
+    if case.is_demonstration:
+        return f"{title}: recordings that people judge; no tolerance applies."
     if case.reference == "footprint":
         return f"{title}: {judged} of the device, kept for later comparison."
     reference = "an engineering simulator" if case.reference == "engineering" else "flight"
