@@ -265,7 +265,7 @@ def make_criterion(
         reason = f"applies only with {', '.join(missing)}"
     elif not channel and measure != "demonstration":
         reason = _UNCHANNELLED.get(measure, f"{row['parameter']} has no channel")
-    elif row["quantity"] == "none" and measure == "trace":
+    elif row["quantity"] == "none" and measure in ("trace", "vibration"):
         reason = NUMBER_NOT_READ
     return Criterion(
         name=name,

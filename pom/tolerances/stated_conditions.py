@@ -153,6 +153,7 @@ _ALL = (
     StatedCondition("heights_over_ground", "three heights in ground effect and one out of it"),
     StatedCondition("rollout_guidance", "if the autopilot gives rollout guidance"),
     StatedCondition("yaw_damper_off", "yaw damper off"),
+    StatedCondition("buffet_approach", "in the approach to the stall"),
     StatedCondition("demonstration", "recordings of a demonstration"),
     StatedCondition(
         "level_entry",
@@ -254,6 +255,7 @@ STATED: dict[str, tuple[str, ...]] = {
     "2.f.1": ("heights_over_ground",),
     "2.g": ("demonstration",),
     "2.i": ("demonstration", "clean_and_iced"),
+    "3.f.5": ("buffet_approach",),
     "7.B": ("demonstration", "upset"),
     "IV": ("demonstration", "gusts"),
 }
@@ -301,5 +303,5 @@ checked.
 ``takeoff``: flaps not full, gear down; ``gear_up``, ``gear_down``; ``ground``: on the wheels.
 """
 
-ANY = "any"
+ANY = "flight"
 """Flight condition of a row that holds in every configuration."""

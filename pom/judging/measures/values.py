@@ -303,7 +303,7 @@ def judge_trend(criterion: Criterion, match: Comparison) -> Judgement:
         text += f"; not met: {', '.join(failed)}"
     else:
         text += "; all criteria of trend are met"
-    verdict, tick_text = _apply_tick(match.case.ticks.get(criterion.name, ""), failed)
+    verdict, tick_text = apply_tick(match.case.ticks.get(criterion.name, ""), failed)
     return Judgement(
         verdict,
         at=float(time[0]),
@@ -331,7 +331,7 @@ def _check_without_trend(
     return {"no trend": departure <= allowed}, {"departure": share}, text
 
 
-def _apply_tick(tick: str, failed: list[str]) -> tuple[str, str]:
+def apply_tick(tick: str, failed: list[str]) -> tuple[str, str]:
     """Return the verdict, and a text on the effect of the tick."""
     if not tick and failed:
         return "fail", "an engineer may tick it with his reason"

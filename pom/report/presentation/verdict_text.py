@@ -53,6 +53,7 @@ _MEASURES = {
     "response_total": "time to 90 % of the change",
     "trend": "correct trend",
     "demonstration": "demonstration",
+    "vibration": "peaks of the spectrum",
 }
 
 
