@@ -22,8 +22,11 @@ from flightmech.envelope.regions import RegionTable, axis_name, join_tables, shr
 from flightmech.envelope.term_regions import term_region_table
 from flightmech.errors import UnknownName
 from flightmech.flown_states import CONFIGURATION, FLOWN_STATES, FlownStates, unpack_states
+from flightmech.names import SEPARATION
 from flightmech.short_text import ShortText
 
+ATTACHED = {name: 0.0 if name.endswith("_diff") else 1.0 for name in SEPARATION}
+"""Values of the variables of the flow separation in attached flow."""
 _MOST_GROWTH = 1.5  # of the cells of two tables by joining them
 _REGION_BITS = 2  # of the byte of a cell; the code of the axis is above them
 
@@ -55,7 +58,8 @@ class Envelope(ShortText):
         ----------
         states : mapping of str to array
             The variables of `axes`, broadcast against each other; a missing one of
-            `flightmech.flown_states.CONFIGURATION` counts as zero. [SI]
+            `flightmech.flown_states.CONFIGURATION` counts as zero, one of the flow separation as
+            attached flow. [SI]
 
         Returns
         -------
@@ -67,7 +71,8 @@ class Envelope(ShortText):
         UnknownName
             Another variable is missing.
         """
-        full: dict[str, Any] = {name: 0.0 for name in CONFIGURATION if name not in states}
+        usual = {**dict.fromkeys(CONFIGURATION, 0.0), **ATTACHED}
+        full: dict[str, Any] = {name: usual[name] for name in usual if name not in states}
         for name in self.axes:
             if name in states:
                 full[name] = np.asarray(states[name], dtype=float)

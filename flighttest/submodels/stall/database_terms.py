@@ -9,7 +9,10 @@ from aerodb.edit.term_edits import delete_terms, replace_terms
 from aerodb.store.identified_terms import stamp_identified
 from aerodb.store.schema import terms
 from aerodb.update.posterior import without_posterior
+from aerodb.update.tabulation_report import pack_flown_samples
 from flightmech.errors import SchemaError
+from flightmech.flown_samples import FLOWN_SAMPLES, with_flown_samples
+from flightmech.flown_states import FLOWN_STATES, gather_states, pack_states
 from flightmech.names import SEPARATION, value_text
 from flightmech.terms import list_model_variables
 from flighttest.submodels.stall.result import StallIdentification
@@ -30,6 +33,7 @@ def add_stall(database: xr.DataTree, found: StallIdentification) -> xr.DataTree:
     Returns
     -------
     DataTree
+        It keeps the samples of the stalls and their states, as those of other fits.
     """
     new = {name: stamp_identified(leaf) for name, leaf in found.leaves().items()}
     old = []
@@ -37,7 +41,17 @@ def add_stall(database: xr.DataTree, found: StallIdentification) -> xr.DataTree:
         if list_model_variables(leaf) & set(SEPARATION) and name not in new:
             old.append(name)
     remainder = delete_terms(database, old, _NOTE) if old else database
-    return replace_terms(remainder, new, _NOTE)
+    changed = replace_terms(remainder, new, _NOTE)
+    # The samples show which flights cannot prove the model, the states where it is supported.
+    samples = []
+    for number, record in enumerate(found.records, 1):
+        samples.append((str(record.attrs.get("record") or f"stall {number}"), record))
+    flown = {
+        FLOWN_SAMPLES: pack_flown_samples(samples),
+        FLOWN_STATES: pack_states(gather_states(found.records)),
+    }
+    changed.attrs |= with_flown_samples(changed.attrs, flown)
+    return changed
 
 
 def continue_attached_flow(database: xr.DataTree, alpha: float) -> xr.DataTree:
