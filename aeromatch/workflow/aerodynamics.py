@@ -349,7 +349,7 @@ def with_submodels(
     `tables` is a parameter of `replace_ground_effect`.
     """
     if found.stall is not None:
-        database = add_stall(attached_database(project, database), found.stall)
+        database = add_stall(attached_database(project, database, found.stall.records), found.stall)
     for loading in found.controls.values():
         database = replace_hinge_moments(database, loading)
     if found.ground_effect is None:

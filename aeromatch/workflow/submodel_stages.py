@@ -10,7 +10,6 @@ import xarray as xr
 from aeromatch.workflow.aerodynamics import after_flight, thread_count, with_submodels
 from aeromatch.workflow.identified import Identified
 from aeromatch.workflow.submodels import (
-    attached_database,
     identified_controls,
     identified_engine,
     identified_gear,
@@ -131,9 +130,8 @@ def make_stall(
     project, spans = result.project, result.windows.submodels
 
     def make() -> Any:
-        database = attached_database(project, final.value)
         return identified_stall(
-            project, aircraft.value, Values(result.data), spans, database=database
+            project, aircraft.value, Values(result.data), spans, database=final.value
         )
 
     inputs = {

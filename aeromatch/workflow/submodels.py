@@ -27,7 +27,7 @@ from flighttest.submodels.engine.static_thrust import Polar
 from flighttest.submodels.engine.tables import EngineStructure, read_structure
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
 from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
-from flighttest.submodels.stall.database_terms import continue_attached_flow
+from flighttest.submodels.stall.database_terms import continue_attached_flow, reach_of
 from flighttest.submodels.stall.identification import identify_stall
 
 
@@ -306,7 +306,7 @@ def identified_stall(
     spans : mapping of str to dict
         By position in the project file.
     database : DataTree
-        Of the attached flow (`attached_database`).
+        The attached flow before `attached_database`.
     """
     section = project.stall
     if section is None:
@@ -314,6 +314,7 @@ def identified_stall(
     parts: list[xr.Dataset] = []
     for record, record_spans in spans["stall.flown"].items():
         parts += select_spans(data[record], record_spans)
+    database = attached_database(project, database, parts)
     models = map(flighttest.RegressionModel.parse, section.attached)
     station = parse_quantity(section.station, "m") if section.station else 0.25 * aircraft.b
     return identify_stall(
@@ -327,11 +328,17 @@ def identified_stall(
     )
 
 
-def attached_database(project: Project, database: xr.DataTree) -> xr.DataTree:
-    """Return a database whose tables go on linearly where ``stall.attached_to`` states it."""
+def attached_database(
+    project: Project, database: xr.DataTree, records: Sequence[xr.Dataset]
+) -> xr.DataTree:
+    """Return a database whose tables go on linearly where ``stall.attached_to`` states it.
+
+    They reach 10 deg beyond the largest angle of attack of the records of the stalls.
+    """
     if project.stall is None or not project.stall.attached_to:
         return database
-    return continue_attached_flow(database, parse_quantity(project.stall.attached_to, "rad"))
+    last = parse_quantity(project.stall.attached_to, "rad")
+    return continue_attached_flow(database, last, reach_of(records))
 
 
 def with_separation(aircraft: Aircraft, found: Any) -> Aircraft:

@@ -207,7 +207,7 @@ def fly(kcas: float, altitude: float, cards: list[tuple]) -> pd.DataFrame:
                 a.want["elevator"] = start["elevator"] - size * float(np.sin(2 * np.pi * t / seconds))
 
             during(seconds, pull_push)
-        elif kind == "stall":  # lever, bank, angle of attack at the top, seconds up, at the top, down
+        elif kind == "stall":  # lever, bank, angle of attack at the top, seconds up, at the top, down, after
             lever, bank, top, *seconds = values
             times = np.cumsum([0.0, *seconds])
             first, held = float(np.arctan2(a.now["w"], a.now["u"])), [0.0]
@@ -215,7 +215,7 @@ def fly(kcas: float, altitude: float, cards: list[tuple]) -> pd.DataFrame:
             def stall(t: float, top: float = top, bank: float = bank) -> None:
                 # a hand that follows an angle of attack, with a shake that moves it about
                 pilot.laterally(bank * float(np.clip(t / 4.0, 0.0, 1.0)))
-                wanted = float(np.interp(t, times, [first, top, top, first])) + 0.012 * float(np.sin(2.0 * np.pi * 0.7 * t))
+                wanted = float(np.interp(t, times[:4], [first, top, top, first])) + 0.012 * float(np.sin(2.0 * np.pi * 0.7 * t))
                 error = wanted - float(np.arctan2(a.now["w"], a.now["u"]))
                 held[0] -= 0.8 * error / RATE
                 a.want["elevator"] = start["elevator"] + held[0] - 1.6 * error + 0.5 * a.now["q"]
@@ -336,11 +336,11 @@ PROGRAMME = {
 }
 # stalls: quasi-steady and accelerated ones identify, the last two prove
 STALLS = {
-    "stall_quasi_steady": (72.0, 6500.0, [("free", 4.0), ("stall", 0.0, 0.0, 20 * DEG, 26.0, 2.0, 4.0)]),
-    "stall_accelerated": (75.0, 6500.0, [("free", 4.0), ("stall", 0.2, 0.0, 20 * DEG, 5.0, 1.5, 3.0)]),
-    "stall_turning": (75.0, 6500.0, [("free", 4.0), ("stall", 0.3, -30 * DEG, 20 * DEG, 9.0, 1.5, 3.0)]),
-    "check_stall": (72.0, 6000.0, [("free", 4.0), ("stall", 0.0, 0.0, 19 * DEG, 30.0, 1.0, 5.0)]),
-    "check_stall_turn": (75.0, 6000.0, [("free", 4.0), ("stall", 0.15, 30 * DEG, 20 * DEG, 14.0, 1.0, 4.0)]),
+    "stall_quasi_steady": (72.0, 6500.0, [("free", 4.0), ("stall", 0.0, 0.0, 20 * DEG, 26.0, 2.0, 4.0, 2.0)]),
+    "stall_accelerated": (75.0, 6500.0, [("free", 4.0), ("stall", 0.2, 0.0, 20 * DEG, 5.0, 1.5, 3.0, 2.0)]),
+    "stall_turning": (75.0, 6500.0, [("free", 4.0), ("stall", 0.3, -30 * DEG, 20 * DEG, 9.0, 1.5, 3.0, 2.0)]),
+    "check_stall": (72.0, 6000.0, [("free", 4.0), ("stall", 0.0, 0.0, 19 * DEG, 30.0, 1.0, 5.0, 3.0)]),
+    "check_stall_turn": (75.0, 6000.0, [("free", 4.0), ("stall", 0.15, 30 * DEG, 20 * DEG, 14.0, 1.0, 4.0, 2.5)]),
 }
 
 

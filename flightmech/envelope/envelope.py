@@ -28,11 +28,9 @@ from flightmech.envelope.regions import (
 from flightmech.envelope.term_regions import term_region_table
 from flightmech.errors import UnknownName
 from flightmech.flown_states import CONFIGURATION, FLOWN_STATES, FlownStates, unpack_states
-from flightmech.names import SEPARATION
+from flightmech.names import ATTACHED_FLOW
 from flightmech.short_text import ShortText
 
-ATTACHED = {name: 0.0 if name.endswith("_diff") else 1.0 for name in SEPARATION}
-"""Values of the variables of the flow separation in attached flow."""
 _MOST_GROWTH = 1.5  # of the cells of two tables by joining them
 _REGION_BITS = 2  # of the byte of a cell; the code of the axis is above them
 
@@ -81,7 +79,7 @@ class Envelope(ShortText):
         UnknownName
             Another variable is missing.
         """
-        usual = {**dict.fromkeys(CONFIGURATION, 0.0), **ATTACHED}
+        usual = {**dict.fromkeys(CONFIGURATION, 0.0), **ATTACHED_FLOW}
         full: dict[str, Any] = {name: usual[name] for name in usual if name not in states}
         for name in self.axes:
             if name in states:

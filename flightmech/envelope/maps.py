@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from flightmech.envelope.envelope import ATTACHED, Envelope
+from flightmech.envelope.envelope import Envelope
 from flightmech.envelope.evidence import PLANES, flown_configurations
 from flightmech.envelope.regions import EXTRAPOLATED, REGIONS, axis_name, usual_width
 from flightmech.errors import SchemaError
 from flightmech.flown_states import CELL
-from flightmech.names import lookup, value_text
+from flightmech.names import ATTACHED_FLOW, lookup, value_text
 from flightmech.short_text import ShortText
 from flightmech.support.figures import (
     WIDTH,
@@ -30,7 +30,7 @@ from flightmech.support.figures import (
 )
 from flightmech.units import from_si
 
-HELD = {"h": 1500.0, "h_agl": 1500.0, "beta": 0.0, "CT": 0.0, **ATTACHED}
+HELD = {"h": 1500.0, "h_agl": 1500.0, "beta": 0.0, "CT": 0.0, **ATTACHED_FLOW}
 """Values of the variables that a map does not show. [SI]"""
 MARKS = "#+.x"
 """Characters of the regions in a text map."""

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from flightmech.envelope.maps import HELD
 from flightmech.envelope.regions import A_PRIORI, EXTRAPOLATED
 from flightmech.errors import AeromatchError, UnknownName
 from flightmech.simulation.compiler import SimModel
@@ -88,7 +89,8 @@ def _check_entry_rate(flown: FlownCase) -> str:
     inside = _entry(flown)
     time, speed = flown.flight.time[inside], flown.channel("V_cas")[inside]
     rate = -float(np.polyfit(time - time[0], speed, 1)[0])
-    bank = float(np.nanmedian(np.abs(flown.channel("phi")[inside])))
+    # rolled into the turn: the bank at the warning counts
+    bank = abs(float(flown.channel("phi")[inside][-1]))
     limit = SLOWING_IN_TURN if bank > TURN_BANK else SLOWING
     if rate <= limit + RATE_ALLOWANCE:
         return ""
@@ -205,7 +207,7 @@ def _reach_of(model: SimModel, stall: float, state: Mapping[str, float]) -> tupl
         text = f"departure: a table ends at {min(ends) / DEGREE:.1f} deg of alpha, before {wanted}"
         return (RowRemark("departure", text, REACH),)
     angles = np.linspace(stall, stall + BEYOND_STALL, 11)
-    states: dict[str, np.ndarray | float] = {}
+    states: dict[str, np.ndarray | float] = dict(HELD)
     for name in envelope.axes:
         source = output_of(name, state)
         if source in state:
