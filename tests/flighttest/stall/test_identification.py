@@ -226,6 +226,19 @@ def test_the_database_keeps_the_samples_and_states_of_the_stalls(found, flights)
     assert reach_of(flights) == pytest.approx(top + np.deg2rad(10.0))
 
 
+def test_records_at_rest_and_samples_without_a_number_are_refused(flights):
+    record = flights[0]
+    V = record["V"].values.copy()
+    V[:5] = [0.0, 0.5, 1.0, 1.5, 1.9]
+    rolling = record.assign(V=("time", V))
+    with pytest.raises(IdentificationError, match=r"an airspeed of 0 m/s at 0\.00 s: at rest"):
+        identify([rolling])
+    alpha = record["alpha"].values.copy()
+    alpha[10:13] = np.nan
+    with pytest.raises(IdentificationError, match="alpha: 3 samples of a stall are not finite"):
+        identify([record.assign(alpha=("time", alpha))])
+
+
 def test_wrong_requests_are_refused(flights):
     with pytest.raises(IdentificationError, match="0 records"):
         identify([])
