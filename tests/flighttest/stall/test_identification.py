@@ -195,7 +195,10 @@ def test_attached_flow_goes_on_as_a_line():
     root = {"title": "jet", "aircraft": "jet", "S": 17.0, "cbar": 1.67, "b": 10.3}
     root |= {"x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability", "source": "own"}
     db = aerodb.make_database(
-        {"CL/basic": make_term(lift, {"alpha": alpha})}, **root, history="", absent=""
+        {"CL/basic": make_term(lift, {"alpha": alpha}, stderr=0.01, source="datcom")},
+        **root,
+        history="",
+        absent="",
     )
     line = continue_attached_flow(db, np.deg2rad(12.0))["CL/basic"]["value"].values
     assert line == pytest.approx([-0.15, 0.25, 1.05, 1.45, 1.85, 2.25])
