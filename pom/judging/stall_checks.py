@@ -1,7 +1,7 @@
 """Checks of the conditions of the stall rows: entry, order of events, recovery, reach of the model.
 
 Deceleration: 14 CFR 25.201(c) has at most 1 kt/s with wings level and 3 kt/s in a turn.  Reach: 14
-CFR Part 60, Appendix A, Attachment 7, A.4.b (2019 edition, page 182) asks for a model that is valid
+CFR Part 60, Appendix A, Attachment 7, A.4.b (2019 edition, page 182) requires a model that is valid
 to 10 deg beyond the angle of attack of stall identification.  Numbers for "wings level", "1 g" and
 "near idle" are ours.
 """

@@ -113,7 +113,7 @@ def test_an_upset_is_one_by_attitude():
 
 
 def of_report(name, id, flights):
-    """Return what the check of a condition over several cases says about flights."""
+    """Return the text of the check of a condition over several cases."""
     results = []
     for conditions, flight in flights:
         case = made(id, conditions=conditions)
