@@ -131,7 +131,8 @@ def _left_table(results: Sequence[PomResult]) -> SectionTable:
             shares = {}
             own = result.verdict.loc[result.verdict["run"] == run, "remarks"]
             for remark in chain.from_iterable(own.tolist()):
-                if remark.kind in ("low_confidence", "envelope_left"):
+                # a remark on the reach beyond a stall has no share of the time
+                if remark.kind in ("low_confidence", "envelope_left") and "share" in remark.values:
                     shares[remark.kind] = f"{100.0 * remark.values['share']:.0f} %"
             if shares:
                 cells = (shares.get("low_confidence", "-"), shares.get("envelope_left", "-"))
