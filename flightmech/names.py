@@ -276,6 +276,8 @@ IMPLICIT = ("alphadothat", "betadothat", "dnz")
 """Variables that the simulation solves for: they depend on the coefficients themselves."""
 SEPARATION = ("X", "X_left", "X_right", "X_diff", "X_lift", "X_lift_diff")
 """Variables of the flow separation, which models with the section ``[stall]`` have."""
+ATTACHED_FLOW = {name: 0.0 if name.endswith("_diff") else 1.0 for name in SEPARATION}
+"""Their values in attached flow."""
 WRAPPED = frozenset({"phi", "psi", "lon"})
 """Angles that jump by a full turn."""
 GREEK = {

@@ -188,7 +188,8 @@ class PomResult(ShortText):
         why that is allowed.  ``record_error``: as ``pass``, but the flight record has an error
         (`pom.checking.with_record_checks`).  ``leak``: as ``pass``, but samples of the record
         identified the model.  ``not_driven``: as ``pass``, but the answer of the model does not
-        follow its inputs (`pom.probing`).  A group of advisory rows only (correct trend) waits for
+        follow its inputs (`pom.probing`).  ``demonstration``: curves without a tolerance, no pass.
+        A group of advisory rows only (correct trend) waits for
         an engineer's tick and does not count.  A case without any passing group is never a pass.
         """
         rows = [row for row in self.rows if row["run"] == run]

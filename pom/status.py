@@ -48,7 +48,7 @@ record that identified the model, ``not_driven`` an answer that the inputs do no
 ``far_from_evidence`` terms far from their flight estimate, ``no_evidence`` a model without terms to
 compare with it.
 """
-VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
+VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory", "demonstration")
 STATUSES = (
     "pass",
     "pass_with_departures",
@@ -56,6 +56,7 @@ STATUSES = (
     "record_error",
     "leak",
     "not_driven",
+    "demonstration",
     "fail",
     "invalid",
     "not_tested",
@@ -66,13 +67,14 @@ STATUSES = (
 ``limits_exceeded`` is a pass with a trim beyond its limits.  ``record_error`` is a pass against a
 flight record in which a check found an error.  ``leak`` is a pass against a record whose samples
 identified the model.  ``not_driven`` is a pass of a model whose answer the inputs do not drive.
+``demonstration`` is a case whose curves are shown without a tolerance: neither a pass nor a fail.
 """
 
 PASSED = STATUSES[:6]
 """Statuses of a case in which every criterion passes."""
 
 
-_FROM_BEST = ("pass", "advisory", "fail", "not_tested", "invalid")
+_FROM_BEST = ("pass", "advisory", "demonstration", "fail", "not_tested", "invalid")
 """Order of verdicts within a group: the first one decides."""
 
 
@@ -100,7 +102,8 @@ def judged_groups(groups: Mapping[str, str]) -> dict[str, str]:
     What a case does not test shows nothing about the terms of a model: a diagnosis and a tuning go
     by the other groups.  The status of the case counts all groups.
     """
-    judged = {name: verdict for name, verdict in groups.items() if verdict != "not_tested"}
+    unjudged = ("not_tested", "demonstration")
+    judged = {name: verdict for name, verdict in groups.items() if verdict not in unjudged}
     if {"pass", "fail", "invalid"} & set(judged.values()):
         return judged
     return dict(groups)
@@ -132,8 +135,8 @@ def status_of(
         The inputs do not drive the answer of the model.
     """
     verdicts = set(groups.values())
-    # the worst verdict of a group decides
-    for verdict in ("invalid", "fail", "not_tested"):
+    # the worst verdict of a group decides; what is shown without a tolerance proves nothing
+    for verdict in ("invalid", "fail", "not_tested", "demonstration"):
         if verdict in verdicts:
             return verdict
     if "pass" not in verdicts:

@@ -81,6 +81,7 @@ NIGHTLY_PAGES = (
     "plan-a-programme.md",
     "control-law.md",
     "own-fmu.md",
+    "stalls.md",
     "export-a-database.md",
 )
 FENCE = re.compile(

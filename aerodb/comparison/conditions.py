@@ -16,7 +16,13 @@ from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.build_up import COEFFICIENTS
 from flightmech.errors import OutOfRange, ParseError, UnknownName
-from flightmech.names import VOCABULARY, lookup, quantity_attributes, unit_suffix
+from flightmech.names import (
+    ATTACHED_FLOW,
+    VOCABULARY,
+    lookup,
+    quantity_attributes,
+    unit_suffix,
+)
 from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.units import DEGREE, from_si
 
@@ -83,11 +89,11 @@ def mesh_samples(points: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 def neutral_value(name: str, points: np.ndarray) -> float:
     """Return the neutral value of a variable: zero, or the value in range nearest to it. [SI]
 
-    That of `h_agl` is the highest one, free air.
+    That of `h_agl` is the highest one, free air, that of the flow separation is attached flow.
     """
     if name == "h_agl":
         return float(points[-1])
-    return float(np.clip(0.0, points[0], points[-1]))
+    return float(np.clip(ATTACHED_FLOW.get(name, 0.0), points[0], points[-1]))
 
 
 def coefficient_points(

@@ -13,7 +13,7 @@ from flightmech import terms as _terms
 from flightmech.axes import lift_drag
 from flightmech.build_up import evaluation_levels, used_coefficients
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.names import lookup, quantity_attributes
+from flightmech.names import ATTACHED_FLOW, lookup, quantity_attributes
 from flightmech.support.array_files.netcdf_trees import CHECKS
 from flightmech.units import value_in_si
 
@@ -173,18 +173,18 @@ _ON, _BEYOND, _FAR = 0.1, 0.1, 0.1
 def cruise_state(db: xr.DataTree) -> dict[str, Any]:
     """Return cruise conditions: every variable of the terms at zero, or the end next to it.
 
-    Heights above ground are at the highest breakpoint, out of the ground effect. Coefficients on
-    which terms depend are not set: `evaluate_any` computes them.
+    Heights above ground are at the highest breakpoint, out of the ground effect. The flow is
+    attached. Coefficients on which terms depend are not set: `evaluate_any` computes them.
     """
     state: dict[str, Any] = {"mach": 0.0, "alpha": 0.0}
     for leaf in terms(db).values():
         for variable in _terms.list_model_variables(leaf):
             if variable in _OF_ANY_AXES:
                 continue
-            value = 0.0
+            value = ATTACHED_FLOW.get(variable, 0.0)
             if variable in leaf.dims:
                 points = leaf[variable].values.astype(float)
-                value = float(np.clip(0.0, points.min(), points.max()))
+                value = float(np.clip(value, points.min(), points.max()))
                 if variable == "h_agl":
                     value = max(float(points.max()), float(state.get(variable, 0.0)))
             elif variable == "h_agl":

@@ -23,7 +23,7 @@ from aeromatch.project.project import Project
 from aeromatch.workflow.aerodynamics import a_priori, add_missing_terms, before_flight
 from aeromatch.workflow.devices import read_devices
 from aeromatch.workflow.identified import databases_before
-from aeromatch.workflow.windows import records_of
+from aeromatch.workflow.windows import AERODYNAMIC, records_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.atomic_write import resolve_folder
@@ -382,4 +382,6 @@ class _ModelChecks:
 
 def _forms_coefficients(look: RecordLook) -> bool:
     """Return whether the match forms the aerodynamic coefficients along a record."""
-    return any(label.startswith("fit ") or label == "ground_effect.flown" for label in look.uses)
+    return any(
+        label.startswith("fit ") or label.partition(".")[0] in AERODYNAMIC for label in look.uses
+    )

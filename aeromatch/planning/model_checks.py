@@ -15,7 +15,7 @@ import flighttest
 from aerodb.update.observations import known_terms
 from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import Project
-from aeromatch.project.sections import EngineSection, GroundEffectSection
+from aeromatch.project.sections import EngineSection, GroundEffectSection, StallSection
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import ICE
 from flightmech.support.kept_stages.stages import Kept, Stages
@@ -154,14 +154,19 @@ def regressor_problems(project: Project, names: Mapping[str, set[str]]) -> list[
             f"fit {fit.name!r}", fit.models, records=fit.records, names=names
         )
     if project.ground_effect is not None:
-        records = dict.fromkeys(_ground_effect_records(project.ground_effect))
+        records = dict.fromkeys(_flown_records(project.ground_effect))
         problems += _absent_regressors(
             "ground_effect.flown", project.ground_effect.models, records=records, names=names
+        )
+    if project.stall is not None:
+        records = dict.fromkeys(_flown_records(project.stall))
+        problems += _absent_regressors(
+            "stall.flown", project.stall.models, records=records, names=names
         )
     return problems
 
 
-def _ground_effect_records(section: GroundEffectSection) -> list[str]:
+def _flown_records(section: GroundEffectSection | StallSection) -> list[str]:
     records: list[str] = []
     for selection in section.flown:
         records += selection.records
@@ -189,7 +194,7 @@ def height_problems(project: Project, names: Mapping[str, set[str]]) -> list[str
     """Return a problem if no record of the ground effect has a height above the runway."""
     if project.ground_effect is None:
         return []
-    records = _ground_effect_records(project.ground_effect)
+    records = _flown_records(project.ground_effect)
     # A record without names cannot be read, which is another problem.
     if not all(names.get(record) for record in records):
         return []

@@ -14,7 +14,7 @@ import xarray as xr
 from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import FitSection
 from aeromatch.workflow.submodels import thin_samples
-from aeromatch.workflow.windows import select_spans
+from aeromatch.workflow.windows import AERODYNAMIC, select_spans
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
@@ -141,8 +141,8 @@ def submodel_problems(
         Windows. [s]
     """
     kind = position.split(".")[0]
-    # The variables of the ground effect are checked with the variables of the coefficients.
-    if kind == "ground_effect":
+    # The variables of these are checked with the variables of the coefficients.
+    if kind in AERODYNAMIC:
         return []
     time = states["time"].values
     empty = 0

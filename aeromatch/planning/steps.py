@@ -88,6 +88,8 @@ def steps_of(project: Project, records: Mapping[str, bool], cases: int, compare:
         steps.append(f"make the tables in all {len(WAYS)} ways and compare them")
     if project.ground_effect is not None:
         steps.append("identify the ground effect")
+    if project.stall is not None:
+        steps.append("identify the stall")
     if project.gear is not None:
         steps.append("identify the landing gear")
     steps += [
@@ -108,7 +110,7 @@ def products_of(project: Project, cases: Sequence[Any], compare: bool) -> list[s
     files: list[str] = []
     for name in project.own_models:
         files += [f"{name}.nc", f"{name}.toml", f"{name}.fmu"]
-    if project.fit or project.ground_effect is not None:
+    if project.fit or project.ground_effect is not None or project.stall is not None:
         files.append(FLOWN)
     if compare:
         files.append(COMPARED)

@@ -37,6 +37,7 @@ from aeromatch.project.sections import (
     GearSection,
     GroundEffectSection,
     RecordSelection,
+    StallSection,
     find_faults,
     section_selections,
 )
@@ -250,6 +251,10 @@ class Project(Strict):
         default=None,
         description="Identification of the ground effect; without it that of the listings.",
     )
+    stall: StallSection | None = Field(
+        default=None,
+        description="Identification of a stall; without it that of the aircraft file and listings.",
+    )
     signatures: dict[Role, Signature] = Field(
         default={}, description="Who signs the report, by role; printed on its cover."
     )
@@ -292,7 +297,7 @@ class Project(Strict):
 
     def _section_problems(self) -> list[str]:
         problems: list[str] = []
-        for section in (self.engine, self.gear, self.ground_effect):
+        for section in (self.engine, self.gear, self.ground_effect, self.stall):
             if section is not None:
                 problems += section.problems()
         for control, control_section in self.controls.sections.items():
@@ -395,7 +400,11 @@ class Project(Strict):
     def submodels(self) -> dict[str, tuple[RecordSelection, ...]]:
         """Records and manoeuvres that identify the submodels, by the place in the project file."""
         return section_selections(
-            self.engine, self.controls.sections, gear=self.gear, ground_effect=self.ground_effect
+            self.engine,
+            self.controls.sections,
+            gear=self.gear,
+            ground_effect=self.ground_effect,
+            stall=self.stall,
         )
 
     @property

@@ -1,5 +1,5 @@
 """Sections of a project file that identify a submodel: ``[engine]``, ``[controls.*]``, ``[gear]``,
-``[ground_effect]``.
+``[ground_effect]``, ``[stall]``.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ from pydantic import Field, field_validator
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
+from flightmech.units import parse_quantity
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.control_loading.loading import COEFFICIENT, FORCES
 from flighttest.submodels.landing_gear.reconstructed_loads import ERRORS
+from flighttest.submodels.stall.model import COEFFICIENTS
 
 GEAR_ERRORS = (*ERRORS, "wind")
 Names = tuple[str, ...]
@@ -98,6 +100,62 @@ class GroundEffectSection(Strict):
         for key in ("models", "ground"):
             for text in getattr(self, key):
                 yield from find_faults(f"ground_effect.{key}", RegressionModel.parse, text)
+
+
+class StallSection(Strict):
+    """``[stall]``: quasi-steady and accelerated stalls with their entries, for `identify_stall`."""
+
+    flown: Annotated[tuple[RecordSelection, ...], Field(min_length=1)] = Field(
+        description="Quasi-steady and accelerated stalls with their entries."
+    )
+    attached_to: str = Field(
+        default="",
+        examples=["12 deg"],
+        description="Angle of attack from which the tables of the database go on linearly, where "
+        "they contain a stall.",
+    )
+    station: str = Field(
+        default="",
+        examples=["2.5 m"],
+        description="Station of the wing halves from the plane of symmetry. Default: a quarter of "
+        "the span.",
+    )
+    over: str = Field(
+        default="",
+        examples=["delta_f"],
+        description="Variable of the configuration over which a1 and alpha_star are tables.",
+    )
+    coefficients: Names = Field(
+        default=("CL", "CD", "Cm", "Cl", "Cn"),
+        examples=[["CL", "CD", "Cm"]],
+        description="Coefficients to fit; CL is needed.",
+    )
+    attached: Names = Field(
+        default=(),
+        examples=[["CL = 1 + alpha + qhat"]],
+        description="Terms of the attached flow that are estimated along, by coefficient.",
+    )
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Models that need the variables which the records have to hold."""
+        more = f" + {self.over}" if self.over else ""
+        return (f"CL = 1 + alpha + p + r + V{more}", *self.attached)
+
+    def problems(self) -> Iterator[str]:
+        """Yield what is wrong with models, coefficients and quantities."""
+        for text in self.attached:
+            yield from find_faults("stall.attached", RegressionModel.parse, text)
+        for name in self.coefficients:
+            if name not in COEFFICIENTS:
+                unknown = UnknownName(name, COEFFICIENTS, "coefficient of a stall")
+                yield f"stall.coefficients: {unknown}"
+        if "CL" not in self.coefficients:
+            yield "stall.coefficients: CL is missing; it shows the separation, add it"
+        for key, unit in (("attached_to", "rad"), ("station", "m")):
+            text = getattr(self, key)
+            if text:
+                yield from find_faults(f"stall.{key}", parse_quantity, text, unit)
 
 
 class GearSection(Strict):
@@ -244,6 +302,7 @@ def section_selections(
     controls: Mapping[str, ControlSection],
     gear: GearSection | None,
     ground_effect: GroundEffectSection | None,
+    stall: StallSection | None = None,
 ) -> dict[str, tuple[RecordSelection, ...]]:
     """Return the records and manoeuvres of every section, by the place in the project file."""
     selections: dict[str, tuple[RecordSelection, ...]] = {}
@@ -258,6 +317,8 @@ def section_selections(
         selections["gear.flown"] = gear.flown
     if ground_effect is not None:
         selections["ground_effect.flown"] = ground_effect.flown
+    if stall is not None:
+        selections["stall.flown"] = stall.flown
     # A key without records identifies nothing.
     return {key: records for key, records in selections.items() if records}
 

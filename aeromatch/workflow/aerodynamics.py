@@ -17,7 +17,7 @@ import flighttest
 from aerodb.update.tabulation_report import make_empty_tabulation
 from aeromatch.project.priors import PriorSection
 from aeromatch.project.project import Project
-from aeromatch.workflow.submodels import Submodels, with_engine
+from aeromatch.workflow.submodels import Submodels, attached_database, with_engine
 from aeromatch.workflow.windows import IdentificationWindows, raise_problems, records_of
 from datcom_io.reading.reader import read_place
 from flightmech.aircraft.aircraft import Aircraft
@@ -27,6 +27,7 @@ from flighttest.regression.combining.joined_fits import coloured_covariance, tab
 from flighttest.regression.combining.published_table import read_published
 from flighttest.submodels.control_loading.hinge_terms import replace_hinge_moments
 from flighttest.submodels.ground_effect.database_terms import replace_ground_effect
+from flighttest.submodels.stall.database_terms import add_stall
 
 _NO_FIT = (
     "the project has no [[fit]] and no published models: no term is identified, and the models "
@@ -345,11 +346,15 @@ def compare_tables(
     return aerodb.update.compare_ways(by_method, start)
 
 
-def with_submodels(database: xr.DataTree, found: Submodels, tables: bool = False) -> xr.DataTree:
-    """Return a database with the identified hinge moments and the identified ground effect.
+def with_submodels(
+    project: Project, database: xr.DataTree, found: Submodels, tables: bool = False
+) -> xr.DataTree:
+    """Return a database with the identified hinge moments, stall and ground effect.
 
     `tables` is a parameter of `replace_ground_effect`.
     """
+    if found.stall is not None:
+        database = add_stall(attached_database(project, database, found.stall.records), found.stall)
     for loading in found.controls.values():
         database = replace_hinge_moments(database, loading)
     if found.ground_effect is None:

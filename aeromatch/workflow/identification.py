@@ -34,12 +34,14 @@ from aeromatch.workflow.identified import (
 )
 from aeromatch.workflow.submodel_stages import (
     add_gear,
+    add_separation,
     make_controls,
     make_engine,
     make_final_database,
     make_flying_aircraft,
     make_gear,
     make_ground_effect,
+    make_stall,
 )
 from aeromatch.workflow.windows import inputs_of, records_of, select_windows
 from flightmech.aircraft.aircraft import Aircraft
@@ -93,6 +95,15 @@ def run_identification(
     if project.ground_effect is not None:
         with step("identify the ground effect"):
             result.ground_effect = make_ground_effect(result, final, stages)
+    # The stall comes on top of the attached flow, which the tables have.
+    if project.stall is not None:
+        with step("identify the stall"):
+            result.stall = make_stall(result, flying, final, stages)
+            flying = add_separation(flying, result.stall, "aircraft with separation", stages)
+        if aircraft.stall is None:
+            # Terms over the separation can only be exchanged between models that have it.  No
+            # a-priori term uses it.
+            apriori = add_separation(apriori, result.stall, "a-priori separation", stages)
     # The landing gear is last, because it requires lift and drag near the ground.
     if project.gear is not None:
         with step("identify the landing gear"):

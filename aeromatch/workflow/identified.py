@@ -60,7 +60,7 @@ class Identified:
         Manoeuvres by record, and the problems of the table of manoeuvres.
     checks : dict of str to Kept of RecordCheck
         Checks of the records, by name.
-    engine, controls, ground_effect, gear : Kept
+    engine, controls, ground_effect, stall, gear : Kept
         Submodels; None where there is none.
     tables : Kept of (DataTree, Tabulation)
     compared : Kept of DataFrame or None
@@ -84,6 +84,7 @@ class Identified:
     engine: Kept[Any] = field(default_factory=lambda: Kept(made=(None,)))
     controls: Kept[Any] = field(default_factory=lambda: Kept(made=(({}, {}, {}),)))
     ground_effect: Kept[Any] = field(default_factory=lambda: Kept(made=(None,)))
+    stall: Kept[Any] = field(default_factory=lambda: Kept(made=(None,)))
     gear: Kept[Any] = field(default_factory=lambda: Kept(made=(None,)))
     tables: Kept[Any] = field(init=False)
     compared: Kept[Any] | None = None
@@ -105,6 +106,7 @@ class Identified:
             free_motion=free_motion,
             driven_motion=driven_motion,
             ground_effect=self.ground_effect.value,
+            stall=self.stall.value,
             gear=self.gear.value,
         )
 
@@ -114,6 +116,7 @@ class Identified:
             "engine": self.engine,
             "controls": self.controls,
             "ground effect": self.ground_effect,
+            "stall": self.stall,
             "landing gear": self.gear,
         }
 

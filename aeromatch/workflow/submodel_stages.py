@@ -14,7 +14,9 @@ from aeromatch.workflow.submodels import (
     identified_engine,
     identified_gear,
     identified_ground_effect,
+    identified_stall,
     terms_near_ground,
+    with_separation,
 )
 from aeromatch.workflow.windows import Spans
 from flightmech.aircraft.aircraft import Aircraft
@@ -121,6 +123,34 @@ def make_ground_effect(result: Identified, final: Kept[xr.DataTree], stages: Sta
     return stages.one("ground effect", inputs, make)
 
 
+def make_stall(
+    result: Identified, aircraft: Kept[Aircraft], final: Kept[xr.DataTree], stages: Stages
+) -> Kept[Any]:
+    """Return the identified stall; `final` is the attached flow."""
+    project, spans = result.project, result.windows.submodels
+
+    def make() -> Any:
+        return identified_stall(
+            project, aircraft.value, Values(result.data), spans, database=final.value
+        )
+
+    inputs = {
+        "settings": project.stall,
+        "database": final,
+        "aircraft": aircraft,
+        **_select_inputs(spans, "stall.", result.data),
+    }
+    return stages.one("stall", inputs, make)
+
+
+def add_separation(
+    aircraft: Kept[Aircraft], stall: Kept[Any], name: str, stages: Stages
+) -> Kept[Aircraft]:
+    """Return the aircraft with the identified separation; `name` is that of the stage."""
+    inputs = {"aircraft": aircraft, "stall": stall}
+    return stages.one(name, inputs, lambda: with_separation(aircraft.value, stall.value))
+
+
 def make_gear(
     result: Identified, aircraft: Kept[Aircraft], final: Kept[xr.DataTree], stages: Stages
 ) -> Kept[Any]:
@@ -133,13 +163,14 @@ def make_gear(
             aircraft.value,
             paths=Values(result.paths),
             spans=spans,
-            database=with_submodels(final.value, result.submodels()),
+            database=with_submodels(project, final.value, result.submodels()),
         )
 
     inputs = {
         "settings": project.gear,
         "controls": result.controls,
         "ground effect": result.ground_effect,
+        "stall": result.stall,
         "database": final,
         "aircraft": aircraft,
         **_select_inputs(spans, "gear.", result.paths),
@@ -156,17 +187,22 @@ def add_gear(aircraft: Kept[Aircraft], gear: Kept[Any], stages: Stages) -> Kept[
 def make_final_database(
     result: Identified, final: Kept[xr.DataTree], stages: Stages
 ) -> Kept[xr.DataTree]:
-    """Return the final database with the hinge moments and the ground effect."""
-    section = result.project.ground_effect
-    if section is None and not result.project.controls.sections:
+    """Return the final database with hinge moments, ground effect and stall."""
+    project = result.project
+    section = project.ground_effect
+    if section is None and project.stall is None and not project.controls.sections:
         return final
     tables = section is not None and section.tables
     inputs = {
         "database": final,
         "controls": result.controls,
         "ground effect": result.ground_effect,
+        "stall": result.stall,
+        "attached": project.stall.attached_to if project.stall is not None else "",
         "tables": tables,
     }
     return stages.one(
-        "final database", inputs, lambda: with_submodels(final.value, result.submodels(), tables)
+        "final database",
+        inputs,
+        lambda: with_submodels(project, final.value, result.submodels(), tables),
     )

@@ -19,6 +19,7 @@ from aeromatch.project.sections import EngineSection
 from aeromatch.workflow.windows import Spans, select_spans
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.build_up import required_coefficients
+from flightmech.units import parse_quantity
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.engine.records import engine_channels, read_points
@@ -26,6 +27,8 @@ from flighttest.submodels.engine.static_thrust import Polar
 from flighttest.submodels.engine.tables import EngineStructure, read_structure
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
 from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
+from flighttest.submodels.stall.database_terms import continue_attached_flow, reach_of
+from flighttest.submodels.stall.identification import identify_stall
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,7 @@ class Submodels:
     driven_motion : dict of str to list of Dataset (time,)
         Slow manoeuvres of the controls.
     ground_effect : GroundEffect or None
+    stall : StallIdentification or None
     gear : IdentifiedGear or None
     """
 
@@ -51,6 +55,7 @@ class Submodels:
     free_motion: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     driven_motion: Mapping[str, Sequence[xr.Dataset]] = field(default_factory=dict)
     ground_effect: Any = None
+    stall: Any = None
     gear: Any = None
 
     @property
@@ -60,6 +65,7 @@ class Submodels:
             "engine": self.engine,
             **self.controls,
             "ground effect": self.ground_effect,
+            "stall": self.stall,
             "landing gear": self.gear,
         }
         return {name: result for name, result in results.items() if result is not None}
@@ -279,6 +285,67 @@ def identified_ground_effect(
     return flighttest.identify_ground_effect(
         models, parts, changed, database, section.free_air == "held", names
     )
+
+
+def identified_stall(
+    project: Project,
+    aircraft: Aircraft,
+    data: Mapping[str, xr.Dataset],
+    spans: Mapping[str, Spans],
+    database: xr.DataTree,
+) -> Any:
+    """Return the stall, or None without a section ``[stall]``.
+
+    Parameters
+    ----------
+    project : Project
+    aircraft : Aircraft
+        Gives span and chord.
+    data : mapping of str to Dataset
+        From `flighttest.coefficients`, by record.
+    spans : mapping of str to dict
+        By position in the project file.
+    database : DataTree
+        The attached flow before `attached_database`.
+    """
+    section = project.stall
+    if section is None:
+        return None
+    parts: list[xr.Dataset] = []
+    for record, record_spans in spans["stall.flown"].items():
+        parts += select_spans(data[record], record_spans)
+    database = attached_database(project, database, parts)
+    models = map(flighttest.RegressionModel.parse, section.attached)
+    station = parse_quantity(section.station, "m") if section.station else 0.25 * aircraft.b
+    return identify_stall(
+        parts,
+        station,
+        aircraft.cbar,
+        database,
+        section.over,
+        section.coefficients,
+        {model.coefficient: model.terms for model in models},
+    )
+
+
+def attached_database(
+    project: Project, database: xr.DataTree, records: Sequence[xr.Dataset]
+) -> xr.DataTree:
+    """Return a database whose tables go on linearly where ``stall.attached_to`` states it.
+
+    They reach 10 deg beyond the largest angle of attack of the records of the stalls.
+    """
+    if project.stall is None or not project.stall.attached_to:
+        return database
+    last = parse_quantity(project.stall.attached_to, "rad")
+    return continue_attached_flow(database, last, reach_of(records))
+
+
+def with_separation(aircraft: Aircraft, found: Any) -> Aircraft:
+    """Return an aircraft with the identified separation; its tables of the buffet stay."""
+    tables = aircraft.stall.tables if aircraft.stall else {}
+    buffet = {name: leaf for name, leaf in tables.items() if name.startswith("buffet")}
+    return replace(aircraft, stall=found.separation(buffet))
 
 
 def terms_near_ground(project: Project, database: xr.DataTree) -> xr.DataTree:

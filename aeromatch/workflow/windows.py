@@ -23,6 +23,10 @@ SharedByRecord = dict[str, dict[str, SharedSamples]]
 """Samples of the record of a case in other records, by both names."""
 
 
+AERODYNAMIC = ("ground_effect", "stall")
+"""Sections that are identified from coefficients, as the fits are."""
+
+
 @dataclass(frozen=True)
 class IdentificationWindows:
     """Start and end of the manoeuvres that identify something, by record. [s]
@@ -39,11 +43,12 @@ class IdentificationWindows:
     submodels: dict[str, Spans]
 
     def aerodynamic_spans(self) -> list[Spans]:
-        """Return the windows of all fits, then the windows of the ground effect."""
-        return [*self.fits, self.submodels.get("ground_effect.flown", {})]
+        """Return the windows of all fits, then those of ground effect and stall."""
+        sections = [self.submodels.get(f"{name}.flown", {}) for name in AERODYNAMIC]
+        return [*self.fits, *sections]
 
     def aerodynamic_records(self) -> list[str]:
-        """Return the records of a fit or the ground effect, each once, in order."""
+        """Return the records of a fit, the ground effect or the stall, each once, in order."""
         names: dict[str, None] = {}
         for spans in self.aerodynamic_spans():
             names |= dict.fromkeys(spans)

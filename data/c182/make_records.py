@@ -1,8 +1,8 @@
-"""Fly the recordings of ``flight/``: the aircraft ``c182`` of the pip package ``jsbsim``, its
+"""Fly the recordings of ``flight/`` and ``stall/``: the aircraft ``c182`` of the pip package ``jsbsim``, its
 motion passed through modelled instruments.
 
     pip install jsbsim==1.3.3 numpy pandas
-    python make_records.py [FOLDER]
+    python make_records.py [FOLDER]    # writes FOLDER/flight and FOLDER/stall
 
 Nothing of the files of that package is copied; recordings are what this script flies.  Each run
 starts trimmed.  Between inputs a simple pilot holds heading, height and speed; during an input all
@@ -207,6 +207,22 @@ def fly(kcas: float, altitude: float, cards: list[tuple]) -> pd.DataFrame:
                 a.want["elevator"] = start["elevator"] - size * float(np.sin(2 * np.pi * t / seconds))
 
             during(seconds, pull_push)
+        elif kind == "stall":  # lever, bank, angle of attack at the top, seconds up, at the top, down, after
+            lever, bank, top, *seconds = values
+            times = np.cumsum([0.0, *seconds])
+            first, held = float(np.arctan2(a.now["w"], a.now["u"])), [0.0]
+
+            def stall(t: float, top: float = top, bank: float = bank) -> None:
+                # a hand that follows an angle of attack, with a shake that moves it about
+                pilot.laterally(bank * float(np.clip(t / 4.0, 0.0, 1.0)))
+                wanted = float(np.interp(t, times[:4], [first, top, top, first])) + 0.012 * float(np.sin(2.0 * np.pi * 0.7 * t))
+                error = wanted - float(np.arctan2(a.now["w"], a.now["u"]))
+                held[0] -= 0.8 * error / RATE
+                a.want["elevator"] = start["elevator"] + held[0] - 1.6 * error + 0.5 * a.now["q"]
+
+            a.want["throttle"] = lever
+            during(float(times[-1]), stall)
+            a.want["throttle"] = a.trim["throttle"]
         elif kind == "sideslip":
             size, seconds = values
 
@@ -318,17 +334,28 @@ PROGRAMME = {
     "check_dutch_roll": (95.0, 6000.0, [("free", 5.0), ("steps", "rudder", 0.35, 0.9, DOUBLET, 15.0)]),
     "check_power": (100.0, 6000.0, [("free", 6.0), ("lever", 0.25, 20.0)]),
 }
+# stalls: quasi-steady and accelerated ones identify, the last two prove
+STALLS = {
+    "stall_quasi_steady": (72.0, 6500.0, [("free", 4.0), ("stall", 0.0, 0.0, 20 * DEG, 26.0, 2.0, 4.0, 2.0)]),
+    "stall_accelerated": (75.0, 6500.0, [("free", 4.0), ("stall", 0.2, 0.0, 20 * DEG, 5.0, 1.5, 3.0, 2.0)]),
+    "stall_turning": (75.0, 6500.0, [("free", 4.0), ("stall", 0.3, -30 * DEG, 20 * DEG, 9.0, 1.5, 3.0, 2.0)]),
+    "check_stall": (72.0, 6000.0, [("free", 4.0), ("stall", 0.0, 0.0, 19 * DEG, 30.0, 1.0, 5.0, 3.0)]),
+    "check_stall_turn": (75.0, 6000.0, [("free", 4.0), ("stall", 0.15, 30 * DEG, 20 * DEG, 14.0, 1.0, 4.0, 2.5)]),
+}
 
 
-def main(folder: Path) -> None:
-    """Write a CSV for each run of the programme."""
+def main(folder: Path, programme: dict[str, tuple], first: int = 0) -> None:
+    """Write a CSV for each run of a programme; `first` is the number of the first run."""
     folder.mkdir(exist_ok=True)
-    winds = np.random.default_rng(182).uniform(-9.0, 9.0, (len(PROGRAMME), 2))  # [kt]
-    for number, ((name, (kcas, altitude, cards)), wind) in enumerate(zip(PROGRAMME.items(), winds)):
+    winds = np.random.default_rng(182 + first).uniform(-9.0, 9.0, (len(programme), 2))  # [kt]
+    for number, ((name, (kcas, altitude, cards)), wind) in enumerate(zip(programme.items(), winds), first):
         motion = fly(kcas, altitude, cards)
         measured(motion, wind, number).to_csv(folder / f"{name}.csv", index=False, float_format="%.7g")
         print(f"{name:20s} {len(motion) / RATE:6.1f} s")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "flight")
+    here = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent
+    here.mkdir(exist_ok=True)
+    main(here / "flight", PROGRAMME)
+    main(here / "stall", STALLS, len(PROGRAMME))

@@ -22,6 +22,7 @@ SHOWN = {
     "record_error": "pass on a record with errors",
     "leak": "LEAK: the record identified the model",
     "not_driven": "NOT DRIVEN by the inputs",
+    "demonstration": "shown, no tolerance",
 }
 HEAD = """# Which entry is judged on which record
 

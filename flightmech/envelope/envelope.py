@@ -18,10 +18,17 @@ import xarray as xr
 from flightmech import terms as _terms
 from flightmech.build_up import COEFFICIENTS
 from flightmech.envelope.evidence import evidence_tables
-from flightmech.envelope.regions import RegionTable, axis_name, join_tables, shrink_table
+from flightmech.envelope.regions import (
+    A_PRIORI,
+    RegionTable,
+    axis_name,
+    join_tables,
+    shrink_table,
+)
 from flightmech.envelope.term_regions import term_region_table
 from flightmech.errors import UnknownName
 from flightmech.flown_states import CONFIGURATION, FLOWN_STATES, FlownStates, unpack_states
+from flightmech.names import ATTACHED_FLOW
 from flightmech.short_text import ShortText
 
 _MOST_GROWTH = 1.5  # of the cells of two tables by joining them
@@ -38,10 +45,14 @@ class Envelope(ShortText):
         The region of a state is the worst of all of them.
     states : FlownStates or None
         The evidence; None for a database that does not keep it, and for an envelope of a model.
+    everywhere : tuple of str
+        Terms that are a-priori at every state, such as a constant of a handbook: with one of them no
+        state is better.  Empty for an envelope of a model, which has no names of terms.
     """
 
     tables: tuple[RegionTable, ...]
     states: FlownStates | None = None
+    everywhere: tuple[str, ...] = ()
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -55,7 +66,8 @@ class Envelope(ShortText):
         ----------
         states : mapping of str to array
             The variables of `axes`, broadcast against each other; a missing one of
-            `flightmech.flown_states.CONFIGURATION` counts as zero. [SI]
+            `flightmech.flown_states.CONFIGURATION` counts as zero, one of the flow separation as
+            attached flow. [SI]
 
         Returns
         -------
@@ -67,7 +79,8 @@ class Envelope(ShortText):
         UnknownName
             Another variable is missing.
         """
-        full: dict[str, Any] = {name: 0.0 for name in CONFIGURATION if name not in states}
+        usual = {**dict.fromkeys(CONFIGURATION, 0.0), **ATTACHED_FLOW}
+        full: dict[str, Any] = {name: usual[name] for name in usual if name not in states}
         for name in self.axes:
             if name in states:
                 full[name] = np.asarray(states[name], dtype=float)
@@ -101,18 +114,23 @@ def make_envelope(db: xr.DataTree) -> Envelope:
     states = unpack_states(str(db.attrs.get(FLOWN_STATES, "")))
     tables: list[RegionTable] = []
     variables: set[str] = set()
+    everywhere: list[str] = []
     for coefficient in COEFFICIENTS:
         if coefficient not in db.children:
             continue
         for contribution in sorted(db[coefficient].children):
             leaf = db[coefficient][contribution].to_dataset()
             variables |= _terms.list_model_variables(leaf)
-            table = term_region_table(f"{coefficient}/{contribution}", leaf, states)
-            if table is not None:
-                tables.append(table)
+            name = f"{coefficient}/{contribution}"
+            table = term_region_table(name, leaf, states)
+            if table is None:
+                continue
+            tables.append(table)
+            if table.regions.min() >= A_PRIORI:
+                everywhere.append(name)
     if states is not None:
         tables = [*evidence_tables(states, variables), *tables]
-    return Envelope(tuple(_join_all(tables)), states)
+    return Envelope(tuple(_join_all(tables)), states, tuple(everywhere))
 
 
 def _join_all(tables: Sequence[RegionTable]) -> list[RegionTable]:

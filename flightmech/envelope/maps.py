@@ -1,14 +1,14 @@
 """Maps of the validity envelope of each configuration, as text and as SVG.
 
 A map is drawn in Mach number and in sideslip over the angle of attack.  All other variables are
-held: sideslip and controls at zero, out of ground effect, at 1500 m, and in the sideslip map the
+held: sideslip and controls at zero, attached flow, out of ground effect, at 1500 m, and in the sideslip map the
 median of the Mach numbers that the configuration was flown at.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,7 @@ from flightmech.envelope.evidence import PLANES, flown_configurations
 from flightmech.envelope.regions import EXTRAPOLATED, REGIONS, axis_name, usual_width
 from flightmech.errors import SchemaError
 from flightmech.flown_states import CELL
-from flightmech.names import lookup, value_text
+from flightmech.names import ATTACHED_FLOW, lookup, value_text
 from flightmech.short_text import ShortText
 from flightmech.support.figures import (
     WIDTH,
@@ -30,7 +30,7 @@ from flightmech.support.figures import (
 )
 from flightmech.units import from_si
 
-HELD = {"h": 1500.0, "h_agl": 1500.0, "beta": 0.0, "CT": 0.0}
+HELD = {"h": 1500.0, "h_agl": 1500.0, "beta": 0.0, "CT": 0.0, **ATTACHED_FLOW}
 """Values of the variables that a map does not show. [SI]"""
 MARKS = "#+.x"
 """Characters of the regions in a text map."""
@@ -60,6 +60,8 @@ class RegionMap(ShortText):
         Edges of the cells, outer ones included. [SI]
     regions, leaving : array of uint8 (cell, cell)
         Region, and code of the axis that leaves.
+    everywhere : tuple of str
+        As in `Envelope`.
     """
 
     configuration: dict[str, float]
@@ -68,6 +70,7 @@ class RegionMap(ShortText):
     edges: tuple[np.ndarray, np.ndarray]
     regions: np.ndarray
     leaving: np.ndarray
+    everywhere: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:
@@ -84,6 +87,14 @@ class RegionMap(ShortText):
             lines.append(f"{_shown(y, centres[1][k]):>9} {marks}")
         ends = f"{_shown(x, centres[0][0])} ... {_shown(x, centres[0][-1])}"
         return "\n".join([*lines, f"{'':9} {x} {ends} {lookup(x).display_units}"])
+
+
+def everywhere_text(names: Iterable[str]) -> str:
+    """Return which terms are a-priori at every state; empty without one."""
+    listed = ", ".join(names)
+    if not listed:
+        return ""
+    return f"no state is better than a-priori: no flight supports {listed}, at any state"
 
 
 def configuration_text(configuration: Mapping[Any, Any]) -> str:
@@ -167,7 +178,15 @@ def make_map(
     others = {name: value for name, value in fixed.items() if name not in plane}
     regions, leaving = envelope.look_up({**others, plane[0]: x, plane[1]: y})
     shown = {name: value for name, value in others.items() if name not in configuration}
-    return RegionMap(dict(configuration), plane, shown, (edges[0], edges[1]), regions, leaving)
+    return RegionMap(
+        dict(configuration),
+        plane,
+        shown,
+        (edges[0], edges[1]),
+        regions,
+        leaving,
+        envelope.everywhere,
+    )
 
 
 def _middles(edges: np.ndarray) -> np.ndarray:

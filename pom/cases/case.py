@@ -238,6 +238,12 @@ class PomCase(ShortText):
             return self.edition
         return f"{self.edition}, tolerances of {self.table['file']} ({self.table['sha256'][:12]})"
 
+    @property
+    def is_demonstration(self) -> bool:
+        """Whether the case shows curves without a tolerance: all rows that apply are such."""
+        measures = {criterion.measure for criterion in self.criteria if criterion.applies}
+        return measures == {"demonstration"}
+
     def without_texts(self) -> PomCase:
         """Return the case without the texts that only its page prints.
 

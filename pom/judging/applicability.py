@@ -171,6 +171,8 @@ def _check_distance(
 
 def reason_not_judged(case: PomCase, criterion: Criterion) -> str:
     """Return why a criterion is not judged in this case; empty if it is."""
+    if criterion.measure == "demonstration":
+        return criterion.reason
     if case.reference == "footprint":
         return FOOTPRINT
     if criterion.reason:

@@ -70,6 +70,9 @@ def envelope_remarks(
         text = (
             f"{words}, in {100.0 * share:.0f} % of the time{by}, first at {time[inside][0]:.1f} s"
         )
+        if code == A_PRIORI and not names:
+            # the model has no names of terms; a constant leaves by no axis
+            text += "; a term without a state may cause it, 'aeromatch db envelope' names it"
         quantity = names[0] if names else ""
         remarks.append(RowRemark(kind, text, quantity, values={"share": share}, unit="1"))
     return tuple(remarks)

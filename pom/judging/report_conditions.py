@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flightmech.aircraft.controls import ICE
 from flightmech.units import DEGREE, KNOT
 from pom.cases.case import PomCase
 from pom.judging.condition_checks import NotChecked, control_travel
@@ -23,12 +24,17 @@ MEASURED_AT = {
     "both_directions": ("phi", "release"),
     "speeds_about_trim": ("V_cas", "capture"),
     "rudder_positions": ("delta_r", "capture"),
+    "stall_entries": ("phi", "stall_warning"),
+    "clean_and_iced": (ICE, ""),
 }
-"""By condition: the channel that shows it, and the event of the case at which it is read."""
+"""By condition: the channel that shows it, and the event of the case at which it is read; no event:
+the start, and a control without a record is at zero.
+"""
 
 TAXI_SPEEDS = 5.0 * KNOT  # test 1.a.2
 SPEEDS = 2.0 * KNOT  # our number: nearer airspeeds are one speed
 FULL_RUDDER = 0.8  # of the travel; our number for "near maximum"
+LEVEL, TURNING = 5.0 * DEGREE, 25.0 * DEGREE  # our numbers for the entry of a stall
 
 
 def has_report_conditions(case: PomCase) -> bool:
@@ -101,7 +107,10 @@ def report_values(case: PomCase, flight: RunSignals) -> str:
             continue
         channel, event = MEASURED_AT[name]
         instant = case.events.get(event)
-        if instant is None:
+        if not event:
+            held = float(flight[channel][0]) if channel in flight else 0.0
+            values[name] = float(case.conditions.get(channel, held))
+        elif instant is None:
             values[name] = f"case {case.name} does not give the event {event}"
         elif channel not in flight:
             values[name] = f"the record of case {case.name} has no {channel}"
@@ -172,10 +181,27 @@ def _check_rudder(results: Sequence[PomResult]) -> str:
     )
 
 
+def _check_stall_entries(results: Sequence[PomResult]) -> str:
+    bank = np.abs(_values(results, "stall_entries"))
+    if (bank <= LEVEL).any() and (bank >= TURNING).any():
+        return ""
+    listed = ", ".join(f"{angle / DEGREE:.2g} deg" for angle in np.sort(bank))
+    return f"stalls of the test in this report at a bank of {listed}; wings level and turning asked"
+
+
+def _check_ice(results: Sequence[PomResult]) -> str:
+    setting = _values(results, "clean_and_iced")
+    if (setting == 0.0).any() and (setting > 0.0).any():
+        return ""
+    return f"{'clean' if not setting.any() else 'iced'} runs only in this report; the row has both"
+
+
 REPORT_CHECKS: dict[str, Callable[[Sequence[PomResult]], str]] = {
     "taxi_speeds": _check_taxi_speeds,
     "both_directions": _check_directions,
     "speeds_about_trim": _check_speeds,
     "rudder_positions": _check_rudder,
+    "stall_entries": _check_stall_entries,
+    "clean_and_iced": _check_ice,
 }
 """By condition: returns a text if the cases of a test do not meet it together."""

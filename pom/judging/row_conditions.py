@@ -17,10 +17,19 @@ from pom.cases.case_file import FORCES
 from pom.judging.condition_checks import CHECKS, CONFIGURATION_CHECKS, FlownCase, NotChecked
 from pom.judging.measures.control_release import measure_free_motion
 from pom.judging.signals import RunSignals
+from pom.judging.stall_checks import STALL_CHECKS
 from pom.tolerances.bands import Invalid, RowRemark
 from pom.tolerances.conditions import KINDS
 from pom.tolerances.criteria import Criterion
-from pom.tolerances.stated_conditions import CONFIGURATIONS, StatedCondition, conditions_of
+from pom.tolerances.stated_conditions import (
+    ANY,
+    CONFIGURATIONS,
+    StatedCondition,
+    conditions_of,
+)
+
+CASE_CHECKS = {**CHECKS, **STALL_CHECKS}
+"""By condition on one case: its check."""
 
 
 def condition_remarks(case: PomCase, flight: RunSignals) -> tuple[RowRemark, ...]:
@@ -39,7 +48,7 @@ def condition_remarks(case: PomCase, flight: RunSignals) -> tuple[RowRemark, ...
         ``departure`` for a condition that does not hold, ``not_checked`` for one that is not
         checked, ``additional`` for a stated other configuration.
     """
-    if case.reference == "footprint":
+    if case.reference == "footprint" and not case.is_demonstration:
         return ()
     flown = FlownCase(case, flight)
     remarks = [
@@ -48,7 +57,7 @@ def condition_remarks(case: PomCase, flight: RunSignals) -> tuple[RowRemark, ...
         *_unjudged_forces(case, flight),
     ]
     for condition in conditions_of(case.id):
-        if condition.over == "report":
+        if condition.over != "case":
             continue
         try:
             failure = _failure_of(flown, condition)
@@ -68,9 +77,9 @@ def _failure_of(flown: FlownCase, condition: StatedCondition) -> str:
     """Return why a condition does not hold; empty if it holds."""
     if condition.name == "configuration":
         return _check_configuration(flown)
-    if condition.name not in CHECKS:
+    if condition.name not in CASE_CHECKS:
         raise NotChecked("the program has no check of it")
-    return CHECKS[condition.name](flown)
+    return CASE_CHECKS[condition.name](flown)
 
 
 def _claim_remarks(case: PomCase) -> Iterator[RowRemark]:
@@ -147,6 +156,8 @@ def _check_configuration(flown: FlownCase) -> str:
         words = case.printed_rows()[0]["flight_condition"]
     except UnknownName:
         raise NotChecked("the table has no such test") from None
+    if words == ANY:
+        return ""
     allowed = CONFIGURATIONS.get(words, ())
     if not allowed:
         raise NotChecked(f"flight condition {words.replace('_', ' ')}")

@@ -13,7 +13,14 @@ import xarray as xr
 from flightmech.names import lookup
 from pom.cases.case import PomCase
 from pom.judging.applicability import reason_not_judged, reason_not_steered, settle_criterion
-from pom.judging.measures import control_forces, control_release, modal, segments, values
+from pom.judging.measures import (
+    control_forces,
+    control_release,
+    modal,
+    segments,
+    values,
+    vibration,
+)
 from pom.judging.signals import Comparison, Raw, RunSignals, signals_of_run
 from pom.tolerances.bands import (
     Invalid,
@@ -57,6 +64,8 @@ MEASURES: dict[str, Callable[[Criterion, Comparison], Judgement]] = {
     "damping_ratio": modal.judge_mode,
     "peak_lag": modal.peak_lag,
     "trend": values.judge_trend,
+    "demonstration": values.show_demonstration,
+    "vibration": vibration.judge_vibration,
 }
 
 

@@ -23,6 +23,7 @@ from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
 from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
+from pom.judging.stall_checks import reach_remarks
 from pom.probing.flight_consistency import on_wheels
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
@@ -190,6 +191,7 @@ def perform_plan(
             *trim_remarks,
             *tables_left(plan.job.time, outputs, ranges),
             *envelope_remarks(plan.job.time, outputs, rolling),
+            *_reach_remarks(plan, outputs, model),
             *below_runway(plan.job.time, outputs, job.parameters),
             *find_leaks(plan.case, plan.states, model.fmu.path, model.fmu.sha256),
         )
@@ -258,6 +260,16 @@ def _describe_models(models: Mapping[str, FmuModel]) -> dict[str, str]:
         if model.links.table:
             attrs[f"names.{name}"] = model.links.table
     return attrs
+
+
+def _reach_remarks(
+    plan: ReplayPlan, outputs: Mapping[str, np.ndarray], model: FmuModel
+) -> tuple[RowRemark, ...]:
+    """Return the remark on a model that is not valid beyond the stall of the flight."""
+    alpha = None
+    if "alpha" in plan.states:
+        alpha = np.interp(plan.job.time, plan.states["time"], plan.states["alpha"])
+    return reach_remarks(plan.case, plan.job.time, alpha, outputs, model.fmu.path)
 
 
 def _waiver_remarks(job: ReplayJob, model: FmuModel) -> tuple[RowRemark, ...]:

@@ -23,7 +23,11 @@ from pom.tolerances.bands import remarks_text
 # Lines of a block.
 _BLOCK = 512
 # Verdict of a group to its element in JUnit.  A pass has no element.
-_ELEMENTS = {"fail": "failure", "invalid": "error", "not_tested": "skipped", "advisory": "skipped"}
+_ELEMENTS = {
+    "fail": "failure",
+    "invalid": "error",
+    **dict.fromkeys(("not_tested", "advisory", "demonstration"), "skipped"),
+}
 
 
 def junit_xml(results: Sequence[PomResult], title: str) -> str:

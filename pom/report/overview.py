@@ -113,14 +113,14 @@ def list_runs(results: Sequence[PomResult]) -> list[str]:
 def shown_statuses(results: Sequence[PomResult]) -> list[str]:
     """Return the statuses that have a column in the counts of a report.
 
-    ``record_error``, ``leak``, ``not_driven`` and ``pass_with_departures`` have one only if a case
-    has this status.
+    ``record_error``, ``leak``, ``not_driven``, ``demonstration`` and ``pass_with_departures`` have
+    one only if a case has this status.
     """
     statuses: set[str] = set()
     for result in results:
         statuses.update(result.status(run) for run in result.runs)
     # A report without faulty records or departures does not need a column for them.
-    rare = {"record_error", "pass_with_departures", "leak", "not_driven"}
+    rare = {"record_error", "pass_with_departures", "leak", "not_driven", "demonstration"}
     return [status for status in STATUSES if status not in rare or status in statuses]
 
 
@@ -207,7 +207,7 @@ def _coverage_entry(test: str, title: str, results: Sequence[PomResult]) -> dict
     reasons: dict[str, str] = {}
     for result in results:
         for row in result.rows:
-            if row["verdict"] in ("not_tested", "invalid"):
+            if row["verdict"] in ("not_tested", "invalid", "demonstration"):
                 reasons.setdefault(row["criterion"], reason_text(row["remarks"]))
             else:
                 judged.add(row["criterion"])

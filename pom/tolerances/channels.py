@@ -168,6 +168,7 @@ SCALAR_UNITS = {
     "period_n": "s",
     "time_90_to_10": "s",
     "overshoot_count": "1",
+    "vibration": "Hz",
 }
 """SI unit by measure; other measures have the unit of their channel."""
 

@@ -17,7 +17,9 @@ _RELATION = re.compile(r"^(speed|groundspeed|distance)(<=|>=|<|>)(.+)$")
 _COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 _CHANNEL = {"speed": "V_cas", "groundspeed": "V_ground", "distance": "distance"}
 _WARNING = re.compile(r"^(?:stick_shaker|stall_warning|warning)_or_initial_buffet$")
-_WARNING_EVENTS = ("stall_warning", "initial_buffet")
+WARNING_EVENTS = ("stall_warning", "initial_buffet")
+"""Events of the first warning of a stall; the earlier one counts."""
+
 KINDS = ("underdamped", "overdamped")
 """Kinds of free motion of a control; read from the flight unless the case states one."""
 
@@ -92,7 +94,7 @@ def sample_mask(
         if not _WARNING.match(match.group(3)):
             mask &= satisfies_relation(word, flight[channel])
             continue
-        times = [events[event] for event in _WARNING_EVENTS if event in events]
+        times = [events[event] for event in WARNING_EVENTS if event in events]
         if not times:
             raise NotJudged(
                 f"give the event stall_warning or initial_buffet in [events]: the row "

@@ -38,6 +38,8 @@ def required_quantities(criterion: Criterion) -> tuple[str, ...]:
     """Return the quantities that a criterion needs; some are derived from signals."""
     channel, abscissa = criterion.channel, criterion.abscissa
     match criterion.measure:
+        case "demonstration":
+            return ()
         case "peak_lag":
             return ("phi", "beta")
         case "segment_mean":
@@ -89,12 +91,13 @@ def _sources_of(channels: Iterable[str]) -> tuple[str, ...]:
 STANDARD = "FAA 14 CFR Part 60 App A Table A2A"
 EDITION = "2014-01-01"
 DEMONSTRATION = (
-    "a demonstration: recordings are shown and judged by pilots, the table gives no number"
+    "a demonstration: the curves are shown and judged by people; no tolerance applies, and it is "
+    "not a pass"
 )
 NUMBER_NOT_READ = (
     "the number of this row was not read in this edition; give the printed band in [tolerance]"
 )
-# By measure: the reason for a row without a channel; other rows are demonstrations.
+# By measure: the reason for a row without a channel.
 _UNCHANNELLED = dict.fromkeys(
     ("response_initial", "response_total"),
     "name the critical engine parameter in case.engine_parameter",
@@ -260,9 +263,9 @@ def make_criterion(
     reason = ""
     if missing:
         reason = f"applies only with {', '.join(missing)}"
-    elif not channel:
-        reason = _UNCHANNELLED.get(measure, DEMONSTRATION)
-    elif row["quantity"] == "none" and measure == "trace":
+    elif not channel and measure != "demonstration":
+        reason = _UNCHANNELLED.get(measure, f"{row['parameter']} has no channel")
+    elif row["quantity"] == "none" and measure in ("trace", "vibration"):
         reason = NUMBER_NOT_READ
     return Criterion(
         name=name,

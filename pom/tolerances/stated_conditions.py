@@ -20,13 +20,13 @@ class StatedCondition:
     Attributes
     ----------
     name : str
-        Name of its check in `pom.judging.row_conditions` or `pom.judging.report_conditions`.
+        Name of its check in `pom.judging.condition_checks`, `stall_checks` or `report_conditions`.
     text : str
         The condition as the row states it.
     how : str
         How it is evaluated; empty if it is not.
     over : str
-        ``case`` or ``report``: what the check looks at.
+        ``case``, ``report`` or ``model``: what the check looks at.
     """
 
     name: str
@@ -153,11 +153,68 @@ _ALL = (
     StatedCondition("heights_over_ground", "three heights in ground effect and one out of it"),
     StatedCondition("rollout_guidance", "if the autopilot gives rollout guidance"),
     StatedCondition("yaw_damper_off", "yaw damper off"),
+    StatedCondition("buffet_approach", "in the approach to the stall"),
     StatedCondition("demonstration", "recordings of a demonstration"),
+    StatedCondition(
+        "level_entry",
+        "the stall is entered wings level at 1 g (read in Table B2A of 2014, p. 161)",
+        "10 s before the first warning: bank within 5 deg, mean load factor within 0.15 of 1",
+    ),
+    StatedCondition(
+        "idle_entry",
+        "the stall is entered with thrust at or near idle (read in Table B2A of 2014, p. 161)",
+        "10 s before the first warning: mean of every recorded lever, at most 10 % of its travel",
+    ),
+    StatedCondition(
+        "entry_rate",
+        "the speed falls by 1 kt/s at most, by 3 kt/s in a turn (14 CFR 25.201(c))",
+        "line through the calibrated airspeed of the 10 s before the first warning, with 0.2 kt/s "
+        "of allowance; a turn has more than 15 deg of bank",
+    ),
+    StatedCondition(
+        "warning_first",
+        "the warning precedes the stall",
+        "events stall_warning or initial_buffet, and stall: order of time and of angle of attack",
+    ),
+    StatedCondition(
+        "recovery_recorded",
+        "recorded through the stall and the recovery",
+        "after the stall the angle of attack falls below that of the first warning in the window",
+    ),
+    StatedCondition(
+        "stall_entries",
+        "wings level and turning entries (from memory; the row was not read)",
+        "bank at stall_warning of all cases of the test in the report: one within 5 deg, one of 25 "
+        "deg or more",
+        "report",
+    ),
+    StatedCondition("high_cruise", "cruise at high altitude (from memory; the row was not read)"),
+    StatedCondition(
+        "valid_beyond_stall",
+        "the model is valid to 10 deg beyond the stall identification (Attachment 7, p. 182)",
+        "validity envelope of the model from the angle of attack at the event stall to 10 deg beyond "
+        "it: extrapolation is a departure, an a-priori region a notice; without an envelope the "
+        "ends of the tables over alpha",
+        "model",
+    ),
+    StatedCondition(
+        "upset",
+        "an upset: pitch above 25 deg up or 10 deg down, or bank above 45 deg (Attachment 7, p. 183)",
+        "largest and smallest pitch and largest bank of the window; an upset by airspeed alone is "
+        "not checked",
+    ),
+    StatedCondition(
+        "clean_and_iced",
+        "two runs, clean and iced (Attachment 7)",
+        "device.ice.setting at the start of all cases of the test in the report: zero and more",
+        "report",
+    ),
+    StatedCondition("gusts", "a crosswind with gusts (FSTD Directive 2, section IV, p. 180)"),
 )
 CONDITIONS = {item.name: item for item in _ALL}
 
 _FREE = ("hands_off",)
+_STALL = ("entry_rate", "warning_first", "recovery_recorded")
 STATED: dict[str, tuple[str, ...]] = {
     "1.a.1": ("no_brakes", "least_thrust", "gear_radii"),
     "1.a.2": ("taxi_speeds",),
@@ -182,6 +239,9 @@ STATED: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("2.c.1", "2.c.2", "2.c.3", "2.c.4"), _FREE),
     "2.c.6": ("bank_of_turn",),
     "2.c.7": ("speeds_about_trim",),
+    "2.c.8": ("level_entry", "idle_entry", *_STALL),
+    "2.c.8.a": (*_STALL, "stall_entries", "high_cruise", "valid_beyond_stall"),
+    "2.c.8.b": ("entry_rate", "high_cruise"),
     "2.d.3": ("after_neutral",),
     "2.d.4": ("both_directions",),
     "2.d.5": ("one_engine_out",),
@@ -194,7 +254,10 @@ STATED: dict[str, tuple[str, ...]] = {
     "2.f": ("heights_over_ground",),
     "2.f.1": ("heights_over_ground",),
     "2.g": ("demonstration",),
-    "2.i": ("demonstration",),
+    "2.i": ("demonstration", "clean_and_iced"),
+    "3.f.5": ("buffet_approach",),
+    "7.B": ("demonstration", "upset"),
+    "IV": ("demonstration", "gusts"),
 }
 """By test: the conditions of its notes and of its title."""
 
@@ -239,3 +302,6 @@ checked.
 ``clean``: flaps in, gear up; ``extended``: flaps out; ``landing``: flaps out, gear down;
 ``takeoff``: flaps not full, gear down; ``gear_up``, ``gear_down``; ``ground``: on the wheels.
 """
+
+ANY = "flight"
+"""Flight condition of a row that holds in every configuration."""

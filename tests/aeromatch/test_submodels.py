@@ -10,12 +10,14 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+import aerodb
 from aeromatch.project.sections import (
     Controls,
     ControlSection,
     EngineSection,
     GroundEffectSection,
     RecordSelection,
+    StallSection,
 )
 from aeromatch.workflow import submodels
 from aeromatch.workflow.windows import raise_problems, spans_of
@@ -24,6 +26,7 @@ from flightmech.aircraft.controls import Circuit
 from flightmech.aircraft.controls import ControlGeometry as Surface
 from flightmech.aircraft.engine import Engine as Jet
 from flightmech.aircraft.propulsion.engine_deck import EngineDeck
+from flightmech.aircraft.separation import NEEDED, FlowSeparation
 from flightmech.errors import SchemaError
 from flightmech.terms import make_term
 
@@ -167,6 +170,61 @@ def test_ground_effect_through_its_section_next_to_the_database():
     )
 
 
+STALL = StallSection(
+    flown=(RecordSelection(records=("a", "b")),),
+    attached_to="10 deg",
+    coefficients=("CL", "Cm"),
+    attached=("CL = 1 + alpha",),
+)
+
+
+def test_a_stall_through_its_section(monkeypatch):
+    """The attached flow goes on as a line to 10 deg beyond the records."""
+    alpha = np.radians([0.0, 5.0, 10.0])
+    leaf = make_term([0.2, 0.6, 1.0], {"alpha": alpha})
+    root = {"S": 20.0, "cbar": 2.0, "b": 10.0, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
+    database = aerodb.make_database(
+        {"CL/basic": leaf}, title="t", aircraft="a", force_axes="stability", **root
+    )
+    time = np.linspace(0.0, 1.0, 5)
+    flown = xr.Dataset({"alpha": ("time", np.radians(15.0) * time)}, {"time": time})
+    asked = {}
+    monkeypatch.setattr(submodels, "identify_stall", lambda *given: asked.update(given=given))
+    spans = {"stall.flown": {"a": [(-np.inf, np.inf)], "b": [(0.0, 0.5)]}}
+    submodels.identified_stall(
+        SimpleNamespace(stall=STALL), CRAFT, {"a": flown, "b": flown}, spans, database
+    )
+    parts, station, cbar, attached, axis, coefficients, terms = asked["given"]
+    assert [part.sizes["time"] for part in parts] == [5, 3]
+    assert (station, cbar, axis, coefficients) == (2.5, 2.0, "", ("CL", "Cm"))
+    assert terms == {"CL": ("1", "alpha")}
+    line = attached["CL/basic"]
+    assert np.rad2deg(line["alpha"].values) == pytest.approx([0, 5, 10, 25])
+    assert line["value"].values[-1] == pytest.approx(1.0 + 0.4 * 3.0)
+
+
+def test_a_stall_section_states_its_faults():
+    def problems(**changes):
+        return list(StallSection(**{**dict(STALL), **changes}).problems())
+
+    assert problems() == []
+    assert "CL is missing" in problems(coefficients=("Cm",))[0]
+    assert "coefficient of a stall" in problems(coefficients=("CL", "CX"))[0]
+    assert problems(attached_to="12 kg")[0].startswith("stall.attached_to: ")
+    assert problems(attached=("CL : alpha",))[0].startswith("stall.attached: ")
+
+
+def test_the_separation_keeps_the_buffet():
+    buffet = {"buffet_rms": make_term([2.0, 0.0], {"X": [0.0, 1.0]})}
+    needed = {name: make_term(5.0) for name in NEEDED}
+    old = FlowSeparation(2.5, {**needed, **buffet})
+    given = {}
+    found = SimpleNamespace(separation=lambda tables: given.update(tables) or "new")
+    craft = submodels.with_separation(replace(CRAFT, stall=old), found)
+    assert craft.stall == "new"
+    assert list(given) == ["buffet_rms"]
+
+
 def test_next_to_the_ground_effect_stand_its_coefficients_and_those_that_they_depend_on():
     table, polar = (
         make_term([0.4, 0.9], {"alpha": [0.0, 0.1]}),
@@ -188,10 +246,12 @@ def test_next_to_the_ground_effect_stand_its_coefficients_and_those_that_they_de
 
 def test_nothing_is_identified_that_nobody_requests():
     project = SimpleNamespace(
-        engine=None, controls=Controls(), gear=None, ground_effect=None, points={}
+        engine=None, controls=Controls(), gear=None, ground_effect=None, stall=None, points={}
     )
     assert submodels.identified_engine(project, CRAFT, {}, {}) is None
     assert submodels.identified_ground_effect(project, {}, {}, None) is None
+    assert submodels.identified_stall(project, CRAFT, {}, {}, None) is None
+    assert submodels.attached_database(project, "database", []) == "database"
     assert submodels.identified_gear(project, CRAFT, {}, {}, None) is None
     assert submodels.Submodels().found == {}
 

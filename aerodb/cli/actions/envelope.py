@@ -15,6 +15,7 @@ from flightmech.envelope.maps import (
     MARKS,
     RegionMap,
     configuration_text,
+    everywhere_text,
     map_rows,
     region_maps,
     standalone_svg,
@@ -42,6 +43,9 @@ def run_envelope(database: str, output: str | None, as_json: bool) -> None:
         click.echo(f"{own.report()}\n")
     listed = ", ".join(f"{mark} {word}" for mark, word in zip(MARKS, REGIONS, strict=True))
     click.echo(listed)
+    everywhere = everywhere_text(maps[0].everywhere if maps else ())
+    if everywhere:
+        click.echo(everywhere)
     if output:
         click.echo(f"written: {output}")
 
@@ -57,6 +61,7 @@ def _describe(own: RegionMap) -> dict[str, Any]:
         "plane": list(own.plane),
         "held": own.held,
         "shares": shares,
+        "everywhere": list(own.everywhere),
     }
 
 

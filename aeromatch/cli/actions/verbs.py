@@ -325,6 +325,8 @@ def _summary(outcome: Any) -> dict[str, Any]:
         more += f", {leaks} on a record that identified the model (LEAK)" if leaks else ""
         given = statuses.count("not_driven")
         more += f", {given} not driven by the inputs (NOT DRIVEN)" if given else ""
+        shown = statuses.count("demonstration")
+        more += f", {shown} demonstrations without a tolerance" if shown else ""
         lines.append(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")
     for result in outcome.results:
         for run in result.samples:

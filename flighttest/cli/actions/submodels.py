@@ -40,7 +40,7 @@ from flighttest.submodels.ground_effect.database_terms import replace_ground_eff
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
 from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
-from flighttest.submodels.stall.database_terms import add_stall, continue_attached_flow
+from flighttest.submodels.stall.database_terms import add_stall, continue_attached_flow, reach_of
 from flighttest.submodels.stall.figure import draw_stall
 from flighttest.submodels.stall.identification import identify_stall
 
@@ -350,10 +350,11 @@ def run_stall(
         raise SchemaError("flight stall", ["--into and --attached-to need --database; give it"])
     aircraft = read_aircraft(aircraft_file)
     database = aerodb.open(database_file) if database_file else None
-    if database is not None and attached_to:
-        database = continue_attached_flow(database, parse_quantity(attached_to, "rad"))
     with show_progress(f"coefficients along {len(paths)} paths"):
         data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
+    if database is not None and attached_to:
+        last = parse_quantity(attached_to, "rad")
+        database = continue_attached_flow(database, last, reach_of(data))
     terms = {model.coefficient: model.terms for model in map(RegressionModel.parse, attached)}
     half = parse_quantity(station, "m") if station else 0.25 * aircraft.b
     chosen = {"coefficients": names} if names else {}

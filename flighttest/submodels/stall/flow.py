@@ -35,6 +35,7 @@ UNITS = {
 """Quantities that `with_half_flow` adds. ``lead`` is (cbar / V) d(alpha)/dt."""
 LOSSES = {"X_loss": "X", "X_lift_loss": "X_lift"}
 """One less a variable of the separation, by its name in the texts of terms."""
+SLOWEST = 2.0  # [m s-1] of an airspeed in flight; our number
 _LARGEST = 300.0  # exponent of the logistic function beyond which it is 0 or 1
 
 
@@ -54,6 +55,11 @@ def with_half_flow(
     frequency : float
         Highest frequency that the rate follows. [Hz]
 
+    Raises
+    ------
+    IdentificationError
+        Fewer than two samples, samples that are not finite, or an aircraft at rest.
+
     Returns
     -------
     Dataset (time,)
@@ -64,9 +70,22 @@ def with_half_flow(
     time = record["time"].values
     if len(time) < 2:
         raise IdentificationError("a record of a stall has at least two samples; give a longer one")
+    for name in ("alpha", "p", "r", "V"):
+        faulty = int(np.count_nonzero(~np.isfinite(record[name].values)))
+        if faulty:
+            raise IdentificationError(
+                f"{name}: {faulty} samples of a stall are not finite, first at "
+                f"{float(time[~np.isfinite(record[name].values)][0]):.2f} s; choose a window without "
+                "them: X has a memory and cannot leave them out"
+            )
     step = float(np.median(np.diff(time)))
     window = derivative_window(frequency, step)
     alpha, V = record["alpha"].values, record["V"].values
+    if V.min() < SLOWEST:
+        raise IdentificationError(
+            f"an airspeed of {V.min():.2g} m/s at {float(time[V.argmin()]):.2f} s: at rest the angle "
+            f"of attack has no meaning; choose a window in flight, above {SLOWEST:g} m/s"
+        )
     columns: dict[str, np.ndarray] = {"chords": V / cbar}
     for name, side in SIDES.items():
         y = side * station

@@ -20,6 +20,8 @@ from flighttest.regression.separable_model import SeparableModel, Slope, evaluat
 from flighttest.submodels.stall.flow import LOSSES, UNITS, SeparationFlow
 
 _FLOW = {*SEPARATION, *LOSSES}
+COEFFICIENTS = ("CL", "CD", "Cm", "CY", "Cl", "Cn")
+"""Coefficients that may have terms over the separation."""
 
 
 class SeparatedTerm(NamedTuple):

@@ -24,9 +24,11 @@ from pom.tolerances.bands import (
     inside_window,
     judge_number,
     judge_trace,
+    reason_remarks,
     unwrapped_difference,
 )
 from pom.tolerances.criteria import OF_PARAMETER, Criterion
+from pom.tolerances.rows import DEMONSTRATION
 
 LEVEL = 1.0  # [s] End of the window over which the end level is averaged; our choice.
 
@@ -241,6 +243,11 @@ def low_speed_end(criterion: Criterion, match: Comparison) -> Judgement:
     return replace(outcome, remarks=(remark, *outcome.remarks))
 
 
+def show_demonstration(criterion: Criterion, match: Comparison) -> Judgement:
+    """Return the verdict of a row without a tolerance: its curves are shown and not judged."""
+    return Judgement("demonstration", remarks=reason_remarks(DEMONSTRATION))
+
+
 # The rule has no numbers for a trend. The following ones are our choice.
 CORRELATION = 0.8  # least
 RATIO = (0.5, 2.0)  # amplitude of the model over that of the flight
@@ -296,7 +303,7 @@ def judge_trend(criterion: Criterion, match: Comparison) -> Judgement:
         text += f"; not met: {', '.join(failed)}"
     else:
         text += "; all criteria of trend are met"
-    verdict, tick_text = _apply_tick(match.case.ticks.get(criterion.name, ""), failed)
+    verdict, tick_text = apply_tick(match.case.ticks.get(criterion.name, ""), failed)
     return Judgement(
         verdict,
         at=float(time[0]),
@@ -324,7 +331,7 @@ def _check_without_trend(
     return {"no trend": departure <= allowed}, {"departure": share}, text
 
 
-def _apply_tick(tick: str, failed: list[str]) -> tuple[str, str]:
+def apply_tick(tick: str, failed: list[str]) -> tuple[str, str]:
     """Return the verdict, and a text on the effect of the tick."""
     if not tick and failed:
         return "fail", "an engineer may tick it with his reason"

@@ -36,7 +36,7 @@ from pom.report.presentation.verdict_text import (
 from pom.result import PomResult, to_records
 from pom.result_notices import spread_notice
 from pom.samples import SampledReplay
-from pom.tolerances.rows import tolerance_rows
+from pom.tolerances.rows import DEMONSTRATION, tolerance_rows
 
 
 def mode_blocks(
@@ -209,6 +209,8 @@ def _case_notes(result: PomResult) -> list[str]:
     """Return the notes on the case and on its record."""
     case = result.case
     notes = [case.notes] if case.notes else []
+    if case.is_demonstration:
+        notes.append(f"This case is {DEMONSTRATION}.")
     if case.reference in _REFERENCES:
         notes.append(_REFERENCES[case.reference].format(share=fraction_text(case.fraction)))
     elif case.fraction != 1.0:
@@ -240,6 +242,8 @@ def case_objective(case: PomCase) -> str:
     names = [criterion.name for criterion in case.criteria if criterion.applies]
     judged = ", ".join(dict.fromkeys(map(criterion_words, names)))
     title = _row_title(case)
+    if case.is_demonstration:
+        return f"{title}: recordings that people judge; no tolerance applies."
     if case.reference == "footprint":
         return f"{title}: {judged} of the device, kept for later comparison."
     reference = "an engineering simulator" if case.reference == "engineering" else "flight"

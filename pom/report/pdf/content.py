@@ -211,6 +211,8 @@ def case_content(
 def _case_texts(case: PomCase) -> dict[str, Any]:
     """Return the texts of the case file."""
     kind = _REFERENCES.get(case.reference, case.reference)
+    if case.is_demonstration:
+        kind = "demonstration: curves without a tolerance, for people to judge"
     texts = [
         ("Procedure, automatic", case.procedure),
         ("Procedure, manual", case.manual),

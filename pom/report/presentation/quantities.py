@@ -29,6 +29,7 @@ SYMBOLS = {
     "record_error": "✓?",
     "leak": "✗=",
     "not_driven": "✗~",
+    "demonstration": "◇",
     "fail": "✗",
     "invalid": "!",
     "not_tested": "–",

@@ -32,6 +32,7 @@ WORDS = {
     "record_error": "pass on a record with errors",
     "leak": "LEAK: the record identified the model",
     "not_driven": "NOT DRIVEN by the inputs",
+    "demonstration": "shown, no tolerance",
     "fail": "FAIL",
     "invalid": "invalid",
     "not_tested": "not tested",
@@ -51,6 +52,8 @@ _MEASURES = {
     "response_initial": "time to 10 % of the change",
     "response_total": "time to 90 % of the change",
     "trend": "correct trend",
+    "demonstration": "demonstration",
+    "vibration": "peaks of the spectrum",
 }
 
 

@@ -11,7 +11,7 @@ import xarray as xr
 
 from flightmech.air import atmosphere, impact_pressure_at, mach_number
 from flightmech.envelope.envelope import make_envelope
-from flightmech.envelope.maps import RegionMap, draw_maps, region_maps
+from flightmech.envelope.maps import RegionMap, draw_maps, everywhere_text, region_maps
 from flightmech.envelope.regions import EXTRAPOLATED, REGIONS
 from flightmech.flown_states import CELL, FLOWN_STATES
 from pom.judging.beyond_the_bands import SLOWEST
@@ -59,7 +59,7 @@ def envelope_section(maps: Sequence[RegionMap], results: Iterable[PomResult]) ->
         (("aerodynamics", "sources of the nodes and flown states", ""),),
         (_share_table(maps), _left_table(results)),
         tuple(pictures),
-        (REMARK,),
+        tuple(filter(None, (REMARK, everywhere_text(maps[0].everywhere if maps else ())))),
     )
 
 
@@ -68,7 +68,10 @@ def restored_map(own: RegionMap) -> RegionMap:
     x, y = (np.asarray(edges, dtype=float) for edges in own.edges)
     regions, leaving = (np.asarray(item, np.uint8) for item in (own.regions, own.leaving))
     plane = str(own.plane[0]), str(own.plane[1])
-    return replace(own, plane=plane, edges=(x, y), regions=regions, leaving=leaving)
+    everywhere = tuple(map(str, own.everywhere))
+    return replace(
+        own, plane=plane, edges=(x, y), regions=regions, leaving=leaving, everywhere=everywhere
+    )
 
 
 def _flown_path(result: PomResult) -> dict[str, np.ndarray]:
@@ -128,7 +131,8 @@ def _left_table(results: Sequence[PomResult]) -> SectionTable:
             shares = {}
             own = result.verdict.loc[result.verdict["run"] == run, "remarks"]
             for remark in chain.from_iterable(own.tolist()):
-                if remark.kind in ("low_confidence", "envelope_left"):
+                # a remark on the reach beyond a stall has no share of the time
+                if remark.kind in ("low_confidence", "envelope_left") and "share" in remark.values:
                     shares[remark.kind] = f"{100.0 * remark.values['share']:.0f} %"
             if shares:
                 cells = (shares.get("low_confidence", "-"), shares.get("envelope_left", "-"))

@@ -14,6 +14,7 @@ from flighttest.submodels.control_loading.result import IdentifiedLoading
 from flighttest.submodels.engine.result import EngineFit
 from flighttest.submodels.ground_effect.result import GroundEffect
 from flighttest.submodels.landing_gear.result import IdentifiedGear
+from flighttest.submodels.stall.result import StallIdentification
 from pom.diagnosis.corrected_model import corrected_terms, correction_reasons
 from pom.diagnosis.term_swaps import by_submodel
 from pom.report.submodels.control_loading import control_loading
@@ -21,6 +22,7 @@ from pom.report.submodels.engine import engine_section
 from pom.report.submodels.ground_effect import ground_effect_section
 from pom.report.submodels.landing_gear import landing_gear
 from pom.report.submodels.section import Section, SectionTable
+from pom.report.submodels.stall import stall_section
 
 
 def make_sections(
@@ -32,7 +34,8 @@ def make_sections(
 
     Parameters
     ----------
-    submodels : mapping of str to EngineFit, IdentifiedLoading, GroundEffect or IdentifiedGear
+    submodels : mapping of str to EngineFit, IdentifiedLoading, GroundEffect, \
+StallIdentification or IdentifiedGear
         Result of the identification, by name of the submodel.
     free_motion : mapping of str to sequence of SimulatedWindow
         Simulated free motion of controls, by name of the submodel.
@@ -61,7 +64,7 @@ def make_sections(
         if section is None:
             problems.append(
                 f"submodels.{name}: {type(result).__name__}; give an EngineFit, "
-                f"IdentifiedLoading, GroundEffect or IdentifiedGear"
+                f"IdentifiedLoading, GroundEffect, StallIdentification or IdentifiedGear"
             )
         else:
             sections.append(section)
@@ -81,6 +84,8 @@ def _make_section(
         return control_loading(name, result, free, driven)
     if isinstance(result, GroundEffect):
         return ground_effect_section(name, result)
+    if isinstance(result, StallIdentification):
+        return stall_section(name, result)
     if isinstance(result, IdentifiedGear):
         return landing_gear(name, result)
     return None

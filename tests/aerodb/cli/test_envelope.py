@@ -55,6 +55,18 @@ def test_text_has_a_map_per_plane_and_the_marks(path):
     assert "".join(dict.fromkeys(marks)) == "x.#"
 
 
+def test_a_constant_that_no_flight_supports_is_named(database, tmp_path):
+    constant = make_term(0.01, stderr=0.001, source="datcom")
+    both = aerodb.replace_terms(database, {"CD/fixture": constant})
+    aerodb.save(both, tmp_path / "both.nc")
+    lines = run(str(tmp_path / "both.nc")).stdout.splitlines()
+    assert lines[-1].endswith("no flight supports CD/fixture, at any state")
+    clean = [line for line in lines if line.startswith("      0.3 ")]
+    assert set(clean[0].split()[1]) == {".", "x"}
+    (first, *_) = json.loads(run(str(tmp_path / "both.nc"), "--json").stdout)["maps"]
+    assert first["everywhere"] == ["CD/fixture"]
+
+
 def test_csv_has_the_regions_of_the_look_up(path, tmp_path):
     target = tmp_path / "maps.csv"
     assert f"written: {target}" in run(path, "-o", str(target)).stdout

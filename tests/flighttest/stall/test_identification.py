@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import stall_records as records
@@ -11,12 +13,18 @@ import aerodb
 import flightmech
 from flightmech.aircraft.separation import FlowSeparation
 from flightmech.errors import IdentificationError, SchemaError
-from flightmech.terms import evaluate_term, make_term
+from flightmech.flown_samples import FLOWN_SAMPLES, unpack_windows
+from flightmech.flown_states import FLOWN_STATES, unpack_states
+from flightmech.terms import SOURCES, evaluate_term, make_term
 from flighttest.regression.expression_functions import Pieces
-from flighttest.submodels.stall.database_terms import add_stall, continue_attached_flow
+from flighttest.submodels.stall.database_terms import (
+    add_stall,
+    continue_attached_flow,
+    reach_of,
+)
 from flighttest.submodels.stall.flow import SeparationFlow, with_half_flow
-from flighttest.submodels.stall.identification import identify_stall
-from flighttest.submodels.stall.model import SeparatedTerm
+from flighttest.submodels.stall.identification import SEPARATED, identify_stall
+from flighttest.submodels.stall.model import COEFFICIENTS, SeparatedTerm
 
 TRUTH = {
     "a1_0": records.TRUE["a1"],
@@ -187,7 +195,10 @@ def test_attached_flow_goes_on_as_a_line():
     root = {"title": "jet", "aircraft": "jet", "S": 17.0, "cbar": 1.67, "b": 10.3}
     root |= {"x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability", "source": "own"}
     db = aerodb.make_database(
-        {"CL/basic": make_term(lift, {"alpha": alpha})}, **root, history="", absent=""
+        {"CL/basic": make_term(lift, {"alpha": alpha}, stderr=0.01, source="datcom")},
+        **root,
+        history="",
+        absent="",
     )
     line = continue_attached_flow(db, np.deg2rad(12.0))["CL/basic"]["value"].values
     assert line == pytest.approx([-0.15, 0.25, 1.05, 1.45, 1.85, 2.25])
@@ -196,6 +207,39 @@ def test_attached_flow_goes_on_as_a_line():
     assert line == pytest.approx([-0.15, 0.25, 1.05, 1.45, 1.85, 2.25])
     with pytest.raises(SchemaError, match="CL/basic: alpha starts at -4 deg; two breakpoints"):
         continue_attached_flow(db, np.deg2rad(-2.0))
+    # a table that ends before gets one more breakpoint, a judgement as all of the line
+    longer = continue_attached_flow(db, np.deg2rad(12.0), np.deg2rad(30.0))["CL/basic"]
+    assert np.rad2deg(longer["alpha"].values) == pytest.approx([-4, 0, 8, 12, 16, 20, 30])
+    assert longer["value"].values[-1] == pytest.approx(3.25)
+    judged = longer["source"].values == SOURCES.index("judgement")
+    assert judged.tolist() == [False] * 4 + [True] * 3
+    attached = continue_attached_flow(db, np.deg2rad(25.0), np.deg2rad(30.0))["CL/basic"]
+    # slope of the last cell, -0.3 in 4 deg
+    assert attached["value"].values == pytest.approx([*lift, 1.2 - 0.75])
+
+
+def test_the_database_keeps_the_samples_and_states_of_the_stalls(found, flights):
+    # Without Mach numbers there are no states.
+    kept = tuple(record.assign(mach=record["V"] / 335.0) for record in found.records)
+    db = add_stall(records.attached_database(), replace(found, records=kept))
+    assert len(unpack_windows(db.attrs[FLOWN_SAMPLES])) == len(flights)
+    alpha = unpack_states(db.attrs[FLOWN_STATES]).cells[:, 0]
+    top = max(float(record["alpha"].max()) for record in flights)
+    assert alpha.max() == round(np.rad2deg(top))
+    assert reach_of(flights) == pytest.approx(top + np.deg2rad(10.0))
+
+
+def test_records_at_rest_and_samples_without_a_number_are_refused(flights):
+    record = flights[0]
+    V = record["V"].values.copy()
+    V[:5] = [0.0, 0.5, 1.0, 1.5, 1.9]
+    rolling = record.assign(V=("time", V))
+    with pytest.raises(IdentificationError, match=r"an airspeed of 0 m/s at 0\.00 s: at rest"):
+        identify([rolling])
+    alpha = record["alpha"].values.copy()
+    alpha[10:13] = np.nan
+    with pytest.raises(IdentificationError, match="alpha: 3 samples of a stall are not finite"):
+        identify([record.assign(alpha=("time", alpha))])
 
 
 def test_wrong_requests_are_refused(flights):
@@ -208,6 +252,10 @@ def test_wrong_requests_are_refused(flights):
     one = flights[:1]
     with pytest.raises(IdentificationError, match="delta_f"):
         identify_stall(one, records.STATION, records.CBAR, attached=records.ATTACHED)
+
+
+def test_a_project_may_name_the_coefficients_that_have_candidates():
+    assert set(COEFFICIENTS) == set(SEPARATED)
 
 
 def test_the_result_is_a_separation(found):

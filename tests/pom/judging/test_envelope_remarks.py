@@ -53,6 +53,7 @@ def test_rest_and_models_without_an_envelope():
 def test_unknown_axis_is_not_named():
     (remark,) = envelope_remarks(TIME, outputs(a2=(0.0, 5.0, 0)))
     assert "in 50 % of the time, first" in remark.text
+    assert "'aeromatch db envelope' names it" in remark.text
 
 
 def test_kinds_of_the_remarks():

@@ -9,10 +9,10 @@ from flightmech.units import DEGREE, FOOT
 from pom.cases.case import CaseInputs, PomCase
 from pom.judging.applicability import settle_criterion
 from pom.judging.beyond_the_bands import watch_track
-from pom.judging.condition_checks import CHECKS
 from pom.judging.report_conditions import MEASURED_AT, REPORT_CHECKS
-from pom.judging.row_conditions import condition_remarks
+from pom.judging.row_conditions import CASE_CHECKS, condition_remarks
 from pom.judging.signals import RunSignals
+from pom.judging.stall_checks import REACH
 from pom.tolerances import rows
 from pom.tolerances.stated_conditions import CONDITIONS, CONFIGURATIONS, STATED
 
@@ -138,7 +138,7 @@ def test_an_additional_case_states_that_it_is_no_test():
 
 
 def test_every_condition_has_a_check_or_states_that_it_has_none():
-    checked = {*CHECKS, *REPORT_CHECKS, "configuration"}
+    checked = {*CASE_CHECKS, *REPORT_CHECKS, REACH, "configuration"}
     assert {name for name, item in CONDITIONS.items() if item.how} == checked
     assert {name for name, item in CONDITIONS.items() if item.over == "report"} == set(
         REPORT_CHECKS

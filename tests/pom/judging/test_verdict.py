@@ -109,7 +109,16 @@ def test_demonstrations_are_explained():
         (0.0, 10.0),
     )
     got = judge_criterion(case("2.g"), icing, TIME, {}, {})
-    assert (got.verdict, remarks_text(got.remarks)) == ("not_tested", table.DEMONSTRATION)
+    assert (got.verdict, remarks_text(got.remarks)) == ("demonstration", table.DEMONSTRATION)
+    shown = replace(case("2.g"), criteria=(icing,), reference="footprint")
+    assert shown.is_demonstration
+    assert judge_criterion(shown, icing, TIME, {}, {}).verdict == "demonstration"
+    groups = group_verdicts(shown, {"demonstration": "demonstration"})
+    # no pass, whatever else the report states about the run
+    assert status_of(groups, limits_exceeded=True, departures=True) == "demonstration"
+    assert status_of({**groups, "g2": "pass"}) == "demonstration"
+    assert status_of({**groups, "g2": "fail"}) == "fail"
+    assert status_of({**groups, "g2": "not_tested"}) == "not_tested"
     assert "four recordings" in case("2.g").criteria[0].note  # the row states what to fly
 
 

@@ -9,6 +9,7 @@ from pom.cases.case import read_case
 from pom.fmu.description import read_fmu_interface
 from pom.fmu.process import Child
 from pom.replaying.replay_case import files_by_name, replay
+from pom.report.exports import junit_xml
 from pom.tolerances.bands import remarks_text
 
 NO_TRIM = "trim = false"
@@ -43,6 +44,33 @@ def test_without_input_derivatives_the_middle_of_the_step_is_held(case, toy, lag
     # tau) at most
     assert 0.0 < error < 2.0 * 0.02 * 0.02**2 / (12.0 * 0.5) * 1.01
     assert np.abs(result.signals["nz"][1] - result.signals["nz"][0]).max() < 1e-14
+
+
+OF_UPSETS = """standard = "FAA 14 CFR Part 60 App A Att 7"
+edition = "2016-05-31 (Amdt 60-4)"
+show = ["q", "theta"]"""
+
+
+def test_a_demonstration_is_shown_and_is_no_pass(write_case, toy, lag_states, tmp_path):
+    """The same curves as of a match: the row of Attachment 7 has no tolerance for them."""
+    shown = read_case(write_case("7.B", case=OF_UPSETS, more=NO_TRIM))
+    assert shown.is_demonstration
+    result = replay(shown, {"toy": toy()}, lag_states)
+    assert result.failure == ""
+    assert result.status("toy") == "demonstration"
+    assert not result.passed("toy")
+    assert not result.tolerance.data_vars
+    (row,) = result.rows
+    assert row["verdict"] == "demonstration"
+    assert remarks_text(row["remarks"]).startswith("a demonstration: the curves are shown")
+    # the flight of the toy is no upset
+    (departure,) = [item for item in row["remarks"] if item.kind == "departure"]
+    assert "no upset by attitude" in departure.text
+    pom.write_report([result], tmp_path / "report", title="upset", paper=None)
+    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    assert "shown, no tolerance" in page
+    assert "no tolerance applies" in junit_xml([result], "upset")
+    assert "skipped" in junit_xml([result], "upset")
 
 
 def test_every_criterion_has_a_row_for_every_model(case, toy, lag_states):

@@ -57,9 +57,10 @@ def test_databases_without_states_have_no_maps():
 def test_flown_range_and_shares_of_a_case(chapters):
     result = fixture.roll_result()
     remark = RowRemark("low_confidence", "x", "alpha", values={"share": 0.25}, unit="1")
+    reach = RowRemark("low_confidence", "no flight supports the model beyond the stall")
     first, run = result.verdict.iloc[0], result.runs[0]
     rows = result.verdict.copy()
-    rows.at[rows.index[0], "remarks"] = (*first["remarks"], remark)
+    rows.at[rows.index[0], "remarks"] = (*first["remarks"], remark, reach)
     (flown, left) = envelope_section(chapters.maps, [replace(result, verdict=rows)]).grids
     # one and a half cells of 1 deg beyond the samples
     assert flown.rows == (("one configuration", "-1.5 ... 7.5", "-1.5 ... 1.5"),)

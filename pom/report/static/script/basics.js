@@ -5,8 +5,8 @@ const SVG = "http://www.w3.org/2000/svg";
 const root = document.documentElement;
 const pages = all("main > .page");
 const cases = pages.filter((page) => page.classList.contains("case"));
-const SYMBOLS = { pass: "\u2713", pass_with_departures: "\u2713*", limits_exceeded: "\u2713!", record_error: "\u2713?", leak: "\u2717=", not_driven: "\u2717~", fail: "\u2717", invalid: "!", not_tested: "\u2013", advisory: "\u25cb" };
-const WORDS = { pass: "pass", pass_with_departures: "pass with departures", limits_exceeded: "pass with limits exceeded", record_error: "pass on a record with errors", leak: "LEAK: the record identified the model", not_driven: "NOT DRIVEN by the inputs", fail: "FAIL", invalid: "invalid", not_tested: "not tested", advisory: "advisory" };
+const SYMBOLS = { pass: "\u2713", pass_with_departures: "\u2713*", limits_exceeded: "\u2713!", record_error: "\u2713?", leak: "\u2717=", not_driven: "\u2717~", demonstration: "\u25c7", fail: "\u2717", invalid: "!", not_tested: "\u2013", advisory: "\u25cb" };
+const WORDS = { pass: "pass", pass_with_departures: "pass with departures", limits_exceeded: "pass with limits exceeded", record_error: "pass on a record with errors", leak: "LEAK: the record identified the model", not_driven: "NOT DRIVEN by the inputs", demonstration: "shown, no tolerance", fail: "FAIL", invalid: "invalid", not_tested: "not tested", advisory: "advisory" };
 
 const colour = (name) => getComputedStyle(root).getPropertyValue(`--${name}`).trim();
 const font = (size) => `${size}px ${colour("sans")}`;

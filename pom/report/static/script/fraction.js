@@ -1,7 +1,7 @@
 // ---- what the verdicts would be at another share of the tolerance; the verdict of record stays in the file --------------
 // Every half width is proportional to the share, so a ratio is that of the verdict table times applied share over asked share.
 const FRACTIONS = [1, 0.4, 0.2];
-const ORDER = ["pass", "advisory", "fail", "not_tested", "invalid"];   // the best alternative of a group counts
+const ORDER = ["pass", "advisory", "demonstration", "fail", "not_tested", "invalid"];   // the best alternative of a group counts
 let fraction = null;   // asked share; null: as applied
 
 const share = () => fraction ?? view.data.fraction;
@@ -19,7 +19,7 @@ function statusAt(rows) {
   }
   const found = Object.values(groups);
   const passed = rows.map((r) => r.refused).find(Boolean) || (rows.some((r) => r.faulty) ? "record_error" : rows.some((r) => r.exceeds) ? "limits_exceeded" : rows.some((r) => r.departs) ? "pass_with_departures" : "pass");
-  return ["invalid", "fail", "not_tested"].find((word) => found.includes(word)) || (found.includes("pass") ? passed : "not_tested");
+  return ["invalid", "fail", "not_tested", "demonstration"].find((word) => found.includes(word)) || (found.includes("pass") ? passed : "not_tested");
 }
 // The row that decides: of the alternatives the best, of the groups the worst.
 function worstAt(rows) {
