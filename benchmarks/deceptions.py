@@ -489,11 +489,17 @@ def put_answer(answer: Callable[[Outputs, Outputs, Outputs], Outputs]) -> Callab
         seen["flight"] = model_probes.flight_traces(plan_.states)
         return perform(plan_, *given, **options)
 
+    agreement, tables = replay_case._table_agreement, model_probes.tables_of
     replay_case.fly_job = model_probes.fly_job = fly
+    # Such a model is of another program: it holds no tables.
+    replay_case._table_agreement = lambda *given: ()
+    model_probes.tables_of = replay_case.tables_of = lambda given: None
     batch.perform_plan = plan
 
     def undo() -> None:
         replay_case.fly_job = model_probes.fly_job = flown
+        replay_case._table_agreement = agreement
+        model_probes.tables_of = replay_case.tables_of = tables
         batch.perform_plan = perform
 
     return undo

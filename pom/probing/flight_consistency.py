@@ -104,9 +104,7 @@ def compare_inputs(
     """
     columns: list[np.ndarray] = []
     differences: list[np.ndarray] = []
-    position = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
-    # offset and drift come from trim, wind and instruments
-    nuisance = np.linalg.qr(np.column_stack([np.ones_like(time), position]))[0]
+    nuisance = _offset_and_drift(time)
     for name in CHANNELS:
         if name not in before or name not in after or name not in flight:
             continue
@@ -147,6 +145,34 @@ def compare_inputs(
         f"forces), and the effectiveness of the controls of the model"
     )
     return (RowRemark("departure", reason, "inputs", values=values, unit="1"),)
+
+
+def largest_input_effect(time: np.ndarray, before: Traces, flight: Traces) -> float:
+    """Return a bound of the effect that `compare_inputs` can find, in `SIZES`.
+
+    A least-squares fit is never larger than what it fits: the difference of flight and model less
+    offset and drift, here over all channels.
+
+    Parameters
+    ----------
+    time, before, flight
+        As `compare_inputs`.
+    """
+    nuisance = _offset_and_drift(time)
+    total = 0.0
+    for name in CHANNELS:
+        if name not in before or name not in flight:
+            continue
+        z = flight[name] - before[name]
+        if np.isfinite(z).all():
+            total += rms((z - nuisance @ (nuisance.T @ z)) / SIZES[name]) ** 2
+    return math.sqrt(total)
+
+
+def _offset_and_drift(time: np.ndarray) -> np.ndarray:
+    """Return the orthonormal forms that come from trim, wind and instruments (time, 2)."""
+    position = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
+    return np.linalg.qr(np.column_stack([np.ones_like(time), position]))[0]
 
 
 def compare_lift(model: SimModel, states: xr.Dataset) -> tuple[RowRemark, ...]:

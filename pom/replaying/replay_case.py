@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,8 @@ from pom.probing.flight_consistency import on_wheels
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
 from pom.probing.record_leak import find_leaks
-from pom.probing.scatter_probe import noise_of_inputs
 from pom.probing.temperature_effect import weigh_temperature
+from pom.replaying.kernel_replay import fly_once
 from pom.replaying.replay_channels import (
     judged_channels,
     moved_controls,
@@ -206,6 +207,15 @@ def perform_plan(
         attrs=_describe_models(models),
         more=remarks,
     )
+    agreements = {}
+    for name, model in models.items():
+        if result.status(name) in PASSED:
+            agreements[name] = _table_agreement(model, jobs[name], outputs_by_run[name])
+    own_flights = {}
+    for name, agreement in agreements.items():
+        tables = tables_of(models[name])
+        if tables is not None and shows_own_tables(agreement):
+            own_flights[name] = partial(fly_once, tables)
     found = probe_models(
         result,
         models,
@@ -214,26 +224,21 @@ def perform_plan(
         states=plan.states,
         timeout=timeout,
         store=store,
+        own_flights=own_flights,
     )
-    for name, model in models.items():
-        if result.status(name) not in PASSED:
-            continue
+    for name, agreement in agreements.items():
         probed = found.get(name, ())
-        agreement = _table_agreement(model, jobs[name], outputs_by_run[name])
-        if shows_own_tables(agreement):
-            probed = noise_of_inputs(probed)
-            found[name] = probed
         if all(remark.kind != "not_driven" for remark in probed):
             weighed = weigh_temperature(
                 result,
                 name,
-                model=model,
+                model=models[name],
                 job=jobs[name],
                 outputs=outputs_by_run[name],
                 timeout=timeout,
                 store=store,
             )
-            found[name] = (*found.get(name, ()), *agreement, *weighed)
+            found[name] = (*probed, *agreement, *weighed)
     return with_run_remarks(result, found)
 
 

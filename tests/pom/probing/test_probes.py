@@ -62,7 +62,7 @@ def probe(fly, **inputs):
     """Return the remarks on a model, a function of the elevator."""
     changed = changed_job(job_of(**inputs), {})
     before, after = fly(inputs["delta_e"]), fly(changed.job.inputs["delta_e"])
-    return judge_input_change(TIME, before, after, {"q", "theta"}, moved=changed.moved)
+    return judge_input_change(TIME, before, after, {"q", "theta"}, moved_at=changed.moved_at)
 
 
 def test_a_linear_aeroplane_changes_by_its_whole_response():
@@ -85,6 +85,40 @@ def test_a_stored_answer_in_one_channel_is_named():
     (remark,) = probe(lambda d: {**short_period(d), "q": stored["q"]}, delta_e=elevator())
     assert remark.kind == "not_driven"
     assert [*remark.values] == ["q"]
+
+
+def test_an_answer_that_is_stored_in_a_part_of_the_window_is_named():
+    """The model answers until 4 s, then the stored flight."""
+    stored = short_period(elevator())
+
+    def switching(delta_e):
+        return {
+            name: np.where(TIME < 4.0, values, stored[name])
+            for name, values in short_period(delta_e).items()
+        }
+
+    (remark,) = probe(switching, delta_e=elevator())
+    assert remark.kind == "not_driven"
+    assert "from 4.1 to 5.1 s" in remark.text
+    # a fifth of 3 deg, as a mean over 0.3 s
+    assert changed_job(job_of(delta_e=elevator()), {}).moved_at == pytest.approx(2.0, abs=0.1)
+
+
+def test_shares_of_a_stall_are_those_before_its_warning():
+    """After 6 s the answer does not follow the inputs linearly, as in a stall."""
+    before, after = short_period(elevator()), short_period(SCALE * elevator())
+    stalled = {
+        name: np.where(TIME < 6.0, values, before[name] + 1e-3) for name, values in after.items()
+    }
+    # a ramp: most of the response is after the warning
+    ramp = {name: values + 0.02 * TIME for name, values in before.items()}
+    changed = {name: stalled[name] + 0.018 * TIME for name in stalled}
+    flat = {name: np.where(TIME < 6.0, changed[name], ramp[name] + 1e-3) for name in ramp}
+    (remark,) = judge_input_change(TIME, ramp, flat, {"theta"}, moved_at=2.0)
+    assert remark.kind == "not_driven"
+    (remark,) = judge_input_change(TIME, ramp, flat, {"theta"}, moved_at=2.0, linear_end=5.9)
+    assert remark.kind == "probe"
+    assert remark.values["theta"] == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("gain", [10.0, 40.0])
@@ -111,12 +145,12 @@ def test_on_its_wheels_only_an_answer_that_stays_is_named():
     """Brakes and friction stop an aeroplane whatever the inputs are."""
     before = {"V": 40.0 - 3.0 * TIME}
     slower = {"V": 40.0 - 2.99 * TIME}
-    (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved=True)
+    (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved_at=0.0)
     assert remark.kind == "not_driven"
-    (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved=True, on_wheels=True)
+    (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved_at=0.0, on_wheels=True)
     assert remark.kind == "probe"
     assert "not checked" in remark.text
-    (remark,) = judge_input_change(TIME, before, before, {"V"}, moved=True, on_wheels=True)
+    (remark,) = judge_input_change(TIME, before, before, {"V"}, moved_at=0.0, on_wheels=True)
     assert remark.kind == "not_driven"
 
 
