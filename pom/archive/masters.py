@@ -75,16 +75,21 @@ def read_masters(
         source = f"{name} of an earlier report, {archive.title or file.parent.name}"
         date = archive.provenance.get("date", "")
         source += f", results of {date}" if date else ""
-        time = result.signals["time"].values
-        traces = traces_of(result.signals, name)
-        channels = {key: (time, values) for key, values in traces.items()}
         origin = f"{file.name}, run {name} of an earlier report, sha256 {digest}"
-        recorded = RecordedRun(channels, origin, source, has_inputs=False)
+        recorded = _recorded(result, name, origin, source)
+        flight = _recorded(result, "flight")
         remarks = tuple(_differences(case, result, archive))
-        masters[case.name] = MasterRun(f"{run}-master", recorded, applied, remarks)
+        masters[case.name] = MasterRun(f"{run}-master", recorded, applied, remarks, flight)
     if problems:
         raise SchemaError(f"master {file}", problems)
     return masters
+
+
+def _recorded(result: PomResult, line: str, origin: str = "", source: str = "") -> RecordedRun:
+    """Return one line of a result as a recorded run."""
+    time = result.signals["time"].values
+    channels = {name: (time, values) for name, values in traces_of(result.signals, line).items()}
+    return RecordedRun(channels, origin, source, has_inputs=False)
 
 
 def _case_problem(case: PomCase, result: PomResult) -> str:
