@@ -34,6 +34,11 @@ SIZES = {
     "nz": 0.03,
 }
 """Channels of the probe, and the rms of a response that is judged. [SI]  Our numbers."""
+NEAR = 0.999
+"""The same for a flight whose inputs are nearly those of the record."""
+JUMP = 0.3
+"""Share of the change with `SCALE` that is a jump with `NEAR`: a smooth answer changes by 0.01."""
+_LEAST_JUMP = 0.1  # in `SIZES`: a trim that is found to a tolerance changes by less
 LEAST_CHANGE = 1e-4
 """Change below which an answer counts as unchanged, in units of `SIZES`.
 
@@ -91,7 +96,7 @@ class ChangedJob:
         return math.isfinite(self.moved_at)
 
 
-def changed_job(job: ReplayJob, outputs: Traces) -> ChangedJob:
+def changed_job(job: ReplayJob, outputs: Traces, scale: float = SCALE) -> ChangedJob:
     """Return the job of a probe.
 
     Parameters
@@ -99,6 +104,8 @@ def changed_job(job: ReplayJob, outputs: Traces) -> ChangedJob:
     job : ReplayJob
     outputs : mapping of str to array (time,)
         Of the flight of the model.  Controls that math pilot or control law moved are among them.
+    scale : float
+        Factor on the deviations of the inputs.
     """
     followed = {loop.control for loop in job.pilot}
     if job.law is not None:
@@ -112,7 +119,7 @@ def changed_job(job: ReplayJob, outputs: Traces) -> ChangedJob:
             continue
         deviation = values - values[0]
         moved_at = min(moved_at, _first_movement(name, job.time, values))
-        inputs[name] = values[0] + SCALE * deviation
+        inputs[name] = values[0] + scale * deviation
     if math.isinf(moved_at):
         pulse = _pulse_shape(job.time)
         for name, size in _PULSES.items():
@@ -256,6 +263,39 @@ def _judge_shares(shares: Mapping[str, float], judged: Collection[str]) -> tuple
         f"model follows the record by other means, such as a controller"
     )
     return (RowRemark("not_driven", reason, values=dict(considered), unit="1"),)
+
+
+def judge_jump(before: Traces, near: Traces, after: Traces) -> tuple[RowRemark, ...]:
+    """Return the remark on a model that answers otherwise to the inputs of the record alone.
+
+    Parameters
+    ----------
+    before, near, after : mapping of str to array (time,)
+        Outputs of the flight as recorded, and with inputs scaled by `NEAR` and `SCALE`. [SI]
+
+    Returns
+    -------
+    tuple of RowRemark
+        Of kind ``not_driven``; empty for a smooth answer.
+    """
+    jumps: dict[str, float] = {}
+    for name, size in SIZES.items():
+        if name not in before or name not in near or name not in after:
+            continue
+        step, whole = (other[name] - before[name] for other in (near, after))
+        if not (np.isfinite(step).all() and np.isfinite(whole).all()):
+            continue
+        if rms(step) > max(_LEAST_JUMP * size, JUMP * rms(whole)):
+            jumps[name] = rms(step) / rms(whole)
+    if not jumps:
+        return ()
+    listed = ", ".join(f"{quantity_words(name)} {share:.2f}" for name, share in jumps.items())
+    text = (
+        f"not driven by the inputs: with inputs scaled by {NEAR:g} the answer changes by these "
+        f"shares of its change with {SCALE:g}: {listed} (0.01 for a smooth answer); the model "
+        f"answers otherwise to the inputs of the record alone"
+    )
+    return (RowRemark("not_driven", text, values=jumps, unit="1"),)
 
 
 def _judge_pulse(time: np.ndarray, before: Traces, after: Traces) -> tuple[RowRemark, ...]:

@@ -28,7 +28,7 @@ from pom.probing.flight_consistency import (
     largest_input_effect,
     on_wheels,
 )
-from pom.probing.input_probe import SIZES, changed_job, judge_input_change
+from pom.probing.input_probe import NEAR, SIZES, changed_job, judge_input_change, judge_jump
 from pom.probing.model_agreement import compare_aircraft, compare_controls
 from pom.probing.scatter_probe import (
     RecordScatter,
@@ -156,6 +156,9 @@ def _probe_inputs(
         linear_end=_linear_end(case),
     )
     is_compared = changed.moved and all(item.kind == "probe" for item in remarks)
+    if is_compared and not on_wheels:
+        near, failure = fly(changed_job(job, outputs, NEAR).job, [*SIZES])
+        remarks += judge_jump(outputs, near, after) if not failure else ()
     if is_compared and flight:
         surfaces = case.drive.level == "recorded"
         remarks += compare_inputs(job.time, outputs, after, flight, surfaces=surfaces)

@@ -20,7 +20,7 @@ from pom.probing import (
     judge_input_change,
 )
 from pom.probing.flight_consistency import judge_lift
-from pom.probing.input_probe import SCALE
+from pom.probing.input_probe import NEAR, SCALE, judge_jump
 from pom.probing.model_probes import _measure_hidden
 from pom.probing.scatter_probe import (
     RecordScatter,
@@ -102,6 +102,16 @@ def test_an_answer_that_is_stored_in_a_part_of_the_window_is_named():
     assert "from 4.1 to 5.1 s" in remark.text
     # a fifth of 3 deg, as a mean over 0.3 s
     assert changed_job(job_of(delta_e=elevator()), {}).moved_at == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_model_that_knows_the_inputs_of_the_record_is_named():
+    """Its answer to other inputs is that of a larger effectiveness."""
+    flight = short_period(elevator())
+    near, after = (short_period(1.3 * scale * elevator()) for scale in (NEAR, SCALE))
+    (remark,) = judge_jump(flight, near, after)
+    assert remark.kind == "not_driven"
+    assert min(remark.values.values()) > 0.5
+    assert judge_jump(short_period(1.3 * elevator()), near, after) == ()
 
 
 def test_shares_of_a_stall_are_those_before_its_warning():
