@@ -168,8 +168,8 @@ def table_with_swapped_sides(b: Bench) -> Judged:
 
 
 def reversed_record(b: Bench) -> Judged:
-    """A power chop and its reversal in time as a power slam."""
-    (source,) = (DATA / "flight").glob("t37_23_*.nc")
+    """A power slam, and its reversal in time as a second condition."""
+    (source,) = (DATA / "flight").glob("t37_24_*.nc")
     tree = xr.open_datatree(source, engine="h5netcdf").load()
     rates = ("p", "q", "r")
     for node in tree.subtree:
@@ -181,8 +181,8 @@ def reversed_record(b: Bench) -> Judged:
         node.dataset = item
     path = b.file(".nc")
     tree.to_netcdf(path, engine="h5netcdf")
-    again = b.case("23", ('name = "power_chop"', 'name = "power_slam"'), record=path)
-    return judge(Deception([b.case("23"), again], b.final))
+    again = b.case("24", ('name = "power_slam"', 'name = "again"'), record=path)
+    return judge(Deception([b.case("24"), again], b.final))
 
 
 def edited_flown_cell(b: Bench) -> Judged:
@@ -258,10 +258,11 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("demo", type=Path, help="output folder of aeromatch demo")
-    parser.add_argument("--only", default="", help="part of the name of a deception")
+    parser.add_argument("--only", default="", help="parts of the names of deceptions, by commas")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
-    chosen = [item for item in DECEPTIONS if given.only in item[0].__name__]
+    parts = given.only.split(",")
+    chosen = [item for item in DECEPTIONS if any(part in item[0].__name__ for part in parts)]
     named = 0
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(given.demo.resolve(), Path(folder), np.random.default_rng(1))

@@ -42,9 +42,10 @@ def identity_remarks(results: Sequence[PomResult]) -> list[dict[str, tuple[RowRe
         (most, number), *_ = counts.most_common()
         for k, digest in enumerate(hashes):
             if digest and digest != most:
+                plural = "s" if number > 1 else ""
                 text = (
                     f"departure: model {run} is another file here (sha256 {digest[:12]}) than in "
-                    f"{number} cases of the report ({most[:12]}); fly all cases by one file, or "
+                    f"{number} case{plural} of the report ({most[:12]}); fly all cases by one file, or "
                     f"give each model its name"
                 )
                 found[k][run] = (RowRemark("departure", text, MODEL),)

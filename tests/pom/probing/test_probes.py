@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 from scipy.ndimage import gaussian_filter1d
 
+from flightmech.support.arrays import rms
 from pom.cases.job import ReplayJob
 from pom.probing import (
     changed_job,
@@ -19,9 +20,9 @@ from pom.probing import (
     flight_consistency,
     judge_input_change,
 )
-from pom.probing.flight_consistency import judge_lift
-from pom.probing.input_probe import NEAR, SCALE, judge_jump
-from pom.probing.model_probes import _measure_hidden
+from pom.probing.flight_consistency import judge_lift, largest_input_effect
+from pom.probing.input_probe import NEAR, SCALE, SIZES, judge_jump
+from pom.probing.model_probes import _measure_hidden, _probe_tables
 from pom.probing.scatter_probe import (
     RecordScatter,
     judge_difference,
@@ -360,3 +361,44 @@ def test_noise_in_an_answer_by_tables_is_of_the_inputs():
     assert shows_own_tables([RowRemark("probe", differs)])
     assert not shows_own_tables([RowRemark("not_driven", f"not driven by its tables: {differs}")])
     assert not shows_own_tables([RowRemark("probe", "answer not compared with the tables")])
+
+
+def test_the_bound_of_the_effect_of_inputs_is_never_exceeded():
+    """A fit is not larger than what it fits, so a probe below the bound would have found nothing."""
+    generator = np.random.default_rng(6)
+    before, after = short_period(elevator()), short_period(SCALE * elevator())
+    for size in (0.002, 0.004):
+        flight = {}
+        for name, values in short_period(elevator() / (1.0 + 20.0 * size)).items():
+            flight[name] = values + size * generator.standard_normal(TIME.size)
+        bound = largest_input_effect(TIME, before, flight)
+        # the effect of the fit, channel by channel as in the comparison
+        (remark,) = compare_inputs(TIME, before, after, flight, surfaces=True)
+        position = (TIME - TIME.mean()) / np.ptp(TIME)
+        forms = np.linalg.qr(np.column_stack([np.ones_like(TIME), position]))[0]
+        effects = []
+        for name in before:
+            S = (before[name] - after[name]) / (1.0 - SCALE) * (remark.values["gain"] - 1.0)
+            effects.append(rms((S - forms @ (forms.T @ S)) / SIZES[name]))
+        assert 0.0 < max(effects) <= bound
+
+
+def test_a_model_that_answers_by_its_tables_flies_only_where_it_can_show_something():
+    flown = []
+
+    def fly(job, channels):
+        flown.append(job)
+        return short_period(job.inputs["delta_e"]), ""
+
+    case = SimpleNamespace(drive=SimpleNamespace(level="recorded"))
+    job, outputs = job_of(delta_e=elevator()), short_period(elevator())
+    (remark,) = _probe_tables(case, job, outputs, {}, fly)
+    assert remark.kind == "probe"
+    near = short_period(1.001 * elevator())
+    (remark,) = _probe_tables(case, job, outputs, near, fly)
+    assert "less than the 0.25 that are named" in remark.text
+    assert flown == []
+    # a wrong gain of the pick-up is named as by the probe of any other model
+    _, remark = _probe_tables(case, job, outputs, short_period(elevator() / 1.15), fly)
+    assert remark.kind == "departure"
+    assert len(flown) == 1
