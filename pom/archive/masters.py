@@ -13,7 +13,7 @@ from flightmech.support.input_files import file_sha256
 from pom.archive.archive import Archive, read_archive
 from pom.cases.case import PomCase
 from pom.judging.signals import traces_of
-from pom.replaying.recorded_runs import MasterRun, RecordedRun
+from pom.replaying.recorded_runs import OF_EARLIER, MasterRun, RecordedRun
 from pom.result import PomResult
 from pom.tolerances.rows import usual_fraction
 
@@ -72,10 +72,10 @@ def read_masters(
             )
             continue
         name = _run_of(result, run)
-        source = f"{name} of an earlier report, {archive.title or file.parent.name}"
+        source = f"{name} {OF_EARLIER}, {archive.title or file.parent.name}"
         date = archive.provenance.get("date", "")
         source += f", results of {date}" if date else ""
-        origin = f"{file.name}, run {name} of an earlier report, sha256 {digest}"
+        origin = f"{file.name}, run {name} {OF_EARLIER}, sha256 {digest}"
         recorded = _recorded(result, name, origin, source)
         flight = _recorded(result, "flight")
         remarks = tuple(_differences(case, result, archive))

@@ -7,7 +7,7 @@ compare a run with the same run of the first report, the master.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,7 @@ LEAST_MOVED = {"rad": 0.0175, "1": 0.02, "m": 0.005, "N": 5.0}
 """By unit: movement below which an input counts as held.  Others: 2 % of the largest size. [SI]"""
 SAME_FLIGHT = 0.1
 """Tolerances by which two reconstructions of one flight may differ; our number."""
+OF_EARLIER = "of an earlier report"  # words of the source of a master
 GAP = 0.25  # [s] a longer gap of a recording is not bridged
 _LAGS = np.arange(-1.0, 1.001, 0.02)  # [s]
 
@@ -386,6 +387,11 @@ def recurrent_remarks(result: PomResult, run: str, master: MasterRun) -> tuple[R
     kind = "recurrent_beyond" if is_beyond else "recurrent"
     values = {"ratio": judged[name], "share": master.share}
     return (RowRemark(kind, text, values=values, unit="1"), *differences)
+
+
+def shows_master(remarks: Iterable[RowRemark]) -> bool:
+    """Return whether remarks are those of a master run."""
+    return any(remark.kind == "device" and OF_EARLIER in remark.text for remark in remarks)
 
 
 def _compare_flights(result: PomResult, master: MasterRun) -> Iterator[str]:
