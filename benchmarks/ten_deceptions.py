@@ -248,8 +248,8 @@ DECEPTIONS = (
     (reversed_record, "did not settle|fail|record_error|the same flight"),
     (edited_flown_cell, "standard errors from what flight found"),
     (start_that_absorbs_the_miss, "fail|start|trim|record"),
-    (wind_that_absorbs_the_miss, "wind"),
-    (flight_of_ten_points, "record|2 Hz"),
+    (wind_that_absorbs_the_miss, "rests on the wind|lift: the flight needs"),
+    (flight_of_ten_points, "limits_exceeded|record"),
 )
 
 
