@@ -202,15 +202,15 @@ def edited_flown_cell(b: Bench) -> Judged:
 
 
 def start_that_absorbs_the_miss(b: Bench) -> Judged:
-    """The record is bent in its first second, so that the model starts as it needs."""
+    """The record is distorted in its first second, so that the model starts as it needs."""
 
-    def bend(channel, clock, values):
+    def distort(channel, clock, values):
         size = {"theta": np.radians(1.2), "V_tas": 1.5, "V_cas": 1.5}.get(channel)
         if size is None:
             return None
         return values + size * np.clip(1.0 - (clock - 5.0) / 1.5, 0.0, 1.0)
 
-    return judge(Deception([b.case("26", record=b.record("26", bend))], b.final))
+    return judge(Deception([b.case("26", record=b.record("26", distort))], b.final))
 
 
 def wind_that_absorbs_the_miss(b: Bench) -> Judged:
