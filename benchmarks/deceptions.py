@@ -489,11 +489,17 @@ def put_answer(answer: Callable[[Outputs, Outputs, Outputs], Outputs]) -> Callab
         seen["flight"] = model_probes.flight_traces(plan_.states)
         return perform(plan_, *given, **options)
 
+    agreement, tables = replay_case._table_agreement, model_probes.tables_of
     replay_case.fly_job = model_probes.fly_job = fly
+    # Such a model is of another program: it holds no tables.
+    replay_case._table_agreement = lambda *given: ()
+    model_probes.tables_of = replay_case.tables_of = lambda given: None
     batch.perform_plan = plan
 
     def undo() -> None:
         replay_case.fly_job = model_probes.fly_job = flown
+        replay_case._table_agreement = agreement
+        model_probes.tables_of = replay_case.tables_of = tables
         batch.perform_plan = perform
 
     return undo
@@ -505,14 +511,15 @@ def main() -> None:
     )
     parser.add_argument("demo", type=Path, help="output folder of aeromatch demo")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="part of the name of a deception")
+    parser.add_argument("--only", default="", help="parts of the names of deceptions, by commas")
     parser.add_argument("--honest", action="store_true", help="the honest cases alone")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(given.demo.resolve(), Path(folder), np.random.default_rng(given.seed))
         named = 0
-        chosen = [item for item in DECEPTIONS if given.only in item[1].__name__]
+        parts = given.only.split(",")
+        chosen = [item for item in DECEPTIONS if any(part in item[1].__name__ for part in parts)]
         for kind, make, word in chosen if not given.honest else ():
             start = time.perf_counter()
             statuses, text = judge(make(bench))

@@ -13,7 +13,7 @@ from flightmech.support.input_files import file_sha256
 from pom.archive.archive import Archive, read_archive
 from pom.cases.case import PomCase
 from pom.judging.signals import traces_of
-from pom.replaying.recorded_runs import MasterRun, RecordedRun
+from pom.replaying.recorded_runs import OF_EARLIER, MasterRun, RecordedRun
 from pom.result import PomResult
 from pom.tolerances.rows import usual_fraction
 
@@ -72,19 +72,24 @@ def read_masters(
             )
             continue
         name = _run_of(result, run)
-        source = f"{name} of an earlier report, {archive.title or file.parent.name}"
+        source = f"{name} {OF_EARLIER}, {archive.title or file.parent.name}"
         date = archive.provenance.get("date", "")
         source += f", results of {date}" if date else ""
-        time = result.signals["time"].values
-        traces = traces_of(result.signals, name)
-        channels = {key: (time, values) for key, values in traces.items()}
-        origin = f"{file.name}, run {name} of an earlier report, sha256 {digest}"
-        recorded = RecordedRun(channels, origin, source, has_inputs=False)
+        origin = f"{file.name}, run {name} {OF_EARLIER}, sha256 {digest}"
+        recorded = _recorded(result, name, origin, source)
+        flight = _recorded(result, "flight")
         remarks = tuple(_differences(case, result, archive))
-        masters[case.name] = MasterRun(f"{run}-master", recorded, applied, remarks)
+        masters[case.name] = MasterRun(f"{run}-master", recorded, applied, remarks, flight)
     if problems:
         raise SchemaError(f"master {file}", problems)
     return masters
+
+
+def _recorded(result: PomResult, line: str, origin: str = "", source: str = "") -> RecordedRun:
+    """Return one line of a result as a recorded run."""
+    time = result.signals["time"].values
+    channels = {name: (time, values) for name, values in traces_of(result.signals, line).items()}
+    return RecordedRun(channels, origin, source, has_inputs=False)
 
 
 def _case_problem(case: PomCase, result: PomResult) -> str:

@@ -23,6 +23,7 @@ from pom.judging.departures import case_departures
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all, verdict_row
 from pom.probing.scatter_probe import measure_scatter, noise_of_inputs
+from pom.replaying.recorded_runs import shows_master
 from pom.replaying.table_agreement import shows_own_tables
 from pom.replaying.trim import beyond_limits, result_trim_limits
 from pom.result import NUMBERS, PomResult
@@ -195,18 +196,21 @@ def _find_missing_remarks(result: PomResult, run: str) -> Iterator[str]:
     if _is_refused(result, run):
         return
     stated: set[str] = set()
-    own_tables = False
+    own_tables = is_master = False
     for row in result.rows:
         if row["run"] == run:
             stated.update(remark.text for remark in row["remarks"])
             own_tables |= shows_own_tables(row["remarks"])
+            is_master |= shows_master(row["remarks"])
     flight, model = traces_of(result.signals, "flight"), traces_of(result.signals, run)
     expected = (
         *case_departures(result.case),
         *_trim_remarks(result, run, demanded=False),
         *watch_channels(result.case, result.signals["time"].values, flight, model),
     )
-    if result.status(run) in PASSED and result.case.reference == "flight":
+    # the scatter of a master was judged in its own report
+    is_judged = result.case.reference == "flight" and not is_master
+    if result.status(run) in PASSED and is_judged:
         scatter = measure_scatter(result.signals, run)
         if own_tables:
             scatter = noise_of_inputs(scatter)

@@ -25,6 +25,7 @@ LIFT_APART = 0.9
 The error of the model is the same in all of them.  The 16 records of the T-37 differ by at most
 0.008 from their median with the calibrated vanes of the programme, where the limit is 0.031.
 """
+OTHERS = "other records"  # words of the remarks
 AIR_APART = 10.0
 """The same for the temperature above that of the standard atmosphere. [K]"""
 
@@ -111,5 +112,5 @@ def _outliers(
             middle = float(np.median(others))
             if abs(values[k] - middle) > limits[k]:
                 name = Path(own).name
-                texts[k] = f"{middle:.3f} in the {len(others)} other records ({name} differs)"
+                texts[k] = f"{middle:.3f} in the {len(others)} {OTHERS} ({name} differs)"
     return texts

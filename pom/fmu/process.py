@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from flightmech.support.foreign_code.process import ForeignProcess, module_command
+from flightmech.support.foreign_code.process import ForeignProcess, module_command, write_whole
 from flightmech.support.temporary_names import remove_leftovers, temporary_name
 from pom.fmu.limits import WorkerLimits, read_worker_limits, sandboxed
 from pom.fmu.run_cache import FileState
@@ -122,8 +122,7 @@ class Child:
         def converse() -> None:
             # A broken pipe, or bytes that are not a reply: there is no answer.
             with suppress(OSError, EOFError, ValueError):
-                pickle.dump({**job, "number": number}, foreign.stdin)
-                foreign.stdin.flush()
+                write_whole(foreign.stdin, pickle.dumps({**job, "number": number}))
                 sent.append(number)
                 answers.append(read_reply(foreign.stdout.read, number, shape))
 

@@ -8,3 +8,4 @@ from .model_probes import probe_models as probe_models
 from .record_leak import find_leaks as find_leaks
 from .scatter_probe import measure_scatter as measure_scatter
 from .temperature_effect import weigh_temperature as weigh_temperature
+from .wind_effect import weigh_wind as weigh_wind

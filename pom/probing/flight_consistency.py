@@ -73,6 +73,7 @@ An offset of the angle of attack does not change the slope.  Honest models of th
 """
 LEAST_RANGE, MOST_STDERR = 0.05, 0.02  # of the lift coefficient, and of the slope
 _STEP = 0.01  # of the angle of attack, for the slope of the model [rad]
+_SLOPES = 100  # samples of the slope of the model
 _BLOCKS = 8  # of the jackknife of the slope
 LIFT_QUANTITY = "CL"  # of the remark on the lift
 LEAST_LIFT = 0.1  # coefficient below which the ratio of two lifts has no meaning
@@ -104,9 +105,7 @@ def compare_inputs(
     """
     columns: list[np.ndarray] = []
     differences: list[np.ndarray] = []
-    position = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
-    # offset and drift come from trim, wind and instruments
-    nuisance = np.linalg.qr(np.column_stack([np.ones_like(time), position]))[0]
+    nuisance = _offset_and_drift(time)
     for name in CHANNELS:
         if name not in before or name not in after or name not in flight:
             continue
@@ -149,6 +148,34 @@ def compare_inputs(
     return (RowRemark("departure", reason, "inputs", values=values, unit="1"),)
 
 
+def largest_input_effect(time: np.ndarray, before: Traces, flight: Traces) -> float:
+    """Return a bound of the effect that `compare_inputs` can find, in `SIZES`.
+
+    A least-squares fit is never larger than what it fits: the difference of flight and model less
+    offset and drift, here over all channels.
+
+    Parameters
+    ----------
+    time, before, flight
+        As `compare_inputs`.
+    """
+    nuisance = _offset_and_drift(time)
+    total = 0.0
+    for name in CHANNELS:
+        if name not in before or name not in flight:
+            continue
+        z = flight[name] - before[name]
+        if np.isfinite(z).all():
+            total += rms((z - nuisance @ (nuisance.T @ z)) / SIZES[name]) ** 2
+    return math.sqrt(total)
+
+
+def _offset_and_drift(time: np.ndarray) -> np.ndarray:
+    """Return the orthonormal forms that come from trim, wind and instruments (time, 2)."""
+    position = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
+    return np.linalg.qr(np.column_stack([np.ones_like(time), position]))[0]
+
+
 def compare_lift(model: SimModel, states: xr.Dataset) -> tuple[RowRemark, ...]:
     """Return the remark on the lift of flight and model, of kind ``departure`` or ``probe``.
 
@@ -171,13 +198,13 @@ def compare_lift(model: SimModel, states: xr.Dataset) -> tuple[RowRemark, ...]:
     missing = [name for name in needed if name not in states]
     if missing:
         return _lift_not_checked(f"the flight has no {', '.join(missing)}")
-    measured, expected, per_radian = lift_pair(model, states)
+    measured, expected, share_per_radian = lift_pair(model, states)
     if measured.size < LEAST_SAMPLES:
         return _lift_not_checked("the aeroplane does not fly, or has hardly any lift")
     stderr = _angle_error(states)
     shift = UNKNOWN_ANGLE
     if stderr is not None:
-        shift = stderr * float(np.median(np.abs(per_radian / expected)))
+        shift = stderr * share_per_radian
     return judge_lift(measured, expected, LIFT + shift)
 
 
@@ -241,10 +268,11 @@ def _lift_not_checked(reason: str) -> tuple[RowRemark, ...]:
     return (RowRemark("probe", text, LIFT_QUANTITY),)
 
 
-def lift_pair(model: SimModel, states: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return lift coefficients of flight and model, and the slope of the latter, all (sample,).
+def lift_pair(model: SimModel, states: xr.Dataset) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return lift coefficients of flight and model (sample,), and how a wrong angle moves the lift.
 
-    The slope is that over the angle of attack. [rad-1]
+    The last one is the median change of the model's lift over its size, by the angle of attack.
+    [rad-1]
 
     Samples on the wheels, at low airspeed and with little lift are left out.
     """
@@ -263,14 +291,10 @@ def lift_pair(model: SimModel, states: xr.Dataset) -> tuple[np.ndarray, np.ndarr
             columns[:, k] = FREE_AIR
     simulation = Simulation(model.model)
 
-    def lift() -> np.ndarray:
+    def lift(columns: np.ndarray) -> np.ndarray:
         return simulation.evaluate(columns)[1][:, terms].sum(axis=1)
 
-    expected = lift()
-    per_radian = np.zeros(count)
-    if "alpha" in model.variables:
-        columns[:, model.variables.index("alpha")] += _STEP
-        per_radian = (lift() - expected) / _STEP
+    expected = lift(columns)
     # specific force less thrust, along the lift
     engines = [str(name) for name in states.data_vars if str(name).endswith(".thrust")]
     mass, alpha = channel("mass"), channel("alpha")
@@ -279,7 +303,14 @@ def lift_pair(model: SimModel, states: xr.Dataset) -> tuple[np.ndarray, np.ndarr
     measured = force / (channel("qbar") * area)
     is_flying = (channel("V") > SLOWEST) & (np.abs(expected) > LEAST_LIFT) & ~on_wheels(states)
     is_counted = is_flying & np.isfinite(measured) & np.isfinite(expected)
-    return measured[is_counted], expected[is_counted], per_radian[is_counted]
+    share_per_radian = 0.0
+    if "alpha" in model.variables and is_counted.any():
+        # a median needs few of the samples
+        step = max(1, int(is_counted.sum()) // _SLOPES)
+        few, base = columns[is_counted][::step].copy(), expected[is_counted][::step]
+        few[:, model.variables.index("alpha")] += _STEP
+        share_per_radian = float(np.median(np.abs((lift(few) - base) / (_STEP * base))))
+    return measured[is_counted], expected[is_counted], share_per_radian
 
 
 def on_wheels(states: xr.Dataset) -> np.ndarray:

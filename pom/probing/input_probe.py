@@ -9,6 +9,7 @@ change, and a controller removes most of the change.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
@@ -33,6 +34,11 @@ SIZES = {
     "nz": 0.03,
 }
 """Channels of the probe, and the rms of a response that is judged. [SI]  Our numbers."""
+NEAR = 0.999
+"""The same for a flight whose inputs are nearly those of the record."""
+JUMP = 0.3
+"""Share of the change with `SCALE` that is a jump with `NEAR`: a smooth answer changes by 0.01."""
+_LEAST_JUMP = 0.1  # in `SIZES`: a trim that is found to a tolerance changes by less
 LEAST_CHANGE = 1e-4
 """Change below which an answer counts as unchanged, in units of `SIZES`.
 
@@ -60,6 +66,8 @@ _PULSES = {
     "wheel": 2.0 * DEGREE,
 }
 _PULSE = (0.1, 1.0)  # start [share of the window] and length [s]
+_BLOCK = 1.0  # [s] parts of the window whose change is judged alone
+_SETTLED = 1.0  # [s] after the first movement of a control
 _LAST = 0.2  # share of the window in which the remaining displacement is measured
 _INTEGRALS = ("phi", "theta", "psi", "V", "h")  # displaced for good by a pulse
 
@@ -74,15 +82,21 @@ class ChangedJob:
     ----------
     job : ReplayJob
         Without math pilot and control law: the controls that they moved are inputs.
-    moved : bool
-        Whether a control moves.  If none does, the primary controls have a pulse.
+    moved_at : float
+        Instant at which the first control moves.  If none does, it is infinite, and the primary
+        controls have a pulse. [s]
     """
 
     job: ReplayJob
-    moved: bool
+    moved_at: float
+
+    @property
+    def moved(self) -> bool:
+        """Whether a control moves."""
+        return math.isfinite(self.moved_at)
 
 
-def changed_job(job: ReplayJob, outputs: Traces) -> ChangedJob:
+def changed_job(job: ReplayJob, outputs: Traces, scale: float = SCALE) -> ChangedJob:
     """Return the job of a probe.
 
     Parameters
@@ -90,30 +104,32 @@ def changed_job(job: ReplayJob, outputs: Traces) -> ChangedJob:
     job : ReplayJob
     outputs : mapping of str to array (time,)
         Of the flight of the model.  Controls that math pilot or control law moved are among them.
+    scale : float
+        Factor on the deviations of the inputs.
     """
     followed = {loop.control for loop in job.pilot}
     if job.law is not None:
         followed.update(job.law.moves)
     inputs: dict[str, np.ndarray] = {}
-    is_moved = False
+    moved_at = math.inf
     for name, recorded in job.inputs.items():
         values = outputs.get(name, recorded) if name in followed else recorded
         if name in WIND or not np.isfinite(values).all():
             inputs[name] = recorded
             continue
         deviation = values - values[0]
-        is_moved = is_moved or _is_moved(name, job.time, values)
-        inputs[name] = values[0] + SCALE * deviation
-    if not is_moved:
+        moved_at = min(moved_at, _first_movement(name, job.time, values))
+        inputs[name] = values[0] + scale * deviation
+    if math.isinf(moved_at):
         pulse = _pulse_shape(job.time)
         for name, size in _PULSES.items():
             if name in inputs:
                 inputs[name] = inputs[name] + size * pulse
-    return ChangedJob(replace(job, inputs=inputs, pilot=(), targets={}, law=None), is_moved)
+    return ChangedJob(replace(job, inputs=inputs, pilot=(), targets={}, law=None), moved_at)
 
 
-def _is_moved(name: str, time: np.ndarray, values: np.ndarray) -> bool:
-    """Return whether a control leaves its first position by more than its noise."""
+def _first_movement(name: str, time: np.ndarray, values: np.ndarray) -> float:
+    """Return when a control leaves its first position by more than its noise, or infinity. [s]"""
     quantity = name.replace("thrust_drive", "thrust")
     least = _MOVED.get(lookup(quantity).units, 0.0)
     if quantity.endswith("thrust") or not least:
@@ -121,7 +137,11 @@ def _is_moved(name: str, time: np.ndarray, values: np.ndarray) -> bool:
     step = float(np.median(np.diff(time)))
     count = max(1, min(values.size, round(_SMOOTHED / step)))
     smooth = np.convolve(values, np.ones(count) / count, mode="valid")
-    return float(np.max(np.abs(smooth - values[0]))) > least
+    is_moved = np.abs(smooth - values[0]) > least
+    if not is_moved.any():
+        return math.inf
+    # a mean belongs to the last of its samples
+    return float(time[np.argmax(is_moved) + count - 1])
 
 
 def _pulse_shape(time: np.ndarray) -> np.ndarray:
@@ -137,8 +157,9 @@ def judge_input_change(
     after: Traces,
     judged: Collection[str],
     *,
-    moved: bool,
+    moved_at: float,
     on_wheels: bool = False,
+    linear_end: float = math.inf,
 ) -> tuple[RowRemark, ...]:
     """Return the remarks on a probe: the change, and ``not_driven`` if the inputs do not drive it.
 
@@ -150,12 +171,18 @@ def judge_input_change(
         Outputs of the flight as recorded, and of the probe. [SI]
     judged : collection of str
         Channels with a judged time history.
-    moved : bool
-        As in `ChangedJob`.
+    moved_at : float
+        As in `ChangedJob`. [s]
     on_wheels : bool
         Whether the aeroplane stands or rolls in a part of the window.  Wheels and brakes stop it
         whatever the inputs are: only an answer that does not change at all is judged.
+    linear_end : float
+        Instant from which on the aeroplane is not linear in the inputs, such as the warning of a
+        stall.  The shares of the expected change are those before it. [s]
     """
+    is_linear = time <= linear_end
+    is_moved = math.isfinite(moved_at)
+    responding: dict[str, tuple[np.ndarray, np.ndarray]] = {}  # response and change, in `SIZES`
     changes: dict[str, float] = {}  # rms of the change, in units of `SIZES`
     shares: dict[str, float] = {}  # of the expected change
     for name, size in SIZES.items():
@@ -166,25 +193,56 @@ def judge_input_change(
         if is_finite.sum() < 2:
             continue
         changes[name] = rms(change[is_finite]) / size
-        extent = rms(response[is_finite])
-        if extent > size:
-            shares[name] = changes[name] * size / ((1.0 - SCALE) * extent)
+        if rms(response[is_finite]) > size:
+            responding[name] = response / size, change / size
+        is_counted = is_finite & is_linear
+        if is_counted.sum() >= 2 and rms(response[is_counted]) > size:
+            expected = (1.0 - SCALE) * rms(response[is_counted])
+            shares[name] = rms(change[is_counted]) / expected
     if not changes:
         return (_probe_remark("no motion among the outputs of the model", {}),)
     still = [name for name, change in changes.items() if change < LEAST_CHANGE]
     is_still = len(still) == len(changes)
     # a channel that responds but does not change is given, whatever the others do
-    given = [name for name in still if name in shares]
-    if moved and (given or is_still):
+    given = [name for name in still if name in responding]
+    if is_moved and (given or is_still):
         return (_unchanged_remark(given or still, f"inputs scaled by {SCALE:g}", changes),)
-    if not moved:
+    if not is_moved:
         if is_still:
             return (_unchanged_remark(still, "a pulse on the controls", changes),)
         return _judge_pulse(time, before, after)
     if on_wheels:
         text = "not checked: on its wheels the aeroplane is not linear in the inputs"
         return (_probe_remark(text, {}),)
+    stored = _stored_part(time, responding, moved_at)
+    if stored is not None:
+        text = (
+            f"not driven by the inputs: from {stored[0]:.1f} to {stored[1]:.1f} s the answer does "
+            f"not change with inputs scaled by {SCALE:g}; this part is stored in the model or read "
+            f"by it"
+        )
+        return (RowRemark("not_driven", text),)
     return _judge_shares(shares, judged)
+
+
+def _stored_part(
+    time: np.ndarray, responding: Mapping[str, tuple[np.ndarray, np.ndarray]], moved_at: float
+) -> tuple[float, float] | None:
+    """Return the first block of time in which channels respond and none changes; None without one.
+
+    Displacements of attitude, speed and height stay after a change of the inputs, so an answer that
+    the inputs drive does not return to the first one.
+    """
+    bounds = np.arange(moved_at + _SETTLED, time[-1] - _BLOCK + 1e-9, _BLOCK)
+    for start in bounds:
+        inside = (time >= start) & (time <= start + _BLOCK)
+        sizes = []
+        for response, change in responding.values():
+            if np.isfinite(change[inside]).all() and rms(response[inside]) > 1.0:
+                sizes.append(rms(change[inside]))
+        if sizes and max(sizes) < LEAST_CHANGE:
+            return float(start), float(start + _BLOCK)
+    return None
 
 
 def _judge_shares(shares: Mapping[str, float], judged: Collection[str]) -> tuple[RowRemark, ...]:
@@ -205,6 +263,39 @@ def _judge_shares(shares: Mapping[str, float], judged: Collection[str]) -> tuple
         f"model follows the record by other means, such as a controller"
     )
     return (RowRemark("not_driven", reason, values=dict(considered), unit="1"),)
+
+
+def judge_jump(before: Traces, near: Traces, after: Traces) -> tuple[RowRemark, ...]:
+    """Return the remark on a model that answers otherwise to the inputs of the record alone.
+
+    Parameters
+    ----------
+    before, near, after : mapping of str to array (time,)
+        Outputs of the flight as recorded, and with inputs scaled by `NEAR` and `SCALE`. [SI]
+
+    Returns
+    -------
+    tuple of RowRemark
+        Of kind ``not_driven``; empty for a smooth answer.
+    """
+    jumps: dict[str, float] = {}
+    for name, size in SIZES.items():
+        if name not in before or name not in near or name not in after:
+            continue
+        step, whole = (other[name] - before[name] for other in (near, after))
+        if not (np.isfinite(step).all() and np.isfinite(whole).all()):
+            continue
+        if rms(step) > max(_LEAST_JUMP * size, JUMP * rms(whole)):
+            jumps[name] = rms(step) / rms(whole)
+    if not jumps:
+        return ()
+    listed = ", ".join(f"{quantity_words(name)} {share:.2f}" for name, share in jumps.items())
+    text = (
+        f"not driven by the inputs: with inputs scaled by {NEAR:g} the answer changes by these "
+        f"shares of its change with {SCALE:g}: {listed} (0.01 for a smooth answer); the model "
+        f"answers otherwise to the inputs of the record alone"
+    )
+    return (RowRemark("not_driven", text, values=jumps, unit="1"),)
 
 
 def _judge_pulse(time: np.ndarray, before: Traces, after: Traces) -> tuple[RowRemark, ...]:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from math import inf
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchError
 from flightmech.simulation.compiler import SimModel
+from pom.cases.case import PomCase
 from pom.cases.case_file import SHOWN
 from pom.cases.job import ReplayJob
 from pom.fmu.models import FmuModel
@@ -17,18 +20,35 @@ from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import fly_job
 from pom.judging.beyond_the_bands import SLOWEST, kept_model
 from pom.judging.signals import traces_of
-from pom.probing.flight_consistency import CHANNELS, compare_inputs, compare_lift, on_wheels
-from pom.probing.input_probe import SIZES, changed_job, judge_input_change
+from pom.probing.flight_consistency import (
+    CHANNELS,
+    LEAST_EFFECT,
+    compare_inputs,
+    compare_lift,
+    largest_input_effect,
+    on_wheels,
+)
+from pom.probing.input_probe import NEAR, SIZES, changed_job, judge_input_change, judge_jump
 from pom.probing.model_agreement import compare_aircraft, compare_controls
 from pom.probing.scatter_probe import (
     RecordScatter,
     judge_difference,
     judge_scatter,
     measure_scatter,
+    noise_of_inputs,
 )
 from pom.result import PomResult, make_verdict_table
 from pom.status import PASSED
 from pom.tolerances.bands import RowRemark
+from pom.tolerances.channels import plain_id
+
+STALL_TEST = "2.c.8"
+STALLED = ("stall_warning", "initial_buffet", "stall")
+"""Events of a stall from the first of which on an aeroplane is not linear in its inputs."""
+
+Traces = Mapping[str, np.ndarray]
+OwnFlight = Callable[[ReplayJob, Sequence[str]], tuple[Mapping[str, np.ndarray], str]]
+"""Flight of a job that returns outputs (time,) by name, and why it failed or an empty text."""
 
 
 def probe_models(
@@ -39,6 +59,7 @@ def probe_models(
     states: xr.Dataset,
     timeout: float,
     store: KeptFlights | None = None,
+    own_flights: Mapping[str, OwnFlight] | None = None,
 ) -> dict[str, tuple[RowRemark, ...]]:
     """Return the remarks of the probes on every model that passes, by model.
 
@@ -53,8 +74,13 @@ def probe_models(
         Of the flight.
     timeout, store
         As `pom.fmu.simulate.fly_job`.
+    own_flights : mapping of str to callable, optional
+        By model whose answer is that of its tables: the flight of a job by the tables.  Tables over
+        flight condition and controls cannot hold a flight, so only size and time of the inputs are
+        probed, where the difference of flight and model can show them.
     """
     found: dict[str, tuple[RowRemark, ...]] = {}
+    own_flights = own_flights or {}
     # What depends on the flight alone is computed once for all models.
     flight = flight_traces(states, CHANNELS)
     touches_ground = bool(on_wheels(states).any())
@@ -67,32 +93,30 @@ def probe_models(
         if result.status(run) not in PASSED or result.case.reference == "footprint":
             continue
         tables = tables_of(model)
-        judged = {criterion.channel for criterion in result.case.criteria if criterion.applies}
-        # true and calibrated airspeed respond alike
-        judged |= {"V"} if "V_cas" in judged else set()
-        changed = changed_job(jobs[run], outputs[run])
-        # without the law of the case: the controls that it moved are inputs
-        after, failure = fly_job(
-            replace(model, law=None), changed.job, [*SIZES], timeout=timeout, store=store
-        )
-        if failure:
-            remarks = _failure_remarks(failure, closed=jobs[run].law is not None)
+        is_slow = result.case.drive.trim == "ground" or is_on_wheels(outputs[run])
+        compared = {}
+        # wheels take a part of the forces, also at a high speed
+        if result.case.reference == "flight" and not (is_slow or touches_ground):
+            compared = flight
+        own = own_flights.get(run)
+        if own is not None and jobs[run].law is None:
+            remarks = _probe_tables(result.case, jobs[run], outputs[run], compared, own)
         else:
-            time = jobs[run].time
-            is_slow = result.case.drive.trim == "ground" or is_on_wheels(outputs[run])
-            remarks = judge_input_change(
-                time, outputs[run], after, judged, moved=changed.moved, on_wheels=is_slow
+            remarks = _probe_inputs(
+                result.case,
+                jobs[run],
+                outputs[run],
+                compared,
+                # without the law of the case: the controls that it moved are inputs
+                partial(fly_job, replace(model, law=None), timeout=timeout, store=store),
+                on_wheels=is_slow,
             )
-            # wheels take a part of the forces, also at a high speed
-            is_compared = changed.moved and not (is_slow or touches_ground)
-            is_compared = is_compared and all(item.kind == "probe" for item in remarks)
-            if is_compared and result.case.reference == "flight":
-                surfaces = result.case.drive.level == "recorded"
-                remarks += compare_inputs(time, outputs[run], after, flight, surfaces=surfaces)
         if result.case.reference == "flight":
             remarks += measure_scatter(result.signals, run, scatter)
             if hidden:
                 remarks += _measure_hidden(hidden, outputs[run], jobs[run].time, remarks)
+        if own is not None:
+            remarks = noise_of_inputs(remarks)
         if tables is not None:
             remarks += compare_aircraft(result.case, tables, jobs[run])
             remarks += compare_controls(result.case, tables)
@@ -100,6 +124,77 @@ def probe_models(
                 remarks += compare_lift(tables, states)
         found[run] = remarks
     return found
+
+
+def _probe_inputs(
+    case: PomCase,
+    job: ReplayJob,
+    outputs: Traces,
+    flight: Traces,
+    fly: OwnFlight,
+    *,
+    on_wheels: bool,
+) -> tuple[RowRemark, ...]:
+    """Return the remarks on one more flight of any model with changed inputs.
+
+    `flight` is empty where size and time of the inputs are not compared.
+    """
+    judged = {criterion.channel for criterion in case.criteria if criterion.applies}
+    # true and calibrated airspeed respond alike
+    judged |= {"V"} if "V_cas" in judged else set()
+    changed = changed_job(job, outputs)
+    after, failure = fly(changed.job, [*SIZES])
+    if failure:
+        return _failure_remarks(failure, closed=job.law is not None)
+    remarks = judge_input_change(
+        job.time,
+        outputs,
+        after,
+        judged,
+        moved_at=changed.moved_at,
+        on_wheels=on_wheels,
+        linear_end=_linear_end(case),
+    )
+    is_compared = changed.moved and all(item.kind == "probe" for item in remarks)
+    if is_compared and not on_wheels:
+        near, failure = fly(changed_job(job, outputs, NEAR).job, [*SIZES])
+        remarks += judge_jump(outputs, near, after) if not failure else ()
+    if is_compared and flight:
+        surfaces = case.drive.level == "recorded"
+        remarks += compare_inputs(job.time, outputs, after, flight, surfaces=surfaces)
+    return remarks
+
+
+def _linear_end(case: PomCase) -> float:
+    """Return the instant from which on a stall is not linear in the inputs; else infinity. [s]"""
+    if not plain_id(case.id).startswith(STALL_TEST):
+        return inf
+    return min((case.events[name] for name in STALLED if name in case.events), default=inf)
+
+
+def _probe_tables(
+    case: PomCase, job: ReplayJob, outputs: Traces, flight: Traces, fly: OwnFlight
+) -> tuple[RowRemark, ...]:
+    """Return the remarks on a model that answers by its tables: size and time of the inputs."""
+    text = "driven by the inputs: the answer is that of the tables in the FMU"
+    if not flight:
+        return (RowRemark("probe", text),)
+    most = largest_input_effect(job.time, outputs, flight)
+    if most < LEAST_EFFECT:
+        text += (
+            f"; size and time of the inputs are not compared: flight and model differ by {most:.2f} "
+            f"of the sizes of the probe, less than the {LEAST_EFFECT:g} that are named"
+        )
+        return (RowRemark("probe", text),)
+    changed = changed_job(job, outputs)
+    if not changed.moved:
+        return (RowRemark("probe", f"{text}; no control moves"),)
+    after, failure = fly(changed.job, [*SIZES])
+    if failure:
+        return _failure_remarks(failure, closed=False)
+    surfaces = case.drive.level == "recorded"
+    compared = compare_inputs(job.time, outputs, after, flight, surfaces=surfaces)
+    return (RowRemark("probe", text), *compared)
 
 
 def _measure_hidden(

@@ -7,7 +7,7 @@ compare a run with the same run of the first report, the master.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -25,17 +25,22 @@ from pom.cases.case_file import WIND
 from pom.cases.job import ReplayJob
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all
+from pom.probing.scatter_probe import measure_scatter
 from pom.replaying.replay_channels import judged_channels
 from pom.replaying.result_assembly import assemble_result
 from pom.result import PomResult, make_verdict_table
+from pom.status import PASSED
 from pom.tolerances.bands import RowRemark
-from pom.tolerances.channels import output_of
+from pom.tolerances.channels import output_of, plain_words
 
 MOST_DELAY = 0.1  # [s] between the inputs of device and flight; larger ones are a departure
 MOST_DIFFERENCE = 0.08
 """Largest rms difference of an input of the device, as a share of the movement of the input."""
 LEAST_MOVED = {"rad": 0.0175, "1": 0.02, "m": 0.005, "N": 5.0}
 """By unit: movement below which an input counts as held.  Others: 2 % of the largest size. [SI]"""
+SAME_FLIGHT = 0.1
+"""Tolerances by which two reconstructions of one flight may differ; our number."""
+OF_EARLIER = "of an earlier report"  # words of the source of a master
 GAP = 0.25  # [s] a longer gap of a recording is not bridged
 _LAGS = np.arange(-1.0, 1.001, 0.02)  # [s]
 
@@ -76,12 +81,15 @@ class MasterRun:
         Criterion: share of each tolerance, about the master. [1]
     remarks : tuple of str
         What is different between the two reports.
+    flight : RecordedRun or None
+        The flight that the earlier report judged the master by.
     """
 
     name: str
     run: RecordedRun
     share: float
     remarks: tuple[str, ...] = ()
+    flight: RecordedRun | None = None
 
 
 @dataclass(frozen=True)
@@ -228,10 +236,14 @@ def add_recorded_runs(
         more=remarks,
     )
     joined = _join_results(result, added)
-    found = {}
+    found: dict[str, tuple[RowRemark, ...]] = {}
+    for name, run in recorded.runs.items():
+        # a device cannot fly again, but its answer does not hold the noise of the record either
+        if run.has_inputs and joined.status(name) in PASSED and joined.case.reference == "flight":
+            found[name] = measure_scatter(joined.signals, name)
     for name, master in recorded.masters.items():
         if name in joined.runs:
-            found[name] = recurrent_remarks(joined, name, master)
+            found[name] = (*found.get(name, ()), *recurrent_remarks(joined, name, master))
     return _with_remarks(joined, found)
 
 
@@ -346,6 +358,7 @@ def recurrent_remarks(result: PomResult, run: str, master: MasterRun) -> tuple[R
     case, time = result.case, result.signals["time"].values
     criteria = [replace(c, fraction=c.fraction * master.share) for c in case.criteria]
     narrow = replace(case, criteria=tuple(criteria), fraction=case.fraction * master.share)
+    other_flight = _compare_flights(result, master)
     outcomes = judge_all(
         narrow, time, traces_of(result.signals, master.name), traces_of(result.signals, run)
     )
@@ -359,7 +372,8 @@ def recurrent_remarks(result: PomResult, run: str, master: MasterRun) -> tuple[R
         else:
             skipped.append(criterion.name)
     stated = f"each row within {100.0 * master.share:g} % of its tolerance about {master.name}"
-    differences = [RowRemark("departure", f"departure: {text}") for text in master.remarks]
+    texts = (*master.remarks, *other_flight)
+    differences = [RowRemark("departure", f"departure: {text}") for text in texts]
     if not judged:
         text = f"recurrent: not compared with {master.name}, no row has a value in both runs"
         return (RowRemark("recurrent_beyond", text), *differences)
@@ -373,3 +387,32 @@ def recurrent_remarks(result: PomResult, run: str, master: MasterRun) -> tuple[R
     kind = "recurrent_beyond" if is_beyond else "recurrent"
     values = {"ratio": judged[name], "share": master.share}
     return (RowRemark(kind, text, values=values, unit="1"), *differences)
+
+
+def shows_master(remarks: Iterable[RowRemark]) -> bool:
+    """Return whether remarks are those of a master run."""
+    return any(remark.kind == "device" and OF_EARLIER in remark.text for remark in remarks)
+
+
+def _compare_flights(result: PomResult, master: MasterRun) -> Iterator[str]:
+    """Yield the difference between the flight of a result and that of its master, if there is one.
+
+    File names do not show another flight; each row judges one flight by the other.
+    """
+    if master.flight is None:
+        return
+    time, flight = result.signals["time"].values, traces_of(result.signals, "flight")
+    outcomes = judge_all(result.case, time, flight, resample_run(master.flight, time))
+    ratios = {}
+    for name, outcome in outcomes.items():
+        if np.isfinite(outcome.worst_ratio):
+            ratios[name] = float(outcome.worst_ratio)
+    if not ratios:
+        yield "the flight of the master has no row in common with this one"
+        return
+    name = max(ratios, key=ratios.__getitem__)
+    if ratios[name] > SAME_FLIGHT:
+        yield (
+            f"the master is of another flight: {plain_words(name)} of the two flights differs by "
+            f"{ratios[name]:.2g} tolerances; compare with the master of this case"
+        )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +29,9 @@ from pom.probing.flight_consistency import on_wheels
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
 from pom.probing.record_leak import find_leaks
-from pom.probing.scatter_probe import noise_of_inputs
 from pom.probing.temperature_effect import weigh_temperature
+from pom.probing.wind_effect import weigh_wind
+from pom.replaying.kernel_replay import fly_once
 from pom.replaying.replay_channels import (
     judged_channels,
     moved_controls,
@@ -208,7 +210,7 @@ def perform_plan(
         attrs=_describe_models(models),
         more=remarks,
     )
-    found = probe_models(
+    return _probe_passing(
         result,
         models,
         jobs,
@@ -217,25 +219,54 @@ def perform_plan(
         timeout=timeout,
         store=store,
     )
+
+
+def _probe_passing(
+    result: PomResult,
+    models: Mapping[str, FmuModel],
+    jobs: Mapping[str, ReplayJob],
+    outputs: Mapping[str, Mapping[str, np.ndarray]],
+    states: xr.Dataset,
+    timeout: float,
+    store: KeptFlights | None,
+) -> PomResult:
+    """Return a result with the remarks of all probes on the models that pass."""
+    agreements, own_flights = {}, {}
     for name, model in models.items():
         if result.status(name) not in PASSED:
             continue
+        agreements[name] = _table_agreement(model, jobs[name], outputs[name])
+        tables = tables_of(model)
+        if tables is not None and shows_own_tables(agreements[name]):
+            own_flights[name] = partial(fly_once, tables)
+    found = probe_models(
+        result,
+        models,
+        jobs,
+        outputs=outputs,
+        states=states,
+        timeout=timeout,
+        store=store,
+        own_flights=own_flights,
+    )
+    for name, agreement in agreements.items():
         probed = found.get(name, ())
-        agreement = _table_agreement(model, jobs[name], outputs_by_run[name])
-        if shows_own_tables(agreement):
-            probed = noise_of_inputs(probed)
-            found[name] = probed
-        if all(remark.kind != "not_driven" for remark in probed):
-            weighed = weigh_temperature(
-                result,
-                name,
-                model=model,
-                job=jobs[name],
-                outputs=outputs_by_run[name],
-                timeout=timeout,
-                store=store,
-            )
-            found[name] = (*found.get(name, ()), *agreement, *weighed)
+        if any(remark.kind == "not_driven" for remark in probed):
+            continue
+        job, flown = jobs[name], outputs[name]
+        weighed = weigh_temperature(
+            result,
+            name,
+            model=models[name],
+            job=job,
+            outputs=flown,
+            timeout=timeout,
+            store=store,
+        )
+        fly = own_flights.get(name)
+        if fly is None or job.law is not None:
+            fly = partial(fly_job, models[name], timeout=timeout, store=store)
+        found[name] = (*probed, *agreement, *weighed, *weigh_wind(result, name, job, flown, fly))
     return with_run_remarks(result, found)
 
 

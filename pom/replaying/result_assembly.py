@@ -121,7 +121,11 @@ def _verdict_rows(
     """
     case, time = match.case, match.time
     limits = trim_limits(case, match.flight)
-    usual = beyond_limits(limits, outputs, demanded=False)
+    found = outputs
+    if failure:
+        # A run that failed before its first sample has no trim, which its failure states.
+        found = {name: values for name, values in outputs.items() if np.isfinite(values[0])}
+    usual = beyond_limits(limits, found, demanded=False)
     # A run has no judgement if it failed, or if its trim is beyond a limit of the case file.
     if failure:
         reasons: tuple[RowRemark, ...] = (RowRemark("failure", failure),)

@@ -177,6 +177,16 @@ class ForeignProcess:
         return conversation
 
 
+def write_whole(pipe: IO[bytes], content: bytes) -> None:
+    """Write all bytes into an unbuffered pipe, which may take a part of them at a time.
+
+    A signal that stops and continues this process (``SIGTSTP``, a debugger) cuts a write short.
+    """
+    unsent = memoryview(content)
+    while unsent:
+        unsent = unsent[pipe.write(unsent) :]
+
+
 @dataclass(frozen=True)
 class ForeignRun:
     """What a foreign process wrote, and how it ended.
@@ -231,9 +241,7 @@ def run_foreign(
 
     def write() -> None:
         with suppress(OSError, ValueError):
-            unsent = memoryview(content)
-            while unsent:
-                unsent = unsent[process.stdin.write(unsent) :]
+            write_whole(process.stdin, content)
         with suppress(OSError):
             process.stdin.close()
 

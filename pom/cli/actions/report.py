@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -31,6 +31,7 @@ from pom.cases.case_file import case_schema
 from pom.cases.drafting.draft import init_case
 from pom.cases.signatures import Signatures, plain_signatures
 from pom.checking.case_check import RecordCheck
+from pom.checking.report_checks import with_joined_checks
 from pom.replaying.replay_case import files_by_name
 from pom.report.writer import SAMPLES, write_report
 from pom.result import results_name
@@ -173,6 +174,8 @@ def run_write_report(
     signatures = signatures_of(signed)
     with show_progress("read the results"):
         archive = join_reports(results)
+    if len(results) > 1:
+        archive = replace(archive, results=with_joined_checks(archive.results))
     # The numbers keep their origin; command and date are those of this report.
     origin = {
         **archive.provenance,

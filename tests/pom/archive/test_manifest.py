@@ -355,3 +355,7 @@ def test_reports_are_joined(aeromatch, made, tmp_path):
         "a_case-2.csv",
         "a_case.csv",
     ]
+    # both show one flight, which counts once
+    first, second = pom.read_archive(tmp_path / "both").results
+    assert first.status("toy") == "pass"
+    assert second.status("toy") == "pass_with_departures"

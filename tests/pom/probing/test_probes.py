@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 from scipy.ndimage import gaussian_filter1d
 
+from flightmech.support.arrays import rms
 from pom.cases.job import ReplayJob
 from pom.probing import (
     changed_job,
@@ -19,9 +20,9 @@ from pom.probing import (
     flight_consistency,
     judge_input_change,
 )
-from pom.probing.flight_consistency import judge_lift
-from pom.probing.input_probe import SCALE
-from pom.probing.model_probes import _measure_hidden
+from pom.probing.flight_consistency import judge_lift, largest_input_effect
+from pom.probing.input_probe import NEAR, SCALE, SIZES, judge_jump
+from pom.probing.model_probes import _measure_hidden, _probe_tables
 from pom.probing.scatter_probe import (
     RecordScatter,
     judge_difference,
@@ -62,7 +63,7 @@ def probe(fly, **inputs):
     """Return the remarks on a model, a function of the elevator."""
     changed = changed_job(job_of(**inputs), {})
     before, after = fly(inputs["delta_e"]), fly(changed.job.inputs["delta_e"])
-    return judge_input_change(TIME, before, after, {"q", "theta"}, moved=changed.moved)
+    return judge_input_change(TIME, before, after, {"q", "theta"}, moved_at=changed.moved_at)
 
 
 def test_a_linear_aeroplane_changes_by_its_whole_response():
@@ -85,6 +86,50 @@ def test_a_stored_answer_in_one_channel_is_named():
     (remark,) = probe(lambda d: {**short_period(d), "q": stored["q"]}, delta_e=elevator())
     assert remark.kind == "not_driven"
     assert [*remark.values] == ["q"]
+
+
+def test_an_answer_that_is_stored_in_a_part_of_the_window_is_named():
+    """The model answers until 4 s, then the stored flight."""
+    stored = short_period(elevator())
+
+    def switching(delta_e):
+        return {
+            name: np.where(TIME < 4.0, values, stored[name])
+            for name, values in short_period(delta_e).items()
+        }
+
+    (remark,) = probe(switching, delta_e=elevator())
+    assert remark.kind == "not_driven"
+    assert "from 4.1 to 5.1 s" in remark.text
+    # a fifth of 3 deg, as a mean over 0.3 s
+    assert changed_job(job_of(delta_e=elevator()), {}).moved_at == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_model_that_knows_the_inputs_of_the_record_is_named():
+    """Its answer to other inputs is that of a larger effectiveness."""
+    flight = short_period(elevator())
+    near, after = (short_period(1.3 * scale * elevator()) for scale in (NEAR, SCALE))
+    (remark,) = judge_jump(flight, near, after)
+    assert remark.kind == "not_driven"
+    assert min(remark.values.values()) > 0.5
+    assert judge_jump(short_period(1.3 * elevator()), near, after) == ()
+
+
+def test_shares_of_a_stall_are_those_before_its_warning():
+    """After 6 s the answer does not follow the inputs linearly, as in a stall."""
+    before, after = short_period(elevator()), short_period(SCALE * elevator())
+    stalled = {
+        name: np.where(TIME < 6.0, values, before[name] + 1e-3) for name, values in after.items()
+    }
+    # a ramp: most of the response is after the warning
+    ramp = {name: values + 0.02 * TIME for name, values in before.items()}
+    changed = {name: stalled[name] + 0.018 * TIME for name in stalled}
+    flat = {name: np.where(TIME < 6.0, changed[name], ramp[name] + 1e-3) for name in ramp}
+    (remark,) = judge_input_change(TIME, ramp, flat, {"theta"}, moved_at=2.0)
+    assert remark.kind == "not_driven"
+    (remark,) = judge_input_change(TIME, ramp, flat, {"theta"}, moved_at=2.0, linear_end=5.9)
+    assert remark.kind == "probe"
+    assert remark.values["theta"] == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("gain", [10.0, 40.0])
@@ -111,12 +156,12 @@ def test_on_its_wheels_only_an_answer_that_stays_is_named():
     """Brakes and friction stop an aeroplane whatever the inputs are."""
     before = {"V": 40.0 - 3.0 * TIME}
     slower = {"V": 40.0 - 2.99 * TIME}
-    (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved=True)
+    (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved_at=0.0)
     assert remark.kind == "not_driven"
-    (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved=True, on_wheels=True)
+    (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved_at=0.0, on_wheels=True)
     assert remark.kind == "probe"
     assert "not checked" in remark.text
-    (remark,) = judge_input_change(TIME, before, before, {"V"}, moved=True, on_wheels=True)
+    (remark,) = judge_input_change(TIME, before, before, {"V"}, moved_at=0.0, on_wheels=True)
     assert remark.kind == "not_driven"
 
 
@@ -316,3 +361,44 @@ def test_noise_in_an_answer_by_tables_is_of_the_inputs():
     assert shows_own_tables([RowRemark("probe", differs)])
     assert not shows_own_tables([RowRemark("not_driven", f"not driven by its tables: {differs}")])
     assert not shows_own_tables([RowRemark("probe", "answer not compared with the tables")])
+
+
+def test_the_bound_of_the_effect_of_inputs_is_never_exceeded():
+    """A fit is not larger than what it fits, so a probe below the bound would have found nothing."""
+    generator = np.random.default_rng(6)
+    before, after = short_period(elevator()), short_period(SCALE * elevator())
+    for size in (0.002, 0.004):
+        flight = {}
+        for name, values in short_period(elevator() / (1.0 + 20.0 * size)).items():
+            flight[name] = values + size * generator.standard_normal(TIME.size)
+        bound = largest_input_effect(TIME, before, flight)
+        # the effect of the fit, channel by channel as in the comparison
+        (remark,) = compare_inputs(TIME, before, after, flight, surfaces=True)
+        position = (TIME - TIME.mean()) / np.ptp(TIME)
+        forms = np.linalg.qr(np.column_stack([np.ones_like(TIME), position]))[0]
+        effects = []
+        for name in before:
+            S = (before[name] - after[name]) / (1.0 - SCALE) * (remark.values["gain"] - 1.0)
+            effects.append(rms((S - forms @ (forms.T @ S)) / SIZES[name]))
+        assert 0.0 < max(effects) <= bound
+
+
+def test_a_model_that_answers_by_its_tables_flies_only_where_it_can_show_something():
+    flown = []
+
+    def fly(job, channels):
+        flown.append(job)
+        return short_period(job.inputs["delta_e"]), ""
+
+    case = SimpleNamespace(drive=SimpleNamespace(level="recorded"))
+    job, outputs = job_of(delta_e=elevator()), short_period(elevator())
+    (remark,) = _probe_tables(case, job, outputs, {}, fly)
+    assert remark.kind == "probe"
+    near = short_period(1.001 * elevator())
+    (remark,) = _probe_tables(case, job, outputs, near, fly)
+    assert "less than the 0.25 that are named" in remark.text
+    assert flown == []
+    # a wrong gain of the pick-up is named as by the probe of any other model
+    _, remark = _probe_tables(case, job, outputs, short_period(elevator() / 1.15), fly)
+    assert remark.kind == "departure"
+    assert len(flown) == 1

@@ -50,8 +50,8 @@ def record(lag_states, tmp_path):
     40 Hz, on its own clock.
     """
 
-    def write(change=None, without=(), gap=None, file="host.csv"):
-        clock = np.arange(0.0, 8.01, 0.025)
+    def write(change=None, without=(), gap=None, file="host.csv", step=0.025):
+        clock = np.arange(0.0, 8.01, step)
         columns = {"t [s]": clock}
         for name, (head, factor) in COLUMNS.items():
             if name in without:
@@ -119,6 +119,27 @@ def test_a_device_alone_passes_and_is_in_the_manifest(aeromatch, case, record, t
     assert {item.state for item in pom.verify(tmp_path / "out")} == {"same"}
 
 
+@pytest.mark.parametrize("is_copy", [True, False])
+def test_a_copy_of_the_record_is_no_recording_of_a_device(
+    aeromatch, case, record, lag_states, tmp_path, is_copy
+):
+    """A device has its own noise; the recording of the flight has that of the record."""
+    generator = np.random.default_rng(3)
+    noisy = {}
+    for name, size in {"theta": 2e-4, "q": 2e-4, "nz": 2e-3}.items():
+        noise = size * generator.standard_normal(lag_states.sizes["time"])
+        noisy[name] = lag_states[name] + noise
+    lag_states.assign(noisy).to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+
+    def copy(name):
+        return lambda clock, values: np.interp(clock + 1.0, lag_states["time"], noisy[name])
+
+    record({name: copy(name) for name in noisy} if is_copy else None, step=0.02)
+    done = aeromatch(*words(case, *START))
+    assert done.returncode == (1 if is_copy else 0)
+    assert ("the answer holds the noise of the record" in done.stdout) == is_copy
+
+
 def test_a_wrong_answer_fails(aeromatch, case, record):
     record({name: lambda clock, values: 4.0 * values for name in ("theta", "q")})
     done = aeromatch(*words(case, *START))
@@ -173,6 +194,18 @@ def test_a_recurrent_run_is_compared_with_its_master(aeromatch, case, record, tm
     case.write_text(moved)
     with pytest.raises(SchemaError, match=r"the master has 1 \.\.\. 9 s"):
         read_masters(tmp_path / "master", "device", [pom.read_case(case)])
+
+
+@pytest.mark.slow
+def test_a_master_of_another_flight_is_a_departure(aeromatch, case, record, lag_states, tmp_path):
+    """The files of both records have one name; a model cannot be that near to two flights."""
+    record()
+    aeromatch(*words(case, *START, "-o", "master", "--no-pdf"))
+    other = lag_states.assign(theta=lag_states["theta"] + np.radians(1.0))
+    other.to_netcdf(tmp_path / "later.nc", engine="h5netcdf")
+    case.write_text(case.read_text().replace('"record.nc"', '"later.nc"'))
+    done = aeromatch(*words(case, *START, "--master", "device=master"))
+    assert "the master is of another flight" in done.stdout
 
 
 def test_options_of_recordings_are_checked(aeromatch, case, record, tmp_path):

@@ -415,6 +415,7 @@ def test_paper_shows_the_panels_of_the_screen(page, address):
 
 def test_a_term_of_the_cause_leads_to_its_tables(page, address):
     open_case(page, address)
+    page.locator(f"{CASE} details:has(.cause) summary").click()
     page.locator(f"{CASE} .cause a", has_text="CL/gear").first.click()
     expect(page.locator("#models-1-CL")).to_be_visible()
     expect(page.locator(".bar a[aria-current]")).to_have_text("Models")
