@@ -319,7 +319,7 @@ VERBS = {
         "f.nc f.html f_db.nc",
     ),
     "report": Verb(
-        "flight report glider/plan.toml -o page.html --save saved", "glider", "page.html saved"
+        "flight report glider/plan.toml -o page.html --save saved", "glider", "page.html saved/*"
     ),
     "actuator": Verb(
         "flight actuator servo_1.csv --position 'angle [deg]' --held --figure servo.png",

@@ -124,8 +124,15 @@ def _unpack(package: Path, root: Path) -> None:
             if faults:
                 raise SchemaError(str(package), [printable(fault) for fault in faults[:10]])
             content.extractall(root)
-    except (AeromatchError, OSError):
+    except AeromatchError:
         raise
+    except OSError as error:
+        if error.errno not in (errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ):
+            raise
+        fault = (
+            f"a name that this system does not allow ({os.strerror(error.errno)}); pack it again"
+        )
+        raise SchemaError(str(package), [fault]) from None
     # zipfile and its decoders raise BadZipFile, zlib.error, EOFError, RuntimeError and others
     except Exception as error:
         fault = f"a damaged zip ({str(error)[:100]}); copy it again"
@@ -155,7 +162,8 @@ def _find_member_faults(content: zipfile.ZipFile, packed: int) -> Iterator[str]:
         fault = _member_fault(item)
         if fault:
             yield f"{name!r} {fault}"
-        elif name in seen:
+        # a file and a folder
+        elif name.removesuffix("/") in seen or f"{name}/" in seen:
             yield f"two files are named {name!r}"
         seen.add(name)
     # What lies outside the folder of the package would escape every check.

@@ -240,9 +240,12 @@ def test_zips_that_two_programs_read_differently_are_refused(delivery, tmp_path)
         "absolute": {"/README.md": "x"},
         "deep": {"data_package/" + "a/" * 40 + "x": "x"},
         "inner": {"manifest.json": (delivery / "manifest.json").read_bytes()},
+        "folder": {"data_package/README.md/": ""},
+        "long": {f"data_package/{'a' * 300}": "x"},
     }
     words = {"links": "is a link", "dots": "plain name", "slashes": "plain name"}
     words |= {"absolute": "leads out", "deep": "more than 30 folders"}
+    words |= {"folder": "two files are named", "long": "long.zip: 1 problem"}
     for name, more in members.items():
         found = faults(pack(delivery, tmp_path / f"{name}.zip", more=more))
         assert words.get(name, "") in str(found[0]), name
