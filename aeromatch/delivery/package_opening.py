@@ -27,6 +27,8 @@ MOST_FILES, MOST_DEPTH = 100_000, 30
 _SMALL, _MOST_TIMES = 100_000_000, 100
 # Fixed part of the head of a member, and the longest description behind its data. [byte]
 _HEAD, _DESCRIPTION = 30, 24
+# The end record of a zip without a comment. [byte]
+_END = 22
 _AT_ONCE = 1 << 20  # byte
 
 
@@ -197,10 +199,16 @@ def _member_fault(item: zipfile.ZipInfo) -> str:
 
 
 def _has_foreign_bytes(content: zipfile.ZipFile) -> bool:
-    """Return whether members overlap, or leave more room than a description behind the data."""
+    """Return whether members overlap, leave more room than a description behind the data, or are
+    not all of the file.
+    """
     end = 0
     stream = content.fp
-    if stream is None:
+    if stream is None or content.comment:
+        return True
+    # Python's zipfile reads over what follows the end record, which has no comment here.
+    stream.seek(-_END, os.SEEK_END)
+    if stream.read(4) != b"PK\x05\x06":
         return True
     for item in sorted(content.infolist(), key=lambda item: item.header_offset):
         if not 0 <= item.header_offset - end <= (_DESCRIPTION if end else 0):
