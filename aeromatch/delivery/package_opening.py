@@ -207,7 +207,7 @@ def _has_foreign_bytes(content: zipfile.ZipFile) -> bool:
     if stream is None or content.comment:
         return True
     # Python's zipfile reads over what follows the end record, which has no comment here.
-    stream.seek(-_END, os.SEEK_END)
+    stream.seek(-_END, 2)  # from the end
     if stream.read(4) != b"PK\x05\x06":
         return True
     for item in sorted(content.infolist(), key=lambda item: item.header_offset):
