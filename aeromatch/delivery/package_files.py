@@ -26,6 +26,7 @@ from aeromatch.delivery.places import (
 from flightmech.errors import ParseError
 from flightmech.support.foreign_code.process import printable
 from flightmech.support.input_files import file_sha256, json_content
+from flightmech.support.portable_names import is_portable_name
 
 _LARGEST_MANIFEST = 64_000_000  # byte
 _DIGEST = re.compile(r"[0-9a-f]{64}")
@@ -121,6 +122,8 @@ def check_structure(folder: Path) -> list[PackageCheck]:
                 faults[repr(relative)] = "a name with control characters"
             elif not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
                 faults[relative] = "a link or a device; a package has files and folders only"
+            elif not is_portable_name(name):
+                faults[relative] = "a name that Windows does not allow, or takes for a device"
         if len(present) > MOST_FILES:
             faults["files"] = f"more than {MOST_FILES}"
             break

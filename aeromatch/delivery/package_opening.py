@@ -27,6 +27,8 @@ MOST_FILES, MOST_DEPTH = 100_000, 30
 _SMALL, _MOST_TIMES = 100_000_000, 100
 # Fixed part of the head of a member, and the longest description behind its data. [byte]
 _HEAD, _DESCRIPTION = 30, 24
+# The end record of a zip without a comment. [byte]
+_END = 22
 _AT_ONCE = 1 << 20  # byte
 
 
@@ -124,8 +126,15 @@ def _unpack(package: Path, root: Path) -> None:
             if faults:
                 raise SchemaError(str(package), [printable(fault) for fault in faults[:10]])
             content.extractall(root)
-    except (AeromatchError, OSError):
+    except AeromatchError:
         raise
+    except OSError as error:
+        if error.errno not in (errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ):
+            raise
+        fault = (
+            f"a name that this system does not allow ({os.strerror(error.errno)}); pack it again"
+        )
+        raise SchemaError(str(package), [fault]) from None
     # zipfile and its decoders raise BadZipFile, zlib.error, EOFError, RuntimeError and others
     except Exception as error:
         fault = f"a damaged zip ({str(error)[:100]}); copy it again"
@@ -155,7 +164,8 @@ def _find_member_faults(content: zipfile.ZipFile, packed: int) -> Iterator[str]:
         fault = _member_fault(item)
         if fault:
             yield f"{name!r} {fault}"
-        elif name in seen:
+        # a file and a folder
+        elif name.removesuffix("/") in seen or f"{name}/" in seen:
             yield f"two files are named {name!r}"
         seen.add(name)
     # What lies outside the folder of the package would escape every check.
@@ -189,10 +199,16 @@ def _member_fault(item: zipfile.ZipInfo) -> str:
 
 
 def _has_foreign_bytes(content: zipfile.ZipFile) -> bool:
-    """Return whether members overlap, or leave more room than a description behind the data."""
+    """Return whether members overlap, leave more room than a description behind the data, or are
+    not all of the file.
+    """
     end = 0
     stream = content.fp
-    if stream is None:
+    if stream is None or content.comment:
+        return True
+    # Python's zipfile reads over what follows the end record, which has no comment here.
+    stream.seek(-_END, 2)  # from the end
+    if stream.read(4) != b"PK\x05\x06":
         return True
     for item in sorted(content.infolist(), key=lambda item: item.header_offset):
         if not 0 <= item.header_offset - end <= (_DESCRIPTION if end else 0):

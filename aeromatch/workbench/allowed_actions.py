@@ -25,6 +25,8 @@ from flightmech.errors import AeromatchError
 from flightmech.support.console import InputFile
 
 PROJECT, WORK = "{project}", "{work}"
+# Files and folders in the working folder that only the server writes.
+_OWN_FILES = {"token", "actions.jsonl", "jobs"}
 """Placeholders of the folder of the project file and of the working folder, in commands and log."""
 
 VERBS: tuple[tuple[str, ...], ...] = (
@@ -111,6 +113,15 @@ class PlaceholderFolders:
         folders = (self.project, self.work)
         return any(real.is_relative_to(os.path.realpath(folder)) for folder in folders)
 
+    def is_own(self, path: Path) -> bool:
+        """Return whether a path, after following links, is token, log or jobs of the workbench.
+
+        A command of the log of others would choose the token, or the actions of the next replay.
+        """
+        real, work = Path(os.path.realpath(path)), Path(os.path.realpath(self.work))
+        inner = real.relative_to(work).parts if real.is_relative_to(work) else ()
+        return bool(inner) and inner[0].casefold() in _OWN_FILES
+
 
 @dataclass(frozen=True)
 class ActionPath:
@@ -149,10 +160,13 @@ def demand_allowed(words: Sequence[str], places: PlaceholderFolders | None = Non
             )
         if places is None or not path.written:
             continue
-        if not all(map(places.holds, _written_files(words, places.real_path(path.text)))):
+        files = _written_files(words, places.real_path(path.text))
+        if not all(map(places.holds, files)):
             raise ActionError(
                 f"{path.text!r} leads out of the project by a link; give a file in its folders"
             )
+        if any(map(places.is_own, files)):
+            raise ActionError(f"{path.text!r} is a file of the workbench itself; give another name")
 
 
 def _written_files(words: Sequence[str], path: Path) -> list[Path]:

@@ -101,13 +101,18 @@ def demand_drawable(target: str | os.PathLike[str]) -> str:
 
 
 def write_figure(figure: Figure, target: str | os.PathLike[str], dpi: int = 130) -> None:
-    """Write a figure atomically. The ending of the file is the format.
+    """Write a figure atomically, with the same bytes when written again.
 
-    The errors are those of `demand_drawable`.
+    The ending of the file is the format. The errors are those of `demand_drawable`.
     """
     kind = demand_drawable(target)
-    with written_atomically(target) as part:
-        figure.savefig(part, dpi=dpi, format=kind)
+    # loaded by `new_figure` already
+    from matplotlib import rc_context
+
+    # without these the file has the time of the day, and random names of its parts
+    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+    with written_atomically(target) as part, rc_context({"svg.hashsalt": "aeromatch"}):
+        figure.savefig(part, dpi=dpi, format=kind, metadata=undated)
 
 
 def to_display_quantity(name: str, values: np.ndarray) -> tuple[np.ndarray, str]:

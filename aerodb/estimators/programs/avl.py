@@ -25,7 +25,11 @@ from flightmech.support.input_files import demand_regular
 from flightmech.units import DEGREE
 
 BANNER = "Vortex Lattice Output -- Total Forces"
-_PAIR = re.compile(r"([A-Za-z][\w'/]*)\s*=\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?|\*+|NaN)")
+# The search begins at words only: within a long word it would begin at each letter.
+_PAIR = re.compile(
+    r"(?<![\w'/])([A-Za-z][\w'/]*)\s*=\s*"
+    r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?|\*+|NaN)"
+)
 _HEADING = re.compile(r"(\S.*?)\s+(d\d+)(?=\s|$)")
 _STABILITY, _BODY = "Stability-axis derivatives", "Geometry-axis derivatives"
 _AXES_LINE = "Standard axis orientation"
@@ -60,7 +64,9 @@ _DERIVATIVE = re.compile(r"(CL|CD|CX|CY|CZ|Cl|Cm|Cn)(?:([abpqruvw])|(d\d+))$")
 # Lines of free text, and one whose left side names derivatives that it does not print.
 _SKIPPED = ("Configuration:", "Run case:", "Clb Cnr")
 _NAME_LENGTH = 12  # characters of a control's name in the heading of the derivatives
-_SYMMETRY = re.compile(r"^\s*([YZ]) Symmetry", re.MULTILINE)
+_SYMMETRY = re.compile(r"^[ \t]*([YZ]) Symmetry", re.MULTILINE)
+# Letters of a line, of which AVL prints less than 200. The patterns take the square of it.
+_LONGEST_LINE = 1000
 _MOST_LIFT = 10.0  # a larger lift coefficient is a run that did not converge
 # Tolerance of the check that the neutral point belongs to the derivatives. [chords]
 _NEUTRAL_POINT_TOLERANCE = 2e-3
@@ -90,6 +96,10 @@ def read_avl(path: str | Path) -> CoefficientSet:
     text = file.read_text(encoding="utf-8", errors="replace")
     if not is_avl(text):
         raise ParseError(str(file), 1, repr(text[:60]), f"an output of AVL with '{BANNER}'")
+    for number, line in enumerate(text.splitlines(), 1):
+        if len(line) > _LONGEST_LINE:
+            expected = f"an output of AVL with lines of at most {_LONGEST_LINE}; it is damaged"
+            raise ParseError(str(file), number, f"a line of {len(line)} letters", expected)
     return _AvlPrint(file, text).coefficient_set()
 
 

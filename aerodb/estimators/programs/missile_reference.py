@@ -18,7 +18,7 @@ _CARDS = {
     "LAT REF LENGTH": "LATREF",
     "MOMENT CENTER": "XCG",
 }
-_REFQ = re.compile(r"^\s*(?:\d+\s+)?[$&]REFQ\b(.*?)(?:[$&]|\Z)", re.DOTALL | re.MULTILINE)
+_REFQ = re.compile(r"^[ \t]*(?:\d+\s+)?[$&]REFQ\b(.*?)(?:[$&]|\Z)", re.DOTALL | re.MULTILINE)
 _CARD_NUMBER = re.compile(r"^\s{0,6}\d+\s(?=\s)", re.MULTILINE)
 _ASSIGNMENT = re.compile(r"\b([A-Z]+)\s*=\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[ED][-+]?\d+)?)")
 _UNITS = {"M": "m", "FT": "ft", "IN": "in", "CM": "cm"}

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import operator
 import re
+import sys
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -131,6 +132,9 @@ class ChannelExpression:
         if isinstance(node, ast.Constant):
             if isinstance(node.value, bool) or not isinstance(node.value, int | float):
                 raise self._refuse(f"{node.value!r}")
+            # an int has any number of digits, and a float like 1e999 is infinite
+            if abs(node.value) > sys.float_info.max:
+                raise self._refuse(ast.unparse(node))
             return []
         if isinstance(node, ast.Name | ast.Attribute):
             return [self._channel_name(node)]
@@ -309,7 +313,8 @@ class ChannelExpression:
         cutoff = terms[1]
         if cutoff.dimension is None or cutoff.dimension[:4] not in ((0, 0, -1, 0), NUMBER[:4]):
             raise SchemaError(self.text, ["lowpass: the second argument is a frequency, as 2 Hz"])
-        return ExpressionTerm(_lowpassed(time, x, float(np.ravel(cutoff.values)[0])), dimension)
+        frequency = float(np.ravel(cutoff.values)[0])
+        return ExpressionTerm(_lowpassed(time, x, frequency), dimension)
 
 
 def stretches(time: np.ndarray, is_valid: np.ndarray | None = None) -> list[slice]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import tempfile
 from collections.abc import AsyncIterator, Iterator
@@ -25,6 +24,7 @@ from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.file_kinds import file_kind
 from flightmech.support.input_files import file_sha256
+from flightmech.support.portable_names import is_portable_name
 from flighttest.records.readers.name_map_reading import read_names
 
 MOST_BYTES = 4_000_000_000
@@ -33,10 +33,6 @@ MOST_BYTES = 4_000_000_000
 _SPARE = 200_000_000
 # Greatest length of a name; a file system has 255 bytes, and a copy gets a longer name.
 _MOST_LETTERS = 120
-# Letters that are not a part of a name on some system: separators, drives, patterns, quotes.
-_ODD_LETTERS = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]')
-# Names of devices on Windows.
-_DEVICES = re.compile(r"(?:CON|PRN|AUX|NUL|COM\d|LPT\d)(?:\..*)?", re.IGNORECASE)
 _PROJECT_FILE = "aeromatch.toml"
 # Place of a TOML file by the first words of its kind.
 _PLACES = {"an aircraft file": "aircraft.toml", "a case file": "cases/"}
@@ -49,9 +45,9 @@ def demand_plain_name(name: str) -> None:
     ------
     ActionError
     """
-    is_plain = is_writable_text(name) and not _ODD_LETTERS.search(name)
+    is_plain = is_writable_text(name) and is_portable_name(name)
     is_hidden = name.startswith((".", "-", " ")) or name.endswith((".", " "))
-    if not name or not is_plain or is_hidden or _DEVICES.fullmatch(name):
+    if not is_plain or is_hidden:
         raise ActionError(
             f"{name[:_MOST_LETTERS]!r} is not the name of a file alone; rename the file with "
             f"letters, digits, spaces, _ - and ."

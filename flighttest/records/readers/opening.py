@@ -99,7 +99,7 @@ def recognise_recording(path: str | Path) -> str:
     # Other programs may write another text at the beginning of a MATLAB file.
     if _has_matlab_version(head):
         return "matlab5"
-    raise ParseError(str(path), 0, f"bytes that begin with {head[:8]!r}", _known_formats())
+    raise ParseError(str(path), 0, _describe_bytes(head), _known_formats())
 
 
 def format_name(form: str) -> str:
@@ -154,6 +154,16 @@ def _demand_record(path: str | Path, form: str) -> None:
 def _unpack_head(path: str | Path) -> bytes:
     with decoding_errors(path, "a whole .gz file"), gzip.open(path) as file:
         return file.read(_HEAD_SIZE)
+
+
+def _describe_bytes(head: bytes) -> str:
+    """Return what the first bytes of an unknown file are, for an error."""
+    if not any(head):
+        return "zero bytes, as of a recording that was not written or not copied to its end"
+    # One byte of each pair is zero for every letter of ASCII.
+    if len(head) > 3 and not (any(head[1::2]) and any(head[::2])):
+        return "a text in UTF-16 without a byte-order mark; save it with the encoding UTF-8"
+    return f"bytes that begin with {head[:8]!r}"
 
 
 def _is_text(head: bytes) -> bool:

@@ -46,6 +46,10 @@ def is_control(name: str) -> bool:
     return name.rpartition(".")[2].startswith(_CONTROLS)
 
 
+# Least cut-off over the rate: below 1e-8 the steady state of the filter is singular by rounding.
+_LEAST_CUTOFF = 1e-6
+
+
 def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
     """Return `x` after a zero-phase low-pass filter.
 
@@ -67,7 +71,7 @@ def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
     Raises
     ------
     OutOfRange
-        The cut-off is not below half the rate.
+        The cut-off is not between a millionth and half of the rate.
 
     Notes
     -----
@@ -79,10 +83,10 @@ def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
     from scipy.signal import sosfilt
 
     design = cutoff / (math.sqrt(2.0) - 1.0) ** 0.125
-    if not 0.0 < design < 0.5 * rate:
+    if not _LEAST_CUTOFF * rate < design < 0.5 * rate:
         raise OutOfRange(
-            f"cut-off {cutoff:g} Hz at {rate:g} samples per second; it must lie between 0 "
-            f"and {0.5 * rate * 0.895:g} Hz"
+            f"cut-off {cutoff:g} Hz at {rate:g} samples per second; it must lie between "
+            f"{_LEAST_CUTOFF * rate:g} and {0.5 * rate * 0.895:g} Hz"
         )
     x = np.asarray(x, float)
     # The slowest poles of a Butterworth filter of order 4 have the damping ratio sin(pi/8).

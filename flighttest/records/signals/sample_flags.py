@@ -230,7 +230,8 @@ def _is_spike(step: np.ndarray, typical: float) -> np.ndarray:
         return is_spike
     for leaving, returning in pairwise(large):
         is_wide = returning - leaving > _WIDEST_SPIKE
-        if is_wide or step[leaving] * step[returning] > 0.0:
+        # signs, not the product: it overflows for 1e308 in a damaged file
+        if is_wide or np.sign(step[leaving]) == np.sign(step[returning]):
             continue
         before = size[max(0, leaving - _NEAR_STEPS) : leaving]
         after = size[returning + 1 : returning + 1 + _NEAR_STEPS]

@@ -320,3 +320,18 @@ def test_rates_of_vspaero_are_reduced_by_twice_the_speed(tmp_path):
     turning = read_estimate(tmp_path / "turning.stab").numbers
     at_first = turning[np.isclose(turning["alpha"], -4 * DEG)]
     assert set(at_first["qhat"]) == {2.0 * 4.9 / (2.0 * speed)}
+
+
+@pytest.mark.parametrize("damage", ["x" * 200_000, "\n" * 200_000], ids=["letters", "blank lines"])
+def test_damaged_prints_of_avl_take_no_time_of_the_square_of_their_length(tmp_path, damage):
+    """Patterns that begin at each letter, or at each blank line, searched for minutes."""
+    text = (Path(__file__).parents[3] / "data" / "avl" / "c182.a4.st").read_text(encoding="utf-8")
+    (tmp_path / "a.st").write_text(text.replace("CLtot =", f"CLtot = {damage}"), encoding="utf-8")
+    (tmp_path / "b.st").write_text(text + damage, encoding="utf-8")
+    for name in ("a.st", "b.st"):
+        if "x" in damage:
+            with pytest.raises(ParseError, match=r"a line of 2000\d\d letters"):
+                read_estimate(tmp_path / name)
+    if "x" not in damage:
+        same = read_estimate(tmp_path / "b.st")
+        assert len(same.numbers) > 10

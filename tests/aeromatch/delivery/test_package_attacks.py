@@ -189,6 +189,8 @@ def test_every_file_changed_swapped_renamed_truncated_or_linked_is_a_finding(del
         ("models/other.fmu", "not of the package"),
         ("a\nb", "control characters"),
         ("a\u202eb", "control characters"),
+        ("C:more", "Windows does not allow"),
+        ("models/nul.fmu", "Windows does not allow"),
     ],
 )
 def test_more_files(delivery, name, word):
@@ -240,9 +242,12 @@ def test_zips_that_two_programs_read_differently_are_refused(delivery, tmp_path)
         "absolute": {"/README.md": "x"},
         "deep": {"data_package/" + "a/" * 40 + "x": "x"},
         "inner": {"manifest.json": (delivery / "manifest.json").read_bytes()},
+        "folder": {"data_package/README.md/": ""},
+        "long": {f"data_package/{'a' * 300}": "x"},
     }
     words = {"links": "is a link", "dots": "plain name", "slashes": "plain name"}
     words |= {"absolute": "leads out", "deep": "more than 30 folders"}
+    words |= {"folder": "two files are named", "long": "long.zip: 1 problem"}
     for name, more in members.items():
         found = faults(pack(delivery, tmp_path / f"{name}.zip", more=more))
         assert words.get(name, "") in str(found[0]), name
@@ -250,7 +255,9 @@ def test_zips_that_two_programs_read_differently_are_refused(delivery, tmp_path)
     inner = faults(tmp_path / "inner.zip")
     assert any(item.name.startswith("data_package/") or "missing" in item.detail for item in inner)
     # another zip before it, and a member that its directory does not list
-    for name, harmed in {"two": raw + raw, "before": b"MZ" + raw}.items():
+    comment = raw[:-2] + b"\x04\0more"
+    all_harmed = {"two": raw + raw, "before": b"MZ" + raw, "behind": raw + b"more"}
+    for name, harmed in (all_harmed | {"comment": comment}).items():
         (tmp_path / f"{name}.zip").write_bytes(harmed)
         assert "belong to none of its members" in str(faults(tmp_path / f"{name}.zip")[0]), name
     hidden = tmp_path / "hidden.zip"

@@ -10,7 +10,7 @@ from urllib.parse import quote
 import pytest
 from starlette.requests import ClientDisconnect
 
-from aeromatch.workbench.server import _read_body
+from aeromatch.workbench.server import NEW_PROJECT_ROUTES, _read_body
 
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
@@ -21,6 +21,7 @@ from aeromatch.workbench import actions, databases, identification, matching, re
 from aeromatch.workbench.allowed_actions import ActionError, PlaceholderFolders, demand_allowed
 
 ROUTES = {**records.ROUTES, **identification.ROUTES, **databases.ROUTES, **matching.ROUTES}
+ROUTES |= NEW_PROJECT_ROUTES
 ODD = ("", "\0", "²", "-1", "nan", "1e999", "9" * 4400, "a" * 3000, "../..", "/etc/passwd", "[")
 BODIES = (
     b"",
@@ -199,6 +200,17 @@ def test_a_path_out_of_the_folders_is_refused(words):
 )
 def test_what_the_page_sends_is_allowed(words):
     demand_allowed(words)
+
+
+@pytest.mark.parametrize("name", ["{work}/token", "{work}/TOKEN", "{project}/w/actions.jsonl"])
+def test_files_of_the_workbench_itself_are_not_written(tmp_path, name):
+    """A log of others would choose the token of the server, or what the next replay does."""
+    (tmp_path / "w").mkdir()
+    places = PlaceholderFolders(tmp_path, tmp_path / "w")
+    words = ["flight", "identify", "{work}/p.nc", "--aircraft", "{project}/a.toml", "-o"]
+    demand_allowed([*words, "{work}/fit.nc"], places)
+    with pytest.raises(ActionError, match="a file of the workbench itself"):
+        demand_allowed([*words, name], places)
 
 
 def test_a_link_out_of_the_folders_is_not_written(tmp_path):

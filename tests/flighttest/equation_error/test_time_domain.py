@@ -311,8 +311,7 @@ def test_a_fit_with_a_changed_number_is_refused(tmp_path, name, place, number, w
         open_fit(tmp_path / "fit.nc")
 
 
-def test_a_fit_whose_time_is_a_text_is_refused(tmp_path, recwarn):
-    """Its dimension scale is gone too, so that the file has a dimension without a name."""
+def test_a_fit_whose_time_is_a_text_is_refused(tmp_path):
     fit = regress(RegressionModel("CL", LIFT.terms), record(np.random.default_rng(11)), "run 1")
     save_fit(fit, tmp_path / "fit.nc")
     with h5py.File(tmp_path / "fit.nc", "r+") as file:
@@ -322,5 +321,14 @@ def test_a_fit_whose_time_is_a_text_is_refused(tmp_path, recwarn):
         file["data"].create_dataset("time", data=np.full(count, b"noon"))
     with pytest.raises(ParseError, match="variable time that is not a number for each sample"):
         open_fit(tmp_path / "fit.nc")
-    # no other text is printed, such as advice to the programmer about dimensions without names
+
+
+def test_a_dimension_without_a_name_gives_no_advice_to_programmers(tmp_path, recwarn):
+    """xarray warns of a default of its own where a reader does not name how it reads them."""
+    fit = regress(RegressionModel("CL", LIFT.terms), record(np.random.default_rng(11)), "run 1")
+    save_fit(fit, tmp_path / "fit.nc")
+    with h5py.File(tmp_path / "fit.nc", "r+") as file:
+        # a dataset without a dimension scale
+        file["more"] = np.arange(3.0)
+    assert open_fit(tmp_path / "fit.nc").model.coefficient == "CL"
     assert [str(item.message) for item in recwarn] == []

@@ -1,4 +1,5 @@
 import gzip
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 import flighttest
 from flightmech.errors import ParseError, SchemaError, UnitError
 from flighttest.records.readers.formats import csv_columns
+from flighttest.records.readers.formats.csv_headings import own_names
 from flighttest.records.readers.opening import recognise_recording
 
 NAMES = '[air]\nalpha = { column = "alpha", unit = "deg" }\n'
@@ -276,3 +278,48 @@ def test_a_blank_cell_is_a_missing_value_wherever_it_stands(tmp_path, separator,
     leaf = flighttest.read(file)["data"]
     np.testing.assert_array_equal(leaf["q"].values, [np.nan, 2.0, np.nan])
     np.testing.assert_array_equal(leaf["r"].values, [1.5, np.nan, 3.5])
+
+
+def test_20_000_equal_headings_are_numbered(tmp_path):
+    """Each heading was looked for in all others: minutes."""
+    head = "time," + ",".join(["a"] * 19_998)
+    with pytest.raises(ParseError, match=r"below the names time, a\.1, a\.2"):
+        flighttest.read(*written(tmp_path, f"{head}\n"))
+    assert own_names(["a.2", "a", "a", "", "a"]) == (
+        ["a.2", "a.1", "a.3", "column 4", "a.4"],
+        {"a": ["a.1", "a.3", "a.4"]},
+    )
+
+
+@pytest.mark.parametrize("head", ["time,alpha", 'time,"alpha"'])
+def test_lines_longer_than_the_heading_are_refused(tmp_path, recwarn, head):
+    """With a remark or a quotation mark in the file pandas left out their last cells."""
+    text = f"{head}\n# a remark\n0,1,7\n0.1,2,8\n"
+    with pytest.raises(ParseError, match="line 3: found 3 cells; expected 2 cells"):
+        flighttest.read(*written(tmp_path, text))
+    assert [str(item.message) for item in recwarn] == []
+
+
+def test_a_line_of_a_million_cells_is_refused_before_they_are_made(tmp_path):
+    file, names = written(tmp_path, "time,alpha\n" + "1.25," * 1_000_000)
+    tracemalloc.start()
+    try:
+        with pytest.raises(ParseError, match="line 2: found 1000001 cells; expected at most 20000"):
+            flighttest.read(file, names)
+        # text and bytes of 5 MB, some copies; the cells have 65 MB
+        assert tracemalloc.get_traced_memory()[1] < 40e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("time,alpha\n0,1\n0.1,2\n".encode("utf-16-le"), "UTF-16 without a byte-order mark; save"),
+        ("time,alpha\n0,1\n0.1,2\n".encode("utf-16-be"), "UTF-16 without a byte-order mark; save"),
+        (bytes(5000), "zero bytes, as of a recording that was not written"),
+    ],
+)
+def test_what_an_unknown_text_is(tmp_path, content, words):
+    with pytest.raises(ParseError, match=words):
+        flighttest.read(*written(tmp_path, content))

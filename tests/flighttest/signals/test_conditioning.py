@@ -37,6 +37,13 @@ def test_lowpass_has_no_phase_and_minus_three_decibel_at_the_cutoff():
         assert np.abs(y - gain * np.sin(2 * np.pi * f * t))[middle].max() < 2e-3
 
 
+@pytest.mark.parametrize("cutoff", [1e-300, 1e-7, 0.0, -1.0, 25.0, np.nan, np.inf])
+def test_lowpass_refuses_cutoffs_without_a_filter(cutoff):
+    """At 1e-300 Hz the steady state of the filter was a singular matrix."""
+    with pytest.raises(OutOfRange, match="it must lie between 5e-05 and"):
+        lowpass(np.arange(100.0), 50.0, cutoff)
+
+
 def test_lowpass_keeps_a_straight_line():
     x = 3.0 + 0.2 * np.arange(500)
     y = lowpass(x, 50.0, 4.0)

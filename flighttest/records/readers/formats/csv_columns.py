@@ -119,13 +119,15 @@ def parse_frame(
             header=None,
             dtype=types,
             decimal=layout.decimal,
-            index_col=False,
             encoding_errors="replace",
             low_memory=False,
         )
         for head in as_text:
             frame[head] = frame[head].fillna("")
     except (ValueError, IndexError, pd.errors.ParserError):
+        return None
+    # pandas makes an index of the first cells of lines that are longer than the heading.
+    if not isinstance(frame.index, pd.RangeIndex):
         return None
 
     # pandas fills short lines with NaN without an error.  The number of separators shows them,

@@ -8,6 +8,7 @@ means.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -39,17 +40,20 @@ def own_names(heads: Sequence[str]) -> tuple[list[str], dict[str, list[str]]]:
     """
     names: list[str] = []
     shared: dict[str, list[str]] = {}
+    # A file of others may have 20 000 headings: no list is searched for each of them.
+    counts = Counter(heads)
+    taken = set(heads)
+    last: dict[str, int] = {}
     for i, head in enumerate(heads):
         name = head or f"column {i + 1}"
-        if head and heads.count(head) > 1:
-            copies = shared.setdefault(head, [])
-            number = len(copies) + 1
-            name = f"{head}.{number}"
+        if head and counts[head] > 1:
+            number = last.get(head, 0) + 1
             # A heading of the file may already look like a numbered name.
-            while name in (*heads, *names):
+            while (name := f"{head}.{number}") in taken:
                 number += 1
-                name = f"{head}.{number}"
-            copies.append(name)
+            last[head] = number
+            shared.setdefault(head, []).append(name)
+        taken.add(name)
         names.append(name)
     return names, shared
 

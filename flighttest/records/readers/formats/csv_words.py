@@ -127,6 +127,9 @@ def numbers_of(
         f"column {name}: {count} of {total} cells are not numbers ({examples}) and are read as "
         f"missing samples"
     )
+    if not count:
+        # digits of another script, which float reads and pandas does not
+        note = f"column {name}: numbers in digits of another script"
     return np.array([values[cell] for cell in cells]), note, None
 
 
