@@ -167,7 +167,14 @@ def make_map(
     others = {name: value for name, value in fixed.items() if name not in plane}
     regions, leaving = envelope.look_up({**others, plane[0]: x, plane[1]: y})
     shown = {name: value for name, value in others.items() if name not in configuration}
-    return RegionMap(dict(configuration), plane, shown, (edges[0], edges[1]), regions, leaving)
+    return RegionMap(
+        dict(configuration),
+        plane,
+        shown,
+        edges=(edges[0], edges[1]),
+        regions=regions,
+        leaving=leaving,
+    )
 
 
 def _middles(edges: np.ndarray) -> np.ndarray:
