@@ -24,9 +24,9 @@ from flighttest.cli.actions.fit_output import estimate_fields, fit_fields, print
 from flighttest.cli.actions.manoeuvres import (
     demand_options,
     read_instruments,
-    read_manoeuvres,
     read_noise,
     read_sourced_manoeuvres,
+    read_windows_of_paths,
     windows_of_paths,
 )
 from flighttest.maximum_likelihood.fit_job import perform_fit_job
@@ -330,7 +330,7 @@ def run_join(fits, method, as_json) -> None:
 def run_partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_json) -> None:
     """Perform the command ``partition``."""
     edges = {name: _edges(name, text) for name, text in conditions}
-    manoeuvres = read_manoeuvres(paths, aircraft_file, windows, cutoff)
+    manoeuvres = read_windows_of_paths(paths, aircraft_file, windows, cutoff)
     with show_progress(f"estimate {model_text} bin by bin"):
         found = fit_bins(RegressionModel.parse(model_text), manoeuvres, edges)
     if as_json:

@@ -46,7 +46,7 @@ from flighttest.special_tests.wind_tunnel.tables import write_balance_table
 _MOVED = ("h", "vd", "az", "theta", "q", "q_dot")  # motions whose standard errors are listed
 
 
-def coefficient_fits(
+def _fit_coefficients(
     models: Sequence[Any],
     selected: Sequence[str],
     candidates: Sequence[str],
@@ -83,24 +83,24 @@ def coefficient_fits(
     return fits, spectral
 
 
-def candidates_of(candidates: str, over: str, order: int) -> list[str]:
+def _list_candidates(candidates: str, over: str, order: int) -> list[str]:
     """Return the terms of ``--candidates``, without it all products of ``--over``."""
     return candidates.split() or monomials(over.split(), order)
 
 
-def averages_of(fits: Sequence[Any], spectral: Sequence[Any]) -> list[Any]:
+def _average_fits(fits: Sequence[Any], spectral: Sequence[Any]) -> list[Any]:
     """Return the averages of time and frequency with weights 1/s, one table per coefficient."""
     return [pool_fits(pair, "inverse_sigma") for pair in zip(fits, spectral)]
 
 
-def save_fits(fits: Sequence[Any], folder: str | Path) -> None:
+def _save_fits(fits: Sequence[Any], folder: str | Path) -> None:
     """Write a file per coefficient."""
     Path(folder).mkdir(parents=True, exist_ok=True)
     for fit in fits:
         save_fit(fit, Path(folder) / f"{fit.model.coefficient}.nc")
 
 
-def as_rows(fits: Sequence[Any], averages: Sequence[Any]) -> dict[str, Any]:
+def _rows_of_fits(fits: Sequence[Any], averages: Sequence[Any]) -> dict[str, Any]:
     """Return the fits for a JSON document."""
     estimates = {}
     for fit in fits:
@@ -112,7 +112,7 @@ def as_rows(fits: Sequence[Any], averages: Sequence[Any]) -> dict[str, Any]:
     return {"fits": estimates, "averages": pooled}
 
 
-def print_fits(fits: Sequence[Any], spectral: Sequence[Any], averages: Sequence[Any]) -> None:
+def _print_fits(fits: Sequence[Any], spectral: Sequence[Any], averages: Sequence[Any]) -> None:
     """Print reports, and time next to frequency."""
     for k, fit in enumerate(fits):
         click.echo(fit.report())
@@ -223,10 +223,10 @@ def run_balance(
                 print_json({"table": str(table)})
             return
     with show_progress("fit the coefficients"):
-        fits, spectral = coefficient_fits(
+        fits, spectral = _fit_coefficients(
             [RegressionModel.parse(text) for text in models],
             selected,
-            candidates_of(candidates, over, order),
+            _list_candidates(candidates, over, order),
             rule={"gain": gain, "enter": enter, "domain": domain},
             band=band,
             weights=weights,
@@ -236,12 +236,12 @@ def run_balance(
     if figure:
         draw_surfaces(fits, figure)
     if output:
-        save_fits(fits, output)
-    averages = averages_of(fits, spectral)
+        _save_fits(fits, output)
+    averages = _average_fits(fits, spectral)
     if as_json:
-        print_json({**as_rows(fits, averages), "folder": output})
+        print_json({**_rows_of_fits(fits, averages), "folder": output})
         return
-    print_fits(fits, spectral, averages)
+    _print_fits(fits, spectral, averages)
     if output:
         click.echo(f"written: {len(fits)} fits in {output}")
 
@@ -289,17 +289,17 @@ def run_multibody(
     data = {path: _read_air_loads(path, vehicle) for path in paths}
     fitted = [data[path] for path in recordings]
     with show_progress("fit the coefficients"):
-        fits, spectral = coefficient_fits(
+        fits, spectral = _fit_coefficients(
             parsed,
             selected,
-            candidates_of(candidates, over, order),
+            _list_candidates(candidates, over, order),
             rule={"gain": gain, "enter": enter, "domain": domain},
             band=band,
             weights=weights,
             name=Path(recordings[0]).stem,
             prepared=lambda model: fitted,
         )
-    averages = averages_of(fits, spectral)
+    averages = _average_fits(fits, spectral)
     tests = {}
     if predict:
         tests = {fit.model.coefficient: _predict(fit, data[predict]) for fit in fits}
@@ -309,16 +309,21 @@ def run_multibody(
         Path(output).mkdir(parents=True, exist_ok=True)
         for path, loads in data.items():
             _save_motion(loads, Path(output) / Path(path).stem, vehicle)
-        save_fits(fits, output)
+        _save_fits(fits, output)
     facts = {Path(path).stem: _record_facts(loads) for path, loads in data.items()}
     if as_json:
         print_json(
-            {"records": facts, **as_rows(fits, averages), "predicted": tests, "folder": output}
+            {
+                "records": facts,
+                **_rows_of_fits(fits, averages),
+                "predicted": tests,
+                "folder": output,
+            }
         )
         return
     _print_record_facts(facts, vehicle)
     click.echo()
-    print_fits(fits, spectral, averages)
+    _print_fits(fits, spectral, averages)
     for name, test in tests.items():
         click.echo(
             f"predicted {Path(predict).stem}: {name} R2 {test['R2']:.3f}, rms {test['rms']:.3g}"
