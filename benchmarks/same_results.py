@@ -1,8 +1,9 @@
 """Compare the results of two versions of the program: ``out/t37`` of two runs of ``./run demo``.
 
-Databases, FMUs, records and tables must have the same bytes. Of ``results.json`` paths of files
-and digests of inputs are left out, because they depend on the folder and on comments in input
-files. Pages and manifests contain those digests and are listed only.
+Databases, FMUs, records and tables must have the same bytes. Of an FMU the members that differ are
+listed: a library from another compilation may carry the same model. Of ``results.json`` paths of
+files and digests of inputs are left out, because they depend on the folder and on comments in
+input files. Pages and manifests contain those digests and are listed only.
 
     python benchmarks/same_results.py BEFORE AFTER
 """
@@ -13,6 +14,7 @@ import json
 import sys
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 LISTED = {"report.html", "report.pdf", "manifest.json", "results.nc", "results.json"}
 LEFT_OUT = {"command", "inputs", "aircraft", "names", "path", "record", "models"}
@@ -38,8 +40,21 @@ def compare_bytes(before: Path, after: Path) -> list[str]:
         if not (one.exists() and other.exists()):
             lines.append(f"{name}: only in one folder")
         elif name.name not in LISTED and one.read_bytes() != other.read_bytes():
-            lines.append(f"{name}: other bytes")
+            lines.append(f"{name}: other bytes{describe_members(one, other)}")
     return lines
+
+
+def describe_members(before: Path, after: Path) -> str:
+    """Return the members of two FMUs that differ; empty for other files."""
+    if before.suffix != ".fmu":
+        return ""
+    with ZipFile(before) as one, ZipFile(after) as other:
+        names = sorted({*one.namelist()} | {*other.namelist()})
+        common = {*one.namelist()} & {*other.namelist()}
+        differing = [
+            name for name in names if name not in common or one.read(name) != other.read(name)
+        ]
+    return f" of {', '.join(differing) or 'the archive alone'}"
 
 
 def read_results(folder: Path) -> Any:

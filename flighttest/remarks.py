@@ -99,7 +99,9 @@ class Convergence:
             f"{subject}: not converged after {self.iterations} iterations, last change "
             f"{self.change:.3g} times its tolerance; {advice}"
         )
-        return [Remark("convergence", text, term, self.change, 1.0, severity)]
+        return [
+            Remark("convergence", text, term, value=self.change, threshold=1.0, severity=severity)
+        ]
 
     def as_dict(self) -> dict[str, Any]:
         """Return all fields."""

@@ -13,11 +13,13 @@
     offset = [-0.088, -0.102, -0.113]
     offset_stderr = 0.02
 
-With the clean table P, the iced one is  factor P + offset  (Deiler's icing model [Deiler2021]_).  With
-``about`` the factor acts on the change from that angle of attack, factor (P - P(about)) + P(about), for
-a published slope.  A CSV file has a row per node of an offset, with the columns ``term``, ``factor``,
-``factor_stderr``, ``offset``, ``offset_stderr``, and one for each axis, such as ``alpha [deg]``; title,
-reference and validity are lines before the heading, ``# title: ...``.
+With the clean table P, the iced one is  factor P + offset  (Deiler's icing model [Deiler2021]_).
+With ``about`` the factor acts on the change from that angle of attack, for a published slope:
+factor (P - P(about)) + P(about).
+
+A CSV file has a row per node of an offset, with the columns ``term``, ``factor``,
+``factor_stderr``, ``offset``, ``offset_stderr``, and one for each axis, such as ``alpha [deg]``.
+Title, reference and validity are lines before the heading, ``# title: ...``.
 
 References
 ----------
@@ -81,22 +83,26 @@ class IceDifference(Strict):
         if self.factor is None and self.offset is None:
             raise ValueError("neither factor nor offset; give one of them")
         for name in ("factor", "offset"):
-            stated = getattr(self, f"{name}_stderr") is not None
-            if stated != (getattr(self, name) is not None):
+            has_stderr = getattr(self, f"{name}_stderr") is not None
+            if has_stderr != (getattr(self, name) is not None):
                 raise ValueError(f"{name} and {name}_stderr go together; no default is assumed")
         if self.about is not None and self.factor is None:
             raise ValueError("about goes with a factor")
+        self._check_sizes()
+        return self
+
+    def _check_sizes(self) -> None:
+        """Raise unless an offset is one number, or has a number for each node of its axis."""
         sizes = [len(points) for points in self.axes.values()]
         if len(sizes) > 1:
             raise ValueError("one axis at most")
         size = sizes[0] if sizes else None
         for name in ("offset", "offset_stderr"):
-            given = getattr(self, name)
-            if given is not None and np.ndim(given) and np.size(given) != size:
-                raise ValueError(f"{name} has {np.size(given)} numbers for {size or 'no'} nodes")
+            numbers = getattr(self, name)
+            if numbers is not None and np.ndim(numbers) and np.size(numbers) != size:
+                raise ValueError(f"{name} has {np.size(numbers)} numbers for {size or 'no'} nodes")
         if sizes and self.offset is None:
             raise ValueError("axes go with an offset")
-        return self
 
     def breakpoints(self) -> dict[str, np.ndarray]:
         """Return the breakpoints of the offset by axis. [SI]
@@ -178,10 +184,9 @@ def _read_csv(file: Path) -> dict[str, Any]:
     terms: dict[str, dict[str, Any]] = {}
     for number, row in enumerate(reader, start + 2):
         if None in row:
-            found = f"{len(columns) + len(row[None])} cells"
-            raise ParseError(
-                str(file), number, found, f"{len(columns)} cells; a decimal comma needs quotes"
-            )
+            count = len(columns) + len(row[None])
+            expected = f"{len(columns)} cells; a decimal comma needs quotes"
+            raise ParseError(str(file), number, f"{count} cells", expected)
         cells = {str(k).strip(): (v or "").strip() for k, v in row.items()}
         _add_row(terms.setdefault(cells.pop("term"), {}), cells, file, number)
     for entry in terms.values():

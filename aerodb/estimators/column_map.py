@@ -43,7 +43,7 @@ class ReferenceTable(Strict):
 
     def to_reference(self) -> EstimateReference:
         """Return the reference quantities."""
-        return EstimateReference(self.S, self.cbar, self.b, self.x, 0.0, self.z)
+        return EstimateReference(self.S, self.cbar, self.b, x=self.x, y=0.0, z=self.z)
 
 
 class ColumnMap(Strict):

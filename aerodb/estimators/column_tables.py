@@ -124,7 +124,9 @@ def _read_columns(
                 str(file), number + 1, f"{len(cells)} cells", f"{len(head)}, as the heading has"
             )
         given = dict(zip(head, cells))
-        rows += _row_numbers(file, number + 1, given, wanted, columns.mach, decimal_comma)
+        rows += _row_numbers(
+            file, number + 1, given, wanted=wanted, mach=columns.mach, decimal_comma=decimal_comma
+        )
     return rows, controls
 
 

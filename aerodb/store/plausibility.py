@@ -226,7 +226,9 @@ def _check_steps_of_damping(
             largest = _FAR_STEP
         ratio = max(before / here, here / before)
         why = f"ratio of {before:.4g} at Mach {machs[k - 1]:g} and {here:.4g}: one of both is wrong"
-        yield from find_outside("Cm/qhat over Mach", ratio, 0.0, largest, why, machs[k])
+        yield from find_outside(
+            "Cm/qhat over Mach", ratio, 0.0, high=largest, why=why, mach=machs[k]
+        )
 
 
 def _check_slopes(
@@ -254,7 +256,7 @@ def _check_slopes(
             )
             why += "it, the tail and the body raise it"
             low, high = _SLOPE[0] * straight, _SLOPE[1] * straight
-            yield from find_outside("CL/alpha", CL_alpha, low, high, why, mach)
+            yield from find_outside("CL/alpha", CL_alpha, low, high=high, why=why, mach=mach)
         if {"CD", "CX"} & present:
             why = "drag of an aeroplane at low lift"
             yield from find_outside("CD", float(CD.min()), *_DRAG, why, mach)
@@ -271,7 +273,9 @@ def _check_slopes(
             # h_m = h_n - (rho S cbar / 4 m) Cm_qhat, at sea level.
             manoeuvre = margin - _RHO_0 * S * cbar / (4.0 * aircraft.mass) * damping
             why = "positive elevator per g at sea level about the centre of gravity"
-            yield from find_outside("manoeuvre margin", manoeuvre, 0.0, 5.0, why, mach)
+            yield from find_outside(
+                "manoeuvre margin", manoeuvre, 0.0, high=5.0, why=why, mach=mach
+            )
 
 
 def _check_trim(
@@ -335,7 +339,9 @@ def _check_derivatives(
                 why = found.source
                 if not configuration:
                     why += tailless_words(subject, slope, mach)
-                yield from find_outside(subject, slope, found.low, found.high, why, mach)
+                yield from find_outside(
+                    subject, slope, found.low, high=found.high, why=why, mach=mach
+                )
 
 
 def _check_aircraft(aircraft: Any) -> Iterator[PlausibilityFinding]:

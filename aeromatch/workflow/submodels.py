@@ -283,7 +283,7 @@ def identified_ground_effect(
         names += [record] * len(record_parts)
     models = [flighttest.RegressionModel.parse(text) for text in section.models]
     return flighttest.identify_ground_effect(
-        models, parts, changed, database, section.free_air == "held", names
+        models, parts, changed, database=database, hold=section.free_air == "held", names=names
     )
 
 

@@ -154,4 +154,4 @@ def _strip(
         behind = share * local
     elif at_leading_edge:
         behind = np.array([0.0, 0.0, chords[1], chords[0]])
-    return place_on_surface(deck, surface, nodes, apex, stations, behind)
+    return place_on_surface(deck, surface, nodes, apex=apex, stations=stations, behind=behind)

@@ -96,9 +96,9 @@ def lifting_surface(
         deck,
         name,
         nodes,
-        apex,
-        np.r_[stations, stations[::-1]],
-        np.r_[np.zeros_like(chords), chords[::-1]],
+        apex=apex,
+        stations=np.r_[stations, stations[::-1]],
+        behind=np.r_[np.zeros_like(chords), chords[::-1]],
     )
 
 

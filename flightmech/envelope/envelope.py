@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class Envelope(ShortText):
     @property
     def axes(self) -> tuple[str, ...]:
         """Variables that the tables need."""
-        return tuple(dict.fromkeys(name for table in self.tables for name in table.axes))
+        return tuple(dict.fromkeys(chain.from_iterable(table.axes for table in self.tables)))
 
     def look_up(self, states: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
         """Return the region and the code of the axis that leaves, at states.

@@ -182,10 +182,10 @@ def make_map(
         dict(configuration),
         plane,
         shown,
-        (edges[0], edges[1]),
-        regions,
-        leaving,
-        envelope.everywhere,
+        edges=(edges[0], edges[1]),
+        regions=regions,
+        leaving=leaving,
+        everywhere=envelope.everywhere,
     )
 
 

@@ -145,5 +145,7 @@ def whiteness_remarks(noise: xr.Dataset, is_filtered: bool) -> list[Remark]:
             f"outside the 95 % band; {advice}"
         )
         severity = "error" if is_strong else "warning"
-        remarks.append(Remark("coloured", text, name, chance, limit, severity))
+        remarks.append(
+            Remark("coloured", text, name, value=chance, threshold=limit, severity=severity)
+        )
     return remarks

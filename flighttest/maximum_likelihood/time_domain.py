@@ -254,7 +254,13 @@ class SimulatedRecord:
     def _simulate(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the outputs (run, time, output) without instruments, and which runs succeeded."""
         y, done, _ = fly_batch(
-            self.sim, self.time, self.u, self.varied, rows, self.fixed, self.output_names
+            self.sim,
+            self.time,
+            self.u,
+            varied=self.varied,
+            values=rows,
+            constant=self.fixed,
+            outputs=self.output_names,
         )
         return y, done == len(self.time)
 

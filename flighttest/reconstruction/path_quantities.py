@@ -114,7 +114,7 @@ def motion_quantities(
     ax, ay, az = force.T
     phi, theta, psi, vn, ve, vd, h = np.ascontiguousarray(x[:, :7].T)
     wind_n, wind_e, wind_d = wind_velocity(problem, x, c).T
-    u, v, w, down = in_body(phi, theta, psi, vn - wind_n, ve - wind_e, vd - wind_d)
+    u, v, w, down = in_body(phi, theta, psi, n=vn - wind_n, e=ve - wind_e, d=vd - wind_d)
     columns = {"phi": phi, "theta": theta, "psi": psi, "vn": vn, "ve": ve, "vd": vd, "h": h}
     columns |= {"u": u, "v": v, "w": w, "p": p, "q": q, "r": r}
     columns.update(zip(("p_dot", "q_dot", "r_dot"), problem.omega_dot.T, strict=True))

@@ -224,7 +224,9 @@ optional
         section = envelope_section(all_chapters.maps, results)
         submodels_shown = (*all_chapters.submodels, section)
         all_chapters = replace(all_chapters, submodels=submodels_shown)
-    report = _Report(archive, case_keys(results), located, all_chapters, tuned, paper)
+    report = _Report(
+        archive, case_keys(results), located, chapters=all_chapters, tunings=tuned, paper=paper
+    )
 
     folder = Path(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)

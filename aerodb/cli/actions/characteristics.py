@@ -39,37 +39,36 @@ def run_characteristics(
 ) -> None:
     """Perform the command ``characteristics``."""
     condition: dict[str, float] = {"h": parse_quantity(number_or_text(altitude), "m")}
-    condition |= {
-        name: parse_quantity(number_or_text(text), "m s-1")
-        for name, text in (("V", speed), ("V_cas", cas))
-        if text is not None
-    }
-    condition |= {} if mach is None else {"mach": mach}
-    condition |= {name: _si(name, text) for name, text in further}
+    for name, text in (("V", speed), ("V_cas", cas)):
+        if text is not None:
+            condition[name] = parse_quantity(number_or_text(text), "m s-1")
+    if mach is not None:
+        condition["mach"] = mach
+    for name, text in further:
+        condition[name] = _to_si(name, text)
     with show_progress("compute the characteristics"):
         craft, db = read_aircraft(aircraft), open_database(database)
-        found = compute(craft, db, condition)
+        result = compute(craft, db, condition)
     if samples:
         with show_progress(f"compute those of {samples} databases drawn from the standard errors"):
-            found = with_standard_errors(found, craft, db, condition, samples, seed)
+            result = with_standard_errors(
+                result, craft, db, condition=condition, count=samples, seed=seed
+            )
     if not as_json:
-        click.echo(found.report())
+        click.echo(result.report())
         return
-    curves = {"trim": found.trim, "polar": found.polar, "performance": found.performance}
-    print_json(
-        {
-            "title": found.title,
-            "condition": found.condition,
-            "tables_left": found.tables_left,
-            "characteristics": found.table,
-            "modes": found.modes,
-            "derivatives": found.derivatives["value"].to_pandas().to_dict(),
-            **{
-                name: {str(key): curve[key].values for key in curve.variables}
-                for name, curve in curves.items()
-            },
-        }
-    )
+    document = {
+        "title": result.title,
+        "condition": result.condition,
+        "tables_left": result.tables_left,
+        "characteristics": result.table,
+        "modes": result.modes,
+        "derivatives": result.derivatives["value"].to_pandas().to_dict(),
+    }
+    curves = {"trim": result.trim, "polar": result.polar, "performance": result.performance}
+    for name, curve in curves.items():
+        document[name] = {str(key): curve[key].values for key in curve.variables}
+    print_json(document)
 
 
 def run_rescale(
@@ -107,15 +106,14 @@ def run_rescale(
 
 
 def _numbers(pairs: tuple[Any, ...]) -> dict[str, float]:
-
     return {name: parse_quantity(number_or_text(text), "1") for name, text in pairs}
 
 
-def _si(name: str, text: str) -> float:
-    """Return the value of a condition; names of the vocabulary have a unit, parameters of the
-    simulation are bare SI numbers.
-    """
+def _to_si(name: str, text: str) -> float:
+    """Return the value of a condition. [SI]
 
+    Names of the vocabulary have a unit, parameters of the simulation are bare SI numbers.
+    """
     units = VOCABULARY[name].units if name in VOCABULARY else "1"
     return parse_quantity(number_or_text(text), units)
 
@@ -124,14 +122,15 @@ def run_scheme(coefficient: str | None, as_json: bool) -> None:
     """Perform the command ``scheme``."""
     rows = scheme_texts()
     if coefficient is not None:
-        known = dict.fromkeys(name.split("/")[0] for name in rows)
-        if coefficient not in known:
-            raise UnknownName(coefficient, known, "coefficient")
+        coefficients = dict.fromkeys(name.split("/")[0] for name in rows)
+        if coefficient not in coefficients:
+            raise UnknownName(coefficient, coefficients, "coefficient")
         rows = {name: row for name, row in rows.items() if name.split("/")[0] == coefficient}
     if as_json:
         print_json([{"term": name, **row} for name, row in rows.items()])
         return
     head = ["term", "K1", "axes", "times", "LR-743", "meaning", "from DATCOM", "identified (4.5)"]
-    print_table(
-        head, [[name, *(text or "-" for text in row.values())] for name, row in rows.items()]
-    )
+    cells = []
+    for name, row in rows.items():
+        cells.append([name, *(text or "-" for text in row.values())])
+    print_table(head, cells)

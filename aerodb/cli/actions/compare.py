@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -41,14 +42,14 @@ def run_compare(
         conditions, notes = read_conditions(along, a, b)
     with show_progress("compare the databases"):
         frame = compared(a, b, conditions)
-    known = list(dict.fromkeys(name.split("/")[0] for name in frame.index))
+    coefficients = list(dict.fromkeys(name.split("/")[0] for name in frame.index))
     for name in wanted:
-        if name not in known:
-            raise UnknownName(name, known, "coefficient")
-    frame = frame[[not wanted or name.split("/")[0] in wanted for name in frame.index]]
-    frame.attrs["grid"] = {
-        name: words for name, words in frame.attrs["grid"].items() if not wanted or name in wanted
-    }
+        if name not in coefficients:
+            raise UnknownName(name, coefficients, "coefficient")
+    if wanted:
+        grid = {name: text for name, text in frame.attrs["grid"].items() if name in wanted}
+        frame = frame[[name.split("/")[0] in wanted for name in frame.index]]
+        frame.attrs["grid"] = grid
     written: list[str] = []
     if figures is not None:
         # needs the optional package matplotlib
@@ -104,7 +105,7 @@ def run_plot_term(
             term,
             family,
             over=over,
-            at=dict(_held(text) for text in held),
+            at=dict(_read_fixed(text) for text in held),
             support=support,
         )
         save_figure(figure, output)
@@ -113,18 +114,16 @@ def run_plot_term(
 
 def _labels(*paths: str) -> dict[str, str]:
     """Return short names of files, with as much of their folders as distinguishes them."""
-
-    for parts in range(1, max(len(Path(path).resolve().parts) for path in paths)):
-        found = {
-            "/".join(Path(path).resolve().with_suffix("").parts[-parts:]): path for path in paths
-        }
-        if len(found) == len(paths):
-            return found
+    parts = {path: Path(path).resolve().with_suffix("").parts for path in paths}
+    for count in range(1, max(map(len, parts.values()))):
+        labels = {"/".join(parts[path][-count:]): path for path in paths}
+        if len(labels) == len(paths):
+            return labels
     return dict(zip("ab", paths))
 
 
-def _held(text: str) -> tuple[str, float]:
-
+def _read_fixed(text: str) -> tuple[str, float]:
+    """Return name and value of ``NAME=VALUE``. [SI]"""
     name, sign, value = (part.strip() for part in text.partition("="))
     if not (name and sign and value):
         raise SchemaError("--at", [f"found {text!r}; give NAME=VALUE, such as delta_f='40 deg'"])
@@ -136,29 +135,31 @@ def _held(text: str) -> tuple[str, float]:
 
 
 def _print(frame: pd.DataFrame) -> None:
-    """Print coefficients, terms that differ, and in a line each what is equal or on one side
-    only.
-    """
+    """Print coefficients, terms that differ, and a line each on equal and one-sided terms."""
     along = "share" in frame
     is_term = frame.index.str.contains("/")
     same = is_term & (frame["max_difference"] == 0.0) & (frame["found_in"] == "both")
     for part, head in ((frame[~is_term], "coefficient"), (frame[is_term & ~same], "term")):
         columns = [head, "in", "largest", "a", "b", "rms", "/ s.e. a", "/ s.e. b", "/ s.e. b-a"]
-        more = ["share", "rms left"] if along and head == "term" else []
-        rows = [_cells(name, row, bool(more)) for name, row in part.iterrows()]
+        shares = ["share", "rms left"] if along and head == "term" else []
+        rows = [_cells(name, row, bool(shares)) for name, row in part.iterrows()]
         click.echo()
-        print_table([*columns, *more, "where", "note"], rows, right=[*columns[2:], *more])
-    for words, names in (
+        print_table([*columns, *shares, "where", "note"], rows, right=[*columns[2:], *shares])
+    for label, names in (
         ("only in a", frame.index[is_term & (frame["found_in"] == "a")]),
         ("only in b", frame.index[is_term & (frame["found_in"] == "b")]),
         ("no difference", frame.index[same]),
     ):
         if len(names):
-            click.echo(f"\n{words}: {' '.join(names)}")
-    for text in dict.fromkeys(
-        f"{name}: {words}" if not along else words for name, words in frame.attrs["grid"].items()
-    ):
-        click.echo(f"\ncompared over {text}" if along else f"\ngrid of {text}")
+            click.echo(f"\n{label}: {' '.join(names)}")
+    grid = frame.attrs["grid"]
+    if along:
+        # All coefficients along a flight have the same conditions: one line states them.
+        for text in dict.fromkeys(grid.values()):
+            click.echo(f"\ncompared over {text}")
+    else:
+        for name, text in grid.items():
+            click.echo(f"\ngrid of {name}: {text}")
 
 
 def _cells(name: Any, row: pd.Series, shares: bool) -> list[str]:
@@ -171,15 +172,16 @@ def _cells(name: Any, row: pd.Series, shares: bool) -> list[str]:
         *(_number(row[key], 3) for key in ratios),
     ]
     if shares:
-        cells += [
-            "" if row["share"] != row["share"] else f"{round(100 * row['share'], 1) + 0.0:.1f} %",
-            _number(row["rms_left"], 4),
-        ]
+        share = ""
+        if not math.isnan(row["share"]):
+            # adding 0.0 removes the sign of a rounded zero
+            share = f"{round(100 * row['share'], 1) + 0.0:.1f} %"
+        cells += [share, _number(row["rms_left"], 4)]
     return [*cells, row["location"], row["note"]]
 
 
 def _number(value: float, digits: int) -> str:
-    return "" if value != value else f"{value:.{digits}g}"
+    return "" if math.isnan(value) else f"{value:.{digits}g}"
 
 
 _OWN = ("datcom", "final")  # databases of the folder that `aeromatch match` writes
@@ -203,42 +205,40 @@ def run_figures(
 
     files, crafts, flown_file = _inputs(places, aircraft, flown_file)
     databases = {name: open_database(file) for name, file in files.items()}
-    sources = ", ".join(
-        str(file) for file in [*files.values(), *([flown_file] if flown_file else [])]
-    )
+    sources = list(files.values())
+    flown, boundary = None, None
+    if flown_file:
+        sources.append(flown_file)
+        flown = read_flown(flown_file)
+    if buffet is not None:
+        boundary = _read_boundary(buffet)
     with show_progress("draw the figures"):
-        made = write_lr743(
+        figures = write_lr743(
             databases,
             output,
             kind,
             aircraft={name: read_aircraft(file) for name, file in crafts.items()},
-            flown=read_flown(flown_file) if flown_file else None,
-            buffet=None if buffet is None else _boundary(buffet),
-            sources=sources,
+            flown=flown,
+            buffet=boundary,
+            sources=", ".join(map(str, sources)),
         )
     if as_json:
-        print_json(
-            {
-                "folder": str(output),
-                "figures": [{**one._asdict(), "file": one.file and str(one.file)} for one in made],
-            }
-        )
+        rows = [{**item._asdict(), "file": item.file and str(item.file)} for item in figures]
+        print_json({"folder": str(output), "figures": rows})
         return
-    print_table(
-        ["", "shows", "file"],
-        [(one.number, one.title, one.file.name if one.file else "-") for one in made],
-    )
-    for one in made:
-        if one.missing:
-            click.echo(f"{one.number or one.title} cannot be drawn: {one.missing}")
-    click.echo(f"written: {sum(one.file is not None for one in made)} of {len(made)} in {output}")
+    cells = [(item.number, item.title, item.file.name if item.file else "-") for item in figures]
+    print_table(["", "shows", "file"], cells)
+    for item in figures:
+        if item.missing:
+            click.echo(f"{item.number or item.title} cannot be drawn: {item.missing}")
+    count = sum(item.file is not None for item in figures)
+    click.echo(f"written: {count} of {len(figures)} in {output}")
 
 
 def _inputs(
     places: tuple[Path, ...], aircraft: Path | None, flown: Path | None
 ) -> tuple[dict[str, Path], dict[str, Path], Path | None]:
     """Return databases and aircraft by name, and the file of what was flown."""
-
     if len(places) == 1 and places[0].is_dir():
         folder = places[0]
         files = {name: folder / f"{name}.nc" for name in _OWN}
@@ -249,30 +249,26 @@ def _inputs(
                 f"`aeromatch match` wrote, or databases"
             )
         crafts = {name: aircraft or folder / f"{name}.toml" for name in _OWN}
-        return (
-            files,
-            crafts,
-            flown or next((file for file in (folder / FLOWN,) if file.is_file()), None),
-        )
+        if flown is None and (folder / FLOWN).is_file():
+            flown = folder / FLOWN
+        return files, crafts, flown
     if len(places) > 2 or any(place.is_dir() for place in places):
         raise click.UsageError(
             "give one folder that `aeromatch match` wrote, one database, or the a-priori and "
             "the final database"
         )
     names = [place.stem for place in places]
-    names = (
-        names if len(set(names)) == len(names) else [str(place.with_suffix("")) for place in places]
-    )
+    if len(set(names)) < len(names):
+        names = [str(place.with_suffix("")) for place in places]
     files = dict(zip(names, places))
     return files, dict.fromkeys(files, aircraft) if aircraft else {}, flown
 
 
-def _boundary(path: Path) -> pd.DataFrame:
+def _read_boundary(path: Path) -> pd.DataFrame:
     """Return Mach number and lift coefficient of the buffet boundary."""
-
     try:
-        found = pd.read_csv(path, comment="#")
-        found = found.rename(columns=lambda name: str(name).strip())[["mach", "CL"]].astype(float)
+        table = pd.read_csv(path, comment="#")
+        table = table.rename(columns=lambda name: str(name).strip())[["mach", "CL"]].astype(float)
     except (KeyError, ValueError) as error:
         raise ParseError(
             str(path),
@@ -280,11 +276,11 @@ def _boundary(path: Path) -> pd.DataFrame:
             str(error),
             "a table with the columns mach and CL, numbers separated by commas",
         ) from None
-    if found.isna().any(axis=None) or len(found) < 2:
+    if table.isna().any(axis=None) or len(table) < 2:
         raise ParseError(
             str(path),
             1,
             "missing numbers, or fewer than two points",
             "two or more rows with a number for mach and for CL",
         )
-    return found.sort_values("mach", ignore_index=True)
+    return table.sort_values("mach", ignore_index=True)

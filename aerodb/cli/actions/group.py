@@ -53,12 +53,13 @@ def aircraft_and_places(aircraft: str, places: tuple[str, ...]) -> tuple[Path, t
 
 def read_all(places: Iterable[str]) -> list[Any]:
     """Return the listings and cases of places, of folders every listing in them."""
-
-    return [
-        item
-        for place in places
-        for item in (map(read, listings_in(place)) if Path(place).is_dir() else [read_place(place)])
-    ]
+    items: list[Any] = []
+    for place in places:
+        if Path(place).is_dir():
+            items += map(read, listings_in(place))
+        else:
+            items.append(read_place(place))
+    return items
 
 
 def role_rows(
@@ -100,12 +101,14 @@ def run_build(
     craft = read_aircraft(file)
     others = [open_database(place) for place in found_places if _is_database(place)]
     folders = [place for place in found_places if not _is_database(place)]
-    given: dict[str, Any] = {
-        role: [read_place(place) for place in found] for role, found in listings.items() if found
-    }
+    # Roles that the options state come before those that the cards of the cases show.
+    stated: dict[str, Any] = {}
+    for role, listing_cases in listings.items():
+        if listing_cases:
+            stated[role] = [read_place(listing_case) for listing_case in listing_cases]
     assigned = assign_roles(read_all(folders)) if folders else []
-    rows = role_rows(assigned, given)
-    given = {**by_role(assigned), **given}
+    rows = role_rows(assigned, stated)
+    by_roles = {**by_role(assigned), **stated}
     if rows and not as_json:
         print_table(["file", "no", "case", "taken as", "why"], rows, right=["no"])
         click.echo()
@@ -119,8 +122,8 @@ def run_build(
         options["altitude"] = parse_quantity(altitude, "m")
     choices = _read_choices(take, len(others))
     databases, messages = others, list[str]()
-    if given or not others:
-        tree, messages = _build(craft, given, options)
+    if by_roles or not others:
+        tree, messages = _build(craft, by_roles, options)
         databases = [tree, *others]
     rows_of_sources: list[dict[str, Any]] = []
     if others:
@@ -179,19 +182,20 @@ def _texts_of(caught: Iterable[warnings.WarningMessage]) -> list[str]:
 
 def _source_rows(blend: PriorBlend) -> list[dict[str, Any]]:
     """Return one row per term: what each source states, what was taken, how well they agree."""
-    return [
-        without_missing({"term": str(name), **{str(key): item for key, item in row.items()}})
-        for name, row in blend.table.iterrows()
-    ]
+    rows = []
+    for name, row in blend.table.iterrows():
+        cells = {str(key): item for key, item in row.items()}
+        rows.append(without_missing({"term": str(name), **cells}))
+    return rows
 
 
 def _print_sources(rows: Iterable[Mapping[str, Any]]) -> None:
     """Print what each source of a term states at the node where they differ most."""
     rows = list(rows)
     stderr = " stderr"
-    labels = dict.fromkeys(
-        key.removesuffix(stderr) for row in rows for key in row if key.endswith(stderr)
-    )
+    labels: dict[str, None] = {}
+    for row in rows:
+        labels |= dict.fromkeys(key.removesuffix(stderr) for key in row if key.endswith(stderr))
     cells = []
     for row in rows:
         stated = [

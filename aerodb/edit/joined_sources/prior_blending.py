@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from itertools import chain
 
 import numpy as np
 import pandas as pd
@@ -141,7 +142,7 @@ def _sources_by_term(
     sources: Sequence[PriorSource], take: Mapping[str, str]
 ) -> dict[str, list[PriorSource]]:
     """Return the sources of every term, one where `take` names it, in the order of the scheme."""
-    names = dict.fromkeys(name for source in sources for name in terms(source.database))
+    names = dict.fromkeys(chain.from_iterable(terms(s.database) for s in sources))
     by_term = {}
     for name in sorted(names, key=scheme_order):
         by_term[name] = [s for s in sources if name in terms(s.database)]

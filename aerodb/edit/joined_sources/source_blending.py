@@ -148,7 +148,7 @@ def blend_term(
     labels = tuple(table.source.label for table in tables)
     if len(tables) == 1:
         leaf = tables[0].leaf
-        return BlendedTerm(leaf, labels, {}, (np.nan, np.nan), "", None)
+        return BlendedTerm(leaf, labels, {}, taken=(np.nan, np.nan), location="", worst=None)
     points, spread = spread_on_grid(tables, cover)
     if spread[0].value.size > MOST_NODES:
         raise SchemaError(
@@ -187,7 +187,12 @@ def blend_term(
     node = _worst_node(spread, speaks)
     stated = {n.table.source.label: _at(n.value, np.sqrt(n.variance), node) for n in spread}
     return BlendedTerm(
-        leaf, labels, stated, _at(value, stderr, node), node_text(points, node), worst
+        leaf,
+        labels,
+        stated,
+        taken=_at(value, stderr, node),
+        location=node_text(points, node),
+        worst=worst,
     )
 
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -342,7 +343,8 @@ def _deflections(
         if in_table:
             deflections[page.run()] = _pattern(angles)
     runs = {page.run() for page in pages if page.kind == "static"}
-    if runs - set(deflections) and any("$DEFLCT" in line for p in pages for line in p.lines):
+    lines = chain.from_iterable(page.lines for page in pages)
+    if runs - set(deflections) and any("$DEFLCT" in line for line in lines):
         raise ParseError(
             str(file),
             0,
@@ -357,7 +359,7 @@ def _pattern(angles: dict[str, list[float]]) -> tuple[str, float]:
 
     The first deflected panel has the sign of the control.
     """
-    flat = [angle for values in angles.values() for angle in values]
+    flat = list(chain.from_iterable(angles.values()))
     largest = max((abs(angle) for angle in flat), default=0.0)
     if largest == 0.0:
         return "", 0.0

@@ -96,7 +96,7 @@ def make_missile_reference(
     if len(z) == 1:
         height = float(to_si(next(iter(z)), _unit(file, "ZCG", first["MOMENT CENTER"].unit), "m"))
     S, cbar, b, x = (values[name] for name in _CARDS)
-    return EstimateReference(S, cbar, b, x, 0.0, height), ""
+    return EstimateReference(S, cbar, b, x=x, y=0.0, z=height), ""
 
 
 def _unit(file: Path, name: str, text: str) -> str:

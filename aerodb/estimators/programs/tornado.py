@@ -153,9 +153,9 @@ def _read_mat(file: Path, raw: bytes) -> _TornadoSolution:
         numbers,
         {to: float(_array(file, name, state.get(name))[0]) for name, to in fields.items()},
         {to: float(_array(file, name, ref.get(name))[0]) for name, to in lengths.items()},
-        (x, y, z),
-        float(_array(file, "dwcond", results.get("dwcond", np.nan))[0]),
-        (),
+        centre=(x, y, z),
+        condition=float(_array(file, "dwcond", results.get("dwcond", np.nan))[0]),
+        remarks=(),
     )
 
 
@@ -194,14 +194,16 @@ def _read_text(file: Path, lines: Sequence[str]) -> _TornadoSolution:
             raise ParseError(
                 str(file), len(lines), f"no '{name}'", "a whole export; it was cut off"
             )
-    names = [name + s for name in _COEFFICIENTS for s in ("", *(f"_{v}" for v in _VARIABLES))]
+    names: list[str] = []
+    for coefficient in _COEFFICIENTS:
+        names += [coefficient, *(f"{coefficient}_{variable}" for variable in _VARIABLES)]
     return _TornadoSolution(
         {name: labelled[name] for name in names if name in labelled},
         {to: float(labelled[name][0][0]) for name, to in state.items()},
         {to: float(labelled[name][0][0]) for name, to in lengths.items()},
-        None,
-        float(labelled.get("Solver numerical condition.", (np.array([np.nan]), 0))[0][0]),
-        remarks,
+        centre=None,
+        condition=float(labelled.get("Solver numerical condition.", (np.array([np.nan]), 0))[0][0]),
+        remarks=remarks,
     )
 
 

@@ -293,7 +293,7 @@ def _reference(file: Path, lines: list[_LogLine], blocks: list[_TrimBlock]) -> E
                 f"changed",
             )
     x, y, z = (centres[axis].pop() for axis in "xyz")
-    return EstimateReference(S, cbar, b, x, y, z)
+    return EstimateReference(S, cbar, b, x=x, y=y, z=z)
 
 
 def _find(lines: list[_LogLine], pattern: re.Pattern[str]) -> tuple[float, str] | None:

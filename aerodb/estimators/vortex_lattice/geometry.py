@@ -6,7 +6,8 @@ Axes of the drawing: x aft, y right, z up, from the drawing datum of the deck.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -131,7 +132,7 @@ def model_of_decks(
     SchemaError
         No wing, no reference quantities, or two decks that are not of one aeroplane.
     """
-    cases = [case for deck in decks for case in deck]
+    cases = list(chain.from_iterable(decks))
     if not cases:
         raise SchemaError("deck", ["no case; give an input deck with WGPLNF"])
     base = max(cases, key=_count_surfaces)
@@ -216,8 +217,8 @@ def _make_surface(
     name, x_name, z_name, incidence_name = _SURFACES[namelist]
 
     def number(key: str, default: float = 0.0) -> float:
-        found = deck.value(namelist, key)
-        return default if found is None else found
+        value = deck.value(namelist, key)
+        return default if value is None else value
 
     half = number("SSPN") * unit
     if not half > 0.0:
@@ -233,38 +234,42 @@ def _make_surface(
     for k, angle in enumerate(sweeps):
         run = np.tan(angle * DEGREE) * (y[k + 1] - y[k])
         edge.append(edge[-1] + run - number("CHSTAT") * unit * (chords[k + 1] - chords[k]))
+    # The dihedral changes at the distance SSPNDD from the tip.
     outer_dihedral = number("SSPNDD") * unit
-    breaks = {half - outer_dihedral} if 0.0 < outer_dihedral < half else set()
-    ends = {end for part in controls for end in (part.start, part.end)}
-    stations = np.array(sorted({*y, *breaks, *(min(max(end, 0.0), half) for end in ends)}))
+    dihedral_break = half
+    if 0.0 < outer_dihedral < half:
+        dihedral_break = half - outer_dihedral
+    ends = chain.from_iterable((part.start, part.end) for part in controls)
+    stations = np.unique([*y, dihedral_break, *(min(max(end, 0.0), half) for end in ends)])
     stations = stations[np.concatenate([[True], np.diff(stations) > 1e-6 * half])]
-    twist = number("TWISTA") * stations / half
-    rise = np.tan(number("DHDADI") * DEGREE) * stations
-    if breaks:
-        change = np.tan(number("DHDADO") * DEGREE) - np.tan(number("DHDADI") * DEGREE)
-        rise += change * np.maximum(stations - min(breaks), 0.0)
     x0 = (deck.value("SYNTHS", x_name) or 0.0) * unit
     z0 = (deck.value("SYNTHS", z_name) or 0.0) * unit
-    zero = np.zeros_like(stations)
-    line, remark = read_mean_line(deck, namelist[0] if namelist != "VFPLNF" else "F")
-    is_fin = namelist in ("VTPLNF", "VFPLNF")
-    down = -1.0 if namelist == "VFPLNF" else 1.0
-    incidence = (deck.value("SYNTHS", incidence_name) or 0.0) if incidence_name else 0.0
-    # Two fins stand at YV of both sides.
-    aside = (deck.value("SYNTHS", "YV" if namelist == "VTPLNF" else "YF") or 0.0) * unit
+    letter = "F" if namelist == "VFPLNF" else namelist[0]
+    line, remark = read_mean_line(deck, letter)
     surface = ThinSurface(
         name=name,
         span=stations,
         x=x0 + np.interp(stations, y, edge),
-        y=zero + aside if is_fin else stations,
-        z=z0 + (down * stations if is_fin else rise),
+        y=stations,
+        z=np.full_like(stations, z0),
         chord=np.interp(stations, y, chords) * unit,
-        twist=zero if is_fin else (incidence + twist) * DEGREE,
+        twist=np.zeros_like(stations),
         mean_line=line,
-        is_mirrored=not is_fin or aside > 0.0,
+        is_mirrored=True,
         controls=controls,
     )
-    return surface, remark
+    if namelist in ("VTPLNF", "VFPLNF"):
+        # The span of a fin is upright. Two fins stand at YV of both sides, a single one has YV 0.
+        side, sense = ("YF", -1.0) if namelist == "VFPLNF" else ("YV", 1.0)
+        aside = (deck.value("SYNTHS", side) or 0.0) * unit
+        upright = replace(surface, y=np.full_like(stations, aside), z=z0 + sense * stations)
+        return replace(upright, is_mirrored=aside > 0.0), remark
+    inner_slope, outer_slope = (np.tan(number(key) * DEGREE) for key in ("DHDADI", "DHDADO"))
+    rise = inner_slope * stations
+    rise += (outer_slope - inner_slope) * np.maximum(stations - dihedral_break, 0.0)
+    incidence = deck.value("SYNTHS", incidence_name) or 0.0
+    twist = (incidence + number("TWISTA") * stations / half) * DEGREE
+    return replace(surface, z=z0 + rise, twist=twist), remark
 
 
 def _find_devices(cases: Iterable[Deck]) -> list[tuple[str, HingedPart]]:

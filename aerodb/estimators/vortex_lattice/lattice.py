@@ -14,6 +14,7 @@ from __future__ import annotations
 import importlib.util
 import json
 from collections.abc import Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -93,7 +94,7 @@ def compute_coefficients(
             ],
         )
     files = write_avl(model, panels, with_body=with_body)
-    conditions = [(mach, alpha, 0.0) for mach in machs for alpha in alphas]
+    conditions = [(mach, alpha, 0.0) for mach, alpha in product(machs, alphas)]
     middle = min(alphas, key=abs)
     checked = (machs[0], middle, _BETA)
     reply = _run_library(files, [*conditions, checked])

@@ -188,7 +188,9 @@ def read_csv(path: Path) -> tuple[CsvTable, list[str]]:
         row_lines.append(number)
         for name, cell in zip(names, cells, strict=True):
             columns[name].append(cell.strip())
-    return CsvTable(path.name, title, facts, units, columns, row_lines), problems
+    return CsvTable(
+        path.name, title, facts, units=units, columns=columns, lines=row_lines
+    ), problems
 
 
 def _parse_header(cells: Sequence[str]) -> tuple[list[str], dict[str, str]]:

@@ -49,7 +49,16 @@ def init_project(
     known = StatedFacts(
         name, {key: value for key, value in stated.items() if value}, cg or None, imu or None
     )
-    done = draft_project(folder, datcom, records, known, prove, force, show_progress, own_map)
+    done = draft_project(
+        folder,
+        datcom,
+        records,
+        known=known,
+        prove=prove,
+        force=force,
+        step=show_progress,
+        own_map=own_map,
+    )
     project, output = folder / "aeromatch.toml", folder / "out"
     plan = None
     if done.complete:

@@ -42,7 +42,14 @@ _PLANNED = ("scheduler", "resume", "samples", "compare")  # options that the pla
 def run_demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> None:
     """Perform the command ``demo``."""
     _match(
-        example_folder("t37") / "aeromatch.toml", output, jobs, as_json, fresh, explain, None, {}
+        example_folder("t37") / "aeromatch.toml",
+        output,
+        jobs,
+        as_json=as_json,
+        fresh=fresh,
+        explain=explain,
+        unplaced=None,
+        options={},
     )
 
 
@@ -75,7 +82,16 @@ def run_match(
             "samples": samples,
             "compare": compare_tables,
         }
-        _plan(project, output, jobs, as_json, fresh, explain, unplaced, options)
+        _plan(
+            project,
+            output,
+            jobs,
+            as_json=as_json,
+            fresh=fresh,
+            explain=explain,
+            unplaced=unplaced,
+            options=options,
+        )
         return
     if paths_only:
         ignored = {
@@ -93,7 +109,7 @@ def run_match(
                 f"records of PROJECT as it is: leave out {'it' if len(given) == 1 else 'them'}, or "
                 f"match without --paths"
             )
-        _write_paths(project, output, jobs, as_json, fresh, explain)
+        _write_paths(project, output, jobs, as_json=as_json, fresh=fresh, explain=explain)
         return
     if actions is not None:
         if _replayed(project, output, actions):
@@ -106,7 +122,16 @@ def run_match(
         "seed": seed,
         "compare": compare_tables,
     }
-    _match(project, output, jobs, as_json, fresh, explain, unplaced, options)
+    _match(
+        project,
+        output,
+        jobs,
+        as_json=as_json,
+        fresh=fresh,
+        explain=explain,
+        unplaced=unplaced,
+        options=options,
+    )
 
 
 def _write_paths(
@@ -188,7 +213,17 @@ def _match(
     else:
         if finished is not None:
             finished.forget()
-        shown = _performed(file, output, jobs, command, store, fresh, explain, unplaced, options)
+        shown = _performed(
+            file,
+            output,
+            jobs,
+            command=command,
+            store=store,
+            fresh=fresh,
+            explain=explain,
+            unplaced=unplaced,
+            options=options,
+        )
         if finished is not None and watched.unchanged():
             finished.write(
                 watched, settings, [output.resolve() / name for name in shown["files"]], shown
@@ -272,7 +307,9 @@ def _made_plan(
     from aeromatch.planning.match_plan import MatchOptions, make_plan
 
     chosen = MatchOptions(**{name: options[name] for name in _PLANNED if name in options})
-    return make_plan(project, output, jobs, chosen, stages, keep_records)
+    return make_plan(
+        project, output, jobs, options=chosen, stages=stages, keep_records=keep_records
+    )
 
 
 @contextmanager

@@ -252,7 +252,9 @@ def find_candidates(
             continue
         for reference in references:
             if signals.keys() >= set(reference.needs):
-                candidates += _compare_columns(quantity, reference, signals, table, columns, step)
+                candidates += _compare_columns(
+                    quantity, reference, signals, table=table, columns=columns, step=step
+                )
                 break
     return candidates
 
@@ -307,7 +309,11 @@ def _compare_columns(
             unit = stated
             if not unit and not given:
                 unit = _unit_by_size(quantity, values, expected)
-            found.append(ColumnCandidate(quantity, column, value, sign, reference.text, unit))
+            found.append(
+                ColumnCandidate(
+                    quantity, column, value, sign=sign, reference=reference.text, unit=unit
+                )
+            )
     found.sort(key=lambda candidate: -abs(candidate.correlation))
     return found[:_MOST]
 

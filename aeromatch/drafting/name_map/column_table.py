@@ -79,7 +79,7 @@ def describe_columns(
     reasons = {item.column: item.reason for item in names.left_out}
     for column in left_out:
         reason = reasons.get(column, "not in your map")
-        rows.append(ColumnRow(column, "-", "", "", _NOT_TAKEN, reason))
+        rows.append(ColumnRow(column, "-", "", sign="", confidence=_NOT_TAKEN, reason=reason))
     return rows
 
 

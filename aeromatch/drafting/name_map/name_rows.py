@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -133,7 +134,7 @@ def assign_columns(
         Columns whose line the author has removed from the map.
     """
     result = AssignedColumns()
-    used = {column for columns in confirmed.values() for column in columns}
+    used = set(chain.from_iterable(confirmed.values()))
     for table, content in tables.items():
         excluded = {*stamps, *CLOCK_NAMES, clock_name(content.columns)}
         for column in content.columns:

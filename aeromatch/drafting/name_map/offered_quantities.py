@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 from aeromatch.drafting.name_map.name_rows import GROUPS
@@ -66,7 +67,7 @@ def offered_quantities(engines: int, known: Iterable[str] = ()) -> dict[str, lis
     names["controls"] = list(_CONTROLS)
     for number in range(1, engines + 1):
         names[f"engine {number}"] = [f"engine{number}.{name}" for name in _OF_AN_ENGINE]
-    listed = {name for members in names.values() for name in members}
+    listed = set(chain.from_iterable(names.values()))
     others = [name for name in dict.fromkeys(known) if name not in listed]
     if others:
         names["other"] = others

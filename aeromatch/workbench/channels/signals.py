@@ -153,7 +153,9 @@ def _form_signal(opened: OpenProject, record: str, expression: ChannelExpression
         remarks.append("no sample has a value")
     is_angle = expression.is_channel and _is_wrapped(*places[expression.names[0]])
     turn = float(from_si(_TURN, unit)) if is_angle else 0.0
-    return ChannelSignal(expression.text, time, Levels(values), unit, tuple(remarks), turn)
+    return ChannelSignal(
+        expression.text, time, Levels(values), unit=unit, remarks=tuple(remarks), turn=turn
+    )
 
 
 def find_channel(name: str, leaves: Mapping[str, xr.Dataset]) -> tuple[str, str]:

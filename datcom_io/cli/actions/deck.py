@@ -146,7 +146,7 @@ def run_run_deck(
     if folder is not None:
         Path(folder).mkdir(parents=True, exist_ok=True)
     if Path(deck).is_dir():
-        _run_folder(ctx, deck, program, folder, timeout, as_json)
+        _run_folder(ctx, deck, program, folder=folder, timeout=timeout, as_json=as_json)
         return
     with console.show_progress(f"run {Path(deck).name}"):
         done = run_deck(deck, program, folder, timeout=timeout)

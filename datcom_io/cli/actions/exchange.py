@@ -62,12 +62,10 @@ def plot_file(file: str, listing: str | None, output: str | None, as_json: bool)
     if as_json:
         console.print_json({"file": file, "listing": listing, "output": output, "refined": refined})
         return
-    rows = [
-        (name, leaf, variable, text)
-        for name, leaves in refined.items()
-        for leaf, found in leaves.items()
-        for variable, text in found.items()
-    ]
+    rows: list[tuple[str, str, str, str]] = []
+    for name, leaves in refined.items():
+        for leaf, texts in leaves.items():
+            rows += [(name, leaf, variable, text) for variable, text in texts.items()]
     console.print_table(["case", "leaf", "variable", "numbers"], rows)
     for name, text in open_cases.items():
         click.echo(f"{name}: nothing is refined: {text}")

@@ -91,7 +91,12 @@ def run_reconstruct(
     with show_progress("reconstruct the states"):
         if method == "batch":
             batch = reconstruct_batch(
-                records, aircraft, [list(windows) or None] * len(records), free or None, prior, rate
+                records,
+                aircraft,
+                [list(windows) or None] * len(records),
+                free=free or None,
+                prior=prior,
+                rate=rate,
             )
             paths = batch.paths
         elif len(records) == 1:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import xarray as xr
 
 import aerodb
@@ -23,9 +24,9 @@ from flighttest.cli.actions.fit_output import estimate_fields, fit_fields, print
 from flighttest.cli.actions.manoeuvres import (
     demand_options,
     read_instruments,
-    read_manoeuvres,
     read_noise,
     read_sourced_manoeuvres,
+    read_windows_of_paths,
     windows_of_paths,
 )
 from flighttest.maximum_likelihood.fit_job import perform_fit_job
@@ -181,14 +182,23 @@ def run_identify(
 ) -> None:
     """Perform the command ``identify``."""
     model = RegressionModel.parse(model_text)
-    demand_options(method, band, weights, ridge, prior, noises, instrument_files, constraints)
+    demand_options(
+        method,
+        band,
+        weights,
+        ridge=ridge,
+        prior=prior,
+        noises=noises,
+        instrument_files=instrument_files,
+        constraints=constraints,
+    )
     if instrument_files and len(instrument_files) != len(paths):
         raise SchemaError(
             "flight identify",
             [f"{len(instrument_files)} --instruments for {len(paths)} paths; give one for each"],
         )
     manoeuvres, sources = read_sourced_manoeuvres(
-        paths, aircraft_file, windows, cutoff, own_windows, errors
+        paths, aircraft_file, windows, cutoff=cutoff, own_windows=own_windows, errors=errors
     )
     with show_progress(f"estimate {model}"):
         if method == "iv":
@@ -209,41 +219,39 @@ def run_identify(
                 constraints=constraints,
             )
         else:
-            fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge), constraints)
+            fit = _fit(
+                model,
+                manoeuvres,
+                band,
+                intercepts=intercepts,
+                weights=weights,
+                ridge=_ridge(ridge),
+                constraints=constraints,
+            )
     joined, remarks = None, fit.remarks
     if prior:
         joined = mix_with_prior(fit, prior_of(fit, aerodb.open(prior)))
-        known = {
-            str(term)
-            for term, value in zip(
-                joined.estimates["term"].values, joined.estimates["prior"].values
-            )
-            if value == value
-        }
-        remarks = [
-            remark for remark in remarks if remark.kind != "sign" or remark.term not in known
-        ]
+        # The prior decides the sign of its terms: `joined` has its own remark on it.
+        in_prior = joined.estimates["term"].values[np.isfinite(joined.estimates["prior"].values)]
+        terms_in_prior = set(map(str, in_prior))
+        remarks = [r for r in remarks if r.kind != "sign" or r.term not in terms_in_prior]
     if output:
         save_fit(_with_windows(fit, paths, manoeuvres, sources), output)
     if as_json:
-        more = (
-            {}
-            if joined is None
-            else {
-                "with_prior": {
-                    **estimate_fields(joined.estimates),
-                    "remarks": remarks_to_json(joined.remarks),
-                }
-            }
-        )
-        print_json({**fit_fields(fit), "remarks": remarks_to_json(remarks), **more, "file": output})
+        document = {**fit_fields(fit), "remarks": remarks_to_json(remarks)}
+        if joined is not None:
+            fields = estimate_fields(joined.estimates)
+            document["with_prior"] = {**fields, "remarks": remarks_to_json(joined.remarks)}
+        print_json({**document, "file": output})
     else:
         print_fit(fit, remarks, correlation)
         if joined is not None:
             click.echo(f"\n{joined.report()}")
         if output:
             click.echo(f"written: {output}")
-    ctx.exit(1 if is_forbidden([*remarks, *(joined.remarks if joined is not None else [])]) else 0)
+    if joined is not None:
+        remarks = [*remarks, *joined.remarks]
+    ctx.exit(1 if is_forbidden(remarks) else 0)
 
 
 def run_select(
@@ -273,7 +281,7 @@ def run_select(
         )
     candidates = [*monomials(variables.split(), order), *terms] if variables else ["1", *terms]
     manoeuvres, sources = read_sourced_manoeuvres(
-        paths, aircraft_file, windows, cutoff, own_windows, errors
+        paths, aircraft_file, windows, cutoff=cutoff, own_windows=own_windows, errors=errors
     )
     with show_progress(f"select among {len(candidates)} candidates"):
         found = _WAYS_TO_SELECT[method](
@@ -322,20 +330,18 @@ def run_join(fits, method, as_json) -> None:
 def run_partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_json) -> None:
     """Perform the command ``partition``."""
     edges = {name: _edges(name, text) for name, text in conditions}
-    manoeuvres = read_manoeuvres(paths, aircraft_file, windows, cutoff)
+    manoeuvres = read_windows_of_paths(paths, aircraft_file, windows, cutoff)
     with show_progress(f"estimate {model_text} bin by bin"):
         found = fit_bins(RegressionModel.parse(model_text), manoeuvres, edges)
     if as_json:
         e = found.estimates
-        bins = [
-            {str(name): e[name].values[k] for name in e.data_vars if e[name].dims == ("bin",)}
-            | {
-                "estimate": e["estimate"].values[k],
-                "stderr": e["stderr"].values[k],
-                "refused": found.refused.get(k, ""),
-            }
-            for k in range(e.sizes["bin"])
-        ]
+        columns = [name for name in e.data_vars if e[name].dims == ("bin",)]
+        bins = []
+        for k in range(e.sizes["bin"]):
+            row = {str(name): e[name].values[k] for name in columns}
+            for name in ("estimate", "stderr"):
+                row[name] = e[name].values[k]
+            bins.append({**row, "refused": found.refused.get(k, "")})
         print_json({"model": str(found.model), "terms": e["term"].values, "bins": bins})
         return
     click.echo(found.report())
@@ -344,12 +350,10 @@ def run_partition(paths, aircraft_file, model_text, conditions, windows, cutoff,
 def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) -> None:
     """Perform the command ``inertia``."""
     parsed = {model.coefficient: model for model in map(RegressionModel.parse, models)}
-    parts = [
-        part
-        for path in paths
-        for states in [open_states(path)]
-        for part in [select_time(states, *w) for w in windows] or [states]
-    ]
+    parts = []
+    for path in paths:
+        states = open_states(path)
+        parts += [select_time(states, *window) for window in windows] or [states]
     with show_progress("estimate moments of inertia"):
         found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
     if as_json:
@@ -377,7 +381,7 @@ def _with_windows(
 
 
 def _fit(model, manoeuvres, band, intercepts, weights, ridge, constraints=()):
-
+    """Return the fit in time, or in frequency if a band is given."""
     if band is None:
         return regress(
             model,
@@ -397,7 +401,6 @@ def _fit(model, manoeuvres, band, intercepts, weights, ridge, constraints=()):
 
 
 def _ridge(text: str) -> float | str:
-
     try:
         return text if text == "auto" else float(text)
     except ValueError:

@@ -59,9 +59,11 @@ def read_instruments(files, aircraft_file, sources) -> list | None:
     return [records[k] for k in sources]
 
 
-def read_manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:
+def read_windows_of_paths(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:
     """Coefficients along all windows of all paths."""
-    return read_sourced_manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)[0]
+    return read_sourced_manoeuvres(
+        paths, aircraft_file, windows, cutoff=cutoff, own_windows=own_windows, errors=errors
+    )[0]
 
 
 def windows_of_paths(paths, windows=(), own_windows=()) -> list[list[tuple[float, float]]]:

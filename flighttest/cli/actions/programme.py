@@ -187,7 +187,9 @@ def run_coverage(
         )
     with show_progress("fit what is flown, predict and choose what is not"):
         flights = flights_of(catalogue, records, paths, aircraft)
-        found = coverage_of(catalogue, planned, flights, aircraft, database, jobs, rows)
+        found = coverage_of(
+            catalogue, planned, flights, aircraft=aircraft, database=database, jobs=jobs, rows=rows
+        )
     if as_json:
         print_json(found.summary())
     else:

@@ -223,7 +223,13 @@ def plot_record(
         figure, marks = _fit(file, kind), None
     else:
         figure, marks = _histories(
-            file, kind, names, channels, window, table_file, record or Path(file).stem
+            file,
+            kind,
+            names,
+            channels=channels,
+            window=window,
+            table_file=table_file,
+            name=record or Path(file).stem,
         )
     write_figure(figure, output)
     if as_json:

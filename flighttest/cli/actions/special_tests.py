@@ -46,7 +46,7 @@ from flighttest.special_tests.wind_tunnel.tables import write_balance_table
 _MOVED = ("h", "vd", "az", "theta", "q", "q_dot")  # motions whose standard errors are listed
 
 
-def coefficient_fits(
+def _fit_coefficients(
     models: Sequence[Any],
     selected: Sequence[str],
     candidates: Sequence[str],
@@ -61,24 +61,21 @@ def coefficient_fits(
     `rule` is that of `select_stepwise`, with ``domain``; `prepared` gives the data for the fit of a
     model.
     """
-
     # A balance measures at rest: no damping term, and published models have products without
     # factors.
-    how = {"hierarchy": False, **rule}
-    del how["domain"]
+    settings = {"hierarchy": False, **rule}
+    del settings["domain"]
     if rule["domain"] == "frequency":
         if not band:
             raise click.UsageError("--select-in frequency needs --band LOW HIGH [Hz]")
-        how |= {"band": band, "weights": weights}
-    wanted = list(models)
-    for one in selected:
-        wanted.append(
-            select_stepwise(
-                one, candidates, prepared(RegressionModel(one, candidates)), name=name, **how
-            ).fit.model
-        )
+        settings |= {"band": band, "weights": weights}
+    all_models = list(models)
+    for coefficient in selected:
+        data = prepared(RegressionModel(coefficient, candidates))
+        selection = select_stepwise(coefficient, candidates, data, name=name, **settings)
+        all_models.append(selection.fit.model)
     fits, spectral = [], []
-    for model in wanted:
+    for model in all_models:
         clean = prepared(model)
         fits.append(regress(model, clean, name=name))
         if band:
@@ -86,68 +83,65 @@ def coefficient_fits(
     return fits, spectral
 
 
-def candidates_of(candidates: str, over: str, order: int) -> list[str]:
-    """Return the terms to choose from: those of ``--candidates``, else all products of
-    ``--over``.
-    """
-
+def _list_candidates(candidates: str, over: str, order: int) -> list[str]:
+    """Return the terms of ``--candidates``, without it all products of ``--over``."""
     return candidates.split() or monomials(over.split(), order)
 
 
-def averages_of(fits: Sequence[Any], spectral: Sequence[Any]) -> list[Any]:
+def _average_fits(fits: Sequence[Any], spectral: Sequence[Any]) -> list[Any]:
     """Return the averages of time and frequency with weights 1/s, one table per coefficient."""
-
     return [pool_fits(pair, "inverse_sigma") for pair in zip(fits, spectral)]
 
 
-def save_fits(fits: Sequence[Any], folder: str | Path) -> None:
+def _save_fits(fits: Sequence[Any], folder: str | Path) -> None:
     """Write a file per coefficient."""
-
     Path(folder).mkdir(parents=True, exist_ok=True)
     for fit in fits:
         save_fit(fit, Path(folder) / f"{fit.model.coefficient}.nc")
 
 
-def as_rows(fits: Sequence[Any], averages: Sequence[Any]) -> dict[str, Any]:
+def _rows_of_fits(fits: Sequence[Any], averages: Sequence[Any]) -> dict[str, Any]:
     """Return the fits for a JSON document."""
-    rows = {
-        fit.model.coefficient: fit.estimates[["estimate", "stderr"]].to_dataframe().to_dict("index")
-        for fit in fits
-    }
-    return {
-        "fits": rows,
-        "averages": {
-            fit.model.coefficient: one.to_dict("index") for fit, one in zip(fits, averages)
-        },
-    }
+    estimates = {}
+    for fit in fits:
+        table = fit.estimates[["estimate", "stderr"]].to_dataframe()
+        estimates[fit.model.coefficient] = table.to_dict("index")
+    pooled = {}
+    for fit, average in zip(fits, averages):
+        pooled[fit.model.coefficient] = average.to_dict("index")
+    return {"fits": estimates, "averages": pooled}
 
 
-def print_fits(fits: Sequence[Any], spectral: Sequence[Any], averages: Sequence[Any]) -> None:
+def _print_fits(fits: Sequence[Any], spectral: Sequence[Any], averages: Sequence[Any]) -> None:
     """Print reports, and time next to frequency."""
     for k, fit in enumerate(fits):
         click.echo(fit.report())
         click.echo()
         if spectral:
-            cells = []
-            for term, row in averages[k].iterrows():
-                own = [
-                    float(one.estimates[key].sel(term=term))
-                    for one in (fit, spectral[k])
-                    for key in ("estimate", "stderr")
-                ]
-                numbers = [f"{x:.4f}" for x in (*own, row["value"], row["stderr"])]
-                cells.append((str(term), *numbers, "contradictory" if row["contradictory"] else ""))
-            heads = [
-                "term",
-                "time",
-                "std. error",
-                "frequency",
-                "std. error ",
-                "average 1/s",
-                "std. error  ",
-            ]
-            print_table([*heads, ""], cells, right=heads[1:])
+            _print_averages(fit, spectral[k], averages[k])
             click.echo()
+
+
+# Headings differ by blanks, because the table aligns columns by their heading.
+_AVERAGE_COLUMNS = [
+    *("time", "std. error"),
+    *("frequency", "std. error "),
+    *("average 1/s", "std. error  "),
+]
+
+
+def _print_averages(fit: Any, spectral_fit: Any, averages: pd.DataFrame) -> None:
+    """Print the estimates in time and in frequency, and their average, a row per term."""
+    rows = []
+    for term, row in averages.iterrows():
+        numbers = []
+        for estimates in (fit.estimates, spectral_fit.estimates):
+            here = estimates.sel(term=term)
+            numbers += [float(here["estimate"]), float(here["stderr"])]
+        numbers += [row["value"], row["stderr"]]
+        note = "contradictory" if row["contradictory"] else ""
+        rows.append((str(term), *(f"{x:.4f}" for x in numbers), note))
+    print_table(["term", *_AVERAGE_COLUMNS, ""], rows, right=_AVERAGE_COLUMNS)
 
 
 def run_markers(recording, setup_file, multiples, output, as_json) -> None:
@@ -156,31 +150,25 @@ def run_markers(recording, setup_file, multiples, output, as_json) -> None:
     cutoff = (setup.multiples if multiples is None else multiples) * setup.flapping_frequency
     with show_progress("fit the bodies to their markers"):
         positions = read_markers(recording, setup)
-        found = {name: poses(positions, places, setup.noise) for name, places in setup.body.items()}
-        moved = {name: smooth_motion(pose, cutoff) for name, pose in found.items()}
-    save_record(motion_record(moved, Path(recording).stem), output)
-    facts = {
-        name: {
-            "frames": int(pose.sizes["time"]),
-            "without_pose": int(pose["r"].isnull().any("axis").sum()),
-            "noise": pose.attrs["noise"],
-            "stderr": {key: moved[name][key].attrs["stderr"] for key in _MOVED},
-        }
-        for name, pose in found.items()
-    }
+        facts, motions = {}, {}
+        for name, markers in setup.body.items():
+            pose = poses(positions, markers, setup.noise)
+            motions[name] = smooth_motion(pose, cutoff)
+            facts[name] = {
+                "frames": int(pose.sizes["time"]),
+                "without_pose": int(pose["r"].isnull().any("axis").sum()),
+                "noise": pose.attrs["noise"],
+                "stderr": {key: motions[name][key].attrs["stderr"] for key in _MOVED},
+            }
+    save_record(motion_record(motions, Path(recording).stem), output)
     if as_json:
         print_json({"bodies": facts, "cutoff": cutoff, "file": output})
         return
-    rows = [
-        (
-            name,
-            str(one["frames"]),
-            str(one["without_pose"]),
-            f"{1e3 * one['noise']:.3g}",
-            *(f"{x:.2g}" for x in one["stderr"].values()),
-        )
-        for name, one in facts.items()
-    ]
+    rows = []
+    for name, fact in facts.items():
+        errors = [f"{x:.2g}" for x in fact["stderr"].values()]
+        counts = str(fact["frames"]), str(fact["without_pose"])
+        rows.append((name, *counts, f"{1e3 * fact['noise']:.3g}", *errors))
     heads = [
         "body",
         "frames",
@@ -234,27 +222,26 @@ def run_balance(
             if as_json:
                 print_json({"table": str(table)})
             return
-    wanted = [RegressionModel.parse(text) for text in models]
     with show_progress("fit the coefficients"):
-        fits, spectral = coefficient_fits(
-            wanted,
+        fits, spectral = _fit_coefficients(
+            [RegressionModel.parse(text) for text in models],
             selected,
-            candidates_of(candidates, over, order),
-            {"gain": gain, "enter": enter, "domain": domain},
-            band,
-            weights,
-            Path(points[0]).stem,
-            lambda model: without_nuisance(data, model, setup),
+            _list_candidates(candidates, over, order),
+            rule={"gain": gain, "enter": enter, "domain": domain},
+            band=band,
+            weights=weights,
+            name=Path(points[0]).stem,
+            prepared=lambda model: without_nuisance(data, model, setup),
         )
     if figure:
         draw_surfaces(fits, figure)
     if output:
-        save_fits(fits, output)
-    averages = averages_of(fits, spectral)
+        _save_fits(fits, output)
+    averages = _average_fits(fits, spectral)
     if as_json:
-        print_json({**as_rows(fits, averages), "folder": output})
+        print_json({**_rows_of_fits(fits, averages), "folder": output})
         return
-    print_fits(fits, spectral, averages)
+    _print_fits(fits, spectral, averages)
     if output:
         click.echo(f"written: {len(fits)} fits in {output}")
 
@@ -297,22 +284,22 @@ def run_multibody(
 ) -> None:
     """Perform the command ``multibody``."""
     vehicle = read_vehicle(vehicle_file)
-    wanted = [RegressionModel.parse(text) for text in models]
+    parsed = [RegressionModel.parse(text) for text in models]
     paths = dict.fromkeys(filter(None, (*recordings, predict)))
     data = {path: _read_air_loads(path, vehicle) for path in paths}
     fitted = [data[path] for path in recordings]
     with show_progress("fit the coefficients"):
-        fits, spectral = coefficient_fits(
-            wanted,
+        fits, spectral = _fit_coefficients(
+            parsed,
             selected,
-            candidates_of(candidates, over, order),
-            {"gain": gain, "enter": enter, "domain": domain},
-            band,
-            weights,
-            Path(recordings[0]).stem,
-            lambda model: fitted,
+            _list_candidates(candidates, over, order),
+            rule={"gain": gain, "enter": enter, "domain": domain},
+            band=band,
+            weights=weights,
+            name=Path(recordings[0]).stem,
+            prepared=lambda model: fitted,
         )
-    averages = averages_of(fits, spectral)
+    averages = _average_fits(fits, spectral)
     tests = {}
     if predict:
         tests = {fit.model.coefficient: _predict(fit, data[predict]) for fit in fits}
@@ -320,18 +307,23 @@ def run_multibody(
         draw_wing_models(fits, data[predict or recordings[-1]], figure)
     if output:
         Path(output).mkdir(parents=True, exist_ok=True)
-        for path, one in data.items():
-            _save_motion(one, Path(output) / Path(path).stem, vehicle)
-        save_fits(fits, output)
-    facts = {Path(path).stem: _record_facts(one) for path, one in data.items()}
+        for path, loads in data.items():
+            _save_motion(loads, Path(output) / Path(path).stem, vehicle)
+        _save_fits(fits, output)
+    facts = {Path(path).stem: _record_facts(loads) for path, loads in data.items()}
     if as_json:
         print_json(
-            {"records": facts, **as_rows(fits, averages), "predicted": tests, "folder": output}
+            {
+                "records": facts,
+                **_rows_of_fits(fits, averages),
+                "predicted": tests,
+                "folder": output,
+            }
         )
         return
     _print_record_facts(facts, vehicle)
     click.echo()
-    print_fits(fits, spectral, averages)
+    _print_fits(fits, spectral, averages)
     for name, test in tests.items():
         click.echo(
             f"predicted {Path(predict).stem}: {name} R2 {test['R2']:.3f}, rms {test['rms']:.3g}"
@@ -355,11 +347,11 @@ def _predict(fit: Any, data: Any) -> dict[str, float]:
     with warnings.catch_warnings():
         # a range that is left is in the report of the fit's own use
         warnings.simplefilter("ignore", AeromatchWarning)
-        rest = measured - fit.predict(data)[fit.model.coefficient].values
+        residual = measured - fit.predict(data)[fit.model.coefficient].values
     spread = measured - measured.mean()
     return {
-        "R2": float(1.0 - (rest**2).sum() / (spread**2).sum()),
-        "rms": float(np.sqrt(np.mean(rest**2))),
+        "R2": float(1.0 - (residual**2).sum() / (spread**2).sum()),
+        "rms": float(np.sqrt(np.mean(residual**2))),
     }
 
 
@@ -397,12 +389,9 @@ def _print_record_facts(facts: dict[str, dict[str, Any]], vehicle: Any) -> None:
 
 def _save_loads(data: Any, path: Path) -> None:
     """Write air loads with their standard errors and the part of the known surfaces as CSV."""
-
     columns = {"time": data["time"].values}
     for pattern, part in (("{}", "load"), ("{}_stderr", "load_stderr"), ("known_{}", "known")):
-        columns |= {
-            pattern.format(name): data[part].sel(component=name).values
-            for name in data["component"].values
-        }
+        for name in data["component"].values:
+            columns[pattern.format(name)] = data[part].sel(component=name).values
     with written_atomically(path) as unfinished:
         pd.DataFrame(columns).to_csv(unfinished, index=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,28 +64,28 @@ def run_actuator(
     as_json,
 ) -> None:
     """Perform the command ``actuator``."""
-    given = {"command": command_column, "position": position, "rate": rate, "torque": torque}
-    columns = {name: column for name, column in given.items() if column}
+    options = {"command": command_column, "position": position, "rate": rate, "torque": torque}
+    columns = {name: column for name, column in options.items() if column}
     with show_progress(f"read {len(logs)} log{'s' if len(logs) > 1 else ''}"):
         records = [read_bench_log(path, columns) for path in logs]
     with show_progress("identify the actuator"):
-        found = identify_actuator(records, gear, not no_limits, not no_delay, held, band)
+        found = identify_actuator(
+            records, gear, not no_limits, delay=not no_delay, held=held, band=band
+        )
     if figure:
         draw_actuator(found, figure)
-    absolute = found.with_inertia(inertia, inertia_stderr) if inertia is not None else {}
-    servo = found.structure.stiffness
-    entry = (
-        found.channel(channel, (command_column or "command").partition("[")[0].strip())
-        if servo
-        else ""
-    )
+    absolute = {}
+    if inertia is not None:
+        absolute = found.with_inertia(inertia, inertia_stderr)
+    entry = ""
+    # Only a servo, which has a stiffness, gives a position for its command.
+    if found.structure.stiffness:
+        column = (command_column or "command").partition("[")[0].strip()
+        entry = found.channel(channel, column)
     if as_json:
-        more = {
-            "with_inertia": {name: vars(value) for name, value in absolute.items()},
-            "channel": entry,
-            "figure": figure,
-        }
-        print_json(found.as_dict() | more)
+        coefficients_by_name = {name: vars(value) for name, value in absolute.items()}
+        document = {"with_inertia": coefficients_by_name, "channel": entry, "figure": figure}
+        print_json(found.as_dict() | document)
         return
     click.echo(found.report())
     if absolute:
@@ -127,21 +128,25 @@ def run_controls(
         problems.append(f"--prior needs [circuit.{item}] in {aircraft_file}; it is missing")
     if problems:
         raise SchemaError("flight controls", problems)
-    loading: ControlLoading = loading_of(aircraft, item, model, constants, arm, _table_nodes(over))
-    states, free = ([open_states(path) for path in group] for group in (paths, free_files))
+    loading: ControlLoading = loading_of(
+        aircraft, item, model, constants=constants, arm=arm, over=_table_nodes(over)
+    )
+    driven = [open_states(path) for path in paths]
+    free = [open_states(path) for path in free_files]
     if records:
-        whole, states = states, []
-        for one, path in zip(whole, paths):
-            driven, own = _divided(one, Path(records) / Path(path).name, free_names)
-            states += driven
-            free += own
+        flights, driven = driven, []
+        for flight, path in zip(flights, paths):
+            record = Path(records) / Path(path).name
+            driven_parts, free_parts = _divide_record(flight, record, free_names)
+            driven += driven_parts
+            free += free_parts
     drawings = {}
     if prior is not None:
         drawings = {"drawings": aircraft.circuits[item], "drawings_error": prior}
     with show_progress(f"identify the loading of the {item}"):
         found = identify_control_loading(
             loading,
-            states,
+            driven,
             free,
             int(order),
             errors=pick_up_errors(aircraft.instruments),
@@ -172,11 +177,13 @@ def _table_nodes(text: str) -> tuple[str, tuple[float, ...]] | None:
         raise SchemaError("flight controls", [problem]) from None
 
 
-def _divided(states, record: Path, free_names) -> tuple[list, list]:
-    """Stretches of a record that are driven, and its free motion; a record without such a manoeuvre
-    is driven.
-    """
+def _divide_record(
+    states: xr.Dataset, record: Path, free_names: Sequence[str]
+) -> tuple[list[xr.Dataset], list[xr.Dataset]]:
+    """Return the driven stretches of a record and its free motion.
 
+    A record without a manoeuvre of these names is driven.
+    """
     demand_self_contained(record)
     with (
         decoding_errors(record, "a flight record, netCDF-4"),
@@ -185,11 +192,9 @@ def _divided(states, record: Path, free_names) -> tuple[list, list]:
         ) as tree,
     ):
         listed = marked_manoeuvres(tree)
-    return (
-        driven_and_free(states, listed, free_names)
-        if set(free_names) & set(listed["manoeuvre"])
-        else ([states], [])
-    )
+    if set(free_names) & set(listed["manoeuvre"]):
+        return driven_and_free(states, listed, free_names)
+    return [states], []
 
 
 def run_engine(
@@ -219,11 +224,11 @@ def run_engine(
             () if whole else flown,
             started,
             read_points(points_file) if points_file else None,
-            read_points(climbs_file) if climbs_file else None,
-            _tables(Path(prior_file)) if prior_file else None,
-            Polar(*polar, *polar_stderr) if polar else None,
-            area,
-            len(numbers),
+            equilibrium=read_points(climbs_file) if climbs_file else None,
+            prior=_tables(Path(prior_file)) if prior_file else None,
+            polar=Polar(*polar, *polar_stderr) if polar else None,
+            S=area,
+            engines=len(numbers),
             flights=flown if whole else (),
             **structure.keywords(),
         )
@@ -246,8 +251,7 @@ def run_engine(
 
 
 def _tables(path: Path):
-    """Tables of an a-priori deck."""
-
+    """Return the tables of an a-priori deck."""
     if path.suffix != ".toml":
         return open_tables(path)
     engines = read_aircraft(path).engines
@@ -262,10 +266,10 @@ def _tables(path: Path):
 def run_gear(paths, aircraft_file, database_file, errors, flown, output, as_json) -> None:
     """Perform the command ``gear``."""
     aircraft = read_aircraft(aircraft_file)
-    records = [
-        GroundRecord(open_states(path), open_biases(path) if _reconstructed(path) else None)
-        for path in paths
-    ]
+    records = []
+    for path in paths:
+        biases = open_biases(path) if _has_biases(path) else None
+        records.append(GroundRecord(open_states(path), biases))
     database = aerodb.open(database_file) if database_file else None
     with show_progress(f"identify the landing gear from {len(records)} paths"):
         found = identify_landing_gear(records, aircraft, database, dict(errors), flown=flown)
@@ -279,9 +283,8 @@ def run_gear(paths, aircraft_file, database_file, errors, flown, output, as_json
         click.echo(f"written: {output}")
 
 
-def _reconstructed(path: str) -> bool:
-    """Whether a file of states also holds the constants of a reconstruction."""
-
+def _has_biases(path: str) -> bool:
+    """Return whether a file of states also holds the constants of a reconstruction."""
     expected = "a path as `aeromatch flight reconstruct -o` writes it"
     with decoding_errors(path, expected), h5py.File(path, "r") as file:
         return "biases" in file
@@ -316,9 +319,9 @@ def ground_effect(
             [RegressionModel.parse(text) for text in models or _MODELS],
             data,
             changed,
-            database,
-            hold,
-            names,
+            database=database,
+            hold=hold,
+            names=names,
         )
     if output and database is not None:
         aerodb.save(replace_ground_effect(database, found, tables), output)

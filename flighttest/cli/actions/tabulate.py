@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 import pandas as pd
 
@@ -21,34 +23,35 @@ _TABULATED = {
 def run_tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
     """Perform the command ``tabulate``."""
     prior = aerodb.open(database_file)
-    given = [
-        fit
-        for path in fits
-        for fit in (read_published(path) if path.lower().endswith(".csv") else [open_fit(path)])
-    ]
-    with show_progress(f"join {len(given)} fits with the tables"):
+    local_models: list[Any] = []
+    for path in fits:
+        if path.lower().endswith(".csv"):
+            local_models += read_published(path)
+        else:
+            local_models.append(open_fit(path))
+    with show_progress(f"join {len(local_models)} fits with the tables"):
         join = aerodb.tabulate if way == "tabulate" else aerodb.update.join_submodels
-        found = join(given, prior, held, unplaced=unplaced)
-    aerodb.save(aerodb.replace_terms(prior, found, note="identified from flight"), output)
+        tabulation = join(local_models, prior, held, unplaced=unplaced)
+    aerodb.save(aerodb.replace_terms(prior, tabulation, note="identified from flight"), output)
     if as_json:
-        terms = {str(name): row.to_dict() for name, row in found.report.iterrows()}
+        terms = {str(name): row.to_dict() for name, row in tabulation.report.iterrows()}
         print_json(
             {
                 "terms": terms,
-                "fits": found.points.reset_index(),
-                "compatibility": found.compatibility.reset_index(),
-                "unplaced": found.unplaced.reset_index(),
-                "warnings": list(found.notices),
+                "fits": tabulation.points.reset_index(),
+                "compatibility": tabulation.compatibility.reset_index(),
+                "unplaced": tabulation.unplaced.reset_index(),
+                "warnings": list(tabulation.notices),
                 "file": output,
             }
         )
         return
-    _print_decisions(found.report)
+    _print_decisions(tabulation.report)
     click.echo()
-    _print_distances(found.points)
-    if len(found.unplaced):
+    _print_distances(tabulation.points)
+    if len(tabulation.unplaced):
         click.echo()
-        _print_unplaced(found.unplaced)
+        _print_unplaced(tabulation.unplaced)
     click.echo(f"\nwritten: {output}")
 
 

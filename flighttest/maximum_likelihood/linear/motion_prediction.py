@@ -122,5 +122,10 @@ def _hold(model: LinearModel, derivatives: Mapping[str, float]) -> LinearModel:
         return list(model.matrices({**derivatives, **values}))
 
     return LinearModel(
-        model.states, model.inputs, model.outputs, matrices, (), dict(model.reference)
+        model.states,
+        model.inputs,
+        model.outputs,
+        matrices=matrices,
+        parameters=(),
+        reference=dict(model.reference),
     )

@@ -139,7 +139,9 @@ def linear_motion(
         return [A, B, C, D]
 
     trim = dict(reference or {})
-    return LinearModel(states, tuple(controls), outputs, matrices, tuple(names), trim)
+    return LinearModel(
+        states, tuple(controls), outputs, matrices=matrices, parameters=tuple(names), reference=trim
+    )
 
 
 def trim_of(

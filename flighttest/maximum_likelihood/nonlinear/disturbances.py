@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -79,7 +80,7 @@ def choose_disturbances(
     unknowns: dict[str, Unknown] = {}
     gusts = []
     if kind in ("process", "both"):
-        for name in (name for states in disturbed for name in states):
+        for name in chain.from_iterable(disturbed):
             spread = float(np.nanstd(_join_signal(records, name)))
             unknowns[f"process.{name}"] = Unknown(_STIRRED * spread)
     if kind in ("gusts", "both"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -55,7 +56,7 @@ class FilteredFlight:
             record.time,
             record.u,
             record.output_names,
-            inertial=[name for gust in gusts for name in gust.inertial],
+            inertial=list(chain.from_iterable(gust.inertial for gust in gusts)),
             coordinates=coordinates,
             axes=[_AXES[gust.state] for gust in gusts],
         )

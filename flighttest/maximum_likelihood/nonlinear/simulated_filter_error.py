@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -137,7 +138,7 @@ def simulated_filter_error(
         gusts,
         lambda calm: output_error(sim, records, calm, *shared),
         readings=sum(
-            int(np.isfinite(record[name]).sum()) for record in records for name in outputs
+            int(np.isfinite(record[name]).sum()) for record, name in product(records, outputs)
         ),
     )
     return compare_disturbances(fit, parameters, gusts, filter_records)
@@ -169,7 +170,9 @@ def _filter_records(
     for run, names, columns in zip(runs, natural.bases, natural.columns):
         starts = natural.start[columns]
         pieces.append(FilteredFlight(run, names, starts, coordinates=coordinates, gusts=gusts))
-    start = start_by_output_error(runs, natural, layout, groups, iterations, constraints)
+    start = start_by_output_error(
+        runs, natural, layout, groups=groups, iterations=iterations, constraints=constraints
+    )
     start, worse = start_by_linear_model(pieces, everything, layout, start=start)
     likelihood = InnovationLikelihood(constrained.wrap(pieces, ConstrainedFilter), layout)
     maximum = maximise_likelihood(likelihood, iterations, start=start)

@@ -188,7 +188,9 @@ def _minimise_cost(
             converged = True
             near = gain < NEAR
             break
-        trial, share = _search_along_step(problem, x, c, dx, dc, equations.cost, gain, spare)
+        trial, share = _search_along_step(
+            problem, x, c, dx=dx, dc=dc, cost=equations.cost, gain=gain, spare=spare
+        )
         decrease = equations.cost - trial.cost
         if decrease < -GAIN and gain > 1.0:
             raise IdentificationError(

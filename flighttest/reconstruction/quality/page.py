@@ -143,7 +143,7 @@ def draw_scatter_chart(
 
 
 def _make_frame(x: tuple[float, float], y: tuple[float, float]) -> Frame:
-    return Frame(_LEFT, _TOP, WIDTH - _LEFT - _RIGHT, HEIGHT - _TOP - _BOTTOM, x, y)
+    return Frame(_LEFT, _TOP, WIDTH - _LEFT - _RIGHT, height=HEIGHT - _TOP - _BOTTOM, x=x, y=y)
 
 
 def _make_figure(parts: Sequence[str], vertical: str, horizontal: str, label: str) -> Markup:

@@ -367,7 +367,9 @@ def air_readings(channels: MeasuredChannels, specification: Instruments) -> AirD
     instrument = specification.of(name)
     factor, _ = instrument.factor.get(name, (1.0, 0.0))
     delay, _ = instrument.delay or (0.0, 0.0)
-    return AirData(name, clock, T, _true_airspeed(name, reading / factor, p, T), p, delay)
+    return AirData(
+        name, clock, T, speed=_true_airspeed(name, reading / factor, p, T), p_static=p, delay=delay
+    )
 
 
 def demand_air_data(channels: MeasuredChannels, name: str) -> None:

@@ -150,7 +150,9 @@ def _read_row(
             for part in _RANGE.split(cell):
                 ends.append(to_si(_read_number(line, name, cell=part, problems=problems), unit))
             conditions[name] = _make_condition(line, name, cell=cell, ends=ends, problems=problems)
-    return _Row(line, cell_of["term"], value, stderr, conditions, reference)
+    return _Row(
+        line, cell_of["term"], value, stderr=stderr, conditions=conditions, reference=reference
+    )
 
 
 def _make_condition(

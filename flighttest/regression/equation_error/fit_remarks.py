@@ -169,7 +169,16 @@ def against_prior(terms, estimate, variance, dof, prior, prior_stderr) -> list[R
                 f"errors, the prior {expected:.3g} +- {sigma:.2g}; "
                 "check the sign of the channel, and what else moved with it"
             )
-            remarks.append(Remark("sign", text, str(term), float(t), _quantile(dof[k]), "error"))
+            remarks.append(
+                Remark(
+                    "sign",
+                    text,
+                    str(term),
+                    value=float(t),
+                    threshold=_quantile(dof[k]),
+                    severity="error",
+                )
+            )
     return remarks
 
 
@@ -195,7 +204,16 @@ def _remark_significance(fit: FitData) -> list[Remark]:
             f"{a['F_probability']:.2g} (limit {EXCITED:g}), R2 {a['R2']:.3g}; no figure of "
             f"this fit may be used: give a manoeuvre that moves the terms"
         )
-        return [Remark("no excitation", text, "", a["F_probability"], EXCITED, "error")]
+        return [
+            Remark(
+                "no excitation",
+                text,
+                "",
+                value=a["F_probability"],
+                threshold=EXCITED,
+                severity="error",
+            )
+        ]
     names, p, t = [str(term) for term in e["term"].values], e["p_value"].values, e["t"].values
     is_idle = (p > SIGNIFICANT) & ~least_squares.intercept_mask(names)
     remarks = []
@@ -243,7 +261,9 @@ def _remark_signs(fit: FitData) -> list[Remark]:
             f"{control}; check the sign of the channel, its delay, and what else moved with it"
         )
         limit = -sign * _quantile(dof)
-        remarks.append(Remark("sign", text, control, value / sigma, limit, "error"))
+        remarks.append(
+            Remark("sign", text, control, value=value / sigma, threshold=limit, severity="error")
+        )
     return remarks
 
 

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -110,7 +111,7 @@ def _list_states(data, noisy: Sequence[str]) -> list[str]:
     """Return the noisy variables, and those that complete the motions they belong to."""
     states = list(noisy)
     for group in _GROUPS:
-        if not any(name in states for variants in group for name in variants):
+        if not any(name in states for name in chain.from_iterable(group)):
             continue
         for variants in group:
             held = [name for name in variants if name in data]

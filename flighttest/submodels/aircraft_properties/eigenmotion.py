@@ -358,7 +358,9 @@ def _unsettled_remarks(motion: Eigenmotion) -> list[Remark]:
     if not motion.moved:
         text += "; no window shows whether the motion is alone: give a longer or a quieter one"
         severity = "warning"
-    return [Remark("window", text, channels, motion.unsettled, 0.0, severity)]
+    return [
+        Remark("window", text, channels, value=motion.unsettled, threshold=0.0, severity=severity)
+    ]
 
 
 def _significance_remarks(motion: Eigenmotion) -> list[Remark]:

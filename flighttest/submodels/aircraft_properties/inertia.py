@@ -196,9 +196,9 @@ def inertia_from_flight(
         _NAMES,
         k,
         C,
-        np.sqrt(np.diag(white)),
-        ([], np.zeros((len(k), 0))),
-        {"fitted": ("term", _product_coefficients(I))},
+        white=np.sqrt(np.diag(white)),
+        systematic=([], np.zeros((len(k), 0))),
+        extra={"fitted": ("term", _product_coefficients(I))},
     )
     estimates = _moments_dataset(_Coefficients(k, C, white), I, J=J, aircraft=aircraft, scale=scale)
     return Inertia(estimates, products.rename(term="product", term_="product_"))
@@ -344,9 +344,9 @@ def _moments_dataset(
         MOMENTS,
         I,
         covariance,
-        np.sqrt(np.diag(white)),
-        ([], np.zeros((4, 0))),
-        {"stated": ("term", stated)},
+        white=np.sqrt(np.diag(white)),
+        systematic=([], np.zeros((4, 0))),
+        extra={"stated": ("term", stated)},
     )
     estimates.attrs = {
         "scale": scale,

@@ -133,9 +133,9 @@ def cable_fit(
         NAMES,
         values,
         covariance,
-        np.full(len(NAMES), np.nan),
-        ([], np.zeros((len(NAMES), 0))),
-        {},
+        white=np.full(len(NAMES), np.nan),
+        systematic=([], np.zeros((len(NAMES), 0))),
+        extra={},
     )
     rms = float(np.sqrt(np.mean(fit.residual[: fit.samples] ** 2)))
     return CableFit(

@@ -238,9 +238,9 @@ def _fit_responses(
         names,
         fit.theta[k],
         covariance[np.ix_(k, k)],
-        np.full(len(k), np.nan),
-        no_errors,
-        {},
+        white=np.full(len(k), np.nan),
+        systematic=no_errors,
+        extra={},
     )
     iterations: dict[str, Convergence] = {}
     return replace(
@@ -345,7 +345,12 @@ class _Regressions:
         theta = np.concatenate([part["estimate"].values for part in both])
         no_errors: tuple[list[str], np.ndarray] = ([], np.zeros((len(theta), 0)))
         return least_squares.regression_estimates(
-            self.names, T @ theta, T @ C @ T.T, np.full(len(theta), np.nan), no_errors, {}
+            self.names,
+            T @ theta,
+            T @ C @ T.T,
+            white=np.full(len(theta), np.nan),
+            systematic=no_errors,
+            extra={},
         )
 
     def changes(

@@ -134,9 +134,9 @@ def sliding_fit(
         loading.names,
         fit.theta,
         fit.covariance,
-        np.sqrt(np.diag(np.linalg.inv(fit.X.T @ fit.X))),
-        ([], np.zeros((len(loading.names), 0))),
-        least_squares.regressor_diagnostics(fit.X, is_constant),
+        white=np.sqrt(np.diag(np.linalg.inv(fit.X.T @ fit.X))),
+        systematic=([], np.zeros((len(loading.names), 0))),
+        extra=least_squares.regressor_diagnostics(fit.X, is_constant),
     )
     estimates.attrs = {
         "R2": 1.0 - float(v @ v) / float(((z - z.mean()) ** 2).sum()),
@@ -271,9 +271,9 @@ def trim_forces(loading: ControlLoading, points: xr.Dataset) -> TrimForces:
         names,
         theta,
         covariance,
-        np.sqrt(np.diag(covariance)),
-        ([], np.zeros((len(names), 0))),
-        {},
+        white=np.sqrt(np.diag(covariance)),
+        systematic=([], np.zeros((len(names), 0))),
+        extra={},
     )
     # Upper limit of the standard deviation by the chi-square of the residuals; R = 3^0.5 rms.
     limit = float(np.sqrt(3.0 * (v @ v) / scipy.stats.chi2.ppf(_LOWER_QUANTILE, spare)))

@@ -112,7 +112,16 @@ class ResponseFit:
                 f"motion: their force lacks a part proportional to the rate; damping is that of "
                 f"free motion. Check filter and time of the force transducer"
             )
-            remarks.append(Remark("disturbance", text, "damping", value, _CERTAIN * stderr, "note"))
+            remarks.append(
+                Remark(
+                    "disturbance",
+                    text,
+                    "damping",
+                    value=value,
+                    threshold=_CERTAIN * stderr,
+                    severity="note",
+                )
+            )
         worst = max(self.rms, key=lambda name: self.rms[name])
         if self.rms[worst] > _MISFIT:
             text = (
@@ -120,7 +129,16 @@ class ResponseFit:
                 f"the noise of its pick-up; the standard errors contain the difference. Check the "
                 f"times at which the force changes, and stops"
             )
-            remarks.append(Remark("unexplained", text, worst, self.rms[worst], _MISFIT, "note"))
+            remarks.append(
+                Remark(
+                    "unexplained",
+                    text,
+                    worst,
+                    value=self.rms[worst],
+                    threshold=_MISFIT,
+                    severity="note",
+                )
+            )
         return remarks
 
 
@@ -255,9 +273,9 @@ class IdentifiedLoading(PrintedResult):
             names,
             theta,
             0.5 * (covariance + covariance.T),
-            np.full(len(names), np.nan),
-            no_errors,
-            {},
+            white=np.full(len(names), np.nan),
+            systematic=no_errors,
+            extra={},
         )
         return replace(self, estimates=estimates)
 

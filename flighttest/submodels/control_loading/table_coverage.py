@@ -69,7 +69,9 @@ def list_coverage_remarks(
             f"{text(nodes[-1])}: {span}, and the database holds the last value there; move the end "
             f"nodes to the ends of the samples, or leave these records out"
         )
-        remarks.append(Remark("range", reason, variable, share, _FEW, "error"))
+        remarks.append(
+            Remark("range", reason, variable, value=share, threshold=_FEW, severity="error")
+        )
     for node, is_far in zip(nodes, find_unsupported(nodes, at), strict=True):
         if is_far:
             reason = (

@@ -236,7 +236,9 @@ class _CoefficientIdentification:
         searches = []
         for law in LAWS:
             bounds = law.bounds(lowest, self.exponents)
-            search = LawSearch(law, bounds, self.model, self.records, self.hold, lowest)
+            search = LawSearch(
+                law, bounds, self.model, records=self.records, held=self.hold, lowest=lowest
+            )
             try:
                 full = search.fit(self.ground, starts=search.first_values(self.ground))
             except IdentificationError:

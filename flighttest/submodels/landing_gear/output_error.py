@@ -136,7 +136,13 @@ class RollingStretch:
             runs.append(kernel_parameters(constants, self.groups))
         table = np.array([list(parameters.values()) for parameters in runs])
         y, done, _ = fly_batch(
-            self.sim, self.time, self.u, list(runs[0]), table, self.settings, self.outputs
+            self.sim,
+            self.time,
+            self.u,
+            varied=list(runs[0]),
+            values=table,
+            constant=self.settings,
+            outputs=self.outputs,
         )
         return y, done == len(self.time)
 

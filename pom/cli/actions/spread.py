@@ -43,7 +43,11 @@ def run_spread(
     rows = []
     for wanted in catalogue.wanted_row:
         with show_progress(f"{wanted.row} {row_title(wanted)}: {wanted.manoeuvre}"):
-            rows.append(differentiate_row(wanted, catalogue, sim, aircraft, database, jobs))
+            rows.append(
+                differentiate_row(
+                    wanted, catalogue, sim, aircraft=aircraft, database=database, jobs=jobs
+                )
+            )
     if output:
         save_rows(rows, database, output)
     # terms that keep their values in the identification keep their errors too

@@ -181,7 +181,9 @@ def _name_events(time: np.ndarray, events: Mapping[str, float]) -> tuple[str, li
 def _all_panels(time: np.ndarray, bottom: float) -> Frame:
     """Return a frame over all panels of a page."""
     limits = (float(time[0]), float(time[-1]))
-    return Frame(LEFT, TOP + HEAD, WIDTH - LEFT - RIGHT, bottom - TOP - HEAD, limits, (0.0, 1.0))
+    return Frame(
+        LEFT, TOP + HEAD, WIDTH - LEFT - RIGHT, height=bottom - TOP - HEAD, x=limits, y=(0.0, 1.0)
+    )
 
 
 def _draw_panel(
@@ -197,7 +199,7 @@ def _draw_panel(
     """Return a panel with its strip of differences, and the upper edge of the next one."""
     height = (MAIN if panel.kind == "judged" else SMALL) * scale
     x_limits = (float(time[0]), float(time[-1]))
-    frame = Frame(LEFT, top + HEAD, WIDTH - LEFT - RIGHT, height, x_limits, panel.scale)
+    frame = Frame(LEFT, top + HEAD, WIDTH - LEFT - RIGHT, height=height, x=x_limits, y=panel.scale)
     content = draw_tolerance(frame, time, panel, styles)
     content += draw_window_and_traces(frame, time, panel, styles)
     parts = [

@@ -89,7 +89,7 @@ def draw_residuals_below(
     if panel.half is None:
         return "", frame.bottom
     top = frame.bottom + strip_style.gap
-    strip = Frame(frame.left, top, frame.width, height, frame.x, (-RESIDUAL, RESIDUAL))
+    strip = Frame(frame.left, top, frame.width, height=height, x=frame.x, y=(-RESIDUAL, RESIDUAL))
     exits = _draw_exit_bars(frame, panel.exits, styles)
     residuals = _draw_residual_strip(
         strip,

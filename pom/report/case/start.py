@@ -70,7 +70,7 @@ _GLANCE = (
     "delta_T",
     "wind",
 )
-_WIND = QuantityLabel("wind", "W", "", "wind", "", "", 1.0, 0.0)
+_WIND = QuantityLabel("wind", "W", "", words="wind", unit="", sign="", factor=1.0, offset=0.0)
 # A slower wind is calm, a slower vertical wind is not printed. [m/s]
 _CALM = 0.05
 # Small errors of force add up in a run of at least this length. [s]

@@ -66,9 +66,9 @@ def _draw_histories(
     time, error, measured = along[::step], residual[::step], fit.data[name].values[::step]
     fitted = measured - error
     limits = find_axis_limits(np.concatenate([measured, fitted]), 0.06)
-    upper = Frame(_LEFT, _TOP, _WIDE, _HIGH, (0.0, float(along[-1])), limits)
+    upper = Frame(_LEFT, _TOP, _WIDE, height=_HIGH, x=(0.0, float(along[-1])), y=limits)
     error_limits = find_axis_limits(error, 0.06)
-    lower = Frame(_LEFT, upper.bottom + 6.0, _WIDE, _LOW, upper.x, error_limits)
+    lower = Frame(_LEFT, upper.bottom + 6.0, _WIDE, height=_LOW, x=upper.x, y=error_limits)
 
     base, subscript = symbol_parts(name)
     caption = f"{2 * _SPACE}measured, and fitted by the local model (dashed)"
@@ -107,7 +107,7 @@ def _draw_autocorrelation(
     lag, correlation, bound = _autocorrelation(fit, along, residual)
     left = _LEFT + _WIDE + _GAP
     width = WIDTH - _LEFT - _WIDE - _GAP - 8.0
-    frame = Frame(left, _TOP, width, bottom - _TOP, (0.0, float(lag[-1])), (-0.5, 1.05))
+    frame = Frame(left, _TOP, width, height=bottom - _TOP, x=(0.0, float(lag[-1])), y=(-0.5, 1.05))
     parts = [
         draw_text(left, _TOP - 5.0, "autocorrelation of the residual", "caption"),
         draw_axes(frame, x_labels=True, x_most=5),
@@ -168,7 +168,7 @@ def sample_map(
     x, y = mach[finite], quantity_label("alpha").shown(alpha[finite])
     if not len(x):
         return None
-    frame = Frame(54.0, 12.0, WIDTH - 66.0, 240.0, _map_limits(x), _map_limits(y))
+    frame = Frame(54.0, 12.0, WIDTH - 66.0, height=240.0, x=_map_limits(x), y=_map_limits(y))
     centres = _cell_centres(frame, x, y)
     body = draw_axes(frame, x_labels=True)
     body += draw_dots(frame, centres[0], centres[1], "test-point")

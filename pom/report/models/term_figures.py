@@ -227,7 +227,7 @@ def _draw_panels(figure: _Figure, panels: Sequence[_Panel]) -> tuple[list[str], 
     for i, panel in enumerate(panels):
         left = _LEFT + i % _COLUMNS * (width + _LEFT)
         top = _TOP + i // _COLUMNS * row_height
-        frame = Frame(left, top, width, _HEIGHT, x_limits, y_limits)
+        frame = Frame(left, top, width, height=_HEIGHT, x=x_limits, y=y_limits)
         parts += [
             _draw_title(frame, figure.title, panel.position),
             draw_axes(frame, x_labels=not strip, x_most=5),
@@ -235,7 +235,9 @@ def _draw_panels(figure: _Figure, panels: Sequence[_Panel]) -> tuple[list[str], 
             _draw_support(frame, figure, panel.position),
         ]
         if strip:
-            frame = Frame(left, frame.bottom + 6, width, strip - 6, frame.x, change_limits)
+            frame = Frame(
+                left, frame.bottom + 6, width, height=strip - 6, x=frame.x, y=change_limits
+            )
             curves = _draw_curves(frame, changes[i], figure)
             parts += [
                 draw_axes(frame, x_labels=True, x_most=5, y_ticks=choose_ticks(*frame.y, 3)),

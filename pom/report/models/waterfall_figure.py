@@ -131,7 +131,7 @@ def _draw_panel(
         ends += [bar.start + bar.stderr, bar.stop + bar.stderr]
     left, width, bottom = extent
     x_limits = (min(0.0, *ends), 1.02 * max(ends))
-    frame = Frame(left, _HEAD, width, bottom - _HEAD, x_limits, (0.0, 1.0))
+    frame = Frame(left, _HEAD, width, height=bottom - _HEAD, x=x_limits, y=(0.0, 1.0))
     # 5.6 units are about the width of a character.
     lines = _two_lines(title, 20 if main else max(int((width + _NUMBER) / 5.6), 8))
     parts = []

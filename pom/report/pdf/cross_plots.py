@@ -54,7 +54,7 @@ def cross_drawing(
     low, high = flight_y - half, flight_y + half
     x_limits = _find_limits(cross.x.values())
     y_limits = _find_limits([*cross.y.values(), low, high])
-    frame = Frame(LEFT, HEAD, WIDTH - LEFT - RIGHT, HEIGHT, x_limits, y_limits)
+    frame = Frame(LEFT, HEAD, WIDTH - LEFT - RIGHT, height=HEIGHT, x=x_limits, y=y_limits)
 
     body = ""
     if half.any():

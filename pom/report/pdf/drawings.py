@@ -99,7 +99,7 @@ def draw_case_panel(
     scaled = _scale_to_window(panel)
     body_height = height * _panel_share(panel)
     width = WIDTH - LEFT - RIGHT
-    frame = Frame(LEFT, HEAD, width, body_height, x_limits, scaled.limits)
+    frame = Frame(LEFT, HEAD, width, height=body_height, x=x_limits, y=scaled.limits)
     content = _draw_content(frame, time, scaled, styles)
     event_lines, names = _draw_events(frame, time, events, named=first)
     parts = [

@@ -272,7 +272,9 @@ def quantity_label(name: str) -> QuantityLabel:
 def _make_label(name: str, unit_set: str) -> QuantityLabel:
     *prefixes, stem = name.split(".")
     if prefixes and prefixes[0] == "term":
-        return QuantityLabel(name, name, "", "scale of the term", "", "", 1.0, 0.0)
+        return QuantityLabel(
+            name, name, "", words="scale of the term", unit="", sign="", factor=1.0, offset=0.0
+        )
     # The trim reports residual accelerations with the prefix of its biases.
     if prefixes[:1] == ["trim"] and stem.endswith("_dot"):
         prefixes = ["left"]
@@ -280,7 +282,7 @@ def _make_label(name: str, unit_set: str) -> QuantityLabel:
         row = lookup(stem)
     except UnknownName:
         if stem not in _EXTRA:
-            return QuantityLabel(name, name, "", "", "", "", 1.0, 0.0)
+            return QuantityLabel(name, name, "", words="", unit="", sign="", factor=1.0, offset=0.0)
         words, si_unit, display_unit = _EXTRA[stem]
         sign = ""
     else:

@@ -151,7 +151,7 @@ def make_picture(
     for i, panel in enumerate(panels):
         left = LEFT + i % COLUMNS * (width + GAP)
         top = TOP + i // COLUMNS * (HEIGHT + FOOT + ROW_GAP)
-        frame = Frame(left, top, width, HEIGHT, _x_limits(panel), _y_limits(panel))
+        frame = Frame(left, top, width, height=HEIGHT, x=_x_limits(panel), y=_y_limits(panel))
         curves = "".join([_draw_line(frame, line) for line in panel.curves])
         middle = left + width / 2
         parts += [

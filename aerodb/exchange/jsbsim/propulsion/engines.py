@@ -176,7 +176,7 @@ def _read_piston(root: Element) -> ShaftEngine:
     )
     piston, remarks = _add_compressor(root, piston)
     remarks.append("magnetos, temperatures and oil are not read; starter power is not limited")
-    return ShaftEngine(piston, None, {}, {}, most_rpm * _RPM, remarks)
+    return ShaftEngine(piston, None, {}, limits={}, rated_rpm=most_rpm * _RPM, remarks=remarks)
 
 
 def _derived_consumption(sizes: list[float], mean_pressure: float) -> float:
@@ -245,7 +245,9 @@ def _read_turboprop(root: Element) -> ShaftEngine:
             remarks.append(f"<{tag}> is not read; add a table low_stop over throttle")
     if "torque_limit" in limits:
         remarks.append("<ielumaxtorque> limits the torque at once, in JSBSim through the lever")
-    return ShaftEngine(None, deck, tables, limits, float(rpm[-1]) * _RPM, remarks)
+    return ShaftEngine(
+        None, deck, tables, limits=limits, rated_rpm=float(rpm[-1]) * _RPM, remarks=remarks
+    )
 
 
 def _read_altitude_factor(root: Element) -> xr.DataArray | None:

@@ -48,16 +48,16 @@ def read_engines(root: Element, reference: np.ndarray) -> tuple[tuple[Engine, ..
         if reason:
             return (), [reason]
         try:
-            engine, own = _read_engine(element, folder, reference)
+            engine, engine_remarks = _read_engine(element, folder, reference)
         except AeromatchError as error:
             return (), [f"engines are not read: {error}"]
         engines.append(engine)
-        remarks += [text for text in own if text not in remarks]
+        remarks += [text for text in engine_remarks if text not in remarks]
     return tuple(engines), remarks
 
 
 def _find_obstacle(element: Element, folder: Path) -> str:
-    """Return why an engine is not read: no propeller, a file that does not exist; or an empty text."""
+    """Return why an engine is not read, such as a missing file; empty for one that is read."""
     name = element.attributes.get("file", "")
     thruster = element.first("thruster")
     if not name or thruster is None or not thruster.attributes.get("file"):
@@ -65,15 +65,18 @@ def _find_obstacle(element: Element, folder: Path) -> str:
     file = _find_file(folder, name)
     if file is None:
         return f"engines are not read: no file {name}.xml in {', '.join(_FOLDERS)} of the aircraft"
-    if read_xml(file).tag not in _SHAFT:
-        return f"engines are not read: {file.name} is a <{read_xml(file).tag}>"
-    blades = thruster.attributes["file"]
-    found = _find_file(folder, blades)
-    if found is None:
-        return (
-            f"engines are not read: no file {blades}.xml in {', '.join(_FOLDERS)} of the aircraft"
-        )
-    return "" if read_xml(found).tag == "propeller" else f"engines are not read: {found.name}"
+    kind = read_xml(file).tag
+    if kind not in _SHAFT:
+        return f"engines are not read: {file.name} is a <{kind}>"
+    propeller = thruster.attributes["file"]
+    propeller_file = _find_file(folder, propeller)
+    if propeller_file is None:
+        folders = ", ".join(_FOLDERS)
+        return f"engines are not read: no file {propeller}.xml in {folders} of the aircraft"
+    kind = read_xml(propeller_file).tag
+    if kind != "propeller":
+        return f"engines are not read: {propeller_file.name} is a <{kind}>"
+    return ""
 
 
 def _find_file(folder: Path, name: str) -> Path | None:
@@ -89,35 +92,40 @@ def _find_file(folder: Path, name: str) -> Path | None:
 
 
 def _read_engine(element: Element, folder: Path, reference: np.ndarray) -> tuple[Engine, list[str]]:
+    """Return an engine with its propeller, and remarks, after `_find_obstacle` found none."""
     thruster = element.need("thruster")
     engine_file = _find_file(folder, element.attribute("file"))
     propeller_file = _find_file(folder, thruster.attribute("file"))
-    assert engine_file is not None, "_find_obstacle has found it"
-    assert propeller_file is not None, "_find_obstacle has found it"
-    mover = import_jsbsim_engine(engine_file)
-    sense, shift = thruster.first("sense"), thruster.first("p_factor")
+    assert engine_file is not None
+    assert propeller_file is not None
+    shaft_engine = import_jsbsim_engine(engine_file)
+    # A negative sense turns the propeller to the left, seen from behind.
+    sense, p_factor = thruster.first("sense"), thruster.first("p_factor")
+    is_left_handed = sense is not None and sense.number < 0.0
     propeller, remarks = import_jsbsim_propeller(
         propeller_file,
-        rotation=-1 if sense is not None and sense.number < 0.0 else 1,
-        p_factor=0.0 if shift is None else shift_of_inches(shift.number),
-        engine_rpm=mover.rated_rpm,
+        rotation=-1 if is_left_handed else 1,
+        p_factor=shift_of_inches(p_factor.number) if p_factor is not None else 0.0,
+        engine_rpm=shaft_engine.rated_rpm,
     )
-    # the thrust acts where the thruster is, or where the engine is
-    place = thruster.first("location") or element.first("location")
-    position = np.zeros(3) if place is None else _read_place(place) - reference
+    # The thrust acts where the thruster is, or where the engine is.
+    location = thruster.first("location") or element.first("location")
+    position = np.zeros(3)
+    if location is not None:
+        position = _read_position(location) - reference
     orient = thruster.first("orient") or element.first("orient")
     x, y, z = map(float, position)
     engine = Engine(
         (x, y, z),
         _read_direction(orient),
-        propeller=mover.on(propeller),
-        piston=mover.piston,
-        deck=mover.deck,
+        propeller=shaft_engine.on(propeller),
+        piston=shaft_engine.piston,
+        deck=shaft_engine.deck,
     )
-    return engine, remarks + mover.remarks
+    return engine, remarks + shaft_engine.remarks
 
 
-def _read_place(location: Element) -> np.ndarray:
+def _read_position(location: Element) -> np.ndarray:
     """Return a point in structural axes, x aft and z up, along body axes. [m]"""
     scale = unit_of_element(location, "IN", LENGTH_UNITS)
     signs = {"x": -1.0, "y": 1.0, "z": -1.0}

@@ -101,7 +101,16 @@ def _clock_gaps(time: np.ndarray) -> list[Flag]:
     step = np.diff(time)
     gaps = []
     for i in np.flatnonzero(step > GAP * np.median(step)):
-        gaps.append(Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s"))
+        gaps.append(
+            Flag(
+                "",
+                "gap",
+                float(time[i]),
+                stop=float(time[i + 1]),
+                samples=0,
+                note=f"{step[i]:.3g} s",
+            )
+        )
     return gaps
 
 

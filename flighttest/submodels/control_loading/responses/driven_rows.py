@@ -113,7 +113,9 @@ class DrivenPiece:
             if name in at:
                 factor = abs(self.rows.gearing) if name == "hinge_friction" else 1.0
                 x = getattr(self.rows, signal) / at[width]
-                forces.append(_SmoothForce(name, width, outputs, factor, x, np.tanh(x)))
+                forces.append(
+                    _SmoothForce(name, width, outputs, factor=factor, part=x, tangent=np.tanh(x))
+                )
         return forces
 
     def predict(self, values: np.ndarray) -> np.ndarray:
