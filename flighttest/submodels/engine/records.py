@@ -27,6 +27,12 @@ CHANNELS = (
     "starter",
     "cutoff",
     "ignition",
+    "rpm",
+    "torque",
+    "manifold_pressure",
+    "prop_command",
+    "mixture",
+    "feather",
 )
 FLIGHT = ("mach", "h", "temperature")
 POINTS = ("n1", "n2", *FLIGHT, "thrust", "fuel_flow", "mass", "V", "V_dot", "h_dot", "CL", "alpha")
