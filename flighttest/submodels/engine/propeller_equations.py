@@ -29,7 +29,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError
-from flighttest.submodels.engine.shaft_condition import (
+from flighttest.reconstruction.dynamics.shaft_condition import (
     STOPPED,
     Condition,
     EnginePower,
@@ -239,9 +239,13 @@ class PropulsionEquations:
 
     def _has_fuel(self, states: list[_ShaftState]) -> bool:
         recorded = all(f"engine{k}.fuel_flow" in self.columns for k in self.numbers)
-        return recorded and all(
-            s.power is not None and s.power.fuel_flow is not None for s in states
-        )
+        # A flow that air and mixture meter makes the power; a factor would change both.
+        for state in states:
+            if state.power is None or state.power.metered_flow.any():
+                return False
+            if not (state.power.tabled_flow + state.power.flow_of_power).any():
+                return False
+        return recorded
 
     def _instruments(self) -> list[str]:
         names = ["V", "mass", "temperature", "alpha" if self.accelerometer else "climb"]
@@ -320,11 +324,21 @@ class PropulsionEquations:
         self, power: EnginePower, at: Condition, value: Mapping[str, float]
     ) -> np.ndarray:
         """Return the corrected power of the tables of an engine. [W]"""
+        return self._power_factor(at, value) * power.gross - power.losses
+
+    def _power_factor(self, at: Condition, value: Mapping[str, float]) -> np.ndarray | float:
+        """Return the factor on the gross power."""
         factor = 1.0 + value.get("power scale", 0.0)
-        if "power" in getattr(self, "shapes", {}):
-            y = self.shapes["power"].place(at[self.power_axis])
-            factor = factor + value.get("power slope", 0.0) * y
-        return factor * power.gross - power.losses
+        if "power slope" not in value:
+            return factor
+        return factor + value["power slope"] * self.shapes["power"].place(at[self.power_axis])
+
+    def fuel_flow(
+        self, power: EnginePower, at: Condition, value: Mapping[str, float]
+    ) -> np.ndarray:
+        """Return the corrected fuel flow of the tables of an engine. [kg/s]"""
+        tabled = power.tabled_flow + self._power_factor(at, value) * power.flow_of_power
+        return (1.0 + value["fuel flow scale"]) * tabled
 
     def _state(
         self, at: Condition, power: EnginePower | None, shaft: np.ndarray, scale: float
@@ -374,7 +388,7 @@ class PropulsionEquations:
                 measured = state.at["torque"] * state.at["rpm"]
                 engine.append(((measured - tabled) / self.units["power"])[on])
             if "fuel flow scale" in value and state.power is not None:
-                flow = state.power.fuel_flow * (1.0 + value["fuel flow scale"])
+                flow = self.fuel_flow(state.power, state.at, value)
                 fuel.append(((state.at["fuel_flow"] - flow) / self.units["fuel flow"])[on])
         more = {"shaft power": shaft, "engine power": engine, "fuel flow": fuel}
         # without a measured power the equation of the shaft says nothing

@@ -28,9 +28,9 @@ import numpy as np
 
 from flightmech.errors import IdentificationError
 from flightmech.short_text import ShortText
+from flighttest.reconstruction.dynamics.shaft_condition import table_at
 from flighttest.remarks import Convergence
 from flighttest.submodels.engine.propeller_equations import PropulsionEquations
-from flighttest.submodels.engine.shaft_condition import table_at
 
 # Correlation of thrust and drag above which they are not separable.
 SEPARABLE = 0.95
@@ -45,7 +45,7 @@ _MOST_CORRELATED, _LEAST_NOISE = 0.9, 1e-10
 # Factor on an a-priori standard error that takes the knowledge away.
 _NO_KNOWLEDGE = 1e3
 # Points of a manoeuvre that is tried, and its speeds over the flown ones.
-_TRIED_POINTS, _SLOWER, _FASTER = 12, 0.75, 1.25
+_TRIED_POINTS, _SLOWER = 12, 0.8
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ def separate_thrust_and_drag(
     """Return whether the points separate thrust and drag; None if the polar is held.
 
     Manoeuvres that are tried have the noise of the flown points: full power and idle at the flown
-    speeds, and the flown powers at speeds beyond the flown ones.
+    speeds, and the flown powers at a speed below the flown ones.
     """
     names, sigma = list(equations.unknowns), equations.prior_errors()
     drag = [names.index(name) for name in ("CD0", "K") if sigma[names.index(name)] > 0.0]
@@ -260,7 +260,7 @@ def _manoeuvres(equations: PropulsionEquations) -> dict[str, dict[str, np.ndarra
     mean = {name: np.full(_TRIED_POINTS, float(np.median(x))) for name, x in columns.items()}
     mean |= {"hdot": np.zeros(_TRIED_POINTS), "f": np.zeros(_TRIED_POINTS)}
     speeds = f"at {low:.0f} to {high:.0f} m/s"
-    slow, fast = _SLOWER * low, _FASTER * high
+    slow = _SLOWER * low
     # some of the flown points, from the lowest to the highest power
     power = columns.get("engine1.torque", columns.get("engine1.manifold_pressure", V))
     chosen = np.argsort(power)[np.linspace(0, len(V) - 1, _TRIED_POINTS).astype(int)]
@@ -277,7 +277,6 @@ def _manoeuvres(equations: PropulsionEquations) -> dict[str, dict[str, np.ndarra
             **_powered(equations, flown, full=False),
         },
         f"the same powers at {slow:.0f} m/s": same | {"V": np.full(_TRIED_POINTS, slow)},
-        f"the same powers at {fast:.0f} m/s": same | {"V": np.full(_TRIED_POINTS, fast)},
     }
 
 

@@ -18,7 +18,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.units import G0
-from flighttest.submodels.engine.shaft_condition import air_of
+from flighttest.reconstruction.dynamics.shaft_condition import air_of
 
 # Duration of a point. [s]
 DURATION = 6.0
@@ -199,6 +199,9 @@ def _point(part: xr.Dataset, aircraft: Aircraft, accelerometer: bool) -> dict[st
     for number in range(1, len(aircraft.engines) + 1):
         rate = _slope(time, _speed_channel(part, number))
         means[f"engine{number}.rpm_dot"] = np.asarray(rate)
+    if "alpha" not in means and "theta" in part:
+        # wings level in air at rest: attitude less path angle
+        means["alpha"] = np.asarray(float(part["theta"].mean()) - gamma)
     added = {"f": f, "lift_force": across, "V_dot": V_dot, "hdot": climb, "time": time.mean()}
     return means | {name: np.asarray(x) for name, x in added.items()}
 

@@ -20,6 +20,12 @@ from flightmech.aircraft.engine import Engine
 from flightmech.errors import IdentificationError
 from flightmech.names import value_text
 from flightmech.terms import SOURCE_ATTRS, SOURCES
+from flighttest.reconstruction.dynamics.shaft_condition import (
+    power_unit,
+    propeller_of,
+    table_at,
+    thrust_unit,
+)
 from flighttest.remarks import PrintedResult, Remark, remarks_to_json
 from flighttest.submodels.engine.propeller_equations import (
     FlownRange,
@@ -34,12 +40,6 @@ from flighttest.submodels.engine.propeller_estimate import (
     separate_thrust_and_drag,
 )
 from flighttest.submodels.engine.propeller_points import DURATION, propeller_points
-from flighttest.submodels.engine.shaft_condition import (
-    power_unit,
-    propeller_of,
-    table_at,
-    thrust_unit,
-)
 from flighttest.submodels.engine.shaft_dynamics import ShaftDynamics, identify_shaft
 from flighttest.submodels.engine.static_thrust import Polar
 
@@ -235,6 +235,12 @@ class PropellerFit(PrintedResult):
         remarks = self.estimate.convergence.remarks("propulsion", advice)
         remarks += _separability_remarks(self.separability)
         remarks += self._outlier_remarks() + self._prior_remarks()
+        if "alpha" not in self.equations.columns:
+            text = (
+                "neither angle of attack nor pitch attitude is recorded: the thrust counts along the "
+                "path, and its part in the lift is not subtracted; map alpha_vane or theta"
+            )
+            remarks.append(Remark("points", text, "alpha"))
         if self.equations.left_out:
             remarks.append(
                 Remark("points", f"left out: {self.equations.left_out}", severity="note")

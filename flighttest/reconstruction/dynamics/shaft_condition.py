@@ -45,13 +45,17 @@ class EnginePower(NamedTuple):
     ----------
     gross, losses : array
         Power at the shaft is gross less losses. [W]
-    fuel_flow : array or None
-        Fuel flow; None without tables of it. [kg/s]
+    tabled_flow, flow_of_power : array
+        Fuel flow of a table, and of a specific consumption times the gross power. [kg/s]
+    metered_flow : array
+        Fuel flow of air and mixture, which makes the power itself. [kg/s]
     """
 
     gross: np.ndarray
     losses: np.ndarray
-    fuel_flow: np.ndarray | None
+    tabled_flow: np.ndarray
+    flow_of_power: np.ndarray
+    metered_flow: np.ndarray
 
 
 def air_of(columns: Mapping[str, np.ndarray]) -> Condition:
@@ -220,10 +224,10 @@ def _turbine_power(propeller: Propeller, at: Condition) -> EnginePower | None:
         gross = gross + factor * table_at(tables[name], at)
     most = propeller.torque_limit * np.maximum(at["rpm"], _SLOW_SHAFT)
     gross = np.minimum(np.minimum(gross, propeller.power_limit), most)
-    flow = None
+    zero, flow = np.zeros_like(gross), np.zeros_like(gross)
     if "shaft_bsfc" in tables and set(map(str, tables["shaft_bsfc"]["value"].dims)) <= set(at):
         flow = table_at(tables["shaft_bsfc"], at) * np.maximum(gross, 0.0)
-    return EnginePower(gross, np.zeros_like(gross), flow)
+    return EnginePower(gross, zero, zero, flow_of_power=flow, metered_flow=zero)
 
 
 def _piston_power(piston: PistonEngine, at: Condition) -> EnginePower:
@@ -260,10 +264,8 @@ def _piston_power(piston: PistonEngine, at: Condition) -> EnginePower:
         + table("friction_power")
         - piston.pumping * swept * (unboosted - at["p_static"])
     )
-    flow = None
-    if {"fuel_flow", "bsfc", "fuel_work"} & set(tables):
-        flow = mixed + np.maximum(table("fuel_flow") + table("bsfc") * np.maximum(chart, 0.0), 0.0)
-    return EnginePower(gross, losses, flow)
+    flow_of_power = table("bsfc") * np.maximum(chart, 0.0)
+    return EnginePower(gross, losses, table("fuel_flow"), flow_of_power, metered_flow=mixed)
 
 
 def table_at(leaf: xr.Dataset, at: Mapping[str, np.ndarray]) -> np.ndarray:
