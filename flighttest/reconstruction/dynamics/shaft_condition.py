@@ -222,7 +222,9 @@ def _turbine_power(propeller: Propeller, at: Condition) -> EnginePower | None:
         if name.startswith("corrected"):
             factor = at["pressure_ratio"] * np.sqrt(at["temperature_ratio"])
         gross = gross + factor * table_at(tables[name], at)
-    most = propeller.torque_limit * np.maximum(at["rpm"], _SLOW_SHAFT)
+    # a limit that does not act is the largest double, whose product overflows
+    with np.errstate(over="ignore"):
+        most = propeller.torque_limit * np.maximum(at["rpm"], _SLOW_SHAFT)
     gross = np.minimum(np.minimum(gross, propeller.power_limit), most)
     zero, flow = np.zeros_like(gross), np.zeros_like(gross)
     if "shaft_bsfc" in tables and set(map(str, tables["shaft_bsfc"]["value"].dims)) <= set(at):
@@ -307,7 +309,13 @@ def blade_setting(propeller: Propeller, at: Condition, power: np.ndarray) -> Bla
     nodes = leaf["blade_angle"].values
     nodes = nodes[(nodes > low.min()) & (nodes < propeller.highest)]
     angles = np.vstack([low, *(np.maximum(low, x) for x in nodes), 0.0 * low + propeller.highest])
-    taken = np.array([table_at(leaf, at | {"blade_angle": row}) for row in angles])
+    # one look-up of all angles at all points (angle, point)
+    rows = {
+        str(dim): np.broadcast_to(at[str(dim)], angles.shape)
+        for dim in leaf["value"].dims
+        if dim != "blade_angle"
+    }
+    taken = table_at(leaf, {**at, **rows, "rpm": angles, "blade_angle": angles})
     # first interval whose upper end takes at least the power
     k = np.clip(np.argmax(taken >= wanted, axis=0), 1, len(angles) - 1)
     point = np.arange(len(power))

@@ -3,9 +3,9 @@
 Unknowns correct the a-priori tables of propeller and engine, the drag polar, and the common errors
 of the instruments::
 
-    CT = (1 + s) CT0(J, blade angle) + c (a1 z + a2 P2(z) + a3 P3(z)) + w min(CT0, 0)
-    CP = (1 + s) CP0 + ...                             the same without w
-    P  = (1 + e + d y) gross - losses                  of the engine by its tables
+    CT = (1 + s) CT0(J, blade angle) + c (a1 z + a2 P2(z) + a3 P3(z)) + c y (a4 + a5 z) + w min(CT0, 0)
+    CP = (1 + s) CP0 + c (a1 z + a2 P2(z) + a3 P3(z))
+    P  = (1 + e + d x) gross - losses                  of the engine by its tables
     Wf = (1 + b) Wf0
 
     force         m f = sum T cos(alpha + i_T) - qbar S (CD0 + K CL^2)
@@ -14,7 +14,8 @@ of the instruments::
     fuel flow     Wf
 
 CT0 and CP0 are a priori, c their rms over the points, z = -1 ... 1 over the advance ratios of the
-points, P2 and P3 Legendre polynomials, y = -1 ... 1 over manifold pressure or n1.  Each unknown has
+points, y the same over their blade angles, P2 and P3 Legendre polynomials, x = -1 ... 1 over
+manifold pressure or n1.  Each unknown has
 an a-priori standard error, so higher orders stay at zero unless the points determine them.
 """
 
@@ -49,6 +50,8 @@ from flighttest.submodels.engine.static_thrust import Polar
 # same blades (our judgement), less in the shape.
 ORDERS = {"scale": 0.10, "slope": 0.08, "curvature": 0.04, "cubic": 0.02}
 _WINDMILLING, _FEATHERED = 0.3, 0.5
+# Change over the flown blade angles, where the blades turn.
+_PITCH = {"pitch": 0.04, "pitch slope": 0.02}
 # Of power and fuel flow by the chart of a maker, which states 2.5 to 5 % (our judgement).
 _POWER = {"scale": 0.05, "slope": 0.03}
 _FUEL = 0.10
@@ -99,11 +102,32 @@ class FlownRange(NamedTuple):
 
 
 def corrected(
-    name: str, prior: np.ndarray, J: np.ndarray, shape: FlownRange, value: Mapping[str, float]
+    name: str,
+    prior: np.ndarray,
+    at: Condition,
+    shapes: Mapping[str, FlownRange],
+    value: Mapping[str, float],
 ) -> np.ndarray:
-    """Return a coefficient of a turning propeller with its corrections (point,)."""
+    """Return a coefficient of a turning propeller with its corrections (point,).
+
+    Parameters
+    ----------
+    name : {"CT_prop", "CP_prop"}
+    prior : array (point,)
+        A-priori coefficient.
+    at : dict of str to array (point,)
+        ``J``, and ``blade_angle`` where the blades turn.
+    shapes : mapping of str to FlownRange
+        As `PropulsionEquations.shapes`.
+    value : mapping of str to float
+        Unknowns by name.
+    """
     total = (1.0 + value.get(f"{name} scale", 0.0)) * prior
-    for order, column in shape.orders(J).items():
+    columns = shapes[name].orders(at["J"])
+    if "blade_angle" in shapes:
+        y = shapes[name].size * shapes["blade_angle"].place(at["blade_angle"])
+        columns |= {"pitch": y, "pitch slope": y * shapes[name].place(at["J"])}
+    for order, column in columns.items():
         total = total + value.get(f"{name} {order}", 0.0) * column
     return total + value.get(f"{name} windmilling", 0.0) * np.minimum(prior, 0.0)
 
@@ -194,6 +218,9 @@ class PropulsionEquations:
             values = [getattr(state, prior)[on] for state, on in zip(states, turning)]
             size = float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
             shapes[name] = FlownRange(float(J.min()), float(J.max()), size)
+        if self.propeller.turns_blades:
+            angles = np.concatenate([s.at["blade_angle"][on] for s, on in zip(states, turning)])
+            shapes["blade_angle"] = FlownRange(float(angles.min()), float(angles.max()), 1.0)
         if self.power_axis and self.charted:
             x = np.concatenate([state.at[self.power_axis] for state in states])
             shapes["power"] = FlownRange(float(x.min()), float(x.max()), 1.0)
@@ -218,6 +245,9 @@ class PropulsionEquations:
                 # Without a blade angle only points at a stop show CP.
                 if name == "CT_prop" or fixed or (order == "scale" and self._count_stops() > 2):
                     unknowns[f"{name} {order}"] = PriorValue(0.0, stderr * share / ORDERS["scale"])
+        if "blade_angle" in self.shapes:
+            for order, stderr in _PITCH.items():
+                unknowns[f"CT_prop {order}"] = PriorValue(0.0, stderr)
         if not fixed and any((state.CT < 0.0).any() for state in states):
             unknowns["CT_prop windmilling"] = PriorValue(0.0, _WINDMILLING)
         if any((state.at.get("feather", np.zeros(1)) > 0.5).any() for state in states):
@@ -362,10 +392,10 @@ class PropulsionEquations:
             scale = 1.0 + value.get("CP_prop scale", 0.0)
             prior = self._state(at, power, shaft, scale)
             J = at["J"]
-            CT = corrected("CT_prop", prior.CT, J, self.shapes["CT_prop"], value)
+            CT = corrected("CT_prop", prior.CT, prior.at, self.shapes, value)
             feathered = at.get("feather", 0.0 * J) > 0.5
             own = (1.0 + value.get("CT_prop feathered", 0.0)) * prior.CT
-            CP = corrected("CP_prop", prior.CP, J, self.shapes["CP_prop"], value)
+            CP = corrected("CP_prop", prior.CP, prior.at, self.shapes, value)
             states.append(prior._replace(CT=np.where(feathered, own, CT), CP=CP))
         return states
 

@@ -38,8 +38,11 @@ SEPARABLE = 0.95
 _STEPS = 40
 # Step over the a-priori standard error, and relative change of the noise, at convergence.
 _SAME, _SAME_NOISE = 1e-5, 1e-4
-# Difference for a slope, in a-priori standard errors.
-_DIFFERENCE = 1e-3
+# Difference for a slope, in a-priori standard errors: wide, so that kinks of the tables at their
+# nodes do not make the slopes jump from step to step.
+_DIFFERENCE = 0.3
+# Step over the a-priori standard errors after which the slopes are computed again.
+_MOVED = 0.05
 # Largest correlation of successive residuals that is used, and least noise.
 _MOST_CORRELATED, _LEAST_NOISE = 0.9, 1e-10
 # Factor on an a-priori standard error that takes the knowledge away.
@@ -99,10 +102,13 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
     noise: dict[str, float] = {}
     inflation: dict[str, float] = {}
     runs = equations.runs()
-    convergence = Convergence(False, 0, np.inf)
+    convergence, moved = Convergence(False, 0, np.inf), np.inf
+    jacobian: dict[str, np.ndarray] = {}
     for count in range(1, _STEPS + 1):
         residuals = equations.residuals(u)
-        jacobian = _jacobian(equations, u, sigma)
+        # The equations are nearly linear: slopes near the solution stay.
+        if moved > _MOVED:
+            jacobian = _jacobian(equations, u, sigma)
         if not noise:
             noise = {name: max(_rms(v), _LEAST_NOISE) for name, v in residuals.items()}
             inflation = dict.fromkeys(residuals, 1.0)
@@ -122,7 +128,8 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
             equations, u, jacobian, D=D, free=free, old=(noise, inflation), runs=runs
         )
         change = max(abs(new[name] / noise[name] - 1.0) for name in new) / _SAME_NOISE
-        change = max(change, float(np.max(np.abs(step) / sigma[free])) / _SAME)
+        moved = float(np.max(np.abs(step) / sigma[free]))
+        change = max(change, moved / _SAME)
         noise = new
         convergence = Convergence(bool(change <= 1.0), count, float(change))
         if convergence.converged:

@@ -108,20 +108,30 @@ class PropellerFit(PrintedResult):
         at |= {"J": J, "rpm": J}
         if blade_angle is not None:
             at["blade_angle"] = np.broadcast_to(np.asarray(blade_angle, float), J.shape)
-        prior = table_at(leaf, at)
-        return self._with_error(name, prior, J)
+        return self.with_error(name, table_at(leaf, at), at)
 
-    def _with_error(self, name: str, prior: np.ndarray, J: np.ndarray):
-        """Return corrected coefficients and their standard errors (point,)."""
-        shape = self.equations.shapes[name]
-        value = corrected(name, prior, J, shape, self.value)
+    def with_error(
+        self, name: str, prior: np.ndarray, at: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return corrected coefficients and their standard errors (point,).
+
+        Parameters
+        ----------
+        name : {"CT_prop", "CP_prop"}
+        prior : array (point,)
+            A-priori coefficients.
+        at : mapping of str to array (point,)
+            ``J``, and ``blade_angle`` where the blades turn.
+        """
+        shapes = self.equations.shapes
+        value = corrected(name, prior, at, shapes, self.value)
         # The coefficients are linear in the unknowns: each slope is a difference of one unit.
         slopes = np.zeros((len(prior), len(self.value)))
         for k, unknown in enumerate(self.value):
             if unknown.startswith(f"{name} "):
-                slopes[:, k] = corrected(name, prior, J, shape, {unknown: 1.0}) - prior
+                slopes[:, k] = corrected(name, prior, at, shapes, {unknown: 1.0}) - prior
         variance = np.einsum("ij,jk,ik->i", slopes, self.estimate.covariance, slopes)
-        return value, np.sqrt(variance + self._beyond(name, prior, J, shape) ** 2)
+        return value, np.sqrt(variance + self._beyond(name, prior, at["J"], shapes[name]) ** 2)
 
     def _beyond(self, name: str, prior: np.ndarray, J: np.ndarray, shape: FlownRange) -> np.ndarray:
         """Return the standard error that a coefficient has beyond the flown advance ratios.
@@ -183,7 +193,8 @@ class PropellerFit(PrintedResult):
             )
         )
         J, before = grids["J"].ravel(), value.values.ravel()
-        after, stderr = self._with_error(name, before, J)
+        at = {"J": J, "blade_angle": grids.get("blade_angle", J).ravel()}
+        after, stderr = self.with_error(name, before, at)
         shape = self.equations.shapes[name]
         inside = (shape.low <= J) & (shape.high >= J)
         if "blade_angle" in grids:
@@ -293,7 +304,7 @@ class PropellerFit(PrintedResult):
         for state, prior in zip(equations.states(value, columns), equations.states({}, columns)):
             q = 0.5 * state.at["rho"] * state.at["V"] ** 2
             unit = thrust_unit(equations.propeller, state.at) / q
-            _, stderr = self._with_error("CT_prop", prior.CT, state.at["J"])
+            _, stderr = self.with_error("CT_prop", prior.CT, state.at)
             feathered = state.at.get("feather", np.zeros(len(q))) > 0.5
             power = state.CP * power_unit(equations.propeller, state.at)
             idle = (power < _IDLE_POWER * equations.units["power"]) & ~feathered

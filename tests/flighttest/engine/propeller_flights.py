@@ -361,6 +361,11 @@ def _governed_angle(craft: Craft, J: float, CP: float) -> float:
     return float(grid[k - 1] + share * (grid[k] - grid[k - 1]))
 
 
+def governed_thrust(craft: Craft, J: float, CP: float) -> float:
+    """Return the true CT at an advance ratio and a power coefficient."""
+    return float(craft.blades.coefficients(J, _governed_angle(craft, J, CP))[0])
+
+
 def _record(craft: Craft, rows: list[dict[str, float]], rng: np.random.Generator) -> xr.Dataset:
     """Return what the instruments show."""
     truth = {name: np.array([row[name] for row in rows]) for name in rows[0]}
