@@ -2,7 +2,7 @@
 
     python benchmarks/propeller_identification.py [--programmes 20] [--kind piston turboprop]
 
-The flights are those of `tests/flighttest/engine/propeller_flights.py`: blade-element propellers
+The flights are those of `tests/flighttest/propeller_flights.py`: blade-element propellers
 and engines of their own, instruments with noise and constant errors.  Printed are the shares of
 estimates within two standard errors of the truth: CT and CP over the flown advance ratios (a
 governed propeller: thrust at power and airspeed), power over manifold pressure or lever, CD0 and K.
@@ -21,7 +21,7 @@ from flighttest.reconstruction.dynamics.shaft_condition import blade_setting, ta
 from flighttest.submodels.engine.propeller_result import PropellerFit, identify_propeller
 from flighttest.submodels.engine.static_thrust import Polar
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "flighttest" / "engine"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "flighttest"))
 import propeller_flights as flights
 
 POINTS = 5

@@ -194,13 +194,13 @@ class PropulsionEquations:
         )
 
     def _power_axis(self) -> str:
-        tables = self._power_tables()
+        tables = self.power_tables()
         for axis in POWER_AXES:
             if tables and all(axis in leaf["value"].dims for leaf in tables.values()):
                 return axis
         return ""
 
-    def _power_tables(self) -> dict[str, xr.Dataset]:
+    def power_tables(self) -> dict[str, xr.Dataset]:
         """Return the tables of the gross power of the first engine."""
         part = self.engine.piston or self.propeller
         names = ("power", "corrected_power", "fuel_work", "shaft_power", "corrected_shaft_power")
@@ -252,7 +252,7 @@ class PropulsionEquations:
             unknowns["CT_prop windmilling"] = PriorValue(0.0, _WINDMILLING)
         if any((state.at.get("feather", np.zeros(1)) > 0.5).any() for state in states):
             unknowns["CT_prop feathered"] = PriorValue(0.0, _FEATHERED)
-        if self.charted and self._power_tables():
+        if self.charted and self.power_tables():
             unknowns["power scale"] = PriorValue(0.0, _POWER["scale"])
             if self.power_axis:
                 unknowns["power slope"] = PriorValue(0.0, _POWER["slope"])
@@ -307,7 +307,7 @@ class PropulsionEquations:
         """Return the a-priori standard errors; zero holds an unknown."""
         return np.array([unknown.stderr for unknown in self.unknowns.values()])
 
-    def _measured(self, value: Mapping[str, float]) -> Condition:
+    def measured(self, value: Mapping[str, float]) -> Condition:
         """Return the channels without the common errors of their instruments, and the air."""
         columns = dict(self.columns)
         for name, error in value.items():
@@ -405,7 +405,7 @@ class PropulsionEquations:
         ``force`` is in m/s2, the others are relative to the largest power or fuel flow.
         """
         value = dict(zip(self.unknowns, map(float, u)))
-        columns = self._measured(value)
+        columns = self.measured(value)
         states = self.states(value, columns)
         blocks = {"force": columns["f"] - self.path_force(value, columns, states) / columns["mass"]}
         shaft, engine, fuel = [], [], []

@@ -40,7 +40,12 @@ from flighttest.submodels.engine.propeller_estimate import (
     separate_thrust_and_drag,
 )
 from flighttest.submodels.engine.propeller_points import DURATION, propeller_points
-from flighttest.submodels.engine.shaft_dynamics import ShaftDynamics, identify_shaft
+from flighttest.submodels.engine.records import engine_channels
+from flighttest.submodels.engine.shaft_dynamics import (
+    ShaftDynamics,
+    identify_shaft,
+    shaft_changes,
+)
 from flighttest.submodels.engine.static_thrust import Polar
 
 # Remaining part of an a-priori standard error up to which the points determine an unknown.
@@ -145,6 +150,14 @@ class PropellerFit(PrintedResult):
         share = np.minimum(distance / max(shape.high - shape.low, 1e-3), 1.0)
         return share * unknown.stderr * np.maximum(np.abs(prior), shape.size)
 
+    def typical_blade_angle(self) -> float | None:
+        """Return the median blade angle of the points [rad]; None for fixed pitch."""
+        equations = self.equations
+        if not equations.propeller.turns_blades:
+            return None
+        states = equations.states(self.value, equations.measured(self.value))
+        return float(np.median(np.concatenate([state.at["blade_angle"] for state in states])))
+
     def power_factor(self, x: float | None = None) -> tuple[float, float]:
         """Return the factor on the gross power of the tables of the engine, and its standard error.
 
@@ -171,7 +184,7 @@ class PropellerFit(PrintedResult):
             if f"{name} scale" in self.value:
                 tables[name] = self._corrected_coefficient(name)
         if "power scale" in self.value:
-            for name, leaf in self.equations._power_tables().items():
+            for name, leaf in self.equations.power_tables().items():
                 tables[name] = self._scaled_power(leaf)
         if "fuel flow scale" in self.value:
             factor = 1.0 + self.value["fuel flow scale"]
@@ -299,7 +312,7 @@ class PropellerFit(PrintedResult):
             ``windmilling or idle``, ``feathered``: -thrust over dynamic pressure. [m2]
         """
         equations, value = self.equations, self.value
-        columns = equations._measured(value)
+        columns = equations.measured(value)
         areas: dict[str, list[tuple[float, float]]] = {"windmilling or idle": [], "feathered": []}
         for state, prior in zip(equations.states(value, columns), equations.states({}, columns)):
             q = 0.5 * state.at["rho"] * state.at["V"] ** 2
@@ -360,10 +373,8 @@ class PropellerFit(PrintedResult):
         equations = self.equations
         shape = equations.shapes["CT_prop"]
         J = np.linspace(shape.low, shape.high, _PRINTED)
-        states = equations.states(self.value, equations._measured(self.value))
-        angle, text = None, ""
-        if equations.propeller.turns_blades:
-            angle = float(np.median(np.concatenate([s.at["blade_angle"] for s in states])))
+        angle, text = self.typical_blade_angle(), ""
+        if angle is not None:
             text = f" at a blade angle of {value_text('blade_angle', angle)}"
         lines = [f"J{text:<33}{'CT_prop':>11}{'std. error':>12}{'CP_prop':>11}{'std. error':>12}"]
         thrust, power = (self.coefficient(name, J, angle) for name in ("CT_prop", "CP_prop"))
@@ -466,6 +477,7 @@ def identify_propeller(
     polar: Polar,
     *,
     power_changes: Sequence[Any] = (),
+    pla: tuple[float, float] | None = None,
     errors: Mapping[str, float] | None = None,
     duration: float = DURATION,
 ) -> PropellerFit:
@@ -479,8 +491,11 @@ def identify_propeller(
         A-priori propeller and engine. All engines are of one type.
     polar : Polar
         Drag polar of the flown configuration with its standard errors; zero holds a value.
-    power_changes : sequence of Dataset (time,)
-        Chops and slams, as for `identify_shaft`; without them no dynamics.
+    power_changes : sequence of Path or Dataset (time,)
+        Records that hold chops and slams, which are cut out of them (`shaft_changes`); without
+        such, or without ``engineN.throttle``, no dynamics.
+    pla : (idle, full), optional
+        Lever angles at throttle 0 and 1, where records have angles. [rad]
     errors : mapping of str to float, optional
         Standard errors of the common errors of the instruments in place of the defaults: relative
         for ``V mass rpm torque manifold_pressure fuel_flow climb``, ``temperature`` [K], ``alpha``
@@ -517,7 +532,20 @@ def identify_propeller(
         separate_thrust_and_drag(equations, estimate),
         records=tuple(map(str, names)),
     )
-    if not power_changes:
+    changes = _cut_changes(power_changes, len(aircraft.engines), pla)
+    if not changes:
         return found
-    dynamics = identify_shaft(power_changes, found.aircraft(aircraft))
-    return replace(found, dynamics=dynamics)
+    return replace(found, dynamics=identify_shaft(changes, found.aircraft(aircraft)))
+
+
+def _cut_changes(
+    records: Sequence[Any], engines: int, pla: tuple[float, float] | None
+) -> list[xr.Dataset]:
+    """Return the power changes of records with a lever, all engines averaged."""
+    changes: list[xr.Dataset] = []
+    for one in records:
+        states = getattr(one, "states", one)
+        channels = engine_channels(states, range(1, engines + 1), pla)
+        if "throttle" in channels:
+            changes += shaft_changes(channels)
+    return changes

@@ -416,3 +416,42 @@ def make_flights(seed: int, governed: bool) -> tuple[Craft, list[xr.Dataset]]:
     for number, leg in enumerate(programme(craft)):
         records.append(fly(craft, leg, rng).assign_attrs(record=f"leg {number + 1}"))
     return craft, records
+
+
+def fly_power_change(
+    craft: Craft, truth: dict[str, float], rng: np.random.Generator, rate: float = 10.0
+) -> xr.Dataset:
+    """Return a slam and a chop at constant airspeed and height, by Euler steps of its own.
+
+    Manifold and shaft: m' = (p / (1 + w z) - m) / tau, I w' = P / w - Q.
+    """
+    V, h, dt = 45.0, 1200.0, 0.01
+    T_air, p, rho, sound = (float(x) for x in atmosphere(h))
+    D = craft.blades.diameter
+    moves = np.array([(0.0, 0.3), (2.0, 0.3), (2.4, 1.0), (9.0, 1.0), (9.4, 0.3), (16.0, 0.3)]).T
+    w, m, rows = 200.0, 0.6 * p, []
+    for k in range(round(-15.0 / dt), round(16.0 / dt)):
+        t = k * dt
+        lever = float(np.interp(t, *moves))
+        if k >= 0 and k % round(1.0 / (rate * dt)) == 0:
+            rows.append((lever, w, m))
+        _, CP = _at_angle(craft, V * 2.0 * np.pi / (w * D), craft.blades.design)
+        taken = CP * rho * (w / (2.0 * np.pi)) ** 2 * D**5 / (2.0 * np.pi)
+        made = float(craft.piston_power(m, w, T_air, p)) / w
+        impedance = 2e-4 + truth["throttle_impedance"] * (1.0 - lever) ** 2
+        w, m = (
+            w + dt * (made - taken) / truth["inertia"],
+            m + dt * (p / (1.0 + w * impedance) - m) / truth["map_time"],
+        )
+    lever, w, m = np.array(rows).T
+    count = len(lever)
+    columns = {
+        "throttle": lever,
+        "rpm": w + 0.4 * rng.standard_normal(count),
+        "manifold_pressure": m + 200.0 * rng.standard_normal(count),
+        "mach": np.full(count, V / sound),
+        "h": np.full(count, h),
+    }
+    return xr.Dataset(
+        {k: ("time", x) for k, x in columns.items()}, {"time": np.arange(count) / rate}
+    )
