@@ -46,7 +46,7 @@ NOISE = {
     "specific force": 0.03,
 }
 GUST, GUST_TIME = 0.12, 20.0  # m/s, s
-RATE = 2.0
+RATE = 1.0
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ _SAME, _SAME_NOISE = 1e-5, 1e-4
 # nodes do not make the slopes jump from step to step.
 _DIFFERENCE = 0.3
 # Step over the a-priori standard errors after which the slopes are computed again.
-_MOVED = 0.05
+_MOVED = 0.2
 # Largest correlation of successive residuals that is used, and least noise.
 _MOST_CORRELATED, _LEAST_NOISE = 0.9, 1e-10
 # Factor on an a-priori standard error that takes the knowledge away.
@@ -152,16 +152,19 @@ def _rms(v: np.ndarray) -> float:
 
 
 def _jacobian(
-    equations: PropulsionEquations, u: np.ndarray, sigma: np.ndarray
+    equations: PropulsionEquations, u: np.ndarray, sigma: np.ndarray, central: bool = True
 ) -> dict[str, np.ndarray]:
-    """Return the slopes of the residuals by central differences (point, unknown)."""
+    """Return the slopes of the residuals by differences, central or forward (point, unknown)."""
+    at_u = {} if central else equations.residuals(u)
     columns: dict[str, list[np.ndarray]] = {}
     for k, s in enumerate(sigma):
         step = np.zeros(len(u))
         step[k] = _DIFFERENCE * s if s > 0.0 else _DIFFERENCE * max(abs(u[k]), 1e-3)
-        above, below = equations.residuals(u + step), equations.residuals(u - step)
-        for name, v in above.items():
-            columns.setdefault(name, []).append((v - below[name]) / (2.0 * step[k]))
+        below, width = at_u, step[k]
+        if central:
+            below, width = equations.residuals(u - step), 2.0 * step[k]
+        for name, v in equations.residuals(u + step).items():
+            columns.setdefault(name, []).append((v - below[name]) / width)
     return {name: np.column_stack(parts) for name, parts in columns.items()}
 
 
@@ -327,5 +330,5 @@ def _force_information(
 ) -> np.ndarray:
     """Return the information of the force at further points (unknown, unknown)."""
     other = equations.at_points(columns)
-    G = _jacobian(other, estimate.value, equations.prior_errors())["force"]
+    G = _jacobian(other, estimate.value, equations.prior_errors(), central=False)["force"]
     return G.T @ G / (estimate.noise["force"] ** 2 * estimate.inflation["force"])
