@@ -412,7 +412,7 @@ class PropulsionEquations:
         for state, stop, on in zip(states, self.stops, self.turning):
             used = stop & on & ~(state.at.get("feather", np.zeros(len(on))) > 0.5)
             taken = state.CP * power_unit(self.propeller, state.at)
-            shaft.append(((state.shaft - taken) / self.units["power"])[used])
+            shaft.append(((state.shaft - taken) / self._level(value))[used])
             if self.torque and state.power is not None:
                 tabled = self.engine_power(state.power, state.at, value)
                 measured = state.at["torque"] * state.at["rpm"]
@@ -428,6 +428,16 @@ class PropulsionEquations:
             if parts and sum(map(len, parts)):
                 blocks[name] = np.concatenate(parts)
         return blocks
+
+    def _level(self, value: Mapping[str, float]) -> float:
+        """Return the power that the residuals of the shaft are divided by. [W]
+
+        Without a torque both sides of the equation are corrected tables. Residuals of a fixed size
+        would then be smallest for a power of zero, and both levels would come out too low.
+        """
+        if self.torque:
+            return self.units["power"]
+        return self.units["power"] * (1.0 + value.get("power scale", 0.0))
 
     def runs(self) -> dict[str, np.ndarray]:
         """Return the number of the record of each residual, by equation."""

@@ -137,7 +137,13 @@ def engines() -> dict[str, Engine]:
     lever, n1 = [0.0, 1.0], [0.5, 1.0]
     power = make_term([[60e3, 70e3], [300e3, 360e3]], {"n1": n1, "engine_rpm": [120.0, 220.0]})
     turbine = turning | {"corrected_shaft_power": power, "shaft_bsfc": make_term(9e-8)}
-    deck = EngineDeck({"n1_command": make_term(n1, {"throttle": lever})})
+    deck = EngineDeck(
+        {
+            "n1_command": make_term(n1, {"throttle": lever}),
+            "n1_up_time": make_term(1.0),
+            "thrust": make_term(0.0),
+        }
+    )
     stops = {"low_pitch": angles[0], "high_pitch": angles[-1], "rpm_low": 150.0}
     chart = make_term(
         [[9e3, 14e3], [90e3, 140e3]],
