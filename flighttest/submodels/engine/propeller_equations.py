@@ -163,6 +163,8 @@ class PropulsionEquations:
         polar: Polar,
         errors: Mapping[str, float] | None = None,
     ):
+        # a recorded fuel flow that is not compared
+        self.metered = False
         self.aircraft, self.count = aircraft, points.sizes["point"]
         self.left_out = str(points.attrs.get("left_out", ""))
         self.accelerometer = points.attrs.get("force") == "accelerometer"
@@ -182,7 +184,7 @@ class PropulsionEquations:
             self._refuse_power()
         self.shapes = self._make_shapes(states)
         self.stops = [state.at_stop for state in states]
-        self.turning = [state.at["rpm"] > STOPPED for state in states]
+        self.turning = [_is_turning(state) for state in states]
         self.units = self._make_units(states)
         self.unknowns = self._make_unknowns(polar, dict(INSTRUMENTS) | dict(errors or {}), states)
 
@@ -208,7 +210,7 @@ class PropulsionEquations:
 
     def _make_shapes(self, states: list[_ShaftState]) -> dict[str, FlownRange]:
         shapes = {}
-        turning = [state.at["rpm"] > STOPPED for state in states]
+        turning = [_is_turning(state) for state in states]
         J = np.concatenate([state.at["J"][on] for state, on in zip(states, turning)])
         if not J.size:
             raise IdentificationError(
@@ -271,7 +273,10 @@ class PropulsionEquations:
         recorded = all(f"engine{k}.fuel_flow" in self.columns for k in self.numbers)
         # A flow that air and mixture meter makes the power; a factor would change both.
         for state in states:
-            if state.power is None or state.power.metered_flow.any():
+            if state.power is None:
+                return False
+            if state.power.metered_flow.any():
+                self.metered = recorded
                 return False
             if not (state.power.tabled_flow + state.power.flow_of_power).any():
                 return False
@@ -296,7 +301,7 @@ class PropulsionEquations:
         air = other.columns | air_of(other.columns)
         states = [self._prior_state(number, air) for number in self.numbers]
         other.stops = [state.at_stop for state in states]
-        other.turning = [state.at["rpm"] > STOPPED for state in states]
+        other.turning = [_is_turning(state) for state in states]
         return other
 
     def first(self) -> np.ndarray:
@@ -410,7 +415,7 @@ class PropulsionEquations:
         blocks = {"force": columns["f"] - self.path_force(value, columns, states) / columns["mass"]}
         shaft, engine, fuel = [], [], []
         for state, stop, on in zip(states, self.stops, self.turning):
-            used = stop & on & ~(state.at.get("feather", np.zeros(len(on))) > 0.5)
+            used = stop & on
             taken = state.CP * power_unit(self.propeller, state.at)
             shaft.append(((state.shaft - taken) / self._level(value))[used])
             if self.torque and state.power is not None:
@@ -443,11 +448,8 @@ class PropulsionEquations:
         """Return the number of the record of each residual, by equation."""
         run = self.columns["run"]
         runs = {"force": run}
-        on = list(zip(self.stops, self.turning))
-        feather = [self.columns.get(f"engine{k}.feather", 0.0 * run) > 0.5 for k in self.numbers]
-        runs["shaft power"] = np.concatenate(
-            [run[stop & turning & ~off] for (stop, turning), off in zip(on, feather)]
-        )
+        pairs = zip(self.stops, self.turning)
+        runs["shaft power"] = np.concatenate([run[stop & turning] for stop, turning in pairs])
         turning_runs = np.concatenate([run[turning] for turning in self.turning])
         return runs | {"engine power": turning_runs, "fuel flow": turning_runs}
 
@@ -476,6 +478,12 @@ class _ShaftState(NamedTuple):
     CT: np.ndarray
     CP: np.ndarray
     at_stop: np.ndarray
+
+
+def _is_turning(state: _ShaftState) -> np.ndarray:
+    """Return where a propeller turns and is not feathered (point,)."""
+    feathered = state.at.get("feather", np.zeros_like(state.CT)) > 0.5
+    return (state.at["rpm"] > STOPPED) & ~feathered
 
 
 def _relative_error(leaf: xr.Dataset) -> float:

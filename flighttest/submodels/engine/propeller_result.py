@@ -265,6 +265,12 @@ class PropellerFit(PrintedResult):
                 "path, and its part in the lift is not subtracted; map alpha_vane or theta"
             )
             remarks.append(Remark("points", text, "alpha"))
+        if self.equations.metered:
+            text = (
+                "fuel flow is not corrected: air and mixture make the power of this engine, so that "
+                "a factor on the flow would change the power too"
+            )
+            remarks.append(Remark("prior", text, "fuel_flow", severity="note"))
         if self.equations.left_out:
             remarks.append(
                 Remark("points", f"left out: {self.equations.left_out}", severity="note")
@@ -421,7 +427,7 @@ def _separability_remarks(found: Separability | None) -> list[Remark]:
     name, rho = next(iter(found.manoeuvres.items()))
     text = (
         f"thrust and drag are not separable: correlation {found.correlation:.3f}, above "
-        f"{SEPARABLE:g}; the level of thrust is that of the a-priori values; fly {name}, after which "
+        f"{SEPARABLE:g}; the level of thrust leans on the a-priori values; fly {name}, after which "
         f"the correlation is {rho:.2f}"
     )
     if rho > SEPARABLE:

@@ -19,7 +19,10 @@ from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import IdentificationError
 from flightmech.simulation.kernel import Simulation
 from flightmech.terms import SOURCES, make_term
+from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.time_domain import regress
 from flighttest.submodels.engine.propeller_result import identify_propeller
 from flighttest.submodels.engine.shaft_dynamics import compile_shaft, identify_shaft
 from flighttest.submodels.engine.static_thrust import Polar
@@ -207,6 +210,53 @@ def test_channels_are_those_of_the_kernel_at_rest_of_the_shaft(kind):
         if f"engine1.{name}" in found:
             expected = y[f"engine1.{name}"]
             assert float(found[f"engine1.{name}"][0]) == pytest.approx(expected, rel=2e-6), name
+
+
+# ---- regression on the effects of power -------------------------------------------------------
+
+
+def test_regressors_of_power_need_no_channel_of_thrust():
+    rng = np.random.default_rng(5)
+    size = {"p": 0.1, "q": 0.1, "r": 0.1, "p_dot": 0.3, "q_dot": 0.3, "r_dot": 0.3, "ax": 1.0}
+    size |= {"ay": 1.0, "az": 2.0, "beta": 0.03, "alpha_dot": 0.1, "beta_dot": 0.1}
+    count = 80
+    columns = {name: s * rng.standard_normal(count) for name, s in size.items()}
+    columns["V"] = 50.0 + 4.0 * rng.standard_normal(count)
+    columns["alpha"] = 0.06 + 0.03 * rng.standard_normal(count)
+    columns["h"] = np.full(count, 900.0)
+    columns["qbar"] = 0.5 * 1.12 * columns["V"] ** 2
+    columns["engine1.rpm"] = 230.0 + 25.0 * rng.standard_normal(count)
+    states = xr.Dataset(
+        {name: ("time", x) for name, x in columns.items()}, {"time": np.arange(count) * 0.02}
+    )
+    engine = engines()["chart"]
+
+    def craft(rotation: int) -> flightmech.Aircraft:
+        blades = replace(engine.propeller, rotation=rotation, inertia=1e-9)
+        turned = replace(engine, propeller=blades)
+        return flightmech.Aircraft("one", 16.0, 1.5, 11.0, 1050.0, 1e3, 2e3, 3e3, engines=(turned,))
+
+    data = coefficients(states, craft(1))
+    q_S = columns["qbar"] * 16.0
+    np.testing.assert_allclose(data["CT"], data["engine1.thrust"] / q_S)
+    n = columns["engine1.rpm"] / (2.0 * np.pi)
+    J = columns["V"] * np.cos(columns["alpha"]) / (n * 1.9)
+    np.testing.assert_allclose(data["engine1.J"], J)
+    CT = np.interp(
+        J, engine.propeller.tables["CT_prop"]["J"], engine.propeller.tables["CT_prop"]["value"]
+    )
+    rho = 2.0 * columns["qbar"] / columns["V"] ** 2
+    np.testing.assert_allclose(data["engine1.thrust"], CT * rho * n**2 * 1.9**4)
+    # a right-handed propeller rolls the airframe to the left, so the air rolls it to the right
+    other = coefficients(states, craft(-1))
+    Q = data["engine1.torque"].values
+    np.testing.assert_allclose(data["Cl"] - other["Cl"], 2.0 * Q / (q_S * 11.0), atol=1e-9)
+    for regressor in ("CT", "engine1.CT_prop", "engine1.J"):
+        made = 0.02 - 0.6 * data["alpha"] + 0.15 * data[regressor]
+        model = RegressionModel.parse(f"Cm = 1 + alpha + {regressor}")
+        found = regress(model, data.assign(Cm=made))
+        slope = found.estimates["estimate"].sel(term=regressor)
+        assert float(slope) == pytest.approx(0.15, rel=1e-6)
 
 
 # ---- power changes ----------------------------------------------------------------------------
