@@ -43,93 +43,21 @@ from flighttest.reconstruction.dynamics.shaft_condition import (
     table_at,
     thrust_unit,
 )
+from flighttest.submodels.engine.propeller_corrections import (
+    FEATHERED,
+    FUEL,
+    INSTRUMENTS,
+    ORDERS,
+    PITCH,
+    POWER,
+    POWER_AXES,
+    WINDMILLING,
+    FlownRange,
+    PriorValue,
+    corrected,
+    relative_error,
+)
 from flighttest.submodels.engine.static_thrust import Polar
-
-# A-priori standard errors of the orders of a coefficient, relative to its size. Without a stderr in
-# the prior: 10 % in level and slope, which is the scatter of propeller charts against tests of the
-# same blades (our judgement), less in the shape.
-ORDERS = {"scale": 0.10, "slope": 0.08, "curvature": 0.04, "cubic": 0.02}
-_WINDMILLING, _FEATHERED = 0.3, 0.5
-# Change over the flown blade angles, where the blades turn.
-_PITCH = {"pitch": 0.04, "pitch slope": 0.02}
-# Of power and fuel flow by the chart of a maker, which states 2.5 to 5 % (our judgement).
-_POWER = {"scale": 0.05, "slope": 0.03}
-_FUEL = 0.10
-# Common standard errors of the instruments: relative, or in the unit given.
-INSTRUMENTS = {
-    "V": 0.005,
-    "mass": 0.005,
-    "rpm": 0.002,
-    "torque": 0.01,
-    "manifold_pressure": 0.01,
-    "fuel_flow": 0.01,
-    "temperature": 1.0,  # K
-    "climb": 0.005,
-    "alpha": 0.002,  # rad
-}
-# Axes over which the power of an engine may have a slope.
-POWER_AXES = ("manifold_pressure", "n1")
-
-
-class PriorValue(NamedTuple):
-    """Prior value and standard error of an unknown."""
-
-    value: float
-    stderr: float
-
-
-class FlownRange(NamedTuple):
-    """Interval of a variable, and size of a coefficient on it."""
-
-    low: float
-    high: float
-    size: float
-
-    def place(self, x: np.ndarray) -> np.ndarray:
-        """Return -1 ... 1 over the interval, held outside; 0 for an interval without length."""
-        if not self.high > self.low:
-            return np.zeros_like(np.asarray(x, float))
-        return np.clip(2.0 * (x - self.low) / (self.high - self.low) - 1.0, -1.0, 1.0)
-
-    def orders(self, x: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the polynomials of first to third order."""
-        z = self.place(x)
-        return {
-            "slope": self.size * z,
-            "curvature": self.size * (1.5 * z**2 - 0.5),
-            "cubic": self.size * (2.5 * z**3 - 1.5 * z),
-        }
-
-
-def corrected(
-    name: str,
-    prior: np.ndarray,
-    at: Condition,
-    shapes: Mapping[str, FlownRange],
-    value: Mapping[str, float],
-) -> np.ndarray:
-    """Return a coefficient of a turning propeller with its corrections (point,).
-
-    Parameters
-    ----------
-    name : {"CT_prop", "CP_prop"}
-    prior : array (point,)
-        A-priori coefficient.
-    at : dict of str to array (point,)
-        ``J``, and ``blade_angle`` where the blades turn.
-    shapes : mapping of str to FlownRange
-        As `PropulsionEquations.shapes`.
-    value : mapping of str to float
-        Unknowns by name.
-    """
-    total = (1.0 + value.get(f"{name} scale", 0.0)) * prior
-    columns = shapes[name].orders(at["J"])
-    if "blade_angle" in shapes:
-        y = shapes[name].size * shapes["blade_angle"].place(at["blade_angle"])
-        columns |= {"pitch": y, "pitch slope": y * shapes[name].place(at["J"])}
-    for order, column in columns.items():
-        total = total + value.get(f"{name} {order}", 0.0) * column
-    return total + value.get(f"{name} windmilling", 0.0) * np.minimum(prior, 0.0)
 
 
 class PropulsionEquations:
@@ -242,24 +170,24 @@ class PropulsionEquations:
         unknowns: dict[str, PriorValue] = {}
         fixed = not self.propeller.turns_blades or "engine1.blade_angle" in self.columns
         for name in ("CT_prop", "CP_prop"):
-            share = _relative_error(self.propeller.tables[name])
+            share = relative_error(self.propeller.tables[name])
             for order, stderr in ORDERS.items():
                 # Without a blade angle only points at a stop show CP.
                 if name == "CT_prop" or fixed or (order == "scale" and self._count_stops() > 2):
                     unknowns[f"{name} {order}"] = PriorValue(0.0, stderr * share / ORDERS["scale"])
         if "blade_angle" in self.shapes:
-            for order, stderr in _PITCH.items():
+            for order, stderr in PITCH.items():
                 unknowns[f"CT_prop {order}"] = PriorValue(0.0, stderr)
         if not fixed and any((state.CT < 0.0).any() for state in states):
-            unknowns["CT_prop windmilling"] = PriorValue(0.0, _WINDMILLING)
+            unknowns["CT_prop windmilling"] = PriorValue(0.0, WINDMILLING)
         if any((state.at.get("feather", np.zeros(1)) > 0.5).any() for state in states):
-            unknowns["CT_prop feathered"] = PriorValue(0.0, _FEATHERED)
+            unknowns["CT_prop feathered"] = PriorValue(0.0, FEATHERED)
         if self.charted and self.power_tables():
-            unknowns["power scale"] = PriorValue(0.0, _POWER["scale"])
+            unknowns["power scale"] = PriorValue(0.0, POWER["scale"])
             if self.power_axis:
-                unknowns["power slope"] = PriorValue(0.0, _POWER["slope"])
+                unknowns["power slope"] = PriorValue(0.0, POWER["slope"])
         if self._has_fuel(states):
-            unknowns["fuel flow scale"] = PriorValue(0.0, _FUEL)
+            unknowns["fuel flow scale"] = PriorValue(0.0, FUEL)
         unknowns["CD0"] = PriorValue(polar.CD0, polar.CD0_stderr)
         unknowns["K"] = PriorValue(polar.K, polar.K_stderr)
         for name in self._instruments():
@@ -484,12 +412,3 @@ def _is_turning(state: _ShaftState) -> np.ndarray:
     """Return where a propeller turns and is not feathered (point,)."""
     feathered = state.at.get("feather", np.zeros_like(state.CT)) > 0.5
     return (state.at["rpm"] > STOPPED) & ~feathered
-
-
-def _relative_error(leaf: xr.Dataset) -> float:
-    """Return the relative a-priori standard error of a coefficient."""
-    if "stderr" not in leaf:
-        return ORDERS["scale"]
-    value, stderr = leaf["value"].values, leaf["stderr"].values
-    size = float(np.sqrt(np.mean(value**2)))
-    return float(np.sqrt(np.nanmean(stderr**2))) / size if size else ORDERS["scale"]

@@ -8,7 +8,7 @@ correction at the end of the range is held and its standard error grows.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,35 +16,24 @@ import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.aircraft.engine import Engine
 from flightmech.errors import IdentificationError
 from flightmech.names import value_text
-from flightmech.terms import SOURCE_ATTRS, SOURCES
 from flighttest.reconstruction.dynamics.shaft_condition import (
     power_unit,
-    propeller_of,
     table_at,
     thrust_unit,
 )
 from flighttest.remarks import PrintedResult, Remark, remarks_to_json
-from flighttest.submodels.engine.propeller_equations import (
-    FlownRange,
-    PropulsionEquations,
-    corrected,
-)
+from flighttest.submodels.engine.propeller_corrections import FlownRange, corrected
+from flighttest.submodels.engine.propeller_equations import PropulsionEquations
 from flighttest.submodels.engine.propeller_estimate import (
     SEPARABLE,
     PointEstimate,
     Separability,
-    estimate_points,
-    separate_thrust_and_drag,
 )
-from flighttest.submodels.engine.propeller_points import DURATION, propeller_points
-from flighttest.submodels.engine.records import engine_channels
+from flighttest.submodels.engine.propeller_tables import from_flight, fuel_tables, replace_parts
 from flighttest.submodels.engine.shaft_dynamics import (
     ShaftDynamics,
-    identify_shaft,
-    shaft_changes,
 )
 from flighttest.submodels.engine.static_thrust import Polar
 
@@ -189,10 +178,8 @@ class PropellerFit(PrintedResult):
         if "fuel flow scale" in self.value:
             factor = 1.0 + self.value["fuel flow scale"]
             error = self._errors()["fuel flow scale"]
-            for name, leaf in _fuel_tables(self.equations.engine).items():
-                tables[name] = _from_flight(
-                    leaf, factor * leaf["value"], error * abs(leaf["value"])
-                )
+            for name, leaf in fuel_tables(self.equations.engine).items():
+                tables[name] = from_flight(leaf, factor * leaf["value"], error * abs(leaf["value"]))
         return tables
 
     def _corrected_coefficient(self, name: str) -> xr.Dataset:
@@ -222,7 +209,7 @@ class PropellerFit(PrintedResult):
             )
             inside &= ~far | (share is not None)
         like = value.copy
-        return _from_flight(
+        return from_flight(
             prior,
             like(data=after.reshape(value.shape)),
             like(data=stderr.reshape(value.shape)),
@@ -243,13 +230,13 @@ class PropellerFit(PrintedResult):
             factor, error = factor[0], error[0]
         dims = leaf["value"].dims
         value = (leaf["value"] * factor).transpose(*dims)
-        return _from_flight(leaf, value, (abs(leaf["value"]) * error).transpose(*dims))
+        return from_flight(leaf, value, (abs(leaf["value"]) * error).transpose(*dims))
 
     def aircraft(self, aircraft: Aircraft) -> Aircraft:
         """Return an aircraft whose engines have the identified tables and constants."""
         tables = self.tables()
         constants = self.dynamics.constants() if self.dynamics else {}
-        engines = tuple(_replace_parts(engine, tables, constants) for engine in aircraft.engines)
+        engines = tuple(replace_parts(engine, tables, constants) for engine in aircraft.engines)
         return replace(aircraft, engines=engines)
 
     @property
@@ -433,125 +420,3 @@ def _separability_remarks(found: Separability | None) -> list[Remark]:
     if rho > SEPARABLE:
         text += "; one such manoeuvre is not enough, fly full power and idle over the speed range"
     return [Remark("collinear", text, "CT_prop", found.correlation, SEPARABLE)]
-
-
-def _fuel_tables(engine: Engine) -> dict[str, xr.Dataset]:
-    """Return the tables that a factor of the fuel flow multiplies."""
-    part = engine.piston or engine.propeller
-    names = ("fuel_flow", "bsfc", "shaft_bsfc")
-    return {name: part.tables[name] for name in names if part and name in part.tables}
-
-
-def _from_flight(
-    prior: xr.Dataset, value: xr.DataArray, stderr: xr.DataArray, inside: np.ndarray | None = None
-) -> xr.Dataset:
-    """Return a table with values and standard errors of the flight.
-
-    Nodes that are not `inside` the flown range keep their source.
-    """
-    leaf = prior.drop_vars(["stderr", "source"], errors="ignore").copy()
-    leaf["value"], leaf["stderr"] = value, stderr
-    source = np.full(value.shape, SOURCES.index("judgement"), np.uint8)
-    if "source" in prior:
-        source = prior["source"].values.copy()
-    flown = np.ones(value.shape, bool) if inside is None else inside
-    source[flown] = SOURCES.index("flight")
-    leaf["source"] = value.dims, source
-    leaf["source"].attrs = dict(SOURCE_ATTRS)
-    leaf.attrs = {**prior.attrs, "comment": "a-priori table corrected from flight"}
-    return leaf
-
-
-def _replace_parts(
-    engine: Engine, tables: Mapping[str, xr.Dataset], constants: Mapping[str, float]
-) -> Engine:
-    """Return an engine with tables and constants in the parts that have them."""
-    parts: dict[str, Any] = {}
-    for name in ("propeller", "piston", "deck"):
-        part = getattr(engine, name)
-        if part is None:
-            continue
-        own = {key: leaf for key, leaf in tables.items() if key in part.tables}
-        changed = {key: x for key, x in constants.items() if hasattr(part, key)}
-        parts[name] = replace(part, tables={**part.tables, **own}, **changed)
-    return replace(engine, **parts)
-
-
-def identify_propeller(
-    records: Sequence[Any],
-    aircraft: Aircraft,
-    polar: Polar,
-    *,
-    power_changes: Sequence[Any] = (),
-    pla: tuple[float, float] | None = None,
-    errors: Mapping[str, float] | None = None,
-    duration: float = DURATION,
-) -> PropellerFit:
-    """Identify thrust and power of propeller and engine together with the drag polar.
-
-    Parameters
-    ----------
-    records : sequence of Path or Dataset (time,)
-        Climbs, glides, level accelerations and decelerations, as for `propeller_points`.
-    aircraft : Aircraft
-        A-priori propeller and engine. All engines are of one type.
-    polar : Polar
-        Drag polar of the flown configuration with its standard errors; zero holds a value.
-    power_changes : sequence of Path or Dataset (time,)
-        Records that hold chops and slams, which are cut out of them (`shaft_changes`); without
-        such, or without ``engineN.throttle``, no dynamics.
-    pla : (idle, full), optional
-        Lever angles at throttle 0 and 1, where records have angles. [rad]
-    errors : mapping of str to float, optional
-        Standard errors of the common errors of the instruments in place of the defaults: relative
-        for ``V mass rpm torque manifold_pressure fuel_flow climb``, ``temperature`` [K], ``alpha``
-        [rad].
-    duration : float
-        Time over which a point is a mean. [s]
-
-    Returns
-    -------
-    PropellerFit
-
-    Raises
-    ------
-    IdentificationError
-        No engine with a propeller, no points, or no measured power of a governed propeller.
-    UnknownName
-        A channel is missing.
-    """
-    if not aircraft.engines:
-        raise IdentificationError(
-            "the aircraft file has no engine; add [[engine]] with a propeller"
-        )
-    for number, engine in enumerate(aircraft.engines, 1):
-        propeller_of(engine, number)
-    points = propeller_points(records, aircraft, duration)
-    equations = PropulsionEquations(points, aircraft, polar, errors)
-    estimate = estimate_points(equations)
-    names = [
-        getattr(one, "states", one).attrs.get("record", k + 1) for k, one in enumerate(records)
-    ]
-    found = PropellerFit(
-        equations,
-        estimate,
-        separate_thrust_and_drag(equations, estimate),
-        records=tuple(map(str, names)),
-    )
-    changes = _cut_changes(power_changes, len(aircraft.engines), pla)
-    if not changes:
-        return found
-    return replace(found, dynamics=identify_shaft(changes, found.aircraft(aircraft)))
-
-
-def _cut_changes(
-    records: Sequence[Any], engines: int, pla: tuple[float, float] | None
-) -> list[xr.Dataset]:
-    """Return the power changes of records with a lever, all engines averaged."""
-    changes: list[xr.Dataset] = []
-    for one in records:
-        states = getattr(one, "states", one)
-        channels = engine_channels(states, range(1, engines + 1), pla)
-        if "throttle" in channels:
-            changes += shaft_changes(channels)
-    return changes

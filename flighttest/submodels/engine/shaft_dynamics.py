@@ -25,7 +25,7 @@ from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.unknowns import Unknown
 from flighttest.remarks import Remark
 from flighttest.submodels.engine import bench
-from flighttest.submodels.engine.records import _moving_ranges
+from flighttest.submodels.engine.records import moving_ranges
 from flighttest.submodels.engine.schedule import SAME, find_lever_rest, remove_lever_noise
 
 # Outputs that are fitted where they are recorded.
@@ -143,7 +143,7 @@ def shaft_changes(record: xr.Dataset, least: float = _LEAST) -> list[xr.Dataset]
     before, after = (round(x / step) for x in (_BEFORE, _AFTER))
     changes = []
     still = find_lever_rest(record, _REST, SAME)
-    for begin, end in _moving_ranges(still, before + after):
+    for begin, end in moving_ranges(still, before + after):
         if begin < before:
             continue
         part = record.isel(time=slice(begin - before, min(end + after, len(time))))

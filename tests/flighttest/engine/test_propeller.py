@@ -23,7 +23,10 @@ from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.submodels.engine.propeller_result import identify_propeller
+from flighttest.submodels.engine.propeller_equations import PropulsionEquations
+from flighttest.submodels.engine.propeller_estimate import estimate_points
+from flighttest.submodels.engine.propeller_identification import identify_propeller
+from flighttest.submodels.engine.propeller_result import PropellerFit
 from flighttest.submodels.engine.shaft_dynamics import compile_shaft, identify_shaft
 from flighttest.submodels.engine.static_thrust import Polar
 
@@ -124,6 +127,57 @@ def test_a_governed_propeller_needs_a_power(flown):
     names = ["engine1.torque", "engine1.throttle", "engine2.torque", "engine2.throttle"]
     with pytest.raises(IdentificationError, match="blade angle of a governed propeller"):
         identify_propeller([record.drop_vars(names)], prior, Polar(0.03, 0.045))
+
+
+def test_drag_of_a_feathered_propeller_comes_back():
+    J, angles = np.array([0.0, 0.5, 1.0, 2.0, 6.0]), np.radians([12.0, 42.0, 85.0])
+    grid = {"J": J, "blade_angle": angles}
+    CT, CP = (
+        a + b * angles[None, :] - c * J[:, None]
+        for a, b, c in ((0.05, 0.18, 0.11), (0.01, 0.35, 0.08))
+    )
+    CT[:, 2], CP[:, 2] = -0.004 * J**2, -0.001 * J
+    tables = {"CT_prop": make_term(CT, grid), "CP_prop": make_term(CP, grid)}
+    tables["shaft_power"] = make_term([0.0, 300e3], {"throttle": [0.0, 1.0]})
+    propeller = Propeller(
+        tables, 2.4, 9.0, 190.0, low_pitch=angles[0], high_pitch=angles[1],
+        feather_pitch=angles[2], feather_rate=0.3,
+    )  # fmt: skip
+    engine = Engine((0.0, 0.0, 0.0), propeller=propeller)
+    craft = flightmech.Aircraft("one", 25.0, 2.0, 14.0, 4000.0, 1e4, 1e4, 1e4, engines=(engine,))
+    V = np.tile(np.linspace(60.0, 100.0, 8), 3)
+    kind = np.repeat([0, 1, 2], 8)  # full power, idle, feathered
+    columns = {
+        "V": V,
+        "h": 0.0 * V + 1500.0,
+        "mass": 0.0 * V + 4000.0,
+        "lift_force": 0.0 * V + 9.8,
+        "hdot": 0.0 * V,
+        "run": kind.astype(float),
+        "f": 0.0 * V,
+        "engine1.rpm": np.where(kind == 2, 0.0, 190.0),
+        "engine1.torque": np.where(kind == 0, 1500.0, 0.0),
+        "engine1.feather": (kind == 2).astype(float),
+    }
+    points = xr.Dataset({name: ("point", x) for name, x in columns.items()})
+    polar = Polar(0.03, 0.05, 0.0006, 0.001)
+    truth = PropulsionEquations(points, craft, polar)
+    u = truth.first()
+    u[list(truth.unknowns).index("CT_prop feathered")] = 0.4
+    noise = 0.002 * np.random.default_rng(4).standard_normal(len(V))
+    flown = points.assign(f=("point", noise - truth.residuals(u)["force"]))
+    equations = PropulsionEquations(flown, craft, polar)
+    fit = PropellerFit(equations, estimate_points(equations), None)
+    estimate = fit.value["CT_prop feathered"]
+    stderr = fit.estimate.covariance[list(fit.value).index("CT_prop feathered")].max() ** 0.5
+    assert abs(estimate - 0.4) < 3.0 * stderr
+    assert stderr < 0.3
+    # drag area 2 D^2 0.004, times the factor
+    area, error, count = fit.drag_of_propellers()["feathered"]
+    assert count == 8
+    assert abs(area - 1.4 * 2.0 * 2.4**2 * 0.004) < 3.0 * error
+    ratio = fit.tables()["CT_prop"]["value"].values[1:, 2] / CT[1:, 2]
+    np.testing.assert_allclose(ratio, 1.0 + estimate)
 
 
 # ---- the equations of the kernel --------------------------------------------------------------
