@@ -119,8 +119,8 @@ class Craft:
 
 
 LOW, HIGH = np.radians(18.0), np.radians(42.0)
-ANGLES = np.radians([10.0, 14.0, 18.0, 22.0, 26.0, 30.0, 34.0, 38.0, 42.0])
-RATIOS = {False: np.linspace(0.0, 1.6, 17), True: np.linspace(0.0, 3.6, 25)}
+ANGLES = np.radians(np.arange(10.0, 43.0, 2.0))
+RATIOS = {False: np.linspace(0.0, 1.6, 17), True: np.linspace(0.0, 3.6, 49)}
 
 
 def make_craft(seed: int, governed: bool) -> Craft:
