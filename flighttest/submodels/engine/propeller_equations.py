@@ -108,8 +108,6 @@ class PropulsionEquations:
             for number in self.numbers
         ]
         self.charted = all(state.power is not None for state in states)
-        if not self.torque and not self.charted and self.propeller.turns_blades:
-            self._refuse_power()
         self.shapes = self._make_shapes(states)
         self.stops = [state.at_stop for state in states]
         self.turning = [_is_turning(state) for state in states]
@@ -277,6 +275,8 @@ class PropulsionEquations:
         spin_up = self.propeller.inertia * at["rpm"] * at.get("rpm_dot", 0.0 * at["rpm"])
         if self.torque:
             return at["torque"] * at["rpm"] - spin_up
+        if power is None and self.propeller.turns_blades:
+            self._refuse_power()
         if power is None:
             # fixed pitch without any measured power: the speed alone decides
             leaf = self.propeller.tables["CP_prop"]
