@@ -32,7 +32,7 @@ from flighttest.submodels.engine.static_thrust import Polar
 
 SEED = 2
 LEGS = [
-    flights.Leg(lever, V, 1200.0, seconds=36.0)
+    flights.Leg(lever, V, 1200.0, seconds=30.0)
     for lever in (1.0, 0.6, 0.02)
     for V in (36.0, 45.0, 55.0)
 ]
@@ -86,6 +86,7 @@ def test_one_power_is_called_not_separable_and_idle_is_asked_for(flown):
     assert "idle power" in text
 
 
+@pytest.mark.nightly
 def test_a_polar_that_is_held_is_said(flown):
     craft, records = flown
     prior = flights.prior_aircraft(craft, SEED)
