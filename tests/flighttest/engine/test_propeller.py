@@ -114,8 +114,9 @@ def test_command_writes_an_aircraft_with_sources(flown, tmp_path):
     assert not inside[0]  # J 0 was not flown
     assert (leaf["stderr"].values > 0.0).all()
     refused = CliRunner().invoke(cli, [*command, "--area", "16"])
-    assert "--area belongs to a jet" in refused.output
-    assert "give --polar" in refused.output
+    problems = refused.output + str(refused.exception)
+    assert "--area belongs to a jet" in problems
+    assert "give --polar" in problems
 
 
 def test_a_governed_propeller_needs_a_power(flown):
