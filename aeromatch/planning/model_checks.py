@@ -287,6 +287,8 @@ def submodel_structure_problems(
 def _engine_problems(
     section: EngineSection, files: Mapping[str, Path], apriori: Aircraft
 ) -> list[str]:
+    if apriori.engines and apriori.engines[0].propeller is not None:
+        return _propeller_problems(section)
     problems: list[str] = []
     for name in ("points", "climbs"):
         if name in files:
@@ -308,6 +310,25 @@ def _engine_problems(
             f"engine.flights: missing; the tables {', '.join(structure.tables)} of "
             f"engine.structure come from whole flights"
         )
+    return problems
+
+
+def _propeller_problems(section: EngineSection) -> list[str]:
+    """Return what the section lacks or has too much for an aircraft with propellers."""
+    problems = []
+    if not section.flights:
+        problems.append(
+            "engine.flights: missing; thrust and power of a propeller come from climbs, glides and "
+            "level accelerations in whole records"
+        )
+    if section.polar is None:
+        problems.append(
+            "engine.polar: missing; the thrust of a propeller is identified together with the drag: "
+            "give CD0 and K, and polar_stderr"
+        )
+    for name in ("starts", "points", "climbs", "structure"):
+        if getattr(section, name):
+            problems.append(f"engine.{name}: belongs to a jet; delete it for propellers")
     return problems
 
 

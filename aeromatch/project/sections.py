@@ -196,7 +196,7 @@ class EngineSection(Strict):
     flights: tuple[RecordSelection, ...] = Field(
         default=(),
         description="Whole flights: power changes are cut out of them, and the tables that "
-        "structure names estimated.",
+        "structure names estimated; with propellers also thrust and power.",
     )
     starts: tuple[RecordSelection, ...] = Field(default=(), description="Starts and shut-downs.")
     engines: tuple[Annotated[int, Field(ge=1)], ...] = Field(
@@ -228,7 +228,9 @@ class EngineSection(Strict):
         examples=["climbs.csv"],
     )
     polar: tuple[float, float] | None = Field(
-        default=None, description="CD0 and K of the drag polar.", examples=[[0.025, 0.05]]
+        default=None,
+        description="CD0 and K of the drag polar, for climbs and propellers.",
+        examples=[[0.025, 0.05]],
     )
     polar_stderr: tuple[float, float] = Field(
         default=(0.0, 0.0),

@@ -22,6 +22,8 @@ from flightmech.build_up import required_coefficients
 from flightmech.units import parse_quantity
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.submodels.control_loading.loading import loading_of
+from flighttest.submodels.engine.propeller_identification import identify_propeller
+from flighttest.submodels.engine.propeller_result import PropellerFit
 from flighttest.submodels.engine.records import engine_channels, read_points
 from flighttest.submodels.engine.static_thrust import Polar
 from flighttest.submodels.engine.tables import EngineStructure, read_structure
@@ -39,7 +41,7 @@ class Submodels:
 
     Attributes
     ----------
-    engine : EngineFit or None
+    engine : EngineFit, PropellerFit or None
     controls : dict of str to IdentifiedLoading
     free_motion : dict of str to list of Flown
         Pulses and releases of the controls, simulated with the identified loading.
@@ -76,7 +78,8 @@ def identified_engine(
 ) -> Any:
     """Return the engine identified from the records, or None without a section ``[engine]``.
 
-    The a-priori deck is the deck of the first engine of `apriori`.
+    The a-priori deck is the deck of the first engine of `apriori`. An aircraft with propellers has
+    its propellers and engines identified together with the polar (`identify_propeller`).
 
     Parameters
     ----------
@@ -90,6 +93,8 @@ def identified_engine(
     section = project.engine
     if section is None:
         return None
+    if apriori.engines and apriori.engines[0].propeller is not None:
+        return _identified_propeller(section, apriori, paths, spans)
     points = {}
     for name, file in project.points.items():
         if name != "structure":
@@ -118,6 +123,33 @@ def identified_engine(
     )
 
 
+def _identified_propeller(
+    section: EngineSection,
+    apriori: Aircraft,
+    paths: Mapping[str, Any],
+    spans: Mapping[str, Spans],
+) -> PropellerFit:
+    """Return propellers and engines from the steady power and the power changes of the records.
+
+    Whole flights give both; windows of power changes give the dynamics alone.
+    """
+    assert section.polar is not None
+    steady, changes = [], []
+    for record, record_spans in spans.get("engine.flights", {}).items():
+        for part in select_spans(paths[record].states, record_spans):
+            steady.append(thin_samples(part, section.rate).assign_attrs(record=record))
+    for record, record_spans in spans.get("engine.flown", {}).items():
+        for part in select_spans(paths[record].states, record_spans):
+            changes.append(thin_samples(part, section.rate).assign_attrs(record=record))
+    return identify_propeller(
+        steady,
+        apriori,
+        Polar(*section.polar, *section.polar_stderr),
+        power_changes=[*steady, *changes],
+        pla=section.pla,
+    )
+
+
 def _engine_records(
     section: EngineSection, paths: Mapping[str, Any], spans: Spans
 ) -> list[xr.Dataset]:
@@ -138,9 +170,11 @@ def thin_samples(data: xr.Dataset, rate: float) -> xr.Dataset:
 
 
 def with_engine(aircraft: Aircraft, project: Project, found: Any) -> Aircraft:
-    """Return an aircraft whose engines all have the identified deck."""
+    """Return an aircraft whose engines all have the identified deck, or propeller and engine."""
     if project.engine is None:
         return aircraft
+    if isinstance(found, PropellerFit):
+        return found.aircraft(aircraft)
     # Without lever angles, the lever is a fraction from idle to full power.
     deck = found.deck(project.engine.pla or (0.0, 1.0))
     if not deck:

@@ -203,7 +203,19 @@ def controls_command() -> None:
     type=_FILE,
     help="A-priori deck, netCDF, or that of the first engine of an aircraft file.",
 )
-@click.option("--polar", type=float, nargs=2, help="CD0 and K of the drag polar, for --climbs.")
+@click.option(
+    "--aircraft",
+    "aircraft_file",
+    type=_FILE,
+    help="Aircraft with propellers, TOML: POWER_CHANGES are records or reconstructed paths, whose "
+    "steady power identifies thrust and power, and whose power changes identify shaft and governor.",
+)
+@click.option(
+    "--polar",
+    type=float,
+    nargs=2,
+    help="CD0 and K of the drag polar, for --climbs and --aircraft.",
+)
 @click.option(
     "--polar-stderr",
     type=float,
@@ -233,13 +245,14 @@ def controls_command() -> None:
     "-o",
     "--output",
     type=NewFile(),
-    help="Write the deck; its entry in the aircraft file is printed.",
+    help="Write the deck, whose entry in the aircraft file is printed; with --aircraft the "
+    "identified aircraft.",
 )
 @json_option
 @performed_by("flighttest.cli.actions.submodels:run_engine")
 def engine_command() -> None:
     """Identify an engine from POWER_CHANGES (chops, slams, steps that begin at rest), starts,
-    settled points, and whole flights.
+    settled points, and whole flights; or propellers with their engines.
     """
 
 

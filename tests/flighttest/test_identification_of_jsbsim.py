@@ -95,7 +95,9 @@ def flight():
     d = d.assign({f"a{k}": d[f"f{k}"] / d["mass"] for k in "xyz"})
     d = d.assign(delta_a=(d["right"] - d["left"]) / 2, y_cg_b=0.0 * d["V"])
     engines = tuple(
-        SimpleNamespace(position=(0.0, y, 0.0), direction=(1.0, 0.0, 0.0), angular_momentum=0.0)
+        SimpleNamespace(
+            position=(0.0, y, 0.0), direction=(1.0, 0.0, 0.0), angular_momentum=0.0, propeller=None
+        )
         for y in (-0.762, 0.762)
     )
     lengths = {

@@ -19,6 +19,7 @@ from flightmech.errors import SchemaError
 from flightmech.support.console import print_json, show_progress
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flightmech.units import parse_quantity
+from flighttest.cli.actions.propeller import run_propeller
 from flighttest.cli.submodels import _MODELS
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
@@ -199,9 +200,18 @@ def _divide_record(
 
 def run_engine(
     power_changes, names, whole, structure_file, compared, starts, points_file, climbs_file,
-    prior_file, polar, polar_stderr, area, numbers, pla, rate, output, as_json,
+    prior_file, aircraft_file, polar, polar_stderr, area, numbers, pla, rate, output, as_json,
 ):  # fmt: skip
     """Perform the command ``engine``."""
+    if aircraft_file:
+        other = {"--flights": whole, "--structure": structure_file, "--compare": compared}
+        other |= {"--start": starts, "--points": points_file, "--climbs": climbs_file}
+        other |= {"--prior": prior_file, "--area": area}
+        run_propeller(
+            power_changes, names, aircraft_file, polar and Polar(*polar, *polar_stderr), rate,
+            output=output, as_json=as_json, unused=[name for name, given in other.items() if given],
+        )  # fmt: skip
+        return
     angles = tuple(np.radians(pla)) if pla else None
     structure = read_structure(structure_file) if structure_file else EngineStructure()
 

@@ -18,6 +18,10 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError
+from flighttest.reconstruction.dynamics.propeller_loads import (
+    propeller_load,
+    with_propeller_channels,
+)
 from flighttest.reconstruction.dynamics.reduced_rates import (
     Columns,
     read_column,
@@ -48,7 +52,7 @@ def external_load(states: xr.Dataset, aircraft: Aircraft) -> tuple[np.ndarray, n
     F, M : array (time, 3)
         Body axes, M about the c.g. [N, N m]
     """
-    return air_load(read_columns(states), aircraft)
+    return air_load(read_columns(with_propeller_channels(states, aircraft)), aircraft)
 
 
 def air_load(columns: Columns, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
@@ -76,7 +80,7 @@ def known_moment(states: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
     array (time, 3)
         Body axes. [N m]
     """
-    columns = read_columns(states)
+    columns = read_columns(with_propeller_channels(states, aircraft))
     # M_T - omega x h_e
     moment = -np.cross(stack_columns(columns, _RATES), _rotor_momentum(aircraft))
     total = np.zeros(3)
@@ -108,13 +112,21 @@ def inertial_load(columns: Columns, aircraft: Aircraft) -> tuple[np.ndarray, np.
 
 
 def engine_loads(columns: Columns, aircraft: Aircraft) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the force of each engine and its moment about the c.g., body axes. [N, N m]"""
+    """Return the force of each engine and its moment about the c.g., body axes. [N, N m]
+
+    Torque, rotor and inflow of a propeller are included where its torque is known
+    (`propeller_loads`).
+    """
     loads = []
     for i, engine in enumerate(aircraft.engines):
         thrust = read_column(columns, f"engine{i + 1}.thrust")
         force = thrust[:, None] * np.asarray(engine.direction, float)
         arm = np.asarray(engine.position, float) - _center_of_gravity(columns, aircraft)
-        loads.append((force, np.cross(arm, force)))
+        moment = np.zeros_like(force)
+        propeller = propeller_load(columns, engine, i + 1)
+        if propeller is not None:
+            force, moment = force + propeller[0], propeller[1]
+        loads.append((force, np.cross(arm, force) + moment))
     return loads
 
 

@@ -33,7 +33,16 @@ from flighttest.remarks import remark_lines
 
 # Mass [kg] with which thrust changes the speed by less than 0.01 m/s in a minute.
 HEAVY = 1e9
-INPUTS = ("throttle", "cutoff", "starter", "ignition", "flameout")
+INPUTS = (
+    "throttle",
+    "cutoff",
+    "starter",
+    "ignition",
+    "flameout",
+    "prop_command",
+    "mixture",
+    "feather",
+)
 # Largest number of iterations of a search.
 ITERATIONS = 60
 # Internal step of the simulation, equal to the shortest time constant. [s]
@@ -132,7 +141,7 @@ def simulation_inputs(record: xr.Dataset, wind: np.ndarray) -> xr.Dataset:
 
 
 def fit_engine(
-    deck: EngineDeck,
+    deck: EngineDeck | flightmech.SimModel,
     records: Sequence[xr.Dataset],
     unknowns: Mapping[str, Unknown],
     expand: Expand,
@@ -145,8 +154,9 @@ def fit_engine(
 
     Parameters
     ----------
-    deck : Deck
-        Values that are not estimated, and breakpoints of the tables that are estimated.
+    deck : Deck or SimModel
+        Values that are not estimated, and breakpoints of the tables that are estimated; or a
+        compiled model whose first engine is that of the records.
     records : sequence of Dataset (time,)
         As for `record_condition`, with the ``throttle``, any switches and the measured outputs.
     unknowns : mapping of str to Unknown
@@ -163,7 +173,7 @@ def fit_engine(
         Unknowns whose differences are taken over at least one internal step. A delay before a rate
         limit moves the response by whole stages of the integration.
     """
-    sim = compile_engine(deck)
+    sim = compile_engine(deck) if isinstance(deck, EngineDeck) else deck
     parameters = _CachedParameters(expand)
     smallest_steps = np.array([step if name in coarse else 0.0 for name in unknowns])
     runs = [

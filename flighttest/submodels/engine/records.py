@@ -27,6 +27,12 @@ CHANNELS = (
     "starter",
     "cutoff",
     "ignition",
+    "rpm",
+    "torque",
+    "manifold_pressure",
+    "prop_command",
+    "mixture",
+    "feather",
 )
 FLIGHT = ("mach", "h", "temperature")
 POINTS = ("n1", "n2", *FLIGHT, "thrust", "fuel_flow", "mass", "V", "V_dot", "h_dot", "CL", "alpha")
@@ -239,7 +245,7 @@ def power_changes(
             still &= find_lever_rest(record.assign(throttle=record[name]), SETTLED, STEADY)
     margin = round(WINDOW_MARGIN / step)
     changes = []
-    for begin, end in _moving_ranges(still, 2 * margin):
+    for begin, end in moving_ranges(still, 2 * margin):
         part = np.arange(begin - margin, min(end + margin, len(time)))
         # Negative indices repeat the first sample.
         change = record.isel(time=np.maximum(part, 0)).assign_coords(time=time[0] + step * part)
@@ -250,7 +256,7 @@ def power_changes(
     return changes
 
 
-def _moving_ranges(still: np.ndarray, least: int) -> list[tuple[int, int]]:
+def moving_ranges(still: np.ndarray, least: int) -> list[tuple[int, int]]:
     """Return begin and end of the motions; a rest of fewer than `least` samples does not count."""
     joined: list[tuple[int, int]] = []
     for begin, end in true_runs(~still):

@@ -11,6 +11,7 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flightmech.support.figures import make_svg_figure
 from flighttest.submodels.control_loading.result import IdentifiedLoading
+from flighttest.submodels.engine.propeller_result import PropellerFit
 from flighttest.submodels.engine.result import EngineFit
 from flighttest.submodels.ground_effect.result import GroundEffect
 from flighttest.submodels.landing_gear.result import IdentifiedGear
@@ -21,6 +22,7 @@ from pom.report.submodels.control_loading import control_loading
 from pom.report.submodels.engine import engine_section
 from pom.report.submodels.ground_effect import ground_effect_section
 from pom.report.submodels.landing_gear import landing_gear
+from pom.report.submodels.propeller import propeller_section
 from pom.report.submodels.section import Section, SectionTable
 from pom.report.submodels.stall import stall_section
 
@@ -34,7 +36,7 @@ def make_sections(
 
     Parameters
     ----------
-    submodels : mapping of str to EngineFit, IdentifiedLoading, GroundEffect, \
+    submodels : mapping of str to EngineFit, PropellerFit, IdentifiedLoading, GroundEffect, \
 StallIdentification or IdentifiedGear
         Result of the identification, by name of the submodel.
     free_motion : mapping of str to sequence of SimulatedWindow
@@ -64,7 +66,8 @@ StallIdentification or IdentifiedGear
         if section is None:
             problems.append(
                 f"submodels.{name}: {type(result).__name__}; give an EngineFit, "
-                f"IdentifiedLoading, GroundEffect, StallIdentification or IdentifiedGear"
+                f"PropellerFit, IdentifiedLoading, GroundEffect, StallIdentification or "
+                f"IdentifiedGear"
             )
         else:
             sections.append(section)
@@ -80,6 +83,8 @@ def _make_section(
     """Return the section of one result; None if its type is unknown."""
     if isinstance(result, EngineFit):
         return engine_section(name, result)
+    if isinstance(result, PropellerFit):
+        return propeller_section(name, result)
     if isinstance(result, IdentifiedLoading):
         return control_loading(name, result, free, driven)
     if isinstance(result, GroundEffect):

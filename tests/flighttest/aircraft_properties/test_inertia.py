@@ -126,7 +126,7 @@ def test_the_scale_is_the_moment_that_is_known():
 
 def test_the_rotor_is_taken_off_with_its_momentum():
     engine = SimpleNamespace(
-        position=(0.0, 0.0, 0.0), direction=(1.0, 0.0, 0.0), angular_momentum=400.0
+        position=(0.0, 0.0, 0.0), direction=(1.0, 0.0, 0.0), angular_momentum=400.0, propeller=None
     )
     data = flown(noise=0.002, rotor=400.0).assign({"engine1.thrust": 0.0})
     known = aircraft(**TRUE, engines=(engine,))

@@ -37,7 +37,10 @@ STATES = (
 
 def engine(position=(0.5, -0.8, 0.1), direction=(1.0, 0.0, 0.0), angular_momentum=0.0):
     return SimpleNamespace(
-        position=position, direction=direction, angular_momentum=angular_momentum
+        position=position,
+        direction=direction,
+        angular_momentum=angular_momentum,
+        propeller=None,
     )
 
 

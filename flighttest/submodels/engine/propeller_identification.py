@@ -1,0 +1,103 @@
+"""Identification of propellers and their engines from records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import xarray as xr
+
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.errors import IdentificationError
+from flighttest.reconstruction.dynamics.shaft_condition import propeller_of
+from flighttest.submodels.engine.propeller_equations import PropulsionEquations
+from flighttest.submodels.engine.propeller_estimate import (
+    estimate_points,
+    separate_thrust_and_drag,
+)
+from flighttest.submodels.engine.propeller_points import DURATION, propeller_points
+from flighttest.submodels.engine.propeller_result import PropellerFit
+from flighttest.submodels.engine.records import engine_channels
+from flighttest.submodels.engine.shaft_dynamics import identify_shaft, shaft_changes
+from flighttest.submodels.engine.static_thrust import Polar
+
+
+def identify_propeller(
+    records: Sequence[Any],
+    aircraft: Aircraft,
+    polar: Polar,
+    *,
+    power_changes: Sequence[Any] = (),
+    pla: tuple[float, float] | None = None,
+    errors: Mapping[str, float] | None = None,
+    duration: float = DURATION,
+) -> PropellerFit:
+    """Identify thrust and power of propeller and engine together with the drag polar.
+
+    Parameters
+    ----------
+    records : sequence of Path or Dataset (time,)
+        Climbs, glides, level accelerations and decelerations, as for `propeller_points`.
+    aircraft : Aircraft
+        A-priori propeller and engine. All engines are of one type.
+    polar : Polar
+        Drag polar of the flown configuration with its standard errors; zero holds a value.
+    power_changes : sequence of Path or Dataset (time,)
+        Records that hold chops and slams, which are cut out of them (`shaft_changes`); without
+        such, or without ``engineN.throttle``, no dynamics.
+    pla : (idle, full), optional
+        Lever angles at throttle 0 and 1, where records have angles. [rad]
+    errors : mapping of str to float, optional
+        Standard errors of the common errors of the instruments in place of the defaults: relative
+        for ``V mass rpm torque manifold_pressure fuel_flow climb``, ``temperature`` [K], ``alpha``
+        [rad].
+    duration : float
+        Time over which a point is a mean. [s]
+
+    Returns
+    -------
+    PropellerFit
+
+    Raises
+    ------
+    IdentificationError
+        No engine with a propeller, no points, or no measured power of a governed propeller.
+    UnknownName
+        A channel is missing.
+    """
+    if not aircraft.engines:
+        raise IdentificationError(
+            "the aircraft file has no engine; add [[engine]] with a propeller"
+        )
+    for number, engine in enumerate(aircraft.engines, 1):
+        propeller_of(engine, number)
+    points = propeller_points(records, aircraft, duration)
+    equations = PropulsionEquations(points, aircraft, polar, errors)
+    estimate = estimate_points(equations)
+    names = [
+        getattr(one, "states", one).attrs.get("record", k + 1) for k, one in enumerate(records)
+    ]
+    found = PropellerFit(
+        equations,
+        estimate,
+        separate_thrust_and_drag(equations, estimate),
+        records=tuple(map(str, names)),
+    )
+    changes = _cut_changes(power_changes, len(aircraft.engines), pla)
+    if not changes:
+        return found
+    return replace(found, dynamics=identify_shaft(changes, found.aircraft(aircraft)))
+
+
+def _cut_changes(
+    records: Sequence[Any], engines: int, pla: tuple[float, float] | None
+) -> list[xr.Dataset]:
+    """Return the power changes of records with a lever, all engines averaged."""
+    changes: list[xr.Dataset] = []
+    for one in records:
+        states = getattr(one, "states", one)
+        channels = engine_channels(states, range(1, engines + 1), pla)
+        if "throttle" in channels:
+            changes += shaft_changes(channels)
+    return changes
