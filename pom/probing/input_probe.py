@@ -114,9 +114,9 @@ def changed_job(job: ReplayJob, outputs: Traces) -> ChangedJob:
 
 def _is_moved(name: str, time: np.ndarray, values: np.ndarray) -> bool:
     """Return whether a control leaves its first position by more than its noise."""
-    quantity = name.replace("thrust_drive", "thrust")
+    quantity = name.removesuffix("_drive")
     least = _MOVED.get(lookup(quantity).units, 0.0)
-    if quantity.endswith("thrust") or not least:
+    if quantity.startswith("engine") or not least:
         least = _MOVED_SHARE * max(1.0, float(np.max(np.abs(values))))
     step = float(np.median(np.diff(time)))
     count = max(1, min(values.size, round(_SMOOTHED / step)))

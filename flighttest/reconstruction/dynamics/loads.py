@@ -1,6 +1,6 @@
 """Forces and moments on the airframe along a flight path, and their coefficients.
 
-Equation of motion of a rigid aeroplane with spinning rotors, solved for the aerodynamic force and
+Equation of motion of a rigid aeroplane with spinning rotors and propellers, solved for the aerodynamic force and
 moment::
 
     F_A = m a - F_T
@@ -66,7 +66,8 @@ def known_moment(states: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
     Parameters
     ----------
     states : Dataset (time,)
-        `p q r`, and `engineN.thrust` of every engine; `x_cg_b`, `y_cg_b`, `z_cg_b` where they
+        `p q r`, and `engineN.thrust` of every engine, with `engineN.torque` and `engineN.rpm` of
+        propellers where they are known; `x_cg_b`, `y_cg_b`, `z_cg_b` where they
         change. [SI]
     aircraft : Aircraft
         Engines.
@@ -78,7 +79,7 @@ def known_moment(states: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
     """
     columns = read_columns(states)
     # M_T - omega x h_e
-    moment = -np.cross(stack_columns(columns, _RATES), _rotor_momentum(aircraft))
+    moment = -np.cross(stack_columns(columns, _RATES), _rotor_momentum(columns, aircraft))
     total = np.zeros(3)
     for _, engine_moment in engine_loads(columns, aircraft):
         total = total + engine_moment
@@ -103,18 +104,26 @@ def inertial_load(columns: Columns, aircraft: Aircraft) -> tuple[np.ndarray, np.
     inertia = inertia_matrix(aircraft)
     mass = read_column(columns, "mass", aircraft.mass)
     force = mass[:, None] * stack_columns(columns, ("ax", "ay", "az"))
-    gyroscopic = np.cross(omega, omega @ inertia + _rotor_momentum(aircraft))
+    gyroscopic = np.cross(omega, omega @ inertia + _rotor_momentum(columns, aircraft))
     return force, omega_dot @ inertia + gyroscopic
 
 
 def engine_loads(columns: Columns, aircraft: Aircraft) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the force of each engine and its moment about the c.g., body axes. [N, N m]"""
+    """Return the force of each engine and its moment about the c.g., body axes. [N, N m]
+
+    An engine turns the airframe against its propeller, with the torque at the shaft.
+    """
     loads = []
     for i, engine in enumerate(aircraft.engines):
         thrust = read_column(columns, f"engine{i + 1}.thrust")
         force = thrust[:, None] * np.asarray(engine.direction, float)
         arm = np.asarray(engine.position, float) - _center_of_gravity(columns, aircraft)
-        loads.append((force, np.cross(arm, force)))
+        moment = np.cross(arm, force)
+        torque = columns.get(f"engine{i + 1}.torque")
+        if engine.propeller is not None and torque is not None:
+            against = -engine.propeller.rotation * np.asarray(engine.direction, float)
+            moment = moment + torque[:, None] * against
+        loads.append((force, moment))
     return loads
 
 
@@ -185,11 +194,16 @@ def is_airborne(columns: Columns, margin: float) -> np.ndarray:
     return ~on_ground & (distance > margin)
 
 
-def _rotor_momentum(aircraft: Aircraft) -> np.ndarray:
-    """Return the angular momentum of all rotors, body axes (3,). [kg m2 s-1]"""
+def _rotor_momentum(columns: Columns, aircraft: Aircraft) -> np.ndarray:
+    """Return the angular momentum of all rotors, body axes (3,) or (time, 3). [kg m2 s-1]"""
     total = np.zeros(3)
-    for engine in aircraft.engines:
-        total = total + engine.angular_momentum * np.asarray(engine.direction, float)
+    for i, engine in enumerate(aircraft.engines):
+        direction = np.asarray(engine.direction, float)
+        total = total + engine.angular_momentum * direction
+        speed = columns.get(f"engine{i + 1}.rpm")
+        if engine.propeller is not None and speed is not None:
+            inertia = engine.propeller.rotation * engine.propeller.inertia
+            total = total + inertia * speed[:, None] * direction
     return total
 
 

@@ -17,6 +17,9 @@
  * F is the force in the disk, M the moment of the thrust that moves to the blade that goes down
  * (P-factor): a propeller that turns right-handed at positive alpha yaws the nose to the left.
  *
+ * A recorded torque is Q_e (mode.engine 3).  A recorded speed is the one that the governor holds
+ * (mode.engine 3 to 5), or that of the shaft without a governor (mode.engine 4).
+ *
  * The governor turns the blades by the error of the speed, with a lag and within a rate; the low
  * stop may be a table over the lever (beta range and reverse). */
 #include "propeller.h"
@@ -88,7 +91,7 @@ static void turn_blades(const flight_t *sim, uint32_t i, const real *x, const re
     const mask_t feathers = input_of(sim, u, G_PROPELLER, i)[U_FEATHER] > SWITCHED;
     const mask_t governed = p[P_GOVERNED] != 0.0;
     const mask_t lags = p[P_GOVERNOR_TIME] > 0.0;
-    const real wanted = p[P_GOVERNOR_GAIN] * (v[A_RPM] - commanded_rpm(sim, i));
+    const real wanted = p[P_GOVERNOR_GAIN] * (v[A_RPM] - commanded_rpm(sim, i, u));
     const real set = p[P_LOW_PITCH] + lever * (p[P_HIGH_PITCH] - p[P_LOW_PITCH]);
     const real moved = PICK(governed, PICK(lags, s[X_GOVERNOR], wanted), (set - angle) / STOP_TIME);
     const real most = PICK(feathers, p[P_FEATHER_RATE], p[P_PITCH_RATE]);
@@ -156,13 +159,22 @@ real propeller_loads(flight_t *sim, uint32_t i, const real *x, const real *u, re
     const real n = work[W_TURNS];
     const real load = sim->now.rho * n * n * D * D * D * D;
     const real power = own * propeller_power(sim, i, x);
-    const real drive = p[P_GEAR_RATIO] * torque + power / larger(v[A_RPM], SLOW_SHAFT);
+    const real made = p[P_GEAR_RATIO] * torque + power / larger(v[A_RPM], SLOW_SHAFT);
+    const real *in = input_of(sim, u, G_PROPELLER, i);
+    const real drive = sim->drive == TORQUE_DRIVEN ? in[U_TORQUE_DRIVE] : made;
     const real resist = load * D * sum[T_CP_PROP] / TWO_PI;
     const real speed = state_of(sim, x, G_PROPELLER, i)[X_RPM];
     /* at rest: no load turns a propeller backwards */
     const mask_t rests = (speed <= 0.0) & (drive < resist);
     rate[X_RPM] = PICK(rests, -speed / STOP_TIME, (drive - resist) / p[P_SHAFT_INERTIA]);
-    const real held = PICK(rests, resist, drive);
+    real held = PICK(rests, resist, drive);
+    if (sim->drive == RPM_DRIVEN) {
+        /* without a governor the shaft follows the recorded speed, whatever torque that takes */
+        const mask_t follows = p[P_GOVERNED] == 0.0;
+        const real pulled = (larger(in[U_RPM_DRIVE], 0.0) - speed) / STOP_TIME;
+        rate[X_RPM] = PICK(follows, pulled, rate[X_RPM]);
+        held = PICK(follows, resist + p[P_SHAFT_INERTIA] * pulled, held);
+    }
     const real lag = settled_power(sim, i) - state_of(sim, x, G_PROPELLER, i)[X_SHAFT_POWER];
     rate[X_SHAFT_POWER] = PICK(p[P_POWER_TIME] > 0.0, lag / p[P_POWER_TIME], 0.0);
     turn_blades(sim, i, x, u, rate);
