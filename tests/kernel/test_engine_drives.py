@@ -108,19 +108,23 @@ def test_recorded_quantity_gives_the_recorded_thrust(sims, governed, mode, quant
     if governed and quantity == "rpm":
         lever, commanded = LEVER, 0.0 * commanded
     again = fly(sim, mode, throttle=lever, prop_command=commanded, **drives)
-    # a governor that holds the recorded speed lags behind the one that made it; the others differ
-    # by the line between samples
-    most = 30.0 if governed and quantity == "rpm" else 4.0
+    # Torque and pressure differ by the line between samples.  A shaft is behind its recorded speed
+    # by 0.02 s; a governor holds it within the rate of its blades, which the record needed in full.
+    speed = 130.0 if governed else 50.0
+    most = speed if quantity == "rpm" else 4.0
     assert np.abs(column(again, "thrust") - thrust).max() < most
     assert column(again, "thrust")[0] == pytest.approx(thrust[0], rel=1e-9)
-    assert column(again, "rpm") == pytest.approx(column(record, "rpm"), abs=1.5)
+    rpm = {True: 6.5, False: 2.0}[governed] if quantity == "rpm" else 1.0
+    assert column(again, "rpm") == pytest.approx(column(record, "rpm"), abs=rpm)
 
 
 def test_governor_holds_the_recorded_speed_under_a_recorded_pressure(sims):
     """Without a propeller lever the recorded speed is the command (mode.engine 5)."""
     manifold, speed = np.full_like(TIME, 8e4), np.full_like(TIME, 240.0)
     flown = fly(sims[True], 5.0, manifold_pressure_drive=manifold, rpm_drive=speed)
-    assert column(flown, "rpm") == pytest.approx(speed, rel=1e-9)
+    # the aircraft gains speed, and the blades follow
+    assert column(flown, "rpm")[0] == pytest.approx(240.0, rel=1e-9)
+    assert column(flown, "rpm") == pytest.approx(speed, abs=0.05)
     p = float(air.atmosphere(1000.0).p_static)
     swept = 7e-3 * 240.0 / (4.0 * np.pi)
     # in front of the compressor the pressure is lower by its ratio
