@@ -104,7 +104,7 @@ def test_levers_of_the_propeller_are_inputs(write_case, tmp_path, rolling):
     assert set(found.inputs["engine1.mixture"]) == {0.8}
     assert set(found.inputs["engine1.torque_drive"]) == {1200.0}
     without = rolling.drop_vars("engine1.rpm")
-    with pytest.raises(UnknownName, match='drive.propeller is "rpm"'):
+    with pytest.raises(UnknownName, match=r'drive\.propeller is "rpm"'):
         job_of(read_case(path), without)
     # a recorded thrust depends on no lever
     assert not {"engine1.prop_command", "engine1.mixture"} & set(
@@ -113,7 +113,7 @@ def test_levers_of_the_propeller_are_inputs(write_case, tmp_path, rolling):
 
 
 def test_recorded_speed_belongs_to_torque_or_pressure(write_case, tmp_path, rolling):
-    with pytest.raises(SchemaError, match="write drive.engine"):
+    with pytest.raises(SchemaError, match=r"write drive\.engine"):
         job(write_case, tmp_path, rolling, 'engine = "n1"\npropeller = "rpm"')
 
 
