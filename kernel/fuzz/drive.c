@@ -410,7 +410,7 @@ void call_kernel(const am_model *m, am_sim *sim, bytes_t *bytes) {
         break;
     default:
         if (take_byte(bytes) % 8 == 0) trim_for(m, sim, bytes);
-        else if (take_byte(bytes) % 8 == 0) checked(sim, am_trim(sim, take_byte(bytes) % 7));
+        else if (take_byte(bytes) % 8 == 0) checked(sim, am_trim(sim, take_byte(bytes) % 5));
         else query(m, sim, bytes);
     }
 }

@@ -17,7 +17,7 @@ import numpy as np
 from flightmech.names import lookup
 from flightmech.support.arrays import rms
 from flightmech.units import DEGREE
-from pom.cases.case_file import WIND
+from pom.cases.case_file import LEVERS, WIND
 from pom.cases.job import ReplayJob
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import quantity_words
@@ -60,6 +60,7 @@ _PULSES = {
     "wheel": 2.0 * DEGREE,
 }
 _PULSE = (0.1, 1.0)  # start [share of the window] and length [s]
+_LEVERS = (".throttle", *(f".{name}" for name in LEVERS))
 _LAST = 0.2  # share of the window in which the remaining displacement is measured
 _INTEGRALS = ("phi", "theta", "psi", "V", "h")  # displaced for good by a pulse
 
@@ -76,10 +77,13 @@ class ChangedJob:
         Without math pilot and control law: the controls that they moved are inputs.
     moved : bool
         Whether a control moves.  If none does, the primary controls have a pulse.
+    only_levers : bool
+        Whether the controls that move are levers of engines.
     """
 
     job: ReplayJob
     moved: bool
+    only_levers: bool = False
 
 
 def changed_job(job: ReplayJob, outputs: Traces) -> ChangedJob:
@@ -95,21 +99,24 @@ def changed_job(job: ReplayJob, outputs: Traces) -> ChangedJob:
     if job.law is not None:
         followed.update(job.law.moves)
     inputs: dict[str, np.ndarray] = {}
-    is_moved = False
+    moving: list[str] = []
     for name, recorded in job.inputs.items():
         values = outputs.get(name, recorded) if name in followed else recorded
         if name in WIND or not np.isfinite(values).all():
             inputs[name] = recorded
             continue
         deviation = values - values[0]
-        is_moved = is_moved or _is_moved(name, job.time, values)
+        if _is_moved(name, job.time, values):
+            moving.append(name)
         inputs[name] = values[0] + SCALE * deviation
-    if not is_moved:
+    if not moving:
         pulse = _pulse_shape(job.time)
         for name, size in _PULSES.items():
             if name in inputs:
                 inputs[name] = inputs[name] + size * pulse
-    return ChangedJob(replace(job, inputs=inputs, pilot=(), targets={}, law=None), is_moved)
+    changed = replace(job, inputs=inputs, pilot=(), targets={}, law=None)
+    levers = [name for name in moving if name.startswith("engine") and name.endswith(_LEVERS)]
+    return ChangedJob(changed, bool(moving), only_levers=bool(moving) and levers == moving)
 
 
 def _is_moved(name: str, time: np.ndarray, values: np.ndarray) -> bool:
@@ -139,6 +146,7 @@ def judge_input_change(
     *,
     moved: bool,
     on_wheels: bool = False,
+    only_levers: bool = False,
 ) -> tuple[RowRemark, ...]:
     """Return the remarks on a probe: the change, and ``not_driven`` if the inputs do not drive it.
 
@@ -155,6 +163,9 @@ def judge_input_change(
     on_wheels : bool
         Whether the aeroplane stands or rolls in a part of the window.  Wheels and brakes stop it
         whatever the inputs are: only an answer that does not change at all is judged.
+    only_levers : bool
+        As in `ChangedJob`.  The same judgement: the power of an engine is not linear in its lever.
+        The manifold pressure of the tutorial's engine hardly changes between 25 and 30 % of it.
     """
     changes: dict[str, float] = {}  # rms of the change, in units of `SIZES`
     shares: dict[str, float] = {}  # of the expected change
@@ -183,6 +194,9 @@ def judge_input_change(
         return _judge_pulse(time, before, after)
     if on_wheels:
         text = "not checked: on its wheels the aeroplane is not linear in the inputs"
+        return (_probe_remark(text, {}),)
+    if only_levers:
+        text = "not checked: the power of an engine is not linear in its lever"
         return (_probe_remark(text, {}),)
     return _judge_shares(shares, judged)
 

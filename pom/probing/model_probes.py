@@ -81,7 +81,13 @@ def probe_models(
             time = jobs[run].time
             is_slow = result.case.drive.trim == "ground" or is_on_wheels(outputs[run])
             remarks = judge_input_change(
-                time, outputs[run], after, judged, moved=changed.moved, on_wheels=is_slow
+                time,
+                outputs[run],
+                after,
+                judged,
+                moved=changed.moved,
+                on_wheels=is_slow,
+                only_levers=changed.only_levers,
             )
             # wheels take a part of the forces, also at a high speed
             is_compared = changed.moved and not (is_slow or touches_ground)

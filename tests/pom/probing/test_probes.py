@@ -316,3 +316,18 @@ def test_noise_in_an_answer_by_tables_is_of_the_inputs():
     assert shows_own_tables([RowRemark("probe", differs)])
     assert not shows_own_tables([RowRemark("not_driven", f"not driven by its tables: {differs}")])
     assert not shows_own_tables([RowRemark("probe", "answer not compared with the tables")])
+
+
+def test_power_of_a_lever_is_not_linear():
+    """Near idle a lever hardly changes the power: only an answer that stays is named."""
+    lever = np.where(TIME < 1.0, 0.75, 0.25)
+    changed = changed_job(job_of(**{"delta_e": 0.0 * TIME, "engine1.throttle": lever}), {})
+    assert changed.only_levers
+    before, after = {"V": 50.0 - 2.0 * TIME}, {"V": 50.0 - 1.99 * TIME}
+    (remark,) = judge_input_change(TIME, before, after, {"V"}, moved=True, only_levers=True)
+    assert remark.kind == "probe"
+    assert "not linear in its lever" in remark.text
+    (remark,) = judge_input_change(TIME, before, before, {"V"}, moved=True, only_levers=True)
+    assert remark.kind == "not_driven"
+    both = {"delta_e": elevator(), "engine1.throttle": lever}
+    assert not changed_job(job_of(**both), {}).only_levers
