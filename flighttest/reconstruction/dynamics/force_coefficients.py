@@ -35,7 +35,7 @@ from flighttest.reconstruction.dynamics.loads import (
     load_coefficients,
     thrust_coefficient,
 )
-from flighttest.reconstruction.dynamics.propeller_states import add_propeller_loads
+from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 from flighttest.reconstruction.dynamics.reduced_rates import (
     Columns,
     read_column,
@@ -61,8 +61,8 @@ def coefficients(
     ----------
     path : Path or Dataset (time,)
         A reconstruction, or its states: `V qbar alpha p q r ax ay az` at the c.g. and
-        `engineN.thrust` for each engine are needed (of a propeller, what `add_propeller_loads`
-        computes the thrust from); `p_dot q_dot r_dot` are differentiated when
+        `engineN.thrust` for each engine, or what a propeller gives it from
+        (`with_propeller_channels`), are needed; `p_dot q_dot r_dot` are differentiated when
         they are missing, `mass`, `x_cg_b`, `y_cg_b`, `z_cg_b` are taken from the aircraft when they
         are missing. [SI]
     aircraft : Aircraft
@@ -107,7 +107,7 @@ def coefficients(
     if frequency is not None:
         states = smooth_states(states, frequency)
         margin = _REACH / frequency
-    states = add_propeller_loads(reduced_rates(states, aircraft), aircraft)
+    states = with_propeller_channels(reduced_rates(states, aircraft), aircraft)
     columns = read_columns(states)
     if aircraft.engines:
         columns["CT"] = thrust_coefficient(columns, aircraft)
@@ -139,7 +139,7 @@ def sample_coefficients(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
         As of `coefficients`. [SI]
     aircraft : Aircraft
     """
-    states = reduced_rates(states, aircraft)
+    states = with_propeller_channels(reduced_rates(states, aircraft), aircraft)
     columns = read_columns(states)
     if aircraft.engines:
         columns["CT"] = thrust_coefficient(columns, aircraft)

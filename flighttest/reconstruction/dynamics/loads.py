@@ -1,6 +1,6 @@
 """Forces and moments on the airframe along a flight path, and their coefficients.
 
-Equation of motion of a rigid aeroplane with spinning rotors and propellers, solved for the aerodynamic force and
+Equation of motion of a rigid aeroplane with spinning rotors, solved for the aerodynamic force and
 moment::
 
     F_A = m a - F_T
@@ -18,6 +18,10 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError
+from flighttest.reconstruction.dynamics.propeller_loads import (
+    propeller_load,
+    with_propeller_channels,
+)
 from flighttest.reconstruction.dynamics.reduced_rates import (
     Columns,
     read_column,
@@ -48,7 +52,7 @@ def external_load(states: xr.Dataset, aircraft: Aircraft) -> tuple[np.ndarray, n
     F, M : array (time, 3)
         Body axes, M about the c.g. [N, N m]
     """
-    return air_load(read_columns(states), aircraft)
+    return air_load(read_columns(with_propeller_channels(states, aircraft)), aircraft)
 
 
 def air_load(columns: Columns, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
@@ -66,8 +70,7 @@ def known_moment(states: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
     Parameters
     ----------
     states : Dataset (time,)
-        `p q r`, and `engineN.thrust` of every engine, with `engineN.torque` and `engineN.rpm` of
-        propellers where they are known; `x_cg_b`, `y_cg_b`, `z_cg_b` where they
+        `p q r`, and `engineN.thrust` of every engine; `x_cg_b`, `y_cg_b`, `z_cg_b` where they
         change. [SI]
     aircraft : Aircraft
         Engines.
@@ -77,9 +80,9 @@ def known_moment(states: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
     array (time, 3)
         Body axes. [N m]
     """
-    columns = read_columns(states)
+    columns = read_columns(with_propeller_channels(states, aircraft))
     # M_T - omega x h_e
-    moment = -np.cross(stack_columns(columns, _RATES), _rotor_momentum(columns, aircraft))
+    moment = -np.cross(stack_columns(columns, _RATES), _rotor_momentum(aircraft))
     total = np.zeros(3)
     for _, engine_moment in engine_loads(columns, aircraft):
         total = total + engine_moment
@@ -104,26 +107,26 @@ def inertial_load(columns: Columns, aircraft: Aircraft) -> tuple[np.ndarray, np.
     inertia = inertia_matrix(aircraft)
     mass = read_column(columns, "mass", aircraft.mass)
     force = mass[:, None] * stack_columns(columns, ("ax", "ay", "az"))
-    gyroscopic = np.cross(omega, omega @ inertia + _rotor_momentum(columns, aircraft))
+    gyroscopic = np.cross(omega, omega @ inertia + _rotor_momentum(aircraft))
     return force, omega_dot @ inertia + gyroscopic
 
 
 def engine_loads(columns: Columns, aircraft: Aircraft) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return the force of each engine and its moment about the c.g., body axes. [N, N m]
 
-    An engine turns the airframe against its propeller, with the torque at the shaft.
+    Torque, rotor and inflow of a propeller are included where its torque is known
+    (`propeller_loads`).
     """
     loads = []
     for i, engine in enumerate(aircraft.engines):
         thrust = read_column(columns, f"engine{i + 1}.thrust")
         force = thrust[:, None] * np.asarray(engine.direction, float)
         arm = np.asarray(engine.position, float) - _center_of_gravity(columns, aircraft)
-        moment = np.cross(arm, force)
-        torque = columns.get(f"engine{i + 1}.torque")
-        if engine.propeller is not None and torque is not None:
-            against = -engine.propeller.rotation * np.asarray(engine.direction, float)
-            moment = moment + torque[:, None] * against
-        loads.append((force, moment))
+        moment = np.zeros_like(force)
+        propeller = propeller_load(columns, engine, i + 1)
+        if propeller is not None:
+            force, moment = force + propeller[0], propeller[1]
+        loads.append((force, np.cross(arm, force) + moment))
     return loads
 
 
@@ -194,16 +197,11 @@ def is_airborne(columns: Columns, margin: float) -> np.ndarray:
     return ~on_ground & (distance > margin)
 
 
-def _rotor_momentum(columns: Columns, aircraft: Aircraft) -> np.ndarray:
-    """Return the angular momentum of all rotors, body axes (3,) or (time, 3). [kg m2 s-1]"""
+def _rotor_momentum(aircraft: Aircraft) -> np.ndarray:
+    """Return the angular momentum of all rotors, body axes (3,). [kg m2 s-1]"""
     total = np.zeros(3)
-    for i, engine in enumerate(aircraft.engines):
-        direction = np.asarray(engine.direction, float)
-        total = total + engine.angular_momentum * direction
-        speed = columns.get(f"engine{i + 1}.rpm")
-        if engine.propeller is not None and speed is not None:
-            inertia = engine.propeller.rotation * engine.propeller.inertia
-            total = total + inertia * speed[:, None] * direction
+    for engine in aircraft.engines:
+        total = total + engine.angular_momentum * np.asarray(engine.direction, float)
     return total
 
 

@@ -45,13 +45,17 @@ class EnginePower(NamedTuple):
     ----------
     gross, losses : array
         Power at the shaft is gross less losses. [W]
-    fuel_flow : array or None
-        Fuel flow; None without tables of it. [kg/s]
+    tabled_flow, flow_of_power : array
+        Fuel flow of a table, and of a specific consumption times the gross power. [kg/s]
+    metered_flow : array
+        Fuel flow of air and mixture, which makes the power itself. [kg/s]
     """
 
     gross: np.ndarray
     losses: np.ndarray
-    fuel_flow: np.ndarray | None
+    tabled_flow: np.ndarray
+    flow_of_power: np.ndarray
+    metered_flow: np.ndarray
 
 
 def air_of(columns: Mapping[str, np.ndarray]) -> Condition:
@@ -218,12 +222,14 @@ def _turbine_power(propeller: Propeller, at: Condition) -> EnginePower | None:
         if name.startswith("corrected"):
             factor = at["pressure_ratio"] * np.sqrt(at["temperature_ratio"])
         gross = gross + factor * table_at(tables[name], at)
-    most = propeller.torque_limit * np.maximum(at["rpm"], _SLOW_SHAFT)
+    # a limit that does not act is the largest double, whose product overflows
+    with np.errstate(over="ignore"):
+        most = propeller.torque_limit * np.maximum(at["rpm"], _SLOW_SHAFT)
     gross = np.minimum(np.minimum(gross, propeller.power_limit), most)
-    flow = None
+    zero, flow = np.zeros_like(gross), np.zeros_like(gross)
     if "shaft_bsfc" in tables and set(map(str, tables["shaft_bsfc"]["value"].dims)) <= set(at):
         flow = table_at(tables["shaft_bsfc"], at) * np.maximum(gross, 0.0)
-    return EnginePower(gross, np.zeros_like(gross), flow)
+    return EnginePower(gross, zero, zero, flow_of_power=flow, metered_flow=zero)
 
 
 def _piston_power(piston: PistonEngine, at: Condition) -> EnginePower:
@@ -260,10 +266,8 @@ def _piston_power(piston: PistonEngine, at: Condition) -> EnginePower:
         + table("friction_power")
         - piston.pumping * swept * (unboosted - at["p_static"])
     )
-    flow = None
-    if {"fuel_flow", "bsfc", "fuel_work"} & set(tables):
-        flow = mixed + np.maximum(table("fuel_flow") + table("bsfc") * np.maximum(chart, 0.0), 0.0)
-    return EnginePower(gross, losses, flow)
+    flow_of_power = table("bsfc") * np.maximum(chart, 0.0)
+    return EnginePower(gross, losses, table("fuel_flow"), flow_of_power, metered_flow=mixed)
 
 
 def table_at(leaf: xr.Dataset, at: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -305,7 +309,13 @@ def blade_setting(propeller: Propeller, at: Condition, power: np.ndarray) -> Bla
     nodes = leaf["blade_angle"].values
     nodes = nodes[(nodes > low.min()) & (nodes < propeller.highest)]
     angles = np.vstack([low, *(np.maximum(low, x) for x in nodes), 0.0 * low + propeller.highest])
-    taken = np.array([table_at(leaf, at | {"blade_angle": row}) for row in angles])
+    # one look-up of all angles at all points (angle, point)
+    rows = {
+        str(dim): np.broadcast_to(at[str(dim)], angles.shape)
+        for dim in leaf["value"].dims
+        if dim != "blade_angle"
+    }
+    taken = table_at(leaf, {**at, **rows, "rpm": angles, "blade_angle": angles})
     # first interval whose upper end takes at least the power
     k = np.clip(np.argmax(taken >= wanted, axis=0), 1, len(angles) - 1)
     point = np.arange(len(power))

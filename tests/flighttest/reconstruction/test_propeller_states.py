@@ -13,7 +13,7 @@ import flighttest
 from flightmech.aircraft import Engine, PistonEngine, Propeller
 from flightmech.errors import IdentificationError
 from flightmech.terms import make_term
-from flighttest.reconstruction.dynamics.propeller_states import COMPUTED, add_propeller_loads
+from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 
 J = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 ANGLES = np.array([0.2, 0.7])
@@ -92,21 +92,20 @@ def states_of(flown: xr.Dataset, *names: str) -> xr.Dataset:
 
 def test_thrust_and_torque_of_speed_and_manifold_pressure(flown):
     states = states_of(flown, "engine1.rpm", "engine1.manifold_pressure")
-    found = add_propeller_loads(states, trainer())
+    found = with_propeller_channels(states, trainer())
     assert np.ptp(flown["engine1.thrust"].values) > 800.0
-    # the rate of the speed is that of nine samples
     np.testing.assert_allclose(found["engine1.thrust"], flown["engine1.thrust"], atol=12.0)
     np.testing.assert_allclose(found["engine1.torque"], flown["engine1.torque"], rtol=1e-6)
-    assert found["engine1.thrust"].attrs["comment"] == COMPUTED
+    np.testing.assert_allclose(found["engine1.J"], flown["engine1.J"], rtol=1e-6)
 
 
 def test_recorded_torque_takes_the_place_of_the_chart(flown):
     states = states_of(flown, "engine1.rpm", "engine1.torque")
-    found = add_propeller_loads(states, trainer())
+    found = with_propeller_channels(states, trainer())
     np.testing.assert_allclose(found["engine1.thrust"], flown["engine1.thrust"], atol=12.0)
     recorded = states.assign({"engine1.thrust": ("time", np.full(TIME.size, 700.0))})
-    assert add_propeller_loads(recorded, trainer()) is not recorded
-    assert set(add_propeller_loads(recorded, trainer())["engine1.thrust"].values) == {700.0}
+    assert with_propeller_channels(recorded, trainer()) is not recorded
+    assert set(with_propeller_channels(recorded, trainer())["engine1.thrust"].values) == {700.0}
 
 
 def test_coefficients_are_free_of_propeller_and_rotor(flown):
@@ -125,8 +124,6 @@ def test_coefficients_are_free_of_propeller_and_rotor(flown):
     assert np.abs(wrong["Cl"] - expected).values[middle].min() > 5e-4
 
 
-def test_missing_channels_are_named(flown):
-    with pytest.raises(IdentificationError, match=r"engine1\.rpm is missing"):
-        add_propeller_loads(states_of(flown, "engine1.manifold_pressure"), trainer())
-    with pytest.raises(IdentificationError, match=r"map engine1\.torque, or engine1\.manifold_pre"):
-        add_propeller_loads(states_of(flown, "engine1.rpm"), trainer())
+def test_a_missing_power_is_named(flown):
+    with pytest.raises(IdentificationError, match=r"neither torque nor .* map engine1\.torque"):
+        with_propeller_channels(states_of(flown, "engine1.rpm"), trainer())
