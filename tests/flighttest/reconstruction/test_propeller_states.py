@@ -96,7 +96,7 @@ def test_thrust_and_torque_of_speed_and_manifold_pressure(flown):
     assert np.ptp(flown["engine1.thrust"].values) > 800.0
     np.testing.assert_allclose(found["engine1.thrust"], flown["engine1.thrust"], atol=12.0)
     np.testing.assert_allclose(found["engine1.torque"], flown["engine1.torque"], rtol=1e-6)
-    np.testing.assert_allclose(found["engine1.J"], flown["engine1.J"], rtol=1e-6)
+    np.testing.assert_allclose(found["engine1.J"], flown["engine1.J"], rtol=1e-4)
 
 
 def test_recorded_torque_takes_the_place_of_the_chart(flown):
