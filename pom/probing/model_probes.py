@@ -91,6 +91,8 @@ def probe_models(
             )
             # wheels take a part of the forces, also at a high speed
             is_compared = changed.moved and not (is_slow or touches_ground)
+            # gain and time of the inputs are those of surfaces, in which an answer is linear
+            is_compared = is_compared and not changed.only_levers
             is_compared = is_compared and all(item.kind == "probe" for item in remarks)
             if is_compared and result.case.reference == "flight":
                 surfaces = result.case.drive.level == "recorded"
