@@ -27,58 +27,63 @@ DEGREE = math.pi / 180.0
 # pressure of a metre of mercury at 0 degC [Pa m-1]
 MERCURY = 13595.1 * G0
 
-# By unit: dimension as powers of (m, kg, s, K), and factor to SI. Angles, fractions and amperes are
-# pure numbers.
-_BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
-    "1": ((0, 0, 0, 0), 1.0),
-    "%": ((0, 0, 0, 0), 0.01),
-    "rad": ((0, 0, 0, 0), 1.0),
-    "deg": ((0, 0, 0, 0), DEGREE),
-    "mrad": ((0, 0, 0, 0), 0.001),
-    "m": ((1, 0, 0, 0), 1.0),
-    "cm": ((1, 0, 0, 0), 0.01),
-    "mm": ((1, 0, 0, 0), 0.001),
-    "km": ((1, 0, 0, 0), 1000.0),
-    "mi": ((1, 0, 0, 0), MILE),
-    "ft": ((1, 0, 0, 0), FOOT),
-    "in": ((1, 0, 0, 0), INCH),
-    "nmi": ((1, 0, 0, 0), NAUTICAL_MILE),
-    "s": ((0, 0, 1, 0), 1.0),
-    "ms": ((0, 0, 1, 0), 0.001),
-    "us": ((0, 0, 1, 0), 1e-6),
-    "ns": ((0, 0, 1, 0), 1e-9),
-    "min": ((0, 0, 1, 0), 60.0),
-    "h": ((0, 0, 1, 0), 3600.0),
-    "kg": ((0, 1, 0, 0), 1.0),
-    "lb": ((0, 1, 0, 0), POUND),
-    "slug": ((0, 1, 0, 0), SLUG),
-    "N": ((1, 1, -2, 0), 1.0),
-    "daN": ((1, 1, -2, 0), 10.0),
-    "kN": ((1, 1, -2, 0), 1000.0),
-    "kgf": ((1, 1, -2, 0), G0),
-    "lbf": ((1, 1, -2, 0), POUND_FORCE),
-    "Pa": ((-1, 1, -2, 0), 1.0),
-    "hPa": ((-1, 1, -2, 0), 100.0),
-    "kPa": ((-1, 1, -2, 0), 1000.0),
-    "MPa": ((-1, 1, -2, 0), 1e6),
-    "bar": ((-1, 1, -2, 0), 1e5),
-    "inHg": ((-1, 1, -2, 0), MERCURY * INCH),
-    "mmHg": ((-1, 1, -2, 0), MERCURY * 0.001),
-    "psi": ((-1, 1, -2, 0), POUND_FORCE / INCH**2),
-    "psf": ((-1, 1, -2, 0), POUND_FORCE / FOOT**2),
-    "kt": ((1, 0, -1, 0), KNOT),
-    "g": ((1, 0, -2, 0), G0),
-    "Hz": ((0, 0, -1, 0), 1.0),
-    "W": ((2, 1, -3, 0), 1.0),
-    "kW": ((2, 1, -3, 0), 1000.0),
-    "hp": ((2, 1, -3, 0), 550.0 * FOOT * POUND_FORCE),
-    "A": ((0, 0, 0, 0), 1.0),
-    "V": ((2, 1, -3, 0), 1.0),
-    "rpm": ((0, 0, -1, 0), 2.0 * math.pi / 60.0),
-    "K": ((0, 0, 0, 1), 1.0),
-    "degR": ((0, 0, 0, 1), 1.0 / 1.8),
-    "degC": ((0, 0, 0, 1), 1.0),
-    "degF": ((0, 0, 0, 1), 1.0 / 1.8),
+Powers = tuple[int, int, int, int, int]
+"""Powers of metre, kilogram, second, kelvin and ampere."""
+
+# By unit: dimension, and factor to SI. Angles and fractions are pure numbers.
+_BASE: dict[str, tuple[Powers, float]] = {
+    "1": ((0, 0, 0, 0, 0), 1.0),
+    "%": ((0, 0, 0, 0, 0), 0.01),
+    "rad": ((0, 0, 0, 0, 0), 1.0),
+    "deg": ((0, 0, 0, 0, 0), DEGREE),
+    "mrad": ((0, 0, 0, 0, 0), 0.001),
+    "m": ((1, 0, 0, 0, 0), 1.0),
+    "cm": ((1, 0, 0, 0, 0), 0.01),
+    "mm": ((1, 0, 0, 0, 0), 0.001),
+    "km": ((1, 0, 0, 0, 0), 1000.0),
+    "mi": ((1, 0, 0, 0, 0), MILE),
+    "ft": ((1, 0, 0, 0, 0), FOOT),
+    "in": ((1, 0, 0, 0, 0), INCH),
+    "nmi": ((1, 0, 0, 0, 0), NAUTICAL_MILE),
+    "s": ((0, 0, 1, 0, 0), 1.0),
+    "ms": ((0, 0, 1, 0, 0), 0.001),
+    "us": ((0, 0, 1, 0, 0), 1e-6),
+    "ns": ((0, 0, 1, 0, 0), 1e-9),
+    "min": ((0, 0, 1, 0, 0), 60.0),
+    "h": ((0, 0, 1, 0, 0), 3600.0),
+    "kg": ((0, 1, 0, 0, 0), 1.0),
+    "lb": ((0, 1, 0, 0, 0), POUND),
+    "slug": ((0, 1, 0, 0, 0), SLUG),
+    "N": ((1, 1, -2, 0, 0), 1.0),
+    "daN": ((1, 1, -2, 0, 0), 10.0),
+    "kN": ((1, 1, -2, 0, 0), 1000.0),
+    "kgf": ((1, 1, -2, 0, 0), G0),
+    "lbf": ((1, 1, -2, 0, 0), POUND_FORCE),
+    "Pa": ((-1, 1, -2, 0, 0), 1.0),
+    "hPa": ((-1, 1, -2, 0, 0), 100.0),
+    "kPa": ((-1, 1, -2, 0, 0), 1000.0),
+    "MPa": ((-1, 1, -2, 0, 0), 1e6),
+    "bar": ((-1, 1, -2, 0, 0), 1e5),
+    "inHg": ((-1, 1, -2, 0, 0), MERCURY * INCH),
+    "mmHg": ((-1, 1, -2, 0, 0), MERCURY * 0.001),
+    "psi": ((-1, 1, -2, 0, 0), POUND_FORCE / INCH**2),
+    "psf": ((-1, 1, -2, 0, 0), POUND_FORCE / FOOT**2),
+    "kt": ((1, 0, -1, 0, 0), KNOT),
+    "g": ((1, 0, -2, 0, 0), G0),
+    "Hz": ((0, 0, -1, 0, 0), 1.0),
+    "W": ((2, 1, -3, 0, 0), 1.0),
+    "kW": ((2, 1, -3, 0, 0), 1000.0),
+    "hp": ((2, 1, -3, 0, 0), 550.0 * FOOT * POUND_FORCE),
+    "A": ((0, 0, 0, 0, 1), 1.0),
+    "Ah": ((0, 0, 1, 0, 1), 3600.0),
+    "mAh": ((0, 0, 1, 0, 1), 3.6),
+    "V": ((2, 1, -3, 0, -1), 1.0),
+    "ohm": ((2, 1, -3, 0, -2), 1.0),
+    "rpm": ((0, 0, -1, 0, 0), 2.0 * math.pi / 60.0),
+    "K": ((0, 0, 0, 1, 0), 1.0),
+    "degR": ((0, 0, 0, 1, 0), 1.0 / 1.8),
+    "degC": ((0, 0, 0, 1, 0), 1.0),
+    "degF": ((0, 0, 0, 1, 0), 1.0 / 1.8),
 }
 # Other spellings in lower case, as recorders and people write them. Other modules use this list.
 _SPELT = {
@@ -260,7 +265,7 @@ def fitted_unit(text: str, expected: str) -> str:
 
 
 @cache
-def parse_unit(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
+def parse_unit(unit: str) -> tuple[Powers, float, float]:
     """Return dimension, factor and offset of a unit.
 
     Parameters
@@ -271,7 +276,7 @@ def parse_unit(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
     Returns
     -------
     dimension : tuple of int
-        Powers of metre, kilogram, second and kelvin.
+        Powers of metre, kilogram, second, kelvin and ampere.
     factor, offset : float
         value_SI = value * factor + offset.
 
@@ -283,7 +288,7 @@ def parse_unit(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
     text = known_unit(unit) or "1"
     if text in _OFFSET:
         return _BASE[text][0], _BASE[text][1], _OFFSET[text]
-    dimension, factor = [0, 0, 0, 0], 1.0
+    dimension, factor = [0, 0, 0, 0, 0], 1.0
     if multiple := _MULTIPLE.match(text):
         factor, text = float(multiple[1]), text[multiple.end() :].strip()
     # factors behind a slash, parts 1 and on, have a negative power
@@ -301,7 +306,8 @@ def parse_unit(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
                 power = -power
             dimension = [d + power * e for d, e in zip(dimension, _BASE[name][0], strict=True)]
             factor *= _BASE[name][1] ** power
-    return (dimension[0], dimension[1], dimension[2], dimension[3]), factor, 0.0
+    m, kg, s, K, A = dimension
+    return (m, kg, s, K, A), factor, 0.0
 
 
 def _suggest_units(word: str) -> str:

@@ -169,8 +169,8 @@ def _engine_lines(
         ]
     if count and not any(name.endswith(".thrust") for name in channels):
         text = (
-            "no thrust is recorded: give each [[engine]] a deck or a table of thrust, else "
-            "the coefficients hold the thrust"
+            "no thrust is recorded: give each [[engine]] its propeller and what turns it, a deck "
+            "or a table of thrust; the coefficients need the thrust"
         )
         gaps.append(AircraftGap((), text))
     return lines

@@ -5,7 +5,7 @@ motion passed through modelled instruments.
     python make_records.py [FOLDER]    # writes FOLDER/flight and FOLDER/stall
 
 Nothing of the files of that package is copied; recordings are what this script flies.  Each run
-starts trimmed.  Between inputs a simple pilot holds heading, height and speed; during an input all
+starts after the pilot has settled.  Between inputs a simple pilot holds heading, height and speed; during an input all
 other controls stay where they were.  Body axes x forward, y right, z down.
 """
 
@@ -22,6 +22,7 @@ import pandas as pd
 
 RATE, FRAMES = 25, 16  # records per second, frames of the simulation per record
 FT, INCH, LBF, KT, LB, G0 = 0.3048, 0.0254, 4.4482216152605, 1852 / 3600, 0.45359237, 9.80665
+INHG = 3386.389
 DEG = np.pi / 180.0
 # moment reference point of ../aircraft.toml [in], behind the firewall and above the base line
 STATION, WATERLINE = 43.2, 39.5
@@ -31,15 +32,18 @@ VANES = np.array([1.10, -3.60, -0.55])  # boom on the left wing, carries the pit
 # Constant errors of the instruments, one set for the whole programme
 BIAS = {"p": 0.05, "q": -0.04, "r": 0.06, "phi": -0.08, "theta": 0.07, "psi": 0.20, "nx": 0.003, "ny": -0.004, "nz": 0.006}
 BIAS |= {"alpha": 0.45, "beta": -0.35, "elevator": 0.12, "aileron": -0.10, "rudder": 0.15, "oat": 0.5, "weight": 9.0}
-FACTOR = {"alpha": 1.07, "beta": 1.04, "thrust": 1.01, "elevator": 1.008}
+FACTOR = {"alpha": 1.07, "beta": 1.04, "elevator": 1.008}
 POSITION_ERROR = 0.012  # of the static pressure, over the impact pressure
 # [s]
 DELAY = {"cas": 0.12, "altitude": 0.12, "oat": 0.12, "vn": 0.15, "ve": 0.15, "vs": 0.15, "gps": 0.15}
 VANE_LAG = 0.04  # [s]
+PROP_LEVER = 0.9  # 0 for 900, 1 for 2400 rpm
+TRIMMED = 100.0  # speed at which the simulation starts [kt]
+SETTLING = 60.0  # before the recorder starts [s]
 # White noise per sample, in the units of the columns
 NOISE = {"p": 0.03, "q": 0.03, "r": 0.03, "phi": 0.03, "theta": 0.03, "psi": 0.05, "nx": 0.002, "ny": 0.002, "nz": 0.004}
 NOISE |= {"alpha": 0.08, "beta": 0.08, "cas": 0.15, "altitude": 1.5, "oat": 0.1, "elevator": 0.03, "aileron": 0.03, "rudder": 0.03}
-NOISE |= {"lever": 0.1, "rpm": 3.0, "thrust": 2.0, "vn": 0.10, "ve": 0.10, "vs": 10.0, "gps": 2.0}
+NOISE |= {"lever": 0.1, "prop_lever": 0.1, "rpm": 3.0, "map": 0.05, "vn": 0.10, "ve": 0.10, "vs": 10.0, "gps": 2.0}
 
 COLUMNS = {  # heading of the file: (quantity, decimals)
     "Time (s)": ("time", 2),
@@ -61,8 +65,9 @@ COLUMNS = {  # heading of the file: (quantity, decimals)
     "Aileron (deg)": ("aileron", 2),
     "Rudder (deg)": ("rudder", 2),
     "Power Lever (%)": ("lever", 1),
+    "Prop Lever (%)": ("prop_lever", 1),
     "RPM": ("rpm", 0),
-    "Thrust (lbf)": ("thrust", 1),
+    "MAP (inHg)": ("map", 2),
     "GS North (kt)": ("vn", 2),
     "GS East (kt)": ("ve", 2),
     "VS (ft/min)": ("vs", 0),
@@ -89,6 +94,7 @@ class Aeroplane:
         start = {"lat-geod-deg": 45.0, "terrain-elevation-ft": 0.0, "h-sl-ft": altitude, "psi-true-deg": 60.0, "vc-kts": kcas, "gamma-deg": 0.0}
         for name, value in start.items():
             fdm["ic/" + name] = value
+        fdm["fcs/advance-cmd-norm"] = PROP_LEVER
         fdm.run_ic()
         fdm["propulsion/set-running"] = -1
         fdm["simulation/do_simple_trim"] = 1
@@ -113,13 +119,13 @@ class Aeroplane:
         names |= {"q_dot": "accelerations/qdot-rad_sec2", "r_dot": "accelerations/rdot-rad_sec2", "phi": "attitude/phi-rad"}
         names |= {"theta": "attitude/theta-rad", "psi": "attitude/psi-rad", "mach": "velocities/mach", "elevator": "fcs/elevator-pos-rad"}
         names |= {"aileron": "fcs/left-aileron-pos-rad", "rudder": "fcs/rudder-pos-rad", "lever": "fcs/throttle-pos-norm"}
-        names |= {"rpm": "propulsion/engine/propeller-rpm"}
+        names |= {"rpm": "propulsion/engine/propeller-rpm", "map": "propulsion/engine/map-pa", "prop_lever": "fcs/advance-pos-norm"}
         d = {name: f[path] for name, path in names.items()}
         feet = {"u": "velocities/u-aero-fps", "v": "velocities/v-aero-fps", "w": "velocities/w-aero-fps", "vn": "velocities/v-north-fps"}
         feet |= {"ve": "velocities/v-east-fps", "vd": "velocities/v-down-fps", "h": "position/h-sl-ft"}
         d |= {name: f[path] * FT for name, path in feet.items()}
         d["p_static"], d["temperature"] = f["atmosphere/P-psf"] * LBF / FT**2, f["atmosphere/T-R"] / 1.8
-        d["mass"], d["thrust"] = f["inertia/weight-lbs"] * LB, f["propulsion/engine/thrust-lbs"] * LBF
+        d["mass"] = f["inertia/weight-lbs"] * LB
         d["x_cg"], d["z_cg"] = (STATION - f["inertia/cg-x-in"]) * INCH, (WATERLINE - f["inertia/cg-z-in"]) * INCH
         for axis in "xyz":
             d["a" + axis] = sum(f[f"forces/fb{axis}-{part}-lbs"] for part in ("aero", "prop")) * LBF / d["mass"]
@@ -172,8 +178,10 @@ class Pilot:
 
 def fly(kcas: float, altitude: float, cards: list[tuple]) -> pd.DataFrame:
     """Fly the cards of one run in calm air and return its motion, error-free."""
-    a = Aeroplane(kcas, altitude)
+    # the trim of the simulation does not wait for the governor: the pilot finds the speed
+    a = Aeroplane(TRIMMED, altitude)
     pilot = Pilot(a)
+    pilot.speed *= kcas / TRIMMED
 
     def during(seconds: float, action: Action) -> None:
         for k in range(round(seconds * RATE)):
@@ -183,6 +191,10 @@ def fly(kcas: float, altitude: float, cards: list[tuple]) -> pd.DataFrame:
     def free(seconds: float) -> None:
         during(seconds, lambda t: None)
 
+    during(SETTLING, pilot.holds)
+    del a.rows[:-1]
+    a.trim = dict(a.want)
+    pilot = Pilot(a)
     for kind, *values in cards:
         start = dict(a.want)
         if kind == "free":
@@ -278,8 +290,9 @@ def measured(motion: pd.DataFrame, wind: np.ndarray, seed: int) -> pd.DataFrame:
         "ny": force[:, 1] / G0,
         "nz": -force[:, 2] / G0,
         "lever": 100 * m["lever"],
+        "prop_lever": 100 * m["prop_lever"],
         "rpm": m["rpm"],
-        "thrust": m["thrust"] / LBF,
+        "map": m["map"] / INHG,
         "vn": m["vn"] / KT + wind[0],
         "ve": m["ve"] / KT + wind[1],
         "vs": -m["vd"] / FT * 60,
@@ -327,7 +340,7 @@ def test_point(a: float) -> list[tuple]:
 PROGRAMME = {
     "slow": (75.0, 5000.0, test_point(1.3)),
     "cruise": (100.0, 5000.0, test_point(1.0)),
-    "fast": (118.0, 5000.0, test_point(0.8)),
+    "fast": (112.0, 5000.0, test_point(0.8)),
     "check_short_period": (95.0, 6000.0, [("free", 5.0), ("steps", "elevator", 0.12, 1.0, DOUBLET, 10.0)]),
     "check_phugoid": (100.0, 6000.0, [("free", 5.0), ("steps", "elevator", 0.06, 3.0, [(-1, 1)], 90.0)]),
     "check_roll": (90.0, 6000.0, [("free", 5.0), ("steps", "aileron", 0.4, 2.5, [(1, 1)], 5.0)]),

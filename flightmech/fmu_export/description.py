@@ -30,7 +30,14 @@ REPLAY = {"replay.n": 70000, "replay.t": 70001, "replay.u": 70002, "replay.y": 7
 # Values of the enumerations of the kernel, with the names that importers show.
 CHOICES = {
     "mode.earth": {"flat": 0, "WGS84_rotating": 1, "sphere_at_rest": 2, "sphere_rotating": 3},
-    "mode.engine": {"lever": 0, "N1": 1, "thrust": 2},
+    "mode.engine": {
+        "lever": 0,
+        "N1": 1,
+        "thrust": 2,
+        "torque": 3,
+        "rpm": 4,
+        "manifold_pressure": 5,
+    },
     "mode.controls": {"surfaces": 0, "cockpit_positions": 1, "pilot_forces": 2},
     "mode.rates": {"inertial": 0, "relative_to_Earth": 1},
     "mode.trim": {"none": 0, "trim_thrust": 1, "trim_throttle": 2, "stand_on_ground": 3},

@@ -349,9 +349,7 @@ def base_units(units: str) -> dict[str, str]:
             "model description",
             [f"{units!r} is not an SI unit; the catalogue of the kernel holds SI units only"],
         )
-    # the dimension has no angle and no current: their exponents come from the text
-    radians = _count_powers("rad", units)
-    amperes = _count_powers("A", units) - _count_powers("V", units)
-    names = ("m", "kg", "s", "K", "rad", "A")
-    exponents = dict(zip(names, (*dimension, radians, amperes), strict=True))
+    # the dimension has no angle: its exponent comes from the text
+    names = ("m", "kg", "s", "K", "A", "rad")
+    exponents = dict(zip(names, (*dimension, _count_powers("rad", units)), strict=True))
     return {name: str(power) for name, power in exponents.items() if power}

@@ -63,7 +63,13 @@ _STATES = {
 # Description, start value, limits.
 _MODES = {
     "earth": ("0 flat, 1 WGS-84 rotating, 2 sphere at rest, 3 rotating sphere", 1.0, 0.0, 3.0),
-    "engine": ("0 the lever drives, 1 N1, 2 thrust_drive", 0.0, 0.0, 2.0),
+    "engine": (
+        "0 the lever drives, 1 N1, 2 thrust_drive, 3 the torque, 4 the speed of the propeller, 5 "
+        "the manifold pressure",
+        0.0,
+        0.0,
+        5.0,
+    ),
     "controls": (
         "0 the surfaces drive, 1 the cockpit positions, 2 the pilot's forces",
         0.0,

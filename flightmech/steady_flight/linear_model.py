@@ -269,6 +269,8 @@ def _input_size(plant: Plant, name: str) -> float:
         return plant.trimmed["V"]
     if name.endswith(".thrust_drive"):
         return plant.weight
+    if name.endswith((".torque_drive", ".rpm_drive", ".manifold_pressure_drive")):
+        return max(abs(plant.trimmed[name.removesuffix("_drive")]), 1.0)
     return 1.0
 
 

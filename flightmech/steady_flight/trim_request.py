@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flightmech.air import P_SEA
 from flightmech.aircraft.controls import MOVES
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.simulation.compiler import SimModel
@@ -27,14 +28,27 @@ from flightmech.units import G0
 # Unknown that brings about the value of an output, in any kind.
 UNKNOWN_FOR = {"V_cas": "V", "mach": "V", "qbar": "V", "hdot": "gamma", "h_agl": "h"}
 # Input that drives an engine, by mode.engine.
-DRIVES = {0.0: "throttle", 1.0: "n1_drive", 2.0: "thrust_drive"}
+DRIVES = {
+    0.0: "throttle",
+    1.0: "n1_drive",
+    2.0: "thrust_drive",
+    3.0: "torque_drive",
+    4.0: "rpm_drive",
+    5.0: "manifold_pressure_drive",
+}
 POSITIONS, FORCES = 1.0, 2.0  # mode.controls
 RIGID = 13  # states of the rigid body in the kernel, which come first
 _START = ("V", "alpha", "beta", "gamma", "theta", "phi", "psi", "h", "p", "q", "r", "psi_dot")
 # Tab that trims out the force of a control circuit.
 _TABS = {"column": "delta_t", "wheel": "delta_ta", "pedal": "delta_tr"}
-_ENGINE_OUTPUTS = ("thrust", "n1", "n2")
+_ENGINE_OUTPUTS = ("thrust", "n1", "n2", "rpm", "torque", "manifold_pressure")
 _PILOT_FORCE = 100.0  # size of a pilot force [N]
+# Inputs that drive a propeller or its engine. The search starts at this part of their size, and
+# ends at this multiple of it.
+_SHAFT_DRIVES = (".torque_drive", ".rpm_drive", ".manifold_pressure_drive")
+_GUESS = 0.7
+_MOST_DRIVE = 3.0
+_CLIMB = 5.0  # [m/s]
 _TYRE = 0.2  # largest deflection of a tyre along the ground [m]
 # Height of the reference point on the ground, from the runway: lower and upper limit, size. [m]
 _ABOVE_RUNWAY = TrimLimits(-20.0, 50.0, 10.0)
@@ -96,8 +110,7 @@ class _RequestResolver:
             if name not in self.rows:
                 raise UnknownName(name, self.rows, "parameter or input")
 
-        # the kernel reports an invalid mode
-        self.drive = DRIVES.get(self._value("mode.engine"), "throttle")
+        self.drive = self._find_drive()
         self.engines: list[str] = []
         for name in sim.inputs:
             if name.endswith(f".{self.drive}"):
@@ -152,6 +165,17 @@ class _RequestResolver:
 
     def _value(self, name: str) -> float:
         return self.values.get(name, self.rows[name].value)
+
+    def _find_drive(self) -> str:
+        """Return the input that brings about the power."""
+        # the kernel reports an invalid mode
+        drive = DRIVES.get(self._value("mode.engine"), "throttle")
+        if drive != "rpm_drive":
+            return drive
+        # a governor holds the recorded speed at any power, which is that of the lever
+        governed = [name for name in self.rows if name.endswith(".governed")]
+        is_governed = any(self._value(name) != 0.0 for name in governed)
+        return "throttle" if is_governed else drive
 
     def _set_up_ground(self, solve_for: list[str]) -> None:
         """At rest, add the deflections of the tyres to the unknowns; all accelerations vanish."""
@@ -232,6 +256,8 @@ class _RequestResolver:
         """Return the values that stop an engine."""
         if self.drive == "thrust_drive":
             return {f"{engine}.thrust_drive": 0.0}
+        if self.drive == "torque_drive":
+            return {f"{engine}.torque_drive": 0.0}
         # with its fuel cut off, the engine windmills
         if f"{engine}.cutoff" in self.rows:
             return {f"{engine}.cutoff": 1.0}
@@ -416,12 +442,25 @@ class _RequestResolver:
     def _first_guess(self, name: str, item: str, path: int) -> float:
         if path == ON_GROUND and name in ("h", "theta"):
             return np.nan  # the kernel computes height and attitude of the aircraft at rest
+        if item.endswith(_SHAFT_DRIVES) and item not in self.values:
+            return _GUESS * self._shaft_size(item)
         has_propeller = f"{item.partition('.')[0]}.rpm" in self.sim.outputs
         if item.endswith(".throttle") and has_propeller and item not in self.values:
             # a chart of power that ends above idle is flat there: the search starts half-way
             row = self.rows[item]
             return 0.5 * (max(row.low, 0.0) + min(row.high, 1.0))
         return 0.0 if item in self.states else self._value(item)
+
+    def _shaft_size(self, item: str) -> float:
+        """Return the size of an input that drives a propeller."""
+        engine, _, drive = item.rpartition(".")
+        if drive == "manifold_pressure_drive":
+            return P_SEA
+        speed = self._value(f"{engine}.rpm_high")
+        if drive == "rpm_drive":
+            return speed
+        # torque of a power that carries the weight at a few metres per second
+        return _CLIMB * self._value("mass.mass") * G0 / speed
 
     def _limits(self, name: str, item: str, path: int) -> TrimLimits:
         """Return the limits of an unknown; `item` is the first entry that it moves."""
@@ -439,6 +478,9 @@ class _RequestResolver:
         entry, weight = self.rows[item], self._value("mass.mass") * G0
         if item.endswith(".thrust_drive"):
             return TrimLimits(max(entry.low, -weight), min(entry.high, weight), weight)
+        if item.endswith(_SHAFT_DRIVES):
+            size = self._shaft_size(item)
+            return TrimLimits(entry.low, min(entry.high, _MOST_DRIVE * size), size)
         size = 1.0
         if item.startswith("F_"):
             size = _PILOT_FORCE

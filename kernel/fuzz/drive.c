@@ -99,7 +99,7 @@ static void set_named(const am_model *m, am_sim *sim, bytes_t *bytes) {
                                        "mode.rates",     "mode.trim",       "turbulence.mode",
                                        "steering.order", "runway.condition"};
     const int i = am_find(m, AM_PARAMETER, NAME[take_byte(bytes) % (sizeof NAME / sizeof *NAME)]);
-    checked(sim, am_set_parameter(sim, i, take_byte(bytes) % 5));
+    checked(sim, am_set_parameter(sim, i, take_byte(bytes) % 7));
 }
 
 static void set_inputs(const am_model *m, am_sim *sim, bytes_t *bytes) {

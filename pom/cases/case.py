@@ -16,7 +16,7 @@ from pom.cases import pilot_loops
 from pom.cases import resolve as parts
 from pom.cases.case_checks import check_case_names, check_table_names, loose_problems
 from pom.cases.case_facts import resolve_facts
-from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, CaseFile
+from pom.cases.case_file import FORCES, INPUTS, LEVERS, SHOWN, TRAVEL, CaseFile
 from pom.cases.own_table import find_own_table, table_excerpt
 from pom.cases.pilot import PilotLoop
 from pom.cases.signatures import plain_signatures
@@ -27,7 +27,14 @@ from pom.tolerances.own_tables import OwnTable
 PRIMARY = {"recorded": ("delta_e", "delta_a", "delta_r"), "cockpit": TRAVEL, "force": FORCES}
 """By level of drive: the recorded controls that drive pitch, roll and yaw."""
 
-_POWER = {"thrust": ("thrust",), "n1": ("n1",), "throttle": ("throttle", "pla")}
+_POWER = {
+    "thrust": ("thrust",),
+    "n1": ("n1",),
+    "throttle": ("throttle", "pla"),
+    "torque": ("torque",),
+    "rpm": ("rpm", "throttle", "pla"),
+    "map": ("manifold_pressure",),
+}
 """By drive of the engines: the quantities that it sets.  The angle of a lever is its position."""
 
 _MOST_ENGINES = 8
@@ -47,7 +54,12 @@ class CaseInputs:
         loops of the math pilot add.
     engine : str
         ``thrust``: recorded thrust drives; ``n1``: the recorded fan speed; ``throttle``: the
-        recorded lever drives the engine model.
+        recorded lever drives the engine model (``lever`` of a case file); ``torque``: that of the
+        propeller shaft; ``map``: the manifold pressure; ``rpm``: the speed of the propeller, which
+        a governor holds at the power of the lever.
+    propeller : str
+        What the governor holds when ``torque`` or ``map`` drives: ``lever``, the speed of the
+        recorded propeller lever, or ``rpm``, the recorded speed.
     trim : bool or "ground"
         Trim the model to the flight condition at the start of the window; its biases are reported.
         ``ground``: the model stands or rolls on its wheels.  The trim solves for height and
@@ -69,6 +81,7 @@ class CaseInputs:
 
     surfaces: str = "recorded"
     engine: str = "thrust"
+    propeller: str = "lever"
     trim: bool | str = True
     limits: dict[str, float] = field(default_factory=dict)
     pilot: tuple[PilotLoop, ...] = ()
@@ -283,6 +296,10 @@ def driven_quantities(case: PomCase) -> set[str]:
     if "throttle" not in computed:
         for number in range(1, _MOST_ENGINES + 1):
             names |= {f"engine{number}.{name}" for name in _POWER[case.drive.engine]}
+            if case.drive.engine != "thrust":
+                names |= {f"engine{number}.{name}" for name in LEVERS}
+            if case.drive.propeller == "rpm":
+                names.add(f"engine{number}.rpm")
     return names - computed
 
 
@@ -416,18 +433,26 @@ def _resolve_drive(
     file: CaseFile, criteria: Sequence[Criterion], problems: list[str]
 ) -> CaseInputs:
     table = file.drive
+    engine = "throttle" if table.engine == "lever" else table.engine
     loops = pilot_loops.resolve_pilot_loops(file, problems)
     # a footprint has no verdict, so a loop may hold any channel
     if file.case.reference != "footprint":
         pilot_loops.forbid_judged(loops, criteria, problems)
-    if any(loop.control == "throttle" for loop in loops) and table.engine != "throttle":
+    if any(loop.control == "throttle" for loop in loops) and engine != "throttle":
         problems.append(
             f'drive.pilot: a loop moves the throttle, but drive.engine is "{table.engine}"; '
             f'drive the engines by "throttle"'
         )
+    if table.propeller == "rpm" and engine not in ("torque", "map"):
+        problems.append(
+            f'drive.propeller: "rpm" holds the recorded speed of a propeller that torque or '
+            f'manifold pressure drives, but drive.engine is "{table.engine}"; write drive.engine = '
+            f'"torque" or "map", or "rpm" for the recorded speed at the power of the lever'
+        )
     drive = CaseInputs(
         surfaces=table.surfaces,
-        engine=table.engine,
+        engine=engine,
+        propeller=table.propeller,
         trim=table.trim,
         limits=parts.resolve_trim_limits(table.limits, problems),
         pilot=loops,

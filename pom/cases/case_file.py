@@ -35,6 +35,9 @@ INPUTS = (*SURFACES, "gear", "speedbrake", "delta_nw", *BRAKES)
 TRAVEL = ("column", "wheel", "pedal")
 FORCES = ("F_column", "F_wheel", "F_pedal")
 WIND = ("wind_n", "wind_e", "wind_d")
+# Levers and switches of an engine besides its power lever, without the number of the engine.
+LEVERS = ("prop_command", "feather", "mixture", "cutoff", "starter", "ignition", "flameout")
+ENGINE_LEVER = re.compile(rf"^engine[1-8]\.(?:{'|'.join(LEVERS)})$")
 CONDITIONS = (
     *INPUTS,
     *TRAVEL,
@@ -196,10 +199,16 @@ class DriveTable(Strict):
         "force: pilot forces; "
         "pilot: what is recorded of the level of its loops, plus their corrections.",
     )
-    engine: Literal["thrust", "n1", "throttle"] = Field(
+    engine: Literal["thrust", "n1", "throttle", "lever", "torque", "rpm", "map"] = Field(
         default="thrust",
-        description="thrust: recorded thrust drives; n1: the fan speed, throttle: the lever "
-        "drives the engine model.",
+        description="thrust: recorded thrust drives; n1: the fan speed, throttle or lever: the "
+        "lever drives the engine model; torque: that of the propeller shaft; map: the manifold "
+        "pressure; rpm: the speed of the propeller, with a governor at the power of the lever.",
+    )
+    propeller: Literal["lever", "rpm"] = Field(
+        default="lever",
+        description="What the governor holds when torque or map drives. lever: the speed of the "
+        "recorded propeller lever, the highest without one; rpm: the recorded speed.",
     )
     trim: StrictBool | Literal["ground"] = Field(
         default=True,
@@ -356,6 +365,9 @@ def case_schema() -> dict[str, Any]:
         rf"^{re.escape(DEVICE)}\w+\.{kind}$": _condition_schema(kind)
         for kind in ("deflection", "setting")
     }
+    for lever in LEVERS:
+        pattern = rf"^engine[1-8]\.{lever}$"
+        top["conditions"]["patternProperties"][pattern] = _condition_schema(lever)
     event = {"type": "number", "description": "[s] on the clock of the record", "examples": [12.5]}
     _restrict_keys(top["events"], {name: dict(event) for name in sorted(rows.window_events())})
     top["tolerance"]["additionalProperties"] = {

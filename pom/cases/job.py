@@ -14,7 +14,7 @@ from flightmech.errors import OutOfRange, UnknownName
 from flightmech.units import DEGREE
 from pom.cases.case import PRIMARY, PomCase
 from pom.cases.case_facts import file_facts
-from pom.cases.case_file import BRAKES, FORCES, INPUTS, TRAVEL, WIND
+from pom.cases.case_file import BRAKES, FORCES, INPUTS, LEVERS, TRAVEL, WIND
 from pom.cases.pilot import PilotLoop
 from pom.cases.start_conditions import initial_state, line_at_start, mass_and_air
 
@@ -23,6 +23,9 @@ ENGINE_DRIVES = {
     "throttle": ("throttle", "throttle", 0.0),
     "n1": ("n1", "n1_drive", 1.0),
     "thrust": ("thrust", "thrust_drive", 2.0),
+    "torque": ("torque", "torque_drive", 3.0),
+    "rpm": ("rpm", "rpm_drive", 4.0),
+    "map": ("manifold_pressure", "manifold_pressure_drive", 5.0),
 }
 TRIM_THRUST, TRIM_THROTTLE, TRIM_GROUND = 1.0, 2.0, 3.0  # mode.trim
 BANK_RANGE = 1.0 * DEGREE
@@ -43,7 +46,7 @@ RELEASED = 0.02  # [1] brake pedal below which it counts as released
 NEEDED = ("init.V", "init.phi", "init.theta", "init.psi", "init.p", "init.q", "init.r", "init.h")
 _REQUIRED_MODES = ("mode.engine", "mode.trim", "runway.condition")
 _LEVER = re.compile(r"^engine\d+\.(throttle|pla)$")
-_ENGINE = re.compile(r"^engine(\d+)\.(thrust|n1|throttle)$")
+_ENGINE = re.compile(r"^engine(\d+)\.(\w+)$")
 
 
 @dataclass(frozen=True)
@@ -266,24 +269,43 @@ def _start_only_surfaces(case: PomCase) -> set[str]:
 
 
 def _engine_inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
+    """Return the recorded quantity that drives each engine, and its other levers. [SI]"""
     control, drive, _ = ENGINE_DRIVES[case.drive.engine]
-    engines = []
-    for name in states.data_vars:
-        match = _ENGINE.match(str(name))
+    inputs = _drive_inputs(case, states, control, drive)
+    if case.drive.propeller == "rpm":
+        inputs |= _drive_inputs(case, states, "rpm", "rpm_drive")
+    # The recorded thrust depends on no lever.
+    if case.drive.engine == "thrust":
+        return inputs
+    levers = ("throttle", *LEVERS) if case.drive.engine == "rpm" else LEVERS
+    numbers = {name.partition(".")[0] for name in inputs}
+    for engine in sorted(numbers):
+        for lever in levers:
+            values = _control_history(case, states, f"{engine}.{lever}")
+            if values is not None:
+                inputs[f"{engine}.{lever}"] = values
+    return inputs
+
+
+def _drive_inputs(
+    case: PomCase, states: xr.Dataset, control: str, drive: str
+) -> dict[str, np.ndarray]:
+    """Return the recorded `control` of all engines as the inputs `drive`. [SI]"""
+    count = states.sizes["time"]
+    inputs = {}
+    for name in sorted(map(str, states.data_vars)):
+        match = _ENGINE.match(name)
         if match and match.group(2) == control:
-            engines.append(match.group(1))
-    if not engines:
+            values = states[name].values.astype(float)
+            inputs[f"engine{match.group(1)}.{drive}"] = np.broadcast_to(values, count).copy()
+    if not inputs:
+        key = "propeller" if drive == "rpm_drive" and case.drive.engine != "rpm" else "engine"
         raise UnknownName(
             f"engine1.{control}",
             map(str, states.data_vars),
             what="recorded quantity",
-            hint=f'drive.engine is "{case.drive.engine}"',
+            hint=f'drive.{key} is "{getattr(case.drive, key)}"',
         )
-    count = states.sizes["time"]
-    inputs = {}
-    for number in sorted(engines):
-        values = states[f"engine{number}.{control}"].values.astype(float)
-        inputs[f"engine{number}.{drive}"] = np.broadcast_to(values, count).copy()
     return inputs
 
 

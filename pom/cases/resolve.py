@@ -19,7 +19,7 @@ from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import is_quantity, lookup
 from flightmech.units import parse_quantity
-from pom.cases.case_file import CONDITIONS, FORCES, CaseFile
+from pom.cases.case_file import CONDITIONS, ENGINE_LEVER, FORCES, CaseFile
 from pom.tolerances import rows as table
 from pom.tolerances.conditions import missing_claims
 from pom.tolerances.criteria import Criterion
@@ -154,7 +154,8 @@ def resolve_conditions(entries: Mapping[str, Any], problems: list[str]) -> dict[
     """Return ``[conditions]`` in SI; further controls of the tables are allowed, too."""
     units = {name: lookup(name).units for name in CONDITIONS}
     devices = [name for name in entries if name.startswith(DEVICE) and is_quantity(name)]
-    units |= {name: lookup(name).units for name in devices}
+    levers = [name for name in entries if ENGINE_LEVER.match(name)]
+    units |= {name: lookup(name).units for name in (*devices, *levers)}
     return resolve_quantities(
         "conditions", entries, units=units, what="condition", problems=problems
     )

@@ -18,7 +18,7 @@ import numpy as np
 from flightmech.names import lookup
 from flightmech.support.arrays import rms
 from flightmech.units import DEGREE
-from pom.cases.case_file import WIND
+from pom.cases.case_file import LEVERS, WIND
 from pom.cases.job import ReplayJob
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import quantity_words
@@ -68,6 +68,7 @@ _PULSES = {
 _PULSE = (0.1, 1.0)  # start [share of the window] and length [s]
 _BLOCK = 1.0  # [s] parts of the window whose change is judged alone
 _SETTLED = 1.0  # [s] after the first movement of a control
+_LEVERS = (".throttle", *(f".{name}" for name in LEVERS))
 _LAST = 0.2  # share of the window in which the remaining displacement is measured
 _INTEGRALS = ("phi", "theta", "psi", "V", "h")  # displaced for good by a pulse
 
@@ -85,10 +86,13 @@ class ChangedJob:
     moved_at : float
         Instant at which the first control moves.  If none does, it is infinite, and the primary
         controls have a pulse. [s]
+    only_levers : bool
+        Whether the controls that move are levers of engines.
     """
 
     job: ReplayJob
     moved_at: float
+    only_levers: bool = False
 
     @property
     def moved(self) -> bool:
@@ -111,28 +115,36 @@ def changed_job(job: ReplayJob, outputs: Traces, scale: float = SCALE) -> Change
     if job.law is not None:
         followed.update(job.law.moves)
     inputs: dict[str, np.ndarray] = {}
-    moved_at = math.inf
+    moved_at: dict[str, float] = {}
     for name, recorded in job.inputs.items():
         values = outputs.get(name, recorded) if name in followed else recorded
         if name in WIND or not np.isfinite(values).all():
             inputs[name] = recorded
             continue
         deviation = values - values[0]
-        moved_at = min(moved_at, _first_movement(name, job.time, values))
+        at = _first_movement(name, job.time, values)
+        if math.isfinite(at):
+            moved_at[name] = at
         inputs[name] = values[0] + scale * deviation
-    if math.isinf(moved_at):
+    if not moved_at:
         pulse = _pulse_shape(job.time)
         for name, size in _PULSES.items():
             if name in inputs:
                 inputs[name] = inputs[name] + size * pulse
-    return ChangedJob(replace(job, inputs=inputs, pilot=(), targets={}, law=None), moved_at)
+    changed = replace(job, inputs=inputs, pilot=(), targets={}, law=None)
+    levers = [name for name in moved_at if name.startswith("engine") and name.endswith(_LEVERS)]
+    return ChangedJob(
+        changed,
+        min(moved_at.values(), default=math.inf),
+        only_levers=bool(moved_at) and len(levers) == len(moved_at),
+    )
 
 
 def _first_movement(name: str, time: np.ndarray, values: np.ndarray) -> float:
     """Return when a control leaves its first position by more than its noise, or infinity. [s]"""
-    quantity = name.replace("thrust_drive", "thrust")
+    quantity = name.removesuffix("_drive")
     least = _MOVED.get(lookup(quantity).units, 0.0)
-    if quantity.endswith("thrust") or not least:
+    if quantity.startswith("engine") or not least:
         least = _MOVED_SHARE * max(1.0, float(np.max(np.abs(values))))
     step = float(np.median(np.diff(time)))
     count = max(1, min(values.size, round(_SMOOTHED / step)))
@@ -160,6 +172,7 @@ def judge_input_change(
     moved_at: float,
     on_wheels: bool = False,
     linear_end: float = math.inf,
+    only_levers: bool = False,
 ) -> tuple[RowRemark, ...]:
     """Return the remarks on a probe: the change, and ``not_driven`` if the inputs do not drive it.
 
@@ -179,6 +192,9 @@ def judge_input_change(
     linear_end : float
         Instant from which on the aeroplane is not linear in the inputs, such as the warning of a
         stall.  The shares of the expected change are those before it. [s]
+    only_levers : bool
+        As in `ChangedJob`.  The same judgement: the power of an engine is not linear in its lever.
+        The manifold pressure of the tutorial's engine hardly changes between 25 and 30 % of it.
     """
     is_linear = time <= linear_end
     is_moved = math.isfinite(moved_at)
@@ -222,6 +238,9 @@ def judge_input_change(
             f"by it"
         )
         return (RowRemark("not_driven", text),)
+    if only_levers:
+        text = "not checked: the power of an engine is not linear in its lever"
+        return (_probe_remark(text, {}),)
     return _judge_shares(shares, judged)
 
 

@@ -154,8 +154,11 @@ def _probe_inputs(
         moved_at=changed.moved_at,
         on_wheels=on_wheels,
         linear_end=_linear_end(case),
+        only_levers=changed.only_levers,
     )
-    is_compared = changed.moved and all(item.kind == "probe" for item in remarks)
+    # gain and time of the inputs are those of surfaces, in which an answer is linear
+    is_compared = changed.moved and not changed.only_levers
+    is_compared = is_compared and all(item.kind == "probe" for item in remarks)
     if is_compared and not on_wheels:
         near, failure = fly(changed_job(job, outputs, NEAR).job, [*SIZES])
         remarks += judge_jump(outputs, near, after) if not failure else ()
@@ -189,6 +192,8 @@ def _probe_tables(
     changed = changed_job(job, outputs)
     if not changed.moved:
         return (RowRemark("probe", f"{text}; no control moves"),)
+    if changed.only_levers:
+        return (RowRemark("probe", f"{text}; only levers of engines move"),)
     after, failure = fly(changed.job, [*SIZES])
     if failure:
         return _failure_remarks(failure, closed=False)

@@ -233,6 +233,6 @@ def _input_channels(job: ReplayJob) -> xr.Dataset:
     data = {}
     for name, values in job.inputs.items():
         # An input such as ``engine1.thrust_drive`` is a thrust.
-        quantity = "thrust" if name.endswith("thrust_drive") else name
-        data[name] = ("time", values, {"units": lookup(quantity).units})
+        units = lookup(name.removesuffix("_drive")).units
+        data[name] = ("time", values, {"units": units})
     return xr.Dataset(data, coords={"time": job.time})

@@ -100,6 +100,7 @@ CHANNELS: dict[str, str] = {
     # power plant: the first engine stands for all; an asymmetric case names another one in its
     # tolerances
     "n1": "engine1.n1",
+    "rpm": "engine1.rpm",
     "net_thrust": "engine1.thrust",
     "fuel_flow": "engine1.fuel_flow",
     "epr": "engine1.epr",

@@ -169,3 +169,13 @@ def test_units_in_headings(text, expected, factor):
 def test_numbers_are_no_units(text):
     with pytest.raises(UnitError):
         parse_unit(text)
+
+
+def test_electric_units_have_the_ampere_in_their_dimension():
+    assert parse_unit("V A")[0] == parse_unit("W")[0] == parse_unit("N m s-1")[0]
+    assert parse_unit("ohm")[0] == parse_unit("V A-1")[0]
+    assert to_si(5.0, "Ah", "A s") == pytest.approx(18000.0)
+    assert to_si(800.0, "rpm/V", "rad s-1 V-1") == pytest.approx(83.775804, rel=1e-7)
+    for unit, expected in (("A", "1"), ("V", "W"), ("W", "V"), ("Ah", "s")):
+        with pytest.raises(UnitError, match="cannot be converted"):
+            to_si(1.0, unit, expected)

@@ -26,7 +26,7 @@ _LEVELS = {
 }
 # The heading is the one angle that covers a full circle. [rad]
 _TURNED, _LARGEST_HEADING = "psi", 2.0 * np.pi + 0.1
-_FRACTIONS = ("throttle", "n1", "n2", "gear", "speedbrake", "brake")
+_FRACTIONS = ("throttle", "prop_command", "mixture", "n1", "n2", "gear", "speedbrake", "brake")
 # A channel with a larger angle [rad] or rate [rad/s] is in degrees.
 _LARGEST_ANGLE, _LARGEST_RATE = 1.6, 3.0
 # A rate that is larger than this is in degrees if the angles are. [rad/s]

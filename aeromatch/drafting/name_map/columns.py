@@ -20,7 +20,10 @@ from flightmech.names import COEFFICIENTS, lookup
 from flightmech.units import fitted_unit, known_unit, parse_unit
 from flighttest.records.readers.columns import split_heading, units_at_the_end, words_of
 
-_OF_ENGINES = ("throttle", "pla", "n1", "n2", "fuel_flow", "thrust", "itt", "torque", "epr")
+_OF_ENGINES = (
+    *("throttle", "pla", "n1", "n2", "fuel_flow", "thrust", "itt", "torque", "epr"),
+    *("manifold_pressure", "rpm", "prop_command", "mixture"),
+)
 _NO_CHANNELS = ("time", "t", "S", "cbar", "b", *COEFFICIENTS)
 _ENGINE_NUMBER = re.compile(r"(?:eng|engine|e)?([1-9])")
 # A word with the number of its engine or sensor, such as FN1 or AOA2.
@@ -104,8 +107,8 @@ def explain_unknown(column: str) -> str:
 
     Examples
     --------
-    >>> explain_unknown("Prop RPM")
-    'a propeller or engine speed, which no model uses'
+    >>> explain_unknown("Engine RPM")
+    'an engine or rotor speed, which no model uses'
     >>> explain_unknown("spare_7")
     ''
     """
@@ -297,7 +300,9 @@ def _number_quantity(name: str, number: int) -> str:
 
 
 def _implied_unit(name: str, quantity: str) -> str | None:
-    """Return the knot for names such as KIAS and KTAS, or None."""
+    """Return the knot for names such as KIAS and KTAS, rpm for names such as Prop RPM, or None."""
+    if quantity.endswith(".rpm") and re.search(r"(?i)rpm", name):
+        return "rpm"
     if quantity in ("V", "V_cas") and re.match(r"(?i)k(ias|cas|tas)", name):
         return "kt"
     return None

@@ -99,6 +99,8 @@ HEADING_WORDS = {
     "engine.torque": "torque trq tq",
     "engine.epr": "epr enginepressureratio",
     "engine.manifold_pressure": "map manifoldpressure manifoldpress manpress",
+    "engine.rpm": "rpm proprpm propellerrpm propellerspeed np",
+    "engine.prop_command": "proplever propellerlever",
 }
 # Quantity of each name of a channel.
 NAME_QUANTITY: dict[str, str] = {}
@@ -157,7 +159,7 @@ _OTHER_SUBJECTS = {
     "a track over the ground, no heading": "trk track trackangle trktrue tracktrue cog course",
     "a total temperature; temperature is the static one": "tat totaltemp totaltemperature rat",
     "a total pressure; q_c is total less static pressure": "pt ptot totalpress totalpressure pitot",
-    "a propeller or engine speed, which no model uses": "rpm proprpm enginerpm engrpm erpm np nr",
+    "an engine or rotor speed, which no model uses": "enginerpm engrpm erpm nr",
     "a speed of the gas generator; n1 or n2, by the engine": "ng gasgenerator",
     "a temperature of the engine that no model uses": (
         "egt cht tit t5 t45 mgt oiltemp oiltemperature"

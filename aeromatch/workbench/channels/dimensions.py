@@ -15,23 +15,24 @@ from flightmech.names import lookup
 from flightmech.units import parse_unit
 
 _ANGLES = re.compile(r"(?<![A-Za-z])m?(?:rad|deg)(?![A-Za-z])(-?\d*)")
-_UNITS = ("m", "kg", "s", "K", "rad")
+_UNITS = ("m", "kg", "s", "K", "A", "rad")
 # Display units of results that are no channel of the vocabulary, by dimension.
 _DISPLAYED: dict[tuple[float, ...], str] = {
-    (0, 0, 0, 0, 1): "deg",
-    (0, 0, -1, 0, 1): "deg/s",
-    (0, 0, -2, 0, 1): "deg/s2",
-    (0, 0, 1, 0, 1): "deg s",
+    (0, 0, 0, 0, 0, 1): "deg",
+    (0, 0, -1, 0, 0, 1): "deg/s",
+    (0, 0, -2, 0, 0, 1): "deg/s2",
+    (0, 0, 1, 0, 0, 1): "deg s",
 }
 
 
 class Dimension(NamedTuple):
-    """Powers of metre, kilogram, second, kelvin and angle."""
+    """Powers of metre, kilogram, second, kelvin, ampere and angle."""
 
     metre: float = 0
     kilogram: float = 0
     second: float = 0
     kelvin: float = 0
+    ampere: float = 0
     angle: float = 0
 
     def times(self, other: Dimension, power: float = 1) -> Dimension:
@@ -45,11 +46,11 @@ class Dimension(NamedTuple):
     @property
     def is_number(self) -> bool:
         """Whether the quantity is a pure number or an angle."""
-        return not any(self[:4])
+        return not any(self[:5])
 
     def matches(self, other: Dimension) -> bool:
         """Return whether two quantities can be added; the angle is a pure number here."""
-        return self[:4] == other[:4]
+        return self[:5] == other[:5]
 
     def unit(self) -> str:
         """Return the SI unit as a text, or degrees for angles and their rates."""
@@ -57,7 +58,7 @@ class Dimension(NamedTuple):
             return _DISPLAYED[self]
         words = []
         # A product with an angle in it, such as V*q, is not an angle any more.
-        powers = (*self[:4], self.angle if self.is_number else 0)
+        powers = (*self[:5], self.angle if self.is_number else 0)
         for name, power in zip(_UNITS, powers, strict=True):
             if power:
                 words.append(name if power == 1 else f"{name}{power:g}")

@@ -3,11 +3,11 @@
 The section ``[engine.motor]`` of the aircraft file::
 
     [engine.motor]
-    speed_constant = 84.0               # [rad s-1 V-1]
-    motor_resistance = 0.03             # [ohm]
-    idle_current = 1.5                  # [A]
-    battery_resistance = 0.02           # [ohm]
-    capacity = 18000.0                  # [A s]
+    speed_constant = "800 rpm/V"
+    motor_resistance = "0.03 ohm"
+    idle_current = "1.5 A"
+    battery_resistance = "0.02 ohm"
+    capacity = "5 Ah"
     tables.open_voltage = { charge = [0.0, 0.2, 1.0], value = [18.0, 21.6, 25.2] }
 """
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import xarray as xr
 from pydantic import ConfigDict, Field
@@ -24,6 +24,7 @@ from flightmech.aircraft.propulsion.shaft_tables import unknown_tables
 from flightmech.errors import SchemaError
 from flightmech.short_text import ShortText
 from flightmech.support.toml_models import Strict
+from flightmech.support.toml_quantities import InUnits
 
 # Units of the tables of a motor.
 MOTOR_TARGETS = {"open_voltage": "V"}
@@ -79,18 +80,24 @@ class MotorTable(Strict):
         examples=[{"open_voltage": {"charge": [0.0, 1.0], "value": [18.0, 25.2]}}],
         description="The voltage of the battery without a load over its charge.",
     )
-    speed_constant: float = Field(
-        examples=[84.0], description="Speed of the unloaded motor over its voltage [rad s-1 V-1]."
+    speed_constant: Annotated[float, InUnits("rad s-1 V-1")] = Field(
+        examples=["800 rpm/V"], description="Speed of the unloaded motor over its voltage."
     )
-    motor_resistance: float = Field(examples=[0.03], description="Resistance of the motor [ohm].")
-    capacity: float = Field(examples=[18000.0], description="Charge of the full battery [A s].")
-    idle_current: float | None = Field(
+    motor_resistance: Annotated[float, InUnits("V A-1")] = Field(
+        examples=["0.03 ohm"], description="Resistance of the motor."
+    )
+    capacity: Annotated[float, InUnits("A s")] = Field(
+        examples=["5 Ah"], description="Charge of the full battery."
+    )
+    idle_current: Annotated[float, InUnits("A")] | None = Field(
         default=None,
-        examples=[1.5],
-        description="Current of the motor without a load [A]; 0 without it.",
+        examples=["1.5 A"],
+        description="Current of the motor without a load; 0 without it.",
     )
-    battery_resistance: float | None = Field(
-        default=None, examples=[0.02], description="Resistance of the battery [ohm]; 0 without it."
+    battery_resistance: Annotated[float, InUnits("V A-1")] | None = Field(
+        default=None,
+        examples=["0.02 ohm"],
+        description="Resistance of the battery; 0 without it.",
     )
     charge_start: float | None = Field(
         default=None, examples=[0.95], description="Charge at the start, a fraction; 1 without it."

@@ -67,6 +67,21 @@ _MOTOR: dict[str, tuple[str, str, str, float]] = {
 _CONSTANTS = {"propeller": _PROPELLER, "piston": _PISTON, "motor": _MOTOR}
 # Inputs whose start value is not zero: a propeller flies at its highest speed, an engine rich.
 _STARTS = {"prop_command": 1.0, "mixture": 1.0}
+# Inputs that drive: quantity of the vocabulary, description, least value.
+_DRIVES = {
+    "torque_drive": ("torque", "torque of the engine that drives when mode.engine is 3", -MOST),
+    "rpm_drive": (
+        "rpm",
+        "speed that the governor holds when mode.engine is 3 to 5, 0 for that of the lever; speed "
+        "of the shaft without a governor when it is 4",
+        0.0,
+    ),
+    "manifold_pressure_drive": (
+        "manifold_pressure",
+        "manifold pressure that drives when mode.engine is 5",
+        0.0,
+    ),
+}
 _OUTPUT_NOTES = {
     "torque": "torque of the engine at the propeller shaft",
     "air_flow": "air flow through the engine",
@@ -106,6 +121,9 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Cata
     """Return the catalogue row of a name of a propeller, piston engine or motor."""
     word = name.rsplit(".", 1)[-1]
     engine = aircraft.engines[int(item) - 1]
+    if word in _DRIVES:
+        quantity, text, least = _DRIVES[word]
+        return make_vocabulary_row(name, quantity, text, low=least)
     if kind == INPUT:
         low, high = aircraft.limits.get(word, (0.0, 1.0))
         return make_vocabulary_row(name, word, value=_STARTS.get(word, 0.0), low=low, high=high)

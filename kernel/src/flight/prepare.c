@@ -77,8 +77,10 @@ int prepare(am_sim *sim) {
         return bad_parameter(sim, P_EARTH,
                              "0 (flat), 1 (WGS-84), 2 (sphere at rest) or 3 (rotating sphere)");
     }
-    if (!is_choice(p[P_ENGINE], THRUST_DRIVEN)) {
-        return bad_parameter(sim, P_ENGINE, "0 (lever), 1 (N1) or 2 (thrust driven)");
+    if (!is_choice(p[P_ENGINE], MAP_DRIVEN)) {
+        return bad_parameter(sim, P_ENGINE,
+                             "0 (lever), 1 (N1), 2 (thrust), 3 (torque), 4 (rpm) or 5 (manifold "
+                             "pressure driven)");
     }
     if (!is_choice(p[P_CONTROLS], FORCE_DRIVEN)) {
         return bad_parameter(sim, P_CONTROLS,

@@ -6,7 +6,9 @@
 
 #define AM_PROPELLER_INPUTS(X) \
     X(U_PROP_COMMAND, "engine*.prop_command") \
-    X(U_FEATHER, "engine*.feather")
+    X(U_FEATHER, "engine*.feather") \
+    X(U_TORQUE_DRIVE, "engine*.torque_drive") \
+    X(U_RPM_DRIVE, "engine*.rpm_drive")
 #define AM_PROPELLER_OUTPUTS(X) \
     X(Y_RPM, "engine*.rpm") \
     X(Y_BLADE_ANGLE, "engine*.blade_angle") \
@@ -66,7 +68,8 @@
     X(U_MIXTURE, "engine*.mixture") \
     X(U_PISTON_CUTOFF, "engine*.cutoff") \
     X(U_PISTON_STARTER, "engine*.starter") \
-    X(U_PISTON_FLAMEOUT, "engine*.flameout")
+    X(U_PISTON_FLAMEOUT, "engine*.flameout") \
+    X(U_MAP_DRIVE, "engine*.manifold_pressure_drive")
 #define AM_PISTON_OUTPUTS(X) \
     X(Y_MANIFOLD_PRESSURE, "engine*.manifold_pressure") \
     X(Y_FUEL_AIR_RATIO, "engine*.fuel_air_ratio") \

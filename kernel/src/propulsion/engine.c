@@ -46,6 +46,33 @@ static bool has_thrust(const am_sim *sim, uint32_t i) {
            || (decked(sim) && has_terms(sim->model, G_SPOOL, i, T_CORRECTED_THRUST));
 }
 
+/* Whether the engines have the part that the drive moves. */
+static int drive_check(am_sim *sim) {
+    const am_model *m = sim->model;
+    const bool shaft = sim->drive == TORQUE_DRIVEN || sim->drive == RPM_DRIVEN;
+    if (shaft && !propelled(m)) {
+        return fail(sim, AM_BAD_VALUE,
+                    "mode.engine = %d drives the %s of a propeller, but the engines have none; use "
+                    "mode.engine = 0, 1 or 2",
+                    sim->drive, sim->drive == RPM_DRIVEN ? "speed" : "torque");
+    }
+    if (sim->drive == MAP_DRIVEN && !items(m, G_PISTON)) {
+        return fail(sim, AM_BAD_VALUE,
+                    "mode.engine = 5 drives the manifold pressure, but the engines are no piston "
+                    "engines; use mode.engine = 0%s",
+                    propelled(m) ? ", 2, 3 or 4" : ", 1 or 2");
+    }
+    for (uint32_t i = 0; sim->drive == N1_DRIVEN && i < items(m, G_PROPELLER); i++) {
+        if (par_of(sim, G_PROPELLER, i)[P_COUPLED] != 0.0) {
+            return fail(sim, AM_BAD_VALUE,
+                        "mode.engine = 1 drives N1, but the gas generator of engine%u turns with "
+                        "the propeller; use mode.engine = 0, 3 or 4",
+                        (unsigned)(i + 1));
+        }
+    }
+    return AM_OK;
+}
+
 int engine_check(am_sim *sim) {
     const am_model *m = sim->model;
     if (sim->drive == N1_DRIVEN && items(m, G_ENGINE) && !decked(sim)) {
@@ -53,6 +80,8 @@ int engine_check(am_sim *sim) {
                     "mode.engine = 1 drives N1, but the engines have no deck of spool speeds; use "
                     "mode.engine = 0 or 2");
     }
+    const int driven = drive_check(sim);
+    if (driven != AM_OK) return driven;
     for (uint32_t i = 0; i < items(m, G_ENGINE); i++) {
         const uint32_t tau = place(m, AM_PARAMETER, G_ENGINE, i) + P_TIME_CONSTANT;
         const bool spins = par_of(sim, G_ENGINE, i)[P_ANGULAR_MOMENTUM] != 0.0

@@ -11,6 +11,8 @@
  *     P   = b (P_t + fuel_work F air - D w / (4 pi) friction_pressure) - friction_power
  *           - (1 - b) motoring_power + pumping D w / (4 pi) (m - p)
  *
+ * A recorded MAP (mode.engine 5) replaces the manifold: m = MAP / (1 + (boost_ratio - 1) r).
+ *
  * D is the displacement, e the compression ratio, g = 1.3.  The air: Taylor, The Internal
  * Combustion Engine in Theory and Practice, vol. 1, eq. (6-10), with the exhaust at ambient
  * pressure.  A chart of power over manifold pressure and speed is P_t; its correction for
@@ -41,6 +43,17 @@ static inline real boosted(const real *p, real pressure, real speed) {
     return smaller(pressure * ratio, larger(p[P_BOOST_LIMIT], pressure));
 }
 
+/* Pressure in front of the compressor: the state, or what the recorded manifold pressure needs. */
+static inline real before_compressor(const flight_t *sim, uint32_t i, const real *x,
+                                     const real *u) {
+    if (sim->drive != MAP_DRIVEN) return state_of(sim, x, G_PISTON, i)[X_MANIFOLD_PRESSURE];
+    const real *p = par_of(sim, G_PISTON, i);
+    const real speed = var_of(sim, G_PROPELLER, i)[A_ENGINE_RPM];
+    const real turns = PICK(p[P_BOOST_RPM] > 0.0, speed / p[P_BOOST_RPM], 1.0);
+    const real ratio = 1.0 + (p[P_BOOST_RATIO] - 1.0) * turns;
+    return input_of(sim, u, G_PISTON, i)[U_MAP_DRIVE] / ratio;
+}
+
 void piston_variables(flight_t *sim, uint32_t i, const real *x, const real *u) {
     const now_r *now = &sim->now;
     const real *p = par_of(sim, G_PISTON, i);
@@ -51,7 +64,9 @@ void piston_variables(flight_t *sim, uint32_t i, const real *x, const real *u) {
     if (ANY(p[P_ENRICHMENT] == 1.0)) rich = PICK(p[P_ENRICHMENT] == 1.0, rich / delta, rich);
     const mask_t powered = (p[P_ENRICHMENT] != 1.0) & (p[P_ENRICHMENT] != 0.0);
     if (ANY(powered)) rich = PICK(powered, rich * POW(delta, -p[P_ENRICHMENT]), rich);
-    v[A_MANIFOLD_PRESSURE] = boosted(p, state_of(sim, x, G_PISTON, i)[X_MANIFOLD_PRESSURE], speed);
+    v[A_MANIFOLD_PRESSURE] = sim->drive == MAP_DRIVEN
+                                 ? input_of(sim, u, G_PISTON, i)[U_MAP_DRIVE]
+                                 : boosted(p, before_compressor(sim, i, x, u), speed);
     v[A_MIXTURE] = input_of(sim, u, G_PISTON, i)[U_MIXTURE];
     v[A_FUEL_AIR_RATIO] = rich * larger(v[A_MIXTURE], 0.0);
     v[A_PISTON_PRESSURE_RATIO] = delta;
@@ -127,7 +142,7 @@ real piston_torque(flight_t *sim, uint32_t i, const real *x, const real *u, real
     const real mixed = PICK(supplied(sim, i, x, u), air * ratio, 0.0);
     const real chart = charted(sim, i);
     const real fired = chart + sum[T_FUEL_WORK] * mixed - swept * sum[T_FRICTION_PRESSURE];
-    const real pumped = p[P_PUMPING] * swept * (s[X_MANIFOLD_PRESSURE] - sim->now.p);
+    const real pumped = p[P_PUMPING] * swept * (before_compressor(sim, i, x, u) - sim->now.p);
     const real power = b * fired - sum[T_FRICTION_POWER] - (1.0 - b) * sum[T_MOTORING_POWER]
                        + pumped;
     const mask_t cranked = input_of(sim, u, G_PISTON, i)[U_PISTON_STARTER] > SWITCHED;

@@ -17,6 +17,10 @@
  * F is the force in the disk, M the moment of the thrust that moves to the blade that goes down
  * (P-factor): a propeller that turns right-handed at positive alpha yaws the nose to the left.
  *
+ * A recorded torque is Q_e (mode.engine 3).  A governor holds a recorded speed (mode.engine 3 to 5)
+ * with blades that balance the torque at it; without a governor it is that of the shaft
+ * (mode.engine 4).
+ *
  * The governor turns the blades by the error of the speed, with a lag and within a rate; the low
  * stop may be a table over the lever (beta range and reverse). */
 #include "propeller.h"
@@ -30,6 +34,12 @@
 #define TWO_PI 6.283185307179586
 #define LEAST_TURNS 1e-3      /* least n of an advance ratio [rev/s] */
 #define DENSITY_SEA 1.225     /* of the equivalent airspeed [kg m-3] */
+/* A governor that holds a recorded speed: lags of speed and blades [s], and the slope of CP over
+ * the blade angle that its gain counts with [rad-1], 0.15 to 0.4 of light propellers. */
+#define FOLLOW_TIME 0.15
+#define BLADE_TIME 0.05
+#define CP_SLOPE 0.25
+#define LEAST_TORQUE 1.0 /* [N m] */
 #define QUICKEST_SHAFT 0.02   /* least time constant, for RK4 with 10 ms [s] */
 
 /* Velocity of the hub relative to the air, body axes. */
@@ -78,8 +88,20 @@ void propeller_variables(flight_t *sim, uint32_t i, const real *x, const real *u
     spool[A_CORRECTED_N1] = n1 / root(spool[A_TEMPERATURE_RATIO]);
 }
 
+/* Rate of a blade angle with which the shaft follows a recorded speed: the torque of the air
+ * becomes that of the engine less what the rotor takes.  excess: torque on the rotor [N m]; unit:
+ * torque of the air over CP [N m]. */
+static inline real balance_torque(const flight_t *sim, uint32_t i, const real *u, real excess,
+                                  real unit) {
+    const real *p = par_of(sim, G_PROPELLER, i);
+    const real gap = commanded_rpm(sim, i, u) - var_of(sim, G_PROPELLER, i)[A_RPM];
+    const real wanted = p[P_SHAFT_INERTIA] * gap / FOLLOW_TIME;
+    return (excess - wanted) / (larger(unit, LEAST_TORQUE) * CP_SLOPE * BLADE_TIME);
+}
+
 /* Rates of blade angle and governor.  Without a governor the lever moves the blades. */
-static void turn_blades(const flight_t *sim, uint32_t i, const real *x, const real *u, real *rate) {
+static void turn_blades(const flight_t *sim, uint32_t i, const real *x, const real *u, real excess,
+                        real unit, real *rate) {
     const real *p = par_of(sim, G_PROPELLER, i);
     const real *s = state_of(sim, x, G_PROPELLER, i);
     const real *v = var_of(sim, G_PROPELLER, i);
@@ -88,9 +110,14 @@ static void turn_blades(const flight_t *sim, uint32_t i, const real *x, const re
     const mask_t feathers = input_of(sim, u, G_PROPELLER, i)[U_FEATHER] > SWITCHED;
     const mask_t governed = p[P_GOVERNED] != 0.0;
     const mask_t lags = p[P_GOVERNOR_TIME] > 0.0;
-    const real wanted = p[P_GOVERNOR_GAIN] * (v[A_RPM] - commanded_rpm(sim, i));
+    const real wanted = p[P_GOVERNOR_GAIN] * (v[A_RPM] - commanded_rpm(sim, i, u));
     const real set = p[P_LOW_PITCH] + lever * (p[P_HIGH_PITCH] - p[P_LOW_PITCH]);
-    const real moved = PICK(governed, PICK(lags, s[X_GOVERNOR], wanted), (set - angle) / STOP_TIME);
+    real held = PICK(lags, s[X_GOVERNOR], wanted);
+    if (sim->drive >= TORQUE_DRIVEN) {
+        const mask_t recorded = input_of(sim, u, G_PROPELLER, i)[U_RPM_DRIVE] > 0.0;
+        held = PICK(recorded, balance_torque(sim, i, u, excess, unit), held);
+    }
+    const real moved = PICK(governed, held, (set - angle) / STOP_TIME);
     const real most = PICK(feathers, p[P_FEATHER_RATE], p[P_PITCH_RATE]);
     const real low = (lowest_blade_angle(sim, i) - angle) / STOP_TIME;
     const real high = (PICK(feathers, p[P_FEATHER_PITCH], p[P_HIGH_PITCH]) - angle) / STOP_TIME;
@@ -156,16 +183,25 @@ real propeller_loads(flight_t *sim, uint32_t i, const real *x, const real *u, re
     const real n = work[W_TURNS];
     const real load = sim->now.rho * n * n * D * D * D * D;
     const real power = own * propeller_power(sim, i, x);
-    const real drive = p[P_GEAR_RATIO] * torque + power / larger(v[A_RPM], SLOW_SHAFT);
+    const real made = p[P_GEAR_RATIO] * torque + power / larger(v[A_RPM], SLOW_SHAFT);
+    const real *in = input_of(sim, u, G_PROPELLER, i);
+    const real drive = sim->drive == TORQUE_DRIVEN ? in[U_TORQUE_DRIVE] : made;
     const real resist = load * D * sum[T_CP_PROP] / TWO_PI;
     const real speed = state_of(sim, x, G_PROPELLER, i)[X_RPM];
     /* at rest: no load turns a propeller backwards */
     const mask_t rests = (speed <= 0.0) & (drive < resist);
     rate[X_RPM] = PICK(rests, -speed / STOP_TIME, (drive - resist) / p[P_SHAFT_INERTIA]);
-    const real held = PICK(rests, resist, drive);
+    real held = PICK(rests, resist, drive);
+    if (sim->drive == RPM_DRIVEN) {
+        /* without a governor the shaft follows the recorded speed, whatever torque that takes */
+        const mask_t follows = p[P_GOVERNED] == 0.0;
+        const real pulled = (larger(in[U_RPM_DRIVE], 0.0) - speed) / STOP_TIME;
+        rate[X_RPM] = PICK(follows, pulled, rate[X_RPM]);
+        held = PICK(follows, resist + p[P_SHAFT_INERTIA] * pulled, held);
+    }
     const real lag = settled_power(sim, i) - state_of(sim, x, G_PROPELLER, i)[X_SHAFT_POWER];
     rate[X_SHAFT_POWER] = PICK(p[P_POWER_TIME] > 0.0, lag / p[P_POWER_TIME], 0.0);
-    turn_blades(sim, i, x, u, rate);
+    turn_blades(sim, i, x, u, drive - resist, load * D / TWO_PI, rate);
     for (int k = 0; k < 3; k++) {
         H[k] += p[P_ROTATION] * p[P_SHAFT_INERTIA] * v[A_RPM] * line[k];
         M[k] -= p[P_ROTATION] * held * line[k];

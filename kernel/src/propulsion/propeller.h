@@ -29,11 +29,14 @@ static inline real lowest_blade_angle(const flight_t *sim, uint32_t i) {
                : par_of(sim, G_PROPELLER, i)[P_LOW_PITCH];
 }
 
-/* Speed that the lever commands. */
-static inline real commanded_rpm(const flight_t *sim, uint32_t i) {
+/* Speed that the governor holds: that of the lever, or the recorded one. */
+static inline real commanded_rpm(const flight_t *sim, uint32_t i, const real *u) {
     const real *p = par_of(sim, G_PROPELLER, i);
     const real lever = var_of(sim, G_PROPELLER, i)[A_PROP_COMMAND];
-    return p[P_RPM_LOW] + clamp(lever, 0.0, 1.0) * (p[P_RPM_HIGH] - p[P_RPM_LOW]);
+    const real set = p[P_RPM_LOW] + clamp(lever, 0.0, 1.0) * (p[P_RPM_HIGH] - p[P_RPM_LOW]);
+    if (sim->drive < TORQUE_DRIVEN) return set;
+    const real recorded = input_of(sim, u, G_PROPELLER, i)[U_RPM_DRIVE];
+    return PICK(recorded > 0.0, recorded, set);
 }
 
 #endif

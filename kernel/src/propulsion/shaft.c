@@ -137,7 +137,8 @@ static void settle_shaft(const shaft_t *shaft) {
                           && p[P_FEATHER_RATE] > 0.0;
     const double lever = clamp(var_of(sim, G_PROPELLER, i)[A_PROP_COMMAND], 0.0, 1.0);
     double angle[2] = {lowest_blade_angle(sim, i), p[P_HIGH_PITCH]};
-    double speed[2] = {commanded_rpm(sim, i), commanded_rpm(sim, i)};
+    const double commanded = commanded_rpm(sim, i, sim->u);
+    double speed[2] = {commanded, commanded};
     if (feathers) {
         angle[0] = p[P_FEATHER_PITCH];
     } else if (p[P_GOVERNED] == 0.0) {

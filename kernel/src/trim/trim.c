@@ -93,11 +93,12 @@ static double solve_with_bank(system_t *s, double *z, double *par) {
 }
 
 static int trim_biases(am_sim *sim, int mode) {
-    if (mode == 2 && sim->drive == THRUST_DRIVEN) {
+    if (mode == 2 && sim->drive != LEVER_DRIVEN) {
         return fail(
             sim, AM_BAD_VALUE,
-            "mode.trim = 2 solves for the throttle, but mode.engine = 2 flies a given thrust; use "
-            "mode.trim = 1");
+            "mode.trim = 2 solves for the throttle, but mode.engine = %d does not fly by the lever; use "
+            "mode.trim = 1",
+            sim->drive);
     }
     if (!(sim->par[P_V] > 1.0)) return trim_too_slow(sim);
     const double engines = items(sim->model, G_ENGINE) ? items(sim->model, G_ENGINE) : 1.0;

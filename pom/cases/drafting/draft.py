@@ -35,12 +35,15 @@ from pom.cases.drafting.listed_manoeuvres import (
     matching_manoeuvres,
 )
 from pom.cases.drafting.recorded_channels import recorded_channels
+from pom.cases.job import ENGINE_DRIVES
 from pom.cases.reference_states import read_path_states
 from pom.tolerances import rows as table
 from pom.tolerances.conditions import missing_claims
 
 LEAD = 1.0  # [s] of steady flight before the input
 LONGEST_LEAD = 5.0  # [s] that a row requires before its event
+# Quantities that can be the critical engine parameter of Ti and Tt, the first one recorded.
+_RESPONSES = ("n1", "torque", "manifold_pressure", "rpm", "thrust")
 HOMES = (".", "..")  # folders of a name map and an aircraft, relative to the record
 _NOT_IN_NAMES = re.compile(r"[^a-z0-9]+")
 _NO_CONTROLS = (
@@ -190,7 +193,7 @@ def draft_case(
         case["shortened"] = shortened
         remarks.append(shortened)
     if _has_engine_response(applied):
-        case["engine_parameter"] = recorded.first(("n1", "thrust")) or "engine1.n1"
+        case["engine_parameter"] = recorded.first(_RESPONSES) or "engine1.n1"
     conditions = {}
     if recorded.latitude is not None:
         conditions["lat"] = f"{from_si(recorded.latitude, 'deg'):.6g} deg"
@@ -396,16 +399,21 @@ def _choose_drive(rows: Sequence[table.Row], recorded: Recorded, ground: bool) -
     level = next((name for name in levels if set(PRIMARY[name]) <= set(recorded.channels)), "")
     if not level:
         raise SchemaError("record", [_NO_CONTROLS])
-    powers: tuple[str, ...] = ("thrust", "n1", "throttle")
+    powers: tuple[str, ...] = ("thrust", "torque", "map", "n1", "throttle")
     # A test of the engine response must not drive the response itself.
     if _has_engine_response(rows):
         powers = ("throttle", "n1")
-    power = next((name for name in powers if f"engine1.{name}" in recorded.channels), "")
+    channels = {name: f"engine1.{ENGINE_DRIVES[name][0]}" for name in powers}
+    power = next((name for name in powers if channels[name] in recorded.channels), "")
     if not power:
-        names = ", ".join(f"engine1.{name}" for name in powers)
+        names = ", ".join(channels.values())
         raise SchemaError("record", [f"no {names}: one of them drives the engines; map it"])
-    trim: object = "ground" if ground else True
-    return {"surfaces": level, "engine": power, "trim": trim}
+    drive: dict[str, object] = {"surfaces": level, "engine": power}
+    # without a recorded propeller lever the governor holds the recorded speed
+    has_lever = "engine1.prop_command" in recorded.channels
+    if power in ("torque", "map") and not has_lever and "engine1.rpm" in recorded.channels:
+        drive["propeller"] = "rpm"
+    return {**drive, "trim": "ground" if ground else True}
 
 
 def _movement_text(movement: Movement | None) -> str:

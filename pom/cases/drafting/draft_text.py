@@ -41,7 +41,9 @@ _COMMENTS = {
     "engine_parameter": "critical engine parameter of Ti and Tt",
     "surfaces": "recorded: surface positions; cockpit: column, wheel, pedals; force: pilot "
     "forces; pilot: loops of [[drive.pilot]]",
-    "engine": "thrust: recorded thrust; n1: recorded fan speed; throttle: recorded lever",
+    "engine": "thrust: recorded thrust; n1, torque, map, rpm: recorded fan speed, shaft torque, "
+    "manifold pressure, propeller speed; throttle: recorded lever",
+    "propeller": "lever: the governor holds the speed of its lever; rpm: the recorded speed",
     "trim": 'true: trimmed to the flight condition; false; "ground": on its wheels',
 }
 _OPTIONAL = """

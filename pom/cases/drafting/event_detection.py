@@ -34,13 +34,13 @@ HELD_STILL = 4.0
 _SIGMA_OF_MEDIAN = 1.4826  # standard deviation over median absolute deviation, normal noise
 _LEAST_SAMPLES = 20  # of a channel in which a movement is searched
 _GROUND_HEIGHT = 6.0 * FOOT  # [m] Below it the wheels are on the runway.
-_THRUST_DIFFERENCE = 0.2  # of the largest thrust, after the failure of an engine
+_FAILED_DIFFERENCE = 0.2  # of the larger thrust or torque, after the failure of an engine
 _QUIET_STEP = 0.1  # [s] Grid of the search for quiet flight.
 
 ELEVATOR = ("delta_e", "column", "F_column")
 AILERON = ("delta_a", "wheel", "F_wheel")
 RUDDER = ("delta_r", "pedal", "F_pedal")
-POWER = ("throttle", "n1", "thrust")
+POWER = ("throttle", "n1", "torque", "manifold_pressure", "thrust")
 INPUTS = {
     **dict.fromkeys(("1.f.1", "1.f.2", "2.c.1"), POWER),
     "2.c.2": ("delta_f",),
@@ -360,17 +360,24 @@ def _slowdown_finder(share: float | None) -> Finder:
 def _find_engine_failure(
     recorded: Recorded, test: str, window: tuple[float, float]
 ) -> float | None:
-    """Return the time at which the thrusts differ by more than a fifth of the largest."""
-    names = []
-    for name in recorded.channels:
-        match = _ENGINE.match(name)
-        if match and match.group(1) == "thrust":
-            names.append(name)
-    if len(names) < 2:
+    """Return the time at which the engines differ by more than a fifth of the larger value.
+
+    They are compared by thrust, or by torque or N1 where it is not recorded.
+    """
+    names: list[str] = []
+    for quantity in ("thrust", "torque", "n1"):
+        names = []
+        for name in recorded.channels:
+            match = _ENGINE.match(name)
+            if match and match.group(1) == quantity:
+                names.append(name)
+        if len(names) >= 2:
+            break
+    else:
         return None
     time, first = recorded.within(names[0], window)
     second = np.interp(time, *recorded.channels[names[1]])
-    limit = _THRUST_DIFFERENCE * np.max(np.abs([first, second]), initial=0.0)
+    limit = _FAILED_DIFFERENCE * np.max(np.abs([first, second]), initial=0.0)
     different = np.flatnonzero(np.abs(first - second) > limit)
     if not different.size or different[0] == 0:
         return None

@@ -187,8 +187,8 @@ class InstrumentErrors(ShortText):
             if name in record:
                 record[name] = record[name] - constants @ change
         for name, (errors, shifts) in self._shifts.items():
-            # The input of a thrust has another name than its channel.
-            channel = name.replace("thrust_drive", "thrust")
+            # The input that drives an engine has another name than its channel.
+            channel = name.removesuffix("_drive")
             if channel in record:
                 record[channel] = record[channel] - draw[errors] @ shifts
         for name, sigma in self.noise.items():

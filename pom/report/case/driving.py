@@ -38,6 +38,13 @@ _ENGINE = {
     "thrust": "recorded thrust drives the model",
     "n1": "the recorded fan speed drives the engine model",
     "throttle": "the recorded lever drives the engine model",
+    "torque": "the recorded torque drives the propeller",
+    "rpm": "the recorded speed drives the propeller",
+    "map": "the recorded manifold pressure drives the engine model",
+}
+_PROPELLER = {
+    "lever": "a governor holds the speed of the propeller lever",
+    "rpm": "a governor holds the recorded speed",
 }
 _START = {
     True: "trimmed to the flight state; the residual stands below",
@@ -62,9 +69,13 @@ def describe_driving(result: PomResult) -> dict[str, Any]:
     """Return the driving of the models: in words, input by input, loop by loop."""
     drive = result.case.drive
     surfaces = _SURFACES.get(drive.surfaces, drive.surfaces)
+    propeller = []
+    if drive.engine in ("torque", "map"):
+        propeller.append(("propeller", _PROPELLER.get(drive.propeller, drive.propeller)))
     how = [
         ("controls", _LAW if result.case.law else surfaces),
         ("engine", _ENGINE.get(drive.engine, drive.engine)),
+        *propeller,
         ("start", _START.get(drive.trim, str(drive.trim))),
         ("wind", _WIND_INPUTS.get(result.case.wind, result.case.wind)),
         ("feedback", _feedback_words(result)),

@@ -55,7 +55,6 @@ _SYMBOLS = {
     "dnz": ("Δn", "z"),
     "delta_T": ("ΔT", ""),
     "mass": ("m", ""),
-    "thrust_drive": ("F", ""),
     "wind_n": ("W", "n"),
     "wind_e": ("W", "e"),
     "wind_d": ("W", "d"),
@@ -79,7 +78,6 @@ _EXTRA = {
     "u_dot": ("body acceleration along x", "m s-2", "m s-2"),
     "v_dot": ("body acceleration along y", "m s-2", "m s-2"),
     "w_dot": ("body acceleration along z", "m s-2", "m s-2"),
-    "thrust_drive": ("net thrust that drives the model", "N", "lbf"),
     "qnh": ("pressure setting of the altimeter", "Pa", "hPa"),
     "V_dot": ("rate of true airspeed", "m s-2", "m s-2"),
 }
@@ -270,7 +268,9 @@ def quantity_label(name: str) -> QuantityLabel:
 
 @cache
 def _make_label(name: str, unit_set: str) -> QuantityLabel:
-    *prefixes, stem = name.split(".")
+    *prefixes, item = name.split(".")
+    # an input that drives an engine has the name of its quantity
+    stem = item.removesuffix("_drive")
     if prefixes and prefixes[0] == "term":
         return QuantityLabel(
             name, name, "", words="scale of the term", unit="", sign="", factor=1.0, offset=0.0
@@ -291,6 +291,8 @@ def _make_label(name: str, unit_set: str) -> QuantityLabel:
     # a load factor is shown in g by every set
     if stem not in _IN_G:
         display_unit = display_unit_of(si_unit, display_unit, unit_set)
+    if stem != item:
+        words = f"{words} that drives the model"
     base, sub = symbol_parts(stem)
     notes, engines = _prefix_notes(prefixes)
     factor, offset = _display_conversion(display_unit)
@@ -299,7 +301,7 @@ def _make_label(name: str, unit_set: str) -> QuantityLabel:
         name=name,
         base=base,
         sub=" ".join([sub, *engines]).strip(),
-        words=", ".join([_SHORT.get(stem, words), *notes]),
+        words=", ".join([_SHORT.get(item, words), *notes]),
         unit="g" if stem in _IN_G else unit,
         sign=_spell_sign(sign),
         factor=factor,

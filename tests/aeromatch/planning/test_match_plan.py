@@ -65,9 +65,9 @@ FIRST = {
         lambda p: edit(p / "cases/phugoid.toml", ("98.0]", "98.08]")),
         r"case phugoid: the window 4 .* 98.08 s lies outside",
     ),
-    "drive by a speed that is not recorded": (
-        lambda p: edit(p / "cases/roll_response.toml", ('engine = "thrust"', 'engine = "n1"')),
-        r"case roll_response: .*engine1\.n1",
+    "drive by a torque that is not recorded": (
+        lambda p: edit(p / "cases/roll_response.toml", ('engine = "map"', 'engine = "torque"')),
+        r"case roll_response: .*engine1\.torque",
     ),
     "manoeuvre that one record lacks, of a record that there is not": (
         lambda p: edit(p / "manoeuvres.csv", ("cruise,doublet,rudder", "cruse,doublet,rudder")),
@@ -111,12 +111,17 @@ SECOND = {
         ),
         r"2 cases are named 'phugoid'",
     ),
-    "drive by a lever that the aircraft has no engine for": (
-        lambda p: edit(
-            p / "cases/roll_response.toml", ('engine = "thrust"', 'engine = "throttle"')
+    "drive by a fan speed that the aircraft has no engine for": (
+        lambda p: (
+            edit(p / "names.toml", ("engine1.prop_command =", "engine1.n1 =")),
+            edit(
+                p / "cases/roll_response.toml",
+                ('engine = "map"', 'engine = "n1"'),
+                ('propeller = "rpm"', 'propeller = "lever"'),
+            ),
         ),
-        r"case roll_response, model datcom: mode\.engine = 0 needs a thrust table",
-        r"case roll_response, model final: mode\.engine = 0 needs a thrust table",
+        r"case roll_response, model datcom: .*n1_drive",
+        r"case roll_response, model final: .*n1_drive",
     ),
     "edition that is not in the table": (
         lambda p: edit(p / "cases/short_period.toml", ("2014-01-01", "1914-01-01")),

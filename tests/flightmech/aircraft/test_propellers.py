@@ -110,6 +110,8 @@ def test_a_similar_aircraft_needs_its_own_propeller(read):
         (HEAD.replace("1.2]", "0.7]").replace("-0.02]", "0.03]") + PISTON, "continue both tables"),
         (HEAD + PISTON.replace("tables.bsfc", "tables.bsfe"), "bsfe"),
         (HEAD.replace('"75 in"', '"75 s"') + PISTON, "engine.0.propeller.diameter: unit .s."),
+        (HEAD + MOTOR.replace("0.03", '"30 V"'), "engine.0.motor.motor_resistance: unit .V."),
+        (HEAD + MOTOR.replace("18000.0", '"50 kW"'), "engine.0.motor.capacity: unit .kW."),
     ],
 )
 def test_refusals_of_a_file(read, text, message):

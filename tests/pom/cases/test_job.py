@@ -46,6 +46,7 @@ def rolling() -> xr.Dataset:
         "wow_left": 1.0,
     }
     still |= {"engine1.thrust": 900.0, "engine1.n1": 0.8, "engine1.throttle": 0.6}
+    still |= {"engine1.torque": 1200.0, "engine1.rpm": 220.0, "engine1.manifold_pressure": 8e4}
     data = {name: ("time", np.full(t.size, value)) for name, value in still.items()}
     down = -np.sin(still["theta"]) * 0.1 + np.cos(still["theta"]) * 0.2
     return xr.Dataset(
@@ -70,15 +71,50 @@ def job(write_case, tmp_path, states, drive: str):
         ("thrust", "thrust_drive", 900.0, 2.0),
         ("n1", "n1_drive", 0.8, 1.0),
         ("throttle", "throttle", 0.6, 0.0),
+        ("lever", "throttle", 0.6, 0.0),
+        ("torque", "torque_drive", 1200.0, 3.0),
+        ("rpm", "rpm_drive", 220.0, 4.0),
+        ("map", "manifold_pressure_drive", 8e4, 5.0),
     ],
 )
 def test_engines_are_driven_as_the_case_states(
     engine, drive, value, mode, write_case, tmp_path, rolling
 ):
     found = job(write_case, tmp_path, rolling, f'engine = "{engine}"')
-    assert set(found.inputs["engine1." + drive]) == {value}
+    assert found.inputs["engine1." + drive] == pytest.approx(value, rel=1e-12)
     assert found.parameters["mode.engine"] == mode
-    assert found.parameters["mode.trim"] == (2.0 if engine == "throttle" else 1.0)
+    by_lever = engine in ("throttle", "lever")
+    assert found.parameters["mode.trim"] == (2.0 if by_lever else 1.0)
+    # with a recorded speed of the propeller the lever is the power
+    assert ("engine1.throttle" in found.inputs) == (by_lever or engine == "rpm")
+
+
+def test_levers_of_the_propeller_are_inputs(write_case, tmp_path, rolling):
+    rolling = rolling.assign({"engine1.prop_command": ("time", 0.7 + 0.0 * rolling["time"].values)})
+    found = job(write_case, tmp_path, rolling, 'engine = "map"')
+    assert set(found.inputs["engine1.prop_command"]) == {0.7}
+    assert "engine1.rpm_drive" not in found.inputs
+    # the recorded speed in its place, and a mixture that the case holds
+    drive = 'engine = "torque"\npropeller = "rpm"\n[conditions]\n"engine1.mixture" = 0.8'
+    path = write_case()
+    text = path.read_text().replace('engine = "thrust"', drive)
+    path.write_text(text)
+    found = job_of(read_case(path), rolling)
+    assert set(found.inputs["engine1.rpm_drive"]) == {220.0}
+    assert set(found.inputs["engine1.mixture"]) == {0.8}
+    assert set(found.inputs["engine1.torque_drive"]) == {1200.0}
+    without = rolling.drop_vars("engine1.rpm")
+    with pytest.raises(UnknownName, match=r'drive\.propeller is "rpm"'):
+        job_of(read_case(path), without)
+    # a recorded thrust depends on no lever
+    assert not {"engine1.prop_command", "engine1.mixture"} & set(
+        job(write_case, tmp_path, rolling, 'engine = "thrust"').inputs
+    )
+
+
+def test_recorded_speed_belongs_to_torque_or_pressure(write_case, tmp_path, rolling):
+    with pytest.raises(SchemaError, match=r"write drive\.engine"):
+        job(write_case, tmp_path, rolling, 'engine = "n1"\npropeller = "rpm"')
 
 
 def test_start_on_the_wheels(write_case, tmp_path, rolling):

@@ -402,3 +402,18 @@ def test_a_model_that_answers_by_its_tables_flies_only_where_it_can_show_somethi
     _, remark = _probe_tables(case, job, outputs, short_period(elevator() / 1.15), fly)
     assert remark.kind == "departure"
     assert len(flown) == 1
+
+
+def test_power_of_a_lever_is_not_linear():
+    """Near idle a lever hardly changes the power: only an answer that stays is named."""
+    lever = np.where(TIME < 1.0, 0.75, 0.25)
+    changed = changed_job(job_of(**{"delta_e": 0.0 * TIME, "engine1.throttle": lever}), {})
+    assert changed.only_levers
+    before, after = {"V": 50.0 - 2.0 * TIME}, {"V": 50.0 - 1.99 * TIME}
+    (remark,) = judge_input_change(TIME, before, after, {"V"}, moved_at=1.0, only_levers=True)
+    assert remark.kind == "probe"
+    assert "not linear in its lever" in remark.text
+    (remark,) = judge_input_change(TIME, before, before, {"V"}, moved_at=1.0, only_levers=True)
+    assert remark.kind == "not_driven"
+    both = {"delta_e": elevator(), "engine1.throttle": lever}
+    assert not changed_job(job_of(**both), {}).only_levers

@@ -1,0 +1,129 @@
+"""Thrust and torque of a propeller from its speed, against those of the simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import flightmech
+import flighttest
+from flightmech.aircraft import Engine, PistonEngine, Propeller
+from flightmech.errors import IdentificationError
+from flightmech.terms import make_term
+from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+
+J = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
+ANGLES = np.array([0.2, 0.7])
+CT = make_term(0.06 + 0.2 * ANGLES - 0.12 * J[:, None], {"J": J, "blade_angle": ANGLES})
+CP = make_term(0.01 + 0.2 * ANGLES - 0.05 * J[:, None], {"J": J, "blade_angle": ANGLES})
+MAP = [2e4, 1.2e5]
+CHART = 130e3 / 1e5 / 280.0 * np.outer(MAP, [0.0, 400.0])
+POWER = make_term(CHART, {"manifold_pressure": MAP, "engine_rpm": [0.0, 400.0]})
+TIME = np.arange(0.0, 8.01, 0.02)
+LEVER = np.interp(TIME, [0.0, 1.0, 2.0, 4.0, 5.0, 8.0], [0.5, 0.5, 0.9, 0.9, 0.4, 0.4])
+RECORDED = ("V", "alpha", "beta", "qbar", "mach", "h", "p_static", "temperature", "rho", "a_sound")
+
+
+def trainer(**engine) -> flightmech.Aircraft:
+    propeller = Propeller(
+        {"CT_prop": CT, "CP_prop": CP},
+        diameter=2.0,
+        inertia=2.0,
+        rpm_high=270.0,
+        rpm_low=150.0,
+        low_pitch=0.2,
+        high_pitch=0.7,
+        rotation=-1,
+    )
+    piston = PistonEngine(
+        {"corrected_power": POWER, "friction_power": make_term(2e3)},
+        intake_impedance=2e-4,
+        throttle_impedance=0.02,
+    )
+    parts = {"propeller": propeller, "piston": piston} | engine
+    return flightmech.Aircraft(
+        name="trainer",
+        S=16.0,
+        cbar=1.5,
+        b=11.0,
+        mass=1100.0,
+        Ixx=1300.0,
+        Iyy=1800.0,
+        Izz=2700.0,
+        engines=(Engine((1.8, 0.0, -0.1), **parts),),
+        limits={"delta_e": (-0.4, 0.4)},
+    )
+
+
+@pytest.fixture(scope="module")
+def flown() -> xr.Dataset:
+    """Level flight with the lever up and down; Cl is -0.4 beta alone."""
+    leaves = {
+        "CL/basic": make_term([-0.6, 1.4], {"alpha": [-0.2, 0.2]}),
+        "CD/basic": make_term(0.035),
+        "Cm/basic": make_term([0.2, -0.2], {"alpha": [-0.2, 0.2]}),
+        "Cm/q": make_term(-12.0, regressors=["qhat"]),
+        "Cm/elevator": make_term(-1.2, regressors=["delta_e"]),
+        "CY/beta": make_term(-0.5, regressors=["beta"]),
+        "Cn/beta": make_term(0.1, regressors=["beta"]),
+        "Cn/rudder": make_term(-0.1, regressors=["delta_r"]),
+        "Cl/beta": make_term(-0.4, regressors=["beta"]),
+        "Cl/p": make_term(-0.5, regressors=["phat"]),
+        "Cl/aileron": make_term(-0.1, regressors=["delta_a"]),
+    }
+    tree = xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in leaves.items()})
+    tree.attrs["force_axes"] = "stability"
+    sim = flightmech.compile(trainer(), tree)
+    inputs = xr.Dataset({"engine1.throttle": ("time", LEVER)}, {"time": TIME})
+    start = {"init.V": 50.0, "init.h": 1000.0, "mode.trim": 1.0, "mode.engine": 0.0}
+    out = flightmech.simulate(sim, inputs, start)
+    # the trim adds a thrust that no propeller makes
+    own = out["engine1.thrust"] - out["trim.thrust"]
+    return out.assign({"engine1.thrust": own})
+
+
+def states_of(flown: xr.Dataset, *names: str) -> xr.Dataset:
+    kept = [name for name in RECORDED if name in flown]
+    return flown[[*kept, *names]]
+
+
+def test_thrust_and_torque_of_speed_and_manifold_pressure(flown):
+    states = states_of(flown, "engine1.rpm", "engine1.manifold_pressure")
+    found = with_propeller_channels(states, trainer())
+    assert np.ptp(flown["engine1.thrust"].values) > 800.0
+    np.testing.assert_allclose(found["engine1.thrust"], flown["engine1.thrust"], atol=12.0)
+    np.testing.assert_allclose(found["engine1.torque"], flown["engine1.torque"], rtol=1e-6)
+    np.testing.assert_allclose(found["engine1.J"], flown["engine1.J"], rtol=1e-4)
+
+
+def test_recorded_torque_takes_the_place_of_the_chart(flown):
+    states = states_of(flown, "engine1.rpm", "engine1.torque")
+    found = with_propeller_channels(states, trainer())
+    np.testing.assert_allclose(found["engine1.thrust"], flown["engine1.thrust"], atol=12.0)
+    recorded = states.assign({"engine1.thrust": ("time", np.full(TIME.size, 700.0))})
+    assert with_propeller_channels(recorded, trainer()) is not recorded
+    assert set(with_propeller_channels(recorded, trainer())["engine1.thrust"].values) == {700.0}
+
+
+def test_coefficients_are_free_of_propeller_and_rotor(flown):
+    """Cl returns the term of the database, though the torque of the engine rolls the aircraft."""
+    names = ("p", "q", "r", "ax", "ay", "az")
+    states = states_of(flown, *names, "engine1.rpm", "engine1.manifold_pressure")
+    data = flighttest.coefficients(states, trainer())
+    phat = flown["p"] * 11.0 / (2.0 * flown["V"])
+    expected = -0.4 * flown["beta"] - 0.5 * phat - 0.1 * flown["applied.delta_a"]
+    middle = slice(10, -10)
+    np.testing.assert_allclose(data["Cl"].values[middle], expected.values[middle], atol=1e-4)
+    # without the torque, an error of the size of the torque over qbar S b
+    blind = replace(trainer(), engines=(Engine((1.8, 0.0, -0.1)),))
+    thrust = {"engine1.thrust": data["engine1.thrust"]}
+    wrong = flighttest.coefficients(states.assign(thrust), blind)
+    assert np.abs(wrong["Cl"] - expected).values[middle].min() > 5e-4
+
+
+def test_a_missing_power_is_named(flown):
+    with pytest.raises(IdentificationError, match=r"neither torque nor .* map engine1\.torque"):
+        with_propeller_channels(states_of(flown, "engine1.rpm"), trainer())
