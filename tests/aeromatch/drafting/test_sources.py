@@ -56,3 +56,10 @@ def test_two_columns_of_one_heading_wait_for_the_author(tmp_path):
     copies = write_csv(tmp_path / "b.csv", Time=TIME, Bank_1=BANK, Bank_2=BANK)
     (row,) = draft_names([copies]).rows
     assert (row.channel.column, row.confidence) == ("Bank", "by size")
+
+
+def test_a_folder_without_recordings_is_named(tmp_path):
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "a.md").write_text("wind calm")
+    (remark,) = sources_of([LISTING], [tmp_path / "notes"]).ignored
+    assert remark.startswith(f"no recording is in {tmp_path / 'notes'}; it needs files of .csv")
