@@ -129,6 +129,9 @@ def main() -> None:
     except click.Abort:
         sys.exit(130)
     except click.ClickException as error:
+        if isinstance(error, click.MissingParameter) and isinstance(error.param, click.Option):
+            # click names the option alone
+            error.message = f"Give it with its value: {error.param.help}"
         error.show()
         _fail("usage", error.format_message(), 2)
     except Exception as error:

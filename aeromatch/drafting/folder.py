@@ -321,6 +321,12 @@ def _write_project(
     case_files = sorted((folder / "cases").glob("*.toml"))
     taken = replayed_windows(case_files)
     remarks += describe_unused(able, taken)
+    for name in answers.prove:
+        if name in able and name not in taken:
+            remarks.append(
+                f"{name} of --prove has no case: no manoeuvre of a test was found in it; write one "
+                f"with 'aeromatch pom init' and its --test into the folder cases"
+            )
     fits = fits_of(
         able,
         taken,
