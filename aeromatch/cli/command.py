@@ -131,7 +131,8 @@ def main() -> None:
     except click.ClickException as error:
         if isinstance(error, click.MissingParameter) and isinstance(error.param, click.Option):
             # click names the option alone
-            error.message = f"Give it with its value: {error.param.help}"
+            text = f"Give it with its value: {error.param.help}"
+            error = click.MissingParameter(text, error.ctx, error.param, error.param_hint)
         error.show()
         _fail("usage", error.format_message(), 2)
     except Exception as error:
