@@ -114,7 +114,8 @@ for _unit, _spellings in {
     "g": ("g0", "gn"),
     "rpm": ("r/min", "rev/min", "revs/min", "rpms", "r.p.m", "u/min"),
     "%": ("% rpm", "%rpm", "% n1", "%n1", "% n2", "%n2", "% open", "% mac", "%mac", "per cent"),
-    "deg": ("degs",),
+    # German for degree; the gon, a grad of surveyors, is on no recorder
+    "deg": ("degs", "grad"),
     "rad": ("rads",),
     "ft": ("ft msl", "ft agl", "ft amsl", "feet msl", "feet agl", "ft qnh"),
     "m": ("m msl", "m agl", "m amsl"),

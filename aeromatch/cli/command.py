@@ -129,6 +129,10 @@ def main() -> None:
     except click.Abort:
         sys.exit(130)
     except click.ClickException as error:
+        if isinstance(error, click.MissingParameter) and isinstance(error.param, click.Option):
+            # click names the option alone
+            text = f"Give it with its value: {error.param.help}"
+            error = click.MissingParameter(text, error.ctx, error.param, error.param_hint)
         error.show()
         _fail("usage", error.format_message(), 2)
     except Exception as error:

@@ -3,23 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, json_option, performed_by
+from flightmech.support.console import FileOrFolder, InputFile, json_option, performed_by
 
 _PACKAGE = click.Path(exists=True, path_type=Path)
-
-
-class FileOrFolder(InputFile):
-    """A project file, or the folder of a project."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the path of an existing file or folder."""
-        return Path(value) if Path(value).is_dir() else super().convert(value, param, ctx)
-
-
 _MODEL = click.Choice(["datcom", "prior", "corrected", "final"])
 
 

@@ -7,12 +7,13 @@ from pathlib import Path
 import click
 
 from flightmech.support.console import (
+    FileOrFolder,
     json_option,
     performed_by,
 )
 from flighttest.cli.group import MapFile
 
-_FILES = click.Path(exists=True, path_type=Path)
+_FILES = FileOrFolder(path_type=Path)
 
 
 @click.command("init")

@@ -206,20 +206,26 @@ def draft_project(
 
 
 def _check_units(facts: StatedFacts) -> None:
-    """Raise for stated masses, inertias and conditions that are not a number, have another unit,
-    or are a latitude beyond a pole.
+    """Raise for stated masses, inertias, places and conditions that are not a number, have another
+    unit, or are a mass or moment of inertia that no body has, or a latitude beyond a pole.
     """
     problems = []
-    for key, unit in {**{key: lookup(key).units for key in MASS}, **FACTS}.items():
-        if not facts.values.get(key):
+    masses = {key: lookup(key).units for key in (*MASS, "Ixz")}
+    stated = [(key, unit, facts.values.get(key)) for key, unit in {**masses, **FACTS}.items()]
+    for key, place in (("--cg", facts.cg), ("--imu", facts.imu)):
+        stated += [(key, "m", text) for text in place or ()]
+    for key, unit, text in stated:
+        if not text:
             continue
         try:
-            number = parse_quantity(number_or_text(facts.values[key]), unit)
+            number = parse_quantity(number_or_text(text), unit)
         except UnitError as error:
-            problems.append(f"{key} = {facts.values[key]!r}: {error}")
+            problems.append(f"{key} = {text!r}: {error}")
             continue
         if key == "latitude" and latitude_problem(number):
             problems.append(f"--latitude: {latitude_problem(number)}")
+        if key in MASS and not number > 0.0:
+            problems.append(f"--{key}: found {text!r}; give a positive number, such as {MASS[key]}")
     if problems:
         raise SchemaError("init", problems)
 
@@ -315,6 +321,12 @@ def _write_project(
     case_files = sorted((folder / "cases").glob("*.toml"))
     taken = replayed_windows(case_files)
     remarks += describe_unused(able, taken)
+    for name in answers.prove:
+        if name in able and name not in taken:
+            remarks.append(
+                f"{name} of --prove has no case: no manoeuvre of a test was found in it; write one "
+                f"with 'aeromatch pom init' and its --test into the folder cases"
+            )
     fits = fits_of(
         able,
         taken,

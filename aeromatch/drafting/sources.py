@@ -66,6 +66,12 @@ def sources_of(datcom: Sequence[Path], records: Sequence[Path]) -> Sources:
             if file not in listings + decks and _is_record(file, is_named=path.is_file()):
                 recordings.append(file)
     ignored = _describe_ignored(records, {*listings, *decks, *recordings})
+    for path in records:
+        # Without options every folder of the project is searched for both kinds.
+        is_named = path not in datcom
+        if is_named and path.is_dir() and not set(recordings).intersection(_files_of(path)):
+            suffixes = " ".join(RECORD_SUFFIXES)
+            ignored.append(f"no recording is in {path}; it needs files of {suffixes}")
     if not listings and not decks and not recordings:
         problem = "no listing, deck or recording was found; give them with --datcom and --records"
         raise SchemaError("init", [problem, *ignored])

@@ -212,7 +212,9 @@ def make_plan(
     problems = plan.problems
     # Every check collects its problems, so that one run shows all of them.
     _check_folders(Path(folder), options, problems)
-    cases = [run_collecting_problems(problems, "", pom.read_case, file) for file in project.cases]
+    cases = [
+        run_collecting_problems(problems, file.name, pom.read_case, file) for file in project.cases
+    ]
     plan.cases += filter(None, cases)
     problems += contradictions(plan.cases)
     problems += model_checks.name_problems(project)

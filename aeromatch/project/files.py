@@ -12,6 +12,7 @@ from pydantic import Field, ValidationInfo
 from pydantic_core import core_schema
 
 from datcom_io.reading.reader import ListingCase, place_of
+from flightmech.errors import near_names
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import UNFILLED, InUnits
 
@@ -45,7 +46,10 @@ class ProjectFolder:
         file = self.folder / name
         # The path is returned in any case, so that all missing files are reported at once.
         if not file.is_file():
-            self.problems.append(f"{key}: no file {name!r} in {self.folder}")
+            others = [item.name for item in self.folder.iterdir() if item.is_file()]
+            near = near_names(Path(name).name, others, 3, cutoff=0.7)
+            remedy = f"near it: {', '.join(near)}" if near else "give its path from there"
+            self.problems.append(f"{key}: no file {name!r} in {self.folder}; {remedy}")
         return file
 
     def matching(self, pattern: str, key: str) -> list[Path]:

@@ -100,11 +100,25 @@ class InputFile(click.Path):
         return super().convert(value, param, ctx)
 
 
-def _file_names(folder: Path) -> list[str]:
-    return sorted(item.name for item in folder.iterdir() if item.is_file())
+class FileOrFolder(InputFile):
+    """A file to read, or a folder of files. If it does not exist, the error lists similar names."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path of an existing file or folder."""
+        path = Path(os.fsdecode(value))
+        if path.is_dir():
+            return path
+        if not path.exists():
+            suggested = _suggest_files(path, with_folders=True)
+            self.fail(f"no file or folder {str(value)!r}; {suggested}", param, ctx)
+        return super().convert(value, param, ctx)
 
 
-def _suggest_files(path: Path) -> str:
+def _file_names(folder: Path, with_folders: bool = False) -> list[str]:
+    return sorted(item.name for item in folder.iterdir() if with_folders or item.is_file())
+
+
+def _suggest_files(path: Path, with_folders: bool = False) -> str:
     """Return the part of an error message that suggests files in place of a missing one."""
     folder = path.parent
     if not folder.is_dir():
@@ -113,7 +127,7 @@ def _suggest_files(path: Path) -> str:
             f"{str(Path.cwd())!r}"
         )
     # stricter than the default of near_names, because file names are longer than keys
-    near = near_names(path.name, _file_names(folder), 3, cutoff=0.7)
+    near = near_names(path.name, _file_names(folder, with_folders), 3, cutoff=0.7)
     if near:
         return f"near it: {', '.join(str(folder / name) for name in near)}"
     return f"{str(folder.resolve())!r} holds no name like it; give its path from here"

@@ -142,7 +142,8 @@ def rows_of_test(
     rows = [row for row in of_edition if row["test_id"] == id]
     if not rows:
         tests = {row["test_id"] for row in of_edition}
-        raise UnknownName(id, tests, f"test of {standard!r}, {edition}")
+        hint = "give the number of a test of the table, such as 2.c.9"
+        raise UnknownName(id, tests, f"test of {standard!r}, {edition}", hint=hint)
     return rows
 
 

@@ -96,6 +96,9 @@ def drafted(recordings, tmp_path_factory):
         ("FN1 [lbf]", "engine1.thrust", "lbf"), ("ALT_STD_M", "h_baro", "m"), ("GS_N_KMH", "vn", "km/h"), ("FF1 KG/H", "engine1.fuel_flow", "kg/h"),
         ("TLA 1 DEG", "engine1.pla", "deg"), ("INERTIAL VERT SPEED", "hdot", None), ("TRUE HDG", "psi", None), ("AOA1_DEG", "alpha_vane", "deg"),
         ("flightdata.Pitch", "theta", None), ("stick_force_lbf", "F_column", "lbf"), ("x_cg", "x_cg_b", None), ("delta_r", "delta_r", None),
+        ("Hoehenruder_Grad", "delta_e", "deg"), ("Höhenruder [°]", "delta_e", "deg"), ("Nickrate [Grad/s]", "q", "deg/s"),
+        ("Querruder links [Grad]", "delta_a_left", "deg"), ("Schub_N", "engine1.thrust", "N"), ("Steigen_m/s", "hdot", "m/s"),
+        ("ELEV POSN [DEG]", "delta_e", "deg"), ("N-S VELOCITY [KT]", "vn", "kt"), ("ALTITUDE 1013.25 [FT]", "h_baro", "ft"),
     ],
 )  # fmt: skip
 def test_columns_are_recognised_by_their_names(column, name, unit):
@@ -104,6 +107,7 @@ def test_columns_are_recognised_by_their_names(column, name, unit):
 
 
 @pytest.mark.parametrize("column", [
+        "LATERAL VELOCITY", "Kurs_Grad",
         "spare_7", "Event", "TAT", "gs_kt", "time", "status", "MAG HDG", "CG %MAC", "ELEV_CMD", "CABIN ALT", "TQ1 [%]", "FLAP LEVER",
         "TOTAL PRESS", "AIL TRIM",
     ],

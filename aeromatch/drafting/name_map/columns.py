@@ -237,6 +237,9 @@ def _quantity_of_words(words: list[str], column: str) -> tuple[str, int] | None:
             continue
         if rank > 2 and len(text) <= _SHORT and text not in ("n1", "n2"):
             continue
+        # The words before it name another velocity, such as one over the ground.
+        if rank > 2 and text in ("velocity", "speed"):
+            continue
         if name == "h_baro" and ("gps" in column or "gnss" in column):
             name = "h_gps"
         return _number_quantity(name, engine), rank

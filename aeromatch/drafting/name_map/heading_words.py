@@ -7,7 +7,7 @@ from __future__ import annotations
 
 # Names of channels in recorders, in lower case without separators. The symbols of the field are
 # known to `flightmech.errors.find_symbol`.
-HEADING_WORDS = {
+_ENGLISH = {
     "p": "p ratep rollrate bodyrollrate gyrox gyrp wx",
     "q": "q rateq pitchrate bodypitchrate gyroy gyrq wy",
     "r": "r rater yawrate bodyyawrate gyroz gyrr wz",
@@ -44,7 +44,7 @@ HEADING_WORDS = {
     "h_baro": (
         "h hp alt altitude height pressurealtitude pressalt baroaltitude baroalt altbaro palt "
         "hbaro altpress altstd stdalt baroaltstd altbarostd altitudestd standardaltitude altqne "
-        "qnealt alt1013"
+        "qnealt alt1013 altitude1013 alt101325 altitude101325 altitude101325mb"
     ),
     "V_ground": "groundspeed gspd gndspd gndspeed groundspd gpsspeed gpsgroundspeed",
     "h_gps": "hgps altgps gpsalt gpsaltitude gpsheight altitudegps gnssaltitude gnssheight",
@@ -53,11 +53,11 @@ HEADING_WORDS = {
     ),
     "vn": (
         "vn vnorth velnorth gsn gpsveln northvel velocitynorth northvelocity gpsvn veln vgn "
-        "northspeed gsnorth groundspeednorth"
+        "northspeed gsnorth groundspeednorth nsvelocity nsvel velocityns velns"
     ),
     "ve": (
         "ve veast veleast gse gpsvele eastvel velocityeast eastvelocity gpsve vele vge "
-        "eastspeed gseast groundspeedeast"
+        "eastspeed gseast groundspeedeast ewvelocity ewvel velocityew velew"
     ),
     "vd": "vd vdown veldown gpsveld downvel velocitydown downvelocity gpsvd veld vgd downspeed",
     "hdot": (
@@ -102,6 +102,43 @@ HEADING_WORDS = {
     "engine.rpm": "rpm proprpm propellerrpm propellerspeed np",
     "engine.prop_command": "proplever propellerlever",
 }
+# German headings, as the recorders of gliders and light aircraft have them; an umlaut is two
+# letters. "Kurs" is left out: it is a track or a heading.
+_GERMAN = {
+    "q": "nickrate",
+    "r": "gierrate",
+    "phi": "rollwinkel haengewinkel querlage querneigung",
+    "theta": "nickwinkel laengsneigung",
+    "psi": "steuerkurs gierwinkel azimut",
+    "ax_imu": "laengsbeschleunigung",
+    "ay_imu": "querbeschleunigung",
+    "az_imu": "normalbeschleunigung lastvielfaches",
+    "alpha_vane": "anstellwinkel",
+    "beta_vane": "schiebewinkel",
+    "V": "eigengeschwindigkeit",
+    "V_cas": "fahrt",
+    "q_c": "staudruck",
+    "p_static": "statischerdruck statikdruck",
+    "temperature": "aussentemp aussentemperatur lufttemperatur",
+    "h_baro": "druckhoehe",
+    "h_gps": "gpshoehe",
+    "V_ground": "geschwindigkeituebergrund",
+    "vn": "vnord geschwindigkeitnord nordgeschwindigkeit",
+    "ve": "vost geschwindigkeitost ostgeschwindigkeit",
+    "hdot": "steigen steigrate steiggeschwindigkeit vario",
+    "delta_e": "hoehenruder",
+    "delta_a": "querruder",
+    "delta_r": "seitenruder",
+    "delta_f": "klappe klappen landeklappe landeklappen woelbklappe",
+    "mass": "masse flugmasse abflugmasse",
+    "engine.throttle": "gashebel leistungshebel",
+    "engine.fuel_flow": "kraftstofffluss kraftstoffdurchfluss",
+    "engine.thrust": "schub",
+    "engine.torque": "drehmoment",
+}
+HEADING_WORDS = {
+    name: f"{words} {_GERMAN.get(name, '')}".strip() for name, words in _ENGLISH.items()
+}
 # Quantity of each name of a channel.
 NAME_QUANTITY: dict[str, str] = {}
 for _quantity, _names in HEADING_WORDS.items():
@@ -118,7 +155,7 @@ RECORDED = {
 }
 # Words of a heading that do not name a quantity.
 _DECORATION_TEXT = (
-    "pos position defl deflection angle ang meas measured sensor raw value act actual filtered "
+    "pos posn position defl deflection angle ang meas measured sensor raw value act actual filtered "
     "filt corr corrected body rec surf surface lever adc ins ahrs imu ads fms efis irs dau daq "
     "fdr egi nav air adhrs"
 )
@@ -147,7 +184,18 @@ SENSES = {
     "r": _NOSE_RIGHT,
 }
 # Number of an engine or of a surface by the word for its side.
-SIDES = {"l": 1, "lh": 1, "left": 1, "port": 1, "r": 2, "rh": 2, "right": 2, "stbd": 2}
+SIDES = {
+    "l": 1,
+    "lh": 1,
+    "left": 1,
+    "links": 1,
+    "port": 1,
+    "r": 2,
+    "rh": 2,
+    "right": 2,
+    "rechts": 2,
+    "stbd": 2,
+}
 SENSE_WORDS = frozenset().union(*SENSES.values())
 
 # Known headings of other subjects, in the form of the names above, and the reason why no channel is

@@ -13,6 +13,7 @@ from aeromatch.drafting.sources import quote
 from aeromatch.project.schemas import schema_lines
 from flightmech.names import lookup
 from flighttest.records.readers.channel_correction import line_of
+from flighttest.records.readers.name_map import Clock
 
 _BENCH = (
     '# delta_e = { column = "actuator_servos/control[2]", unit = "deg", table = [[-1, 21.5], '
@@ -94,20 +95,21 @@ def _constant_lines(draft: NamesDraft) -> list[str]:
 def _clock_lines(draft: NamesDraft) -> list[str]:
     """Return the clock of the file, and the clocks of tables with different time stamps."""
     lines: list[str] = []
-    if draft.clock.column:
-        lines += [
-            "",
-            "[time]",
-            f"column = {quote(draft.clock.column)}",
-            f"unit = {quote(str(draft.clock.unit))}   # {draft.clock_reason}",
-        ]
+    if draft.clock != Clock():
+        *first, last = _clock_keys(draft.clock)
+        lines += ["", "[time]", *first, f"{last}   # {draft.clock_reason}"]
     for table, clock in draft.clocks.items():
-        lines += [
-            "",
-            f"[time.{quote(table)}]",
-            f"column = {quote(str(clock.column))}",
-            f"unit = {quote(str(clock.unit))}",
-        ]
+        lines += ["", f"[time.{quote(table)}]", *_clock_keys(clock)]
+    return lines
+
+
+def _clock_keys(clock: Clock) -> list[str]:
+    """Return the lines of a drafted clock."""
+    lines = []
+    if clock.column:
+        lines += [f"column = {quote(clock.column)}", f"unit = {quote(str(clock.unit))}"]
+    if clock.rate:
+        lines.append(f'rate = "{clock.rate:.12g} Hz"')
     return lines
 
 

@@ -30,6 +30,10 @@ LOGS = {"ulog": "px4", "dataflash": "ardupilot"}
 _CLOCK_WORDS = ("time", "zeit", "stamp", "utc", "clock", "sec")
 # Fraction of rising steps from which a column is a clock.
 _RISING = 0.95
+# Rows of a table from which a clock can be recognised.
+_FEWEST_SAMPLES = 2
+# Distinct stamps from which the rate of samples that share them is estimated.
+_FEWEST_STAMPS = 4
 
 
 @dataclass(frozen=True)
@@ -179,6 +183,9 @@ def draft_names(
     others = {name: clock for name, (clock, _) in clocks.items() if clock != first_clock}
     facts = _latitude_fact(columns, tables, rows)
     notes = list(columns.remarks)
+    for name, (clock, reason) in clocks.items():
+        if clock.rate:
+            notes.append(f"clock of {name}: {reason}")
     problem = latitude_problem(facts.get("latitude", 0.0))
     if problem:
         facts = {}
@@ -219,7 +226,8 @@ def _common_format(files: Sequence[Path]) -> str:
 def _clock_of(name: str, table: RecordedTable) -> tuple[Clock, str] | None:
     """Return a clock of a table and the reason, or None if the reader recognises the clock."""
     if table.time is not None:
-        return None
+        rate = coarse_clock_rate(table.time)
+        return (Clock(rate=rate), _coarse_reason(rate)) if rate else None
     recognised = clock_name(table.columns)
     if recognised:
         candidates = [recognised]
@@ -231,6 +239,9 @@ def _clock_of(name: str, table: RecordedTable) -> tuple[Clock, str] | None:
         stamps = np.asarray(table.columns[column], float)
         steps = np.diff(stamps[np.isfinite(stamps)])
         if not len(steps) or np.mean(steps > 0.0) <= _RISING:
+            coarse = _coarse_clock(table, column) if _has_clock_word(column) else None
+            if coarse:
+                return coarse
             continue
         step = float(np.median(steps))
         unit = unit_of_column(table, column, "time") or _clock_unit(column, step)
@@ -238,11 +249,67 @@ def _clock_of(name: str, table: RecordedTable) -> tuple[Clock, str] | None:
             return None
         reason = f"{column} rises by {step:.6g} at each sample: taken as {unit}"
         return Clock(column=column, unit=unit), reason
+    length = max((len(values) for values in table.columns.values()), default=0)
+    if length < _FEWEST_SAMPLES:
+        problem = f"table {name} has {length} row(s); a recording needs at least {_FEWEST_SAMPLES}"
+        raise SchemaError("recordings", [problem])
     problem = (
         f"table {name}: no column that rises all along; state the clock: [time] rate = "
         f'"50 Hz" in a name map'
     )
     raise SchemaError("recordings", [problem])
+
+
+def coarse_clock_rate(stamps: np.ndarray) -> float | None:
+    """Return the rate of samples that share stamps, such as 25 samples in each second, or None.
+
+    Parameters
+    ----------
+    stamps : array (time,)
+        Recorded stamps, which do not fall. [s]
+
+    Returns
+    -------
+    float or None
+        Samples per second. [Hz] None if less than half of the stamps repeat the one before, or if
+        the samples of a stamp differ by more than one, as where samples are lost.
+
+    Examples
+    --------
+    >>> coarse_clock_rate(np.arange(200) // 25)
+    25.0
+    >>> coarse_clock_rate(0.04 * np.arange(200)) is None
+    True
+    """
+    stamps = np.asarray(stamps, float)
+    stamps = stamps[np.isfinite(stamps)]
+    distinct, counts = np.unique(stamps, return_counts=True)
+    is_falling = (np.diff(stamps) < 0.0).any()
+    if is_falling or len(distinct) < _FEWEST_STAMPS or 2 * len(distinct) > len(stamps):
+        return None
+    # The first and the last stamp may have lost samples to the ends of the record.
+    duration = distinct[-1] - distinct[1]
+    rate = float(counts[1:-1].sum() / duration)
+    # One sample more or less over the record cannot be told from a whole rate.
+    if abs(rate - round(rate)) * duration <= 1.0:
+        rate = float(round(rate))
+    if (np.abs(counts[1:-1] - rate * np.diff(distinct)[1:]) > 1.0 + 1e-9).any():
+        return None
+    return rate
+
+
+def _coarse_clock(table: RecordedTable, column: str) -> tuple[Clock, str] | None:
+    """Return the clock of a column whose stamps several samples share, and the reason."""
+    stamps = np.unique(np.asarray(table.columns[column], float))
+    step = float(np.nanmedian(np.diff(stamps))) if len(stamps) > 1 else 0.0
+    unit = unit_of_column(table, column, "time") or _clock_unit(column, step)
+    clock = Clock(column=column, unit=unit)
+    rate = coarse_clock_rate(np.asarray(table.columns[column], float) * clock.seconds(None))
+    return (clock.changed(rate=rate), _coarse_reason(rate)) if rate else None
+
+
+def _coarse_reason(rate: float) -> str:
+    return f"samples share stamps: even stamps of {rate:.6g} Hz; CONFIRM"
 
 
 def _has_clock_word(column: str) -> bool:

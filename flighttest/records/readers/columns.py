@@ -47,6 +47,10 @@ _AT_THE_END = {
     **{"kgs": "kg/s", "lbh": "lb/h", "fts": "ft/s", "ftmin": "ft/min", "c": "degC"},
     **{"f": "degF", "k": "K", "n": "N", "kn": "kN"},
 }
+# The usual spelling of the letters that ASCII lacks.
+_UMLAUTS = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"}
+)
 _OF_TIME = re.compile(r"^(s|sec|second|min|minute|h|hr|hour)[23]?$")
 # Second factors of a product: N m, slug ft2, ft lb.
 _IN_PRODUCTS = {"m", "m2", "ft", "ft2", "lb", "lbf", "in", "lbs"}
@@ -173,7 +177,7 @@ def words_of(text: str) -> list[str]:
     A unit such as ``hPa`` or ``kN`` is one word.
     """
     tokens: list[str] = []
-    for part in re.split(r"[^0-9A-Za-z%°]+", text):
+    for part in re.split(r"[^0-9A-Za-z%°]+", text.translate(_UMLAUTS)):
         if part.isalpha() and len(part) > 1 and _is_unit(part):
             tokens.append(part)
         else:

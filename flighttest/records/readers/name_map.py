@@ -257,10 +257,14 @@ def latitude_problem(latitude: float) -> str:
     """
     if abs(latitude) <= 0.5 * math.pi:
         return ""
-    return (
+    text = (
         f"latitude {latitude:.6g} rad is {math.degrees(latitude):.6g} deg; a latitude is from -90 "
-        f"to 90 deg, and a number without a unit is in rad: write '{latitude:.6g} deg' for degrees"
+        f"to 90 deg"
     )
+    # Up to 360 deg the number had a unit, or it is a latitude near the equator.
+    if abs(latitude) <= 2.0 * math.pi:
+        return f"{text}; correct it"
+    return f"{text}, and a number without a unit is in rad: write '{latitude:.6g} deg' for degrees"
 
 
 class Facts(_Table):

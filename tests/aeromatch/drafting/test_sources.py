@@ -56,3 +56,34 @@ def test_two_columns_of_one_heading_wait_for_the_author(tmp_path):
     copies = write_csv(tmp_path / "b.csv", Time=TIME, Bank_1=BANK, Bank_2=BANK)
     (row,) = draft_names([copies]).rows
     assert (row.channel.column, row.confidence) == ("Bank", "by size")
+
+
+def test_a_folder_without_recordings_is_named(tmp_path):
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "a.md").write_text("wind calm")
+    (tmp_path / "deck.inp").write_text("CASEID A\n")
+    (remark,) = sources_of([tmp_path / "deck.inp"], [tmp_path / "notes"]).ignored
+    assert remark.startswith(f"no recording is in {tmp_path / 'notes'}; it needs files of .csv")
+
+
+def test_samples_that_share_whole_seconds_get_their_rate(tmp_path):
+    file = write_csv(tmp_path / "a.csv", UTC=np.floor(TIME), Bank=BANK, Pitch=OTHER)
+    draft = draft_names([file])
+    assert draft.clock.rate == 50.0
+    assert any("even stamps of 50 Hz; CONFIRM" in text for text in draft.remarks)
+    # a lost sample in the middle leaves the rate unknown
+    (tmp_path / "b.csv").write_text(
+        "".join(
+            line
+            for number, line in enumerate(file.read_text().splitlines(keepends=True))
+            if not 210 < number < 230
+        )
+    )
+    with pytest.raises(SchemaError, match="no column that rises"):
+        draft_names([tmp_path / "b.csv"])
+
+
+def test_a_table_of_one_row_is_named(tmp_path):
+    (tmp_path / "a.csv").write_text("Time,Bank\n0,1\n")
+    with pytest.raises(SchemaError, match="1 row"):
+        draft_names([tmp_path / "a.csv"])

@@ -366,12 +366,15 @@ def _demand_whole_lines(content: _Content) -> None:
         row = content.cells(text, line.number)
         if len(row) != len(heads):
             first = ", ".join(map(repr, heads[:3])) + (" ..." if len(heads) > 3 else "")
+            remedy = "delete a last line that was cut off"
+            if len(row) > len(heads) and content.separator == ",":
+                remedy = (
+                    "numbers with decimal commas need another separator: write the table with "
+                    "semicolons"
+                )
             raise ParseError(
                 str(content.path),
                 line.number,
                 found=f"{len(row)} cells",
-                expected=(
-                    f"{len(heads)} cells, as the line of names has ({first}); delete a last "
-                    f"line that was cut off"
-                ),
+                expected=(f"{len(heads)} cells, as the line of names has ({first}); {remedy}"),
             )
