@@ -21,8 +21,8 @@ import numpy as np
 from flightmech.air import atmosphere
 from flightmech.aircraft.writing import write_aircraft
 from flighttest.reconstruction.dynamics.shaft_condition import blade_setting, table_at
-from flighttest.submodels.engine.propeller_identification import identify_propeller
-from flighttest.submodels.engine.propeller_result import PropellerFit
+from flighttest.submodels.engine.propellers.identification import identify_propeller
+from flighttest.submodels.engine.propellers.result import PropellerFit
 from flighttest.submodels.engine.static_thrust import Polar
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "flighttest"))

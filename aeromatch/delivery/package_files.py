@@ -24,9 +24,9 @@ from aeromatch.delivery.places import (
     STATES,
 )
 from flightmech.errors import ParseError
+from flightmech.support.foreign_code.portable_names import is_portable_name
 from flightmech.support.foreign_code.process import printable
 from flightmech.support.input_files import file_sha256, json_content
-from flightmech.support.portable_names import is_portable_name
 
 _LARGEST_MANIFEST = 64_000_000  # byte
 _DIGEST = re.compile(r"[0-9a-f]{64}")

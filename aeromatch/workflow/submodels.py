@@ -22,8 +22,8 @@ from flightmech.build_up import required_coefficients
 from flightmech.units import parse_quantity
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.submodels.control_loading.loading import loading_of
-from flighttest.submodels.engine.propeller_identification import identify_propeller
-from flighttest.submodels.engine.propeller_result import PropellerFit
+from flighttest.submodels.engine.propellers.identification import identify_propeller
+from flighttest.submodels.engine.propellers.result import PropellerFit
 from flighttest.submodels.engine.records import engine_channels, read_points
 from flighttest.submodels.engine.static_thrust import Polar
 from flighttest.submodels.engine.tables import EngineStructure, read_structure

@@ -42,7 +42,7 @@ from flightmech.support.console import InputFile, NewFile, json_option, performe
 )
 @click.option("-o", "--output", type=NewFile(), help="Write the rows to this CSV file.")
 @json_option
-@performed_by("flighttest.cli.actions.validation:run_validate")
+@performed_by("flighttest.cli.actions.fit_output:run_validate")
 def validate_command() -> None:
     """Compare MODELS, files of identify, select and fit-linear, by their predictions of records
     that they have not used: R2, Theil's coefficient and rms for each channel, window and model.

@@ -290,7 +290,7 @@ def coarse_clock_rate(stamps: np.ndarray) -> float | None:
     # The first and the last stamp may have lost samples to the ends of the record.
     duration = distinct[-1] - distinct[1]
     rate = float(counts[1:-1].sum() / duration)
-    # One sample more or less over the record cannot be told from a whole rate.
+    # One sample more or less over the record cannot be distinguished from a whole rate.
     if abs(rate - round(rate)) * duration <= 1.0:
         rate = float(round(rate))
     if (np.abs(counts[1:-1] - rate * np.diff(distinct)[1:]) > 1.0 + 1e-9).any():

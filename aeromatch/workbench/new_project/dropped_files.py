@@ -23,8 +23,8 @@ from aeromatch.workbench.opened import OpenProject
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.file_kinds import file_kind
+from flightmech.support.foreign_code.portable_names import is_portable_name
 from flightmech.support.input_files import file_sha256
-from flightmech.support.portable_names import is_portable_name
 from flighttest.records.readers.name_map_reading import read_names
 
 MOST_BYTES = 4_000_000_000

@@ -17,7 +17,7 @@ from flightmech.support.hdf5_seal import decoding_errors
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.records.record import read
 from flighttest.records.signals.conditioning import cut
-from flighttest.submodels.engine.propeller_identification import identify_propeller
+from flighttest.submodels.engine.propellers.identification import identify_propeller
 from flighttest.submodels.engine.static_thrust import Polar
 
 # First bytes of an HDF5 file.

@@ -1,15 +1,15 @@
 """Public names of `flighttest.submodels.engine`."""
 
 from .bench import fly_deck as fly_deck
-from .propeller_identification import identify_propeller as identify_propeller
-from .propeller_points import propeller_points as propeller_points
-from .propeller_result import PropellerFit as PropellerFit
+from .propellers.identification import identify_propeller as identify_propeller
+from .propellers.points import propeller_points as propeller_points
+from .propellers.result import PropellerFit as PropellerFit
+from .propellers.shaft_dynamics import ShaftDynamics as ShaftDynamics
+from .propellers.shaft_dynamics import identify_shaft as identify_shaft
 from .records import engine_channels as engine_channels
 from .records import power_changes as power_changes
 from .result import EngineFit as EngineFit
 from .result import identify_engine as identify_engine
-from .shaft_dynamics import ShaftDynamics as ShaftDynamics
-from .shaft_dynamics import identify_shaft as identify_shaft
 from .spools import SpoolFit as SpoolFit
 from .spools import identify_spools as identify_spools
 from .starting import StartFit as StartFit

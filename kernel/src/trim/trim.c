@@ -96,8 +96,8 @@ static int trim_biases(am_sim *sim, int mode) {
     if (mode == 2 && sim->drive != LEVER_DRIVEN) {
         return fail(
             sim, AM_BAD_VALUE,
-            "mode.trim = 2 solves for the throttle, but mode.engine = %d does not fly by the lever; use "
-            "mode.trim = 1",
+            "mode.trim = 2 solves for the throttle, but mode.engine = %d does not fly by the "
+            "lever; use mode.trim = 1",
             sim->drive);
     }
     if (!(sim->par[P_V] > 1.0)) return trim_too_slow(sim);

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flighttest.submodels.engine.propeller_result import PropellerFit
+from flighttest.submodels.engine.propellers.result import PropellerFit
 from pom.report.presentation.quantities import format_number
 from pom.report.presentation.unit_sets import units_in_text
 from pom.report.submodels.section import (

@@ -11,7 +11,7 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flightmech.support.figures import make_svg_figure
 from flighttest.submodels.control_loading.result import IdentifiedLoading
-from flighttest.submodels.engine.propeller_result import PropellerFit
+from flighttest.submodels.engine.propellers.result import PropellerFit
 from flighttest.submodels.engine.result import EngineFit
 from flighttest.submodels.ground_effect.result import GroundEffect
 from flighttest.submodels.landing_gear.result import IdentifiedGear

@@ -23,11 +23,11 @@ from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.submodels.engine.propeller_equations import PropulsionEquations
-from flighttest.submodels.engine.propeller_estimate import estimate_points
-from flighttest.submodels.engine.propeller_identification import identify_propeller
-from flighttest.submodels.engine.propeller_result import PropellerFit
-from flighttest.submodels.engine.shaft_dynamics import compile_shaft, identify_shaft
+from flighttest.submodels.engine.propellers.equations import PropulsionEquations
+from flighttest.submodels.engine.propellers.estimate import estimate_points
+from flighttest.submodels.engine.propellers.identification import identify_propeller
+from flighttest.submodels.engine.propellers.result import PropellerFit
+from flighttest.submodels.engine.propellers.shaft_dynamics import compile_shaft, identify_shaft
 from flighttest.submodels.engine.static_thrust import Polar
 
 SEED = 2
@@ -75,7 +75,7 @@ def test_report_prints_the_correlation_and_what_was_left_out(fit):
     assert fit.as_dict()["separability"]["correlation"] == fit.separability.correlation
 
 
-def test_one_power_is_called_not_separable_and_idle_is_asked_for(flown):
+def test_one_power_is_called_not_separable_and_idle_is_requested(flown):
     craft, records = flown
     prior = flights.prior_aircraft(craft, SEED)
     fit = identify_propeller(records[:3], prior, Polar(*flights.prior_polar(craft, SEED)))
@@ -87,7 +87,7 @@ def test_one_power_is_called_not_separable_and_idle_is_asked_for(flown):
 
 
 @pytest.mark.nightly
-def test_a_polar_that_is_held_is_said(flown):
+def test_a_polar_that_is_held_is_stated(flown):
     craft, records = flown
     prior = flights.prior_aircraft(craft, SEED)
     fit = identify_propeller(records[::4], prior, Polar(craft.CD0, craft.K))

@@ -30,7 +30,7 @@ from flightmech.errors import IdentificationError
 from flightmech.short_text import ShortText
 from flighttest.reconstruction.dynamics.shaft_condition import table_at
 from flighttest.remarks import Convergence
-from flighttest.submodels.engine.propeller_equations import PropulsionEquations
+from flighttest.submodels.engine.propellers.equations import PropulsionEquations
 
 # Correlation of thrust and drag above which they are not separable.
 SEPARABLE = 0.95

@@ -1,7 +1,7 @@
 """Corrections of a-priori tables of propellers and engines: forms and a-priori standard errors.
 
 A coefficient gets a factor, polynomials of the advance ratio, and of the blade angle where the
-blades turn; see `propeller_equations`.
+blades turn; see `equations`.
 """
 
 from __future__ import annotations

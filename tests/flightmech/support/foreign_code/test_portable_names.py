@@ -3,7 +3,7 @@
 import pytest
 
 from flightmech.support.figures import new_figure, write_figure
-from flightmech.support.portable_names import is_portable_name
+from flightmech.support.foreign_code.portable_names import is_portable_name
 
 
 @pytest.mark.parametrize("name", ["README.md", "a b", "null.csv", "com.txt", "é.nc"])

@@ -11,15 +11,15 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError
 from flighttest.reconstruction.dynamics.shaft_condition import propeller_of
-from flighttest.submodels.engine.propeller_equations import PropulsionEquations
-from flighttest.submodels.engine.propeller_estimate import (
+from flighttest.submodels.engine.propellers.equations import PropulsionEquations
+from flighttest.submodels.engine.propellers.estimate import (
     estimate_points,
     separate_thrust_and_drag,
 )
-from flighttest.submodels.engine.propeller_points import DURATION, propeller_points
-from flighttest.submodels.engine.propeller_result import PropellerFit
+from flighttest.submodels.engine.propellers.points import DURATION, propeller_points
+from flighttest.submodels.engine.propellers.result import PropellerFit
+from flighttest.submodels.engine.propellers.shaft_dynamics import identify_shaft, shaft_changes
 from flighttest.submodels.engine.records import engine_channels
-from flighttest.submodels.engine.shaft_dynamics import identify_shaft, shaft_changes
 from flighttest.submodels.engine.static_thrust import Polar
 
 

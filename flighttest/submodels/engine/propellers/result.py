@@ -1,7 +1,7 @@
 """Propeller and engine identified from flight: estimates, corrected tables, report.
 
 Thrust, power and drag are estimated together from points of steady power
-(`propeller_equations`, `propeller_estimate`).  The corrected tables keep axes and breakpoints of
+(`equations`, `estimate`).  The corrected tables keep axes and breakpoints of
 the a-priori ones.  Inside the flown advance ratios the nodes are those of the flight; outside, the
 correction at the end of the range is held and its standard error grows.
 """
@@ -24,15 +24,19 @@ from flighttest.reconstruction.dynamics.shaft_condition import (
     thrust_unit,
 )
 from flighttest.remarks import PrintedResult, Remark, remarks_to_json
-from flighttest.submodels.engine.propeller_corrections import FlownRange, corrected
-from flighttest.submodels.engine.propeller_equations import PropulsionEquations
-from flighttest.submodels.engine.propeller_estimate import (
+from flighttest.submodels.engine.propellers.corrected_tables import (
+    from_flight,
+    fuel_tables,
+    replace_parts,
+)
+from flighttest.submodels.engine.propellers.corrections import FlownRange, corrected
+from flighttest.submodels.engine.propellers.equations import PropulsionEquations
+from flighttest.submodels.engine.propellers.estimate import (
     SEPARABLE,
     PointEstimate,
     Separability,
 )
-from flighttest.submodels.engine.propeller_tables import from_flight, fuel_tables, replace_parts
-from flighttest.submodels.engine.shaft_dynamics import (
+from flighttest.submodels.engine.propellers.shaft_dynamics import (
     ShaftDynamics,
 )
 from flighttest.submodels.engine.static_thrust import Polar

@@ -1,0 +1,1 @@
+"""Thrust and power of propellers, and the dynamics of their shafts, from flight."""
