@@ -9,6 +9,7 @@ to 10 deg beyond the angle of attack of stall identification.  Numbers for "wing
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 
@@ -150,7 +151,7 @@ def reach_remarks(
     time: np.ndarray,
     alpha: np.ndarray | None,
     outputs: Mapping[str, np.ndarray],
-    fmu: str,
+    fmu: str | Path,
 ) -> tuple[RowRemark, ...]:
     """Return the remark on a model whose tables end less than 10 deg beyond the stall.
 
@@ -164,7 +165,7 @@ def reach_remarks(
         Angle of attack of the flight. [rad]
     outputs : mapping of str to array (time,)
         Of the run.  All variables of the envelope but alpha have their values at the stall. [SI]
-    fmu : str
+    fmu : str or Path
         File of the model.
 
     Returns

@@ -183,8 +183,8 @@ def draft_names(
     others = {name: clock for name, (clock, _) in clocks.items() if clock != first_clock}
     facts = _latitude_fact(columns, tables, rows)
     notes = list(columns.remarks)
-    for name, (clock, reason) in clocks.items():
-        if clock.rate:
+    for name, (its_clock, reason) in clocks.items():
+        if its_clock.rate:
             notes.append(f"clock of {name}: {reason}")
     problem = latitude_problem(facts.get("latitude", 0.0))
     if problem:
