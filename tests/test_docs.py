@@ -82,6 +82,12 @@ NIGHTLY_PAGES = (
     "control-law.md",
     "own-fmu.md",
     "stalls.md",
+    "identify-an-actuator.md",
+    "another-estimator.md",
+    "design-a-test-input.md",
+    "uav-log.md",
+    "ice.md",
+    "wind-tunnel.md",
     "export-a-database.md",
 )
 FENCE = re.compile(
@@ -304,9 +310,14 @@ def provide(page: Path, folder: Path) -> None:
         px4_flight.write(folder / "log.ulg")
 
 
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if has_commands(page, slow=False)], ids=name
-)
+INEXPENSIVE = [
+    pytest.param(page, marks=[pytest.mark.nightly] if page.name in NIGHTLY_PAGES else [])
+    for page in PAGES
+    if has_commands(page, slow=False)
+]
+
+
+@pytest.mark.parametrize("page", INEXPENSIVE, ids=name)
 def test_inexpensive_commands_run(page, reader):
     provide(page, reader.folder)
     reader.follow(page, slow=False)

@@ -25,7 +25,7 @@ def load(name):
     return example
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_fly_the_t37(tmp_path, capsys):
     example = load("fly_the_t37")
     with pytest.warns(AeromatchWarning, match="one condition per program run"):

@@ -73,7 +73,7 @@ def test_c182_flies_under_moving_controls(c182):
     fly_all(c182, "c182")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_t37_flies_under_moving_controls(demo, tmp_path):
     folder, _ = demo
     # the FMU is written anew from the model of the demo, with the description of today

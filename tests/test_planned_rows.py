@@ -108,7 +108,7 @@ def low_pass(height):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_low_pass_holds_its_height(trainer):
     aircraft, sim, *_ = trainer
     flight = fly_manoeuvres(sim, start_of(sim, h_agl=20.0), [(low_pass(0.4), None)], aircraft.b)
@@ -157,7 +157,7 @@ def ratios_of(wanted, trainer, tables):
     return plan.job.time, rows, widths
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_spread_of_a_row_is_that_of_draws_of_the_tables(trainer):
     """With errors of a hundredth, where a replay is linear: 60 draws of two terms through the
     replay scatter as the gradients state, within the scatter of 60 draws (a tenth).
@@ -196,7 +196,7 @@ def test_the_spread_of_a_row_is_that_of_draws_of_the_tables(trainer):
     assert compared > 5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_spread_names_the_terms_that_a_landing_rests_on(trainer):
     """The landing rests on the pitching moment of the runway; the short period does not."""
     *_, folder = trainer

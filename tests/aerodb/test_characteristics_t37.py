@@ -79,7 +79,7 @@ def mode(frame, name):
     return row
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("motion", "period", "ratio"), [("phugoid", 0.04, 0.02), ("Dutch roll", 0.02, 0.005)]
 )
@@ -101,7 +101,7 @@ def test_identified_modes_are_those_of_the_records(motion, period, ratio, aircra
     assert ours["damping_ratio"] == pytest.approx(fit.damping_ratio, abs=ratio)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_datcom_modes_against_the_records(aircraft, prior):
     """Errors of the handbook: Dutch roll 40 % slow, because its Cn_beta is half of the flown one;
     phugoid damped by half of the drag.
@@ -216,7 +216,7 @@ def test_performance_against_the_published_aeroplane(aircraft, prior):
     )  # tables end at Mach 0.6, 200 m/s
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_performance_of_the_identified_aeroplane(aircraft, demo):
     """At sea level, 2994 kg, against the aerodynamics that were flown, those of the package jsbsim,
     with the same engines.
@@ -299,7 +299,7 @@ def test_command_prints_and_gives_json(files, found):
     assert "mass 2600 kg" in heavier
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -318,7 +318,7 @@ def test_bad_conditions_are_reported(files, arguments, message):
     assert message in result.output or message in str(result.exception)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_command_rescales(files):
     db, craft, folder = files
     new, toml = folder / "new.nc", folder / "new.toml"

@@ -17,7 +17,7 @@ def project(tmp_path_factory):
     return read_project(folder / "aeromatch.toml").with_changes(fit=())
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_without_a_fit_the_listings_are_proven(project, tmp_path):
     short_period = [case for case in project.cases if case.stem == "short_period"]
     few = project.with_changes(cases=tuple(short_period))
@@ -31,7 +31,7 @@ def test_without_a_fit_the_listings_are_proven(project, tmp_path):
     assert not (tmp_path / "out" / "flown.nc").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore:the project has no .*fit")
 def test_without_a_case_there_is_no_report(project, tmp_path):
     bare = project.with_changes(cases=())

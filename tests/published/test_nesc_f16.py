@@ -209,8 +209,8 @@ def test_supersonic_trim():
 NIGHTLY = [pytest.param(case, marks=pytest.mark.nightly) for case in RECORDED[2:]]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", [*RECORDED[:2], *NIGHTLY])
-@pytest.mark.slow
 def test_nearer_to_a_tool_than_the_tools_to_each_other(case):
     """In every recorded column the nearest tool differs less from ours than the two tools that
     agree best from each other.
@@ -235,7 +235,7 @@ TOOL_5 = {"11": (2e-3, 1e-4, 2e-5, 2e-5), "15": (3e-3, 1e-2, 4e-3, 0.5)}
 ADAMS = {"13p1": (2e-3, 1e-2, 4e-3, 5e-2), "13p3": (4e-2, 7e-2, 6e-2, 0.6)}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("case", "adams"), [*((case, False) for case in TOOL_5), *((case, True) for case in ADAMS)]
 )
@@ -282,6 +282,7 @@ def test_side_step():
     assert run.psi[-1] / DEG == pytest.approx(45.0, abs=0.3)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", ["15", pytest.param("16", marks=pytest.mark.slow)])
 def test_circles(case):
     """3 nmi as the file counts them; its law holds the bank of the turn with an error of 10 deg per

@@ -133,7 +133,7 @@ def test_error_free_signals_show_no_accelerometer_bias(monkeypatch):
     assert bias() - with_height == pytest.approx(0.023, abs=0.002)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "height"),
     [

@@ -120,7 +120,7 @@ def test_stability_of_the_published_model(citation):
     )  # coupled to beta and yaw
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("year", "period", "ratio"),
     [(2018, 3.07, 0.120), pytest.param(2020, 3.09, 0.102, marks=pytest.mark.slow)],

@@ -25,7 +25,7 @@ def followed(data, model):
     return [estimate for estimate in found if not estimate.waiting]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("year", "motion", "text"), CASES)
 def test_eigenmotions(citation, year, motion, text):
     data = citation.coefficients(year, motion, -3.0, 20.0)

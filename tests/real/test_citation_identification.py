@@ -51,7 +51,7 @@ def test_signs_of_the_surfaces_are_those_of_the_vocabulary(citation, year):
     assert answer("delta_e", "q", "short_period") < -np.radians(0.5)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("year", YEARS)
 def test_stationary_points(citation, year):
     """Thirteen windows of half a minute at 1330 ... 5600 m, reconstructed together: only so the
@@ -158,7 +158,7 @@ def lift_slope(db):
     return np.polyfit(ALPHAS, CL, 1)[0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_lift_table_moves_to_the_flight(citation, prior):
     rest = citation.fit("CL = 1 + alpha", citation.stationary_parts(2018), "rest points")
     both = citation.fits_of(2018)[0]
@@ -172,7 +172,7 @@ def test_lift_table_moves_to_the_flight(citation, prior):
         assert int(tabulation.report.loc["CL/basic", "flight"]) > 5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_three_ways_to_tables_agree_on_the_flight(citation, prior):
     """Flown nodes within two combined standard errors of each other, all from the same samples
     (0.91 measured).

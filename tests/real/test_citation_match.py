@@ -89,7 +89,7 @@ def run(*words):
     return json.loads(done.stdout)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_command_line(citation, tmp_path):
     raw = citation.FLIGHTS / f"{citation.RECORDS[YEAR]}.csv.gz"
     shown = run("flight", "show", raw, "--names", citation.names(YEAR), "--json")

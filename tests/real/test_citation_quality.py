@@ -15,7 +15,7 @@ from flightmech.units import DEGREE
 HERE = Path(__file__).parent
 FLIGHTS = HERE.parents[1] / ".." / "shared" / "data" / "flight" / "citation_phlab"
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.nightly,
     pytest.mark.skipif(
         not FLIGHTS.is_dir(),
         reason="the Citation II flights (../shared/data/flight/citation_phlab) are not here",

@@ -372,7 +372,7 @@ def bound(db, at, d, tolerance):
     return tolerance * total * np.linalg.norm(d)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=5, deadline=None)
 @given(seeds, st.sampled_from(["stability", "wind", "body"]), st.sampled_from([1e-2, 1e-4]))
 def test_moments_about_another_point_are_those_of_the_cross_product(seed, force_axes, tolerance):
@@ -404,7 +404,7 @@ def test_moments_about_another_point_are_those_of_the_cross_product(seed, force_
     np.testing.assert_allclose(moments(back, at), moments(db, at), rtol=0, atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @thorough
 @given(seeds, st.sampled_from(["inverse_variance", "correlated"]))
 @pytest.mark.filterwarnings("ignore::flightmech.errors.AeromatchWarning")

@@ -43,7 +43,7 @@ def test_what_is_no_product_states_how_far_it_is_off():
     np.testing.assert_allclose(split["stderr"], np.hypot(0.1, worst))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_ground_effect_of_the_t37_is_nearly_a_product(t37_db):
     """LR-743 (11) writes K_GE(h) times an increment; of the computed lift increments, up to 0.404,
     the product is off by at most 0.0285.

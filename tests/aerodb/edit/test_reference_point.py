@@ -282,7 +282,7 @@ def test_another_listing_of_the_same_aeroplane_agrees(make_case, craft):
     assert new.attrs["history"].endswith("m, flow angles with it")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_whole_database_of_the_t37(t37_db):
     """Thirty-odd terms, random conditions: the cross product of the summed forces within the
     tolerance.

@@ -220,7 +220,7 @@ def test_tables_of_four_axes_for_an_older_jsbsim(tmp_path):
     assert max(flight.worst(force, F).max(), flight.worst(moment, M).max()) < ROUNDING
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @needs_jsbsim
 def test_t37(t37_db, craft, tmp_path):
     """The database of the listings, c.g. off the moment reference in all directions."""

@@ -159,7 +159,7 @@ def test_map_of_the_difference(both):
     assert [text.get_text() for text in same.axes[0].texts] == ["no difference"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "kind", ["svg", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("png", "pdf"))]
 )

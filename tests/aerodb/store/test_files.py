@@ -85,7 +85,7 @@ def databases(draw):
     return aerodb.make_database({name: draw(leaves()) for name in names}, **attributes, **place)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("fmt", ["netcdf", "matlab", "csv"])
 @settings(
     max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

@@ -55,7 +55,7 @@ def local_models(truth: np.ndarray, seed: int, wrong: dict[int, tuple[float, flo
     return fits
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("off", [(6.0, 0.0), (0.0, 6.0), (30.0, -30.0)], ids=str)
 def test_one_wrong_fit_of_36_is_listed_by_name_and_outvoted(off: tuple[float, float]) -> None:
     prior, truth = prior_and_truth()

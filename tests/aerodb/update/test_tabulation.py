@@ -542,7 +542,7 @@ def test_static_terms_are_honest_about_a_bias_that_all_fits_share(kinked):
     assert 0.8 < np.sqrt((z[flown] ** 2).mean()) < 1.2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_confidence_does_not_leak_past_a_kink_at_the_edge_of_the_flown_region(kinked):
     z, flown = kinked
     assert not flown[:, [0, 1, 2, 9, 10, 11, 12]].any()

@@ -78,7 +78,7 @@ def correct_manifest(folder):
     path.write_text(json.dumps(manifest))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_flown_checks_are_flown_again_from_their_file_alone(checks, tmp_path):
     files, db, aircraft = checks
     assert [file.name for file in files] == [
@@ -101,7 +101,7 @@ def test_flown_checks_are_flown_again_from_their_file_alone(checks, tmp_path):
         assert np.ptp(case[rate].values) > 0.02  # the doublet is felt
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_another_aeroplane_does_not_agree(checks):
     files, db, aircraft = checks
     changed = aerodb.replace_terms(

@@ -391,7 +391,7 @@ def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, 
     assert [row["estimate"] for row in shown["terms"]] == [row["estimate"] for row in here["terms"]]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_only_looks_does_not_wait_for_the_commands(tmp_path):
     """A command that has not begun holds the queue; a module outside it ends well, or with its
     error, and is not an action.

@@ -84,6 +84,7 @@ def test_verdicts_are_those_of_the_report(opened):
     assert f'id="case-{row["key"]}"' in (opened.work / found["place"]).read_text(encoding="utf-8")
 
 
+@pytest.mark.nightly
 def test_a_trial_stands_apart_from_the_proof(opened):
     found = matching.show_match(opened, {"report": TRIAL}, None)
     assert found["place"] == f"{TRIAL}/report.html"

@@ -81,7 +81,7 @@ def test_the_loop_of_the_page_is_that_of_the_commands(opened):
     json.dumps(motion)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_requests_that_cannot_be_answered(opened):
     windows = [{"record": RECORD, "start": 9.0, "end": 21.7}]
     with pytest.raises(SchemaError, match="no candidates"):

@@ -123,7 +123,7 @@ def test_marks_faults_and_coverage(opened):
     assert point["h"] == pytest.approx(float(air["h_baro"]) / 0.3048, rel=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_one_g_lines_are_level_flight_of_the_database_in_the_units_of_the_field(opened):
     """At the Mach number of the first manoeuvre, steady flight, the line has the trim of DATCOM;
     the vane, with its upwash, is near it.

@@ -135,7 +135,7 @@ def test_actions_are_verbs_inside_the_project(words):
         actions.demand_allowed(words)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_actions_change_files_are_logged_and_replayed(client, tmp_path):
     """Marks and keys, by the page's own words; a copy of the untouched project becomes the same by
     the log.

@@ -177,6 +177,7 @@ def test_a_file_that_ends_behind_a_condition(tmp_path):
     assert tree["static"]["CD_flag"].values[0, :, 0].tolist() == [OK, OK, ABSENT]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("shape", ["deleted", "doubled", "cut"])
 def test_damaged_lines_are_parse_errors(shape, tmp_path):
     """Every tenth line of a file with all kinds of records, and of one without logicals."""

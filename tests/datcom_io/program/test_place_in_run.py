@@ -51,7 +51,7 @@ def differing(case, alone):
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_case_behind_any_other_prints_what_it_prints_alone(run, parts):
     alone = {name: run(case(parts, name), name=name.replace(" ", "_")).listing[0] for name in CASES}
     for number, (first, second) in enumerate(itertools.product(CASES, CASES)):

@@ -91,6 +91,7 @@ def test_harmed_listings(data):
     promises.keeps_promises(lines, sound(path))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("way", harm.WAYS, ids=lambda way: way.__name__)
 def test_every_way_of_harm(way):
     @quick(2)
