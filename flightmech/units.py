@@ -114,8 +114,7 @@ for _unit, _spellings in {
     "g": ("g0", "gn"),
     "rpm": ("r/min", "rev/min", "revs/min", "rpms", "r.p.m", "u/min"),
     "%": ("% rpm", "%rpm", "% n1", "%n1", "% n2", "%n2", "% open", "% mac", "%mac", "per cent"),
-    # German for degree; the gon, a grad of surveyors, is on no recorder
-    "deg": ("degs", "grad"),
+    "deg": ("degs",),
     "rad": ("rads",),
     "ft": ("ft msl", "ft agl", "ft amsl", "feet msl", "feet agl", "ft qnh"),
     "m": ("m msl", "m agl", "m amsl"),
@@ -134,6 +133,7 @@ _CASED = {
     "S": "s",
     "C": "degC",
     "F": "degF",
+    "Grad": "deg",  # German for degree
     "µs": "us",
     "μs": "us",
 }
@@ -146,7 +146,7 @@ _COMPACT = {
     **dict.fromkeys(("inlb", "lbin", "inlbf", "lbfin", "inlbs"), "lbf in"),
 }
 # Ambiguous spellings are errors. The message lists the meanings.
-_AMBIGUOUS = {"KN": "kN or kt"}
+_AMBIGUOUS = {"KN": "kN or kt", "grad": "deg (German Grad) or gon", "GRAD": "deg or gon"}
 # misspelt units for which an error suggests the unit
 _MISSPELT = {"knott": "kt", "inche": "in", "kilo": "kg", "kmp": "km", "c": "degC", "n": "N"}
 # signs of Unicode, and other notations of powers and products
