@@ -13,7 +13,7 @@ from aeromatch.drafting.gaps import channel_names
 from flightmech.air import P_SEA, T_SEA
 from flightmech.aircraft.aircraft_file import read_engines
 from flightmech.aircraft.engine import Engine, engine_drives
-from flightmech.errors import AeromatchError, IdentificationError
+from flightmech.errors import AeromatchError
 from flighttest.reconstruction.dynamics.propeller_loads import propeller_channels
 from flighttest.reconstruction.dynamics.shaft_condition import air_of
 from pom.cases.drafting.drive_choice import POWERS
@@ -89,8 +89,8 @@ def _gives_thrust(columns: Mapping[str, np.ndarray], engine: Engine, number: int
         return False
     try:
         propeller_channels(dict(columns), engine, number)
-    except IdentificationError:
-        # Its speed or its power is not recorded.
+    except AeromatchError:
+        # Its speed, its power or a variable of its tables is not recorded.
         return False
     return True
 

@@ -46,7 +46,6 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import (
-    BaseModel,
     ConfigDict,
     Field,
     StringConstraints,
@@ -128,8 +127,8 @@ def read_aircraft(path: str | Path) -> Aircraft:
     return Aircraft(**parts)
 
 
-class _EngineSection(BaseModel):
-    """The engines of an aircraft file; other keys are not read."""
+class _EngineSection(Strict):
+    """The engines of an aircraft file."""
 
     engine: list[EngineTable] = []
 
@@ -145,7 +144,8 @@ def read_engines(path: str | Path) -> tuple[Engine, ...]:
         With all problems of ``[[engine]]``.
     """
     path = Path(path)
-    content = validate_content(_EngineSection, read_toml(path), str(path))
+    section = {"engine": read_toml(path).get("engine", [])}
+    content = validate_content(_EngineSection, section, str(path))
     problems: list[str] = []
     engines = _engines_of(content.engine, path.parent, problems)
     if problems:
