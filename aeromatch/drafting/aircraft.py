@@ -19,6 +19,18 @@ from flightmech.names import lookup
 from flightmech.support.toml_quantities import UNFILLED
 from flightmech.units import DEGREE
 
+# What makes a thrust of the recorded speed of a propeller, for an author who knows its charts.
+_PROPELLER = (
+    "# The thrust follows from rpm and torque or manifold pressure by the charts of propeller and "
+    "engine, which only you have",
+    "# (how-to 'A propeller aircraft'). Keys, besides what turns it, such as [engine.piston]:",
+    "# [engine.propeller]",
+    "# diameter = ...",
+    "# inertia = ...",
+    "# rpm_high = ...",
+    "# tables.CT_prop = { J = [...], blade_angle = [...], value = [[...], ...] }",
+    "# tables.CP_prop = { J = [...], blade_angle = [...], value = [[...], ...] }",
+)
 MASS = {"mass": "2400 kg", "Ixx": "10826 kg m2", "Iyy": "8135 kg m2", "Izz": "15162 kg m2"}
 """Keys that neither cards nor records give, each with an example."""
 
@@ -167,12 +179,8 @@ def _engine_lines(
             f"position = [{coordinates}]   # where the thrust acts; {source}",
             "direction = [1.0, 0.0, 0.0]",
         ]
-    if count and not any(name.endswith(".thrust") for name in channels):
-        text = (
-            "no thrust is recorded: give each [[engine]] its propeller and what turns it, a deck "
-            "or a table of thrust; the coefficients need the thrust"
-        )
-        gaps.append(AircraftGap((), text))
+        if f"engine{index + 1}.rpm" in channels and f"engine{index + 1}.thrust" not in channels:
+            lines += _PROPELLER
     return lines
 
 

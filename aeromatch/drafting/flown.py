@@ -10,9 +10,10 @@ from typing import Any
 import pandas as pd
 
 from aeromatch.drafting.project_files import ProjectFiles
-from flightmech.errors import AeromatchError, near_names
+from flightmech.errors import AeromatchError, SchemaError, near_names
 from pom.cases.case import read_case
 from pom.cases.drafting.draft import init_case
+from pom.cases.job import ENGINE_DRIVES
 
 # Test of the tolerance table and name of the case, by kind and control of a manoeuvre.
 _TESTS = {
@@ -142,13 +143,16 @@ def write_cases(
     files: ProjectFiles,
     names: Path | None,
     aircraft: Path,
+    drives: Collection[str] | None,
     remarks: list[str],
 ) -> list[CaseDraft]:
     """Write the case files as `aeromatch pom init` does, and return the cases with a file.
 
-    A case that cannot be written is a remark.
+    `drives` has the inputs that can drive the engines of the aircraft, None if not known. Cases
+    that cannot be written are a remark for each reason.
     """
     written = []
+    refused: dict[str, list[str]] = {}
     for case in chosen:
         if files.is_removed(f"cases/{case.file}"):
             remarks.append(
@@ -158,7 +162,7 @@ def write_cases(
         # The case is drafted at the depth of its folder, so that its relative paths are right.
         place = files.drafted(f"new_{case.file}")
         try:
-            _, gaps = init_case(
+            drafted, gaps = init_case(
                 records[case.record],
                 case.test,
                 place,
@@ -169,17 +173,33 @@ def write_cases(
                 force=True,
             )
             text = place.read_text(encoding="utf-8")
+            _demand_drive(drafted.drive.engine, drives)
         except AeromatchError as error:
-            remarks.append(
-                f"no case for {case.test} from {case.record}: {' '.join(str(error).split())}"
-            )
+            reason = " ".join(str(error).split())
+            refused.setdefault(reason, []).append(f"{case.test} from {case.record}")
             continue
         finally:
             place.unlink(missing_ok=True)
         files.write(f"cases/{case.file}", text)
         written.append(case)
         remarks += [f"{case.file}: {gap}" for gap in gaps]
+    for reason, places in refused.items():
+        remarks.append(f"no case for {', '.join(places)}: {reason}")
     return written
+
+
+def _demand_drive(drive: str, drives: Collection[str] | None) -> None:
+    """Raise if the engines of the aircraft file do not take the drive of a case."""
+    quantity, model_input, _ = ENGINE_DRIVES[drive]
+    if drives is None or model_input in drives:
+        return
+    raise SchemaError(
+        "aircraft.toml",
+        [
+            f"no [[engine]] that engine1.{quantity} can drive; give it what turns it (a propeller, "
+            f"a deck, a table of thrust), or map engine1.thrust"
+        ],
+    )
 
 
 def describe_unused(

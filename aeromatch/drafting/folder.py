@@ -33,6 +33,7 @@ from aeromatch.drafting.name_map.author_map import AuthorMap, read_author_map
 from aeromatch.drafting.name_map.column_table import ColumnRow
 from aeromatch.drafting.name_map.name_text import names_text
 from aeromatch.drafting.name_map.names import NamesDraft
+from aeromatch.drafting.power import describe_power, recorded_power
 from aeromatch.drafting.previous import (
     ANSWERS,
     DRAFT_FOLDER,
@@ -307,7 +308,11 @@ def _write_project(
         files.write(_TABLE, _manoeuvre_text(files, flights))
     unable = unable_to_identify(flights.records)
     remarks += describe_unable(unable)
-    able = {name: table for name, table in flights.marks.items() if name not in unable}
+    power = recorded_power(folder / "aircraft.toml", flights.records)
+    if flights.records:
+        remarks += describe_power(power)
+    without_use = {*unable, *power.undriven}
+    able = {name: table for name, table in flights.marks.items() if name not in without_use}
     with_engine = [name for name, record in flights.records.items() if has_engine_speed(record)]
     proving = write_cases(
         held_for_proof(able, answers.prove, with_engine),
@@ -315,6 +320,7 @@ def _write_project(
         files,
         names=map_file(folder, flights.names),
         aircraft=folder / "aircraft.toml",
+        drives=power.drives,
         remarks=remarks,
     )
     _remove_old_cases(files, proving)
@@ -328,17 +334,17 @@ def _write_project(
                 f"with 'aeromatch pom init' and its --test into the folder cases"
             )
     fits = fits_of(
-        able,
+        {name: table for name, table in able.items() if name not in power.no_thrust},
         taken,
         channel_names(flights.records.values()),
         answers.prove,
     )
-    if not fits:
+    if not fits and not power.no_thrust:
         remarks.append(
             "no manoeuvre that identifies was found, so the match proves the a-priori model: add "
             "[[fit]] with windows to aeromatch.toml"
         )
-    if not case_files:
+    if not case_files and not power.undriven:
         remarks.append(
             "no case was drafted: write one with 'aeromatch pom init RECORD --test ...' "
             "into the folder cases"
@@ -352,6 +358,7 @@ def _write_project(
         has_cases=bool(case_files),
         name=answers.facts.name,
         has_table=flights.has_table,
+        has_thrust=not power.no_thrust,
     )
     files.write(_PROJECT, text)
 

@@ -23,6 +23,7 @@ def project_text(
     has_cases: bool,
     name: str,
     has_table: bool,
+    has_thrust: bool = True,
 ) -> str:
     """Return the text of a project file.
 
@@ -40,6 +41,8 @@ def project_text(
         Name of the aircraft; empty if it is not stated.
     has_table : bool
         Whether the project has a table of manoeuvres.
+    has_thrust : bool
+        Whether every record gives the thrust, without which it is in no fit.
     """
     title = name or geometry.title or folder.resolve().name
     lines = [
@@ -65,6 +68,12 @@ def project_text(
         *_listing_lines(folder, geometry),
     ]
     lines += _term_lines(geometry, fits)
+    if not has_thrust:
+        lines += [
+            "",
+            "# [[fit]]: records whose thrust is neither recorded nor that of a propeller of "
+            "aircraft.toml are in no fit.",
+        ]
     for fit in fits:
         lines += _fit_lines(fit)
     return "\n".join(lines) + "\n"

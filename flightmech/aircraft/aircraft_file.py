@@ -40,6 +40,7 @@ reference point. Only `reference` is relative to the drawing datum::
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -62,7 +63,7 @@ from flightmech.aircraft.controls import (
     ControlGeometry,
     circuits_of,
 )
-from flightmech.aircraft.engine import EngineTable, engine_of
+from flightmech.aircraft.engine import Engine, EngineTable, engine_of
 from flightmech.aircraft.facts import FactsTable, fact_problems
 from flightmech.aircraft.fuel import FuelSection, fuel_of
 from flightmech.aircraft.landing_gear_file import GearTable, gear_of
@@ -100,10 +101,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
     content = validate_content(_AircraftFile, read_toml(path), str(path))
     # Problems in the tables of the parts are collected, so that one error has all of them.
     problems: list[str] = []
-    files = DeckFiles(path.parent)
-    engines = []
-    for number, item in enumerate(content.engine, 1):
-        engines.append(engine_of(item, number, files, problems))
+    engines = _engines_of(content.engine, path.parent, problems)
     gear = gear_of(content.gear, problems) if content.gear else None
     fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
     stall = separation_of(content.stall, path.parent, problems) if content.stall else None
@@ -114,7 +112,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
     if problems:
         raise SchemaError(str(path), problems)
     parts: dict[str, Any] = {
-        "engines": tuple(engines),
+        "engines": engines,
         "controls": controls,
         "circuits": circuits,
         "gear": gear,
@@ -127,6 +125,42 @@ def read_aircraft(path: str | Path) -> Aircraft:
         if name not in parts:
             parts[name] = getattr(content, name)
     return Aircraft(**parts)
+
+
+class _EngineSection(Strict):
+    """The engines of an aircraft file."""
+
+    engine: list[EngineTable] = []
+
+
+def read_engines(path: str | Path) -> tuple[Engine, ...]:
+    """Read the engines of an aircraft file whose other values may still be missing.
+
+    Raises
+    ------
+    ParseError
+        The text is not TOML.
+    SchemaError
+        With all problems of ``[[engine]]``.
+    """
+    path = Path(path)
+    section = {"engine": read_toml(path).get("engine", [])}
+    content = validate_content(_EngineSection, section, str(path))
+    problems: list[str] = []
+    engines = _engines_of(content.engine, path.parent, problems)
+    if problems:
+        raise SchemaError(str(path), problems)
+    return engines
+
+
+def _engines_of(
+    items: Iterable[EngineTable], folder: Path, problems: list[str]
+) -> tuple[Engine, ...]:
+    files = DeckFiles(folder)
+    engines = []
+    for number, item in enumerate(items, 1):
+        engines.append(engine_of(item, number, files, problems))
+    return tuple(engines)
 
 
 # a reason that a reader can judge has more than a word; blanks and dots are none

@@ -7,7 +7,7 @@ propeller that a piston engine, a motor, a deck or a table of power turns.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -107,6 +107,30 @@ def list_leaves(engine: Engine) -> dict[str, xr.Dataset]:
         if part is not None:
             leaves |= part.tables
     return leaves
+
+
+def engine_drives(engines: Sequence[Engine]) -> frozenset[str]:
+    """Return the inputs that can drive all engines of an aircraft, as the kernel checks them.
+
+    They are of ``throttle n1_drive thrust_drive torque_drive rpm_drive manifold_pressure_drive``.
+    An engine without tables is driven by its thrust alone.
+    """
+    if not engines:
+        return frozenset()
+    drives = {"thrust_drive"}
+    decked = [engine.deck is not None for engine in engines]
+    propelled = [engine.propeller is not None for engine in engines]
+    powered = [engine.thrust is not None or engine.deck is not None for engine in engines]
+    if all(propelled) or all(powered):
+        drives.add("throttle")
+    # the gas generator of a coupled deck turns with the propeller
+    if all(decked) and not any(engine.deck.coupled for engine in engines if engine.deck):
+        drives.add("n1_drive")
+    if all(propelled):
+        drives |= {"torque_drive", "rpm_drive"}
+    if all(engine.piston is not None for engine in engines):
+        drives.add("manifold_pressure_drive")
+    return frozenset(drives)
 
 
 def _check_sources(engine: Engine) -> Iterator[str]:

@@ -3,6 +3,7 @@ verb reads.
 """
 
 import json
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
 from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres, named_by_response
 
 T37 = Path(__file__).parents[2] / "data" / "t37"
+C182 = T37.parent / "c182"
 CLEAN = T37 / "datcom" / "t37_clean.out"
 LISTINGS = Path(__file__).parents[1] / "aerodb" / "listings"
 MASS = StatedFacts(values={"mass": "2150 kg", "Ixx": "10826", "Iyy": "8135 kg m2", "Izz": "15162"})
@@ -320,6 +322,8 @@ def test_folders_inside_are_looked_into_and_cases_have_names_of_their_own(tmp_pa
     """The light-aircraft example: listings and recordings in a folder each, two cases of one test."""
     copy_example("c182", tmp_path / "new", inputs_only=True)
     flight = tmp_path / "new" / "flight"
+    # A case needs the propeller.
+    shutil.copy(C182 / "aircraft.toml", tmp_path / "new")
     for name in (
         "cruise",
         "fast",
@@ -489,6 +493,62 @@ def test_a_drafted_project_is_accepted_by_match(columns, tmp_path, seed):
 @pytest.mark.parametrize("seed", range(2, 50))
 def test_every_drafted_project_is_accepted_by_match(columns, tmp_path, seed):
     _check_random_columns(columns, tmp_path / "new", seed)
+
+
+@pytest.fixture(scope="module")
+def propelled():
+    """A record of the C182 as its recorder writes it, by heading."""
+    table = pd.read_csv(C182 / "flight" / "check_short_period.csv", dtype=str)
+    return {name: table[name] for name in table}
+
+
+def _check_propelled(columns, folder, aircraft):
+    """Draft a record of the C182 and plan its match; return the draft and the plan."""
+    shutil.copytree(C182 / "datcom", folder / "datcom")
+    if aircraft:
+        shutil.copy(C182 / "aircraft.toml", folder)
+    pd.DataFrame(columns).to_csv(folder / "flight.csv", index=False)
+    done = draft_project(folder, known=MASS)
+    assert done.complete
+    plan = make_plan(read_project(folder / "aeromatch.toml"), folder / "out")
+    return done, plan
+
+
+@pytest.mark.slow
+def test_without_thrust_and_propeller_the_match_still_accepts(propelled, tmp_path):
+    """Nothing is drafted that no thrust can serve; the propeller in the file makes fit and cases."""
+    folder = tmp_path / "new"
+    done, plan = _check_propelled(propelled, folder, aircraft=False)
+    assert plan.problems == []
+    assert (len(plan.project.fit), len(plan.cases)) == (0, 0)
+    (remark,) = [text for text in done.remarks if "thrust" in text]
+    assert remark.startswith("no thrust and no propeller: no coefficient can be computed")
+    assert "flight neither identifies nor proves: give each [[engine]]" in remark
+    # The lines of the author replace the drafted ones.
+    shutil.copy(C182 / "aircraft.toml", folder)
+    again = draft_project(folder)
+    assert not any("thrust" in text for text in again.remarks)
+    plan = make_plan(read_project(folder / "aeromatch.toml"), folder / "out")
+    assert plan.problems == []
+    assert [fit.name for fit in plan.project.fit] == ["pitch"]
+
+
+@pytest.mark.nightly
+@pytest.mark.slow
+@pytest.mark.parametrize("aircraft", [False, True])
+@pytest.mark.parametrize("seed", range(15))
+def test_every_draft_of_a_propeller_aircraft_is_accepted(propelled, tmp_path, seed, aircraft):
+    """Ten columns are renamed or removed, with the drafted aircraft and with that of the author."""
+    rng = np.random.default_rng(seed)
+    chosen = [str(name) for name in rng.choice(list(propelled)[1:], 10, replace=False)]
+    kept = {}
+    for name, values in propelled.items():
+        if name not in chosen:
+            kept[name] = values
+        elif rng.random() < 0.5:
+            kept[f"X{rng.integers(1000)}"] = values
+    _, plan = _check_propelled(kept, tmp_path / "new", aircraft)
+    assert plan.problems == [], chosen
 
 
 def test_an_unknown_proving_record_is_refused(recordings, tmp_path):

@@ -82,8 +82,8 @@ def init_project(
         click.echo(f"next: correct them, then aeromatch init {folder} again")
     elif not plan.project.fit and not plan.cases:
         click.echo(
-            f"no record identifies or proves the model yet; next: correct names.toml as listed "
-            f"above, then aeromatch init {folder} again"
+            f"no record identifies or proves the model yet; next: correct names.toml or "
+            f"aircraft.toml as listed above, then aeromatch init {folder} again"
         )
     else:
         click.echo(

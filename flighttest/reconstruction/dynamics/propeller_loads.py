@@ -31,6 +31,7 @@ from flighttest.reconstruction.dynamics.shaft_condition import (
     blade_setting,
     power_of,
     power_unit,
+    propeller_of,
     shaft_condition,
     table_at,
     thrust_unit,
@@ -68,7 +69,9 @@ def with_propeller_channels(states: xr.Dataset, aircraft: Aircraft) -> xr.Datase
     columns = _with_air(columns)
     added = {}
     for number in numbers:
-        for name, values in _engine_channels(columns, aircraft.engines[number - 1], number).items():
+        for name, values in propeller_channels(
+            columns, aircraft.engines[number - 1], number
+        ).items():
             full = f"engine{number}.{name}"
             if full not in states:
                 added[full] = ("time", values, quantity_attributes(full))
@@ -89,10 +92,23 @@ def _with_air(columns: Columns) -> Columns:
     return columns
 
 
-def _engine_channels(columns: Columns, engine: Engine, number: int) -> dict[str, np.ndarray]:
-    """Return the computed channels of one engine."""
-    propeller = engine.propeller
-    assert propeller is not None
+def propeller_channels(columns: Columns, engine: Engine, number: int) -> dict[str, np.ndarray]:
+    """Return thrust, torque and coefficients of one engine with a propeller, by their last word.
+
+    Parameters
+    ----------
+    columns : dict of str to array (time,)
+        As `shaft_condition`, and ``time``. [SI]
+    engine : Engine
+    number : int
+        1 for the first.
+
+    Raises
+    ------
+    IdentificationError
+        The speed is missing, or a governed propeller has neither a measured power nor a thrust.
+    """
+    propeller = propeller_of(engine, number)
     at = shaft_condition(columns, engine, number)
     spin_up = propeller.inertia * np.gradient(at["rpm"], columns["time"])
     power = _engine_power(at, engine)

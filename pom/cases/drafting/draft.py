@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from flightmech.errors import OutOfRange, SchemaError, UnknownName
+from flightmech.errors import OutOfRange, UnknownName
 from flightmech.support.atomic_write import written_atomically
 from flightmech.units import from_si
 from flighttest.records.record import needs_names
-from pom.cases.case import PRIMARY, PomCase, read_case
+from pom.cases.case import PomCase, read_case
 from pom.cases.drafting.draft_text import Draft, draft_text
+from pom.cases.drafting.drive_choice import choose_drive, offered_drives
 from pom.cases.drafting.event_detection import (
     HELD_STILL,
     Movement,
@@ -35,7 +36,6 @@ from pom.cases.drafting.listed_manoeuvres import (
     matching_manoeuvres,
 )
 from pom.cases.drafting.recorded_channels import recorded_channels
-from pom.cases.job import ENGINE_DRIVES
 from pom.cases.reference_states import read_path_states
 from pom.tolerances import rows as table
 from pom.tolerances.conditions import missing_claims
@@ -46,10 +46,6 @@ LONGEST_LEAD = 5.0  # [s] that a row requires before its event
 _RESPONSES = ("n1", "torque", "manifold_pressure", "rpm", "thrust")
 HOMES = (".", "..")  # folders of a name map and an aircraft, relative to the record
 _NOT_IN_NAMES = re.compile(r"[^a-z0-9]+")
-_NO_CONTROLS = (
-    "no complete set of controls: needs delta_e, delta_a, delta_r, or column, wheel, pedal, or "
-    "their forces"
-)
 
 Stretch = tuple[float, float]
 
@@ -108,10 +104,10 @@ def init_case(
     recorded = recorded_channels(record, map_file)
     if window is None:
         demand_fitting(str(record), test, recorded.manoeuvres)
-    draft = draft_case(rows, recorded, window)
+    aircraft_file = _find_next_to(record, "aircraft.toml", aircraft)
+    draft = draft_case(rows, recorded, window, drives=offered_drives(aircraft_file))
     draft.case.update(standard=standard, edition=edition)
     draft.case["name"] = name or draft.case["name"]
-    aircraft_file = _find_next_to(record, "aircraft.toml", aircraft)
     _write_case_file(output, draft, record=record, names=map_file, aircraft=aircraft_file)
     return read_case(output), draft.remarks
 
@@ -151,7 +147,10 @@ def _find_next_to(record: Path, name: str, requested: str | Path | None) -> Path
 
 
 def draft_case(
-    rows: Sequence[table.Row], recorded: Recorded, window: tuple[float, float] | None = None
+    rows: Sequence[table.Row],
+    recorded: Recorded,
+    window: tuple[float, float] | None = None,
+    drives: Collection[str] | None = None,
 ) -> Draft:
     """Return the draft of a case for the rows of one test.
 
@@ -162,6 +161,9 @@ def draft_case(
     recorded : Recorded
     window : tuple of float, optional
         As in `init_case`. [s]
+    drives : collection of str, optional
+        Inputs that can drive the engines (`flightmech.aircraft.engine.engine_drives`), which are
+        preferred.
     """
     test, title = rows[0]["test_id"], rows[0]["title"]
     remarks: list[str] = []
@@ -197,7 +199,13 @@ def draft_case(
     conditions = {}
     if recorded.latitude is not None:
         conditions["lat"] = f"{from_si(recorded.latitude, 'deg'):.6g} deg"
-    drive = _choose_drive(rows, recorded, on_ground(recorded, start))
+    drive = choose_drive(
+        rows,
+        recorded,
+        ground=on_ground(recorded, start),
+        is_engine_test=_has_engine_response(rows),
+        drives=drives,
+    )
     return Draft(case, drive, conditions=conditions, events=events, remarks=remarks)
 
 
@@ -388,32 +396,6 @@ def _shortened_text(
     if not parts:
         return ""
     return f"the recorded manoeuvre {' and '.join(parts)} than the rows require"
-
-
-def _choose_drive(rows: Sequence[table.Row], recorded: Recorded, ground: bool) -> dict[str, object]:
-    """Return the drive that the record has the channels for."""
-    levels = ["recorded", "cockpit", "force"]
-    # Tests of the controls themselves prefer the forces of the pilot.
-    if rows[0]["test_id"].startswith(("2.a", "2.b")):
-        levels.reverse()
-    level = next((name for name in levels if set(PRIMARY[name]) <= set(recorded.channels)), "")
-    if not level:
-        raise SchemaError("record", [_NO_CONTROLS])
-    powers: tuple[str, ...] = ("thrust", "torque", "map", "n1", "throttle")
-    # A test of the engine response must not drive the response itself.
-    if _has_engine_response(rows):
-        powers = ("throttle", "n1")
-    channels = {name: f"engine1.{ENGINE_DRIVES[name][0]}" for name in powers}
-    power = next((name for name in powers if channels[name] in recorded.channels), "")
-    if not power:
-        names = ", ".join(channels.values())
-        raise SchemaError("record", [f"no {names}: one of them drives the engines; map it"])
-    drive: dict[str, object] = {"surfaces": level, "engine": power}
-    # without a recorded propeller lever the governor holds the recorded speed
-    has_lever = "engine1.prop_command" in recorded.channels
-    if power in ("torque", "map") and not has_lever and "engine1.rpm" in recorded.channels:
-        drive["propeller"] = "rpm"
-    return {**drive, "trim": "ground" if ground else True}
 
 
 def _movement_text(movement: Movement | None) -> str:

@@ -198,11 +198,24 @@ def test_a_window_outside_the_record_and_a_record_without_controls_are_refused()
         draft_case(rows.rows_of_test("2.c.10"), bare)
     still = recorded()
     del still.channels["engine1.thrust"]
-    with pytest.raises(SchemaError, match=r"no engine1\.thrust, engine1\.n1, engine1\.throttle"):
+    with pytest.raises(SchemaError, match=r"no engine1\.thrust, engine1\.torque, .*: one of"):
         draft_case(rows.rows_of_test("2.c.10"), still)
 
 
 @pytest.mark.slow
+def test_the_engine_is_driven_by_what_the_aircraft_takes():
+    """Of the recorded quantities the first that the engines take, else the first."""
+    several = recorded(**{"engine1.n1": [0.8], "engine1.throttle": [0.7]})
+    for drives, engine in (
+        (None, "thrust"),
+        ({"throttle", "thrust_drive"}, "thrust"),
+        ({"throttle"}, "throttle"),
+        ({"torque_drive"}, "thrust"),
+    ):
+        drawn = draft_case(rows.rows_of_test("2.c.10"), several, drives=drives)
+        assert drawn.drive["engine"] == engine, drives
+
+
 def test_the_file_of_the_phugoid_is_the_one_an_engineer_would_write(tmp_path):
     path = tmp_path / "case.toml"
     case, remarks = init_case(FLIGHT / "t37_26_val_phugoid.nc", "2.c.9", path)
