@@ -289,7 +289,7 @@ def test_the_programme_of_the_t37():
         assert ((same["start"] < mark.end) & (mark.start < same["end"])).any(), mark
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("flight_file", "map_file"),
     [

@@ -293,7 +293,7 @@ def test_misspelt_key_of_an_instrument(flown, aircraft):
         flighttest.reconstruct(flown(0)[0], broken)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_programme_knows_its_instruments_better(flown, aircraft):
     whole = flown(5)[0]
     parts = [slice(0.0, 13.0), slice(13.0, 26.0), slice(26.0, 40.0)]
