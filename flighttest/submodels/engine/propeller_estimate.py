@@ -47,8 +47,11 @@ _SAME, _SAME_NOISE = 1e-5, 1e-4
 _DIFFERENCE = 0.3
 # Step over the a-priori standard errors after which the slopes are computed again.
 _MOVED = 0.2
-# Largest correlation of successive residuals that is used, and least noise.
-_MOST_CORRELATED, _LEAST_NOISE = 0.9, 1e-10
+# Largest correlation of successive residuals that is used.
+_MOST_CORRELATED = 0.9
+# A-priori noise of the force [m/s2] and of the relative equations, which counts as much as two points
+# (our judgement). The unknowns can fit an equation of few points exactly.
+_FORCE_NOISE, _RELATIVE_NOISE, _NOISE_POINTS = 0.02, 0.01, 2.0
 # Factor on an a-priori standard error that takes the knowledge away.
 _NO_KNOWLEDGE = 1e3
 # Points of a manoeuvre that is tried, and its speeds over the flown ones.
@@ -114,7 +117,7 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
         if moved > _MOVED:
             jacobian = _jacobian(equations, u, sigma)
         if not noise:
-            noise = {name: max(_rms(v), _LEAST_NOISE) for name, v in residuals.items()}
+            noise = {name: _pooled_noise(name, v, spent=0.0) for name, v in residuals.items()}
             inflation = dict.fromkeys(residuals, 1.0)
         # Normal equations [Theil1961]; the Jacobian is that of the residuals.
         M = np.diag(1.0 / sigma[free] ** 2)
@@ -149,6 +152,13 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
         jacobian=jacobian,
         convergence=convergence,
     )
+
+
+def _pooled_noise(name: str, v: np.ndarray, spent: float) -> float:
+    """Return the noise of an equation from its residuals and the a-priori noise."""
+    prior = _FORCE_NOISE if name == "force" else _RELATIVE_NOISE
+    total = v @ v + _NOISE_POINTS * prior**2
+    return float(np.sqrt(total / (max(len(v) - spent, 0.0) + _NOISE_POINTS)))
 
 
 def _rms(v: np.ndarray) -> float:
@@ -188,7 +198,7 @@ def _new_noise(
         G = jacobian[name][:, free]
         weight = 1.0 / (old[0][name] ** 2 * old[1][name])
         spent = float(np.trace(D @ G.T @ G)) * weight
-        noise[name] = max(float(np.sqrt(v @ v / max(len(v) - spent, 1.0))), _LEAST_NOISE)
+        noise[name] = _pooled_noise(name, v, spent)
         rho = _successive_correlation(v, runs[name])
         inflation[name] = (1.0 + rho) / (1.0 - rho)
     return noise, inflation
