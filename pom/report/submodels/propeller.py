@@ -51,7 +51,12 @@ def propeller_section(name: str, fit: PropellerFit) -> Section:
     remarks = [units_in_text(remark.text) for remark in fit.remarks]
     if fit.separability is not None:
         rho = format_number(fit.separability.correlation, 3)
-        remarks.insert(0, f"Correlation of thrust and drag by the flown points: {rho}.")
+        error = format_number(100.0 * fit.separability.posterior_error, 2)
+        remarks.insert(
+            0,
+            f"Correlation of thrust and drag by the flown points: {rho}; standard error of the "
+            f"thrust with the a-priori values: {error} %.",
+        )
     return Section(name, tuple(techniques), grids=tuple(grids), remarks=tuple(remarks))
 
 
