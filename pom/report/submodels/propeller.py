@@ -37,9 +37,9 @@ def propeller_section(name: str, fit: PropellerFit) -> Section:
     techniques = [("thrust, power and drag", EQUATION_ERROR, "; ".join(residuals))]
     grids = [_estimates(fit), _coefficients(fit)]
     if fit.dynamics is not None:
-        noise = fit.dynamics.search.noise["stderr"].isel(manoeuvre=0)
+        scatter = fit.dynamics.search.noise["stderr"].isel(manoeuvre=0)
         words = []
-        for output, value in zip(noise["output"].values, noise.values, strict=True):
+        for output, value in zip(scatter["output"].values, scatter.values, strict=True):
             words.append(f"{output} {format_number(float(value), 3)}")
         techniques.append(("shaft, governor and lever", OUTPUT_ERROR, "; ".join(words)))
         rows = []
