@@ -12,8 +12,6 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from flighttest.reconstruction.dynamics.shaft_condition import Condition
-
 # A-priori standard errors of the orders of a coefficient, relative to its size. Without a stderr in
 # the prior: 10 % in level and slope, which is the scatter of propeller charts against tests of the
 # same blades (our judgement), less in the shape.
@@ -63,7 +61,7 @@ class FlownRange(NamedTuple):
 def corrected(
     name: str,
     prior: np.ndarray,
-    at: Condition,
+    at: Mapping[str, np.ndarray],
     shapes: Mapping[str, FlownRange],
     value: Mapping[str, float],
 ) -> np.ndarray:
@@ -98,7 +96,7 @@ def corrected(
 def coefficient_slopes(
     name: str,
     prior: np.ndarray,
-    at: Condition,
+    at: Mapping[str, np.ndarray],
     shapes: Mapping[str, FlownRange],
     unknowns: Sequence[str],
 ) -> np.ndarray:

@@ -320,11 +320,12 @@ class PropellerFit(PrintedResult):
             )
             areas["feathered"] += list(zip((-state.CT * unit)[feathered], (own * unit)[feathered]))
         # Errors of one propeller are common to its points, so the mean error is that of the mean.
-        return {
-            name: (*map(float, np.mean(pairs, axis=0)), len(pairs))
-            for name, pairs in areas.items()
-            if pairs
-        }
+        means = {}
+        for name, pairs in areas.items():
+            if pairs:
+                area, stderr = np.mean(pairs, axis=0)
+                means[name] = float(area), float(stderr), len(pairs)
+        return means
 
     def report_lines(self) -> list[str]:
         """Return estimates, coefficients, drag, noise and correlations as lines."""
