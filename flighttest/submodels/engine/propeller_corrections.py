@@ -19,8 +19,8 @@ ORDERS = {"scale": 0.10, "slope": 0.08, "curvature": 0.04, "cubic": 0.02}
 WINDMILLING, FEATHERED = 0.3, 0.5
 # Where the blades turn: change over the flown blade angles, and the same at all of them. The latter
 # is the profile drag of the blades: without power it makes a thrust of about -8 % of the rms, and a
-# chart knows it to about 20 % (our judgement). Without this term it would count as drag.
-PITCH = {"offset": 0.016, "pitch": 0.04, "pitch slope": 0.02}
+# chart knows it to about 30 % (our judgement). Without this term it would count as drag.
+PITCH = {"offset": 0.025, "pitch": 0.04, "pitch slope": 0.02}
 # Of power and fuel flow by the chart of a maker, which states 2.5 to 5 % (our judgement).
 POWER = {"scale": 0.05, "slope": 0.03}
 FUEL = 0.10
