@@ -1,13 +1,11 @@
 """Thrust, power and drag of propeller aircraft, identified from programmes with a known truth.
 
     python benchmarks/propeller_identification.py [--programmes 20] [--kind piston turboprop]
-    python benchmarks/propeller_identification.py --write FOLDER
 
 The flights are those of `tests/flighttest/propeller_flights.py`: blade-element propellers
 and engines of their own, instruments with noise and constant errors.  Printed are the shares of
 estimates within two standard errors of the truth: CT and CP over the flown advance ratios (a
 governed propeller: thrust at power and airspeed), power over manifold pressure or lever, CD0 and K.
-With --write the records and the a-priori aircraft of one light aircraft are written, nothing else.
 """
 
 from __future__ import annotations
@@ -19,7 +17,6 @@ from pathlib import Path
 import numpy as np
 
 from flightmech.air import atmosphere
-from flightmech.aircraft.writing import write_aircraft
 from flighttest.reconstruction.dynamics.shaft_condition import blade_setting, table_at
 from flighttest.submodels.engine.propellers.identification import identify_propeller
 from flighttest.submodels.engine.propellers.result import PropellerFit
@@ -90,29 +87,13 @@ def _power_scores(craft: flights.Craft, fit: PropellerFit) -> np.ndarray:
     return (factors[:, 0] - true / prior) / factors[:, 1]
 
 
-def write_flights(folder: Path, seed: int = 2) -> None:
-    """Write records and a-priori aircraft of one programme of three powers and three speeds."""
-    folder.mkdir(parents=True, exist_ok=True)
-    craft, rng = flights.make_craft(seed, False), np.random.default_rng(seed)
-    for lever, power in ((1.0, "full"), (0.6, "part"), (0.02, "idle")):
-        for V in (36.0, 45.0, 55.0):
-            record = flights.fly(craft, flights.Leg(lever, V, 1200.0, seconds=36.0), rng)
-            record.to_netcdf(folder / f"{power}_{V:.0f}.nc", engine="h5netcdf")
-    write_aircraft(flights.prior_aircraft(craft, seed), folder / "prior.toml")
-    print(f"written: 9 records and prior.toml in {folder}")
-
-
 def main() -> None:
     """Print the shares within two standard errors."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--programmes", type=int, default=20)
     parser.add_argument("--first", type=int, default=1)
     parser.add_argument("--kind", nargs="+", default=["piston", "turboprop"])
-    parser.add_argument("--write", type=Path, metavar="FOLDER")
     args = parser.parse_args()
-    if args.write:
-        write_flights(args.write)
-        return
     for kind in args.kind:
         collected: dict[str, list[np.ndarray]] = {}
         for seed in range(args.first, args.first + args.programmes):

@@ -300,7 +300,7 @@ def _reach_remarks(
     alpha = None
     if "alpha" in plan.states:
         alpha = np.interp(plan.job.time, plan.states["time"], plan.states["alpha"])
-    return reach_remarks(plan.case, plan.job.time, alpha, outputs, model.fmu.path)
+    return reach_remarks(plan.case, plan.job.time, alpha, outputs, str(model.fmu.path))
 
 
 def _waiver_remarks(job: ReplayJob, model: FmuModel) -> tuple[RowRemark, ...]:

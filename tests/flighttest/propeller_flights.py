@@ -4,18 +4,25 @@ The propeller is a blade-element calculation with the closed induced angle of Mc
 (*Aerodynamics, Aeronautics and Flight Mechanics*, section 6.4), the engines are charts of their
 own, the aircraft is a point mass.  The instruments have noise and constant errors, the air has
 slow vertical motion.  What the estimator gets is a record, and tables that differ from the truth.
+
+    python tests/flighttest/propeller_flights.py FOLDER
+
+writes nine records and the a-priori aircraft of a light aircraft.
 """
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from flightmech.air import atmosphere
 from flightmech.aircraft import Aircraft, Engine, PistonEngine, Propeller
+from flightmech.aircraft.writing import write_aircraft
 from flightmech.terms import make_term
 
 G = 9.80665
@@ -455,3 +462,19 @@ def fly_power_change(
     return xr.Dataset(
         {k: ("time", x) for k, x in columns.items()}, {"time": np.arange(count) / rate}
     )
+
+
+def write_flights(folder: Path, seed: int = 2) -> None:
+    """Write records and a-priori aircraft of one programme of three powers and three speeds."""
+    folder.mkdir(parents=True, exist_ok=True)
+    craft, rng = make_craft(seed, False), np.random.default_rng(seed)
+    for lever, power in ((1.0, "full"), (0.6, "part"), (0.02, "idle")):
+        for V in (36.0, 45.0, 55.0):
+            record = fly(craft, Leg(lever, V, 1200.0, seconds=36.0), rng)
+            record.to_netcdf(folder / f"{power}_{V:.0f}.nc", engine="h5netcdf")
+    write_aircraft(prior_aircraft(craft, seed), folder / "prior.toml")
+    print(f"written: 9 records and prior.toml in {folder}")
+
+
+if __name__ == "__main__":
+    write_flights(Path(sys.argv[1]))

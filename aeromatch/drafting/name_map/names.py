@@ -166,9 +166,9 @@ def draft_names(
     clocks: dict[str, tuple[Clock, str]] = {}
     has_clock = author is not None and author.names.clock != Clock()
     for name, table in tables.items():
-        clock = None if has_clock else _clock_of(name, table)
-        if clock is not None:
-            clocks[name] = clock
+        found = None if has_clock else _clock_of(name, table)
+        if found is not None:
+            clocks[name] = found
     stamps = {clock.column for clock, _ in clocks.values() if clock.column}
     confirmed = author.confirmed() if author else {}
     removed = author.removed if author else frozenset()

@@ -18,6 +18,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -128,7 +129,7 @@ class Propeller(ShortText):
         """Upper stop of the governor. [rad]"""
         return self.low_pitch if self.high_pitch is None else self.high_pitch
 
-    @property
+    @cached_property
     def J_end(self) -> float:
         """Last advance ratio of both tables."""
         ends = [float(self.tables[name]["J"][-1]) for name in ("CT_prop", "CP_prop")]

@@ -204,12 +204,12 @@ def run_engine(
 ):  # fmt: skip
     """Perform the command ``engine``."""
     if aircraft_file:
-        other = {"--flights": whole, "--structure": structure_file, "--compare": compared}
-        other |= {"--start": starts, "--points": points_file, "--climbs": climbs_file}
-        other |= {"--prior": prior_file, "--area": area}
+        unused = {"--flights": whole, "--structure": structure_file, "--compare": compared}
+        unused |= {"--start": starts, "--points": points_file, "--climbs": climbs_file}
+        unused |= {"--prior": prior_file, "--area": area}
         run_propeller(
             power_changes, names, aircraft_file, polar and Polar(*polar, *polar_stderr), rate,
-            output=output, as_json=as_json, unused=[name for name, given in other.items() if given],
+            output=output, as_json=as_json, unused=[name for name, given in unused.items() if given],
         )  # fmt: skip
         return
     angles = tuple(np.radians(pla)) if pla else None

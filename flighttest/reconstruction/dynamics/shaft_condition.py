@@ -84,9 +84,9 @@ def air_of(columns: Mapping[str, np.ndarray]) -> Condition:
         pressure = np.asarray(atmosphere(columns["h"], delta_T=warmer).p_static)
     if "temperature" in columns:
         T = columns["temperature"]
+    elif "h" in columns:
+        T = np.asarray(atmosphere(columns["h"]).temperature)
     else:
-        T = np.asarray(atmosphere(columns["h"]).temperature) if "h" in columns else None
-    if T is None:
         raise IdentificationError("p_static without temperature or h; map the temperature")
     return {
         "rho": pressure / (R_AIR * T),
@@ -257,7 +257,7 @@ def _piston_power(piston: PistonEngine, at: Condition) -> EnginePower:
     standard = np.maximum(T_SEA * delta**_LAPSE_EXPONENT, _T_TROPOPAUSE)
     chart = table("power") + table("corrected_power") * np.sqrt(standard / at["temperature"])
     gross = chart + table("fuel_work") * mixed
-    boost = 1.0
+    boost: np.ndarray | float = 1.0
     if piston.boost_rpm > 0.0:
         boost = speed / piston.boost_rpm
     unboosted = manifold / (1.0 + (piston.boost_ratio - 1.0) * boost)

@@ -37,9 +37,9 @@ def propeller_section(name: str, fit: PropellerFit) -> Section:
     techniques = [("thrust, power and drag", EQUATION_ERROR, "; ".join(residuals))]
     grids = [_estimates(fit), _coefficients(fit)]
     if fit.dynamics is not None:
-        noise = fit.dynamics.search.noise["stderr"].isel(manoeuvre=0)
+        scatter = fit.dynamics.search.noise["stderr"].isel(manoeuvre=0)
         words = []
-        for output, value in zip(noise["output"].values, noise.values, strict=True):
+        for output, value in zip(scatter["output"].values, scatter.values, strict=True):
             words.append(f"{output} {format_number(float(value), 3)}")
         techniques.append(("shaft, governor and lever", OUTPUT_ERROR, "; ".join(words)))
         rows = []
@@ -51,7 +51,12 @@ def propeller_section(name: str, fit: PropellerFit) -> Section:
     remarks = [units_in_text(remark.text) for remark in fit.remarks]
     if fit.separability is not None:
         rho = format_number(fit.separability.correlation, 3)
-        remarks.insert(0, f"Correlation of thrust and drag by the flown points: {rho}.")
+        error = format_number(100.0 * fit.separability.posterior_error, 2)
+        remarks.insert(
+            0,
+            f"Correlation of thrust and drag by the flown points: {rho}; standard error of the "
+            f"thrust with the a-priori values: {error} %.",
+        )
     return Section(name, tuple(techniques), grids=tuple(grids), remarks=tuple(remarks))
 
 

@@ -26,6 +26,7 @@ from flighttest.regression.equation_error.time_domain import regress
 from flighttest.submodels.engine.propellers.equations import PropulsionEquations
 from flighttest.submodels.engine.propellers.estimate import estimate_points
 from flighttest.submodels.engine.propellers.identification import identify_propeller
+from flighttest.submodels.engine.propellers.instruments import instrument_shares, remove_errors
 from flighttest.submodels.engine.propellers.result import PropellerFit
 from flighttest.submodels.engine.propellers.shaft_dynamics import compile_shaft, identify_shaft
 from flighttest.submodels.engine.static_thrust import Polar
@@ -73,6 +74,10 @@ def test_report_prints_the_correlation_and_what_was_left_out(fit):
     text = fit.report()
     assert f"correlation of thrust and drag: {fit.separability.correlation:.3f}" in text
     assert fit.as_dict()["separability"]["correlation"] == fit.separability.correlation
+    found = fit.separability
+    # three powers: the points know more than the chart, both together more than either
+    assert found.posterior_error < found.error < found.prior_error
+    assert found.separable
 
 
 def test_one_power_is_called_not_separable_and_idle_is_requested(flown):
@@ -80,6 +85,7 @@ def test_one_power_is_called_not_separable_and_idle_is_requested(flown):
     prior = flights.prior_aircraft(craft, SEED)
     fit = identify_propeller(records[:3], prior, Polar(*flights.prior_polar(craft, SEED)))
     assert fit.separability.correlation > 0.99
+    assert fit.separability.error > fit.separability.prior_error
     assert not fit.separability.separable
     (text,) = [remark.text for remark in fit.remarks if remark.kind == "collinear"]
     assert "thrust and drag are not separable" in text
@@ -165,10 +171,15 @@ def test_drag_of_a_feathered_propeller_comes_back():
     truth = PropulsionEquations(points, craft, polar)
     u = truth.first()
     u[list(truth.unknowns).index("CT_prop feathered")] = 0.4
+    u[list(truth.unknowns).index("CT_prop offset")] = 0.05
     noise = 0.002 * np.random.default_rng(4).standard_normal(len(V))
     flown = points.assign(f=("point", noise - truth.residuals(u)["force"]))
     equations = PropulsionEquations(flown, craft, polar)
     fit = PropellerFit(equations, estimate_points(equations), None)
+    # profile drag of the blades is thrust, not drag of the aircraft
+    assert abs(fit.polar.CD0 - polar.CD0) < 2.0 * fit.polar.CD0_stderr
+    offset, error = fit.value["CT_prop offset"], fit._errors()["CT_prop offset"]
+    assert abs(offset - 0.05) < 3.0 * error < 3.0 * 0.025
     estimate = fit.value["CT_prop feathered"]
     stderr = fit.estimate.covariance[list(fit.value).index("CT_prop feathered")].max() ** 0.5
     assert abs(estimate - 0.4) < 3.0 * stderr
@@ -179,6 +190,21 @@ def test_drag_of_a_feathered_propeller_comes_back():
     assert abs(area - 1.4 * 2.0 * 2.4**2 * 0.004) < 3.0 * error
     ratio = fit.tables()["CT_prop"]["value"].values[1:, 2] / CT[1:, 2]
     np.testing.assert_allclose(ratio, 1.0 + estimate)
+
+
+def test_engines_share_the_errors_of_equal_instruments():
+    columns = {f"engine{k}.{name}": np.ones(2) for k in (1, 2) for name in ("engine_rpm", "torque")}
+    shares = instrument_shares(columns, [1, 2], accelerometer=True)
+    for name in ("rpm", "torque"):
+        assert shares[name] + shares[f"engine1.{name}"] == pytest.approx(1.0)
+    columns |= {"f": np.zeros(2), "lift_force": np.ones(2), "h": np.zeros(2)}
+    value = {"error of torque": 0.01, "error of engine2.rpm": 0.1}
+    right = remove_errors(columns, value, [1, 2], accelerometer=True)
+    np.testing.assert_allclose(right["engine1.torque"], 1.01)
+    np.testing.assert_allclose(right["engine2.torque"], 1.01)
+    np.testing.assert_allclose(right["engine1.engine_rpm"], 1.0)
+    np.testing.assert_allclose(right["engine2.engine_rpm"], 1.1)
+    assert instrument_shares(columns, [1], accelerometer=True)["engine1.torque"] == 1.0
 
 
 # ---- the equations of the kernel --------------------------------------------------------------

@@ -6,36 +6,24 @@ blades turn; see `equations`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
-
-from flighttest.reconstruction.dynamics.shaft_condition import Condition
 
 # A-priori standard errors of the orders of a coefficient, relative to its size. Without a stderr in
 # the prior: 10 % in level and slope, which is the scatter of propeller charts against tests of the
 # same blades (our judgement), less in the shape.
 ORDERS = {"scale": 0.10, "slope": 0.08, "curvature": 0.04, "cubic": 0.02}
 WINDMILLING, FEATHERED = 0.3, 0.5
-# Change over the flown blade angles, where the blades turn.
-PITCH = {"pitch": 0.04, "pitch slope": 0.02}
+# Where the blades turn: change over the flown blade angles, and the same at all of them. The latter
+# is the profile drag of the blades: without power it makes a thrust of about -8 % of the rms, and a
+# chart knows it to about 30 % (our judgement). Without this term it would count as drag.
+PITCH = {"offset": 0.025, "pitch": 0.04, "pitch slope": 0.02}
 # Of power and fuel flow by the chart of a maker, which states 2.5 to 5 % (our judgement).
 POWER = {"scale": 0.05, "slope": 0.03}
 FUEL = 0.10
-# Common standard errors of the instruments: relative, or in the unit given.
-INSTRUMENTS = {
-    "V": 0.005,
-    "mass": 0.005,
-    "rpm": 0.002,
-    "torque": 0.01,
-    "manifold_pressure": 0.01,
-    "fuel_flow": 0.01,
-    "temperature": 1.0,  # K
-    "climb": 0.005,
-    "alpha": 0.002,  # rad
-}
 # Axes over which the power of an engine may have a slope.
 POWER_AXES = ("manifold_pressure", "n1")
 
@@ -73,7 +61,7 @@ class FlownRange(NamedTuple):
 def corrected(
     name: str,
     prior: np.ndarray,
-    at: Condition,
+    at: Mapping[str, np.ndarray],
     shapes: Mapping[str, FlownRange],
     value: Mapping[str, float],
 ) -> np.ndarray:
@@ -95,10 +83,33 @@ def corrected(
     columns = shapes[name].orders(at["J"])
     if "blade_angle" in shapes:
         y = shapes[name].size * shapes["blade_angle"].place(at["blade_angle"])
-        columns |= {"pitch": y, "pitch slope": y * shapes[name].place(at["J"])}
+        columns |= {
+            "offset": np.full_like(y, shapes[name].size),
+            "pitch": y,
+            "pitch slope": y * shapes[name].place(at["J"]),
+        }
     for order, column in columns.items():
         total = total + value.get(f"{name} {order}", 0.0) * column
     return total + value.get(f"{name} windmilling", 0.0) * np.minimum(prior, 0.0)
+
+
+def coefficient_slopes(
+    name: str,
+    prior: np.ndarray,
+    at: Mapping[str, np.ndarray],
+    shapes: Mapping[str, FlownRange],
+    unknowns: Sequence[str],
+) -> np.ndarray:
+    """Return the slopes of a coefficient over the unknowns (point, unknown).
+
+    The arguments are those of `corrected`.
+    """
+    slopes = np.zeros((len(prior), len(unknowns)))
+    for k, unknown in enumerate(unknowns):
+        # The coefficients are linear in the unknowns: each slope is a difference of one unit.
+        if unknown.startswith(f"{name} "):
+            slopes[:, k] = corrected(name, prior, at, shapes, {unknown: 1.0}) - prior
+    return slopes
 
 
 def relative_error(leaf: xr.Dataset) -> float:

@@ -3,7 +3,8 @@
 Unknowns correct the a-priori tables of propeller and engine, the drag polar, and the common errors
 of the instruments::
 
-    CT = (1 + s) CT0(J, blade angle) + c (a1 z + a2 P2(z) + a3 P3(z)) + c y (a4 + a5 z) + w min(CT0, 0)
+    CT = (1 + s) CT0(J, blade angle) + c (a1 z + a2 P2(z) + a3 P3(z)) + w min(CT0, 0)
+         + c (a0 + y (a4 + a5 z))                      where the blades turn
     CP = (1 + s) CP0 + c (a1 z + a2 P2(z) + a3 P3(z))
     P  = (1 + e + d x) gross - losses                  of the engine by its tables
     Wf = (1 + b) Wf0
@@ -15,8 +16,9 @@ of the instruments::
 
 CT0 and CP0 are a priori, c their rms over the points, z = -1 ... 1 over the advance ratios of the
 points, y the same over their blade angles, P2 and P3 Legendre polynomials, x = -1 ... 1 over
-manifold pressure or n1.  Each unknown has
-an a-priori standard error, so higher orders stay at zero unless the points determine them.
+manifold pressure or n1.  Each unknown has an a-priori standard error, so higher orders stay at zero
+unless the points determine them.  An instrument that each of several engines has, has one error for
+all of them and a smaller one for each.
 """
 
 from __future__ import annotations
@@ -46,7 +48,6 @@ from flighttest.reconstruction.dynamics.shaft_condition import (
 from flighttest.submodels.engine.propellers.corrections import (
     FEATHERED,
     FUEL,
-    INSTRUMENTS,
     ORDERS,
     PITCH,
     POWER,
@@ -57,7 +58,15 @@ from flighttest.submodels.engine.propellers.corrections import (
     corrected,
     relative_error,
 )
+from flighttest.submodels.engine.propellers.instruments import (
+    INSTRUMENTS,
+    instrument_shares,
+    remove_errors,
+)
 from flighttest.submodels.engine.static_thrust import Polar
+
+# Unknowns on which blade angles and the tables at them depend.
+_MOVING = ("error of", "power", "CP_prop scale")
 
 
 class PropulsionEquations:
@@ -91,6 +100,7 @@ class PropulsionEquations:
         polar: Polar,
         errors: Mapping[str, float] | None = None,
     ):
+        self._kept: tuple[tuple[float, ...], Condition, list[_ShaftState]] | None = None
         # a recorded fuel flow that is not compared
         self.metered = False
         self.aircraft, self.count = aircraft, points.sizes["point"]
@@ -188,8 +198,10 @@ class PropulsionEquations:
             unknowns["fuel flow scale"] = PriorValue(0.0, FUEL)
         unknowns["CD0"] = PriorValue(polar.CD0, polar.CD0_stderr)
         unknowns["K"] = PriorValue(polar.K, polar.K_stderr)
-        for name in self._instruments():
-            unknowns[f"error of {name}"] = PriorValue(0.0, errors[name.rpartition(".")[2]])
+        shares = instrument_shares(self.columns, self.numbers, self.accelerometer)
+        for name, share in shares.items():
+            stderr = errors[name.rpartition(".")[2]] * share**0.5
+            unknowns[f"error of {name}"] = PriorValue(0.0, stderr)
         return unknowns
 
     def _count_stops(self) -> int:
@@ -208,20 +220,10 @@ class PropulsionEquations:
                 return False
         return recorded
 
-    def _instruments(self) -> list[str]:
-        names = ["V", "mass", "temperature", "alpha" if self.accelerometer else "climb"]
-        for number in self.numbers:
-            for channel in ("rpm", "torque", "manifold_pressure", "fuel_flow"):
-                name = f"engine{number}.{channel}"
-                if name in self.columns or (
-                    channel == "rpm" and f"engine{number}.engine_rpm" in self.columns
-                ):
-                    names.append(name)
-        return names
-
     def at_points(self, columns: Mapping[str, np.ndarray]) -> PropulsionEquations:
         """Return the same equations and unknowns at other points, for their slopes."""
         other = copy(self)
+        other._kept = None
         other.columns = {name: np.asarray(x, float) for name, x in columns.items()}
         other.count = len(other.columns["V"])
         air = other.columns | air_of(other.columns)
@@ -240,26 +242,7 @@ class PropulsionEquations:
 
     def measured(self, value: Mapping[str, float]) -> Condition:
         """Return the channels without the common errors of their instruments, and the air."""
-        columns = dict(self.columns)
-        for name, error in value.items():
-            channel = name.removeprefix("error of ")
-            if channel == name or error == 0.0:
-                continue
-            if channel == "temperature" and channel in columns:
-                columns[channel] = columns[channel] + error
-            elif channel not in ("temperature", "climb", "alpha"):
-                source = channel if channel in columns else channel.replace(".rpm", ".engine_rpm")
-                columns[source] = columns[source] * (1.0 + error)
-        columns |= air_of(columns)
-        # An error of the angle of attack turns the specific force, one of the climb stretches it.
-        error = value.get("error of alpha", 0.0)
-        if "alpha" in columns and self.accelerometer:
-            columns["alpha"] = columns["alpha"] + error
-        columns["f"] = columns["f"] - columns["lift_force"] * error
-        if "hdot" in columns and not self.accelerometer:
-            scale = value.get("error of climb", 0.0)
-            columns["f"] = columns["f"] + 9.80665 * columns["hdot"] / columns["V"] * scale
-        return columns
+        return remove_errors(self.columns, value, self.numbers, self.accelerometer)
 
     def _prior_state(self, number: int, columns: Condition) -> _ShaftState:
         """Return condition, a-priori coefficients and power of one engine at recorded values."""
@@ -317,20 +300,38 @@ class PropulsionEquations:
 
     def states(self, value: Mapping[str, float], columns: Condition) -> list[_ShaftState]:
         """Return the state of each engine with corrected coefficients."""
+        return [self._corrected(prior, value) for prior in self.uncorrected_states(value, columns)]
+
+    def _corrected(self, prior: _ShaftState, value: Mapping[str, float]) -> _ShaftState:
+        CT = corrected("CT_prop", prior.CT, prior.at, self.shapes, value)
+        feathered = prior.at.get("feather", np.zeros_like(CT)) > 0.5
+        own = (1.0 + value.get("CT_prop feathered", 0.0)) * prior.CT
+        CP = corrected("CP_prop", prior.CP, prior.at, self.shapes, value)
+        return prior._replace(CT=np.where(feathered, own, CT), CP=CP)
+
+    def uncorrected_states(
+        self, value: Mapping[str, float], columns: Condition
+    ) -> list[_ShaftState]:
+        """Return the state of each engine with the coefficients of the tables."""
         states = []
+        scale = 1.0 + value.get("CP_prop scale", 0.0)
         for number in self.numbers:
             at = shaft_condition(columns, self.aircraft.engines[number - 1], number)
             power = power_of(self.engine, at) if self.charted else None
-            shaft = self._shaft_power(at, power, value)
-            scale = 1.0 + value.get("CP_prop scale", 0.0)
-            prior = self._state(at, power, shaft, scale)
-            J = at["J"]
-            CT = corrected("CT_prop", prior.CT, prior.at, self.shapes, value)
-            feathered = at.get("feather", 0.0 * J) > 0.5
-            own = (1.0 + value.get("CT_prop feathered", 0.0)) * prior.CT
-            CP = corrected("CP_prop", prior.CP, prior.at, self.shapes, value)
-            states.append(prior._replace(CT=np.where(feathered, own, CT), CP=CP))
+            states.append(self._state(at, power, self._shaft_power(at, power, value), scale))
         return states
+
+    def _measured_states(self, value: Mapping[str, float]) -> tuple[Condition, list[_ShaftState]]:
+        """Return channels and states, of which those that the tables make are kept.
+
+        Most slopes belong to unknowns that change neither the channels nor the blade angles.
+        """
+        key = tuple(x for name, x in value.items() if name.startswith(_MOVING))
+        if self._kept is None or self._kept[0] != key:
+            columns = self.measured(value)
+            self._kept = key, columns, self.uncorrected_states(value, columns)
+        _, columns, states = self._kept
+        return columns, [self._corrected(state, value) for state in states]
 
     def residuals(self, u: np.ndarray) -> dict[str, np.ndarray]:
         """Return measured less computed at unknowns, by equation.
@@ -338,8 +339,7 @@ class PropulsionEquations:
         ``force`` is in m/s2, the others are relative to the largest power or fuel flow.
         """
         value = dict(zip(self.unknowns, map(float, u)))
-        columns = self.measured(value)
-        states = self.states(value, columns)
+        columns, states = self._measured_states(value)
         blocks = {"force": columns["f"] - self.path_force(value, columns, states) / columns["mass"]}
         shaft, engine, fuel = [], [], []
         for state, stop, on in zip(states, self.stops, self.turning):

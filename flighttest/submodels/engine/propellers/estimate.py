@@ -6,12 +6,15 @@ correlation of successive residuals of a record enlarges it, because such points
 independent.
 
 Separability: with the a-priori knowledge of the level of thrust and of the drag polar taken away,
-the correlation of the level with the best combination of CD0 and K is
+the correlation of the thrust (mean of the points) with the best combination of CD0 and K is
 
-    rho^2 = 1 - var(level | drag known) / var(level)
+    rho^2 = 1 - var(thrust | drag known) / var(thrust)
 
-At rho = 0.95 an error of the thrust is 3.2 times what it would be if the drag were known, and the
-level is determined by a tenth of the information.
+At rho = 0.95 an error of the thrust is 3.2 times what it would be if the drag were known, and a
+tenth of the information determines it: a variance inflation factor of ten.  A high
+correlation alone harms nothing if what is left is exact enough.  Thrust and drag are therefore not
+separable if the correlation exceeds 0.95 and the points alone know the thrust less well than the
+a-priori tables do: then most of the information on the thrust is a priori.
 
 References
 ----------
@@ -30,9 +33,10 @@ from flightmech.errors import IdentificationError
 from flightmech.short_text import ShortText
 from flighttest.reconstruction.dynamics.shaft_condition import table_at
 from flighttest.remarks import Convergence
+from flighttest.submodels.engine.propellers.corrections import coefficient_slopes
 from flighttest.submodels.engine.propellers.equations import PropulsionEquations
 
-# Correlation of thrust and drag above which they are not separable.
+# Correlation of thrust and drag up to which they are separable whatever the standard errors.
 SEPARABLE = 0.95
 # Largest number of steps, and of passes over the noise.
 _STEPS = 40
@@ -43,8 +47,11 @@ _SAME, _SAME_NOISE = 1e-5, 1e-4
 _DIFFERENCE = 0.3
 # Step over the a-priori standard errors after which the slopes are computed again.
 _MOVED = 0.2
-# Largest correlation of successive residuals that is used, and least noise.
-_MOST_CORRELATED, _LEAST_NOISE = 0.9, 1e-10
+# Largest correlation of successive residuals that is used.
+_MOST_CORRELATED = 0.9
+# A-priori noise of the force [m/s2] and of the relative equations, which counts as much as two points
+# (our judgement). The unknowns can fit an equation of few points exactly.
+_FORCE_NOISE, _RELATIVE_NOISE, _NOISE_POINTS = 0.02, 0.01, 2.0
 # Factor on an a-priori standard error that takes the knowledge away.
 _NO_KNOWLEDGE = 1e3
 # Points of a manoeuvre that is tried, and its speeds over the flown ones.
@@ -110,7 +117,7 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
         if moved > _MOVED:
             jacobian = _jacobian(equations, u, sigma)
         if not noise:
-            noise = {name: max(_rms(v), _LEAST_NOISE) for name, v in residuals.items()}
+            noise = {name: _pooled_noise(name, v, spent=0.0) for name, v in residuals.items()}
             inflation = dict.fromkeys(residuals, 1.0)
         # Normal equations [Theil1961]; the Jacobian is that of the residuals.
         M = np.diag(1.0 / sigma[free] ** 2)
@@ -145,6 +152,13 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
         jacobian=jacobian,
         convergence=convergence,
     )
+
+
+def _pooled_noise(name: str, v: np.ndarray, spent: float) -> float:
+    """Return the noise of an equation from its residuals and the a-priori noise."""
+    prior = _FORCE_NOISE if name == "force" else _RELATIVE_NOISE
+    total = v @ v + _NOISE_POINTS * prior**2
+    return float(np.sqrt(total / (max(len(v) - spent, 0.0) + _NOISE_POINTS)))
 
 
 def _rms(v: np.ndarray) -> float:
@@ -184,7 +198,7 @@ def _new_noise(
         G = jacobian[name][:, free]
         weight = 1.0 / (old[0][name] ** 2 * old[1][name])
         spent = float(np.trace(D @ G.T @ G)) * weight
-        noise[name] = max(float(np.sqrt(v @ v / max(len(v) - spent, 1.0))), _LEAST_NOISE)
+        noise[name] = _pooled_noise(name, v, spent)
         rho = _successive_correlation(v, runs[name])
         inflation[name] = (1.0 + rho) / (1.0 - rho)
     return noise, inflation
@@ -205,22 +219,29 @@ class Separability(ShortText):
 
     Attributes
     ----------
-    correlation : float
-        Of the level of thrust with the drag, by the points alone. [1]
-    posterior : float
-        Of the level of thrust with CD0, with all a-priori values. [1]
+    correlation, error : float
+        Correlation of the thrust (mean of the points) with the drag, and relative standard error of
+        the thrust (rms over the points), by the points alone: without a-priori values of either.
+        [1]
+    posterior, posterior_error : float
+        The same with all a-priori values. [1]
+    prior_error : float
+        Standard error of the thrust of the a-priori tables. [1]
     manoeuvres : dict of str to float
-        Correlation after further manoeuvres, the best first.
+        The standard error by the points alone after further manoeuvres, the best first. [1]
     """
 
     correlation: float
+    error: float
     posterior: float
+    posterior_error: float
+    prior_error: float
     manoeuvres: dict[str, float]
 
     @property
     def separable(self) -> bool:
-        """Whether the correlation is at most `SEPARABLE`."""
-        return self.correlation <= SEPARABLE
+        """Whether the correlation is at most `SEPARABLE`, or the error at most that of the prior."""
+        return self.correlation <= SEPARABLE or self.error <= self.prior_error
 
 
 def separate_thrust_and_drag(
@@ -236,29 +257,65 @@ def separate_thrust_and_drag(
     if not drag:
         return None
     level = names.index("CT_prop scale")
+    slopes = _thrust_slopes(equations, estimate)
     information = estimate.information()
-    correlation = _correlation(information, sigma, level=level, drag=drag)
+    alone = _covariance_of_points(information, sigma, vague=[level, *drag])
     C = estimate.covariance
-    posterior = float(C[level, drag[0]] / np.sqrt(C[level, level] * C[drag[0], drag[0]]))
     tried = {}
     for name, columns in _manoeuvres(equations).items():
         more = information + _force_information(equations, estimate, columns)
-        tried[name] = _correlation(more, sigma, level=level, drag=drag)
-    ordered = dict(sorted(tried.items(), key=lambda item: item[1]))
-    return Separability(correlation, posterior, ordered)
+        after = _covariance_of_points(more, sigma, vague=[level, *drag])
+        tried[name] = _mean_error(slopes, after)
+    return Separability(
+        _correlation(slopes, alone, drag),
+        _mean_error(slopes, alone),
+        posterior=_correlation(slopes, C, drag),
+        posterior_error=_mean_error(slopes, C),
+        prior_error=_mean_error(slopes, np.diag(sigma**2)),
+        manoeuvres=dict(sorted(tried.items(), key=lambda item: item[1])),
+    )
 
 
-def _correlation(information: np.ndarray, sigma: np.ndarray, level: int, drag: list[int]) -> float:
-    """Return the correlation of the level with the drag, without a-priori values of either."""
-    vague = sigma.copy()
-    vague[[level, *drag]] *= _NO_KNOWLEDGE
-    free = np.flatnonzero(vague > 0.0)
-    C = np.linalg.inv(information[np.ix_(free, free)] + np.diag(1.0 / vague[free] ** 2))
-    places = [int(np.flatnonzero(free == k)[0]) for k in (level, *drag)]
-    block = C[np.ix_(places, places)]
-    # variance of the level with the drag known is the inverse of its element of the inverse
-    known = 1.0 / np.linalg.inv(block)[0, 0]
-    return float(np.sqrt(np.clip(1.0 - known / block[0, 0], 0.0, 1.0)))
+def _thrust_slopes(equations: PropulsionEquations, estimate: PointEstimate) -> np.ndarray:
+    """Return the slopes of CT of the turning propellers over its rms (point, unknown)."""
+    names = list(equations.unknowns)
+    value = dict(zip(names, map(float, estimate.value)))
+    rows, thrust = [], []
+    columns = equations.measured(value)
+    priors = equations.uncorrected_states(value, columns)
+    pairs = zip(equations.states(value, columns), priors, equations.turning)
+    for state, prior, on in pairs:
+        slopes = coefficient_slopes("CT_prop", prior.CT, prior.at, equations.shapes, names)
+        rows.append(slopes[on])
+        thrust.append(state.CT[on])
+    return np.concatenate(rows) / _rms(np.concatenate(thrust))
+
+
+def _mean_error(slopes: np.ndarray, C: np.ndarray) -> float:
+    """Return the rms over the points of the standard error."""
+    return float(np.sqrt(np.mean(np.einsum("ij,jk,ik->i", slopes, C, slopes))))
+
+
+def _covariance_of_points(
+    information: np.ndarray, sigma: np.ndarray, vague: list[int]
+) -> np.ndarray:
+    """Return the covariance without a-priori values of some unknowns (unknown, unknown)."""
+    wide = sigma.copy()
+    wide[vague] *= _NO_KNOWLEDGE
+    free = np.flatnonzero(wide > 0.0)
+    C = np.zeros_like(information)
+    C[np.ix_(free, free)] = np.linalg.inv(
+        information[np.ix_(free, free)] + np.diag(1.0 / wide[free] ** 2)
+    )
+    return C
+
+
+def _correlation(slopes: np.ndarray, C: np.ndarray, drag: list[int]) -> float:
+    """Return the correlation of the mean of the points with the drag."""
+    mean = slopes.mean(axis=0)
+    across = C[drag] @ mean
+    explained = across @ np.linalg.solve(C[np.ix_(drag, drag)], across)
+    return float(np.sqrt(np.clip(explained / (mean @ C @ mean), 0.0, 1.0)))
 
 
 def _manoeuvres(equations: PropulsionEquations) -> dict[str, dict[str, np.ndarray]]:

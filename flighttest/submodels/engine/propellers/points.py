@@ -159,6 +159,11 @@ def _speed_channel(part: xr.Dataset, number: int) -> np.ndarray:
     )
 
 
+def _mean(part: xr.Dataset, name: str) -> float:
+    """Return the mean of a channel, without the overhead of xarray."""
+    return float(np.nanmean(part[name].values))
+
+
 def _smooth_range(x: np.ndarray) -> float:
     """Return the range of the means over quarters of a window, which noise hardly changes."""
     means = [float(np.mean(quarter)) for quarter in np.array_split(x, 4)]
@@ -180,7 +185,7 @@ def _point(part: xr.Dataset, aircraft: Aircraft, accelerometer: bool) -> dict[st
     means = {}
     for name in names:
         if name in part:
-            means[name] = np.asarray(float(part[name].mean()))
+            means[name] = np.asarray(_mean(part, name))
     if "V" not in means:
         raise UnknownName("V", map(str, part.data_vars), "channel", "true airspeed")
     means.setdefault("mass", np.asarray(aircraft.mass))
@@ -194,14 +199,14 @@ def _point(part: xr.Dataset, aircraft: Aircraft, accelerometer: bool) -> dict[st
         across = float(np.mean(ax * np.sin(al) - az * np.cos(al)))
     else:
         f = V_dot + G0 * climb / V.mean()
-        bank = float(part["phi"].mean()) if "phi" in part else 0.0
+        bank = _mean(part, "phi") if "phi" in part else 0.0
         across = G0 * np.cos(gamma) / np.cos(bank)
     for number in range(1, len(aircraft.engines) + 1):
         rate = _slope(time, _speed_channel(part, number))
         means[f"engine{number}.rpm_dot"] = np.asarray(rate)
     if "alpha" not in means and "theta" in part:
         # wings level in air at rest: attitude less path angle
-        means["alpha"] = np.asarray(float(part["theta"].mean()) - gamma)
+        means["alpha"] = np.asarray(_mean(part, "theta") - gamma)
     added = {"f": f, "lift_force": across, "V_dot": V_dot, "hdot": climb, "time": time.mean()}
     return means | {name: np.asarray(x) for name, x in added.items()}
 
@@ -220,7 +225,7 @@ def _height_and_climb(part: xr.Dataset, time: np.ndarray) -> tuple[float, float]
         if name == "h_baro" and "temperature" in part:
             mean = {"h": np.array([h.mean()])}
             standard = float(air_of(mean)["temperature"][0])
-            climb *= float(part["temperature"].mean()) / standard
+            climb *= _mean(part, "temperature") / standard
         return float(h.mean()), climb
     raise UnknownName("h", map(str, part.data_vars), "channel", "energy needs a height")
 

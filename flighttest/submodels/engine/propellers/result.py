@@ -24,12 +24,11 @@ from flighttest.reconstruction.dynamics.shaft_condition import (
     thrust_unit,
 )
 from flighttest.remarks import PrintedResult, Remark, remarks_to_json
-from flighttest.submodels.engine.propellers.corrected_tables import (
-    from_flight,
-    fuel_tables,
-    replace_parts,
+from flighttest.submodels.engine.propellers.corrections import (
+    FlownRange,
+    coefficient_slopes,
+    corrected,
 )
-from flighttest.submodels.engine.propellers.corrections import FlownRange, corrected
 from flighttest.submodels.engine.propellers.equations import PropulsionEquations
 from flighttest.submodels.engine.propellers.estimate import (
     SEPARABLE,
@@ -123,11 +122,7 @@ class PropellerFit(PrintedResult):
         """
         shapes = self.equations.shapes
         value = corrected(name, prior, at, shapes, self.value)
-        # The coefficients are linear in the unknowns: each slope is a difference of one unit.
-        slopes = np.zeros((len(prior), len(self.value)))
-        for k, unknown in enumerate(self.value):
-            if unknown.startswith(f"{name} "):
-                slopes[:, k] = corrected(name, prior, at, shapes, {unknown: 1.0}) - prior
+        slopes = coefficient_slopes(name, prior, at, shapes, list(self.value))
         variance = np.einsum("ij,jk,ik->i", slopes, self.estimate.covariance, slopes)
         return value, np.sqrt(variance + self._beyond(name, prior, at["J"], shapes[name]) ** 2)
 
@@ -324,11 +319,12 @@ class PropellerFit(PrintedResult):
             )
             areas["feathered"] += list(zip((-state.CT * unit)[feathered], (own * unit)[feathered]))
         # Errors of one propeller are common to its points, so the mean error is that of the mean.
-        return {
-            name: (*map(float, np.mean(pairs, axis=0)), len(pairs))
-            for name, pairs in areas.items()
-            if pairs
-        }
+        means = {}
+        for name, pairs in areas.items():
+            if pairs:
+                area, stderr = np.mean(pairs, axis=0)
+                means[name] = float(area), float(stderr), len(pairs)
+        return means
 
     def report_lines(self) -> list[str]:
         """Return estimates, coefficients, drag, noise and correlations as lines."""
@@ -358,8 +354,12 @@ class PropellerFit(PrintedResult):
         if self.separability:
             lines.append(
                 f"correlation of thrust and drag: {self.separability.correlation:.3f} by the points "
-                f"alone (separable up to {SEPARABLE:g}), {self.separability.posterior:+.2f} with the "
-                f"a-priori values"
+                f"alone, {self.separability.posterior:.2f} with the a-priori values"
+            )
+            lines.append(
+                f"standard error of the thrust: {self.separability.prior_error:.1%} a priori, "
+                f"{self.separability.error:.1%} by the points alone, "
+                f"{self.separability.posterior_error:.1%} together"
             )
         if self.dynamics:
             lines += ["", *self.dynamics.report_lines()]
@@ -397,6 +397,9 @@ class PropellerFit(PrintedResult):
             numbers["separability"] = {
                 "correlation": self.separability.correlation,
                 "posterior": self.separability.posterior,
+                "error": self.separability.error,
+                "posterior_error": self.separability.posterior_error,
+                "prior_error": self.separability.prior_error,
                 "separable": self.separability.separable,
                 "manoeuvres": self.separability.manoeuvres,
             }
@@ -415,12 +418,14 @@ def _separability_remarks(found: Separability | None) -> list[Remark]:
         return [Remark("collinear", text, "CT_prop")]
     if found.separable:
         return []
-    name, rho = next(iter(found.manoeuvres.items()))
+    name, error = next(iter(found.manoeuvres.items()))
     text = (
         f"thrust and drag are not separable: correlation {found.correlation:.3f}, above "
-        f"{SEPARABLE:g}; the level of thrust leans on the a-priori values; fly {name}, after which "
-        f"the correlation is {rho:.2f}"
+        f"{SEPARABLE:g}, and the points alone know the thrust to {found.error:.0%}, less well than "
+        f"the a-priori tables ({found.prior_error:.0%}); the {found.posterior_error:.1%} of both "
+        f"lean on the polar that was given; fly {name}, after which the points alone know the "
+        f"thrust to {error:.1%}"
     )
-    if rho > SEPARABLE:
+    if error > found.prior_error:
         text += "; one such manoeuvre is not enough, fly full power and idle over the speed range"
-    return [Remark("collinear", text, "CT_prop", found.correlation, SEPARABLE)]
+    return [Remark("collinear", text, "CT_prop", found.error, found.prior_error)]
