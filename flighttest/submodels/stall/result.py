@@ -93,7 +93,9 @@ class StallIdentification(ShortText):
 
     def _errors_of(self, labels: Sequence[str], fitted: np.ndarray) -> np.ndarray:
         """Return standard errors; at a bound, which has none, that of the range of the search."""
-        before = {k: item.spread for model in self.fit.models for k, item in model.parameters.items()}
+        before = {}
+        for model in self.fit.models:
+            before.update({name: item.spread for name, item in model.parameters.items()})
         pairs = zip(labels, fitted, strict=True)
         return np.array([before[k] if np.isnan(error) else error for k, error in pairs])
 
