@@ -24,8 +24,9 @@ from flighttest.records.readers.name_map import Clock, NameMap
 from flighttest.records.readers.opening import open_recording
 from flighttest.records.readers.recording import RecordedTable, clock_name
 
-# Time of the moving mean that is taken off before slow quantities are compared. [s]
-_SLOW = 20.0
+# Time of the moving mean that is taken off before quantities are compared: of slow ones, and of
+# surfaces, whose trim follows power and speed and moves no rate. [s]
+_SLOW, _TRIM = 20.0, 10.0
 # Time of the moving mean that smooths a derivative. [s]
 _SMOOTH = 0.3
 # Largest delay between a column and its reference. [s]
@@ -86,13 +87,14 @@ class _Reference:
     """Signal that an absent quantity resembles, and the quantities that it needs.
 
     The part that the quantities `given` explain is taken off both signals: a rate is damped, and
-    turned back by the angle of attack or of sideslip, which shows in the acceleration.
+    turned back by the angle of attack or of sideslip, which shows in the acceleration.  Before
+    that, the moving mean over `mean_time` [s] is taken off all signals; 0 leaves them.
     """
 
     text: str
     needs: tuple[str, ...]
     make: Callable[[Signals, float], np.ndarray]
-    slow: bool = False
+    mean_time: float = 0.0
     given: tuple[str, ...] = ()
 
 
@@ -125,6 +127,7 @@ _REFERENCES: dict[str, tuple[_Reference, ...]] = {
             "the pitch acceleration",
             ("q",),
             _rate_of("q", -1.0),
+            mean_time=_TRIM,
             given=("q", "az_imu", "alpha_vane"),
         ),
     ),
@@ -133,6 +136,7 @@ _REFERENCES: dict[str, tuple[_Reference, ...]] = {
             "the roll acceleration",
             ("p",),
             _rate_of("p", -1.0),
+            mean_time=_TRIM,
             given=("p", "r", "ay_imu", "beta_vane"),
         ),
     ),
@@ -141,28 +145,37 @@ _REFERENCES: dict[str, tuple[_Reference, ...]] = {
             "the yaw acceleration",
             ("r",),
             _rate_of("r", -1.0),
+            mean_time=_TRIM,
             given=("r", "p", "ay_imu", "beta_vane"),
         ),
     ),
     "p": (_Reference("the derivative of the bank angle", ("phi",), _rate_of("phi")),),
     "q": (_Reference("the derivative of the pitch attitude", ("theta",), _rate_of("theta")),),
     "r": (_Reference("the derivative of the heading", ("psi",), _rate_of("psi")),),
-    "phi": (_Reference("the integral of the roll rate", ("p",), _integral_of("p"), slow=True),),
-    "theta": (_Reference("the integral of the pitch rate", ("q",), _integral_of("q"), slow=True),),
+    "phi": (
+        _Reference("the integral of the roll rate", ("p",), _integral_of("p"), mean_time=_SLOW),
+    ),
+    "theta": (
+        _Reference("the integral of the pitch rate", ("q",), _integral_of("q"), mean_time=_SLOW),
+    ),
     "alpha_vane": (
-        _Reference("the normal force", ("az_imu", "V"), _force_over_pressure("az_imu"), slow=True),
-        _Reference("the normal force", ("az_imu", "V_cas"), _force_over_pressure("az_imu"), True),
+        _Reference(
+            "the normal force", ("az_imu", "V"), _force_over_pressure("az_imu"), mean_time=_SLOW
+        ),
+        _Reference("the normal force", ("az_imu", "V_cas"), _force_over_pressure("az_imu"), _SLOW),
     ),
     "beta_vane": (
-        _Reference("the side force", ("ay_imu", "V"), _force_over_pressure("ay_imu"), slow=True),
-        _Reference("the side force", ("ay_imu", "V_cas"), _force_over_pressure("ay_imu"), True),
+        _Reference(
+            "the side force", ("ay_imu", "V"), _force_over_pressure("ay_imu"), mean_time=_SLOW
+        ),
+        _Reference("the side force", ("ay_imu", "V_cas"), _force_over_pressure("ay_imu"), _SLOW),
     ),
     "V_cas": (
         _Reference(
             "the ground speed",
             ("vn", "ve"),
             lambda signals, step: np.hypot(signals["vn"], signals["ve"]),
-            slow=True,
+            mean_time=_SLOW,
         ),
     ),
     "h_baro": (
@@ -283,11 +296,11 @@ def _compare_columns(
     columns: Sequence[str],
     step: float,
 ) -> list[ColumnCandidate]:
-    expected = _prepare(reference.make(signals, step), step, reference.slow)
+    expected = _prepare(reference.make(signals, step), step, reference.mean_time)
     given = []
     for name in reference.given:
         if name in signals:
-            given.append(_smooth(_prepare(signals[name], step, slow=False), step))
+            given.append(_smooth(_prepare(signals[name], step, reference.mean_time), step))
     found: list[ColumnCandidate] = []
     for column in columns:
         name = column if column in table.columns else column.rpartition("/")[2]
@@ -300,7 +313,7 @@ def _compare_columns(
         stated = table.units.get(name) or ""
         if not _is_possible(quantity, stated):
             continue
-        values = _prepare(values, step, reference.slow)
+        values = _prepare(values, step, reference.mean_time)
         if given:
             values = _smooth(values, step)
         value = _largest_correlation(values, expected, given, step)
@@ -337,11 +350,11 @@ def _unit_by_size(quantity: str, values: np.ndarray, expected: np.ndarray) -> st
     return ""
 
 
-def _prepare(values: np.ndarray, step: float, slow: bool) -> np.ndarray:
-    """Return values without gaps and, for slow quantities, without their moving mean."""
+def _prepare(values: np.ndarray, step: float, mean_time: float) -> np.ndarray:
+    """Return values without gaps and without their moving mean over a time; 0 takes none off."""
     series = pd.Series(values).interpolate(limit_direction="both")
-    if slow:
-        window = max(round(_SLOW / step), 3)
+    if mean_time > 0.0:
+        window = max(round(mean_time / step), 3)
         series = series - series.rolling(window, center=True, min_periods=1).mean()
     return series.to_numpy()
 

@@ -216,7 +216,7 @@ _OTHER_SUBJECTS = {
     "a quantity of fuel; mass is the gross mass": (
         "fuelqty fuelquantity fuel fuelused fuelremaining fob"
     ),
-    "a lever that no model uses": "conditionlever mixture mixturelever proplever",
+    "a lever that no model uses": "conditionlever mixture mixturelever",
     "a stabilizer or trim position; delta_t is the elevator tab, i_h the stabilizer: add it by hand": (
         "hstab stab stabtrim stabilizer stabiliser stabilizertrim htrim hstabtrim"
     ),

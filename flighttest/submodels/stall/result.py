@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,6 +82,7 @@ class StallIdentification(ShortText):
             pairs = np.array([self.value(label) for label in self.flow.names(name)])
             tabled = name in PER_NODE and len(self.flow.nodes) > 1
             axes = {self.flow.axis: list(self.flow.nodes)} if tabled else {}
+            pairs[:, 1] = self._errors_of(self.flow.names(name), pairs[:, 1])
             values, errors = pairs.T if tabled else pairs[0]
             source = "judgement" if name in self.flow.fixed else "flight"
             comment = self.not_identified.get(name, "")
@@ -89,6 +90,14 @@ class StallIdentification(ShortText):
             if comment:
                 tables[name].attrs["comment"] = f"not identified: {comment}"
         return tables
+
+    def _errors_of(self, labels: Sequence[str], fitted: np.ndarray) -> np.ndarray:
+        """Return standard errors; at a bound, which has none, that of the range of the search."""
+        before = {}
+        for model in self.fit.models:
+            before.update({name: item.spread for name, item in model.parameters.items()})
+        pairs = zip(labels, fitted, strict=True)
+        return np.array([before[k] if np.isnan(error) else error for k, error in pairs])
 
     def separation(self, buffet: Mapping[str, xr.Dataset] | None = None) -> FlowSeparation:
         """Return the separation for an aircraft; `buffet` are its tables, which are not fitted."""

@@ -152,6 +152,18 @@ def test_stalls_below_alpha_star_do_not_identify_the_steepness():
     assert "a1" in found.not_identified
 
 
+def test_a_parameter_at_its_bound_has_the_standard_error_of_the_bounds():
+    """Stalls that end below alpha_star: 80 of 4 ... 80 for a1, which has no error of the fit."""
+    rng = np.random.default_rng(6)
+    data = [records.stall_record(rng, "accelerated", top=7.0, noise=0.1) for _ in range(3)]
+    found = identify([record.isel(time=slice(0, 180)) for record in data], axis="")
+    assert {"a1", "alpha_star"} <= set(found.not_identified)
+    assert np.isnan(found.value("a1")[1])
+    leaf = found.separation().tables["a1"]
+    assert float(leaf["stderr"]) == pytest.approx(76.0 / np.sqrt(12.0))
+    assert leaf.attrs["comment"].startswith("not identified:")
+
+
 def test_the_database_flies_the_model(found, tmp_path):
     root = {"title": "jet", "aircraft": "jet", "S": 17.0, "cbar": 1.67, "b": 10.3}
     root |= {"x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability", "source": "own"}

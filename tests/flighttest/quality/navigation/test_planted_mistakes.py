@@ -52,8 +52,9 @@ def plus(offset):
     return lambda t, x: x + offset
 
 
-@pytest.mark.parametrize(("channel", "delay"), [("vn", 1.0), ("V_cas", 2.0), ("alpha_vane", 0.2)])
+@pytest.mark.parametrize(("channel", "delay"), [("vn", 1.0), ("V_cas", 2.0), ("alpha_vane", 0.25)])
 def test_late_channel(light, channel, delay):
+    # the aircraft file allows a vane 0.2 s; 0.24 (0.017) s is not significantly more
     (fault,) = faults(judged(light, **{channel: late(delay)})).values()
     assert fault.name == f"lag:{channel}"
     # the instruments of the record are 0.04 to 0.16 s late themselves
