@@ -24,6 +24,11 @@ from flighttest.reconstruction.dynamics.shaft_condition import (
     thrust_unit,
 )
 from flighttest.remarks import PrintedResult, Remark, remarks_to_json
+from flighttest.submodels.engine.propellers.corrected_tables import (
+    from_flight,
+    fuel_tables,
+    replace_parts,
+)
 from flighttest.submodels.engine.propellers.corrections import (
     FlownRange,
     coefficient_slopes,
