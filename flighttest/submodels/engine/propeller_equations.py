@@ -354,7 +354,7 @@ class PropulsionEquations:
                 flow = self.fuel_flow(state.power, state.at, value)
                 fuel.append(((state.at["fuel_flow"] - flow) / self.units["fuel flow"])[on])
         more = {"shaft power": shaft, "engine power": engine, "fuel flow": fuel}
-        # without a measured power the equation of the shaft says nothing
+        # without a measured power the equation of the shaft has no information
         if not (self.torque or self.charted):
             more.pop("shaft power")
         for name, parts in more.items():

@@ -80,7 +80,7 @@ def test_report_prints_the_correlation_and_what_was_left_out(fit):
     assert found.separable
 
 
-def test_one_power_is_called_not_separable_and_idle_is_asked_for(flown):
+def test_one_power_is_called_not_separable_and_idle_is_advised(flown):
     craft, records = flown
     prior = flights.prior_aircraft(craft, SEED)
     fit = identify_propeller(records[:3], prior, Polar(*flights.prior_polar(craft, SEED)))
@@ -93,7 +93,7 @@ def test_one_power_is_called_not_separable_and_idle_is_asked_for(flown):
 
 
 @pytest.mark.nightly
-def test_a_polar_that_is_held_is_said(flown):
+def test_a_polar_that_is_held_is_remarked(flown):
     craft, records = flown
     prior = flights.prior_aircraft(craft, SEED)
     fit = identify_propeller(records[::4], prior, Polar(craft.CD0, craft.K))
