@@ -11,8 +11,8 @@ the correlation of the thrust (mean of the points) with the best combination of 
     rho^2 = 1 - var(thrust | drag known) / var(thrust)
 
 At rho = 0.95 an error of the thrust is 3.2 times what it would be if the drag were known, and a
-tenth of the information determines it: a variance inflation factor of ten.  A high
-correlation alone harms nothing if what is left is exact enough.  Thrust and drag are therefore not
+tenth of the information determines it: a variance inflation factor of ten.  A high correlation alone
+does no harm if the remaining information is exact enough.  Thrust and drag are therefore not
 separable if the correlation exceeds 0.95 and the points alone know the thrust less well than the
 a-priori tables do: then most of the information on the thrust is a priori.
 
