@@ -163,7 +163,6 @@ def test_the_script_of_windows_does_what_run_does():
         "pyproject.toml",
         "hatch_build.py",
         "kernel",
-        *PACKAGES,
     ):
         assert words in shell, words
         assert words in power, words

@@ -44,7 +44,6 @@ OUTPUTS = {
     "--into",
     "--junit",
     "--log",
-    "--page",
     "--save",
     "--write",
 }

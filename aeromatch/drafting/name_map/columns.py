@@ -107,8 +107,8 @@ def explain_unknown(column: str) -> str:
 
     Examples
     --------
-    >>> explain_unknown("Engine RPM")
-    'an engine or rotor speed, which no model uses'
+    >>> explain_unknown("EGT")
+    'a temperature of the engine that no model uses'
     >>> explain_unknown("spare_7")
     ''
     """
