@@ -126,7 +126,7 @@ def test_a_low_pass_holds_its_height(trainer):
         fly_manoeuvres(sim, start_of(sim, h_agl=20.0), [(low_pass(0.05), None)], aircraft.b)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_landing_flares_and_ends_at_the_contact(trainer):
     aircraft, sim, *_ = trainer
     landing = PlannedManoeuvre(name="landing", kind="landing", height=0.8, duration=30.0)

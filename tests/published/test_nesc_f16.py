@@ -270,7 +270,7 @@ def test_airspeed_command():
     assert np.abs(run.h / FT - 10013.0).max() < 4.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_side_step():
     run = fly("13p4")
     course = 45.0 * DEG

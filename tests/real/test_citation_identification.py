@@ -70,7 +70,7 @@ def test_stationary_points(citation, year):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("year", YEARS)
 def test_elevator_trim_slope_of_the_recording(citation, year):
     parts = citation.stationary_parts(year, "trim")

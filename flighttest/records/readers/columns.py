@@ -106,7 +106,8 @@ def units_at_the_end(words: Sequence[str]) -> list[str]:
     """
     if not words or words[0].isdigit():
         return []
-    text = " ".join(words)
+    # German for degree.  In brackets, where a unit is meant, the lower case is refused: it is gon too.
+    text = " ".join("deg" if word == "grad" else word for word in words)
     candidates: list[str] = []
     if len(words) == 1:
         candidates = [text, _AT_THE_END.get(text, "")]

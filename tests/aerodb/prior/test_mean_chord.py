@@ -66,6 +66,7 @@ def test_without_all_cards_there_is_no_chord(left_out):
     assert mean_chord_of(deck(planform, {"XW": 2.0, "SCALE": 0.5})) is None
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("line", "words"),
     [

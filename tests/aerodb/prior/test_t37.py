@@ -31,7 +31,7 @@ def stability_axes(db, alpha=ALPHA, mach=0.3):
     return T.T @ D_b @ T
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_sanity_table_longitudinal(t37_db):
     """README: Mach 0.3, 10 000 ft, alpha 2 deg."""
     where = {"mach": 0.3, "alpha": ALPHA}

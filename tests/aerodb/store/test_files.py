@@ -107,7 +107,7 @@ def test_there_and_back_gives_the_same_tree(mat_files_in_this_process, tmp_path,
         }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(
     max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
@@ -127,7 +127,7 @@ def test_a_look_at_a_file_shows_what_the_whole_tree_holds(tmp_path, db):
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(
     max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

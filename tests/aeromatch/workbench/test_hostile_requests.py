@@ -94,7 +94,7 @@ def test_a_client_that_leaves_in_the_middle_of_its_body_is_no_fault_of_the_serve
     assert asyncio.run(_read_body(LeftRequest())) is None
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_odd_queries_are_answered_without_a_fault_of_the_server(client):
     names = ("name", "number", "report", "file", "term", "a", "points", "start", "channels", "find")
     gets = [path for method, path in ROUTES if method == "GET"] + ["/api/output", "/api/actions"]

@@ -97,6 +97,7 @@ def test_a_trial_stands_apart_from_the_proof(opened):
             matching.show_case(opened, {"report": report, "name": NAME}, None)
 
 
+@pytest.mark.nightly
 def test_criteria_and_causes_of_a_case(opened):
     found = matching.show_case(opened, {"name": NAME}, None)
     assert {(row["run"], row["criterion"], row["verdict"]) for row in found["rows"]} >= {

@@ -96,7 +96,7 @@ def test_requests_that_cannot_be_answered(opened):
         call(opened, "/api/board", ["no mapping"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_older_paths_are_named(opened):
     """A path older than its recording, and a match that came after the paths."""
     assert list_older_paths(opened) == []

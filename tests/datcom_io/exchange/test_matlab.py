@@ -47,7 +47,7 @@ def properties_of(path):
 
 # the others for .ci/nightly
 SHORT = [
-    path if place % 3 == 0 else pytest.param(path, marks=pytest.mark.nightly)
+    path if place % 12 == 0 else pytest.param(path, marks=pytest.mark.nightly)
     for place, path in enumerate(filter(is_short, LISTINGS))
 ]
 LONG = [path for path in LISTINGS if not is_short(path)]
