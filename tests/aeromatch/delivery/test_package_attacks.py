@@ -270,7 +270,7 @@ def test_zips_that_two_programs_read_differently_are_refused(delivery, tmp_path)
     assert "belong to none of its members" in str(faults(hidden)[0])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_byte_of_a_zip(delivery, tmp_path):
     """A changed byte of a zip is refused, or changes nothing that is read."""
     good = pack(delivery, tmp_path / "good.zip")

@@ -97,6 +97,7 @@ def computed(text):
     return {stage: int(rest.split()[0]) for stage, rest in rows if not rest.startswith("0 ")}
 
 
+@pytest.mark.nightly
 def test_without_a_change_nothing_is_imported_that_computes(small):
     found = match(small, "store")
     assert "nothing changed since the last match" in found.stderr

@@ -114,6 +114,7 @@ def test_criteria_and_causes_of_a_case(opened):
         matching.show_case(opened, {"name": "roll_respons"}, None)
 
 
+@pytest.mark.nightly
 def test_models_and_databases_that_can_be_flown(opened):
     found = matching.show_match(opened, {}, None)
     work = ("match/datcom", "match/final", "databases/edited")

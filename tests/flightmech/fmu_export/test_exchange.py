@@ -345,7 +345,7 @@ GUSTY = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "version",
     [VERSIONS[0], *(pytest.param(other, marks=pytest.mark.slow) for other in VERSIONS[1:])],

@@ -79,7 +79,7 @@ def test_without_torque_only_ratios_are_found_and_a_known_inertia_makes_them_abs
         servo.with_inertia(0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_limits_that_were_reached_are_found_and_the_spectra_contradict(limited):
     true = {
         "rate_limit": 5.5,

@@ -168,7 +168,7 @@ def coloured(seed, tau, duration=12.0, step=0.1):
     return xr.Dataset({"r": ("time", x)}, {"time": step * np.arange(n)})
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "tau", [0.3, *(pytest.param(tau, marks=pytest.mark.slow) for tau in (1.0, 5.0))]
 )
@@ -185,7 +185,7 @@ def test_a_quiet_stretch_gives_no_figure(tau):
     assert passed <= 3
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_slow_curve_is_no_oscillation():
     """Speed that drifts along random bends in a minute: a cycle explains up to 99 % of it, and a
     cubic as much; one of 25 passed.

@@ -246,7 +246,7 @@ def test_batch_estimates_the_constants_that_are_free(files, tmp_path):
         )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_figure_of_the_compatibility(files, tmp_path):
     pytest.importorskip("matplotlib", reason="figures need matplotlib")
     target, figure = tmp_path / "path.nc", tmp_path / "compatibility.png"

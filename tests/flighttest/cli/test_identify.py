@@ -122,7 +122,7 @@ def test_windows_of_one_path_and_errors_of_the_measurement(files):
         run(path, second, *aircraft, *model, "--window-of", "path", "0", "8")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("command", ["identify", "select"])
 def test_a_fit_knows_its_windows_in_another_form(files, command):
     """Another cut-off, wing area and name of the path do not make data of the fit unseen."""

@@ -124,7 +124,7 @@ def points_of(truth, rng, wrong):
     return "\n".join(lines)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore:incompatible fits", "ignore:suspect fits")  # one is wrong
 def test_thirty_six_points_of_which_one_is_wrong_reduce_the_error_of_the_tables(tmp_path):
     """Rms error in the flown region below 40 % of that of the prior for each of eight truths (4 to

@@ -219,7 +219,7 @@ def test_schedule_over_mach_number_and_height(fit):
     assert "no change beyond its error" in fit.spools.report()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_delay_and_time_constant_with_limits(fit):
     value, stderr = fit.spools.constants["lever_delay"]
     time, _ = fit.spools.tables["n2_up_time"].at(0.8)

@@ -182,7 +182,7 @@ def accelerations(seed, noise=1.0):
     return parts
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_weights_by_the_spectrum_serve_noise_that_grows_with_frequency():
     model, true = RegressionModel("CL", ["1", "qhat", "alpha"]), np.array([2.0, 0.1])
     wrong, apart = {"equal": [], "spectrum": []}, []

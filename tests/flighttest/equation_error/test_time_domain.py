@@ -289,7 +289,7 @@ def spoil(file, name, place, number):
     file[name][...] = values
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "place", "number", "words"),
     [

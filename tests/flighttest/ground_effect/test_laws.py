@@ -84,7 +84,7 @@ def test_the_law_of_the_truth_is_taken_and_its_factor_is_right(identified):
     assert not one.warnings
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_database_flies_the_law(identified):
     """The kernel has the power law in closed form, the others as a table within 1e-3."""
     law, _, one = identified

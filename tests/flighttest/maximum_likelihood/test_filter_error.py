@@ -124,7 +124,7 @@ def test_a_delay_of_the_input_is_found_in_frequency(model):
     assert row["stderr"] < 0.005
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_open_loop_in_turbulence_is_warned_of_and_the_filter_is_better(model):
     calm = {"process.alpha": 0.01, "process.q": 0.01}
     loop, filtered, wider = [], [], []
@@ -392,7 +392,7 @@ def gusty_flight(seed, time_constant=1.7, level=0.012, duration=20.0, step=0.04)
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_all_starts_of_the_noise_end_at_one_maximum(model):
     """The search once ended up to 150 above it, with a step made small by damping alone."""
     record, costs = gusty_flight(1), []

@@ -134,7 +134,7 @@ def test_vane_platform_and_accelerometer_together_in_gusts(model):
     assert not [remark for remark in fit.remarks if remark.kind == "coloured"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_white_process_noise_in_gusts_with_a_platform_is_forbidden(model):
     """Its estimates are several standard errors off, and the innovations show it."""
     record = gusty_flight(1).drop_vars("alpha_vane")
@@ -170,6 +170,7 @@ def test_a_positive_start_is_demanded_of_gust_and_scale(model):
         filter_error(model, record, {**TRUTH, "gust.v": 1.0}, gusts=[gust()])
 
 
+@pytest.mark.nightly
 def test_a_search_that_does_not_converge_names_the_disturbance_that_suffices(model):
     record = gusty_flight(5).isel(time=slice(0, 150))
     start = {"A[q,alpha]": -6.0, "B[q,delta_e]": -9.0, "gust.w": 1.5}

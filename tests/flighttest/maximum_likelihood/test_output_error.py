@@ -169,9 +169,12 @@ def test_slopes_flown_with_the_response_change_nothing_but_the_number_of_batches
     unknowns = {name: 1.0 for name in TRUTH} | STARTS | {"sensor.alpha": 0.0, "factor.q": 1.0}
     batches: list[int] = []
     fly = time_domain.fly_batch
-    monkeypatch.setattr(
-        time_domain, "fly_batch", lambda *args: batches.append(len(args[4])) or fly(*args)
-    )
+
+    def counted(*args, values, **options):
+        batches.append(len(values))
+        return fly(*args, values=values, **options)
+
+    monkeypatch.setattr(time_domain, "fly_batch", counted)
     ahead = flighttest.output_error(sim, record, unknowns, list(NOISE), HELD).estimates
     together, batches[:] = list(batches), []
     monkeypatch.setattr(time_domain.SimulatedRecord, "expect", lambda *_: None)

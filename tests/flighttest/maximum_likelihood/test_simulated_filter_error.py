@@ -100,7 +100,7 @@ def test_without_a_disturbance_it_is_output_error(glider):
     assert "init.gust_w" in given.estimates["parameter"].values
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_constraints_hold_over_several_manoeuvres(glider):
     records = [flown(glider, seed, duration=3.0) for seed in (5, 6)]
     unknowns = wanted() | {"init.alpha": Unknown(0.02, own=True), "gust.w": 0.5}

@@ -273,7 +273,7 @@ def test_the_common_model_of_several_records():
         count_selections([])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("weights", ["equal", "spectrum"])
 @pytest.mark.parametrize("choose", [select_orthogonal, select_stepwise])
 def test_without_noise_a_selection_in_frequency_ends(choose, weights, monkeypatch):

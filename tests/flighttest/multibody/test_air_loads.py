@@ -60,6 +60,7 @@ def found(folder, tree):
     return true, motion, air_loads(motion, commands)
 
 
+@pytest.mark.nightly
 def test_the_joints_are_those_of_the_truth(tree):
     from flighttest.special_tests.multibody.mechanics import joint_angles
 

@@ -78,7 +78,7 @@ MISTAKES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "case",
     [

@@ -50,7 +50,7 @@ def test_a_record_that_does_not_turn_gives_the_other_explanations_too():
     assert {channels, *others} == {("psi", "r"), ("psi",), ("ve",)}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_half_of_a_mirrored_flight_may_be_the_other_half():
     found = mistakes_of(ROLL, ["phi", "p", "psi", "r"])
     blamed = {channels for channels, _ in found}
