@@ -161,7 +161,7 @@ def test_few_cases_and_one_job_take_no_processes(cases, jobs):
 def test_what_is_kept_is_not_flown_again(cases, paths, toy, tmp_path, flights):
     runs = {"a": toy(), "b": toy(interpolates=False), "bad": toy("error")}
     first = replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept")
-    assert len(flights) == 40  # 24, and the probes of the 16 that pass
+    assert len(flights) == 56  # 24, and two probes of each of the 16 that pass
     flights.clear()
     the_same(replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept"), first)
     assert flights == ["error.fmu"] * 8  # a flight that failed is tried again
@@ -180,7 +180,7 @@ def test_a_batch_goes_on_where_it_was_interrupted(cases, paths, toy, tmp_path, f
     before = len(flights)
     assert 3 <= before < 16
     found = replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept")
-    assert len(flights) == 16  # each with its probe
+    assert len(flights) == 24  # each with its two probes
     the_same(found, replay_all(cases, runs, paths, jobs=1))
 
 
@@ -199,10 +199,10 @@ def test_what_changed_is_flown_again_and_only_that(
     states = lag_states.copy(deep=True)
     states["delta_e"][320] += 1e-9  # at 6.4 s of the record
     replay_all(cases, runs, {"record": states}, jobs=1, resume=kept)
-    assert len(flights) == 10  # the windows that reach it, 6.5 s to 8.5 s, and their probes
+    assert len(flights) == 15  # the windows that reach it, 6.5 s to 8.5 s, and their probes
     flights.clear()
     replay_all(cases, {"toy": toy(units={"theta": ""})}, paths, jobs=1, resume=kept)
-    assert len(flights) == 16  # another file under the same name
+    assert len(flights) == 24  # another file under the same name
 
 
 def test_a_damaged_file_of_the_store_is_flown_again(cases, paths, toy, tmp_path, flights):
