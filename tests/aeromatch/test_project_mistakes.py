@@ -90,7 +90,7 @@ def rows():
         yield pytest.param(file, old, new, line, parts, id=f"{line}: {new}")
 
 
-@pytest.mark.parametrize(("file", "old", "new", "line", "parts"), rows())
+@pytest.mark.parametrize(("file", "old", "new", "line", "parts"), list(rows()))
 def test_a_mistake_in_a_project_is_answered(
     file, old, new, line, parts, tmp_path, monkeypatch, capfd
 ):
