@@ -16,8 +16,9 @@ import re
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -505,6 +506,39 @@ def put_answer(answer: Callable[[Outputs, Outputs, Outputs], Outputs]) -> Callab
     return undo
 
 
+def _judge_made(make: Callable[[Bench], Deception], bench: Bench) -> tuple[list[str], str]:
+    return judge(make(bench))
+
+
+def count_named(
+    trials: Sequence[tuple[str, Callable[[], tuple[list[str], str]], str]], only: str
+) -> None:
+    """Run deceptions, and print by which line each is named.
+
+    Parameters
+    ----------
+    trials : sequence of tuple
+        Name; function that returns the statuses and the text of the report; pattern of the line that
+        names the deception.
+    only : str
+        Parts of the names of those to run, by commas.
+    """
+    parts = only.split(",")
+    chosen = [trial for trial in trials if any(map(trial[0].__contains__, parts))]
+    named = 0
+    for name, run, pattern in chosen:
+        start = time.perf_counter()
+        statuses, text = run()
+        line = next((one for one in text.splitlines() if re.search(pattern, one)), "")
+        is_named = re.search(pattern, text) is not None
+        named += is_named
+        state = "named " if is_named else "SILENT"
+        seconds = time.perf_counter() - start
+        print(f"{state} {name:30} {', '.join(statuses):40} {seconds:4.0f} s")
+        print(f"       {(line or text.replace(chr(10), ' | '))[:300]}", flush=True)
+    print(f"{named} of {len(chosen)} named")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -517,21 +551,12 @@ def main() -> None:
     warnings.simplefilter("ignore")
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(given.demo.resolve(), Path(folder), np.random.default_rng(given.seed))
-        named = 0
-        parts = given.only.split(",")
-        chosen = [item for item in DECEPTIONS if any(part in item[1].__name__ for part in parts)]
-        for kind, make, word in chosen if not given.honest else ():
-            start = time.perf_counter()
-            statuses, text = judge(make(bench))
-            is_named = re.search(word, text) is not None
-            named += is_named
-            line = next((one for one in text.splitlines() if re.search(word, one)), "")
-            state = "named " if is_named else "SILENT"
-            seconds = time.perf_counter() - start
-            print(f"{kind} {state} {make.__name__:26} {', '.join(statuses):40} {seconds:4.0f} s")
-            print(f"           {(line or text.replace(chr(10), ' | '))[:160]}", flush=True)
+        trials = []
+        for kind, make, word in DECEPTIONS:
+            run = partial(_judge_made, make, bench)
+            trials.append((f"{kind} {make.__name__}", run, word))
         if not given.honest:
-            print(f"{named} of {len(chosen)} named")
+            count_named(trials, given.only)
         if given.only:
             return
         cases = [next(CASES.glob(f"{name}_*.toml")) for name in HONEST]

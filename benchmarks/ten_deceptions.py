@@ -11,16 +11,15 @@ from __future__ import annotations
 
 import argparse
 import csv
-import re
 import tempfile
-import time
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from deceptions import DATA, RUN, Bench, Deception, judge
+from deceptions import DATA, RUN, Bench, Deception, count_named, judge
 from scipy.ndimage import gaussian_filter1d
 
 import aerodb
@@ -261,22 +260,10 @@ def main() -> None:
     parser.add_argument("--only", default="", help="parts of the names of deceptions, by commas")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
-    parts = given.only.split(",")
-    chosen = [item for item in DECEPTIONS if any(part in item[0].__name__ for part in parts)]
-    named = 0
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(given.demo.resolve(), Path(folder), np.random.default_rng(1))
-        for make, word in chosen:
-            start = time.perf_counter()
-            statuses, text = make(bench)
-            is_named = re.search(word, text) is not None
-            named += is_named
-            line = next((one for one in text.splitlines() if re.search(word, one)), "")
-            state = "named " if is_named else "SILENT"
-            seconds = time.perf_counter() - start
-            print(f"{state} {make.__name__:28} {', '.join(statuses):40} {seconds:4.0f} s")
-            print(f"         {(line or text.replace(chr(10), ' | '))[:600]}", flush=True)
-    print(f"{named} of {len(chosen)} named")
+        trials = [(make.__name__, partial(make, bench), word) for make, word in DECEPTIONS]
+        count_named(trials, given.only)
 
 
 if __name__ == "__main__":

@@ -71,27 +71,24 @@ def run_match(
     as_json: bool,
 ) -> None:
     """Perform the command ``match``."""
+    way: dict[str, Any] = {
+        "as_json": as_json,
+        "fresh": fresh,
+        "explain": explain,
+        "unplaced": unplaced,
+    }
+    options = {
+        "scheduler": scheduler,
+        "resume": resume,
+        "samples": samples,
+        "compare": compare_tables,
+    }
     if plan_only:
         if actions is not None:
             raise click.UsageError(
                 "--plan and --actions exclude each other; a plan carries out no action"
             )
-        options = {
-            "scheduler": scheduler,
-            "resume": resume,
-            "samples": samples,
-            "compare": compare_tables,
-        }
-        _plan(
-            project,
-            output,
-            jobs,
-            as_json=as_json,
-            fresh=fresh,
-            explain=explain,
-            unplaced=unplaced,
-            options=options,
-        )
+        _plan(project, output, jobs, **way, options=options)
         return
     if paths_only:
         ignored = {
@@ -115,23 +112,7 @@ def run_match(
         if _replayed(project, output, actions):
             return
         output = output / "match"
-    options = {
-        "scheduler": scheduler,
-        "resume": resume,
-        "samples": samples,
-        "seed": seed,
-        "compare": compare_tables,
-    }
-    _match(
-        project,
-        output,
-        jobs,
-        as_json=as_json,
-        fresh=fresh,
-        explain=explain,
-        unplaced=unplaced,
-        options=options,
-    )
+    _match(project, output, jobs, **way, options=options | {"seed": seed})
 
 
 def _write_paths(

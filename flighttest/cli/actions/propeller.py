@@ -16,7 +16,7 @@ from flightmech.support.console import print_json, show_progress
 from flightmech.support.hdf5_seal import decoding_errors
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.records.record import read
-from flighttest.records.signals.conditioning import cut
+from flighttest.records.signals.conditioning import cut_whole
 from flighttest.submodels.engine.propellers.identification import identify_propeller
 from flighttest.submodels.engine.static_thrust import Polar
 
@@ -88,11 +88,7 @@ def _read_record(path: str, names: str | None, rate: float) -> xr.Dataset:
     name = Path(path).stem
     if not names and Path(path).read_bytes()[:4] == _HDF5 and _is_path(path):
         return open_states(path).assign_attrs(record=name)
-    record = read(path, names)
-    clocks = [leaf.to_dataset()["time"].values for leaf in record.children.values()]
-    begin = max(float(clock[0]) for clock in clocks)
-    end = min(float(clock[-1]) for clock in clocks)
-    return cut(record, begin, end, rate=rate).assign_attrs(record=name)
+    return cut_whole(read(path, names), rate).assign_attrs(record=name)
 
 
 def _is_path(path: str) -> bool:

@@ -26,7 +26,7 @@ from flighttest.reconstruction.dynamics.saved_paths import open_path, open_state
 from flighttest.reconstruction.flight_programme import open_biases
 from flighttest.records.record import marked_manoeuvres, read
 from flighttest.records.sensors.instruments import pick_up_errors
-from flighttest.records.signals.conditioning import cut
+from flighttest.records.signals.conditioning import cut_whole
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.actuators.figure import draw_actuator
 from flighttest.submodels.actuators.identification import identify_actuator, read_bench_log
@@ -216,15 +216,10 @@ def run_engine(
     structure = read_structure(structure_file) if structure_file else EngineStructure()
 
     def channels(path: str):
-        record = read(path, names)
-        clocks = [leaf.to_dataset()["time"].values for leaf in record.children.values()]
-        begin, end = (
-            max(float(clock[0]) for clock in clocks),
-            min(float(clock[-1]) for clock in clocks),
+        flown = cut_whole(read(path, names), rate)
+        return engine_channels(flown, numbers, angles, structure.height).assign_attrs(
+            record=Path(path).stem
         )
-        return engine_channels(
-            cut(record, begin, end, rate=rate), numbers, angles, structure.height
-        ).assign_attrs(record=Path(path).stem)
 
     with show_progress("read the records of the engine"):
         flown = [channels(path) for path in power_changes]

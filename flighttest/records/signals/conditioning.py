@@ -67,6 +67,14 @@ def smooth(maneuver: xr.Dataset, cutoff: float = SMOOTHING, controls: bool = Fal
     return smoothed.assign_attrs(smoothed=cutoff)
 
 
+def cut_whole(record: xr.DataTree, rate: float | str = 50.0) -> xr.Dataset:
+    """Return all channels of a record over the time that every leaf covers; see `cut`."""
+    clocks = [leaf.to_dataset()["time"].values for leaf in record.children.values()]
+    begin = max(float(clock[0]) for clock in clocks)
+    end = min(float(clock[-1]) for clock in clocks)
+    return cut(record, begin, end, rate)
+
+
 def cut(
     record: xr.DataTree, start: float | str, stop: float | str, rate: float | str = 50.0
 ) -> xr.Dataset:
