@@ -239,16 +239,16 @@ def flight_of_ten_points(b: Bench) -> Judged:
 DECEPTIONS = (
     (switches_by_time, "stored in the model"),
     (knows_its_inputs, "not driven"),
-    (one_name_two_models, "another file"),
+    (one_name_two_models, "is another file in 1 other case"),
     (filtered_recording, "noise of the record"),
     (master_of_another_flight, "another flight"),
     (table_in_other_units, "in the table of this edition"),
     (table_with_swapped_sides, "half width is positive"),
-    (reversed_record, "did not settle|fail|record_error|the same flight"),
+    (reversed_record, "did not settle|the same flight"),
     (edited_flown_cell, "standard errors from what flight found"),
-    (start_that_absorbs_the_miss, "fail|start|trim|record"),
+    (start_that_absorbs_the_miss, "limits_exceeded"),
     (wind_that_absorbs_the_miss, "rests on the wind|lift: the flight needs"),
-    (flight_of_ten_points, "limits_exceeded|record"),
+    (flight_of_ten_points, "limits_exceeded"),
 )
 
 

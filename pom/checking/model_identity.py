@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import chain
 
+from flightmech.support.console import count_text
 from pom.result import PomResult
 from pom.tolerances.bands import RowRemark
 
@@ -20,7 +21,7 @@ _FLOWN = re.compile(r", FMI .*sha256 ([0-9a-f]{64})")
 
 
 def identity_remarks(results: Sequence[PomResult]) -> list[dict[str, tuple[RowRemark, ...]]]:
-    """Return the departures of cases whose model is another file than in most cases, by model.
+    """Return the departures of cases whose model is another file in other cases, by model.
 
     Parameters
     ----------
@@ -30,7 +31,7 @@ def identity_remarks(results: Sequence[PomResult]) -> list[dict[str, tuple[RowRe
     Returns
     -------
     list of dict of str to tuple of RowRemark
-        Per result.  Of two files with equally many cases the first one counts.
+        Per result.  All cases of such a model depart: none of its files is proven by the report.
     """
     found: list[dict[str, tuple[RowRemark, ...]]] = [{} for _ in results]
     for run in dict.fromkeys(chain.from_iterable(result.runs for result in results)):
@@ -38,15 +39,12 @@ def identity_remarks(results: Sequence[PomResult]) -> list[dict[str, tuple[RowRe
         counts = Counter(filter(None, hashes))
         if len(counts) < 2:
             continue
-        # most_common keeps the order of the cases
-        (most, number), *_ = counts.most_common()
         for k, digest in enumerate(hashes):
-            if digest and digest != most:
-                plural = "s" if number > 1 else ""
+            if digest:
+                others = count_text(counts.total() - counts[digest], "other case")
                 text = (
-                    f"departure: model {run} is another file here (sha256 {digest[:12]}) than in "
-                    f"{number} case{plural} of the report ({most[:12]}); fly all cases by one file, or "
-                    f"give each model its name"
+                    f"departure: model {run} (sha256 {digest[:12]}) is another file in {others} of the "
+                    f"report; fly all cases by one file, or give each model its name"
                 )
                 found[k][run] = (RowRemark("departure", text, MODEL),)
     return found

@@ -19,8 +19,11 @@ def test_another_file_under_the_name_of_a_model_is_named():
     first, second, third = identity_remarks(results)
     (remark,) = first["m"]
     assert remark.kind == "departure"
-    assert "model m is another file here (sha256 aaaaaaaaaaaa) than in 2 cases" in remark.text
-    assert second == third == {}
+    assert "model m (sha256 aaaaaaaaaaaa) is another file in 2 other cases of the" in remark.text
+    # none of the two files is proven by all cases
+    for found in (second, third):
+        assert list(found) == ["m"]
+        assert "(sha256 bbbbbbbbbbbb) is another file in 1 other case of the" in found["m"][0].text
 
 
 def test_recordings_of_a_device_are_a_file_for_each_case():
