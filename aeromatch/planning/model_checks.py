@@ -329,6 +329,8 @@ def _propeller_problems(section: EngineSection) -> list[str]:
     for name in ("starts", "points", "climbs", "structure"):
         if getattr(section, name):
             problems.append(f"engine.{name}: belongs to a jet; delete it for propellers")
+    if section.engines != (1,):
+        problems.append("engine.engines: all propellers are identified together; delete it")
     return problems
 
 

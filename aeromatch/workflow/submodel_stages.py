@@ -171,6 +171,7 @@ def make_gear(
         "controls": result.controls,
         "ground effect": result.ground_effect,
         "stall": result.stall,
+        "attached": project.stall.attached_to if project.stall is not None else "",
         "database": final,
         "aircraft": aircraft,
         **_select_inputs(spans, "gear.", result.paths),

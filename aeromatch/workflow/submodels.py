@@ -305,16 +305,8 @@ def identified_ground_effect(
     section = project.ground_effect
     if section is None:
         return None
-    changed = {}
-    for text in section.ground:
-        model = flighttest.RegressionModel.parse(text)
-        changed[model.coefficient] = model.terms
-    parts: list[xr.Dataset] = []
-    names: list[str] = []
-    for record, record_spans in spans["ground_effect.flown"].items():
-        record_parts = select_spans(data[record], record_spans)
-        parts += record_parts
-        names += [record] * len(record_parts)
+    changed = _terms_by_coefficient(section.ground)
+    parts, names = _parts_of(data, spans["ground_effect.flown"])
     models = [flighttest.RegressionModel.parse(text) for text in section.models]
     return flighttest.identify_ground_effect(
         models, parts, changed, database=database, hold=section.free_air == "held", names=names
@@ -345,11 +337,8 @@ def identified_stall(
     section = project.stall
     if section is None:
         return None
-    parts: list[xr.Dataset] = []
-    for record, record_spans in spans["stall.flown"].items():
-        parts += select_spans(data[record], record_spans)
+    parts, _ = _parts_of(data, spans["stall.flown"])
     database = attached_database(project, database, parts)
-    models = map(flighttest.RegressionModel.parse, section.attached)
     station = parse_quantity(section.station, "m") if section.station else 0.25 * aircraft.b
     return identify_stall(
         parts,
@@ -358,8 +347,27 @@ def identified_stall(
         database,
         section.over,
         section.coefficients,
-        {model.coefficient: model.terms for model in models},
+        _terms_by_coefficient(section.attached),
     )
+
+
+def _parts_of(
+    data: Mapping[str, xr.Dataset], spans_by_record: Spans
+) -> tuple[list[xr.Dataset], list[str]]:
+    """Return the parts of all records inside their spans, and the record of each."""
+    parts: list[xr.Dataset] = []
+    names: list[str] = []
+    for record, spans in spans_by_record.items():
+        pieces = select_spans(data[record], spans)
+        parts += pieces
+        names += [record] * len(pieces)
+    return parts, names
+
+
+def _terms_by_coefficient(texts: Sequence[str]) -> dict[str, Any]:
+    """Return the terms of models such as ``"CL = 1 + alpha"`` by their coefficient."""
+    models = [flighttest.RegressionModel.parse(text) for text in texts]
+    return {model.coefficient: model.terms for model in models}
 
 
 def attached_database(

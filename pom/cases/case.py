@@ -300,6 +300,9 @@ def driven_quantities(case: PomCase) -> set[str]:
                 names |= {f"engine{number}.{name}" for name in LEVERS}
             if case.drive.propeller == "rpm":
                 names.add(f"engine{number}.rpm")
+                # torque and speed of the record give the power
+                if case.drive.engine == "torque":
+                    names.add(f"engine{number}.shaft_power")
     return names - computed
 
 

@@ -13,6 +13,7 @@ from flightmech.units import DEGREE, KNOT
 from pom.cases.case import PomCase
 from pom.judging.condition_checks import NotChecked, control_travel
 from pom.judging.signals import RunSignals
+from pom.judging.stall_checks import LEVEL_BANK
 from pom.result import PomResult, make_verdict_table
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import plain_id
@@ -34,7 +35,7 @@ the start, and a control without a record is at zero.
 TAXI_SPEEDS = 5.0 * KNOT  # test 1.a.2
 SPEEDS = 2.0 * KNOT  # our number: nearer airspeeds are one speed
 FULL_RUDDER = 0.8  # of the travel; our number for "near maximum"
-LEVEL, TURNING = 5.0 * DEGREE, 25.0 * DEGREE  # our numbers for the entry of a stall
+TURNING = 25.0 * DEGREE  # our number for the entry of a stall in a turn of 30 deg
 
 
 def has_report_conditions(case: PomCase) -> bool:
@@ -183,7 +184,7 @@ def _check_rudder(results: Sequence[PomResult]) -> str:
 
 def _check_stall_entries(results: Sequence[PomResult]) -> str:
     bank = np.abs(_values(results, "stall_entries"))
-    if (bank <= LEVEL).any() and (bank >= TURNING).any():
+    if (bank <= LEVEL_BANK).any() and (bank >= TURNING).any():
         return ""
     listed = ", ".join(f"{angle / DEGREE:.2g} deg" for angle in np.sort(bank))
     return f"stalls of the test in this report at a bank of {listed}; wings level and turning asked"

@@ -16,6 +16,7 @@ import numpy as np
 from flightmech.envelope.maps import HELD
 from flightmech.envelope.regions import A_PRIORI, EXTRAPOLATED
 from flightmech.errors import AeromatchError, UnknownName
+from flightmech.names import SEPARATION
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS
 from flightmech.units import DEGREE, KNOT
@@ -34,7 +35,10 @@ TURN_BANK = 15.0 * DEGREE  # from here on the limit of turning stalls applies
 SLOWING, SLOWING_IN_TURN = 1.0 * KNOT, 3.0 * KNOT  # per second, 14 CFR 25.201(c)(1) and (2)
 RATE_ALLOWANCE = 0.2 * KNOT  # per second; a pilot holds a rate no better
 ENTRY = 10.0  # [s] before the warning
+LAST_SECONDS = 3.0  # [s] of the entry, whose rate counts too
 BEYOND_STALL = 10.0 * DEGREE
+# Variables of the separation in fully separated flow; X_lift is ((1 + sqrt X) / 2)^2.
+SEPARATED_FLOW = {**dict.fromkeys(SEPARATION, 0.0), "X_lift": 0.25}
 REACH = "valid_beyond_stall"
 """Condition on the model."""
 
@@ -86,10 +90,21 @@ def _check_idle_entry(flown: FlownCase) -> str:
     return f"levers at {100.0 * most:.0f} % of their travel before the warning; the row has idle"
 
 
+def _deceleration(time: np.ndarray, speed: np.ndarray) -> float:
+    """Return how fast the airspeed falls, by a line. [m/s2]"""
+    return -float(np.polyfit(time - time[0], speed, 1)[0])
+
+
 def _check_entry_rate(flown: FlownCase) -> str:
     inside = _entry(flown)
     time, speed = flown.flight.time[inside], flown.channel("V_cas")[inside]
-    rate = -float(np.polyfit(time - time[0], speed, 1)[0])
+    rate = _deceleration(time, speed)
+    is_last = time >= time[-1] - LAST_SECONDS
+    if is_last.sum() > 2:
+        # the mean over the entry hides a pull at its end
+        rate = max(rate, _deceleration(time[is_last], speed[is_last]))
+    if rate <= 0.0:
+        return "the airspeed does not fall before the warning; the row approaches the stall"
     # rolled into the turn: the bank at the warning counts
     bank = abs(float(flown.channel("phi")[inside][-1]))
     limit = SLOWING_IN_TURN if bank > TURN_BANK else SLOWING
@@ -213,8 +228,13 @@ def _reach_of(model: SimModel, stall: float, state: Mapping[str, float]) -> tupl
         source = output_of(name, state)
         if source in state:
             states[name] = state[source]
+    # beyond the stall the flow separates further: the table is looked up at both ends
+    separated = {name: SEPARATED_FLOW[name] for name in envelope.axes if name in SEPARATED_FLOW}
     try:
         regions, _ = envelope.look_up({**states, "alpha": angles})
+        if separated:
+            beyond, _ = envelope.look_up({**states, **separated, "alpha": angles})
+            regions = np.maximum(regions, beyond)
     except UnknownName as missing:
         raise NotChecked(str(missing)) from None
     worst = int(np.max(regions))

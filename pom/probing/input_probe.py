@@ -44,6 +44,8 @@ LEAST_CHANGE = 1e-4
 
 Of the 24 cases of the T-37 and the C182 the least driven channel changes by 1.2e-2.
 """
+LEAST_LATE_SHARE = 0.1
+"""The same beyond the range in which the aeroplane is linear: nine tenths of the answer are stored."""
 LEAST_SHARE = 0.5
 """Least share of the expected change: the middle one of the judged channels, of two the larger.
 
@@ -172,7 +174,7 @@ def judge_input_change(
     moved_at: float,
     on_wheels: bool = False,
     linear_end: float = math.inf,
-    only_levers: bool = False,
+    uncompared: str = "",
 ) -> tuple[RowRemark, ...]:
     """Return the remarks on a probe: the change, and ``not_driven`` if the inputs do not drive it.
 
@@ -191,16 +193,18 @@ def judge_input_change(
         whatever the inputs are: only an answer that does not change at all is judged.
     linear_end : float
         Instant from which on the aeroplane is not linear in the inputs, such as the warning of a
-        stall.  The shares of the expected change are those before it. [s]
-    only_levers : bool
-        As in `ChangedJob`.  The same judgement: the power of an engine is not linear in its lever.
-        The manifold pressure of the tutorial's engine hardly changes between 25 and 30 % of it.
+        stall.  The shares of the expected change are those before it; after it only shares below
+        `LEAST_LATE_SHARE` are named. [s]
+    uncompared : str
+        Why the change is not compared with the expected one.  An answer that does not change is
+        named all the same.
     """
     is_linear = time <= linear_end
     is_moved = math.isfinite(moved_at)
     responding: dict[str, tuple[np.ndarray, np.ndarray]] = {}  # response and change, in `SIZES`
     changes: dict[str, float] = {}  # rms of the change, in units of `SIZES`
-    shares: dict[str, float] = {}  # of the expected change
+    shares: dict[str, float] = {}  # of the expected change, before `linear_end`
+    late: dict[str, float] = {}  # the same after it
     for name, size in SIZES.items():
         if name not in before or name not in after:
             continue
@@ -211,10 +215,11 @@ def judge_input_change(
         changes[name] = rms(change[is_finite]) / size
         if rms(response[is_finite]) > size:
             responding[name] = response / size, change / size
-        is_counted = is_finite & is_linear
-        if is_counted.sum() >= 2 and rms(response[is_counted]) > size:
-            expected = (1.0 - SCALE) * rms(response[is_counted])
-            shares[name] = rms(change[is_counted]) / expected
+        for found, is_part in ((shares, is_linear), (late, ~is_linear)):
+            is_counted = is_finite & is_part
+            if is_counted.sum() >= 2 and rms(response[is_counted]) > size:
+                expected = (1.0 - SCALE) * rms(response[is_counted])
+                found[name] = rms(change[is_counted]) / expected
     if not changes:
         return (_probe_remark("no motion among the outputs of the model", {}),)
     still = [name for name, change in changes.items() if change < LEAST_CHANGE]
@@ -238,10 +243,11 @@ def judge_input_change(
             f"by it"
         )
         return (RowRemark("not_driven", text),)
-    if only_levers:
-        text = "not checked: the power of an engine is not linear in its lever"
-        return (_probe_remark(text, {}),)
-    return _judge_shares(shares, judged)
+    if uncompared:
+        return (_probe_remark(f"not checked: {uncompared}", {}),)
+    if _middle_share(late, judged) < LEAST_LATE_SHARE:
+        return _judge_shares(late, judged, LEAST_LATE_SHARE)
+    return _judge_shares(shares, judged, LEAST_SHARE)
 
 
 def _stored_part(
@@ -264,21 +270,32 @@ def _stored_part(
     return None
 
 
-def _judge_shares(shares: Mapping[str, float], judged: Collection[str]) -> tuple[RowRemark, ...]:
+def _considered_shares(shares: Mapping[str, float], judged: Collection[str]) -> Mapping[str, float]:
+    return {name: share for name, share in shares.items() if name in judged} or shares
+
+
+def _middle_share(shares: Mapping[str, float], judged: Collection[str]) -> float:
+    """Return the middle one of the shares, infinity without one."""
+    considered = _considered_shares(shares, judged)
+    return sorted(considered.values())[len(considered) // 2] if considered else math.inf
+
+
+def _judge_shares(
+    shares: Mapping[str, float], judged: Collection[str], least: float
+) -> tuple[RowRemark, ...]:
     """Return the remarks on the shares of the expected change, of channels that respond."""
-    considered = {name: share for name, share in shares.items() if name in judged} or shares
+    considered = _considered_shares(shares, judged)
     if not considered:
         return (_probe_remark("no channel responds enough to be judged", {}),)
-    middle = sorted(considered.values())[len(considered) // 2]
     listed = ", ".join(f"{quantity_words(name)} {share:.2f}" for name, share in considered.items())
     text = (
         f"with inputs scaled by {SCALE:g} the answer changes by this share of what the inputs "
         f"explain: {listed} (1 for an aeroplane that is linear)"
     )
-    if middle >= LEAST_SHARE:
+    if _middle_share(shares, judged) >= least:
         return (_probe_remark(text, considered),)
     reason = (
-        f"not driven by the inputs: {text}; the middle one is below {LEAST_SHARE:g}. The "
+        f"not driven by the inputs: {text}; the middle one is below {least:g}. The "
         f"model follows the record by other means, such as a controller"
     )
     return (RowRemark("not_driven", reason, values=dict(considered), unit="1"),)

@@ -68,17 +68,29 @@ def weigh_wind(
         row["criterion"] for row in result.rows if row["run"] == run and row["verdict"] == "pass"
     }
     ratios: dict[str, float] = {}
+    lost: list[str] = []  # rows that pass in the recorded wind alone
     for criterion in result.case.criteria:
         if criterion.name in passed:
             outcome = judge_criterion(result.case, criterion, job.time, flight, after)
             if math.isfinite(outcome.worst_ratio):
                 ratios[criterion.name] = float(outcome.worst_ratio)
+            if outcome.verdict in ("fail", "invalid"):
+                lost.append(criterion.name)
+    if lost:
+        listed = ", ".join(f"{plain_words(name)} {_ratio_text(ratios, name)}" for name in lost)
+        text = (
+            f"departure: {wind}; in its mean these rows do not pass: {listed}, so the pass rests "
+        )
+        text += "on the wind: state how it was measured"
+        return (RowRemark("departure", text, QUANTITY, values=ratios, unit="1"),)
     if not ratios:
         text = f"not checked: the effect of the wind, no row has a number; {wind}"
         return (RowRemark("probe", text, QUANTITY),)
     worst = max(ratios, key=ratios.__getitem__)
     text = f"{wind}; in its mean {plain_words(worst)} is at {ratios[worst]:.2f} of its tolerance"
-    if ratios[worst] <= 1.0:
-        return (RowRemark("probe", text, QUANTITY, values=ratios, unit="1"),)
-    text = f"departure: {text}, so the pass rests on the wind: state how it was measured"
-    return (RowRemark("departure", text, QUANTITY, values=ratios, unit="1"),)
+    return (RowRemark("probe", text, QUANTITY, values=ratios, unit="1"),)
+
+
+def _ratio_text(ratios: Mapping[str, float], name: str) -> str:
+    """Return a ratio to the tolerance as text, for a row without a number that it has none."""
+    return f"{ratios[name]:.2f} of its tolerance" if name in ratios else "(no number)"

@@ -41,6 +41,7 @@ LEAST_MOVED = {"rad": 0.0175, "1": 0.02, "m": 0.005, "N": 5.0}
 SAME_FLIGHT = 0.1
 """Tolerances by which two reconstructions of one flight may differ; our number."""
 OF_EARLIER = "of an earlier report"  # words of the source of a master
+RECORDING = "recording of a device"  # words of the source of a recording
 GAP = 0.25  # [s] a longer gap of a recording is not bridged
 _LAGS = np.arange(-1.0, 1.001, 0.02)  # [s]
 
@@ -145,7 +146,7 @@ def read_recording(
     _demand_judged(path, case, channels)
     step = _demand_cover(path, case, [time for time, _ in channels.values()])
     name = Path(path).name
-    source = f"recording of a device, {name}, {1.0 / step:.4g} Hz"
+    source = f"{RECORDING}, {name}, {1.0 / step:.4g} Hz"
     if shift:
         source += f", its clock {shift:+.4g} s is that of the flight record"
     return RecordedRun(channels, f"{name}, recording, sha256 {digest}", source)
@@ -153,7 +154,8 @@ def read_recording(
 
 def _demand_judged(path: str | Path, case: PomCase, channels: Collection[str]) -> None:
     """Raise if a recording has none of the judged channels of a case."""
-    judged = judged_channels(case)
+    # the curves of a demonstration are shown and not judged
+    judged = case.show if case.is_demonstration else judged_channels(case)
     if not any(output_of(name, channels) in channels for name in judged):
         raise SchemaError(
             f"recording {path}",
@@ -391,7 +393,12 @@ def recurrent_remarks(result: PomResult, run: str, master: MasterRun) -> tuple[R
 
 def shows_master(remarks: Iterable[RowRemark]) -> bool:
     """Return whether remarks are those of a master run."""
-    return any(remark.kind == "device" and OF_EARLIER in remark.text for remark in remarks)
+    for remark in remarks:
+        # the name of a recording can hold any words
+        is_recording = RECORDING in remark.text
+        if remark.kind == "device" and OF_EARLIER in remark.text and not is_recording:
+            return True
+    return False
 
 
 def _compare_flights(result: PomResult, master: MasterRun) -> Iterator[str]:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy
+import scipy.optimize
+import scipy.signal
 
 from flightmech.support.arrays import rms
 from pom.judging.measures.values import apply_tick
@@ -22,6 +23,7 @@ SEGMENT = 2.0  # [s] of Welch's method: peaks closer than about 1 Hz are one
 LOWEST = 1.0  # [Hz] slower motion is flight, not vibration
 PROMINENCE = 4.0  # ratio of the spectral density at a peak to that about it, 6 dB
 RESOLUTION = 1e-6  # of the largest value, per root of a hertz: less is rounding
+PREDOMINANT = 100.0  # ratio of the largest spectral density to that of a peak, 20 dB
 LEAST_PEAKS = 3  # of the row
 LEAST_SEGMENTS = 8  # half overlapped: fewer leave peaks of chance
 
@@ -30,7 +32,7 @@ def vibration_peaks(time: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return the frequencies of the spectral peaks of a signal, the strongest first (peaks,). [Hz]
 
     Welch's method with Hann windows of 2 s, half overlapped.  A peak stands out by a factor of four
-    in spectral density.
+    in spectral density, and is at most a hundred times below the largest one.
 
     Parameters
     ----------
@@ -55,14 +57,15 @@ def vibration_peaks(time: np.ndarray, y: np.ndarray) -> np.ndarray:
     level = np.log(np.maximum(density[kept], floor))
     places, _ = scipy.signal.find_peaks(level, prominence=np.log(PROMINENCE))
     strongest = places[np.argsort(-level[places], kind="stable")]
-    return frequency[kept][strongest]
+    is_predominant = level[strongest] > level[strongest[:1]] - np.log(PREDOMINANT)
+    return frequency[kept][strongest[is_predominant]]
 
 
 def judge_vibration(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the frequencies of the predominant peaks; a right set waits for an engineer's tick.
 
-    Every peak of the flight has its nearest peak of the model.  The third smallest difference is
-    judged, so that three peaks at least are within the tolerance.
+    Peaks of flight and model are paired one to one with the least sum of differences.  The third
+    smallest difference is judged, so that three peaks at least are within the tolerance.
     """
     time, *runs = match.both(criterion)
     peaks = [vibration_peaks(time, y) for y in runs]
@@ -71,14 +74,15 @@ def judge_vibration(criterion: Criterion, match: Comparison) -> Judgement:
     pairs = zip(WHO, runs, strict=True)
     sizes = ", ".join(f"{who} {rms(y - y.mean()):.3g} g rms" for who, y in pairs)
     listed = RowRemark("values", f"{_peak_text(WHO[0], peaks[0])}, {_peak_text(WHO[1], peaks[1])}")
-    if not peaks[1].size:
-        reason = RowRemark("reason", "the model has no frequency peak")
+    if peaks[1].size < LEAST_PEAKS:
+        reason = RowRemark("reason", f"the model has {peaks[1].size} of the three frequency peaks")
         return Judgement("fail", remarks=(reason, listed), at=float(time[0]))
     differences = np.abs(peaks[0][:, np.newaxis] - peaks[1])
-    nearest = differences.argmin(axis=1)
-    third = int(np.argsort(differences.min(axis=1), kind="stable")[LEAST_PEAKS - 1])
+    # each peak of the model stands for one peak of the flight
+    own, other = scipy.optimize.linear_sum_assignment(differences)
+    third = int(np.argsort(differences[own, other], kind="stable")[LEAST_PEAKS - 1])
     outcome = judge_number(
-        criterion, float(peaks[0][third]), float(peaks[1][nearest[third]]), at=float(time[0])
+        criterion, float(peaks[0][own[third]]), float(peaks[1][other[third]]), at=float(time[0])
     )
     verdict, text = outcome.verdict, "a tick does not overrule the frequencies"
     if verdict == "pass":

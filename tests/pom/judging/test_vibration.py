@@ -70,7 +70,9 @@ def test_three_peaks_within_two_hertz_wait_for_a_tick():
 def test_a_model_without_vibration_fails_and_a_calm_flight_is_invalid():
     flight, still = shaken((4.0, 9.0, 15.0)), np.ones(TIME.size)
     assert judged(flight, still).verdict == "fail"
-    assert "no frequency peak" in remarks_text(judged(flight, still).remarks)
+    assert "the model has 0 of the three frequency peaks" in remarks_text(
+        judged(flight, still).remarks
+    )
     calm = judged(still, flight)
     assert calm.verdict == "invalid"
     assert "flight has 0 frequency peaks" in remarks_text(calm.remarks)
@@ -83,3 +85,16 @@ def test_the_row_of_2016_has_no_number():
     criterion = rows.make_criterion(row, "normal_acceleration", (0.0, 30.0))
     assert criterion.reason == rows.NUMBER_NOT_READ
     assert replace(criterion, reason="").measure == "vibration"
+
+
+def test_a_model_of_weak_peaks_or_of_a_single_one_fails():
+    tick = {"normal_acceleration": "J. Doe"}
+    weak = shaken((30.0, 36.0, 42.0), seed=3, size=0.005) - 1.0
+    flight = shaken((4.0, 9.0, 15.0), size=0.1) + weak
+    assert judged(flight, 1.0 + weak, ticks=tick).verdict == "fail"
+    # one tone in the middle is within 2 Hz of all three
+    close = 1.0 + sum(0.05 * np.sin(2.0 * np.pi * f * TIME) for f in (9.5, 11.5, 13.5))
+    tone = 1.0 + 0.05 * np.sin(2.0 * np.pi * 11.5 * TIME)
+    alone = judged(close, tone, ticks=tick)
+    assert alone.verdict == "fail"
+    assert "the model has 1 of the three" in remarks_text(alone.remarks)
