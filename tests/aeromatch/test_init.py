@@ -150,6 +150,9 @@ def test_units_follow_from_the_size_of_the_values():
         {"theta": 0.07 + 0.02 * np.sin(time), "p": 0.1 * np.sin(time), "az_imu": -9.8 + 0.0 * time}
     )
     assert [unit for unit, _ in radians.values()] == ["rad", "rad/s", "m/s2"]
+    # the speed of a propeller does not decide on the rates of the aeroplane
+    turning = unit_from_size({"engine1.rpm": 2000.0 + time, "p": 0.3 * np.sin(time)})
+    assert [unit for unit, _ in turning.values()] == ["rpm", "rad/s"]
 
 
 def test_a_device_of_no_control_has_no_hinge():

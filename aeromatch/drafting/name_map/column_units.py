@@ -10,7 +10,7 @@ from flightmech.errors import UnitError
 from flightmech.names import lookup
 from flightmech.units import fitted_unit, parse_unit
 from flighttest.reconstruction.quality.checks.mistake_search import plausible_range
-from flighttest.records.readers.channel_correction import recorder_units
+from flighttest.records.readers.channel_correction import is_shaft_speed, recorder_units
 
 # Median size of a channel in flight by its unit: lowest and highest value.
 _LEVELS = {
@@ -31,6 +31,8 @@ _FRACTIONS = ("throttle", "prop_command", "mixture", "n1", "n2", "gear", "speedb
 _LARGEST_ANGLE, _LARGEST_RATE = 1.6, 3.0
 # A rate that is larger than this is in degrees if the angles are. [rad/s]
 _DOUBTFUL_RATE = 0.5
+# A propeller or its engine does not turn faster. [rad/s]
+_LARGEST_SHAFT_SPEED = 700.0
 # A channel of a fraction with a larger value is in percent.
 _LARGEST_FRACTION = 2.0
 # Share of the samples below the largest size, so that single wrong samples do not decide. [%]
@@ -49,7 +51,7 @@ def stated_unit(unit: str | None, name: str) -> str | None:
     if dimension != parse_unit(lookup(name).units)[0]:
         return None
     # Angles and fractions are both pure numbers, so their units need a comparison by name.
-    is_pure = dimension == (0, 0, 0, 0)
+    is_pure = dimension == parse_unit("1")[0]
     if is_pure and unit not in recorder_units(name):
         return None
     return unit
@@ -76,13 +78,15 @@ def unit_from_size(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[str, st
         if si_unit == "rad":
             limit = _LARGEST_HEADING if name == _TURNED else _LARGEST_ANGLE
             has_degrees = has_degrees or size > limit
-        elif si_unit == "rad s-1":
+        elif si_unit == "rad s-1" and not is_shaft_speed(name):
             has_degree_rates = has_degree_rates or size > _LARGEST_RATE
     units = {}
     for name, values in columns.items():
         si_unit = lookup(name).units
         if si_unit == "rad":
             units[name] = _angle_unit(has_degrees)
+        elif is_shaft_speed(name):
+            units[name] = _shaft_unit(largest[name])
         elif si_unit == "rad s-1":
             units[name] = _rate_unit(largest[name], has_degrees, has_degree_rates)
         elif si_unit == "1" and name.rpartition(".")[2] in _FRACTIONS:
@@ -109,6 +113,12 @@ def _rate_unit(size: float, has_degrees: bool, has_degree_rates: bool) -> tuple[
     if has_degrees and size > _DOUBTFUL_RATE:
         return "deg/s", "as the angles"
     return "rad/s", "by size"
+
+
+def _shaft_unit(size: float) -> tuple[str, str]:
+    if size > _LARGEST_SHAFT_SPEED:
+        return "rpm", f"reaches {size:.3g}"
+    return "rpm", "CONFIRM: taken as turns per minute"
 
 
 def _fraction_unit(size: float) -> tuple[str, str]:

@@ -311,7 +311,9 @@ class ChannelExpression:
         if name == "detrend":
             return ExpressionTerm(_without_line(time, x), dimension)
         cutoff = terms[1]
-        if cutoff.dimension is None or cutoff.dimension[:4] not in ((0, 0, -1, 0), NUMBER[:4]):
+        if cutoff.dimension is None or not (
+            cutoff.dimension.is_number or cutoff.dimension.matches(Dimension(second=-1))
+        ):
             raise SchemaError(self.text, ["lowpass: the second argument is a frequency, as 2 Hz"])
         frequency = float(np.ravel(cutoff.values)[0])
         return ExpressionTerm(_lowpassed(time, x, frequency), dimension)

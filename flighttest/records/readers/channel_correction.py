@@ -11,11 +11,13 @@ from flighttest.records.readers.name_map import Channel
 
 # Units of recorders.  Of each quantity the SI unit of the vocabulary comes first.
 UNITS = (
-    *("rad", "deg", "1", "%", "rad/s", "deg/s"),
+    *("rad", "deg", "1", "%", "rad/s", "deg/s", "rpm"),
     *("m/s2", "g", "ft/s2", "m/s", "kt", "ft/s", "km/h", "ft/min"),
-    *("m", "ft", "cm", "in", "Pa", "hPa", "kPa", "psf", "psi"),
-    *("K", "degC", "degF", "N", "lbf", "kg", "lb", "kg/s", "kg/h", "lb/h", "N m"),
+    *("m", "ft", "cm", "in", "Pa", "hPa", "kPa", "psf", "psi", "inHg"),
+    *("K", "degC", "degF", "N", "lbf", "kg", "lb", "kg/s", "kg/h", "lb/h", "N m", "lbf ft"),
 )
+# Dimension of an angle or a fraction.
+_NUMBER = parse_unit("1")[0]
 # Relative difference below which two factors are the same unit.
 _EQUAL = 1e-9
 
@@ -25,9 +27,16 @@ def recorder_units(name: str) -> tuple[str, ...]:
     dimension = parse_unit(lookup(name).units)[0]
     units = [unit for unit in UNITS if parse_unit(unit)[0] == dimension]
     # Angles and fractions both have no dimension.
-    if dimension == (0, 0, 0, 0):
+    if dimension == _NUMBER:
         return ("rad", "deg") if lookup(name).units == "rad" else ("1", "%")
-    return tuple(units)
+    # Turns per minute are of shafts, degrees per second of the aeroplane.
+    other = "deg/s" if is_shaft_speed(name) else "rpm"
+    return tuple(unit for unit in units if unit != other)
+
+
+def is_shaft_speed(name: str) -> bool:
+    """Return whether a quantity is the speed of a propeller or of its engine."""
+    return name.rpartition(".")[2] in ("rpm", "engine_rpm")
 
 
 def entry_of(channel: Channel) -> dict[str, Any]:

@@ -59,9 +59,8 @@ _DOUBTFUL = {
     *("in", "min", "ms", "nm", "sm", "nd", "kn", "bar", "none", "mach", "ratio", "fraction"),
     *("bool", "kgs", "gs", "mi", "hr", "mins", "degs", "rps"),
 }
-# Dimensions (kg, m, s, K) of angles, which are numbers too, and of their rates, which are
-# frequencies too.
-_AMBIGUOUS_DIMENSIONS = ((0, 0, 0, 0), (0, 0, -1, 0))
+# Dimensions of angles, which are numbers too, and of their rates, which are frequencies too.
+_AMBIGUOUS_DIMENSIONS = (parse_unit("rad")[0], parse_unit("rad/s")[0])
 
 
 def split_heading(text: str) -> tuple[str, str]:

@@ -10,6 +10,7 @@ import flighttest
 from aeromatch.drafting.name_map.columns import guess_quantity
 from flightmech.errors import UnitError, UnknownName
 from flightmech.units import known_unit
+from flighttest.records.readers.channel_correction import recorder_units
 from flighttest.records.readers.columns import (
     clear_unit,
     column_called,
@@ -171,6 +172,12 @@ ENDS = [  # heading, quantity of the map, its unit, and the unit that is certain
     ("flap_1", "delta_f", None, ""),
     ("az_m_s2", "az_imu", "m/s2", "m/s2"),
     ("XN_kN_M0.2", "engine1.thrust", None, ""),
+    # a share of the travel is no angle, a frequency no rate, degrees no share
+    ("Elevator pct", "delta_e", None, "%"),
+    ("throttle deg", "engine1.throttle", None, "deg"),
+    ("Pitch Rate Hz", "q", None, "Hz"),
+    ("Prop RPM", "engine1.rpm", "rpm", "rpm"),
+    ("Pitch Rate RPM", "q", None, "rpm"),
 ]
 
 
@@ -178,6 +185,13 @@ ENDS = [  # heading, quantity of the map, its unit, and the unit that is certain
 def test_a_unit_at_the_end_counts_where_it_fits_the_quantity(heading, name, unit, clear):
     assert unit_of_column(RecordedTable({heading: T}), heading, name) == unit
     assert clear_unit(heading) == clear
+
+
+def test_units_of_recorders_are_those_of_the_quantity():
+    assert recorder_units("beta") == ("rad", "deg")
+    assert recorder_units("engine1.throttle") == ("1", "%")
+    assert recorder_units("q") == ("rad/s", "deg/s")
+    assert recorder_units("engine2.rpm") == ("rad/s", "rpm")
 
 
 def test_the_unit_of_an_ending_converts_the_column(tmp_path):
