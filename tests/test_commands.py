@@ -41,6 +41,7 @@ def test_commands_are_listed():
     assert {"match", "db compare", "flight fit", "pom run"} <= set(SEPARATE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SEPARATE)
 def test_the_function_takes_the_parameters_of_the_command(name):
     command = COMMANDS[name]

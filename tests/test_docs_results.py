@@ -16,7 +16,7 @@ PAGES = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("page", "number"), PYTHON)
 def test_python_of_a_page_gives_what_it_promises(page, number, tmp_path, monkeypatch):
     (tmp_path / "data").symlink_to(ROOT / "data")

@@ -59,7 +59,7 @@ def test_read_a_listing(tmp_path, capsys):
     assert "LIGHT HIGH-WING AIRCRAFT" in capsys.readouterr().out
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_trim_over_speed():
     example = load("trim_over_speed")
     table = example.main()
@@ -68,14 +68,14 @@ def test_trim_over_speed():
     assert (np.diff(table["delta_e [deg]"]) > 0.0).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_check_a_record():
     quality, marks = load("check_a_record").main()
     assert quality.usable
     assert {"3211", "doublet"} <= set(marks["manoeuvre"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_identify_pitch():
     slopes = load("identify_pitch").main().to_dataframe()["estimate"]
     assert (slopes[["alpha", "qhat", "delta_e"]] < 0.0).all()

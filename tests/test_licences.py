@@ -5,6 +5,7 @@ import tomllib
 from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
 
+import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -45,6 +46,7 @@ def all_packages(requirements: list[str]) -> set[str]:
     return names
 
 
+@pytest.mark.slow
 def test_the_page_has_the_licence_of_every_dependency():
     table = PAGE.read_text(encoding="utf-8").partition("## Licences")[2]
     listed = set(map(canonicalize_name, re.findall(r"[A-Za-z0-9][\w.-]*", table)))

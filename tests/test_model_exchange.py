@@ -69,6 +69,7 @@ def fly_all(folder, name):
                 assert np.isfinite(found["V"]).all()
 
 
+@pytest.mark.slow
 def test_c182_flies_under_moving_controls(c182):
     fly_all(c182, "c182")
 

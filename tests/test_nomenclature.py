@@ -33,6 +33,7 @@ def test_the_first_page_of_the_site_has_the_sections_of_the_readme():
     assert "<!-- README" not in made
 
 
+@pytest.mark.slow
 def test_the_page_of_headings_names_every_quantity():
     page = runpy.run_path(str(DOCS / "scripts" / "make_column_headings.py"))["page"]()
     symbols = [name.replace("engine.", "engine1.") for name in HEADING_WORDS]
@@ -46,6 +47,7 @@ def test_the_gallery_shows_every_figure_once():
     assert sorted(shown) == sorted(str(file.relative_to(DOCS / "images")) for file in figures)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HEADING_WORDS)
 def test_every_listed_heading_is_recognised(name):
     """A canonical name is its own quantity, also among the words of another one."""

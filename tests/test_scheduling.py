@@ -26,7 +26,7 @@ def test_place(number, worker_id):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_file_is_run_by_one_process_and_two_files_by_two(tmp_path):
     (tmp_path / "conftest.py").write_text(CONFTEST)
     (tmp_path / "pytest.ini").write_text("[pytest]\n")

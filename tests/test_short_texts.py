@@ -104,7 +104,7 @@ def test_listings_decks_and_cases_are_shown_briefly():
     assert len(listing.to_dataframe()) == len(listing.cells())
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_path_shows_the_beginning_of_its_report():
     record = flighttest.read(C182 / "flight" / "cruise.csv", C182 / "names.toml")
     aircraft = flightmech.read_aircraft(C182 / "aircraft.toml")

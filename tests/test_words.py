@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 FOLDERS = [
     "aerodb",
@@ -104,6 +106,7 @@ def places(name: str, text: bytes) -> Iterator[str]:
             yield f"{name}:{number}: {phrase!r}: {line.strip().decode()[:80]!r}; write: {PHRASES[phrase]}"
 
 
+@pytest.mark.slow
 def test_plain_words():
     files = [
         *ROOT.glob("*.md"),

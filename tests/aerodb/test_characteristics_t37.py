@@ -194,7 +194,7 @@ def test_full_thrust_is_that_of_the_deck_by_hand(aircraft, found):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_performance_against_the_published_aeroplane(aircraft, prior):
     """T-37B at 2994 kg: 3020 ft/min at sea level, service ceiling 35 100 ft, 425 mph (commonly
     printed data sheet).
@@ -266,7 +266,7 @@ def files(prior, tmp_path):
     return str(tmp_path / "db.nc"), str(DATA / "aircraft.toml"), tmp_path
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_command_prints_and_gives_json(files, found):
     db, craft, _ = files
     arguments = ["characteristics", db, craft, "--speed", "90 m/s", "--altitude", "1524"]

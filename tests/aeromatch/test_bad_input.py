@@ -96,7 +96,7 @@ def in_a_shell(*words):
     return subprocess.run(command, capture_output=True, text=True, timeout=1200)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_truncated_listing(refused, tmp_path):
     whole = (DATA / "datcom" / "t37_clean.out").read_text()
     (tmp_path / "cut.out").write_text(whole[: len(whole) // 2])
@@ -160,7 +160,7 @@ def test_a_manoeuvre_outside_the_record(refused, tmp_path):
     assert "choose" in message
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_case_outside_its_record(refused, made, write_case, tmp_path):
     message = refused(
         "pom",
@@ -174,7 +174,7 @@ def test_a_case_outside_its_record(refused, made, write_case, tmp_path):
     assert "the window 0 ... 9 s lies outside the record 0 ... 5 s" in message
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform != "linux", reason="the crash is a signal of Linux")
 def test_an_fmu_that_crashes(refused, made, write_case, tmp_path):
     (tmp_path / "crash.c").write_text(CRASH)

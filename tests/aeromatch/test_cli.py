@@ -51,11 +51,13 @@ def test_help_imports_nothing_heavy():
     assert not modules_after("--help") & HEAVY
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("group", ["datcom", "db", "flight", "fmu", "pom"])
 def test_group_help_imports_nothing_heavy(group):
     assert not modules_after(group, "--help") & HEAVY
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [(), ("--json",)])
 def test_a_look_at_a_database_makes_no_dataset(tmp_path, options):
     about = {
@@ -81,6 +83,7 @@ def test_a_look_at_a_database_makes_no_dataset(tmp_path, options):
     }
 
 
+@pytest.mark.nightly
 def test_a_look_at_a_record_imports_no_package_that_it_does_not_use(tmp_path):
     (tmp_path / "flight.csv").write_text(
         "time [s],alpha [rad],q [rad/s]\n0,0.1,0\n0.1,0.2,0.1\n0.2,0.1,0.2\n"
@@ -92,6 +95,7 @@ def test_a_look_at_a_record_imports_no_package_that_it_does_not_use(tmp_path):
     }
 
 
+@pytest.mark.nightly
 def test_unknown_command_names_the_near_one():
     done = run("fligth")
     assert done.returncode == 2
@@ -146,6 +150,7 @@ def test_a_missing_file_is_named_without_a_number(tmp_path):
     assert "Errno" not in done.stderr
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "command",
     [

@@ -89,6 +89,7 @@ def test_estimates_and_table_2_are_what_was_found(tree):
     assert np.isnan(ground.loc["qhat", "k"])
 
 
+@pytest.mark.nightly
 def test_the_file_is_read_again(tree, tmp_path):
     tree.to_netcdf(tmp_path / "flown.nc", engine="h5netcdf")
     flown = aerodb.figures.read_flown(tmp_path / "flown.nc")

@@ -320,7 +320,7 @@ def test_texts_are_toml_with_a_comment_for_every_key(drafted):
         assert text.startswith("#")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_folders_inside_are_looked_into_and_cases_have_names_of_their_own(tmp_path):
     """The light-aircraft example: listings and recordings in a folder each, two cases of one test."""
     copy_example("c182", tmp_path / "new", inputs_only=True)
@@ -368,7 +368,7 @@ _PROOFS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", _PROOFS)
 def test_records_of_the_t37_are_drafted_as_what_they_were_flown_for(name):
     record = flighttest.read(T37 / "flight" / f"t37_{name}.nc", T37 / "names.toml")
@@ -389,7 +389,7 @@ def test_an_engine_is_judged_where_its_speed_is_recorded():
     assert held_for_proof({"a": chop}, ["a"], []) == []
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_unknown_column_is_found_corrected_and_kept(columns, tmp_path):
     """The elevator in a column E1: it is named as a candidate, and the author's line stays."""
     renamed = {("E1" if name == "Elev_deg" else name): values for name, values in columns.items()}
@@ -419,7 +419,7 @@ def test_an_unknown_column_is_found_corrected_and_kept(columns, tmp_path):
     assert {file: file.read_bytes() for file in before} == before
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_map_outside_of_the_project_is_used_as_it_stands(recordings, drafted, tmp_path):
     folder, _ = drafted
     (tmp_path / "mine.toml").write_bytes((folder / "names.toml").read_bytes())
@@ -431,7 +431,7 @@ def test_a_map_outside_of_the_project_is_used_as_it_stands(recordings, drafted, 
     assert project.names.resolve() == (tmp_path / "mine.toml").resolve()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_answers_and_edits_of_every_file_stay(recordings, tmp_path):
     folder, flight = tmp_path / "project", recordings / "monday.csv"
     draft_project(folder, [CLEAN], [flight], StatedFacts(values={"mass": "2150 kg"}))
@@ -485,7 +485,7 @@ def _check_random_columns(columns, folder, seed):
     assert plan.problems == [], chosen
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_drafted_project_is_accepted_by_match(columns, tmp_path, seed):
     _check_random_columns(columns, tmp_path / "new", seed)
@@ -517,7 +517,7 @@ def _check_propelled(columns, folder, aircraft):
     return done, plan
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_without_thrust_and_propeller_the_match_still_accepts(propelled, tmp_path):
     """Nothing is drafted that no thrust can serve; the propeller in the file makes fit and cases."""
     folder = tmp_path / "new"
@@ -566,7 +566,7 @@ def test_a_stated_mass_in_another_unit_is_refused(tmp_path):
         draft_project(tmp_path / "mine", [CLEAN], [], facts)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_sources_and_an_outside_map_are_requested_once(recordings, drafted, tmp_path):
     """New listings do not drop the recordings, and the map of the author stays his map."""
     mapped, _ = drafted
@@ -587,7 +587,7 @@ def test_a_latitude_in_degrees_without_their_unit_is_refused(tmp_path):
         draft_project(tmp_path, known=given)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_edited_case_stays_with_its_flight(recordings, tmp_path):
     folder = tmp_path / "new"
     monday, tuesday = (recordings / f"{name}.csv" for name in ("monday", "tuesday"))

@@ -40,6 +40,7 @@ def difference(before: str, after: str) -> list[str]:
     ]
 
 
+@pytest.mark.nightly
 def test_a_value_changes_and_all_else_stays(project):
     before = project.read_text()
     set_key(project, "cutoff", "3 Hz")
@@ -56,6 +57,7 @@ def test_a_value_changes_and_all_else_stays(project):
     assert read_project(project).terms["CL/gear"].stderr == 0.07
 
 
+@pytest.mark.nightly
 def test_an_entry_is_appended_and_removed(project):
     before, fits = project.read_text(), read_project(project).fit
     record = fits[0].records[0]
@@ -71,6 +73,7 @@ def test_an_entry_is_appended_and_removed(project):
     assert difference(before.rstrip(), project.read_text().rstrip()) == []
 
 
+@pytest.mark.slow
 def test_the_first_entry_of_a_list(project):
     """A project without fits gets one."""
     record = read_project(project).fit[0].records[0]
@@ -87,6 +90,7 @@ def test_the_first_entry_of_a_list(project):
     ]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("key", "value", "text"),
     [
@@ -207,6 +211,7 @@ def test_a_name_with_a_dot_that_is_not_there_yet(tmp_path):
         read_names(file)
 
 
+@pytest.mark.nightly
 def test_the_verb(project):
     done = CliRunner().invoke(set_verb, [str(project), "tabulation", "join"])
     assert done.exit_code == 0, done.output

@@ -140,6 +140,7 @@ def flight(h, seed):
     )
 
 
+@pytest.mark.slow
 def test_ground_effect_through_its_section_next_to_the_database():
     data = {f"at {h}": flight(h, k) for k, h in enumerate((1.5, 2.0, 3.0, 5.0, 9.0, 0.0))}
     database = xr.DataTree.from_dict(

@@ -58,6 +58,7 @@ def prior(shipped):
     return a_priori(clean, flightmech.read_aircraft(shipped.aircraft))
 
 
+@pytest.mark.nightly
 def test_the_a_priori_database_needs_no_listing():
     """Of one source it is that source, with the rudder that DATCOM does not have."""
     light = read_project(DATA.parent / "c182" / "aeromatch.toml")
@@ -266,6 +267,7 @@ def test_a_held_term_that_is_not_there(project, prior):
         add_missing_terms(project.with_changes(held=("CL/altitud",)), prior)
 
 
+@pytest.mark.slow
 def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
     """Lift of 0.02 and 0.4 per rad more than the tables have, in each way; the comparison is that
     of all.
@@ -308,6 +310,7 @@ def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
         np.testing.assert_array_equal(table[f"value {way}"], tabulation["CL/basic"]["value"])
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # without the control they are
 @pytest.mark.parametrize("way", WAYS)
 def test_an_elevator_without_a_table_stops_a_match_in_each_way(project, way):

@@ -190,6 +190,7 @@ def test_the_corpus_is_whole():
     assert len(CORPUS) == 59
 
 
+@pytest.mark.nightly
 def test_nothing_printed_is_lost_and_nothing_is_invented(one):
     wanted = values_by_line(one.lines)
     found = defaultdict(Counter)
@@ -209,6 +210,7 @@ def test_nothing_printed_is_lost_and_nothing_is_invented(one):
     assert not wrong, f"{len(wrong)} lines, the first: {dict(list(wrong.items())[:5])}"
 
 
+@pytest.mark.nightly
 def test_every_text_stands_on_its_line(one):
     for number, text in set(zip(one.cells["line"].tolist(), one.cells["text"].tolist())):
         assert text in one.lines[number - 1]
@@ -222,6 +224,7 @@ def test_every_line_is_understood(one):
 _WORDS = {"": "blank", "NDM": "NDM", "NA": "NA", "NaN": "nan"}
 
 
+@pytest.mark.nightly
 def test_values_and_flags_are_those_of_the_text(one):
     kinds = one.cells[["text", "flag", "value"]].drop_duplicates()
     for text, flag, value in kinds.itertuples(index=False):
@@ -248,6 +251,7 @@ def test_pages_by_kind(one):
     }
 
 
+@pytest.mark.nightly
 def test_tables_and_values_by_kind(one):
     tables, values = values_of_tables(one.lines)
     found = Counter(table.name for page in one.listing.pages for table in page.tables)
@@ -286,6 +290,7 @@ def columns_by_place(lines: list[str]) -> dict[int, list[tuple[str, str]]]:
     return found
 
 
+@pytest.mark.nightly
 def test_values_stand_under_their_headings(one):
     wanted = columns_by_place(one.lines)
     rows = one.cells[one.cells["table"].isin(_UNDER_HEADINGS) & (one.cells["text"] != "")]
@@ -339,6 +344,7 @@ REWRITTEN = {
 _SMALL = [path for path in CORPUS if path.stat().st_size < 100_000]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("how", REWRITTEN)
 def test_other_ways_to_write_the_same(how):
     rewrite, columns = REWRITTEN[how]
@@ -419,6 +425,7 @@ def test_saved_cases_hold_what_the_cases_before_gave():
     assert fifth.values("SYNTHS", "XH") == [11.31]  # fourth case
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", CORPUS, ids=lambda path: path.stem)
 def test_the_deck_alone_states_what_the_listing_states(path):
     deck = datcom_io.read_deck(

@@ -19,6 +19,7 @@ def test_euler_angles_there_and_back(phi, theta, psi):
     np.testing.assert_allclose(found, [phi, theta, psi], atol=1e-12)
 
 
+@pytest.mark.slow
 @given(ANGLE, PITCH, ANGLE)
 def test_quaternion_there_and_back(phi, theta, psi):
     C = axes.matrix_from_euler(phi, theta, psi)
@@ -55,6 +56,7 @@ def test_arrays_keep_their_shape():
     assert axes.euler_from_matrix(C).psi.shape == (4, 5)
 
 
+@pytest.mark.slow
 @given(st.floats(-1.5, 1.5))
 def test_stability_axes_there_and_back(alpha):
     vector = np.array([0.3, -0.2, 0.9])

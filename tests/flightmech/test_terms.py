@@ -156,7 +156,7 @@ def terms_and_conditions(draw):
     }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @given(terms_and_conditions())
 def test_evaluation_is_the_linear_map_without_its_matrix(case):
     leaf, conditions = case

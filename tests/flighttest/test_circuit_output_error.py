@@ -50,6 +50,7 @@ def linkage(constants: dict, force: np.ndarray, moment: float, step: float, edge
     )
 
 
+@pytest.mark.nightly
 def test_motion_converges_with_the_square_of_the_sub_step(monkeypatch):
     # A cable damper between both ends: the old velocity of one end would act as a mass of D h / 2.
     time = np.arange(0.0, 0.6, 0.01)
@@ -133,7 +134,7 @@ def columns():
     return loading, driven, free
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_output_error_finds_the_circuit_that_was_simulated(columns):
     loading, driven, free = columns
     fit = identify_control_loading(loading, driven, free, order=2, method="output error")

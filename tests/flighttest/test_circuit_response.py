@@ -62,6 +62,7 @@ def circuit(parts: int, has_cable: bool = True) -> tuple[DrivenCircuit, np.ndarr
     return given, theta
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_cable", [True, False])
 @pytest.mark.parametrize("edge", [0.37, 0.0, 1.0])
 def test_derivatives_are_those_of_differences(has_cable, edge):

@@ -51,6 +51,7 @@ def test_every_window_has_the_sub_steps_of_its_own_steps():
     assert {piece.parts for piece in likelihood.pieces} == {4, 40}
 
 
+@pytest.mark.slow
 def test_a_long_window_has_longer_pieces_of_the_force_error():
     """15 s with a driving hand are 150 pieces of 0.1 s; the kernel has room for 128 unknowns."""
     for seconds in (3.0, 15.0):

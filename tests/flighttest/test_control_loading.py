@@ -111,7 +111,7 @@ def fitted(loading, records):
     return identify_control_loading(loading, *records, method="output error")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_constants_and_hinge_moments_are_found(fitted, truth):
     found, G = fitted, truth["G"]
     hinges = {"1": "Ch0", "alpha": "Cha", "delta_e": "Chd", "delta_t": "Cht"}
@@ -152,7 +152,7 @@ def test_bob_weight_and_angle_of_attack_are_named_as_collinear(found):
     assert "only differences between them separate the two" in found.report()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_free_motion_follows_the_recorded_forces_and_needs_the_cable(found, loading, records):
     driven, free = records
     misfit = np.array([window.misfit() for window in found.fly(free[:3])])
@@ -200,7 +200,7 @@ def test_negative_constants_become_zero_within_their_error_and_are_refused_beyon
         changed(found, "inertia", -0.1, 0.2).circuit(known)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_command_writes_aircraft(records, tmp_path):
     driven, free = records
     files = []
@@ -252,7 +252,7 @@ def test_dry_friction_takes_twice_its_travel_every_half_cycle_and_then_holds():
     assert abs(s[-1]) <= friction / spring
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_command_divides_records_by_their_manoeuvres_and_joins_the_drawings(records, tmp_path):
     driven, free = records
     listed = json.dumps([{"manoeuvre": "release_column", "start": 0.0, "end": 12.0}])
@@ -283,6 +283,7 @@ def test_command_divides_records_by_their_manoeuvres_and_joins_the_drawings(reco
         CliRunner().invoke(controls_command, [*common, *divided[:2]], catch_exceptions=False)
 
 
+@pytest.mark.slow
 def test_without_a_mass_the_circuit_keeps_its_own(loading, records):
     slow = replace(loading, constants=("offset", "preload", "friction", "damping"))
     found = identify_control_loading(slow, records[0], order=2)
@@ -323,7 +324,7 @@ def test_prior_moves_what_the_records_leave_open_most(found):
     assert np.array_equal(same.estimates["estimate"], found.estimates["estimate"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_errors_of_the_pick_ups_widen_what_they_move(loading, records):
     driven, free = records[0], records[1][:1]
     plain = identify_control_loading(loading, driven, free, order=2)
@@ -342,7 +343,7 @@ def test_errors_of_the_pick_ups_widen_what_they_move(loading, records):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_errors_of_the_pick_ups_are_carried_on_as_a_refit_would(found, loading, records):
     scale = 1.001
     wide = identify_control_loading(loading, *records, errors={"delta_e": (0.0, scale - 1.0)})
@@ -357,7 +358,7 @@ def test_errors_of_the_pick_ups_are_carried_on_as_a_refit_would(found, loading, 
         assert carried == pytest.approx(abs(moved.value(name)[0] - found.value(name)[0]), rel=0.15)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_drawings_hold_masses_that_are_lost_in_noise(loading, records):
     rng = np.random.default_rng(1)
     noisy = [
@@ -485,6 +486,7 @@ def test_records_without_what_is_needed_are_refused(loading, records):
         )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("module", "name"),
     [

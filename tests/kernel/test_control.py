@@ -213,7 +213,7 @@ def test_surface_is_held_by_its_cable(build):
 # --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_response_to_a_force_against_an_integrator(build):
     """Order 4 and order 6 under a pulse of force: the equations once more, with the dynamic
     pressure that the aircraft meets.
@@ -667,6 +667,7 @@ def refused(sim, start, values) -> str:
     return "" if np.isfinite(run.outputs()).all() else "outputs that are not finite"
 
 
+@pytest.mark.nightly
 @settings(max_examples=settings.default.max_examples, deadline=None)
 @given(data=st.data(), controls=st.sampled_from([0.0, 1.0, 2.0]))
 def test_any_finite_constants_fly_or_are_refused(every, start, data, controls):

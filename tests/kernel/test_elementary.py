@@ -252,6 +252,7 @@ def test_special_values_are_those_of_the_c_standard(library, name):
     assert (np.signbit(found[zero]) == np.signbit(expected[zero])).all()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("flags", [("-O0",), ("-O3", "-march=x86_64_v3")])
 def test_every_build_gives_the_same_bits(library, tmp_path, flags):
     if "march" in flags[-1] and not _has_avx2():

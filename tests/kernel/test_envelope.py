@@ -171,6 +171,7 @@ def test_faulty_section_is_refused(place, data, message):
         KernelModel(changed(place, data))
 
 
+@pytest.mark.nightly
 def test_any_byte_of_the_section_is_safe():
     """A block is refused, or flies with a region and an axis that fit into their bits."""
     size = len(envelope_section(SIM.block))

@@ -161,6 +161,7 @@ def test_table_over_compression_is_the_spring(compiled, start, stand):
     np.testing.assert_allclose(a.state, b.state, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("tyre", [400e3, 0.0])
 def test_drop_against_scipy(tyre, compiled, start):
     """One leg below the c.g., dropped at 2 m/s: strut, oleo in and out, stop, rebound, second
@@ -352,7 +353,7 @@ def speed_of(v):
     return float(np.hypot(*v))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "changes", [{}, {"condition": 1, "antiskid": 0.8}, {"condition": 2}], ids=["dry", "wet", "icy"]
 )
@@ -427,6 +428,7 @@ def mechanical_energy(sim, run) -> float:
     return E
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_energy_only_falls(seed, stand, start):
     """Touchdown with drift, bank, roll rate and any brake, skid and stop."""
@@ -463,7 +465,7 @@ ENGINES = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("earth", [0.0, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_at_rest_for_an_hour_in_crosswind_with_engines_idling(earth, compiled, start):
     sim = compiled(LandingGear(CONTACTS, STEERING), WIND, engines=ENGINES)
@@ -488,6 +490,7 @@ def test_at_rest_for_an_hour_in_crosswind_with_engines_idling(earth, compiled, s
     assert named(sim, run)["gear.left.Fy"] != 0.0
 
 
+@pytest.mark.nightly
 def test_anchors_hold_in_turbulence(compiled, start):
     """Ten minutes of gusts of 8 m/s wind: the tyres give way by millimetres, the places they stand
     on do not move.
@@ -665,6 +668,7 @@ def test_the_runway_may_lie_anywhere(stand, start):
     np.testing.assert_allclose(found[0], found[1], rtol=2e-3)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("thrust", "theta"), [(238.0, 3.27), (4430.0, 0.22)], ids=["idle", "full"])
 def test_t37_stands_on_its_brakes_as_recorded(thrust, theta, compiled, start):
     """Runs 17 and 25 before the roll, 2150 kg: pitch attitude in degrees against the brakes at idle

@@ -85,12 +85,13 @@ def alone(sim: flightmech.SimModel, case: dict[str, float], values: list[float])
                 assert name in text, (name, value, text)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", range(len(CASES)))
 def test_every_parameter_alone(case, fleet):
     alone(fleet["whole"], CASES[case], EVERY)
 
 
+@pytest.mark.slow
 def test_every_parameter_of_the_small_models_alone(fleet):
     for model in ("plain", "empty"):
         alone(fleet[model], FLYING, EVERY)
@@ -101,6 +102,7 @@ ODD = st.one_of(
 )
 
 
+@pytest.mark.nightly
 @settings(
     max_examples=2 * settings.default.max_examples,
     deadline=None,

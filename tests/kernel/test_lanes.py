@@ -73,6 +73,7 @@ def test_this_processor_has_lanes(sim):
     assert load_kernel().am_lanes(sim.model.handle) in (1, 4, 8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("earth", [0.0, 1.0, 2.0, 3.0])
 @pytest.mark.parametrize("trim", [0.0, 1.0])
 def test_table_aircraft_on_every_earth(sim, record, earth, trim):
@@ -80,6 +81,7 @@ def test_table_aircraft_on_every_earth(sim, record, earth, trim):
     assert float(np.ptp(found["alpha"].values[:, -1])) > 0.01
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["plain", "stalling", "bare", "empty"])
 @pytest.mark.parametrize("drive", [0.0, 2.0])
 def test_small_models(models, record, name, drive):
@@ -115,6 +117,7 @@ MODES = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("mode", MODES)
 def test_whole_aircraft_in_flight(together, record, mode):
     known = {*together.parameters, *together.inputs}
@@ -125,6 +128,7 @@ def test_whole_aircraft_in_flight(together, record, mode):
     )
 
 
+@pytest.mark.slow
 def test_whole_aircraft_on_the_ground(together, record):
     rolling = {"init.V": spread(0.0, 25.0), "env.runway_elevation": spread(0.0, 50.0)}
     found = demand_same(together, record.assign(gear=1.0), rolling, {"mode.trim": 3.0})
@@ -132,6 +136,7 @@ def test_whole_aircraft_on_the_ground(together, record):
     assert float(abs(found["h_agl"]).max()) < 5.0
 
 
+@pytest.mark.slow
 def test_legs_wheels_and_runways_that_differ_from_run_to_run(together, record):
     """Dry, wet and icy, with and without anti-skid, rigid wheels next to struts, skids next to
     tyres, some retracted, braked to a skid.
@@ -222,6 +227,7 @@ def test_one_run_touches_the_ground_next_to_others_that_fly(together, record):
     assert 0 < int(touched.sum()) < RUNS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [0.0, 2.0, 4.0])
 def test_steered_wheels_in_the_air(together, record, order):
     """Wheels on a spring next to castors."""
@@ -234,6 +240,7 @@ def test_steered_wheels_in_the_air(together, record, order):
     assert float(np.ptp(found["gear.steering"].values[:, -1])) > 0.1
 
 
+@pytest.mark.nightly
 def test_circuits_and_wheels_of_different_orders(together, record):
     """Such runs fly alone; circuits of one order and different geometry side by side."""
     even = np.arange(RUNS) % 2 == 0
@@ -251,6 +258,7 @@ def test_circuits_and_wheels_of_different_orders(together, record):
         assert (demand_same(together, record, AIR | orders)["failure"] == "").all()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("mode", [1.0, 2.0])
 @pytest.mark.parametrize("order", [2.0, 4.0])
 @pytest.mark.parametrize("hold", ["linear", "zero"])
@@ -405,6 +413,7 @@ def test_a_run_that_fails_leaves_the_others_alone(sim, record):
     assert np.isfinite(found["V"].values[[not text for text in failed]]).all()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("mode", [0.0, 2.0])
 def test_scales_that_are_zero_in_some_runs_or_in_all(together, record, mode):
     """A term is left out where its scale is zero in every run of a group: of four or eight here, of
@@ -438,6 +447,7 @@ ONE_CELL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("air", [AIR, ONE_CELL], ids=["apart", "one cell"])
 def test_changed_nodes_of_tables_with_one_to_four_axes(sim, record, air):
     """Nodes at both ends of their axes and inside, of a factor and of two tables over the same
@@ -498,6 +508,7 @@ def test_held_inputs_that_jump_in_some_runs_in_a_gust(together, record):
     )
 
 
+@pytest.mark.slow
 def test_held_forces_that_jump_in_some_runs(together, record):
     own = record.drop_vars(list(record.data_vars)).assign(
         F_column=steps(60.0), F_pedal=steps(180.0)

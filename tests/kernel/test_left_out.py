@@ -63,6 +63,7 @@ def flickering() -> xr.Dataset:
     return moved().assign(speedbrake=("time", brake))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inputs", [moved, flickering])
 @pytest.mark.parametrize("scale", [1.0, 0.5])
 def test_a_term_that_is_switched_off_comes_back(switched, scale, inputs):
@@ -218,6 +219,7 @@ def test_a_table_that_is_changed_between_derivatives(sim, start, changed):
     assert run.derivative(run.state, u).tobytes() == before.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gamma", [-0.0095, -0.2])
 @pytest.mark.parametrize("exponent", [-7.5, -1.5, 0.5, 9.0])
 def test_a_power_in_a_step_is_that_of_whole_derivatives(

@@ -296,7 +296,7 @@ def test_rest_lasts_for_ever(advance):
     assert list(m.v)[:2] == [0.0, 0.0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_slow_force_sweep_draws_a_loop_as_wide_as_the_friction(advance):
     """Force against travel, up and down slowly: two lines apart by 2 F_c, and nothing moves inside
     the band.
@@ -449,7 +449,7 @@ def any_linkage(draw):
     return linkage(bodies, **values), motion(q, [draw(st.floats(-10.0, 10.0)) for _ in range(3)])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=3 * settings.default.max_examples, deadline=None)
 @given(start=any_linkage(), h=st.floats(1e-5, 0.05))
 def test_energy_is_never_made_and_always_accounted_for(advance, start, h):
@@ -471,6 +471,7 @@ def test_energy_is_never_made_and_always_accounted_for(advance, start, h):
         before, lost = after, list(m.lost)
 
 
+@pytest.mark.nightly
 @settings(max_examples=settings.default.max_examples, deadline=None)
 @given(start=any_linkage(), h=st.floats(1e-4, 0.01))
 def test_what_comes_to_rest_stays(advance, start, h):
@@ -492,6 +493,7 @@ def test_what_comes_to_rest_stays(advance, start, h):
     assert bytes(m.q) == before
 
 
+@pytest.mark.nightly
 @settings(max_examples=3 * settings.default.max_examples // 2, deadline=None)
 @given(start=any_linkage(), h=st.floats(1e-5, 0.02))
 def test_forces_obey_the_laws_of_friction_and_stops(advance, start, h):

@@ -49,6 +49,7 @@ def set_node(index, value):
     return change
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("parameter", "name", "table", "index", "value"),
     [

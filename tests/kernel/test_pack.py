@@ -155,7 +155,7 @@ def test_sections_must_lie_inside(sim):
                 KernelModel(patched(sim.block, 32 + 16 * i, entry))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=3 * settings.default.max_examples, deadline=None)
 @given(data=st.data())
 def test_hostile_blocks_with_a_right_checksum_do_not_crash(data, sim):

@@ -24,6 +24,7 @@ def random_states(run, rng, n: int):
         yield x
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("earth", [0, 1])
 def test_derivative_agrees_with_the_counterpart(
     earth, sim, content, counterpart, start, make_aircraft

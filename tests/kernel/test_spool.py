@@ -234,6 +234,7 @@ def steps_of(seed: int, end: float) -> np.ndarray:
     return np.unique(np.concatenate([[0.0, end], rng.uniform(0.0, end, 200), lever_record()[0]]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.004, 0.23, 1.7])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_lever_delay_is_exact_at_any_steps(compiled, start, delay, seed):

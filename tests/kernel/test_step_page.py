@@ -33,6 +33,7 @@ def in_order(text: str, functions: list[str]) -> bool:
     return min(at) >= 0 and at == sorted(at)
 
 
+@pytest.mark.slow
 def test_functions_stand_in_the_files_that_the_page_names():
     named = [(function, file) for function, file in ROWS if file]
     assert len(named) == 10

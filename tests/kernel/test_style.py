@@ -137,12 +137,14 @@ def test_lines_are_short(path):
     assert not long, f"more than {COLUMNS} columns: {long}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.name)
 def test_functions_are_short(path):
     long = [(name, lines) for name, lines in functions(path) if lines > LINES]
     assert not long, f"more than {LINES} lines: {long}"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.name)
 def test_one_statement_a_line(path):
     text = program(path)

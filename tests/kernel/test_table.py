@@ -151,6 +151,7 @@ def test_many_rows_at_once_give_the_numbers_of_single_rows(
         assert np.isfinite(found).sum() > 0.9 * found.size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("numbers", [True, False])
 def test_tables_that_are_zero_in_a_cell_come_back(numbers, content, make_aircraft, make_tree):
     """Flights pass over tables whose cell has zeros only, ground effect aloft; rows at once do not.

@@ -92,6 +92,7 @@ def test_loads_by_statics(jet_on_wheels):
     assert float(y["phi"]) == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("earth", [0.0, 1.0, 3.0])
 @pytest.mark.parametrize(
     "more",

@@ -130,6 +130,7 @@ KINDS = [
 ]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("earth", [0.0, 1.0])
 @pytest.mark.parametrize(("kind", "fixed"), KINDS)
 def test_the_flight_stays_what_it_is(earth, kind, fixed, sim):
@@ -166,6 +167,7 @@ def test_the_flight_stays_what_it_is(earth, kind, fixed, sim):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "fixed"), [*KINDS, ("pull_up", {"nz": 1.8}), ("pull_up", {"q": 0.05})]
 )

@@ -108,6 +108,7 @@ def brush(slip: float, load: float, mu: float = 0.8) -> float:
     return -np.sign(slip) * mu * load * (1.0 - (1.0 - u) ** 3)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("speed", [2.0, 60.0])
 @pytest.mark.parametrize("slip", [0.002, -0.03, 0.1, 0.35])
 def test_side_force_by_slip_angle(speed, slip, car, start):
@@ -118,6 +119,7 @@ def test_side_force_by_slip_angle(speed, slip, car, start):
     assert y["gear.left.Fy"] == pytest.approx(brush(slip, y["gear.left.Fz"]), rel=0.012)
 
 
+@pytest.mark.slow
 def test_side_force_depends_on_load(car, start):
     """Slope C = 2 C_max (F / F_0) / (1 + (F / F_0)^2): greatest at F_0, the same at F_0 / 2 and 2
     F_0.
@@ -168,6 +170,7 @@ def test_brake_force_that_follows_the_load(compiled, start):
     )  # pitching moves the c.g. to and fro
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("slip", [0.0, 0.03, 0.1, 0.3])
 @pytest.mark.parametrize("pedal", [0.2, 0.45, 1.0])
 def test_friction_circle(pedal, slip, car, start):
@@ -249,6 +252,7 @@ def test_wet_runway_is_that_of_the_regulation():
     assert wet_friction(75.0 * 6894.757293168)[0] == pytest.approx(0.5 * (0.883 + 0.804), rel=1e-9)
 
 
+@pytest.mark.nightly
 def test_runway_conditions(car, start):
     friction = {}
     for condition in (0.0, 1.0, 2.0):
@@ -324,6 +328,7 @@ def test_steering_gives_way_to_the_side_force(order, compiled, start):
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("order", ORDERS)
 def test_standing_wheel_is_held_by_the_ground(order, compiled, start):
     """Turned at rest the wheel lags by scrub moment over stiffness and keeps that when the pull

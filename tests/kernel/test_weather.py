@@ -504,6 +504,7 @@ def test_turbulence_that_is_off_changes_nothing(sim):
         np.testing.assert_array_equal(a[name].values, b[name].values, err_msg=name)
 
 
+@pytest.mark.slow
 def test_switched_on_and_off_under_way(probe, start):
     run = start(
         probe,

@@ -48,6 +48,7 @@ def test_every_validation_run_has_its_case():
     assert len({read_case(file).name for file in FOLDER.glob("*.toml")}) == len(ROWS)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("stem", ROWS)
 def test_case_is_sound_and_inside_its_record(stem):
     case = read_case(FOLDER / f"{stem}.toml")

@@ -217,6 +217,7 @@ def test_the_reference_repeats_the_printed_values_of_case_4():
     np.testing.assert_allclose(found, [17.9253021678, 17.7466327886, 37.4532207898], atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_trajectory_is_that_of_the_reference(case):
     """The same atmosphere on both sides: bounds a thousand times below those of acceptance.

@@ -158,6 +158,7 @@ def test_forces_and_moments_of_a_flight_are_those_of_the_file():
         assert np.abs(J @ turn + np.cross(w, J @ w) - moment).max() < 1e-9 * qS * craft.b
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("file", ["F16_control.dml", "F16_gnc.dml"])
 def test_law_as_closures_equals_the_evaluation_of_the_file(file):
     model = daveml.read(f16.MODELS / file)
@@ -193,7 +194,7 @@ def test_subsonic_trim_over_the_rotating_earth():
         )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_supersonic_trim():
     """Published: pitch -0.741575 deg, Mach 2.0105; speed and height stay without control for 180 s."""
     run = fly("12", hold=0.02)
@@ -259,7 +260,7 @@ def test_close_to_tool_5(case, adams):
 # ---- scenarios without a record
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_airspeed_command():
     run = fly("13p2")
     keas = run.V * np.sqrt(run.rho / 1.225) / KT

@@ -94,6 +94,7 @@ def test_cases_of_unlike_flaps_are_not_joined(ce500, listings):
         aerodb.from_datcom(ce500, clean=listings["clean"], flaps=listings["flaps"])
 
 
+@pytest.mark.nightly
 def test_cruise_trim_and_fmu(ce500, ce500_db, tmp_path):
     sim = flightmech.compile(ce500, ce500_db)
     cruise = {"init.V": 130.0, "init.h": 6000.0, "mode.engine": 2.0, "mode.earth": 0.0}

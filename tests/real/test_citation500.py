@@ -85,6 +85,7 @@ def within(fit, **expected):
         ), term
 
 
+@pytest.mark.slow
 def test_surfaces_as_recorded_give_the_values_of_the_readme():
     data = measured("de3211_1")
     force = flighttest.regress(
@@ -107,6 +108,7 @@ def test_surfaces_as_recorded_give_the_values_of_the_readme():
     assert moment.estimates.attrs["R2"] == pytest.approx(0.90, abs=5e-3)
 
 
+@pytest.mark.slow
 def test_the_lag_of_the_surfaces_is_found_by_the_fit_of_the_moment():
     data = measured("de3211_1", lag=LAG)
     moment = flighttest.regress(
@@ -123,6 +125,7 @@ def test_the_lag_of_the_surfaces_is_found_by_the_fit_of_the_moment():
     assert values(force)["alpha"] == pytest.approx(-5.66, abs=0.02)
 
 
+@pytest.mark.slow
 def test_the_band_of_the_short_period_gives_the_same_moments_as_time():
     data = measured("de3211_1", lag=LAG)
     model = flighttest.RegressionModel.parse("Cm = 1 + alpha + qhat + delta_e")
@@ -137,6 +140,7 @@ def test_the_band_of_the_short_period_gives_the_same_moments_as_time():
         )  # what the linear model leaves out
 
 
+@pytest.mark.nightly
 def test_rolling_moment_of_three_records_with_lag():
     data = measured("da3211_2", "dadoublet_1", "dr3211_1", lag=LAG)
     roll = flighttest.regress(

@@ -39,6 +39,7 @@ def quality(name):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "surface"), [("de3211_1", "delta_e"), ("da3211_2", "delta_a")])
 def test_recorded_surfaces_are_commands(name, surface):
     found = quality(name)

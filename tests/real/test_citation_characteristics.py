@@ -105,6 +105,7 @@ def test_trim_slope(citation):
     assert slope == pytest.approx(FLOWN[2018][2], rel=0.02)
 
 
+@pytest.mark.slow
 def test_stability_of_the_published_model(citation):
     """h_n = 0.25 - Cm_alpha/CL_alpha and the roll mode b^2 rho S V Cl_p / (4 Ixx), by the textbook."""
     mass, V, h, delta_T = at(citation, 2018, "aperiodic_roll")

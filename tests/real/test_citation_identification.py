@@ -28,6 +28,7 @@ def vane_factor(citation, year):
     return float(citation.stationary(year).biases["estimate"].sel(parameter="factor.alpha_vane"))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("year", [2018, 2019, 2020])
 def test_signs_of_the_surfaces_are_those_of_the_vocabulary(citation, year):
     """Aileron positive rolls left, rudder positive yaws left, elevator positive pitches down; each
@@ -84,6 +85,7 @@ def test_elevator_trim_slope_of_the_recording(citation, year):
     )
 
 
+@pytest.mark.nightly
 def test_drag_polar(citation):
     polar = citation.fit("CD = 1 + CL**2", citation.stationary_parts(2018))
     # references of this and sister flights: CD0 0.0212 to 0.0221, e 0.74 (all six points) to 0.87
@@ -92,6 +94,7 @@ def test_drag_polar(citation):
     assert 0.74 < aircraft.S / (np.pi * aircraft.b**2 * value(polar, "CL**2")) < 0.87
 
 
+@pytest.mark.nightly
 def test_short_period(citation):
     """Large steps of the elevator, 175 to 110 kt; without ground velocity the level of alpha is
     known to 0.5 deg only.
@@ -112,7 +115,7 @@ def test_short_period(citation):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_phugoid_hardly_determines_the_lift_slope(citation):
     """Alpha moves by half a degree: the standard error is ten times that of the short period's."""
     slow = citation.fit("CL = 1 + alpha", [citation.coefficients(2018, "phugoid", -5.0, 150.0)])
@@ -121,6 +124,7 @@ def test_phugoid_hardly_determines_the_lift_slope(citation):
     assert value(slow, "alpha") == pytest.approx(5.1, abs=2 * stderr)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("year", YEARS)
 def test_roll(citation, year):
     roll = citation.fit(
@@ -132,6 +136,7 @@ def test_roll(citation, year):
     assert value(roll, "delta_a") == pytest.approx(-0.2309, rel=0.25)
 
 
+@pytest.mark.slow
 def test_dutch_roll_derivatives(citation):
     data = [citation.coefficients(2018, "dutch_roll", -3.0, 16.0)]
     yaw = citation.fit("Cn = 1 + beta + rhat + delta_r", data)
@@ -215,6 +220,7 @@ def frequency(citation, model, data, band):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("year", YEARS)
 def test_the_dutch_roll_in_frequency_is_that_in_time(citation, year):
     model, data = (
@@ -250,6 +256,7 @@ def test_selection_finds_the_linear_pitching_moment(citation):
     assert set(found.model.terms) == {"1", "alpha", "qhat", "delta_e"}
 
 
+@pytest.mark.slow
 def test_standard_errors_of_a_weak_short_period_stay_finite(citation):
     """2020: the climb of the likelihood of its disturbance is lost at the edge from where it
     starts, and must be tried again.

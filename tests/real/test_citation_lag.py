@@ -8,6 +8,7 @@ import pytest
 import flighttest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("year", [2018, 2020])
 def test_the_roll_rate_lags_behind_the_ailerons(citation, year):
     """0.21 s in both flights; all data changed in the twelfth digit change it as little."""

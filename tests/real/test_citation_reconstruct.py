@@ -122,6 +122,7 @@ def test_dutch_roll(dutch_roll, year):
     assert float(free["V"].mean()) == pytest.approx(SPEED[year][1], rel=0.03)
 
 
+@pytest.mark.slow
 def test_modes_of_the_flight_without_accelerations():
     """2019: no path, but period and damping need none."""
     record = flighttest.read(
@@ -152,6 +153,7 @@ def test_residuals_stay_inside_the_stated_noise(phugoid, dutch_roll):
         assert set(path.fit["verdict"]) == {"use"}
 
 
+@pytest.mark.slow
 def test_flight_without_accelerations_is_refused(aircraft, tmp_path):
     names = tmp_path / "names.toml"
     names.write_text('[ahrs]\np = "Ahrs1_bRollRate"\nphi = "Ahrs1_Roll"\ntheta = "Ahrs1_Pitch"\n')

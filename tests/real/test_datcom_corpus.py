@@ -14,6 +14,7 @@ FILES = sorted(CORPUS.glob("*/*.out"))
 pytestmark = pytest.mark.skipif(not FILES, reason="the corpus ../shared/data/datcom is not there")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_every_listing_is_read_whole(path):
     listing = datcom_io.read(path)

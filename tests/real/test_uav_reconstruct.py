@@ -86,6 +86,7 @@ def run(name, scatter=0.0):
     return xr.DataTree.from_dict(leaves)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["el_1", "ail_1"])
 def test_airspeed_only(name):
     record = run(name)

@@ -74,12 +74,14 @@ def test_one_json_document(files):
     assert found["figures"] == []
 
 
+@pytest.mark.slow
 def test_one_coefficient_only(files):
     assert "Cm" not in run("compare", *files, "--coefficient", "CL").stdout
     with pytest.raises(UnknownName, match="unknown coefficient 'CN'"):
         run("compare", *files, "--coefficient", "CN")
 
 
+@pytest.mark.slow
 def test_along_a_flight_the_shares_are_printed(files, path):
     text = run("compare", *files, "--along", path).stdout
     assert row(text, "Cm/qhat")[1:] == [
@@ -90,7 +92,7 @@ def test_along_a_flight_the_shares_are_printed(files, path):
     assert json.loads(run("compare", *files, "--along", path, "--json").stdout)["along"] == path
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_figures_of_what_differs(files, path, tmp_path):
     folder = tmp_path / "figures"
     text = run("compare", *files, "--along", path, "--figures", str(folder)).stdout
@@ -105,7 +107,7 @@ def test_figures_of_what_differs(files, path, tmp_path):
         run("compare", *files, "--figures", str(folder))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_axis_terms_get_a_map(small, tmp_path):
     leaf = aerodb.terms(small)["CL/basic"]
     databases = {
@@ -119,6 +121,7 @@ def test_two_axis_terms_get_a_map(small, tmp_path):
     assert all(file.read_bytes().startswith(b"\x89PNG") for file in made)
 
 
+@pytest.mark.slow
 def test_a_folder_appears_atomically(files, tmp_path, monkeypatch):
     calls = []
 
@@ -141,7 +144,7 @@ def test_what_cannot_be_compared_is_stated(small, tmp_path):
         aerodb.figures.write_comparison({"a": small, "b": small}, tmp_path / "x", "bmp")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_plot_of_one_term(files, path, tmp_path):
     target = tmp_path / "lift.svg"
     arguments = (

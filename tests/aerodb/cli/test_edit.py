@@ -31,6 +31,7 @@ def leaf(path, name):
     return aerodb.terms(aerodb.open(path))[name]
 
 
+@pytest.mark.slow
 def test_scale(file, output):
     options = {"stderr": 0.05, "source": "flight", "note": "run 21"}
     words = [word for key, item in options.items() for word in (f"--{key}", str(item))]
@@ -50,6 +51,7 @@ def test_shift_takes_negative_numbers_and_states_warnings(file, output):
     np.testing.assert_allclose(leaf(output, "CL/flap")["value"], [-0.02, 0.18, 0.34])
 
 
+@pytest.mark.slow
 def test_regrid_and_extend_take_units(file, output):
     result = run(
         "edit",
@@ -135,6 +137,7 @@ def test_delete_and_replace(file, output, tmp_path):
     np.testing.assert_array_equal(leaf(again, "CL/flap")["value"], leaf(file, "CL/flap")["value"])
 
 
+@pytest.mark.nightly
 def test_history_previous_forget(file, output, small, tmp_path):
     back = str(tmp_path / "back.nc")
     run("edit", file, "scale", "CL/flap", "--by", "2", "-o", output)

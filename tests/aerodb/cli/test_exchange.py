@@ -27,6 +27,7 @@ def run(*arguments):
     return CliRunner().invoke(db, arguments, catch_exceptions=False)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("fmt", "name"), [("netcdf", "x.h5"), ("matlab", "x.mat"), ("csv", "x"), ("daveml", "x.dml")]
 )
@@ -160,6 +161,7 @@ def test_options_of_another_format_are_refused(file, tmp_path, options, message)
     assert message in found.output
 
 
+@pytest.mark.slow
 def test_the_t37_of_jsbsim_on_the_command_line(tmp_path):
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     place = Path(jsbsim.get_default_root_dir()) / "aircraft" / "T37" / "T37.xml"

@@ -47,6 +47,7 @@ def test_show_as_json(file):
     assert found["terms"][0]["source"] == {"datcom": 1.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -72,6 +73,7 @@ def resealed(content):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--json",)])
 @pytest.mark.parametrize("kept", [b"", b"\noverview 0: [{}, []]", b"\noverview 1: no JSON"])
 def test_without_an_overview_that_it_knows_show_reads_the_terms(file, options, kept, tmp_path):
@@ -177,6 +179,7 @@ def listed(leaf):
     leaf.attrs["regressors"] = np.array([1.0, 2.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("harm", "fault"),
     [
@@ -201,6 +204,7 @@ def test_show_states_the_faults_of_a_sealed_file(file, harm, fault):
         run("show", file)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("verb", ["history", "decisions"])
 @pytest.mark.parametrize("options", [(), ("--json",)])
 def test_history_and_decisions_print_what_the_whole_reading_prints(small, tmp_path, verb, options):
@@ -269,7 +273,7 @@ cg = [0.0, 0.0, 0.2235]
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_build_from_listings(t37_folder, tmp_path):
     toml, output = tmp_path / "t37.toml", tmp_path / "prior.nc"
     toml.write_text(AIRCRAFT)

@@ -91,7 +91,7 @@ def test_mass_cg_and_inertia_are_those_with_which_jsbsim_starts(trainer, tmp_pat
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @samples
 def test_a_daveml_package_becomes_database_and_aircraft_file(tmp_path):
     files = (

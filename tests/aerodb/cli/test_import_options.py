@@ -115,6 +115,7 @@ def test_reference_quantities_of_a_daveml_file(run, tmp_path):
     assert [attributes[name] for name in ("S", "cbar", "b")] == pytest.approx([20.0, 1.524, 6.0])
 
 
+@pytest.mark.slow
 def test_an_input_of_a_daveml_file_is_named_or_fixed(run, tmp_path):
     """The height over the runway: refused, a quantity, or a constant."""
     done = run("import", DAVEML, *REFERENCE)

@@ -63,6 +63,7 @@ def test_states_that_a_table_needs_must_be_there(states, small, tmp_path):
         aerodb.comparison.read_conditions(tmp_path / "path.nc", small)
 
 
+@pytest.mark.slow
 def test_other_files_are_refused(small, tmp_path):
     with pytest.raises(
         FileNotFoundError, match="no such file; `aeromatch flight reconstruct` writes a path"

@@ -144,7 +144,7 @@ def any_edit(rng, db, name):
     return edits[str(rng.choice(list(edits)))]()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @thorough
 @given(seeds)
 @pytest.mark.filterwarnings("ignore::flightmech.errors.AeromatchWarning")
@@ -170,6 +170,7 @@ def test_an_edit_leaves_all_else_alone_and_can_be_taken_back(seed):
     assert released.attrs == states[-1].attrs
 
 
+@pytest.mark.nightly
 @thorough
 @given(seeds, st.integers(-30, 30), st.integers(0, 5))
 def test_a_factor_multiplies_everywhere(seed, tenths, hundredths):
@@ -189,6 +190,7 @@ def test_a_factor_multiplies_everywhere(seed, tenths, hundredths):
         assert ("stderr" in leaf) == (sd > 0)
 
 
+@pytest.mark.slow
 @thorough
 @given(seeds)
 def test_a_factor_table_multiplies_the_nodes(seed):
@@ -218,6 +220,7 @@ def test_a_factor_table_multiplies_the_nodes(seed):
         assert {*own} <= {*value_breakpoints(leaf)[axis]}
 
 
+@pytest.mark.nightly
 @thorough
 @given(seeds)
 def test_a_factor_over_another_axis_multiplies_everywhere(seed):
@@ -237,6 +240,7 @@ def test_a_factor_over_another_axis_multiplies_everywhere(seed):
     )
 
 
+@pytest.mark.nightly
 @thorough
 @given(seeds)
 def test_an_amount_adds_everywhere(seed):
@@ -255,7 +259,7 @@ def test_an_amount_adds_everywhere(seed):
     assert (aerodb.terms(new)[name]["stderr"] > 0.2).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @thorough
 @given(seeds)
 def test_the_error_of_a_regrid_is_the_largest_difference_there_is(seed):
@@ -286,6 +290,7 @@ def test_the_error_of_a_regrid_is_the_largest_difference_there_is(seed):
     np.testing.assert_allclose(value(finer, name, at), value(db, name, at), rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 @thorough
 @given(seeds, st.sampled_from(["hold", "linear"]))
 def test_an_extended_table_is_the_old_one_inside_and_follows_the_rule_outside(seed, how):
@@ -434,7 +439,7 @@ def test_a_blend_is_no_worse_than_either(seed, rule):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=3, deadline=None)
 @given(seed=seeds)
 def test_edited_files_come_back_whole(tmp_path_factory, seed):

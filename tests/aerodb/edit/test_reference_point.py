@@ -169,6 +169,7 @@ def test_heights_are_counted_from_the_new_point(trainer, moved):
     )
 
 
+@pytest.mark.slow
 def test_the_flight_does_not_change(trainer, moved):
     """The same aeroplane, described about two points, flies the same in the kernel."""
     engine, cg = Engine((0.3, 0.0, 0.1)), np.array([0.05, 0.0, 0.1])
@@ -225,7 +226,7 @@ def test_the_flight_does_not_change(trainer, moved):
         assert float(np.abs(runs[2][name] - runs[0][name]).max()) < 1e-2 * reach
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_another_listing_of_the_same_aeroplane_agrees(make_case, craft):
     """Built about B at once, or about A and moved to B with its flow angles: first order in the
     rates, central differences in alpha.
@@ -330,7 +331,7 @@ def test_the_whole_database_of_the_t37(t37_db):
     assert aerodb.store.undo_edits(new).identical(t37_db)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_moves_do_not_pile_up(trainer, moved):
     directly = aerodb.transform.move_reference(trainer, [-2.8, 0.0, 0.0])
     further = aerodb.transform.move_reference(moved, [-2.8, 0.0, 0.0])

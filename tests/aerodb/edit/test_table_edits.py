@@ -174,6 +174,7 @@ def test_extend_on_both_sides_and_across_other_axes(small):
     np.testing.assert_allclose(new["value"].sel(mach=0.1), 0.2 + 4.8 * np.radians([-8, 0, 8, 16]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("edit", "error", "text"),
     [

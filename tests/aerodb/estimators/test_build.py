@@ -65,6 +65,7 @@ def test_totals_and_derivatives_are_those_of_the_print(of_avl):
     assert aerodb.check(of_avl) == []
 
 
+@pytest.mark.nightly
 @needs_outputs
 def test_the_print_in_body_axes_gives_the_same_database(of_avl):
     of_body = from_estimate(aircraft(), sweep("sb"), controls=CONTROLS, **MORE)
@@ -75,6 +76,7 @@ def test_the_print_in_body_axes_gives_the_same_database(of_avl):
         np.testing.assert_allclose(second[name]["value"], leaf["value"], atol=1e-4, err_msg=name)
 
 
+@pytest.mark.nightly
 @needs_outputs
 def test_another_program_on_the_same_geometry_is_near(of_avl):
     other = from_estimate(aircraft(), [VSPAERO / "c182.stab"], controls=OF_VSPAERO, **MORE)
@@ -82,6 +84,7 @@ def test_another_program_on_the_same_geometry_is_near(of_avl):
         assert value(other, name) / value(of_avl, name) == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.nightly
 @needs_outputs
 def test_moments_are_transferred_to_the_reference_of_the_aircraft(of_avl):
     forward = 0.2
@@ -97,6 +100,7 @@ def test_moments_are_transferred_to_the_reference_of_the_aircraft(of_avl):
     assert change == pytest.approx(-forward / (4.9 * FOOT) * normal, rel=1e-6)
 
 
+@pytest.mark.nightly
 @needs_outputs
 def test_what_no_file_states_must_be_given():
     part = {"Elevator": "+delta_e", "Aileron": "+delta_a"}
@@ -123,6 +127,7 @@ def test_a_polar_needs_its_reference_and_has_friction():
     assert "Cm/qhat" not in aerodb.terms(db)
 
 
+@pytest.mark.nightly
 @needs_outputs
 def test_drag_without_friction_and_wrong_signs_are_warned_of():
     wrong = {"Elevator": "-delta_e", "Aileron": "-delta_a", "Rudder": "+delta_r"}
@@ -143,6 +148,7 @@ def test_runs_that_contradict_each_other_are_refused(tmp_path):
         from_estimate(aircraft(), [*sweep("st"), tmp_path / "again.st"], controls=CONTROLS, **MORE)
 
 
+@pytest.mark.nightly
 @needs_outputs
 def test_a_left_out_control_and_its_runs_are_not_used():
     controls = CONTROLS | {"rudder": ""}
@@ -151,6 +157,7 @@ def test_a_left_out_control_and_its_runs_are_not_used():
     assert aerodb.terms(db)["CL/basic"].sizes["alpha"] == 4
 
 
+@pytest.mark.nightly
 @needs_outputs
 def test_the_verbs(tmp_path):
     (tmp_path / "a.toml").write_text(
@@ -178,6 +185,7 @@ def test_the_verbs(tmp_path):
     assert "moments and rates in stability axes" in plain.output
 
 
+@pytest.mark.nightly
 @needs_outputs
 def test_friction_is_not_added_to_a_drag_that_has_it(tmp_path):
     reference = EstimateReference(174.0 * FOOT**2, 4.9 * FOOT, 35.8 * FOOT, 7.6 * FOOT)
@@ -197,6 +205,7 @@ def test_the_absolute_error_of_a_derivative_is_per_radian(of_avl):
     np.testing.assert_allclose(absolute, 0.002 / 0.3, rtol=1e-6)
 
 
+@pytest.mark.nightly
 @needs_outputs
 def test_two_controls_may_exchange_their_names(tmp_path):
     """A control of the file with a name of the product is not taken for the renamed one."""
@@ -212,6 +221,7 @@ def test_two_controls_may_exchange_their_names(tmp_path):
     assert value(db, "Cl/aileron") < 0.0
 
 
+@pytest.mark.nightly
 @needs_outputs
 def test_a_database_of_controls_that_cancel_is_warned_of(tmp_path):
     """The derivatives of the elevator with the opposite sign, as a second group of its surface."""

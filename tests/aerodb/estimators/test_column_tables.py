@@ -103,6 +103,7 @@ def test_three_layouts_hold_the_same_numbers(tmp_path):
         )
 
 
+@pytest.mark.nightly
 @needs_tables
 def test_a_database_of_a_table_has_increments_over_the_deflection(tmp_path):
     controls = {"elevator": "+delta_e", "aileron": "+delta_a", "rudder": "-delta_r"}
@@ -190,6 +191,7 @@ SWEEP_MAP = (
 )
 
 
+@pytest.mark.slow
 def test_runs_at_slightly_other_angles_are_interpolated(tmp_path):
     """Angles of a tunnel are never equal: the increment is taken at those of the clean runs."""
     (tmp_path / "runs.csv").write_text(SWEEPS)

@@ -63,6 +63,7 @@ def write(tmp_path, text):
     return tmp_path / "for006.dat"
 
 
+@pytest.mark.slow
 @needs_outputs
 def test_every_number_is_on_its_line():
     compared = 0
@@ -111,6 +112,7 @@ def test_lift_and_drag_of_the_print_follow_from_its_body_axes():
     assert find(one.numbers, "CD", alpha=5 * DEG)["value"] == pytest.approx(0.340, abs=6e-4)
 
 
+@pytest.mark.slow
 @needs_outputs
 def test_patterns_of_panel_deflections_are_controls():
     one = read_estimate(SHARED / "javelin_rev399_for006.dat")

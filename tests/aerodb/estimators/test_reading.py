@@ -139,6 +139,7 @@ VSPAERO_NAMES = {
 }
 
 
+@pytest.mark.slow
 @needs_outputs
 def test_every_number_of_vspaero_is_on_its_line():
     compared = 0

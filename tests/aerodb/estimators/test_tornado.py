@@ -128,6 +128,7 @@ def _set_with(numbers, controls):
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("as_derivative", [True, False])
 def test_a_control_of_zeros_is_not_an_estimate_of_zero(as_derivative):
     """AeroSandbox's vortex lattice ignores control surfaces and prints 0 for each of them."""

@@ -127,6 +127,7 @@ def test_conditions_beyond_the_method_are_refused(monkeypatch, short_deck, tmp_p
         from_decks([deck])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["a", "0.3,0"])
 def test_words_of_a_rudder(short_deck, tmp_path, text):
     words = ["estimate", str(short_deck), "--rudder", text, "-o", str(tmp_path / "a.nc")]

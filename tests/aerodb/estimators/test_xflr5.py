@@ -136,6 +136,7 @@ def test_the_mean_chord_of_a_log_gives_its_neutral_point(file, S, b, cbar, neutr
     assert x - moment / lift * one.reference.cbar == pytest.approx(neutral, abs=1e-4)
 
 
+@pytest.mark.nightly
 @needs_outputs
 def test_a_database_of_a_polar_and_a_log():
     files = [SHARED / "DesignIteration1.txt", SHARED / "stability_DesignIteration5.rtf"]

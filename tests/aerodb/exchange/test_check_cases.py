@@ -108,6 +108,7 @@ def test_tables_that_cannot_be_run_are_reported(small, table):
         aerodb.exchange.export_checkcases(small, table, count=0)
 
 
+@pytest.mark.nightly
 def test_checks_travel_and_are_run(small, tmp_path):
     path = tmp_path / "db.nc"
     checked = aerodb.store.with_checks(small, count=50)

@@ -207,7 +207,7 @@ KEYS = st.from_regex(r"[A-Za-z_][A-Za-z0-9_.]{0,8}", fullmatch=True)
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0", exclude_categories=["Cs"]))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @given(st.dictionaries(KEYS, TEXTS | st.integers() | st.floats(allow_nan=False)))
 def test_facts_come_back(tmp_path_factory, facts):
     path = tmp_path_factory.getbasetemp() / "facts.csv"

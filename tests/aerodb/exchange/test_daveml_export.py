@@ -146,6 +146,7 @@ def states(count=3000, seed=3):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_database_comes_back_term_by_term(rich, tmp_path):
     aerodb.exchange.export_daveml(rich, tmp_path / "db.dml")
     back = aerodb.exchange.import_daveml(tmp_path / "db.dml")
@@ -161,6 +162,7 @@ def test_a_database_comes_back_term_by_term(rich, tmp_path):
     assert dict(back.attrs) == {key: item for key, item in rich.attrs.items() if key != "history"}
 
 
+@pytest.mark.slow
 def test_the_file_gives_the_coefficients_of_the_database(rich, tmp_path):
     aerodb.exchange.export_daveml(rich, tmp_path / "db.dml")
     model, state = read(tmp_path / "db.dml"), states()
@@ -287,7 +289,7 @@ def test_a_wrong_digit_in_a_table_is_found_by_the_check_cases(rich, tmp_path):
         read(path)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_check_cases_of_the_database_travel_with_their_own_numbers(rich, tmp_path):
     state = {name: ("case", column) for name, column in states(3).items()}
     V, b, cbar = state["V"][1], rich.attrs["b"], rich.attrs["cbar"]
@@ -327,6 +329,7 @@ def test_check_cases_of_the_database_travel_with_their_own_numbers(rich, tmp_pat
     assert kept["CL_tolerance"].values.tolist() == [0.005, 0.005]
 
 
+@pytest.mark.slow
 def test_a_check_case_with_a_missing_number_is_written_or_named(rich, tmp_path):
     """A missing coefficient is not stated in the file; a case with a missing input is named."""
     state = {name: column.copy() for name, column in states(3).items()}
@@ -423,6 +426,7 @@ def test_characters_that_xml_does_not_allow_are_replaced(root, tmp_path):
     )
 
 
+@pytest.mark.nightly
 @given(
     st.dictionaries(
         st.from_regex("[a-z_]{1,8}", fullmatch=True),
@@ -433,6 +437,7 @@ def test_descriptions_come_back(attributes):
     assert unpack_attributes(pack_attributes(attributes)) == attributes
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(0, 2), min_size=1, max_size=30))
 def test_sources_come_back(flags):
     array = np.array(flags, np.uint8)

@@ -183,6 +183,7 @@ def test_the_f16_equals_its_model_at_ten_thousand_states():
         )  # some ten roundings of numbers up to 4
 
 
+@pytest.mark.slow
 @samples
 def test_the_f16_has_canonical_terms_and_its_check_cases():
     db = aerodb.exchange.import_daveml(NESC / "F16_aero.dml")
@@ -282,6 +283,7 @@ def test_the_simple_examples():
 # ---- what is taken over exactly
 
 
+@pytest.mark.slow
 def test_a_model_like_the_hl20(tmp_path):
     """Cubic polynomials in alpha over tables of Mach, |rudder| with the sign of the rudder, rates,
     a transfer to the c.g.
@@ -378,6 +380,7 @@ def test_ends_of_tables_hold_or_go_on_as_the_file_states(tmp_path, ends):
     )  # a flat piece behind the end that is held
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "argument",
     [
@@ -704,6 +707,7 @@ SAMPLED = [
 ]  # fmt: skip
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("math", "functions", "over"), SAMPLED)
 def test_what_no_table_gives_is_sampled_within_the_bound_and_states_it(
     tmp_path, math, functions, over
@@ -789,6 +793,7 @@ def test_jumps_and_functions_of_too_many_variables_cannot_be_sampled(tmp_path):
         aerodb.exchange.import_daveml(one(tmp_path, many), sample=1e-3, grid=ranges)
 
 
+@pytest.mark.slow
 def test_surfaces_of_a_lifting_body_are_sampled_and_the_powers_of_alpha_stay_exact(tmp_path):
     """Cubics in alpha over tables of the mean of two elevons, and of a body flap that the elevon
     limits.

@@ -117,6 +117,7 @@ def simple(points, values, attributes=""):
 # ---- the samples
 
 
+@pytest.mark.slow
 @samples
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 @pytest.mark.filterwarnings("ignore::flightmech.errors.AeromatchWarning")
@@ -570,6 +571,7 @@ def test_tables_that_break_the_rules_are_refused(tmp_path, points, values, attri
 BOMB = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 12))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("content", "text"),
     [

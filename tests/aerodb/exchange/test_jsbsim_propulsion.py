@@ -167,6 +167,7 @@ def test_comment_is_not_a_table():
     assert "C_POWER is never negative: the failed engine does not windmill" in remarks
 
 
+@pytest.mark.slow
 def test_variable_pitch():
     blades, remarks = import_jsbsim_propeller(ENGINES / "prop_81in2v.xml")
     assert blades.governed
@@ -200,6 +201,7 @@ def test_turboprop():
     assert consumption == pytest.approx(0.669 * 0.45359237 / 3600.0 / HORSEPOWER)
 
 
+@pytest.mark.slow
 def test_turboprop_flies():
     """The M601 on a propeller of its size: governed speed, power within the limits."""
     mover = import_jsbsim_engine(ENGINES / "engtm601.xml")
@@ -283,6 +285,7 @@ def same_tables(a, b) -> None:
             )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("engine", "propeller"),
     [
@@ -337,6 +340,7 @@ print("WRITTEN", rpm, f[e + "power-hp"], f[e + "thrust-lbs"], f[e + "advance-rat
 """
 
 
+@pytest.mark.slow
 def test_jsbsim_flies_the_written_aircraft(tmp_path):
     """JSBSim starts the written engine; its thrust is that of our table at its rpm and J."""
     mover = import_jsbsim_engine(ENGINES / "eng_io320.xml")

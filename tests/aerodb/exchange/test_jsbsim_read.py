@@ -62,6 +62,7 @@ def value(db, **conditions):
     return float(aerodb.evaluate(db, "CL", outside="clamp", **conditions))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("force_axes", ["stability", "wind", "body"])
 @pytest.mark.parametrize("jsbsim_min", ["1.3.1", "1.2"])
 def test_round_trip(force_axes, jsbsim_min, tmp_path):
@@ -91,6 +92,7 @@ def test_round_trip(force_axes, jsbsim_min, tmp_path):
     assert back.attrs["comment"] == ""
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["T37", "A320", "c310", "f15", "pa28"])
 def test_shipped_aircraft_fly_equal(name):
     """Whole aircraft of the package, JSBSim's forces and moments at random states; flaps out are
@@ -110,7 +112,7 @@ def test_shipped_aircraft_fly_equal(name):
     assert flight.worst(moment, M).max() < ROUNDING
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_induced_drag_flies_equal():
     """The A-4's CDi = k CL^2: with the lift of JSBSim's step before, and at rest, when that is the
     lift of the same instant.
@@ -156,6 +158,7 @@ def test_the_list_of_aircraft_that_are_read():
     assert len(read) >= 45
 
 
+@pytest.mark.nightly
 def test_t37_by_name(tmp_path):
     """Numbers as they stand in T37.xml, 41 functions on its axes."""
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
@@ -405,6 +408,7 @@ def test_the_square_of_the_lift_is_a_polar(tmp_path):
         aerodb.exchange.import_jsbsim(file(tmp_path, body.replace("LIFT", "NORMAL") + axial))
 
 
+@pytest.mark.nightly
 def test_a_polar_is_written_as_the_square_of_the_lift(tmp_path):
     polar = {"CD/polar": make_term(0.05, regressors=["CL", "CL"])}
     db = aerodb.replace_terms(writing.synthetic("wind"), polar)

@@ -188,6 +188,7 @@ def flown(path, db, aircraft, count=200, more=EXTRA):
     return flight.loads(db, at, aircraft), theirs, at
 
 
+@pytest.mark.nightly
 @needs_jsbsim
 @pytest.mark.parametrize("force_axes", ["stability", "wind", "body"])
 def test_every_axis_and_regressor(force_axes, tmp_path):
@@ -208,6 +209,7 @@ def test_every_axis_and_regressor(force_axes, tmp_path):
     assert all(np.ptp(at[name]) > 0.0 for name in (*outside, "alphadothat", "betadothat", "dnz"))
 
 
+@pytest.mark.slow
 @needs_jsbsim
 def test_tables_of_four_axes_for_an_older_jsbsim(tmp_path):
     """The file was also loaded in JSBSim 1.2.1, with the same forces; 1.2.1 refuses the native
@@ -234,6 +236,7 @@ def test_t37(t37_db, craft, tmp_path):
     assert (at["h_agl"] < 10.0).any()
 
 
+@pytest.mark.nightly
 @needs_jsbsim
 def test_lines_beyond_the_table(tmp_path):
     """A term with outside = linear, its tables continued to all angles of the states."""
@@ -255,6 +258,7 @@ def test_lines_beyond_the_table(tmp_path):
     assert at["alpha"].max() > 0.3
 
 
+@pytest.mark.slow
 @needs_jsbsim
 def test_mass_and_engines(tmp_path):
     """Angular accelerations of JSBSim from its own moments: 1e-4 of the moment is far below any
@@ -374,6 +378,7 @@ def test_the_file_states_what_it_holds(tmp_path):
     assert float(root.findtext("metrics/wingarea")) * FOOT**2 == pytest.approx(SIZE["S"], rel=1e-15)
 
 
+@pytest.mark.slow
 def test_a_tab_without_limits_is_a_position_that_is_set_directly(tmp_path):
     db = aerodb.replace_terms(
         synthetic("stability"), {"Cm/tab": terms.make_term(-0.1, regressors=["delta_t"])}

@@ -105,6 +105,7 @@ def test_flight_samples_are_ticks_in_their_panel(both):
     assert "flight sample" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
+@pytest.mark.slow
 def test_the_foot_states_what_numbers_refer_to(both, small):
     foot = " ".join(texts(aerodb.figures.plot_comparison(both, "CL/basic")).split("\n"))
     assert (
@@ -172,7 +173,7 @@ def test_equal_figures_give_equal_bytes(both, tmp_path, kind):
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"one.{kind}", f"two.{kind}"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_svg_is_well_formed_and_states_what_it_shows(both, tmp_path):
     aerodb.figures.save_figure(
         aerodb.figures.plot_comparison(both, "CL/basic"), tmp_path / "lift.svg"
@@ -206,7 +207,7 @@ def test_labels_move_apart_and_stay_inside():
     assert (np.diff(moved) > 0.05 - 1e-12).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_matplotlib_is_needed_only_when_a_figure_is_drawn():
     code = (
         "import sys; sys.modules['matplotlib'] = None\n"
@@ -224,6 +225,7 @@ def test_matplotlib_is_needed_only_when_a_figure_is_drawn():
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("databases", [1, 2, 3])
 def test_labels_at_the_ends_of_curves_are_whole(small, databases):
     """No text leaves the sheet: a label cut at its edge reads as another number, 0.15 as 0.1."""

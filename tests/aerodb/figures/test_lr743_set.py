@@ -419,7 +419,7 @@ def test_figure_9_has_stall_one_g_lines_test_points_and_excursions(rich, aircraf
     np.testing.assert_allclose(trace.y, flown.samples["CL"][flown.samples["manoeuvre"] == 0])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_one_g_lines_have_the_mass_and_the_configuration_that_was_flown(rich, aircraft, flown):
     """One line for each height and setting; at its Mach number the lift of the tables with the
     elevator in balance carries the weight.
@@ -536,6 +536,7 @@ def test_figure_10_draws_each_sweep_with_the_database_at_its_condition(rich, flo
     assert (start.x[0], start.y[0]) == (swept.x[0], swept.y[0])
 
 
+@pytest.mark.slow
 def test_polars_are_trimmed_and_carry_the_errors_of_lift_and_drag(rich, aircraft, flown):
     chart = trimmed.drag_polars({"final": rich}, {"final": aircraft}, flown)
     assert [panel.title for panel in chart.panels] == [
@@ -622,7 +623,7 @@ def test_a_file_without_its_columns_is_refused(tmp_path):
         aerodb.figures.read_flown(tmp_path / "nowhere.nc")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_verb_writes_the_set_and_states_what_is_missing(
     small, flown_file, tmp_path, monkeypatch
 ):

@@ -44,6 +44,7 @@ def total(db, alpha, beta=0.0, phat=0.0, qhat=0.0, rhat=0.0):
     return np.array([CX, c["CY"], CZ]), np.array([c["Cl"], c["Cm"], c["Cn"]])
 
 
+@pytest.mark.nightly
 def test_basic_and_altitude_add_up_to_every_printed_page(craft, make_case):
     case = make_case()
     case["static"]["CL"].values[:] *= np.array([1.0, 1.02, 1.01, 1.03])[
@@ -65,6 +66,7 @@ def test_basic_and_altitude_add_up_to_every_printed_page(craft, make_case):
     assert (db["CL/altitude"]["stderr"].sel(h=3000.0) > 0).all()
 
 
+@pytest.mark.nightly
 def test_the_middle_altitude_is_the_basic_one_unless_specified(craft, make_case):
     assert (
         aerodb.from_datcom(craft, clean=make_case())["CL/basic"]
@@ -77,6 +79,7 @@ def test_the_middle_altitude_is_the_basic_one_unless_specified(craft, make_case)
         aerodb.from_datcom(craft, clean=make_case(), altitude=1500.0)
 
 
+@pytest.mark.nightly
 def test_all_names_axes_and_absent_terms(craft, make_case):
     db = aerodb.from_datcom(craft, clean=make_case())
     assert set(aerodb.terms(db)) == {
@@ -96,7 +99,7 @@ def test_all_names_axes_and_absent_terms(craft, make_case):
     assert db.attrs["force_axes"] == "stability"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_moment_reference_moves_with_forces_and_flow(craft, make_case):
     """The same aeroplane about two points: total moments and rate effects agree with rigid-body
     kinematics.
@@ -140,6 +143,7 @@ def test_moment_reference_moves_with_forces_and_flow(craft, make_case):
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.nightly
 def test_other_reference_quantities_are_stated_and_converted(craft, make_case):
     case = make_case(S=32.0, cbar=1.6, b=10.0)
     with pytest.warns(
@@ -159,6 +163,7 @@ def test_the_reference_point_must_lie_in_the_plane_of_symmetry(craft, make_case)
         )
 
 
+@pytest.mark.nightly
 def test_a_derivative_without_method_is_absent(craft, make_case):
     case = make_case()
     case["dynamic"]["Cl_rhat"].values[:] = np.nan
@@ -167,6 +172,7 @@ def test_a_derivative_without_method_is_absent(craft, make_case):
     assert "Cl/phat" in aerodb.terms(db)
 
 
+@pytest.mark.slow
 def test_without_dynamic_pages_the_rates_are_absent(craft, make_case):
     case = make_case()
     del case["dynamic"]
@@ -180,7 +186,7 @@ def test_without_dynamic_pages_the_rates_are_absent(craft, make_case):
     assert "Cl/beta" in aerodb.terms(db)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_transonic_pages_are_left_out_and_not_held_over(craft, make_case):
     case = make_case()
     leaf = case["static"].to_dataset()
@@ -214,6 +220,7 @@ def grounded(case, heights=(1.0, 3.0, np.inf)):
     return case
 
 
+@pytest.mark.nightly
 def test_ground_effect_over_the_height_of_the_reference_point(craft, make_case):
     lower = dataclasses.replace(
         craft, reference=(-3.0, 0.0, 0.25)
@@ -230,6 +237,7 @@ def test_ground_effect_over_the_height_of_the_reference_point(craft, make_case):
     assert leaf.attrs["comment"].startswith("computed at Mach 0.2")
 
 
+@pytest.mark.slow
 def test_ground_cases_that_cannot_be_used(craft, make_case):
     with pytest.raises(
         SchemaError,
@@ -264,6 +272,7 @@ def test_missing_tables_and_wrong_objects_are_named(craft, make_case):
         aerodb.from_datcom(craft, clean=make_case(cbar=np.nan))
 
 
+@pytest.mark.nightly
 def test_standard_errors_may_be_overridden(craft, make_case):
     db = aerodb.from_datcom(craft, clean=make_case(), stderr={"Cm/qhat": (0.5, 1.0)})
     np.testing.assert_allclose(db["Cm/qhat"]["stderr"], np.hypot(8.5, 1.0))
@@ -301,6 +310,7 @@ def flapped(case, surface, deltas, machs=(0.2,)):
     return case
 
 
+@pytest.mark.nightly
 def test_increments_are_zero_without_deflection(craft, make_case):
     db = aerodb.from_datcom(
         craft, clean=make_case(), elevator=flapped(make_case(), "tail", [-20, 0, 10])
@@ -310,6 +320,7 @@ def test_increments_are_zero_without_deflection(craft, make_case):
     assert (db["Cm/elevator"]["stderr"].sel(delta_e=0.0) == 0).all()
 
 
+@pytest.mark.nightly
 def test_a_node_is_put_in_where_zero_deflection_is_not_printed(craft, make_case):
     db = aerodb.from_datcom(craft, clean=make_case(), flaps=flapped(make_case(), "wing", [15, 40]))
     np.testing.assert_allclose(np.degrees(db["CL/flap"]["delta_f"]), [0, 15, 40])
@@ -327,7 +338,7 @@ def test_flaps_and_elevator_cannot_be_exchanged(craft, make_case):
         )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_loop_over_conditions_is_warned_about(craft, make_case):
     looped = flapped(make_case(), "tail", [-20, 0, 10], machs=(0.2, 0.4))
     with pytest.warns(
@@ -343,6 +354,7 @@ def test_a_loop_over_conditions_is_warned_about(craft, make_case):
     np.testing.assert_array_equal(db["CL/elevator"]["mach"], [0.0, 0.2, 0.4])
 
 
+@pytest.mark.nightly
 def test_increments_follow_the_moment_reference_too(craft, make_case):
     moved = dataclasses.replace(craft, reference=(-3.4, 0.0, 0.0))
     db = aerodb.from_datcom(

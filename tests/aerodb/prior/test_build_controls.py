@@ -119,7 +119,7 @@ def test_a_spoiler_rolls_the_aeroplane_in_flight(spoiled, jet):
     assert expected < 0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_slot_deflector_of_another_case_of_the_file(jet, corpus, clean):
     """SPOILER SLOT DEFLECTOR, Mach 0.3, DS/C 0.06: the heading names DD/C too; 0.01082 is printed
     at height zero of Mach 0.3 or 0.7.
@@ -157,6 +157,7 @@ def test_the_transonic_list_holds_for_every_alpha(tailed):
     )
 
 
+@pytest.mark.nightly
 def test_it_is_no_aileron_and_an_aileron_is_no_tail(jet, corpus, clean):
     with pytest.raises(SchemaError, match="ailerons are needed"):
         aerodb.from_datcom(
@@ -168,7 +169,7 @@ def test_it_is_no_aileron_and_an_aileron_is_no_tail(jet, corpus, clean):
         aerodb.from_datcom(jet, clean=clean, differential_tail=corpus("ce500_aileron"))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_stabilizer_meets_the_tail_lift_at_trim(jet, corpus, clean):
     """ce500_trim.out, second case, Mach 0.25: the slope of the tail alone gives the printed tail
     lift at the printed incidence of trim.
@@ -214,7 +215,7 @@ def test_hinge_moment_of_the_tails_own_angle_of_attack(hinged):
     assert found == pytest.approx(-4.871e-3 * (8 - 5.471 + 0.5), abs=3.03 * 5e-7 + 4.871e-3 * 5e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_hinge_moments_do_not_depend_on_the_reference_of_the_aeroplane(jet, corpus, clean, hinged):
     listing = corpus("control_tab", build=".pdas")
     with pytest.warns(AeromatchWarning, match="not the reference quantities"):
@@ -241,7 +242,7 @@ def test_gearing_of_the_tab(hinged):
         ) == pytest.approx(value, abs=5e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_tab_locked_stands_in_for_the_page(jet, corpus, clean):
     """Deck: B1 -0.004 and B3 -0.007 per degree."""
     db = aerodb.from_datcom(jet, clean=clean, tabs=corpus("control_tab"))
@@ -250,7 +251,7 @@ def test_tab_locked_stands_in_for_the_page(jet, corpus, clean):
     assert {"CL/tab", "CD/tab", "Cm/tab"} <= set(db.attrs["absent"].split())
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_hinge_moments_are_evaluated_and_do_not_move_the_aeroplane(hinged, jet):
     given = {"mach": 0.25, "alpha": 8 * DEGREE, "delta_e": 0.0, "delta_t": 10 * DEGREE}
     parts = aerodb.contributions(hinged, "Ch_e", given)
@@ -273,7 +274,7 @@ def test_hinge_moments_are_evaluated_and_do_not_move_the_aeroplane(hinged, jet):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_without_downwash_the_angle_of_attack_of_the_tail_is_not_known(jet, corpus, clean):
     trees = [listing[0].to_datatree() for listing in (clean, corpus("control_tab", build=".pdas"))]
     for tree in trees:
@@ -288,7 +289,7 @@ def test_without_downwash_the_angle_of_attack_of_the_tail_is_not_known(jet, corp
     assert "Ch_e/delta" in aerodb.terms(db)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_aileron_hinge_from_a_flap_page_of_the_wing(jet, corpus, clean):
     """ce500_flaps.out, second case, Mach 0.15, 0 m: plain flap of the wing, taken for an aileron."""
     case = corpus("ce500_flaps").cases[1]
@@ -305,7 +306,7 @@ def test_aileron_hinge_from_a_flap_page_of_the_wing(jet, corpus, clean):
         aerodb.from_datcom(jet, clean=clean, aileron_hinge=corpus("ce500_elevator"))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_one_case_of_a_file_on_the_command_line(corpus, tmp_path):
     clean, tail = (
         str(CORPUS / name / f"{name}.out") for name in ("ce500_clean", "spoilers_diff_tail")

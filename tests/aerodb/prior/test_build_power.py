@@ -66,6 +66,7 @@ def test_jets_give_no_drag(powered):
     assert "CD/power" in powered.attrs["absent"].split()
 
 
+@pytest.mark.nightly
 def test_force_per_thrust_does_not_depend_on_the_reference_area(jet, pages, powered):
     with pytest.warns(AeromatchWarning):
         other = aerodb.from_datcom(dataclasses.replace(jet, S=48.4), **pages, altitude=0.0)
@@ -75,7 +76,7 @@ def test_force_per_thrust_does_not_depend_on_the_reference_area(jet, pages, powe
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_power_must_be_known_and_comparable(jet, corpus, pages):
     clean, power = corpus("ce500_clean"), pages["power"]
     with (
@@ -113,6 +114,7 @@ def _high(listing):
     return tree
 
 
+@pytest.mark.nightly
 def test_propeller(craft, corpus):
     """cz150_like.out, Mach 0.05, alpha 8: CL, CD and CM grow by 0.043, 0.010 and 0.0119 at THSTCP
     0.1; the line meets the moment centre.

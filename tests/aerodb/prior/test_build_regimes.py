@@ -29,7 +29,7 @@ def fighter_db(fighter):
     return db, [str(warning.message) for warning in caught]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_tail_share_gives_the_printed_alpha_dot_derivatives(jet, corpus):
     """ce500_build.out, Mach 0.2 and 0.5: without its dynamic page, CLAD within 0.4 % and CMAD
     within 0.7 % up to 12 deg.
@@ -52,6 +52,7 @@ def test_the_tail_share_gives_the_printed_alpha_dot_derivatives(jet, corpus):
     assert "CL/qhat" in derived.attrs["absent"].split()
 
 
+@pytest.mark.nightly
 def test_printed_cells_stay(jet, corpus):
     tree = corpus("ce500_build")[0].to_datatree()
     tree["dynamic"]["CL_alphadothat"].values[-1, 0, 4] = (
@@ -70,6 +71,7 @@ def test_printed_cells_stay(jet, corpus):
     )
 
 
+@pytest.mark.nightly
 def test_supersonic_rates_are_not_made_from_the_downwash(fighter):
     aircraft, case = fighter
     tree = case.to_datatree()
@@ -123,7 +125,7 @@ def test_a_derivative_held_into_another_regime_is_warned_of(fighter_db):
     assert (leaf["source"].sel(mach=2.5) == 2).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_deck_states_where_the_subsonic_methods_end(jet, corpus):
     """ce500_clean.inp ends them at STMACH 0.8: Mach 0.7 is subsonic there, with the factor one."""
     case = corpus("ce500_clean")[0]
@@ -139,6 +141,7 @@ def test_the_deck_states_where_the_subsonic_methods_end(jet, corpus):
     np.testing.assert_allclose(with_tree["stderr"], 2.0 * leaf["stderr"])
 
 
+@pytest.mark.nightly
 def test_pitch_rates_against_the_course_values(jet, corpus):
     """Second check of 2V: halved, the listing is near the Ce-500 course values on q c/V (README of
     the corpus), Mach 0.15, alpha 8 deg.

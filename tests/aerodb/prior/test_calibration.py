@@ -74,6 +74,7 @@ def test_the_slope_of_the_moment_is_corrected_about_zero_lift():
     assert plain["Cm/basic"]["value"].values == pytest.approx(moment.values)
 
 
+@pytest.mark.nightly
 def test_errors_that_other_aircraft_calibrate_hold_the_values_of_each():
     """Two standard errors hold 90 to 98 % of all values, and 80 % of each class."""
     script = runpy.run_path(str(BENCHMARK))

@@ -58,6 +58,7 @@ def build(light, listing):
     return db, [str(item.message) for item in caught if "Cm_qhat" in str(item.message)]
 
 
+@pytest.mark.nightly
 def test_a_positive_pitch_damping_is_replaced_by_the_share_of_the_tail(read_with, light) -> None:
     """The page prints -2.503E-01 per degree; of the other sign it contradicts CMAD."""
     printed, none = build(light, read_with("-2.503E-01"))
@@ -85,6 +86,7 @@ def test_the_cells_of_the_reader_have_the_flag(read_with) -> None:
     assert "for the tail alone" in message
 
 
+@pytest.mark.nightly
 def test_a_column_of_infinity_is_named(read_with, light) -> None:
     """A public deck prints -Infinity for CLP at every angle, without a word."""
     listing = read_with("NaN")
@@ -97,6 +99,7 @@ def test_a_column_of_infinity_is_named(read_with, light) -> None:
     assert "Cm/qhat" not in aerodb.terms(db)
 
 
+@pytest.mark.slow
 def test_a_moment_of_the_elevator_off_the_arm_of_the_tail_is_replaced() -> None:
     """A public listing prints a quarter of it, because its run computed flaps before."""
     cases = {case.name.split(":")[0]: case for case in datcom_io.read(LISTING)}

@@ -29,6 +29,7 @@ def read():
     return lambda name: datcom_io.read(LISTINGS / f"{name}.out")
 
 
+@pytest.mark.slow
 def test_engines_without_thrust_give_the_clean_aeroplane(two_engines, read) -> None:
     idle = read("idle_jet")
     assert [item.roles for item in assign_roles([idle])] == [("clean",)]
@@ -43,6 +44,7 @@ def test_engines_without_thrust_give_the_clean_aeroplane(two_engines, read) -> N
     assert np.allclose(db["Cn/beta"]["value"], clean["Cn/beta"]["value"])
 
 
+@pytest.mark.nightly
 def test_stating_that_they_are_powered_changes_nothing(two_engines, read) -> None:
     with pytest.warns(AeromatchWarning, match="zero thrust"):
         plain = aerodb.from_datcom(two_engines, clean=read("idle_jet"))
@@ -51,6 +53,7 @@ def test_stating_that_they_are_powered_changes_nothing(two_engines, read) -> Non
     assert plain.identical(stated)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("altitude", [None, 1500.0])
 def test_tables_over_mach_number_need_no_altitude(two_engines, read, altitude) -> None:
     with pytest.warns(AeromatchWarning, match="state no altitude"):

@@ -17,6 +17,7 @@ C182 = Path(__file__).parents[3] / "data" / "c182"
 LISTINGS = Path(__file__).parents[2] / "datcom_io" / "listings"
 
 
+@pytest.mark.slow
 def test_a_changed_digit_makes_a_database_implausible(tmp_path: Path) -> None:
     """CL of 0.302 at Mach 0.1 and 2 deg becomes 0.802; CN of the row stays 0.303."""
     text = (C182 / "datcom" / "clean.out").read_text()
@@ -31,6 +32,7 @@ def test_a_changed_digit_makes_a_database_implausible(tmp_path: Path) -> None:
     assert "CL at Mach 0.1, alpha 2 deg; CD at Mach 0.1, alpha 2 deg" in findings["print"].source
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "expected"),
     [

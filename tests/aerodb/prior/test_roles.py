@@ -77,7 +77,7 @@ def test_every_case_of_a_listing_gets_its_role(read):
     assert roles(read("wing_body"), read("multi")[0]) == [(), ("clean",)]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_without_a_clean_case_the_elevator_case_gives_its_static_pages(read, light):
     found = assign_roles(read("plus"))
     assert [item.roles for item in found] == [("flaps",), ("aileron",), ("clean", "elevator"), ()]
@@ -96,6 +96,7 @@ def test_without_a_clean_case_the_elevator_case_gives_its_static_pages(read, lig
         np.testing.assert_array_equal(leaf["value"], clean[term]["value"], err_msg=term)
 
 
+@pytest.mark.nightly
 def test_a_device_inherited_by_save_leaves_the_static_pages_clean(read, light):
     """An ASYFLP saved for the next case, and no case of the whole aeroplane without a device."""
     found = assign_roles(read("inherited"))
@@ -107,6 +108,7 @@ def test_a_device_inherited_by_save_leaves_the_static_pages_clean(read, light):
         np.testing.assert_array_equal(saved[term]["value"], clean[term]["value"], err_msg=term)
 
 
+@pytest.mark.nightly
 def test_further_angles_of_attack_continue_a_case(read, light):
     """The program takes 20 angles a case: longer schedules are chains of cases."""
     found = assign_roles(read("angles"))
@@ -182,7 +184,7 @@ def test_another_flap_is_no_part_of_the_first(read, corpus):
     assert "left out as flaps: another SYMFLP than in multi.out:2" in found[-1].reason
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_folder_of_listings_is_built(aircraft, tmp_path):
     for name in ("multi", "wing_body"):
         (tmp_path / f"{name}.out").write_bytes((LISTINGS / f"{name}.out").read_bytes())
@@ -211,6 +213,7 @@ def test_what_a_folder_lacks_is_reported(aircraft, tmp_path):
     assert not output.exists()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("option", ["", "--clean"])
 def test_a_wing_body_is_no_whole_aircraft_unless_stated(aircraft, tmp_path, option):
     place = [option, LISTINGS / "wing_body.out"] if option else [LISTINGS / "wing_body.out"]
@@ -223,7 +226,7 @@ def test_a_wing_body_is_no_whole_aircraft_unless_stated(aircraft, tmp_path, opti
     assert build(aircraft, *place, "--tailless", "-o", tmp_path / "db.nc").exit_code == 0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_without_reference_that_of_the_cards_is_taken(aircraft, tmp_path, read, light):
     aircraft.write_text(AIRCRAFT)
     done = build(aircraft, f"{LISTINGS / 'multi.out'}:1", "-o", tmp_path / "db.nc")
@@ -236,7 +239,7 @@ def test_without_reference_that_of_the_cards_is_taken(aircraft, tmp_path, read, 
     np.testing.assert_array_equal(values(found, "Cm/basic"), values(stated, "Cm/basic"))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_reference_far_from_the_cards_is_an_error_unless_stated(light, read):
     clean = read("multi")[0]
     near, far = (
@@ -260,7 +263,7 @@ def test_a_reference_far_from_the_cards_is_an_error_unless_stated(light, read):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", ["jet", "prop"])
 def test_powered_and_unpowered_cases_of_one_listing_are_separated(light, read, kind):
     free, powered = read(f"{kind}_pair")
@@ -271,7 +274,7 @@ def test_powered_and_unpowered_cases_of_one_listing_are_separated(light, read, k
     np.testing.assert_array_equal(values(together, "CL/basic"), values(apart, "CL/basic"))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("kind", "words"), [("jet", "jet power at CT = 0.12"), ("prop", "propeller power at CT = 0.1")]
 )
@@ -312,6 +315,7 @@ def test_powered_pages_cannot_be_clean_and_power_at_once(light, read):
         aerodb.from_datcom(light, clean=powered, power=powered, powered=True)
 
 
+@pytest.mark.nightly
 def test_an_increment_printed_alone_is_taken_out(jet, corpus):
     """ce500_jet.out, Mach 0.2, alpha 18 to 22: no CM without power, CM -0.0699 ... is the increment
     alone; CMA shows NA.
@@ -502,6 +506,7 @@ def test_of_several_devices_the_one_that_fits_is_used(listing_with_span, read):
     assert [item.roles for item in found][:4] == [(), ("clean",), ("flaps",), ("elevator",)]
 
 
+@pytest.mark.nightly
 def test_a_device_a_little_beyond_the_tip_is_used_with_a_warning(listing_with_span, light):
     listing = listing_with_span(5.5)
     with pytest.warns(AeromatchWarning, match="elevator: .*SPANFO=5.5 lies beyond the tip"):

@@ -92,7 +92,7 @@ def test_elevator_one_by_one(t37_db):
     assert at(t37_db, "Cm/elevator", **ten) / (10 * DEGREE) == pytest.approx(-1.52, abs=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_looped_elevator_is_warned_about_and_differs(t37, craft, t37_db):
     with pytest.warns(AeromatchWarning, match="elevator: D\\(CM\\) comes from a loop"):
         looped = aerodb.from_datcom(craft, clean=t37["clean"], elevator=t37["elevator"])
@@ -183,6 +183,7 @@ def test_flaps_near_the_ground_add_only_ground_effect(t37_db):
     assert flaps == pytest.approx(0.363 + 0.0074 * 4 * DEGREE, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_flaps_over_ground_of_one_run_are_refused(t37, craft):
     """Every deflection but the first holds the ground effect of those before: 0.539 instead of
     0.526 at 30 ft, flap 40, alpha 4.
@@ -195,7 +196,7 @@ def test_flaps_over_ground_of_one_run_are_refused(t37, craft):
         aerodb.from_datcom(craft, clean=t37["clean"], ground_flap=t37["ground_flap"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_listings_of_one_flap_setting_each(t37, t37_db, craft):
     """Given as separate listings, in any order, they make the same tables as in one file."""
     cases = t37["ground_flap_one_by_one"].cases
@@ -207,6 +208,7 @@ def test_listings_of_one_flap_setting_each(t37, t37_db, craft):
         aerodb.from_datcom(craft, clean=t37["clean"], ground_flap=cases[1:])
 
 
+@pytest.mark.nightly
 def test_the_program_has_no_ground_effect_of_the_elevator(t37, craft):
     """The first deflection prints the clean ground pages, the others add to them: zero deflection,
     the sixth, gives CL 0.726 for 0.754.
@@ -220,12 +222,14 @@ def test_the_program_has_no_ground_effect_of_the_elevator(t37, craft):
     )
 
 
+@pytest.mark.nightly
 def test_the_clean_ground_effect_from_pages_with_elevator(t37, t37_db, craft):
     db = aerodb.from_datcom(craft, clean=t37["clean"], ground=t37["ground_elevator"])
     for name in ("CL/ground", "CD/ground", "Cm/ground"):
         np.testing.assert_array_equal(db[name]["value"], t37_db[name]["value"])
 
 
+@pytest.mark.slow
 def test_lift_passes_through_the_printed_pages(t37, t37_db):
     """Free air, no deflection: every printed CL, CD, Cm of all 18 conditions comes back."""
     page = t37["clean"][0].to_datatree()["static"].to_dataset()

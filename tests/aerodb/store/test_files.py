@@ -222,6 +222,7 @@ def saved_by_another_process(db, path):
     path.with_name("theirs.nc").replace(path)
 
 
+@pytest.mark.slow
 def test_of_two_editors_of_one_database_the_second_is_refused(small, tmp_path):
     path = tmp_path / "a.nc"
     aerodb.save(small, path)

@@ -54,6 +54,7 @@ def saved(tmp_path_factory):
     return SimpleNamespace(db=db, content=path.read_bytes(), path=path)
 
 
+@pytest.mark.nightly
 @settings(
     max_examples=3 * settings.default.max_examples,
     deadline=None,
@@ -72,6 +73,7 @@ def test_flipped_bytes_are_a_clear_error(saved, data):
         aerodb.open(saved.path)
 
 
+@pytest.mark.slow
 @settings(
     max_examples=settings.default.max_examples,
     deadline=None,
@@ -153,6 +155,7 @@ def test_files_of_another_kind_are_called_by_it(tmp_path):
         assert len(caught.value.problems) == 1
 
 
+@pytest.mark.slow
 def test_a_database_that_xarray_wrote_is_one(small, tmp_path):
     small.to_netcdf(tmp_path / "x.nc", engine="h5netcdf")
     xr.testing.assert_identical(aerodb.open(tmp_path / "x.nc"), small)
@@ -248,6 +251,7 @@ def no_numbers(file):
     file.create_group("CD/basic").create_dataset("value", data=h5py.Empty("f8"))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("harm", "problem"),
     [

@@ -102,6 +102,7 @@ def in_a_child(work):
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("room", [0, 1, 4096, 40_000])
 def test_a_full_disk_leaves_the_old_file(pair, tmp_path, room):
     path = tmp_path / "db.nc"

@@ -70,6 +70,7 @@ def test_what_was_not_checked_is_listed(aeroplane) -> None:
     assert (found.subject, found.kind, found.stops) == ("manoeuvre margin", "not checked", False)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("term", "factor", "subject"),
     [
@@ -162,6 +163,7 @@ def test_a_coefficient_without_terms(aeroplane) -> None:
     assert kinds["CY"] == "missing"
 
 
+@pytest.mark.nightly
 def test_an_acknowledged_finding_keeps_its_reason(aeroplane, tmp_path) -> None:
     aeroplane["Cm/basic"]["value"][...] *= -1.0
     aerodb.save(aeroplane, tmp_path / "x.nc")
@@ -203,6 +205,7 @@ def test_an_acknowledgement_needs_a_reason(aeroplane, reason) -> None:
         check_plausibility(aeroplane, Mass(1200.0), {"static margin": reason})
 
 
+@pytest.mark.slow
 def test_check_prints_an_acknowledgement_of_no_finding(aeroplane, tmp_path) -> None:
     aerodb.save(aeroplane, tmp_path / "x.nc")
     text = 'name = "x"\nS = 16.9\ncbar = 1.667\nb = 10.31\nmass = 1200.0\nIxx = 1.0\nIyy = 1.0\n'
@@ -230,6 +233,7 @@ def test_a_body_axes_database_is_checked(aeroplane, root) -> None:
     assert subjects(check_plausibility(tree)) == {"static margin"}
 
 
+@pytest.mark.nightly
 def test_build_warns_of_an_implausible_database(make_case, craft) -> None:
     alpha = np.radians(np.arange(-8.0, 17.0, 2.0))
     aircraft = dataclasses.replace(craft, S=16.0, cbar=1.6, b=10.0, reference=(-3.0, 0.0, 0.0))
@@ -284,6 +288,7 @@ def test_a_root_chord_in_place_of_the_mean_one_is_named(aeroplane) -> None:
 
 
 # Configurations of Digital DATCOM and values that are right for them alone.
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("configuration", "values"),
     [

@@ -77,6 +77,7 @@ def test_what_could_not_be_identified_is_reported_as_in_4_5():
     assert "embedded in the pitch-rate term" in scheme["CL/alphadothat"].identified
 
 
+@pytest.mark.nightly
 def test_the_empty_slot_of_every_term_is_a_sound_leaf():
     for name, slot in lr743().items():
         axes = {axis: [0.0, 0.1] for axis in slot.axes}

@@ -137,6 +137,7 @@ def test_a_group_that_no_edit_wrote_is_named(small, name):
     assert aerodb.store.drop_undo_history(foreign).identical(small)
 
 
+@pytest.mark.slow
 def test_files_keep_the_states_and_the_simulation_does_not_see_them(small, tmp_path):
     aircraft = flightmech.Aircraft(
         "t", 16.9, 1.667, 10.31, 2000.0, 9e3, 8e3, 15e3, reference=(-3.0, 0.0, 0.0)

@@ -123,6 +123,7 @@ def test_standard_errors_cover_the_errors(found):
     assert np.mean(np.abs(z[np.isfinite(z)]) < 2) > 0.9
 
 
+@pytest.mark.slow
 def test_the_base_rests_on_the_clean_fits_alone(flown, found):
     """Flap fits that are wrong by 0.3 move the flap and leave the base where it was."""
     wrong = truth()
@@ -162,6 +163,7 @@ def test_no_fit_is_refused():
         join_submodels([], make_database(prior_leaves(), **ROOT))
 
 
+@pytest.mark.slow
 def test_ways_are_compared_node_by_node(flown, found):
     db = make_database(prior_leaves(), **ROOT)
     other = tabulate(flown, db)

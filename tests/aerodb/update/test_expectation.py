@@ -79,6 +79,7 @@ def fit(seed, alpha, mach, bias=0.0, shift=0.0, coefficient="CL"):
     return regress(model, data, f"fit {seed}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [(), ("CL/elevator",)])
 def test_it_is_what_tabulate_gives_with_the_weights_before_learning(prior, held, monkeypatch):
     fits = [
@@ -100,6 +101,7 @@ def test_it_is_what_tabulate_gives_with_the_weights_before_learning(prior, held,
         np.testing.assert_allclose(expected[name], leaf["stderr"].values, rtol=1e-9)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("held", [(), ("CL/elevator",)])
 @pytest.mark.parametrize("shift", [0.0, 0.05])
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # with the shift they are
@@ -205,6 +207,7 @@ def test_errors_that_coefficients_share_add_up(prior):
     assert total > 1.1 * difference
 
 
+@pytest.mark.slow
 def test_a_sum_of_nodes_scatters_as_draws_of_the_tables(prior, monkeypatch):
     fits = [fit(1, 1 * DEG, 0.22, bias=0.003), fit(2, 5 * DEG, 0.36, bias=0.003)]
     weights = np.append(np.tile(list(SHARES.values()), 3), 1.0)

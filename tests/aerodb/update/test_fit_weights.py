@@ -71,7 +71,7 @@ def test_one_wrong_fit_of_36_is_listed_by_name_and_outvoted(off: tuple[float, fl
         assert "suspect fits: point 12 (CL, " in text
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_several_wrong_fits_do_not_hide_each_other() -> None:
     prior, truth = prior_and_truth()
     wrong = {3: (12.0, 0.0), 12: (-9.0, 0.0), 20: (9.0, 9.0), 30: (0.0, -12.0)}
@@ -79,7 +79,7 @@ def test_several_wrong_fits_do_not_hide_each_other() -> None:
     assert set(np.flatnonzero(new.points["suspect"])) == set(wrong)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ten_starts_of_the_weights_end_in_one() -> None:
     prior, truth = prior_and_truth()
     fits = local_models(truth, 7, {3: (8.0, 0.0), 12: (-6.0, 0.0)})
@@ -101,6 +101,7 @@ def test_ten_starts_of_the_weights_end_in_one() -> None:
     np.testing.assert_allclose(again.weight, ends[0].weight, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_without_a_majority_no_fit_is_chosen() -> None:
     """Two fits of one place that contradict each other keep their weights; both are inaccurate."""
     prior, truth = prior_and_truth()
@@ -110,6 +111,7 @@ def test_without_a_majority_no_fit_is_chosen() -> None:
     assert new.compatibility.loc["CL", "inflation"] > 1.5
 
 
+@pytest.mark.slow
 def test_databases_without_a_stored_reach_keep_theirs() -> None:
     """The fade of the a-priori correlation has one correlation length, and earlier ones half.
 

@@ -176,6 +176,7 @@ def test_draws_have_the_covariance_and_repeat(flown):
         draw(db, 3, seed=1, names=["CX"])
 
 
+@pytest.mark.slow
 def test_draws_follow_the_errors_that_all_fits_share(flown):
     """A bias of 0.02 in the constant of every fit: what its number moves and the remainder are the
     covariance together.

@@ -247,6 +247,7 @@ def test_a_shape_that_the_flights_support_changes_nothing():
     assert "shape_bounds" not in plain.report
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings(
     "ignore:incompatible fits"
 )  # measured tables that fall, against a prior that rises

@@ -157,6 +157,7 @@ def test_only_flown_nodes_change_their_source(study):
     assert float(ratio.where(source == terms.SOURCES.index("flight")).max()) < 0.9
 
 
+@pytest.mark.slow
 def test_a_prior_that_was_overconfident_is_inflated_everywhere():
     """Pitch-rate term six standard errors off: found where it was flown, and confessed where it was
     not.
@@ -239,6 +240,7 @@ def test_the_posterior_is_that_of_the_information_form():
     np.testing.assert_allclose(new["stderr"], np.sqrt(np.diag(posterior)), atol=1e-8)
 
 
+@pytest.mark.nightly
 def test_held_terms_stay_and_count():
     leaves = prior_leaves()
     truth = {
@@ -273,7 +275,7 @@ def test_errors_of_held_terms_count_among_those_of_the_others():
     )  # less 0.5 % that the prior knows
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_flown_region_grows_with_the_samples_without_a_step():
     """The error at the last node, from no sample beyond the one before it to a sample on it."""
     alpha = np.arange(0.0, 7.0, 2.0) * DEG
@@ -290,6 +292,7 @@ def test_the_flown_region_grows_with_the_samples_without_a_step():
     assert np.diff(like).max() < 0.01
 
 
+@pytest.mark.slow
 def test_a_term_that_starts_from_zero_is_brought_in():
     leaves = prior_leaves()
     zero = terms.make_term(
@@ -311,6 +314,7 @@ def test_a_term_that_starts_from_zero_is_brought_in():
     assert new.report.loc["CL/gear", "change_largest"] == pytest.approx(float(leaf["value"]))
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # one of them is
 @pytest.mark.filterwarnings("ignore:suspect fits:flightmech.errors.AeromatchWarning")
 def test_a_test_point_that_contradicts_the_others_is_suspected_and_outvoted():
@@ -330,7 +334,7 @@ def test_a_test_point_that_contradicts_the_others_is_suspected_and_outvoted():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_errors_common_to_all_fits_do_not_average_out():
     """Six fits at one point, all with a dynamic pressure that may be 5 % wrong: the lift is no
     better known than that.
@@ -419,6 +423,7 @@ def test_slope_and_offset_errors_are_distinguished_by_the_standard_errors():
     assert np.linalg.eigvalsh(prior_covariance(prior_leaves()["CL/basic"])).min() > -1e-12
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings(
     "ignore:incompatible fits"
 )  # an elevator that is stated as exact and is not
@@ -577,6 +582,7 @@ def test_the_weights_are_the_mode_whatever_the_start():
     assert min(scan) > best
 
 
+@pytest.mark.nightly
 def test_tables_do_not_change_by_more_than_what_rounding_changes_in_the_fits():
     leaves = prior_leaves()
     fits = local_fits(drawn(leaves, np.random.default_rng(51)), np.random.default_rng(51))
@@ -642,6 +648,7 @@ def test_a_drag_polar_over_the_measured_lift():
         assert float(leaf["stderr"]) < 0.05 * float(prior[f"CD/{name}"]["stderr"])
 
 
+@pytest.mark.nightly
 def test_tables_that_flight_has_updated_once_can_be_updated_again():
     rng = np.random.default_rng(3)
     truth, prior = drawn(prior_leaves(), rng), make_database(prior_leaves(), **ROOT)

@@ -76,6 +76,7 @@ def test_bounds_of_the_standard_error(ratio, value, source, expected):
         assert "zero within 0.0 standard errors: it may be left out" in made.attrs["reason"]
 
 
+@pytest.mark.nightly
 def test_terms_that_flights_determine_only_together_are_named(found):
     """Two tables with the same regressor on the same axis cannot be distinguished by any flight."""
     leaves = prior_leaves()
@@ -88,6 +89,7 @@ def test_terms_that_flights_determine_only_together_are_named(found):
     )
 
 
+@pytest.mark.slow
 def test_verb_lists_the_decisions(found, tmp_path):
     aerodb.save(found[1], tmp_path / "db.nc")
     result = CliRunner().invoke(group, ["decisions", str(tmp_path / "db.nc"), "--json"])

@@ -110,7 +110,7 @@ def mutations(manifest):
 STATED_IN_README = ("title", "revision", "version", "refused/")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_change_of_a_manifest_is_refused(delivery, tmp_path):
     public, _ = make_key(tmp_path / "key")
     manifest = json.loads((delivery / "manifest.json").read_text())
@@ -141,7 +141,7 @@ def test_a_key_that_stands_twice_is_refused(delivery):
     assert "twice" in str(faults(delivery)[0])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_file_changed_swapped_renamed_truncated_or_linked_is_a_finding(delivery, tmp_path):
     original = tmp_path / "original"
     shutil.copytree(delivery, original)
@@ -204,6 +204,7 @@ def test_more_files(delivery, name, word):
     assert (faults(delivery) == []) == (word == "not of the package")
 
 
+@pytest.mark.nightly
 def test_folders_in_many_folders_are_refused(delivery):
     deep = delivery.joinpath(*["a"] * 1500)
     os.makedirs(delivery / "b")

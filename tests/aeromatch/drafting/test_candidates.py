@@ -41,6 +41,7 @@ def rows():
     return draft_names([FLIGHT]).rows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", COLUMNS)
 def test_a_hidden_column_comes_first(table, rows, quantity):
     column, sign, unit = COLUMNS[quantity]

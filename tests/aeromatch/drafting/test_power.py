@@ -27,6 +27,7 @@ def record(*names):
     return xr.DataTree.from_dict({"engine": xr.Dataset(leaf)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("aircraft", "names", "has_thrust", "is_driven"),
     [

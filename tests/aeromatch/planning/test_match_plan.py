@@ -39,7 +39,7 @@ def matches(problems: list[str], pattern: str) -> bool:
     return any(re.search(pattern, text) for text in problems)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_sound_project_has_no_problem_for_any_number_of_processes(tmp_path):
     project = read_project(DATA / "c182" / "aeromatch.toml")
     plan = make_plan(project, tmp_path / "out", 1)
@@ -173,7 +173,7 @@ SECOND = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("faults", [FIRST, SECOND], ids=["first", "second"])
 def test_planted_faults_are_all_stated_at_once(faults, copy, tmp_path):
     for plant, *_ in faults.values():
@@ -208,7 +208,7 @@ def few(project, *records: str, **changes):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_only_what_changed_is_checked_again(copy, tmp_path):
     names = ("short_period", "phugoid")
     records, cases = (
@@ -255,7 +255,7 @@ def test_only_what_changed_is_checked_again(copy, tmp_path):
         assert computed == {"record look": 1, "case check": 1}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_submodels_whose_records_lack_their_channels(tmp_path):
     project = read_project(DATA / "t37" / "aeromatch.toml")
     flight, ground, column = (

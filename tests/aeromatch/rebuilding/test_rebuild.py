@@ -18,7 +18,7 @@ from aeromatch.rebuilding.products import FLIGHTS
 from flightmech.support.kept_stages.store import PLACE
 from pom.diagnosis.joint_correction import SWAPS
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 FIT = """
 [[fit]]
 name = "pitch"
@@ -134,6 +134,7 @@ def test_without_a_change_nothing_is_imported_that_computes(small):
     )
 
 
+@pytest.mark.nightly
 def test_the_output_is_made_again_from_what_is_kept_with_the_same_bytes(small):
     shutil.rmtree(small / "out")
     found = match(small, "store", "--explain")

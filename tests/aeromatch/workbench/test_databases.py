@@ -45,6 +45,7 @@ def test_files_are_databases_with_their_aircraft(opened):
     )
 
 
+@pytest.mark.slow
 def test_terms_and_history_of_a_database(opened):
     found = databases.show_database(opened, {"file": FINAL}, None)
     basic, flap, qhat = found["terms"]
@@ -78,6 +79,7 @@ def test_a_database_that_is_none_of_the_working_folder_is_refused(opened):
         databases.show_database(opened, {"file": str(opened.work / "match" / "final.nc")}, None)
 
 
+@pytest.mark.nightly
 def test_a_term_of_two_databases_on_the_breakpoints_of_both(opened):
     prior = opened.work / "match" / "datcom.nc"
     aerodb.save(
@@ -100,6 +102,7 @@ def test_a_term_of_two_databases_on_the_breakpoints_of_both(opened):
     assert found["file"] == FINAL
 
 
+@pytest.mark.slow
 def test_estimates_stand_where_the_term_is_a_derivative(opened):
     found = term(opened, "Cm/qhat", FINAL)["points"]
     assert (
@@ -122,7 +125,7 @@ def test_estimates_stand_where_the_term_is_a_derivative(opened):
     assert term(opened, "Cm/qhat", FINAL)["points"]["rows"] == []
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_partial_residuals_stand_where_the_term_is_no_derivative(opened):
     """Of the lift by the flaps, by manoeuvre; another database takes other terms off."""
     file = opened.work / "match" / "flown.nc"
@@ -164,6 +167,7 @@ def test_partial_residuals_stand_where_the_term_is_no_derivative(opened):
     assert row["value"] == pytest.approx(float(np.mean(lift)) + 0.1, rel=1e-6)
 
 
+@pytest.mark.nightly
 def test_a_term_that_one_database_lacks(opened):
     final = opened.work / "match" / "final.nc"
     aerodb.save(aerodb.delete_terms(aerodb.open(final), "CL/flap"), final)
@@ -196,7 +200,7 @@ def test_comparison_is_that_of_the_library_and_made_once(opened, monkeypatch):
     assert databases.compare_databases(opened, {"a": DATCOM, "b": FINAL}, None) == found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_node_set_in_the_page_goes_to_history_and_log(tmp_path):
     pytest.importorskip("starlette")
     pytest.importorskip("uvicorn")

@@ -71,7 +71,7 @@ def is_refusal(code, content):
     return 400 <= code < 500 and len(content) > 5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_odd_bodies_are_refused_with_a_sentence(client):
     posts = [path for method, path in ROUTES if method == "POST"] + ["/api/act", "/api/cancel"]
     for path in posts:

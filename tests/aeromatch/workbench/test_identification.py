@@ -135,7 +135,7 @@ def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
     assert "{work}/fits/pitch.nc" in page.list_fit_choices(opened, {}, None)["saved"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_prior_is_what_the_tables_say(opened):
     shown = page.show_fit(opened, {}, wanted(opened, prior=PRIOR))
     paths = page.form_windows(opened, page.FitRequest(**wanted(opened)))
@@ -239,6 +239,7 @@ def test_samples_of_the_windows_one_after_another(opened):
         page.show_fit_samples(opened, {}, {"fit": body, "start": "x"})
 
 
+@pytest.mark.slow
 def test_left_out_in_turn(opened):
     """Each row is the fit without that window or term; what cannot be fitted is stated."""
     body = wanted(opened)
@@ -422,7 +423,7 @@ def test_what_only_looks_does_not_wait_for_the_commands(tmp_path):
     assert jobs.run("looks", "platform", []).state == "cancelled"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_faults_are_stated(opened):
     for change, error in (
         ({"windows": []}, SchemaError),

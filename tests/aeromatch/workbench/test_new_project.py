@@ -322,6 +322,7 @@ def test_values_are_given_by_options_of_init_or_by_set(drafted):
     assert words == ["set", "{project}/aircraft.toml", "mass", "900.0"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [

@@ -94,7 +94,7 @@ def test_channels_come_in_the_units_of_the_field(opened):
     assert (units["p"], units["V_cas"]) == ("deg/s", "kt")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_marks_faults_and_coverage(opened):
     about = records.show_record(opened, {"name": RECORD}, None)
     assert about["manoeuvres"]["source"] == "record"

@@ -15,6 +15,7 @@ pytestmark = pytest.mark.skipif(not FILES, reason="the corpus ../shared/data/dat
 PLACED = ("static", "dynamic", "high-lift", "auxiliary")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_pages_stand_at_the_conditions_of_the_cards(path):
     for case in datcom_io.read(path):

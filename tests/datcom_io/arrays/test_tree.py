@@ -205,6 +205,7 @@ def test_build_up_by_configuration(trees):
     assert vertical["CL"][1:].isnull().all()
 
 
+@pytest.mark.slow
 def test_runs_joined_along_the_condition(t37):
     listing = t37("t37_elevator_one_by_one.pdas.out")
     tree = datcom_io.join(case.to_datatree() for case in listing)
@@ -232,6 +233,7 @@ def test_trees_that_do_not_fit_are_not_joined(trees):
         datcom_io.join([])
 
 
+@pytest.mark.slow
 def test_grid_of_altitude_and_mach(trees):
     static = trees("t37_clean.out")["static"].to_dataset()
     grid = datcom_io.to_grid(static)
@@ -260,7 +262,7 @@ def test_transonic_pages_are_filled_only_when_asked(elevator_lines):
     assert filled == [OK] + [FILLED] * 18
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_listing_tree_is_written_completely_and_read_again(t37, tmp_path):
     from datcom_io.arrays.frames import write_tree
 

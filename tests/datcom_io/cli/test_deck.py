@@ -96,6 +96,7 @@ def test_run_collects_and_reports(tmp_path):
     assert document["without_pages"] == []
 
 
+@pytest.mark.nightly
 def test_run_of_a_folder(tmp_path):
     program = tmp_path / "datcom"
     copy = f"shutil.copy({str(T37 / 't37_aileron.out')!r}, 'for006.dat')"

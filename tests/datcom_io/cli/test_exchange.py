@@ -30,7 +30,7 @@ def run(monkeypatch, capsys):
     return call
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_export_show_convert(mat_files_in_this_process, run, tmp_path):
     code, out, _ = run("export", DATA / "t37_build.out", "-o", tmp_path / "t37.mat")
     assert code == 0

@@ -55,6 +55,7 @@ def test_show_json_with_pages(run):
     ]
 
 
+@pytest.mark.nightly
 def test_a_listing_is_shown_without_xarray_and_pandas():
     code = """
 import sys
@@ -136,7 +137,7 @@ def test_bad_input_is_one_line_and_exit_code_2(run, words, text):
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_convert(run, tmp_path):
     done = run(
         "convert", DATA / "t37_elevator_one_by_one.pdas.out", "--join", "-o", tmp_path / "x.nc"
@@ -146,7 +147,7 @@ def test_convert(run, tmp_path):
         assert tree["symflp"].sizes["condition"] == 6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_cut_listing_leaves_no_file(run, tmp_path):
     lines = (DATA / "t37_elevator.out").read_text().split("\n")[:300]
     (tmp_path / "cut.out").write_text("\n".join(lines))

@@ -67,6 +67,7 @@ def of_ours(deck, number):
     return found
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", LISTINGS, ids=lambda path: path.name)
 def test_errors_are_those_that_the_program_printed(path):
     """A deck that ran without complaint gives no error; one that did not gives the same ones, case
@@ -82,6 +83,7 @@ def test_errors_are_those_that_the_program_printed(path):
         assert printed <= ours if stopped else printed == ours
 
 
+@pytest.mark.nightly
 def test_the_corpus_holds_every_kind_of_error():
     if not CORPUS.is_dir():
         pytest.skip("the corpus ../shared/data/datcom is not there")

@@ -40,6 +40,7 @@ def test_the_shipped_decks_are_there():
     assert len(DECKS) >= 10
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.name)
 @pytest.mark.parametrize("resolved", [False, True])
 def test_a_deck_written_again_is_equal_in_meaning(path, resolved, tmp_path):
@@ -56,6 +57,7 @@ def test_a_deck_written_again_is_equal_in_meaning(path, resolved, tmp_path):
         assert not any(case.has("SAVE") for case in found)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", LISTINGS, ids=lambda path: path.name)
 def test_the_cards_in_a_listing_are_those_of_its_deck(path):
     """The program echoes the cards of each case; the reader of listings replays SAVE as the reader
@@ -231,7 +233,7 @@ def decks(draw):
     return cases
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @given(decks(), st.booleans())
 @settings(max_examples=2 * settings.default.max_examples, deadline=None)
 def test_any_deck_written_and_read_is_equal_in_meaning(cases, resolved):
@@ -271,7 +273,7 @@ def untidy(draw):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @given(untidy())
 @settings(max_examples=2 * settings.default.max_examples, deadline=None)
 def test_any_layout_of_a_namelist_is_read(pair):

@@ -180,6 +180,7 @@ def test_the_picture_of_the_page_is_the_drawing_of_the_deck():
     assert picture.read_text() == draw_deck(read_deck(T37)[0])
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the public decks are not here (shared data)")
 def test_every_public_deck_is_drawn_or_refused_with_a_reason():
     drawn, refused = 0, []

@@ -65,6 +65,7 @@ def exported(t37, tmp_path):
     return call
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not LISTINGS, reason="needs the corpus ../shared/data/datcom")
 @pytest.mark.parametrize(
     "path", [*SHORT, *sampled(LONG, properties_of, order=1)], ids=lambda path: path.name
@@ -140,6 +141,7 @@ def _compare(case, other, leaf, left_out):
             np.testing.assert_array_equal(back[key], mine[key], err_msg=f"{leaf} {key}")
 
 
+@pytest.mark.nightly
 def test_shapes_and_scalars(exported):
     aero = exported("t37_build.out")
     assert aero["case"][0] == "T-37 OWN DECK COMPONENT BUILD-UP"
@@ -156,6 +158,7 @@ def test_shapes_and_scalars(exported):
     assert aero["version"].item() == 1976
 
 
+@pytest.mark.slow
 def test_numbers_are_as_printed(exported):
     aero = exported("t37_elevator.out")
     # line 190: alpha -4, Mach 0.15, per radian
@@ -178,6 +181,7 @@ def test_zero_instead_of_nan(exported):
     assert exported("t37_elevator.out", usenan=False)["cm"][-1, 0] == 0.0
 
 
+@pytest.mark.slow
 def test_ground_heights_end_with_free_air(exported):
     aero = exported("t37_ground_elevator.out")
     np.testing.assert_array_equal(
@@ -192,6 +196,7 @@ def test_ground_heights_end_with_free_air(exported):
     assert (aero["cl"][:, 0, 0, 0, -1, zero] != MISSING).all()
 
 
+@pytest.mark.nightly
 def test_omissions_are_stated(t37, tmp_path):
     left_out = datcom_io.exchange.write_matlab(t37("t37_build.out"), tmp_path / "x.mat")
     assert "the moment centre" in left_out[0]

@@ -100,6 +100,7 @@ WRITTEN = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", WRITTEN)
 def test_parts_of_each_condition(name, tmp_path):
     letters, logicals, deflections, machs, ground, wanted = WRITTEN[name]
@@ -258,6 +259,7 @@ def test_a_plot_file_without_angles_refines_nothing():
     assert fine["static"].to_dataset().identical(case["static"].to_dataset())
 
 
+@pytest.mark.slow
 def test_numbers_that_power_has_rounded_stay_as_printed():
     """The sum with power overflows the print; its rounding stays in the plot file, which has CD
     1/1024 off.

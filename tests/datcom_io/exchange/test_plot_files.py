@@ -71,6 +71,7 @@ def test_numbers_typed_from_the_file(plots):
     assert case["records"].sizes["F_index"] == 138
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", NAMES)
 def test_finer_numbers_round_to_the_printed_ones(name, printed, plots):
     fine = datcom_io.exchange.refine(printed(name), plots(name))
@@ -125,6 +126,7 @@ def test_refined_drag_and_what_is_stated_of_it(printed, plots):
     assert "refined" not in fine["static"]["xcp"].attrs
 
 
+@pytest.mark.slow
 def test_refine_refuses_another_case(printed, plots):
     with pytest.raises(
         SchemaError, match=r"mach is 0\.3 0\.5 in the print, 0\.25 in the plot file"

@@ -283,6 +283,7 @@ def test_pages_repeated_for_ground_heights_count_once(lines):
     assert tree["planform"].sizes["condition"] == 4
 
 
+@pytest.mark.slow
 def test_a_printer_filter_puts_label_and_numbers_into_one_line(lines):
     joined = list(lines)
     joined[1088:1090] = [lines[1088].ljust(20)[:20] + lines[1089][20:]]
@@ -290,6 +291,7 @@ def test_a_printer_filter_puts_label_and_numbers_into_one_line(lines):
     np.testing.assert_array_equal(other["area"], plain["area"])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("number", "old", "new", "lost"),
     [

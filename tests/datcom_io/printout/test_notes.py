@@ -134,6 +134,7 @@ def flap_lines():
     return (DATA / "t37_flaps.out").read_text().split("\n")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("word", STATIC_NOTES)
 def test_footnote_of_a_static_page(clean_lines, word):
     listing = datcom_io.read(
@@ -149,6 +150,7 @@ def test_footnote_of_a_static_page(clean_lines, word):
     assert static["notes"].attrs == {word: FOOTNOTE_WORDS[word]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("word", DYNAMIC_NOTES)
 def test_footnote_of_a_dynamic_page(clean_lines, word):
     listing = datcom_io.read(with_note(clean_lines, "DYNAMIC DERIVATIVES", DYNAMIC_NOTES[word]))
@@ -199,6 +201,7 @@ def test_numbers_of_footnotes(clean_lines):
     assert len(next(page for page in case.pages if page.kind == "static").notes) >= 2
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("text", MESSAGES)
 @pytest.mark.parametrize("place", ["on a page", "after a page", "behind the cards"])
 def test_messages_wherever_they_stand(clean_lines, text, place):
@@ -224,6 +227,7 @@ def test_messages_wherever_they_stand(clean_lines, text, place):
     assert [message.text for message in new] == [words(text)]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("text", MESSAGES)
 def test_messages_of_a_last_case_without_next_case(clean_lines, text):
     start = next(k for k, line in enumerate(clean_lines) if "LIST OF ALL INPUT CARDS" in line)

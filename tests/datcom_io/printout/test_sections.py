@@ -211,6 +211,7 @@ def test_a_mach_number_that_comes_twice_keeps_both_places(lines):
     assert section["xac"].sel(surface="wing").values.tolist() == [0.26056, 0.26230]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "old", "new"),
     [
@@ -247,6 +248,7 @@ def test_joined_runs(t37):
     assert len(set(section["lines"].sel(surface="wing").values.tolist())) == 6
 
 
+@pytest.mark.slow
 def test_joined_runs_complete_each_other_but_may_not_differ(corpus):
     tree = corpus("ce500_transonic")[0].to_datatree()
     below = tree.copy(deep=True)

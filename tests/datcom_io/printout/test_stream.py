@@ -86,6 +86,7 @@ def test_a_case_comes_before_the_file_ends():
     assert taken < len(lines) * 40 / 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", range(190, 860, 67))
 def test_the_error_carries_what_partial_reading_gives(elevator_lines, end):
     with pytest.raises(ParseError) as caught:
@@ -140,6 +141,7 @@ def slow_cells(item):
             yield line, label, text, *(read_cell(text) or (math.nan, 0))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", NAMES)
 def test_cells_are_those_read_one_by_one(t37, name):
     listing = t37(f"t37_{name}.out")
@@ -178,6 +180,7 @@ def test_cells_of_one_case():
             np.testing.assert_array_equal(alone[column].to_numpy(), of_case[column].to_numpy())
 
 
+@pytest.mark.slow
 def test_cells_in_a_file(tmp_path):
     path = tmp_path / "cells.csv"
     count = write_cells(datcom_io.iterate(ONE_BY_ONE), path)

@@ -14,6 +14,7 @@ def cards(parts, *names):
     return "".join(parts[name] for name in names)
 
 
+@pytest.mark.slow
 def test_pages_over_ground_in_the_plot_file(run, parts):
     """CL, CD and CM of every height agree with the print; those from the second deflection on are
     flagged in both.
@@ -144,6 +145,7 @@ def test_a_boattail(run, parts):
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("card", ["DUMP ALL", "DUMP CASE", "NAMELIST", "PRINT EXTRAP"])
 def test_additional_print_changes_no_table(run, parts, card):
     aircraft = cards(parts, "flight", "body", "wing", "tail", "elevator")

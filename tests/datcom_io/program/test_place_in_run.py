@@ -59,6 +59,7 @@ def test_a_case_behind_any_other_prints_what_it_prints_alone(run, parts):
         assert differing(listing[1], alone[second]) == set(), (first, second)
 
 
+@pytest.mark.slow
 def test_deflections_alone_and_in_a_list(run, parts):
     """Only D(CM) of the later ones differs, and that is flagged."""
     together = next(table for _, table in run(case(parts, "elevator")).listing[0].tables("symflp"))
@@ -86,6 +87,7 @@ def test_deflections_alone_and_in_a_list(run, parts):
         assert not (one.flags == SUSPECT).any()
 
 
+@pytest.mark.slow
 def test_a_study_split_and_run_in_a_folder_is_put_together(program, parts, tmp_path):
     """No number is suspect, and every deflection is that of its own run."""
     study = (
@@ -106,6 +108,7 @@ def test_a_study_split_and_run_in_a_folder_is_put_together(program, parts, tmp_p
     assert leaf["dCm"].values[0].tolist() == printed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("angles", "right"), [("-4.0,0.0,4.0,8.0,12.0", False), ("-12.0,-8.0,-6.0,-4.0,-2.0", True)]
 )

@@ -63,6 +63,7 @@ def in_units(parts, dim, per_metre):
     )
 
 
+@pytest.mark.slow
 def test_four_units(run, parts):
     """The same aircraft in SI whatever the unit; a last digit of the print may turn over."""
     trees = {
@@ -104,7 +105,7 @@ def test_both_layouts_of_the_print(run, parts):
     assert cells[0].equals(cells[2])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_split_run_and_build(run, parts):
     """A study split into runs; the database made of them returns the printed numbers."""
     study = datcom_io.read_deck(
@@ -165,6 +166,7 @@ def test_split_run_and_build(run, parts):
             np.testing.assert_allclose(got, wanted, rtol=0.0, atol=1e-9, err_msg=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("deriv", ["DEG", "RAD"])
 def test_slopes_are_those_of_the_coefficients(run, parts, deriv):
     """CLA and CMA of the tree [1/rad] against central differences of the printed CL and CM, one

@@ -106,6 +106,7 @@ def swallow(lines, partial):
         return
 
 
+@pytest.mark.slow
 @settings(max_examples=2 * settings.default.max_examples // 3, deadline=None)
 @given(st.text(max_size=400), st.booleans())
 def test_any_text(text, partial):
@@ -118,6 +119,7 @@ def test_shuffled_lines(lines, partial):
     swallow(lines, partial)
 
 
+@pytest.mark.slow
 @settings(max_examples=2 * settings.default.max_examples // 3, deadline=None)
 @given(
     st.lists(

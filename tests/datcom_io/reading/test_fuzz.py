@@ -79,7 +79,7 @@ def others() -> list[list[str]]:
     return [sound(path).lines for path in bases()]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @quick(15)
 @given(st.data())
 def test_harmed_listings(data):
@@ -104,6 +104,7 @@ def test_every_way_of_harm(way):
     harmed_once()
 
 
+@pytest.mark.nightly
 @quick(25)
 @given(st.data())
 def test_harmed_decks(data):
@@ -151,6 +152,7 @@ LONG_LINES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lines", LONG_LINES.values(), ids=LONG_LINES)
 def test_long_lines_take_linear_time(lines):
     promises.keeps_promises([*lines, "1 END OF JOB."])

@@ -204,6 +204,7 @@ def test_every_line_of_the_shipped_listings_is_understood(t37):
         assert t37(f"t37_{name}.out").unparsed == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_both_builds_of_the_program_agree(t37, name):
     ours, other = (t37(f"t37_{name}{end}").cells() for end in (".out", ".pdas.out"))
@@ -352,6 +353,7 @@ def same(listing, wanted):
     return listing.unread == [] and ours[columns].equals(theirs[columns])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("encode", "states"),
     [
@@ -432,6 +434,7 @@ def test_form_feeds_before_the_control_column(elevator_lines, t37):
     assert same(datcom_io.read(lines), t37("t37_elevator.out"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "caption",
     ["Aé\xff\x85 NDM ALPHA", "1", "0", "END OF JOB", "* $ &", "STATIC (2)", "FLIGHT CONDITION\xa0"],

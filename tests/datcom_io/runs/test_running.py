@@ -77,6 +77,7 @@ def results(tmp_path):
     return folder
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("build", BUILDS)
 def test_every_known_way_to_hand_over_a_deck(build, program, deck, results):
     done = datcom_io.run_deck(deck, program(BUILDS[build]), results, timeout=600)
@@ -174,6 +175,7 @@ FAILURES = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform == "win32", reason="signals and forks are of POSIX")
 @pytest.mark.parametrize("failure", FAILURES)
 def test_a_failure_is_clear_and_leaves_nothing(failure, program, deck, results):
@@ -223,6 +225,7 @@ def folder(tmp_path):
     return place
 
 
+@pytest.mark.slow
 def test_all_decks_of_a_folder_are_run_whatever_becomes_of_one(program, folder, results):
     text = (folder / "broken.inp").read_text()
     (folder / "broken.inp").write_text(text.replace("CASEID", "CASEID CRASH "))

@@ -98,6 +98,7 @@ def test_wing_devices_come_without_tail(unplanned):
     assert {"HTPLNF", "VTPLNF"} <= unplanned["elevator_m0.15_h0_d0"][0].namelists.keys()
 
 
+@pytest.mark.slow
 def test_every_run_deck_is_complete_and_without_errors(unplanned, tmp_path):
     for name, deck in list(unplanned.items())[::10]:
         path = tmp_path / deck.file

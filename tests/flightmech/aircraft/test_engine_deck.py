@@ -143,7 +143,7 @@ def test_tables_from_a_file(file, tmp_path):
     assert set(flightmech.read_aircraft(path).engines[0].deck.tables) == set(tables)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_written_and_read_again(file, tmp_path):
     aircraft = flightmech.read_aircraft(file())
     tanks = Fuel(

@@ -73,6 +73,7 @@ def test_file_with_a_piston_engine(read):
     assert float(power["manifold_pressure"][1]) == pytest.approx(28.0 * 3386.389, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mover", [PISTON, MOTOR], ids=["piston", "motor"])
 def test_written_aircraft_is_the_same(read, tmp_path, mover):
     craft = read(HEAD + mover)

@@ -163,6 +163,7 @@ def test_every_field_has_been_thought_of():
     assert {field.name for field in fields(Aircraft)} == scaled | kept
 
 
+@pytest.mark.slow
 def test_separation_is_similar():
     """Steepness, angles and lags in chords stay; station and frequency follow length and time."""
     old = flightmech.read_aircraft(Path(__file__).parents[3] / "data" / "t37" / "aircraft.toml")
@@ -177,6 +178,7 @@ def test_separation_is_similar():
     assert found == pytest.approx(tables | {"buffet_frequency": 20.0})
 
 
+@pytest.mark.slow
 def test_gear_circuits_fuel_and_deck_are_similar():
     """Static deflection over stroke, damping ratio, break-out over weight, spool times over flight
     times stay the same.

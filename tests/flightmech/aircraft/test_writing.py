@@ -64,6 +64,7 @@ def craft() -> Aircraft:
     )
 
 
+@pytest.mark.slow
 def test_there_and_back(tmp_path):
     known = craft()
     path = flightmech.write_aircraft(known, tmp_path / "a.toml")
@@ -94,7 +95,7 @@ def test_engines_with_one_table_share_a_file(tmp_path):
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_t37_with_deck_gear_fuel_and_circuits(tmp_path):
     known = flightmech.read_aircraft(Path(__file__).parents[3] / "data" / "t37" / "aircraft.toml")
     gear = known.gear
@@ -114,6 +115,7 @@ def test_the_t37_with_deck_gear_fuel_and_circuits(tmp_path):
     assert flightmech.aircraft.different_parts(found, known) == ["gear/nose", "gear/runway"]
 
 
+@pytest.mark.slow
 def test_tables_and_file_of_an_aircraft_are_replaced_together(tmp_path, monkeypatch):
     """A TOML file of before with the tables of now would be another aircraft."""
     aircraft = craft()

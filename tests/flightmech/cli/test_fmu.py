@@ -83,7 +83,7 @@ def test_a_sealed_database_with_a_changed_byte_is_refused(files, tmp_path, verb)
     assert "its SHA-256 is not that of its seal" in str(result.exception)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_damaged_database_without_a_seal_is_an_error_of_ours_or_a_model(files):
     aircraft, database = files
     content = encode_tree(tree())

@@ -35,6 +35,7 @@ def run(files, *arguments: str):
     )
 
 
+@pytest.mark.nightly
 def test_a_run_below_the_runway_is_stated(files):
     folder = files[2]
     (folder / "low.csv").write_text("time, delta_e [deg]\n0,5\n4.0,5\n")

@@ -135,6 +135,7 @@ def test_level_flight_without_a_rudder_term_is_trimmed(without_rudder):
     assert max(map(abs, banked["left"].values())) < 1e-9
 
 
+@pytest.mark.slow
 def test_what_a_missing_rudder_prevents_comes_with_the_ways_out(without_rudder):
     turn = run(*without_rudder, "--kind", "turn", "--fix", "V=175 kt", "--fix", "phi=30 deg")
     assert turn.exit_code == 1

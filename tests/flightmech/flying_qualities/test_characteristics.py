@@ -439,6 +439,7 @@ def test_specific_range_of_a_deck(decked):
     assert value(decked, "V_specific_range") == pytest.approx(speed[far.argmax()], rel=0.02)
 
 
+@pytest.mark.nightly
 def test_minimum_control_speed(plain_aircraft, plain_tree):
     """Balance of sideslip, ailerons and rudder at 5 degrees of bank, solved here by linear algebra
     at the speed found.
@@ -467,7 +468,7 @@ def test_minimum_control_speed(plain_aircraft, plain_tree):
     assert delta_r < 0.0  # trailing edge right: nose right, towards the live engine
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_is_absent_states_why(plain_aircraft, plain_tree):
     found = flightmech.characteristics(
         plain_aircraft(limits={"delta_e": (-0.4, 0.4)}), plain_tree(Cn={"delta_r": 0.0}), CONDITION
@@ -508,6 +509,7 @@ def test_a_glider_has_no_level_flight(plain_aircraft, plain_tree):
 POWER = ["CT", "engine1.thrust", "engine1.throttle"]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("variable", POWER)
 def test_terms_of_power_are_evaluated_and_vanish_power_off(variable, plain_aircraft, plain_tree):
     """A drag and a moment of power: in the trim, not in the polar, which is that of the database
@@ -542,7 +544,7 @@ def test_thrust_coefficient_over_speed_at_constant_thrust(plain_aircraft, plain_
     assert point["CL"] == pytest.approx(float(point.coefficients()[0]), rel=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_variable_of_the_simulation_may_be_in_a_term(plain_aircraft, plain_tree):
     """None of them ends in an internal error: characteristics, or one line that states why not."""
     craft = plain_aircraft()
@@ -573,6 +575,7 @@ def test_speeds_without_a_steady_glide_are_blank(plain_aircraft, plain_tree):
         flightmech.characteristics(plain_aircraft(engines=()), plain_tree(), {"V": 5.0, "h": 0.0})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axes", ["wind", "body"])
 def test_force_axes_of_the_database_do_not_matter(axes, plain_aircraft, plain_tree):
     """Symmetric flight: wind axes are stability axes; in body axes CX, CZ over alpha are the same
@@ -615,6 +618,7 @@ def test_centre_of_gravity_moves_the_margins_and_not_the_points(plain_aircraft, 
     assert value(aft, "x_cg") == pytest.approx(0.25 + 0.1 / 1.67)
 
 
+@pytest.mark.slow
 def test_condition_in_any_speed(plain_aircraft, plain_tree):
     a = float(flightmech.air.atmosphere(H).a_sound)
     by_mach = flightmech.characteristics(plain_aircraft(), plain_tree(), {"mach": V / a, "h": H})

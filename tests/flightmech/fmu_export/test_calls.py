@@ -137,6 +137,7 @@ def test_a_wrong_token_is_refused(fmus, version, third_party):
     assert message.startswith("token {wrong} does not belong to model.bin, whose SHA-256 is ")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("form", ["{path}", "{path}/", "file://{quoted}", "FILE:{quoted}"])
 def test_resources_are_found_by_path_and_by_uri(trainer, tmp_path, version, form):
@@ -190,6 +191,7 @@ def instantiate_at(folder: Path, version: str, form: str) -> tuple[bool, list[st
     return bool(made), messages
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("change", ["cut", "flip", "empty", "absent"])
 def test_a_damaged_model_is_refused(trainer, tmp_path, version, change, third_party):
@@ -286,6 +288,7 @@ def test_a_diverged_model_stops_with_an_error_and_can_be_reset(slave):
     slave.step(0.0, 0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_folders_with_blanks_and_accents(trainer, tmp_path, version, third_party):
     folder = tmp_path / "a b é %20 #"

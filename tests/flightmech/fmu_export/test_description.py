@@ -38,6 +38,7 @@ def described(version: str):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_the_standard_reads_back_what_was_written(version):
     model = described(version)
@@ -69,6 +70,7 @@ def test_the_standard_reads_back_what_was_written(version):
     assert model.coSimulation.canInterpolateInputs == (version == "2.0")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 @pytest.mark.parametrize(
     ("unit", "display", "si", "shown"),

@@ -81,6 +81,7 @@ def test_cvode_flies_the_trajectory_of_co_simulation(fmus, condition, stepped, v
 
 # FMPy holds the inputs over an output interval and does not start CVode afresh at its end: full
 # steps of a control within one are the hardest case. At 1e-7 CVode gives up.
+@pytest.mark.nightly
 @pytest.mark.parametrize("control", ["delta_e", "delta_a", "delta_r"])
 @pytest.mark.parametrize("interval", [0.02, 0.1])
 def test_cvode_flies_moving_controls_at_the_default_tolerance(fmus, condition, control, interval):
@@ -101,6 +102,7 @@ def test_cvode_flies_moving_controls_at_the_default_tolerance(fmus, condition, c
         assert found["time"][-1] == pytest.approx(time[-1])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("version", VERSIONS)
 def test_euler_comes_closer_in_proportion_to_its_step(fmus, condition, stepped, version):
     coarse, fine = (
@@ -200,6 +202,7 @@ def test_nominals_are_those_of_the_description(exchange, version):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("earth", [0.0, 1.0])
 @pytest.mark.parametrize("name", ["trainer", "everything"])
 def test_what_is_not_among_the_dependencies_has_no_effect(

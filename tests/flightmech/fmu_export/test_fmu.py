@@ -83,7 +83,7 @@ def replay(folder: Path, inputs: xr.Dataset, condition: dict[str, float]) -> dic
 # ---- the file
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_standard_finds_nothing(trainer, tmp_path, version):
     path = write_fmu(trainer, tmp_path / "x.fmu", version)
@@ -115,6 +115,7 @@ def short_description(trainer, tmp_path_factory):
     return ElementTree.tostring(root, encoding="unicode")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("convention", ["structured", "flat"])
 @pytest.mark.parametrize("name", NAMES, ids=ascii)
 def test_the_findings_are_those_of_the_standard_s_check(
@@ -132,7 +133,7 @@ def test_the_findings_are_those_of_the_standard_s_check(
     assert read_fmu(changed)["findings"] == validate_fmu(str(changed))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("old", "new"), [('unit="rad"', 'unit="rod"'), ("start=", "begin=")])
 def test_the_findings_of_a_wrong_description(trainer, tmp_path, old, new):
     path, changed = write_fmu(trainer, tmp_path / "x.fmu"), tmp_path / "changed.fmu"
@@ -143,8 +144,8 @@ def test_the_findings_of_a_wrong_description(trainer, tmp_path, old, new):
     assert read_fmu(changed)["findings"] == validate_fmu(str(changed)) != []
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.slow
 def test_the_standard_finds_nothing_in_a_model_with_every_submodel(everything, tmp_path, version):
     assert validate_fmu(str(write_fmu(everything, tmp_path / "x.fmu", version))) == []
 
@@ -163,6 +164,7 @@ def test_every_mode_is_an_enumeration_of_all_its_values(everything):
         )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("version", VERSIONS)
 def test_same_model_same_bytes(trainer, tmp_path, version):
     first, second = (

@@ -63,6 +63,7 @@ def fmu(sim, tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_description(fmu):
     """Valid, with the units of a motor; the propeller lever starts at the highest speed."""
     assert validate_fmu(fmu) == []

@@ -66,6 +66,7 @@ def test_one_step_gives_the_bits_of_the_direct_call(trainer, instance, condition
     assert slave.get("V", "theta") == [direct["V"].values[-1], direct["theta"].values[-1]]
 
 
+@pytest.mark.slow
 def test_the_three_ways_agree_within_the_hold_of_the_inputs(fmus, trainer, instance, condition):
     """FMPy's loop holds each sample over its step: half a step late on average, so the difference
     halves with the step.

@@ -41,6 +41,7 @@ def fly(slave, elevator: float) -> list[float]:
     return slave.get(*TRACE)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("version", VERSIONS)
 def test_a_thousand_instances_at_once(instance, version):
     slave = instance(version)
@@ -58,6 +59,7 @@ def test_a_thousand_instances_at_once(instance, version):
     slave.step(1.0, 0.02)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("version", VERSIONS)
 def test_instances_in_threads_give_the_bits_of_one(instance, version, monkeypatch):
     monkeypatch.chdir(
@@ -82,6 +84,7 @@ def test_a_set_with_one_bad_value_sets_nothing(instance, version):
     assert slave.get("delta_e", "delta_a", "mass.mass", *TRACE) == before
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("version", VERSIONS)
 def test_calls_in_any_order_never_crash(fmus, version):
     """Run in a child process, since a crash would take the tests with it."""
@@ -140,7 +143,7 @@ def test_a_head_without_meaning_is_refused(instance, kept, offset, form, value, 
     assert message in slave.messages[-1]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "case",
     [{"mode.controls": 2, "mode.engine": 0}, {"turbulence.mode": 1, "turbulence.sigma_w": 2.0}],

@@ -51,6 +51,7 @@ def unpacked(files) -> dict[str, Path]:
     }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_standard_finds_nothing_and_the_states_have_names(files, unpacked, version):
     assert validate_fmu(str(files[version])) == []

@@ -50,6 +50,7 @@ def without_skids(aircraft):
     return replace(aircraft, gear=replace(aircraft.gear, contacts=contacts))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phi", [0.0, 0.3, -0.3])
 def test_t37_with_its_gear_in_lies_on_belly_and_wing_tips(t37, phi):
     found = sink(t37, **{"init.phi": phi})
@@ -72,6 +73,7 @@ def test_without_skids_it_sinks_through_and_the_run_states_it(t37):
     )
 
 
+@pytest.mark.slow
 def test_the_finding_does_not_depend_on_the_outputs(t37):
     every, one = sink(without_skids(t37)), sink(without_skids(t37), outputs=["V"])
     assert list(one) == ["V"]
@@ -79,6 +81,7 @@ def test_the_finding_does_not_depend_on_the_outputs(t37):
     assert (one["V"].values == every["V"].values).all()
 
 
+@pytest.mark.slow
 def test_closed_loop_states_it_too(t37):
     model = compile_with_little_lift(without_skids(t37))
     inputs = xr.Dataset({"gear": ("time", 0.0 * TIME)}, {"time": TIME})

@@ -124,6 +124,7 @@ def test_spools_left_out_follow_at_once(decked):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", ["delta_nw", "delta_r", "engine1.thrust_drive"])
 def test_small_steps_on_the_runway_follow(control, rolling):
     """Rolling at 30 m/s: a step of 1e-4 rad or 1 N for 0.5 s against x = integral of expm(A t) B

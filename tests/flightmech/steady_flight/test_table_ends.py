@@ -136,6 +136,7 @@ def test_a_control_without_limits_is_not_named():
     assert describe_limits_beyond_tables(flightmech.compile(free, make_database())) == []
 
 
+@pytest.mark.nightly
 def test_fmu_write_states_the_limits(tmp_path):
     flightmech.write_aircraft(make_aircraft(), tmp_path / "a.toml")
     sizes = {"S": 16.0, "cbar": 1.5, "b": 11.0, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}

@@ -202,7 +202,7 @@ def killed_at(step, work):
         os._exit(0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork of POSIX")
 @pytest.mark.parametrize("in_one_step", [True, False])
 def test_a_folder_is_never_mixed_wherever_its_writer_is_killed(tmp_path, monkeypatch, in_one_step):
@@ -233,7 +233,7 @@ def test_a_folder_is_never_mixed_wherever_its_writer_is_killed(tmp_path, monkeyp
     assert set(found) == {"old", "new"} | (set() if in_one_step else {"none"})
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @posix
 def test_the_folder_of_an_interrupted_exchange_is_the_complete_new_one(tmp_path, monkeypatch):
     monkeypatch.setattr(atomic_write, "_exchange_in_one_step", lambda *_: False)

@@ -97,6 +97,7 @@ def test_control_characters_of_a_name_are_printed_as_codes(capsys):
 _CELLS = st.text("ab c1.-[/]\\~{}µ汉", max_size=12)
 
 
+@pytest.mark.nightly
 @given(st.lists(st.tuples(_CELLS, _CELLS, _CELLS), min_size=1), st.integers(1, 60))
 def test_a_broken_table_holds_every_letter_inside_the_terminal(rows, width):
     lines = _table_lines(rows, [False, True, False], width)

@@ -54,6 +54,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_hostile_toml(tmp_path, kind):
     content, word = HOSTILE[kind]

@@ -51,6 +51,7 @@ def test_anything_but_relative_imports_is_refused(package):
         public_names(package / "__init__.pyi")
 
 
+@pytest.mark.slow
 def test_a_namespace_inside_another_folder_is_imported_by_a_statement_too():
     code = (
         "from flighttest.signals import time_delay\n"

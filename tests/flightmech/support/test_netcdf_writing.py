@@ -24,6 +24,7 @@ def tree():
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": "T"}), "/imu": imu, "/w": words})
 
 
+@pytest.mark.slow
 @BOTH_WAYS
 def test_a_file_is_that_of_xarray(tree, tmp_path, monkeypatch, largest):
     monkeypatch.setattr(netcdf_writing, "LARGEST_IN_MEMORY", largest)

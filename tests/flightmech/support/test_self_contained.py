@@ -91,6 +91,7 @@ def made(tmp_path):
     return make
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("harm", "text"), FAULTS)
 def test_what_lies_elsewhere_is_named(made, harm, text):
     with pytest.raises(ParseError) as caught:

@@ -39,6 +39,7 @@ def test_converged_searches_say_so_without_a_remark(complete):
     assert "iterations 4, converged" in complete.report()
 
 
+@pytest.mark.nightly
 def test_instruments_that_do_not_converge_fall_back_to_least_squares_with_a_remark(
     complete, monkeypatch
 ):
@@ -57,6 +58,7 @@ def test_instruments_that_do_not_converge_fall_back_to_least_squares_with_a_rema
     assert not is_forbidden(stopped.remarks)
 
 
+@pytest.mark.nightly
 def test_an_output_error_that_stops_at_its_limit_forbids_the_entry_of_a_name_map(monkeypatch):
     monkeypatch.setattr(output_error, "ITERATIONS", 1)
     stopped = identify()
@@ -73,6 +75,7 @@ def test_an_output_error_that_stops_at_its_limit_forbids_the_entry_of_a_name_map
     )
 
 
+@pytest.mark.slow
 def test_a_search_of_the_dead_time_that_stops_at_its_limit_warns(monkeypatch):
     monkeypatch.setattr(estimation, "_EVALUATIONS", 2)
     with pytest.warns(AeromatchWarning, match="dead time of the equation error: not converged"):

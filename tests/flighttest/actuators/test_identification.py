@@ -148,7 +148,7 @@ def test_limits_that_were_not_reached_are_bounded(servo):
     }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_with_a_torque_cell_coefficients_are_absolute():
     cell = bench.Campaign(speed=0.05, torque=1e-4, duration=6.0)
     found = identify_actuator(
@@ -170,6 +170,7 @@ def test_with_a_torque_cell_coefficients_are_absolute():
     assert found.stderr["B"] > 1.45 * still.stderr["B"]
 
 
+@pytest.mark.slow
 def test_the_gear_ratio_multiplies_the_torque():
     cell = bench.Campaign(speed=0.05, torque=1e-4, duration=6.0)
     log = bench.log(bench.SERVO, cell, 1)
@@ -182,6 +183,7 @@ def test_the_gear_ratio_multiplies_the_torque():
         assert found.parameters[name] == pytest.approx(value, rel=1e-6)
 
 
+@pytest.mark.nightly
 def test_a_motor_is_found_from_its_rate():
     campaign = bench.Campaign(amplitude=0.3, position=None, speed=1.0)
     found = identify_actuator(
@@ -200,6 +202,7 @@ def test_a_jump_between_samples_is_in_the_error_of_the_dead_time(servo):
     assert apart(loose.parameters["delay"], 0.018, loose.stderr["delay"]) < WITHIN
 
 
+@pytest.mark.slow
 def test_missing_readings_do_no_harm(servo):
     gappy = []
     for log in servo.logs:
@@ -211,7 +214,7 @@ def test_missing_readings_do_no_harm(servo):
         assert abs(found.parameters[name] - value) < servo.stderr[name]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_estimates_do_not_jump_with_the_last_digits(servo):
     moved = [log * (1.0 + 1e-12) for log in servo.logs]
     again = identify_actuator([log.assign_attrs(record="again") for log in moved], held=True)
@@ -284,7 +287,7 @@ def test_a_log_is_read_by_its_own_columns_and_units(csv, servo):
         read_bench_log(csv, {"position": "angel"})
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_verb_prints_an_entry_that_makes_the_position_of_the_command(csv, tmp_path, servo):
     import flighttest
 
@@ -322,6 +325,7 @@ def test_the_verb_refuses_a_log_without_a_position(csv):
     assert "no recorded position" in str(done.exception)
 
 
+@pytest.mark.slow
 def test_slower_campaigns_find_the_same_servo():
     slow = replace(bench.Campaign(), rate=100.0, duration=12.0)
     found = identify_actuator(bench.log(bench.SERVO, slow, 9), held=True, limits=False)

@@ -41,6 +41,7 @@ def driven(kind):
     return xr.Dataset({"rate": ("time", y + 0.05), "control": ("time", u)}, {"time": t})
 
 
+@pytest.mark.nightly
 def test_free_oscillation_to_rounding():
     found = fit_motion(free(), ["r", "p"])
     assert found.sigma == pytest.approx(SIGMA, rel=1e-6)
@@ -53,6 +54,7 @@ def test_free_oscillation_to_rounding():
     assert found.share == pytest.approx(1.0)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("kind", "roots"), [("oscillation", (SIGMA, OMEGA)), ("aperiodic", (2.5, 0.0))]
 )
@@ -124,6 +126,7 @@ def test_bad_records_are_refused_by_name():
         fit_motion(data, ["r"], "spiral")
 
 
+@pytest.mark.nightly
 def test_a_figure_of_the_window_is_refused():
     """A second mode at the begin of the window: the period is none of the motion, and 97 % are
     explained.
@@ -143,7 +146,7 @@ def test_a_figure_of_the_window_is_refused():
     assert later.values["period"][0] == pytest.approx(np.pi, rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_motion_that_is_alone_is_the_same_in_other_windows():
     for seed in range(5):
         found = fit_motion(free(0.05, seed), ["r", "p"])
@@ -151,6 +154,7 @@ def test_a_motion_that_is_alone_is_the_same_in_other_windows():
         assert not is_forbidden(found.remarks)
 
 
+@pytest.mark.nightly
 def test_windows_of_a_driven_motion_hold_its_input():
     found = fit_motion(driven("oscillation"), ["rate"], "oscillation", ["control"], trend=False)
     assert {round(one.start, 1) for one in found.moved} <= {
@@ -219,6 +223,7 @@ def test_an_excited_motion_carries_no_error():
         )
 
 
+@pytest.mark.nightly
 def test_a_motion_that_grows_or_has_no_known_decay_is_remarked():
     t = 0.1 * np.arange(120)
     grown = xr.Dataset({"r": ("time", np.exp(0.3 * t) * np.cos(2.0 * t))}, {"time": t})
@@ -245,6 +250,7 @@ def test_reversed_time_is_refused():
         fit_motion(free().isel(time=slice(None, None, -1)), ["r"])
 
 
+@pytest.mark.nightly
 def test_a_search_that_stops_at_its_limit_is_an_error(monkeypatch):
     complete = fit_motion(free(0.05), ["r", "p"])
     assert complete.convergence.converged
@@ -261,6 +267,7 @@ def test_a_search_that_stops_at_its_limit_is_an_error(monkeypatch):
     assert remark.value == np.inf
 
 
+@pytest.mark.nightly
 def test_weights_that_still_move_the_root_are_remarked(monkeypatch):
     """Both channels have the same noise, but not the same motion, from which the first weights
     come: a second round moves the root by 0.7 to 1.5 standard errors (five seeds).
@@ -274,6 +281,7 @@ def test_weights_that_still_move_the_root_are_remarked(monkeypatch):
     assert fit_motion(free(0.05, 1), ["r"]).convergence.change == 0.0
 
 
+@pytest.mark.nightly
 def test_shorter_windows_that_did_not_converge_are_not_compared(monkeypatch):
     """With few evaluations in short windows only the whole window converges."""
     search = mode_response.ModeResponse.search_root

@@ -100,7 +100,7 @@ def test_exact_accelerations_give_the_exact_moments():
         assert moments(found)[name] == pytest.approx(truth, rel=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_standard_errors_cover_the_truth_and_the_equations_agree():
     """30 flights x 3 moments: a share of 0.95 scatters by 2 to 4 %."""
     inside, chi2 = [], []

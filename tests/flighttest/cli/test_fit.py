@@ -149,7 +149,7 @@ def replaced(folder, change):
     return folder / "fit.toml"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_truth_comes_back_with_file_and_page(folder):
     done = call(
         folder / "fit.toml",
@@ -205,7 +205,7 @@ def test_report_for_people(folder):
     assert "explained of each output's movement:" in text
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_surface_of_the_wrong_sign_is_refused_by_name(folder):
     with pytest.raises(
         SchemaError,
@@ -214,16 +214,19 @@ def test_a_surface_of_the_wrong_sign_is_refused_by_name(folder):
         call(replaced(folder, lambda states: states.assign(delta_e=-states["delta_e"])))
 
 
+@pytest.mark.slow
 def test_a_wrong_unit_is_refused_by_name(folder):
     with pytest.raises(SchemaError, match=r"(unit|range):theta"):
         call(replaced(folder, lambda states: states.assign(theta=np.degrees(states["theta"]))))
 
 
+@pytest.mark.nightly
 def test_a_gap_in_the_clock_is_refused(folder):
     with pytest.raises(SchemaError, match=r"time is not uniform"):
         call(replaced(folder, lambda states: states.isel(time=np.r_[0:100, 130:250])))
 
 
+@pytest.mark.nightly
 def test_no_excitation_is_warned_of_and_no_confident_number_comes_out(folder, model):
     still = flown(model[1], 3, amplitude=0.0)
     with (
@@ -233,6 +236,7 @@ def test_no_excitation_is_warned_of_and_no_confident_number_comes_out(folder, mo
         call(replaced(folder, lambda states: still))
 
 
+@pytest.mark.nightly
 def test_inputs_that_move_together_are_warned_of(folder):
     def joined(states):
         return states.assign(delta_a=0.5 * states["delta_e"])
@@ -241,7 +245,7 @@ def test_inputs_that_move_together_are_warned_of(folder):
         call(replaced(folder, joined))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_model_that_does_not_explain_the_record_is_reported(folder):
     def other(states):
         rng = np.random.default_rng(5)
@@ -256,7 +260,7 @@ def test_a_model_that_does_not_explain_the_record_is_reported(folder):
     assert "term.Cm.basic lies" in text  # from what was known before
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_mistakes_of_the_file_are_reported(folder):
     file = folder / "fit.toml"
 
@@ -341,7 +345,7 @@ def test_estimates_in_a_database_fly_as_the_parameters_do(model):
         )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_constraints_of_the_file(folder):
     text = 'constraints = ["term.Cm.elevator = 1.15", "term.Cm.qhat < 2"]'
     fit = folder / "fit.toml"

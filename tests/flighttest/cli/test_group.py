@@ -65,6 +65,7 @@ def test_show_lists_channels(files):
     assert found["faults"] == []
 
 
+@pytest.mark.nightly
 def test_cut_writes_a_manoeuvre(files, tmp_path):
     target = tmp_path / "m.nc"
     done = call("cut", files / "run_0.nc", 2, 8, "--rate", 25, "-o", target, "--json")
@@ -72,6 +73,7 @@ def test_cut_writes_a_manoeuvre(files, tmp_path):
     assert xr.open_dataset(target, engine="h5netcdf").sizes["time"] == 151
 
 
+@pytest.mark.nightly
 def test_a_cut_file_is_a_record_again(files, tmp_path):
     """Slow quantities are scalars in a cut file: they must not get lost on the way back, nor the
     place of the record.
@@ -92,7 +94,7 @@ def test_a_cut_file_is_a_record_again(files, tmp_path):
     assert flighttest.cut(again, 3.0, 7.0).attrs["runway_elevation"] == 120.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_constants_of_another_record_are_the_prior(files, tmp_path):
     words = ["--aircraft", files / "aircraft.toml", "--window", 2, 10, "--json"]
     call("reconstruct", files / "run_0.nc", *words, "-o", tmp_path / "a.nc")
@@ -139,7 +141,7 @@ def test_window_outside_leaves_no_file(files, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_reconstruct_one_record(files, tmp_path):
     target = tmp_path / "path.nc"
     done = call(
@@ -169,7 +171,7 @@ def test_reconstruct_one_record(files, tmp_path):
     assert "factor.alpha_vane" in open_biases(target)["parameter"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_reconstruct_several_records_into_a_folder(files, tmp_path):
     target = tmp_path / "paths"
     done = call(
@@ -194,7 +196,7 @@ def test_reconstruct_several_records_into_a_folder(files, tmp_path):
     }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_batch_of_two_records(files, tmp_path):
     target = tmp_path / "paths"
     records = files / "run_0.nc", files / "run_1.nc"
@@ -213,7 +215,7 @@ def test_batch_of_two_records(files, tmp_path):
     assert sorted(file.name for file in target.iterdir()) == ["run_0.nc", "run_1.nc"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_batch_estimates_the_constants_that_are_free(files, tmp_path):
     target = tmp_path / "path.nc"
     free = [word for name in ("bias.alpha_vane", "wind_n", "wind_e") for word in ("--free", name)]

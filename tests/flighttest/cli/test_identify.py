@@ -82,7 +82,7 @@ def run(*arguments):
     return CliRunner().invoke(identify_command, arguments, catch_exceptions=False)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_table_and_the_file(files):
     base, folder = files
     result = run(*base, "--model", "CY = 1 + beta + delta_r", "-o", str(folder / "fit.nc"))
@@ -94,6 +94,7 @@ def test_the_table_and_the_file(files):
     )
 
 
+@pytest.mark.nightly
 def test_windows_of_one_path_and_errors_of_the_measurement(files):
     """Two paths with a window each give what the windows give in one fit; the error of the mass
     moves every coefficient alike.
@@ -151,6 +152,7 @@ def test_a_fit_knows_its_windows_in_another_form(files, command):
     assert later["R2"] > 0.99
 
 
+@pytest.mark.slow
 def test_the_document_and_windows(files):
     base, _ = files
     result = run(
@@ -191,7 +193,7 @@ def test_bad_input_is_an_error_of_the_package_and_leaves_no_file(files, more, er
     assert not (folder / "fit.nc").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_in_frequency_with_a_ridge_and_with_the_prior_of_a_database(files, tmp_path):
     base, _ = files
     found = json.loads(
@@ -221,7 +223,7 @@ def test_in_frequency_with_a_ridge_and_with_the_prior_of_a_database(files, tmp_p
         run(*base, "--model", "CY = 1 + beta", "--ridge", "much")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_selection_and_its_file(files):
     base, folder = files
     arguments = [
@@ -252,7 +254,7 @@ def test_selection_and_its_file(files):
         CliRunner().invoke(select_command, [*base, "--coefficient", "CY"], catch_exceptions=False)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_fits_from_files_are_joined(files):
     base, folder = files
     for k, (start, stop) in enumerate((("0", "6"), ("6", "12"), ("12", "18"))):
@@ -279,6 +281,7 @@ def test_fits_from_files_are_joined(files):
     assert found["terms"]["beta"]["estimate"] == pytest.approx(-0.5, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_bins_with_their_unit(files):
     base, _ = files
     arguments = [*base, "--model", "CY = 1 + beta + delta_r", "--over", "beta", "-3 0 3 deg"]
@@ -312,6 +315,7 @@ def test_inertia_of_a_flight_without_coupling_is_refused(files):
         CliRunner().invoke(inertia_command, [*base, *models], catch_exceptions=False)
 
 
+@pytest.mark.nightly
 def test_a_figure_that_must_not_be_used_is_exit_code_1(files):
     """Rudder of the other sign; and a rolling moment that no term moves."""
     base, folder = files
@@ -332,7 +336,7 @@ def test_a_figure_that_must_not_be_used_is_exit_code_1(files):
     assert [one["kind"] for one in json.loads(noise.output)["remarks"]] == ["no excitation"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_fits_join_the_tables_of_a_database(files):
     """A prior of -0.4 and 0.1 with errors of 0.2; the record was made with -0.5 and 0.2."""
     base, folder = files
@@ -383,7 +387,7 @@ def test_fits_join_the_tables_of_a_database(files):
     assert not (folder / "no.nc").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # without the control they are
 def test_a_rudder_without_a_table_stops_or_is_a_warning(files):
     base, folder = files
@@ -453,7 +457,7 @@ def noisy_path(folder):
     return [str(folder / "noisy.nc"), "--aircraft", str(folder / "a.toml"), *model]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_estimators_for_noisy_regressors(tmp_path):
     arguments = noisy_path(tmp_path)
 
@@ -479,6 +483,7 @@ def test_estimators_for_noisy_regressors(tmp_path):
     assert "the data contradict the constraint" in text
 
 
+@pytest.mark.slow
 def test_options_that_do_not_go_together_are_refused(tmp_path):
     arguments = noisy_path(tmp_path)
     for options, text in (

@@ -17,6 +17,7 @@ def fits(count=8, **options):
     ]
 
 
+@pytest.mark.slow
 def test_the_median_is_that_of_gresham_term_by_term():
     runs = fits()
     joined = join_fits(runs, "median")
@@ -27,6 +28,7 @@ def test_the_median_is_that_of_gresham_term_by_term():
     np.testing.assert_allclose(joined.estimates["stderr"], 1.25 * scatter / np.sqrt(8))
 
 
+@pytest.mark.nightly
 def test_the_median_does_not_mind_a_record_that_went_wrong():
     good = fits()
     bad = regress(LIFT, record(np.random.default_rng(50)).assign(alpha=lambda d: 0.5 * d["alpha"]))

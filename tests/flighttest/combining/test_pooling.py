@@ -24,6 +24,7 @@ def test_contradictory_estimates_widen_the_error_and_are_flagged():
     assert joined.contradictory
 
 
+@pytest.mark.slow
 def test_the_pooled_error_is_the_scatter_of_pooled_values():
     """Birge ratio included: 20 estimates each, 2000 times; the mean square of z exceeds 1 by less
     than a tenth.

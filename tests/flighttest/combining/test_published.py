@@ -154,6 +154,7 @@ def flown(tables, seed):
     return data.assign(Cm=("time", z + 0.01 * rng.normal(size=n)))
 
 
+@pytest.mark.slow
 def test_tables_learn_the_same_from_the_published_numbers_as_from_the_samples():
     """The tables bend, the model is straight: only the range shows what its slope is a slope of."""
     prior, truth = aerodb.make_database(leaves(0.0), **ROOT), leaves(1.0)
@@ -177,7 +178,7 @@ def test_tables_learn_the_same_from_the_published_numbers_as_from_the_samples():
     assert "paper" in theirs["Cm/basic"].attrs["comment"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_standard_errors_cover_the_tables_after_published_models():
     """Published models of 20 tables drawn from the prior, all nodes; 96.2 % over 300."""
     from aerodb.update.correlation import prior_covariance
@@ -217,6 +218,7 @@ def test_published_and_flown_fits_are_joined():
     )
 
 
+@pytest.mark.nightly
 def test_a_published_fit_is_saved_reported_and_predicts(tmp_path):
     fit = flighttest.combining.published_fit(
         LOCAL, VALUES, STDERR, AT | {"alpha": (0.0, 0.2)}, name="paper"

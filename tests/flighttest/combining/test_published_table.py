@@ -165,6 +165,7 @@ def test_thirty_six_points_of_which_one_is_wrong_reduce_the_error_of_the_tables(
     assert np.mean(suspects) > 0.5, suspects
 
 
+@pytest.mark.nightly
 def test_verb_takes_them_with_fits(file, tmp_path):
     alpha = np.array([0.0, 0.1, 0.2])
     leaves = {

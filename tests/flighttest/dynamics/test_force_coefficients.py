@@ -321,6 +321,7 @@ def test_a_window_lies_inside_the_data():
         select_time(d, 0.5, 9.0)
 
 
+@pytest.mark.slow
 def test_states_are_read_from_their_group(tmp_path):
     d = states()
     xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": "run"}), "/states": d}).to_netcdf(

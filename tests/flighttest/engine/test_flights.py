@@ -234,7 +234,7 @@ def test_responses_are_those_of_the_model(fit):
             assert float((one[f"{name}_model"] - one[name]).std()) < 2.0 * NOISE
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_deck_from_flights_flies(fit, flights, tmp_path):
     against = fit.compare(flights)
     assert float(against["n2"].max()) < 2.0 * NOISE
@@ -250,6 +250,7 @@ def test_deck_from_flights_flies(fit, flights, tmp_path):
     assert set(fit.as_dict()["steady"]) == {"corrected_thrust"}
 
 
+@pytest.mark.slow
 def test_residual_shows_that_limits_are_missing(flights):
     plain = identify_spools(
         [one.drop_vars("n1") for one in power_changes(flights[0])], [0.0, 0.8, 1.0], [0.6, 1.0]
@@ -313,6 +314,7 @@ PRIOR = make_term(
 )
 
 
+@pytest.mark.slow
 def test_steady_table_continues_what_was_not_flown():
     found = steady_table(points(1, (0.0, 1500.0, 6000.0)), "corrected_thrust", GRID, PRIOR)
     at = {"corrected_n2": np.array([0.75, 0.9, 1.0]), "mach": np.full(3, 0.25)}
@@ -331,6 +333,7 @@ def test_steady_table_continues_what_was_not_flown():
     )
 
 
+@pytest.mark.slow
 def test_steady_table_same_from_perturbed_records():
     records = points(2, (0.0, 1500.0))
     one = steady_table(records, "corrected_thrust", GRID, PRIOR)
@@ -438,6 +441,7 @@ def windmilling() -> xr.Dataset:
     return record.assign(n2=("time", found["engine1.n2"].values + noise))
 
 
+@pytest.mark.slow
 def test_windmilling_speed_and_start_in_flight():
     found = identify_start([windmilling()])
     truth = {
@@ -471,6 +475,7 @@ def test_structure_file(tmp_path):
     assert len(error.value.problems) == 3
 
 
+@pytest.mark.nightly
 def test_command_with_whole_flights(tmp_path):
     """Records that were used and one that was not stand in the comparison; the entry names the
     file.

@@ -315,6 +315,7 @@ def test_no_light_off_is_refused():
         identify_start([record.assign(cutoff=0.0 * record["cutoff"])])
 
 
+@pytest.mark.nightly
 def test_deck_file_flies(spools, started, changes, tmp_path, monkeypatch):
     """What is written is read back, starts, and follows the chop within the noise."""
     monkeypatch.setattr(
@@ -384,6 +385,7 @@ def test_channels_of_an_engine():
         engine_channels(states.drop_vars("engine2.n2"), (1, 2), (0.0, 1.0))
 
 
+@pytest.mark.slow
 def test_command(tmp_path):
     table = points(40, 1).to_dataframe()
     table.to_csv(tmp_path / "points.csv", index=False)

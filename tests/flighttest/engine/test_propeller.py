@@ -80,6 +80,7 @@ def test_report_prints_the_correlation_and_what_was_left_out(fit):
     assert found.separable
 
 
+@pytest.mark.slow
 def test_one_power_is_called_not_separable_and_idle_is_requested(flown):
     craft, records = flown
     prior = flights.prior_aircraft(craft, SEED)
@@ -101,6 +102,7 @@ def test_a_polar_that_is_held_is_stated(flown):
     assert any("stand on the polar" in remark.text for remark in fit.remarks)
 
 
+@pytest.mark.nightly
 def test_command_writes_an_aircraft_with_sources(flown, tmp_path):
     craft, records = flown
     files = []
@@ -125,6 +127,7 @@ def test_command_writes_an_aircraft_with_sources(flown, tmp_path):
     assert "give --polar" in problems
 
 
+@pytest.mark.nightly
 def test_a_governed_propeller_needs_a_power(flown):
     craft = flights.make_craft(SEED, True)
     prior = flights.prior_aircraft(craft, SEED)
@@ -262,6 +265,7 @@ def engines() -> dict[str, Engine]:
     }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", list(engines()))
 def test_channels_are_those_of_the_kernel_at_rest_of_the_shaft(kind):
     engine = engines()[kind]
@@ -296,6 +300,7 @@ def test_channels_are_those_of_the_kernel_at_rest_of_the_shaft(kind):
 # ---- regression on the effects of power -------------------------------------------------------
 
 
+@pytest.mark.nightly
 def test_regressors_of_power_need_no_channel_of_thrust():
     rng = np.random.default_rng(5)
     size = {"p": 0.1, "q": 0.1, "r": 0.1, "p_dot": 0.3, "q_dot": 0.3, "r_dot": 0.3, "ax": 1.0}

@@ -32,6 +32,7 @@ def recording(run: int) -> xr.Dataset:
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("run", "thrust"),
     [

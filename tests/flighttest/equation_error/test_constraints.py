@@ -129,6 +129,7 @@ def test_inequalities_between_parameters_are_the_nearest_point():
         np.testing.assert_allclose(found, best, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_limits_of_parameters_of_any_size_are_satisfied():
     """Rounding of the estimate with active limits is not a contradiction of these limits."""
     names = list("abcd")
@@ -183,7 +184,7 @@ def test_terms_that_the_data_cannot_distinguish_need_a_constraint_that_is_not_te
     assert "not tested" in fit.report()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_all_estimators_take_constraints_and_files_keep_them(tmp_path):
     data = record(np.random.default_rng(6))
     texts = ["qhat = 1.6*alpha", "delta_e > 0"]
@@ -209,6 +210,7 @@ def test_instrumental_variables_take_constraints():
     np.testing.assert_allclose(fit.estimates["estimate"], TRUTH, rtol=0.1)
 
 
+@pytest.mark.slow
 def test_joins_priors_and_tables_refuse_an_active_constraint():
     data = record(np.random.default_rng(8))
     held = regress(LIFT, data, constraints=["qhat = 8"])
@@ -226,6 +228,7 @@ def test_joins_priors_and_tables_refuse_an_active_constraint():
 BAND = (0.2, 2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", ["equal", "spectrum"])
 def test_in_frequency_an_eliminated_term_is_one_with_the_term_it_follows(weights):
     """qhat = 1.6*alpha: the fit of a model with the one regressor alpha + 1.6*qhat."""
@@ -271,6 +274,7 @@ def test_in_frequency_a_violated_limit_becomes_an_equality():
         regress_frequency(LIFT, data, BAND, constraints=["1 = 0.2"])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("ridge", [0.05, "auto"])
 def test_a_ridge_acts_on_the_free_terms(ridge):
     """Against a fit with the joined regressor; constraints are compared without the ridge."""

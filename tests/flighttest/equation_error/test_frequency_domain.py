@@ -25,7 +25,7 @@ def test_exact_data_give_the_exact_parameters():
     assert abs(fit.residual).max() < 1e-11
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_names_are_those_of_a_fit_in_time_and_the_file_keeps_all(tmp_path):
     data = record(np.random.default_rng(1))
     fit, time = regress_frequency(LIFT, data, BAND, "run"), regress(LIFT, data, "run")
@@ -84,7 +84,7 @@ def test_white_disturbance_has_the_standard_errors_of_time():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_standard_errors_cover_the_truth():
     """60 seeds x 4 terms of one 30 s record; 93 % over 200 seeds (docs/evidence/identification.md), scatter of
     the share 2 to 3 %.
@@ -216,6 +216,7 @@ def test_weights_keep_the_linear_map_and_exact_data_their_parameters():
         regress_frequency(model, accelerations(0), (0.7, 25.0), weights="robust")
 
 
+@pytest.mark.slow
 def test_stretches_whose_ends_take_all_equations_are_refused():
     """A stretch of 5 s has one frequency between 0.2 and 0.35 Hz: two equations, which its ends
     take; with two frequencies one is left.
@@ -237,7 +238,7 @@ def test_stretches_whose_ends_take_all_equations_are_refused():
     )  # what has no equations left takes none of others
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_small_term_is_chosen_where_its_noise_is_small():
     """A tenth of a per cent of R2 in a band with a hundred rows: the noisiest frequencies hide it
     unless they are weighted.
@@ -268,6 +269,7 @@ def test_a_small_term_is_chosen_where_its_noise_is_small():
         select_stepwise("CL", candidates, accelerations(0), weights="spectrum")
 
 
+@pytest.mark.nightly
 def test_a_spectrum_that_still_changes_is_remarked(monkeypatch, tmp_path):
     settled = regress_frequency(LIFT, record(np.random.default_rng(1)), BAND)
     assert "spectrum_change" not in settled.estimates.attrs

@@ -32,6 +32,7 @@ def line(seed):
 LINE = {"1": 0.3, "alpha": 5.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fitted", ["time", "frequency", "separate"])
 def test_the_bootstrap_scatters_as_the_fit_states(fitted):
     """300 replicates know a scatter to 4 %; both use the same colour, so that only the linear

@@ -24,7 +24,7 @@ def test_exact_data_give_the_exact_parameters():
     assert abs(fit.residual).max() < 1e-12
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_standard_errors_cover_the_truth_and_the_white_formula_does_not():
     """Coloured disturbance, 60 seeds x 4 terms: 93 % measured in 200 seeds of one 30 s record; a
     proportion of 0.93 from 60 independent records of 4 weakly dependent terms scatters by 2 to 3 %.
@@ -38,7 +38,7 @@ def test_two_standard_errors_cover_the_truth_and_the_white_formula_does_not():
     assert np.mean(white) < 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_stacked_manoeuvres_cover_too_even_when_each_has_an_offset_of_its_own():
     """40 seeds of six 10 s records that differ by a constant; 95 % measured over 200 seeds."""
     inside, offsets = [], []
@@ -259,7 +259,7 @@ def test_few_samples_may_have_more_errors_with_names_or_without(names):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_fit_survives_its_file(tmp_path):
     data = record(np.random.default_rng(11)).assign_coords(error=["qbar"])
     data["CL_error"] = ("error", "time"), 0.01 * data["CL"].values[None]
@@ -311,6 +311,7 @@ def test_a_fit_with_a_changed_number_is_refused(tmp_path, name, place, number, w
         open_fit(tmp_path / "fit.nc")
 
 
+@pytest.mark.nightly
 def test_a_fit_whose_time_is_a_text_is_refused(tmp_path):
     fit = regress(RegressionModel("CL", LIFT.terms), record(np.random.default_rng(11)), "run 1")
     save_fit(fit, tmp_path / "fit.nc")
@@ -323,6 +324,7 @@ def test_a_fit_whose_time_is_a_text_is_refused(tmp_path):
         open_fit(tmp_path / "fit.nc")
 
 
+@pytest.mark.nightly
 def test_a_dimension_without_a_name_gives_no_advice_to_programmers(tmp_path, recwarn):
     """xarray warns of a default of its own where a reader does not name how it reads them."""
     fit = regress(RegressionModel("CL", LIFT.terms), record(np.random.default_rng(11)), "run 1")

@@ -45,7 +45,7 @@ def test_weights_by_a_variable_are_weighted_least_squares():
         regress(LIFT, data, weights="nosuch")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_weights_cover_too():
     """50 seeds of a quiet and a rough manoeuvre; 0.93 of 200 estimates is known to 3 %."""
     inside = []
@@ -197,6 +197,7 @@ def test_terms_the_database_does_not_know_have_no_prior():
         prior_of(fit, xr.DataTree.from_dict({"/Cm/basic": db["CL/basic"].to_dataset()}))
 
 
+@pytest.mark.slow
 def test_fits_of_every_kind_move_the_tables_to_the_truth():
     """The tables know a curve that the local models leave out; what these expect of it goes through
     their own linear map.

@@ -49,7 +49,7 @@ def short_period(seed, duration=30.0, noise=1.0, disturbance=2e-4, gain=1.0):
     return record, xr.Dataset({"alpha": ("time", alpha), "qhat": ("time", qhat), "time": t})
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_both_estimators_remove_the_bias_of_equation_error():
     errors = {"least squares": [], "iv": [], "tls": []}
     for seed in range(3):
@@ -66,7 +66,7 @@ def test_both_estimators_remove_the_bias_of_equation_error():
     assert np.abs(mean["tls"]).max() < 0.03
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("method", ["iv", "tls"])
 def test_two_standard_errors_cover_the_truth(method):
     """16 records, noise of the angle 0.3 deg: benchmarks/noisy_regressors.py has 200."""
@@ -115,6 +115,7 @@ def test_a_constraint_with_a_constant_is_that_of_lagrange_multipliers(text):
     np.testing.assert_allclose(fit.estimates["estimate"], expected, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_fixed_slope_leaves_no_bias_in_the_square():
     rng = np.random.default_rng(0)
     alpha, elevator = 0.1 * rng.normal(size=8000), 0.1 * rng.normal(size=8000)
@@ -230,7 +231,7 @@ def test_given_instruments_of_another_sensor():
         regress_instrumental(MOMENT, record, instruments=other.isel(time=slice(0, 500)))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_fits_are_saved_and_read_with_their_method(tmp_path):
     record, _ = short_period(7)
     for fit in (regress_instrumental(MOMENT, record), regress_total(MOMENT, record, NOISE)):
@@ -251,6 +252,7 @@ def test_several_manoeuvres_with_own_constants():
         np.testing.assert_allclose(fit.estimates["estimate"][2:], TRUTH[1:], rtol=0.08)
 
 
+@pytest.mark.slow
 def test_a_change_of_rounding_size_changes_nothing():
     record, _ = short_period(10)
     rng = np.random.default_rng(1)

@@ -43,7 +43,7 @@ def change(folder, old, new):
     return folder / "plan.toml"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_report_passes_and_writes_a_page(folder):
     done = call(
         "report",
@@ -67,6 +67,7 @@ def test_report_passes_and_writes_a_page(folder):
     assert "http" not in page.replace("http-equiv", "")
 
 
+@pytest.mark.nightly
 def test_a_figure_outside_its_bounds_is_exit_code_1(folder):
     done = call("report", change(folder, "3.1416 s", "3.5 s"))
     assert done.exit_code == 1
@@ -84,6 +85,7 @@ def test_what_the_record_does_not_show_is_not_determined(folder):
     assert "0 of 2 figures inside their bounds; not determined: dutch_roll" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_wrong_sign_stops_the_evaluation_by_name(folder):
     (folder / "names.toml").write_text(NAMES.replace('p = "p"', 'p = { column = "p", sign = -1 }'))
     done = call("report", folder / "plan.toml", "-o", folder / "page.html")
@@ -94,7 +96,7 @@ def test_a_wrong_sign_stops_the_evaluation_by_name(folder):
     assert "sign:p" in (folder / "page.html").read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_wrong_units_and_gaps_are_named(folder):
     (folder / "names.toml").write_text(
         NAMES.replace('r = "r"', 'r = { column = "r", unit = "deg/s" }').replace(
@@ -226,7 +228,7 @@ def test_faulty_sheets_name_line_and_column(tmp_path):
         SheetColumn(column="a", unit="kg").of(read_sheet(file), "m")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_modes_on_the_command_line(folder):
     base = [
         "modes",
@@ -251,6 +253,7 @@ def test_modes_on_the_command_line(folder):
         call("modes", folder / "flight.csv", 20.0, 35.0, "--names", wrong, "--channel", "phi")
 
 
+@pytest.mark.slow
 def test_a_motion_that_must_not_be_used_fails_the_flight_though_its_figures_lie_inside(
     folder, monkeypatch
 ):
@@ -263,6 +266,7 @@ def test_a_motion_that_must_not_be_used_fails_the_flight_though_its_figures_lie_
     assert "no excitation: the oscillation explains" in (folder / "page.html").read_text()
 
 
+@pytest.mark.slow
 def test_modes_on_a_quiet_stretch_end_with_exit_code_1(tmp_path):
     """Noise that lasts a second: an oscillation explains more than half of it in twelve seconds,
     and none is there.

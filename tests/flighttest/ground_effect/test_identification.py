@@ -116,6 +116,7 @@ def test_the_factor_carries_the_correlation_of_k_and_s(found):
     assert float(K["stderr"][1]) < 0.6 * alone
 
 
+@pytest.mark.nightly
 def test_with_free_air_held_the_ratio_is_to_the_database(records, database, found):
     held = identify_ground_effect([LIFT], records, database=database, hold=True)
     for row in held["CL"].rows():
@@ -127,6 +128,7 @@ def test_with_free_air_held_the_ratio_is_to_the_database(records, database, foun
     assert "database" not in found["CL"].evidence.index
 
 
+@pytest.mark.nightly
 def test_a_free_air_coefficient_that_the_records_do_not_determine_is_refused(records, database):
     """Pitch angle in proportion to the angle of attack: least squares divided their coefficients,
     y_inf of alpha was 2e-5 in place of 5, and k 150048 in place of 0.6.
@@ -164,6 +166,7 @@ def test_the_database_flies_what_was_identified(found, database, tables):
     assert "identified from 1.7" in leaf.attrs["comment"]
 
 
+@pytest.mark.slow
 def test_bank_over_the_ground_gets_equation_14(records, database):
     rng = np.random.default_rng(2)
     banked = []
@@ -184,6 +187,7 @@ def test_bank_over_the_ground_gets_equation_14(records, database):
     assert leaf.attrs["exponent"] == pytest.approx(row.s)
 
 
+@pytest.mark.nightly
 def test_without_ground_effect_none_is_found(records, database):
     flat = [
         one.assign(
@@ -202,6 +206,7 @@ def test_without_ground_effect_none_is_found(records, database):
     assert set(aerodb.terms(replace_ground_effect(database, found))) == set(aerodb.terms(database))
 
 
+@pytest.mark.nightly
 def test_a_form_that_no_power_has_becomes_a_table(records, database):
     """A factor that falls along a straight line from 0.3 at the ground to zero at 20 m."""
     stepped = []
@@ -283,7 +288,7 @@ def test_a_factor_without_terms_in_free_air_is_refused(found, database):
         replace_ground_effect(without, found)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the simulated records of ../shared are not here")
 def test_simulated_landings_low_passes_and_free_air():
     """Truth within three standard errors, k h^s within 0.03 at 2, 3 and 8.5 m, CL_q not identified."""
@@ -330,7 +335,7 @@ Izz = 25000.0
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_command_prints_table_2_and_writes_the_database(records, database, tmp_path):
     """The same records as states: specific forces of CL with a CD of 0.05."""
     files = []

@@ -131,7 +131,7 @@ def test_prandtls_factor_has_the_values_of_the_report():
     assert interference_factor(2.0) == interference_factor(0.5)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_refused_ground_effect_of_the_database_is_deleted():
     """The prior has 0.2 at 2 m, the flights have none: "taken: none" left the prior in place."""
     none = (lambda h: 0.0 * h, lambda h: 0.0 * h)
@@ -150,7 +150,7 @@ def test_a_refused_ground_effect_of_the_database_is_deleted():
     assert set(aerodb.terms(replace_ground_effect(database, found))) == {"CL/basic"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_one_shape_parameter_has_the_error_of_that_assumption():
     """h0 of 2.6 and 2.2 m: one h0 was 4.7 standard errors wrong for alpha at 8.5 m."""
     one = identify_ground_effect([LIFT], programme(TRUTHS[EXPONENTIAL]))["CL"]
@@ -161,7 +161,7 @@ def test_one_shape_parameter_has_the_error_of_that_assumption():
     assert (together["stderr"].values >= difference).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_form_that_leaves_more_than_the_noise_is_named():
     """A step at 5 m: no law and no table linear between breakpoints has it."""
 
@@ -185,7 +185,7 @@ def test_the_misfit_of_noise_is_small_and_that_of_a_wave_is_not():
     assert misfit_of("table", v, 20, richest) is None
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_terms_that_cancel_each_other_are_deleted():
     """Without a ground effect two collinear terms are large and opposite: k of -7.6 and 31.7."""
     none = (lambda h: 0.0 * h, lambda h: 0.0 * h)

@@ -71,6 +71,7 @@ def search(records, held=None) -> tuple[TableSearch, float]:
     return found, schwarz_criterion(v, X.shape[1], len(z))
 
 
+@pytest.mark.nightly
 def test_a_table_ends_where_one_record_with_one_angle_of_attack_remains():
     """There the slope is that of the noise of the vane: K was -1 of alpha and +0.8 of the constant,
     and both cancel at the flown angle only.
@@ -92,6 +93,7 @@ def test_a_table_ends_where_one_record_with_one_angle_of_attack_remains():
     assert found.separate(nothing) is not None
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("held", [None, FREE])
 def test_one_factor_is_the_truth_where_all_terms_have_it(held):
     table = search(programme(), held)[0].one_factor()
@@ -115,6 +117,7 @@ def test_one_factor_has_the_error_of_that_assumption():
         assert abs(error) < 2.0 * table.stderr[row, 0] / FREE[term]
 
 
+@pytest.mark.nightly
 def test_without_ground_effect_there_is_no_table():
     def none(h):
         return 0.0 * h

@@ -21,6 +21,7 @@ def divide(time, given=0.0, piece=40):
     return clock, stretches
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("digits", [2, 3, 12])
 @pytest.mark.parametrize("rate", [10.0, 12.5, 29.97, 33.3, 50.4, 59.94])
 def test_any_rate_is_one_stretch_for_minutes(rate, digits):

@@ -72,7 +72,7 @@ def assert_same(estimate, data):
     np.testing.assert_allclose(estimate.stderr, batch["stderr"], rtol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_second_is_the_batch_of_the_samples_so_far():
     data = record(np.random.default_rng(0), duration=60.0)
     found, _, _ = follow(text_of(data))
@@ -84,6 +84,7 @@ def test_every_second_is_the_batch_of_the_samples_so_far():
         assert_same(estimate, data)
 
 
+@pytest.mark.slow
 def test_the_size_of_the_pieces_changes_nothing():
     data = record(np.random.default_rng(1), duration=12.0)
     text = text_of(data)
@@ -114,7 +115,7 @@ def test_a_change_of_rounding_size_changes_nothing():
     assert np.abs((a.values - b.values) / a.stderr).max() < 1e-8
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_standard_errors_cover_the_truth():
     """12 records of 30 s; benchmarks/follow.py has 200."""
     inside = []
@@ -128,7 +129,7 @@ def test_two_standard_errors_cover_the_truth():
     assert np.mean(inside) == pytest.approx(0.94, abs=0.08)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_short_gaps_are_bridged_and_long_ones_begin_a_new_stretch():
     data = record(np.random.default_rng(4), duration=40.0)
     keep = np.ones(data.sizes["time"], bool)
@@ -173,7 +174,7 @@ def test_coarse_stamps_of_60_hz_are_one_stretch():
     assert found[-1].counts["gaps"] == found[-1].counts["bridged"] == 0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_candidate_enters_by_evidence_only():
     data = record(np.random.default_rng(7), duration=40.0, noise=0.002)
     with_product = data.assign(CL=data["CL"] + 60.0 * data["alpha"] ** 2)
@@ -235,7 +236,7 @@ def flown():
 CRAFT = Aircraft("test", 16.0, 1.6, 10.0, 2000.0, 11000.0, 8000.0, 15000.0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("coefficient", ["CL", "Cm"])
 def test_coefficients_are_those_of_the_batch(coefficient):
     data = flown()
@@ -252,6 +253,7 @@ def test_coefficients_are_those_of_the_batch(coefficient):
     np.testing.assert_allclose(last.values, expected["estimate"].values[1:], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_samples_on_the_ground_end_a_stretch():
     data = flown()
     wheel = np.zeros(data.sizes["time"])
@@ -357,7 +359,7 @@ def test_the_work_is_bounded(monkeypatch):
     np.testing.assert_allclose(last.values, batch, rtol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_gaps_do_not_shorten_what_is_kept():
     """A gap every 6 s makes 22 stretches of 5.4 s; two that another gap makes are too short."""
     data = record(np.random.default_rng(16), duration=138.0)
@@ -469,6 +471,7 @@ def test_a_vane_without_a_position_is_refused():
     assert VaneAngles.of(aircraft, ["alpha", "alpha_vane"]).angles == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag", [0.0, 0.05])
 def test_a_stream_of_vanes_gives_the_regressors_of_a_stream_at_the_centre_of_gravity(lag):
     vanes = {**INSTRUMENTS["vanes"], "lag": [lag, 0.02]}

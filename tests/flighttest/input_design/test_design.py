@@ -177,7 +177,7 @@ def test_design_without_a_model(files):
     ).max() == pytest.approx(20.0 * DEG, rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_design_inside_limits(files):
     model = ("--aircraft", DATA / "aircraft.toml", "--database", files / "glide.nc")
     result = run(files / "limited.toml", *model, "-o", files / "out", "--json")

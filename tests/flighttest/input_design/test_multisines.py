@@ -87,6 +87,7 @@ def test_peak_factors(designed):
     assert measures(designed)["peak_factor"].max() < 1.25
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "first", [2, *(pytest.param(first, marks=pytest.mark.slow) for first in (3, 4))]
 )

@@ -240,7 +240,7 @@ def test_constants_are_those_of_the_kernel(found):
     } <= found.constants.keys()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_brakes_follow_the_pedal_or_the_load_by_evidence(found, database):
     assert "gear.left,right.brake_friction" not in found.constants
     wheels = tuple(replace(w, brake=0.0, brake_friction=0.5) if w.brake else w for w in WHEELS)
@@ -298,6 +298,7 @@ def test_steering_of_every_order(order, database):
     assert np.sqrt(np.nanmean(rest**2)) < 1.1e-3  # noise 1e-3
 
 
+@pytest.mark.nightly
 def test_straight_rolling_determines_no_side_force(database):
     craft = replace(CRAFT, gear=GUESS)
     run = ground_run(database).sel(time=slice(17.0, None))
@@ -346,7 +347,7 @@ def test_another_gear_is_refused(found):
         found.aircraft(replace(CRAFT, gear=replace(TRUTH, contacts=WHEELS[:1])))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_command(records, database, tmp_path):
     flightmech.write_aircraft(replace(CRAFT, gear=GUESS), tmp_path / "a.toml")
     aerodb.save(database, tmp_path / "db.nc")
@@ -380,6 +381,7 @@ def two_runs(database):
     return identify_landing_gear(runs, craft, database, {"wind": 0.0}, flown=False), craft
 
 
+@pytest.mark.nightly
 def test_a_regression_that_stops_at_its_limit_is_an_error(database, monkeypatch):
     complete, craft = two_runs(database)
     assert complete.as_dict()["converged"] is True

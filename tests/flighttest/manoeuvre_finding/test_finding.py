@@ -91,6 +91,7 @@ def test_steady_flight_has_none():
     assert len(table) == 0
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("surface", "control"), [("delta_e", "elevator"), ("delta_a", "aileron"), ("delta_r", "rudder")]
 )
@@ -279,6 +280,7 @@ def test_a_record_without_controls():
         find_manoeuvres(tree)
 
 
+@pytest.mark.slow
 def test_the_programme_of_the_t37():
     flown = flighttest.read(DATA / "flight" / "t37_01_clean_low_speed_5kft.nc", DATA / "names.toml")
     table = find_manoeuvres(flown)
@@ -314,7 +316,7 @@ def test_phugoid_and_spiral_of_real_flights(flight_file, map_file):
     assert (table["manoeuvre"] == "phugoid").sum() <= 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_doublets_of_a_real_flight():
     if not CITATION.is_dir():
         pytest.skip("the Citation II flights (../shared/data/flight/citation_phlab) are not here")
@@ -329,7 +331,7 @@ def call(*arguments):
     return CliRunner().invoke(flight, ["manoeuvres", *map(str, arguments)], catch_exceptions=False)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_verb_writes_a_table_and_a_figure_and_reads_them_back(tmp_path):
     x = smoothed(steps([(3.0 * DEGREE, 1), (-3.0 * DEGREE, 1)], 1.0), 0.3)
     save_record(record(delta_r=x), tmp_path / "run.nc")
@@ -348,6 +350,7 @@ def test_the_verb_writes_a_table_and_a_figure_and_reads_them_back(tmp_path):
         call(tmp_path / "run.nc", "--table", tmp_path / "m.csv")
 
 
+@pytest.mark.slow
 def test_marks_of_the_record_come_first():
     file = DATA / "flight" / "t37_23_val_power_chop.nc"
     assert "as the record marks them" in call(file, "--names", DATA / "names.toml").output

@@ -24,7 +24,7 @@ def stored(fit) -> list[dict]:
     return json.loads(fit.estimates.attrs["constraints"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("disturbance", ["none", "process"])
 def test_a_derivative_that_is_fixed_or_proportional(disturbance):
     records = [short_period(1)]

@@ -152,6 +152,7 @@ def test_open_loop_in_turbulence_is_warned_of_and_the_filter_is_better(model):
     assert np.median(wider) > 1.0  # and what is true of the open loop is wider
 
 
+@pytest.mark.nightly
 def test_the_filter_distinguishes_noise_from_gusts(model):
     fit = flighttest.maximum_likelihood.filter_error(
         model,
@@ -183,6 +184,7 @@ def test_instruments_starts_and_drift_in_time(model):
     assert abs(fit.parameters["drift.q"]) < 3.0 * fit.estimates["stderr"].sel(parameter="drift.q")
 
 
+@pytest.mark.slow
 def test_several_records_have_their_own_offsets(model):
     records = [flight(seed, duration=12.0) for seed in (1, 2)]
     records[1]["alpha"] = records[1]["alpha"] + 0.05
@@ -329,6 +331,7 @@ def test_bad_requests_are_refused_by_name(model):
         flighttest.maximum_likelihood.filter_error(model, record.drop_vars("nz"), STARTS)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("step", [0.1, 0.25])
 def test_measurement_noise_on_a_slow_recorder_is_no_turbulence(model, step):
     """Six records of white noise; a block of 0.08 s holds one sample and no noise inside."""
@@ -341,7 +344,7 @@ def test_measurement_noise_on_a_slow_recorder_is_no_turbulence(model, step):
         )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_innovations_of_a_wrong_filter_are_remarked_in_every_text(model, tmp_path):
     """Without process noise in turbulence they are coloured; with it they are white."""
     record = flight(3, gust=1.0)

@@ -119,7 +119,7 @@ def gusty_flight(seed):
 TRUTH = {"A[alpha,alpha]": -1.2, "A[q,alpha]": -6.0, "A[q,q]": -1.8, "B[q,delta_e]": -9.0}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_vane_platform_and_accelerometer_together_in_gusts(model):
     """The gust of given form is estimated with the motion; innovations are white."""
     wanted = {name: 0.85 * value for name, value in TRUTH.items()}

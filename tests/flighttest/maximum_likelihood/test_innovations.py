@@ -21,7 +21,7 @@ def examined(seed, pole):
     return found.assign_coords(output=["alpha", "q"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_white_innovations_are_rarely_called_coloured():
     alarms = sum(len(whiteness_remarks(examined(seed, 0.0), True)) for seed in range(200))
     # One record in a hundred is expected: with more than seven the test is wrong (P < 0.001).
@@ -64,6 +64,7 @@ def test_readings_that_a_recorder_smoothed_are_named_as_the_cause():
     assert "recorder" not in remark.text
 
 
+@pytest.mark.slow
 def test_the_band_is_that_of_bartlett():
     found = examined(1, 0.0)
     assert float(found["band"]) == pytest.approx(1.96 / np.sqrt(1000.0))

@@ -46,7 +46,7 @@ def test_without_noise_the_truth_is_found(model):
     )  # the record integrates its input in ten steps
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_standard_errors_cover_the_truth(model):
     """25 records, four unknowns; 94.6 % within two standard errors over 200 records."""
     inside = [
@@ -63,6 +63,7 @@ def test_two_standard_errors_cover_the_truth(model):
     assert np.mean(inside) > 0.88
 
 
+@pytest.mark.slow
 def test_starts_instruments_drift_and_gaps(model):
     """A record cut in mid-motion, one zero off, a constant in a rate, half of the readings of one
     output absent.

@@ -123,7 +123,7 @@ def test_a_change_of_speed_is_remarked():
     assert [remark.term for remark in done.remarks if remark.kind == "range"] == ["V"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_gusts_that_are_not_there_leave_the_derivatives():
     """In calm air the fit is output error, with a remark, from a trim far from zero."""
     done = fit_motion([short_period(1)], "short-period", "gusts", angle="inertial")
@@ -135,7 +135,7 @@ def test_gusts_that_are_not_there_leave_the_derivatives():
     xr.testing.assert_equal(done.fit.estimates["estimate"], calm.estimates["estimate"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_command_prints_derivatives_and_remarks(tmp_path):
     path = tmp_path / "readings.nc"
     short_period(3).to_netcdf(path, engine="h5netcdf")

@@ -75,6 +75,7 @@ def test_the_truth_comes_back_within_its_standard_errors(sim):
     assert fit.parameters["term.Cm.qhat"] == float(e["estimate"].sel(parameter="term.Cm.qhat"))
 
 
+@pytest.mark.slow
 def test_several_manoeuvres_share_the_model_and_keep_their_starts(sim):
     records = [flight(sim, seed, V) for seed, V in ((1, 40.0), (2, 44.0), (3, 36.0))]
     one = flighttest.output_error(
@@ -105,6 +106,7 @@ def test_a_bound_holds_and_is_reported(sim):
     assert "term.Cm.qhat is at its bound 0.9" in fit.report()
 
 
+@pytest.mark.slow
 def test_a_prior_pulls_by_its_weight(sim):
     record = flight(sim, 1)
 

@@ -70,7 +70,7 @@ def test_systematic_errors_of_the_measurement_are_in_the_standard_error(flown):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_standard_errors_cover_the_true_mean():
     """40 records, one point each in the middle and at the edge: 95.0 % over 400 records; 80 draws
     scatter by 3 %.

@@ -81,7 +81,7 @@ def test_gusts_that_ruin_output_error_cost_the_filter_little(glider):
     assert float(e["estimate"]) == pytest.approx(1e-3, abs=3.0 * float(e["stderr"]))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_without_a_disturbance_it_is_output_error(glider):
     """The records do not need the gust, and a remark states it; a given gust stays."""
     record = flown(glider, 4, duration=3.0, size=0.0)

@@ -89,6 +89,7 @@ def test_the_effect_of_one_scale_is_its_relative_standard_error():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("time", "size"), [(0.3, 1.0), (1.0, 5.0), (3.0, 5.0), (1.0, 15.0)])
 def test_coloured_noise_of_instruments_is_no_turbulence(model, time, size):
     """Up to 15 times the noise of the instruments, which shakes an estimate by 7 % of the motion:

@@ -53,6 +53,7 @@ def coefficients(seed, slope=-0.6, size=1.0):
     return xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": t})
 
 
+@pytest.mark.nightly
 def test_derivatives_predict_another_record(motion, tmp_path):
     """The residual is the noise of the instruments, from a file too; wrong derivatives are seen."""
     other = short_period(7, elevator=-0.02)
@@ -140,6 +141,7 @@ def test_data_of_the_fit_in_another_form_are_not_unseen():
     assert board.summary.iloc[0]["R2"] > 0.9
 
 
+@pytest.mark.nightly
 def test_output_error_without_its_windows_has_no_figure(motion, tmp_path):
     save_output_error(motion, tmp_path / "oe.nc")
     fit = open_output_error(tmp_path / "oe.nc")
@@ -209,7 +211,7 @@ def test_motion_and_regression_on_one_board(motion, tmp_path):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_command(tmp_path):
     """Paths of two names with windows of their own; the file names the windows that were used."""
     for name, seed in (("a", 1), ("b", 9)):

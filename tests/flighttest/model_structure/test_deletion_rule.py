@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 import xarray as xr
 
 from flighttest.regression.combining.pooling import pool_fits
@@ -37,6 +38,7 @@ def record(seed, noise=1e-3, counterpart=0.01):
     return xr.Dataset({k: ("time", v) for k, v in d.items()}, coords={"time": t})
 
 
+@pytest.mark.nightly
 def test_each_term_meets_its_fate_and_keeps_its_numbers():
     fits = [regress(MODEL, record(seed), f"record {seed}") for seed in range(6)]
     fate = apply_deletion_rule(
@@ -58,11 +60,13 @@ def test_each_term_meets_its_fate_and_keeps_its_numbers():
     assert fate.loc["alphadothat", "vif"] > 10
 
 
+@pytest.mark.slow
 def test_without_a_prior_a_void_term_is_deleted():
     fate = apply_deletion_rule([regress(MODEL, record(seed)) for seed in range(4)])
     assert fate.loc["delta_t", "decision"] == "deleted"
 
 
+@pytest.mark.slow
 def test_a_collinear_term_that_is_determined_all_the_same_stays():
     fits = [regress(MODEL, record(seed, noise=1e-6)) for seed in range(4)]
     fate = apply_deletion_rule(fits)
@@ -70,6 +74,7 @@ def test_a_collinear_term_that_is_determined_all_the_same_stays():
     assert fate.loc["alphadothat", "decision"] == "identified"
 
 
+@pytest.mark.slow
 def test_fits_are_pooled_term_by_term():
     fits = [regress(MODEL, record(seed)) for seed in range(5)]
     pooled = pool_fits(fits)

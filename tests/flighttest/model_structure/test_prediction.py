@@ -59,6 +59,7 @@ def test_no_model_of_the_set_lacks_a_factor_or_the_damping(found):
         assert set(add_factors(terms)) == set(terms)
 
 
+@pytest.mark.nightly
 def test_the_spread_enters_the_standard_errors(found, quadratic, tmp_path):
     e = found.estimates
     alone = regress(found.model, quadratic).estimates
@@ -94,7 +95,7 @@ def test_rounding_does_not_change_the_set(found, quadratic):
     np.testing.assert_allclose(again.models["weight"], found.models["weight"], rtol=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_moment_without_damping_is_never_returned_in_silence():
     lost = record(7000, {"1": -0.02, "alpha": -0.8, "delta_e": -1.2}, "white")
     for choose in (select_by_prediction, select_orthogonal, select_stepwise):
@@ -108,7 +109,7 @@ def test_a_moment_without_damping_is_never_returned_in_silence():
     assert "structure" not in kinds(regress(RegressionModel("Cm", ["1", "alpha"]), lost))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_greedy_choice_lost_the_damping_and_does_not_now():
     """Found by the benchmark: 20 % of these records lost it."""
     records = [record(seed, QUADRATIC, "oscillating at 0.5 Hz") for seed in range(7000, 7008)]

@@ -42,6 +42,7 @@ def test_three_hundred_and_sixty_four_candidates():
         monomials(["alpha"], 0)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "choose", [pytest.param(select_orthogonal, marks=pytest.mark.slow), select_stepwise]
 )
@@ -234,6 +235,7 @@ def test_known_noise_sets_the_penalty():
         select_orthogonal("CL", CANDIDATES, record(), noise=-1.0)
 
 
+@pytest.mark.slow
 def test_terms_to_keep_idle_candidates_and_refusals():
     data = record(4).assign(gear=0.0)
     found = select_orthogonal(
@@ -261,6 +263,7 @@ def test_terms_to_keep_idle_candidates_and_refusals():
         select_orthogonal("CL", CANDIDATES, data.assign(CL=0.5))
 
 
+@pytest.mark.slow
 def test_the_common_model_of_several_records():
     counted = count_selections(
         [

@@ -143,6 +143,7 @@ def test_bad_input_is_refused(pose, setup, folder, tmp_path):
         read_markers(folder / "cameras.csv", read_marker_setup(bad))
 
 
+@pytest.mark.nightly
 def test_the_verb_writes_a_flight_record(folder, tmp_path):
     target = tmp_path / "body.nc"
     words = [

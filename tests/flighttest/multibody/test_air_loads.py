@@ -25,7 +25,9 @@ from flighttest.special_tests.multibody.motion_fit import fit_tree_motion
 from flighttest.special_tests.multibody.vehicle import read_flight, read_vehicle
 
 pytest.importorskip("pinocchio", reason="pinocchio is not installed (extra `multibody`)")
-pytestmark = pytest.mark.slow  # two flights of the simulated vehicle and their fit take six seconds
+pytestmark = (
+    pytest.mark.nightly
+)  # two flights of the simulated vehicle and their fit take six seconds
 
 flown = cache(truth.fly)
 RATE, ANGLE = "joint.wing_right.angle_rate", "joint.wing_right.angle"
@@ -138,6 +140,7 @@ def test_the_crank_is_carried_across_its_dead_centres(found):
     np.testing.assert_allclose(turn, 2.0 * np.pi * np.round(turn.mean() / (2.0 * np.pi)), atol=0.05)
 
 
+@pytest.mark.nightly
 def test_a_crank_may_turn_the_other_way(folder, found):
     """The recording played backwards: the same places and accelerations, the crank in the negative
     sense.
@@ -221,6 +224,7 @@ def test_states_carry_units_and_errors(found):
     assert "error" not in data.dims  # the tail of the file has no errors
 
 
+@pytest.mark.nightly
 def test_errors_of_the_tail_are_sources(tree, found):
     _, motion, _ = found
     tail = tree.aerodynamics["tail"]
@@ -255,6 +259,7 @@ def fit_motion_of(motion, vehicle):
     return replace(motion, vehicle=vehicle)
 
 
+@pytest.mark.nightly
 def test_a_thousand_billionth_moves_nothing(folder, tree, found):
     positions, _ = read_flight(folder / "quiet.csv", tree)
     rng = np.random.default_rng(5)
@@ -297,6 +302,7 @@ def test_the_verb_fits_the_wings_and_predicts(folder):
     ]
 
 
+@pytest.mark.nightly
 def test_bad_recordings_are_refused(folder, tree, tmp_path):
     table = pd.read_csv(folder / "flight_1.csv")
     table.drop(columns="throttle").to_csv(tmp_path / "a.csv", index=False)

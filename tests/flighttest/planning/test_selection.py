@@ -94,6 +94,7 @@ def want(ratio, low=0.0, high=8.0, term="CL/basic"):
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("ratio", [0.5, 0.3, 0.2, 0.1, 0.07])
 def test_the_choice_is_the_shortest_of_all(prior, ratio):
     flights = predicted([want(ratio)])
@@ -109,6 +110,7 @@ def test_the_choice_is_the_shortest_of_all(prior, ratio):
     assert time_of(flights, chosen) == min(time_of(flights, c) for c in enough)
 
 
+@pytest.mark.slow
 def test_what_no_manoeuvre_reaches_is_stated_and_does_not_count(prior):
     flights = predicted([want(0.2, 0.0, 16.0)])
     plan = plan_predicted_flights(flights, prior)
@@ -165,6 +167,7 @@ def with_row(row):
     return flights
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("ratio", [4.0, 1.5, 0.5])
 def test_the_choice_for_a_row_is_the_shortest_of_all(prior, ratio):
     row = row_of(ratio)
@@ -189,6 +192,7 @@ def test_the_width_is_two_standard_errors_of_the_widest_instant(prior):
     assert goal.widths(items)["2.c.10, slow, long"] == ("nz", pytest.approx(2.0 * draws.max()))
 
 
+@pytest.mark.nightly
 def test_a_row_beyond_all_manoeuvres_is_brought_near_to_what_they_reach(prior):
     row = row_of(0.01, ground=True)
     plan = plan_predicted_flights(with_row(row), prior, rows=[row])
@@ -248,7 +252,7 @@ def test_the_range_holds_for_aeroplanes_that_the_prior_describes(prior):
     assert (np.median(drawn, axis=0)[flown] < 0.05).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_plan_states_the_range_of_wanted_nodes(prior):
     flights = predicted([want(0.2)])
     flights.catalogue.seed = 3
@@ -264,6 +268,7 @@ def test_a_plan_states_the_range_of_wanted_nodes(prior):
     assert plan_predicted_flights(flights, prior).ranges == {}
 
 
+@pytest.mark.slow
 def test_draws_that_fail_are_counted_and_few_draws_give_no_range(prior, monkeypatch):
     flights = predicted([want(0.2)])
     flights.catalogue.seed = 3

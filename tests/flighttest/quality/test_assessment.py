@@ -85,7 +85,7 @@ def group_of(path):
     return [path.name[4]]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "path", sampled(RUNS, group_of, fast=4, order=1), ids=lambda path: path.name[:6]
 )
@@ -122,7 +122,7 @@ SIGNS = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", sampled(SIGNS, lambda name: [SENSORS[name]], fast=1))
 def test_wrong_sign_of_a_motion(name, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(ROLL), **{name: minus}), aircraft)
@@ -130,7 +130,7 @@ def test_wrong_sign_of_a_motion(name, recordings, aircraft):
     assert not quality.usable
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1)
 )
@@ -158,7 +158,7 @@ UNITS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", sampled(UNITS, lambda case: [SENSORS[UNITS[case][0]]], fast=1))
 def test_wrong_unit(case, recordings, aircraft):
     name, change, unit = UNITS[case]
@@ -168,7 +168,7 @@ def test_wrong_unit(case, recordings, aircraft):
     assert f"{name} is in {unit}" in fault.text
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1)
 )
@@ -178,7 +178,7 @@ def test_surface_in_degrees_taken_as_radians(name, recordings, aircraft):
     ) == [f"unit:{name}"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1)
 )
@@ -188,7 +188,7 @@ def test_surface_in_radians_taken_as_degrees(name, recordings, aircraft):
     ) == [f"unit:{name}"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "change", [lambda t, x: -x - G0, lambda t, x: (-x - G0) / G0], ids=["in m/s2", "in g"]
 )
@@ -292,12 +292,13 @@ FAULTS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("fault", sampled(FAULTS, lambda fault: [fault.partition(":")[0]], fast=3))
 def test_faulty_samples(fault, recordings, aircraft):
     assert named(flighttest.assess(planted(recordings(CARD), **FAULTS[fault]), aircraft)) == [fault]
 
 
+@pytest.mark.nightly
 def test_counter_that_ran_over(recordings, aircraft):
     record = recordings("t37_17_takeoff_1")
     assert named(
@@ -305,12 +306,13 @@ def test_counter_that_ran_over(recordings, aircraft):
     ) == ["wrap:h_gps"]
 
 
+@pytest.mark.nightly
 def test_channel_that_changed_its_datum(recordings, aircraft):
     record = planted(recordings(CARD), temperature=lambda t, x: np.where(t > 150.0, x + 3.0, x))
     assert named(flighttest.assess(record, aircraft)) == ["jump:temperature"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", sampled(["beta_vane", "ay_imu"], lambda name: [name], fast=1))
 def test_dead_sensor(name, recordings, aircraft):
     quality = flighttest.assess(
@@ -320,6 +322,7 @@ def test_dead_sensor(name, recordings, aircraft):
     assert not quality.usable
 
 
+@pytest.mark.nightly
 def test_gap_of_the_clock(recordings, aircraft):
     record = recordings(CARD)
     data = record["imu"].to_dataset()
@@ -334,6 +337,7 @@ def test_gap_of_the_clock(recordings, aircraft):
     )
 
 
+@pytest.mark.slow
 def test_nothing_is_excited(recordings, aircraft):
     record = recordings(CARD)
     quiet = record.filter(lambda node: True)
@@ -348,7 +352,7 @@ def test_nothing_is_excited(recordings, aircraft):
     assert "no axis is excited" in next(f.text for f in quality.findings if f.kind == "excitation")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_manoeuvre_that_was_not_flown(recordings, aircraft):
     record = recordings(CARD)
     record.attrs["manoeuvres"] = (
@@ -357,6 +361,7 @@ def test_manoeuvre_that_was_not_flown(recordings, aircraft):
     assert named(flighttest.assess(record, aircraft)) == ["excitation:delta_e"]
 
 
+@pytest.mark.nightly
 def test_inputs_that_move_together(recordings, aircraft):
     record = recordings("t37_10_multisine_clean_5kft")
     data = record[leaf_of(record, "delta_r")]
@@ -368,7 +373,7 @@ def test_inputs_that_move_together(recordings, aircraft):
     assert "correlation +0.999" in next(f.text for f in quality.findings if f.kind == "collinear")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_late_air_data_without_and_with_specification(recordings, aircraft):
     quality = flighttest.assess(recordings("t37_02_clean_cruise_5kft"), aircraft)
     vn = quality.delays.set_index("channel").loc["vn"]
@@ -377,6 +382,7 @@ def test_late_air_data_without_and_with_specification(recordings, aircraft):
     )  # within the 0.17 (0.06) s of the aircraft file
 
 
+@pytest.mark.nightly
 def test_attitude_of_the_simulator_is_half_a_frame_early(recordings, aircraft):
     delays = flighttest.assess(recordings(CARD), aircraft).delays.set_index("channel")
     # docs/evidence/reconstruction.md: attitude and rates of that simulator are half a frame, 1.25 ms, apart
@@ -398,6 +404,7 @@ def test_command_recorded_instead_of_a_surface(name, lead, recordings, aircraft)
     assert quality.answers.set_index("surface")["lead"][name] == pytest.approx(lead, abs=0.02)
 
 
+@pytest.mark.nightly
 def test_without_a_vane_nothing_is_reported_of_when_the_elevator_acts():
     """The light aircraft without angle of attack: delaying the elevator by 0.2 s makes up for it."""
     record = flighttest.read(C182 / "flight" / "cruise.csv", C182 / "names.toml")
@@ -449,6 +456,7 @@ def test_elevator_on_time_and_two_tenths_early(source, name, recordings, aircraf
     assert 0.0 < row["lead_stderr"] < 0.06
 
 
+@pytest.mark.nightly
 def test_compass_that_wanders_in_straight_flight_has_no_wrong_unit():
     record = flighttest.read(T37 / "flight" / "t37_27_val_dutch_roll.nc", T37 / "names.toml")
     leaves = {

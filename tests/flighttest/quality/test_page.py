@@ -81,6 +81,7 @@ def test_report_reads_in_order(quality):
     )
 
 
+@pytest.mark.slow
 def test_page_is_whole_and_needs_nothing_else(quality, tmp_path):
     write_page(quality, tmp_path / "page.html")
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
@@ -115,7 +116,7 @@ def test_json_holds_findings_and_figures(quality):
     assert {row["relation"] for row in found["kinematics"]} >= {"phi_rate", "force_z"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_command_of_a_wrong_record(wrong_names, tmp_path):
     done = call(RECORD, "--names", wrong_names, "-o", tmp_path / "q.html", "--json")
     assert done.exit_code == 1
@@ -123,7 +124,7 @@ def test_command_of_a_wrong_record(wrong_names, tmp_path):
     assert (tmp_path / "q.html").stat().st_size > 50_000
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_command_of_a_sound_record():
     done = call(RECORD, "--names", T37 / "names.toml", "--aircraft", T37 / "aircraft.toml")
     assert done.exit_code == 0

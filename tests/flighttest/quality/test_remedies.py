@@ -74,6 +74,7 @@ def channel(recording, name):
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "slope", "shift"),
     [
@@ -229,6 +230,7 @@ def motion(folder, more=""):
     return flighttest.read(folder / "level.csv", folder / "level.toml")
 
 
+@pytest.mark.nightly
 def test_no_record_is_sound_that_the_reconstruction_refuses(tmp_path):
     quality = flighttest.assess(motion(tmp_path))
     found = next(one for one in quality.findings if one.kind == "reconstruction")
@@ -238,6 +240,7 @@ def test_no_record_is_sound_that_the_reconstruction_refuses(tmp_path):
     assert stated.verdict.startswith("sound")
 
 
+@pytest.mark.slow
 def test_stamps_are_named_with_their_table(recording, tmp_path):
     original = flighttest.read(*recording)
     flighttest.records.save_record(original, tmp_path / "el.nc")
@@ -251,6 +254,7 @@ def test_stamps_are_named_with_their_table(recording, tmp_path):
             np.testing.assert_allclose(record[leaf]["time"].values, original[leaf]["time"].values)
 
 
+@pytest.mark.slow
 def test_a_converted_record_needs_no_map(recording, tmp_path):
     record = flighttest.read(*recording)
     assert flighttest.records.needs_names(recording[0])

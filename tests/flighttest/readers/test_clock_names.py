@@ -25,6 +25,7 @@ STAMPS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", STAMPS)
 def test_stamps_and_names_of_clocks(tmp_path, kind):
     name, cells = STAMPS[kind]

@@ -22,6 +22,7 @@ def written(tmp_path, text, names=NAMES):
     return tmp_path / "flight.txt", tmp_path / "names.toml"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [
@@ -127,6 +128,7 @@ def test_commas_that_may_be_thousands_are_refused(tmp_path, text, cell):
         flighttest.read(file, names)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ["\r", "\r\n", "\n"])
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-32", "cp1252"])
 def test_line_ends_and_encodings(tmp_path, end, encoding):
@@ -225,6 +227,7 @@ def test_one_unit_of_another_quantity(tmp_path):
         flighttest.read(file, names)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("year", "name"),
     [("2018", "20180312_1"), ("2019", "20190305_2_partial"), ("2020", "20200310_2")],
@@ -242,6 +245,7 @@ def test_sound_flights_carry_no_marks(year, name):
     assert flighttest.records.faults(record) == []
 
 
+@pytest.mark.nightly
 @given(
     st.lists(
         st.tuples(st.floats(allow_infinity=False), st.floats(allow_infinity=False)), min_size=1

@@ -57,6 +57,7 @@ def test_formats_of_the_product_come_first(tmp_path, add_distribution) -> None:
     assert flighttest.records.readers.opening.recognise_recording(tmp_path / "x.mat") == "matlab5"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

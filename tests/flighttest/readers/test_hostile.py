@@ -125,6 +125,7 @@ def mutants(whole, seed, count):
         yield bytes(raw)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", WRITERS)
 @pytest.mark.filterwarnings("ignore")
 def test_damage_never_escapes(tmp_path, kind, mat_files_in_this_process):

@@ -65,6 +65,7 @@ def test_damaged_file(log, tmp_path):
         flighttest.read(log, names(tmp_path, '[a]\nq = "fast/pitch_rate"\n'))
 
 
+@pytest.mark.slow
 def test_decoder_that_breaks_down_takes_only_its_own_process(log, tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONFAULTHANDLER", "0")
     monkeypatch.setenv("AEROMATCH_FMU_SANDBOX", "none")  # which does not see the folder

@@ -48,7 +48,7 @@ def test_path_follows_the_truth(found):
         assert np.sqrt(np.mean((states[name].values - truth[name].values) ** 2)) < tol, name
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_constants_lie_within_their_standard_errors(flown, precise):
     z = []
     for seed in range(6):
@@ -59,7 +59,7 @@ def test_constants_lie_within_their_standard_errors(flown, precise):
     assert 0.75 < np.sqrt(np.mean(np.square(z))) < 1.25
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_noise_of_the_inertial_unit_is_in_the_standard_errors(flown, aircraft):
     z, bound = [], []
     for seed in range(5):
@@ -72,6 +72,7 @@ def test_noise_of_the_inertial_unit_is_in_the_standard_errors(flown, aircraft):
     assert (np.abs(bound) < 2.0).mean() < 0.75
 
 
+@pytest.mark.slow
 def test_noise_of_the_channels_is_estimated(flown, precise):
     noisier = copy.deepcopy(precise)
     noisier.instruments["vanes"]["noise"]["alpha_vane"] *= 2.0
@@ -83,6 +84,7 @@ def test_noise_of_the_channels_is_estimated(flown, precise):
     )  # 2001 readings scatter by 1.6 %
 
 
+@pytest.mark.nightly
 def test_records_share_their_constants(flown, precise):
     error = flown(0, duration=5.0)[1]
     records = [flown(seed, duration=20.0, inertial_noise=RIGID, error=error)[0] for seed in (1, 2)]
@@ -156,6 +158,7 @@ def test_a_manoeuvre_separates_them(flown, precise):
     )
 
 
+@pytest.mark.slow
 def test_held_constants_stay(flown, precise):
     error = {"lag.vanes": 0.05, "static_error": 0.0, "delay.air_data": 0.12, "delay.gps": 0.15}
     error |= {
@@ -187,6 +190,7 @@ def test_unknown_and_empty_names(flown, precise):
         flighttest.reconstruct_batch([record, record], precise, [None])
 
 
+@pytest.mark.nightly
 def test_wrong_sign_of_an_axis_is_reported(flown, precise):
     record = flown(0, duration=20.0)[0].copy(deep=True)
     record["imu/az_imu"].values[:] *= -1.0
@@ -194,6 +198,7 @@ def test_wrong_sign_of_an_axis_is_reported(flown, precise):
         flighttest.reconstruct_batch([record], precise)
 
 
+@pytest.mark.slow
 def test_noise_that_still_changes_in_the_last_round_is_an_error(found, flown, precise, monkeypatch):
     batch = found[0]
     assert batch.convergence.converged

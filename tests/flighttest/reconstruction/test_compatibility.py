@@ -63,6 +63,7 @@ def test_white_and_coloured_residuals_are_distinguished():
     assert np.isnan(ljung_box(np.ones(100)))
 
 
+@pytest.mark.nightly
 def test_figure_is_drawn(flight, tmp_path):
     pytest.importorskip("matplotlib", reason="figures need matplotlib")
     target = tmp_path / "compatibility.svg"

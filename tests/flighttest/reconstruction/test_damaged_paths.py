@@ -26,6 +26,7 @@ def test_sound_path_is_read(tmp_path):
     assert open_path(tmp_path / "path.nc").states.sizes == {"time": 20}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -106,6 +106,7 @@ def setup(flown, aircraft):
     return assemble_problem(record, aircraft, [(0.0, 3.0)])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("air", ["calm", "gusts", "shown"])
 def test_gradient_of_the_whole_cost(setup, air):
     """The gradient holds the derivative of every residual by every unknown."""

@@ -83,7 +83,7 @@ def test_errors_of_the_states_are_what_the_path_does_when_a_constant_is_wrong(fl
             )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_constants_lie_within_their_standard_errors(flown, aircraft):
     z = []
     for seed in range(10):
@@ -113,7 +113,7 @@ def test_confused_constants_are_reported(calm):
     assert "bias.ax_imu and bias.theta" in calm[0].report()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_gusts_are_found(flown, aircraft):
     record, _, truth = flown(3, gust=0.6)
     path = flighttest.reconstruct(record, aircraft)
@@ -130,6 +130,7 @@ def test_gusts_are_found(flown, aircraft):
     assert bool(path.biases["held"].sel(parameter="factor.alpha_vane"))
 
 
+@pytest.mark.slow
 def test_windows_share_their_constants(flown, aircraft):
     record, _, truth = flown(1)
     path = flighttest.reconstruct(record, aircraft, windows=[(25.0, 38.0), (2.0, 15.0)])
@@ -140,6 +141,7 @@ def test_windows_share_their_constants(flown, aircraft):
     assert np.sqrt(np.mean((path.states["alpha"].values - known["alpha"].values) ** 2)) < 0.002
 
 
+@pytest.mark.slow
 def test_without_a_heading_the_ground_velocity_turns_the_path(flown, aircraft):
     """The heading starts at 1 rad, not at zero, and follows from track and airspeed."""
     record, _, truth = flown(2)
@@ -154,6 +156,7 @@ def test_without_a_heading_the_ground_velocity_turns_the_path(flown, aircraft):
     assert "vn" in path.fit.index
 
 
+@pytest.mark.slow
 def test_the_second_stage_in_turbulence_starts_with_equations_of_its_own(
     flown, aircraft, monkeypatch
 ):
@@ -172,6 +175,7 @@ def test_the_second_stage_in_turbulence_starts_with_equations_of_its_own(
         assert known is None or problem is before
 
 
+@pytest.mark.slow
 def test_without_ground_velocity_the_air_path_remains(flown, aircraft):
     record, _, truth = flown(2)
     path = flighttest.reconstruct(record.drop_nodes("gps"), aircraft)
@@ -190,6 +194,7 @@ def test_without_sideslip_vane_sideslip_comes_from_the_side_force(flown, aircraf
     assert np.corrcoef(path.states["beta"].values, truth["beta"].values)[0, 1] > 0.98
 
 
+@pytest.mark.slow
 def test_vane_ahead_of_the_inertial_unit_has_a_negative_lag(flown, aircraft):
     record, _, truth = flown(2)
     vanes = record["vanes"].to_dataset()
@@ -227,6 +232,7 @@ def test_step_turns_the_velocity_with_the_heading():
     )  # roll and sideways steps leave the climb alone, as they do the height
 
 
+@pytest.mark.slow
 def test_lower_rate(flown, aircraft):
     record, _, truth = flown(0)
     path = flighttest.reconstruct(record, aircraft, rate=25.0)
@@ -261,7 +267,7 @@ def test_steep_attitude_is_refused(flown, aircraft):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_wrong_sign_of_an_axis_names_the_record(flown, aircraft):
     record = flown(0)[0].copy(deep=True)
     record["imu/az_imu"].values[:] *= -1.0
@@ -326,6 +332,7 @@ def test_a_programme_knows_its_instruments_better(flown, aircraft):
     )  # here the others are the same two
 
 
+@pytest.mark.slow
 def test_combination_is_the_sum_of_information(flown, aircraft):
     found = flighttest.reconstruct(flown(0)[0], aircraft).biases
     once, twice = (
@@ -343,6 +350,7 @@ def test_combination_is_the_sum_of_information(flown, aircraft):
     assert float(ratio) == pytest.approx(np.sqrt(0.5), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_run_with_wider_errors_than_its_prior_adds_nothing(flown, aircraft):
     """Errors are widened for coloured residuals, beyond the prior if the data say little."""
     found = flighttest.reconstruct(flown(0)[0], aircraft).biases
@@ -355,6 +363,7 @@ def test_a_run_with_wider_errors_than_its_prior_adds_nothing(flown, aircraft):
     np.testing.assert_allclose(together["stderr"], alone["stderr"], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_runs_with_different_priors_are_not_combined(flown, aircraft):
     other = copy.deepcopy(aircraft)
     other.instruments["imu"]["bias_sigma"]["p"] = 1e-3
@@ -364,6 +373,7 @@ def test_runs_with_different_priors_are_not_combined(flown, aircraft):
         flighttest.reconstruction.combine_biases(sets)
 
 
+@pytest.mark.nightly
 def test_prior_of_other_runs_is_used(flown, aircraft):
     record, _, _ = flown(4, duration=20.0)
     alone = flighttest.reconstruct(record, aircraft)
@@ -388,6 +398,7 @@ def specified(aircraft, **factors):
     return changed
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("factor", [1.0 / 1.11, 1.0 / 1.4])
 def test_a_noise_specification_too_small_is_no_turbulence(calm, flown, aircraft, factor):
     """The residual of q_c is larger than specified and white: the vane factors are estimated as
@@ -421,6 +432,7 @@ def test_gusts_are_distinguished_from_noise_by_what_lasts():
         assert has_gusts(noise + 0.8 * gust / gust.std(), t, 0.4)
 
 
+@pytest.mark.slow
 def test_what_has_not_settled_is_named(flown, aircraft, monkeypatch):
     """A single iteration and no more: the constants that still move are reported with how far."""
     monkeypatch.setattr(smoother, "CALM_STEPS", 1)
@@ -437,6 +449,7 @@ def test_what_has_not_settled_is_named(flown, aircraft, monkeypatch):
         flighttest.reconstruct(flown(0)[0], aircraft)
 
 
+@pytest.mark.slow
 def test_instruments_keep_their_latency_in_a_record_of_one_table(flown, aircraft):
     """A CSV has one clock for all channels: the same readings in one leaf give the same path as in
     a leaf per instrument.

@@ -44,6 +44,7 @@ def read(path, group="/"):
         return plain_group(file[group])
 
 
+@pytest.mark.slow
 def test_a_group_is_what_xarray_reads(tmp_path):
     packed = {"V": {"zlib": True}}
     states().to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf", encoding=packed)
@@ -79,6 +80,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", OTHERS)
 def test_what_needs_decoding_is_left_to_xarray(kind, tmp_path):
     item, encoding = OTHERS[kind]
@@ -135,6 +137,7 @@ def constants():
     )
 
 
+@pytest.mark.slow
 def test_constants_of_the_instruments_are_what_xarray_reads(tmp_path):
     biases = constants()
     states().to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
@@ -148,6 +151,7 @@ def test_constants_of_the_instruments_are_what_xarray_reads(tmp_path):
         open_biases(tmp_path / "none.nc")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("harmed", "fault"),
     [

@@ -98,7 +98,7 @@ def test_a_file_without_a_seal_prints_the_same(file, verb):
     assert run(*verb, file) == shown
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", REAL)
 def test_real_records_are_read_again_as_they_were_written(tmp_path, name):
     recording, names = (ROOT / part for part in REAL[name])
@@ -169,6 +169,7 @@ def test_what_is_listed_of_a_record(tmp_path):
     assert contents(tmp_path / "a.nc") == about
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("stated", "title"), [("a record", "a record"), (None, "other")])
 def test_a_file_under_another_name(file, stated, title):
     """Its name is the source of the record, and its title where the record states none."""
@@ -302,7 +303,7 @@ def test_a_file_with_bytes_of_another_program_behind_its_content_is_read(file):
     assert run("show", file) == shown
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_manoeuvre_that_was_cut_is_shown(tmp_path):
     record = flighttest.read(*(ROOT / part for part in REAL["multisine"]))
     save_dataset(flighttest.cut(record, 10.0, 12.0, 50.0), tmp_path / "cut.nc")

@@ -54,6 +54,7 @@ def test_a_resampled_copy_on_another_clock_is_found(record):
     assert shared.shift == pytest.approx(50.0, abs=0.2)
 
 
+@pytest.mark.nightly
 def test_other_flights_of_the_same_manoeuvre_are_not_taken_for_copies(record):
     assert find_shared_samples(record, read("t37_16_descent_through_ground_effect")) is None
     # the two most alike of all records of the aeroplane

@@ -146,7 +146,7 @@ def call(*arguments) -> dict:
     return json.loads(done.output)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_verb_draws_records_and_tables_of_manoeuvres(record, tmp_path):
     save_record(record, tmp_path / "run.nc")
     stated = call(tmp_path / "run.nc", "-o", tmp_path / "run.svg")
@@ -199,6 +199,7 @@ def test_the_verb_draws_records_and_tables_of_manoeuvres(record, tmp_path):
     assert not (tmp_path / "b.png").exists()
 
 
+@pytest.mark.slow
 def test_the_verb_draws_paths_with_their_manoeuvres(record, tmp_path):
     time = np.arange(0.0, 30.0, 0.02)
     states = leaf(time, V=80.0 + 0.0 * time, q=0.1 * np.sin(time)).assign_attrs(
@@ -209,7 +210,7 @@ def test_the_verb_draws_paths_with_their_manoeuvres(record, tmp_path):
     assert (stated["of"], len(stated["manoeuvres"])) == ("path", 2)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_verb_draws_fits(tmp_path):
     alpha = np.linspace(0.0, 0.2, 50) + 0.01 * np.sin(np.arange(50.0))
     data = xr.Dataset(
@@ -225,6 +226,7 @@ def test_the_verb_draws_fits(tmp_path):
         call(tmp_path / "cl.nc", "--channel", "CL", "-o", tmp_path / "cl2.png")
 
 
+@pytest.mark.nightly
 def test_residuals_of_several_manoeuvres_share_a_panel_for_each_output(tmp_path):
     time = np.arange(0.0, 5.0, 0.1)
     rests = [leaf(time + 10.0 * k, q=0.01 * np.sin(time), alpha=0.0 * time) for k in range(2)]

@@ -42,6 +42,7 @@ def assembled(record, plane, rate=50.0):
     return assemble_problem(record, plane, [(0.0, SPAN)], rate=rate)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("speed", ["V", "V_cas", "mach"])
 def test_airspeed_is_a_channel_with_noise_factor_and_bias(speed):
     record, error, truth = fly(3, SPAN, speed)
@@ -56,6 +57,7 @@ def test_airspeed_is_a_channel_with_noise_factor_and_bias(speed):
     assert "p_static" not in path.fit.index
 
 
+@pytest.mark.slow
 def test_pressures_go_before_airspeeds():
     record, _, _ = fly(3, SPAN, "q_c")
     clock = record["pitot"].to_dataset()
@@ -68,7 +70,7 @@ def test_pressures_go_before_airspeeds():
     assert path.states.attrs["unused"] == ""  # V shows the same as q_c
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_place_of_the_pitot_is_part_of_the_output():
     record, error, _ = fly(1, 60.0)
     at, away = (
@@ -80,6 +82,7 @@ def test_place_of_the_pitot_is_part_of_the_output():
     assert max(abs(away["wind_n"]), abs(away["wind_e"])) > 4.0
 
 
+@pytest.mark.slow
 def test_vanes_at_places_of_their_own():
     record, error, truth = fly(3, SPAN)
     plane = aircraft()
@@ -110,6 +113,7 @@ def test_vanes_at_places_of_their_own():
     assert rms(flighttest.reconstruct(record, plane), truth, "beta") < 0.01 * DEGREE
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("speed", ["V", "V_cas", "mach", "q_c"])
 def test_derivatives_of_the_air_data_follow_central_differences(speed):
     record, error, _ = fly(2, SPAN, speed)
@@ -154,7 +158,7 @@ def test_derivatives_of_the_air_data_follow_central_differences(speed):
     assert {"bias.p", "bias.r", "scale.r", "delay.pitot", "wind_e"} <= {names[i] for i in columns}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_vertical_wind_has_the_prior_that_the_record_states():
     record, error, _ = fly(3, SPAN, given={"wind_d": 10.0})
     plane = aircraft()
@@ -168,6 +172,7 @@ def test_vertical_wind_has_the_prior_that_the_record_states():
     assert "contradicts" not in wide.report()
 
 
+@pytest.mark.slow
 def test_constant_outside_temperature():
     record, _, truth = fly(3, SPAN, "mach")
     record = without(record, "pitot", "temperature")
@@ -197,7 +202,7 @@ def test_facts_of_a_name_map(tmp_path):
     assert record.attrs["wind_down_sigma"] == 3.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_rate_of_the_earth_in_the_gyros():
     record, error, truth = fly(3, SPAN, facts={"latitude": 0.8})
     known = normalised(flighttest.reconstruct(record, aircraft(irs={"earth_rate": True})), error)
@@ -264,6 +269,7 @@ def test_no_static_pressure_and_no_height():
 # --- airspeed only, spikes, gaps, no excitation
 
 
+@pytest.mark.slow
 def test_airspeed_and_height_alone():
     """No vanes, no ground velocity, no compass: the path through the air remains, alpha by theta
     less the climb.
@@ -286,7 +292,7 @@ def test_airspeed_and_height_alone():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_spikes_are_left_out_and_reported():
     record, error, truth = fly(4, SPAN)
     clean = flighttest.reconstruct(record, aircraft())
@@ -321,6 +327,7 @@ def test_spike_of_a_gyro_is_named():
     )
 
 
+@pytest.mark.slow
 def test_gaps_of_the_receiver_and_of_the_pitot():
     record, error, truth = fly(4, SPAN)
     gappy = {name: record[name].to_dataset() for name in ("navigation", "pitot")}
@@ -352,6 +359,7 @@ def test_window_too_short():
         flighttest.reconstruct(fly(4, SPAN)[0], aircraft(), windows=[(3.0, 3.1)])
 
 
+@pytest.mark.nightly
 def test_unexcited_record_reports_what_rests_on_its_prior():
     record, error, _ = fly(6, SPAN, given={"excitation": 0.003})
     path = flighttest.reconstruct(record, aircraft())
@@ -392,7 +400,7 @@ def test_near_perfect_inertial_reference():
     assert np.abs(z.mean(axis=0)).max() < 3.5 / np.sqrt(20.0)  # no constant is biased
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("speed", ["V", "V_cas", "mach"])
 def test_gusts_with_an_airspeed_channel(speed):
     record, error, truth = fly(3, 40.0, speed)

@@ -113,6 +113,7 @@ def test_airspeed_from_pressures(flight):
     )
 
 
+@pytest.mark.slow
 def test_complete_adds_and_replaces_nothing(flight):
     data, _, truth = flight
     lacking = data.drop_vars(["p", "q", "r"])

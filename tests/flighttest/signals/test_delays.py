@@ -23,7 +23,7 @@ def pair(seed, count, band, noise, tau=None):
     return x + noise[0] * rng.normal(size=count), y + 2.0 * noise[1] * rng.normal(size=count), tau
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("count", "band", "noise"),
     [

@@ -102,7 +102,7 @@ def test_reconstruction_in_turned_axes(flown, cz150):
         assert np.sqrt(np.mean(error(name) ** 2)) < bound, name
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_turned_axes_make_no_difference_where_both_work(study, cz150):
     """A dive from 60 deg, pulled out to no less than 15: then neither pair of Euler angles is
     steep.
@@ -148,7 +148,7 @@ def test_turned_axes_make_no_difference_where_both_work(study, cz150):
         assert np.sqrt(np.mean((straight[name].values - turned[name].values) ** 2)) < bound, name
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_spin_is_recovered_within_the_published_bounds(study, spin, cz150):
     errors = draw_errors(cz150, np.random.default_rng([2, 0]))
     data = [study.run_data(spin, cz150, errors, [2, number]) for number in (1, 2, 3)]
@@ -168,6 +168,7 @@ def test_a_spin_is_recovered_within_the_published_bounds(study, spin, cz150):
         assert theil(fresh[name].values, predicted[name]) < 0.1, name
 
 
+@pytest.mark.slow
 def test_the_window_is_the_moving_stretch(spin, flown, cz150):
     signal = spin.inputs[0]
     data = measured_variables(

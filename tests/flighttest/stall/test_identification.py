@@ -54,6 +54,7 @@ def found(flights):
     return identify(flights)
 
 
+@pytest.mark.slow
 def test_parameters_and_terms_come_back(found):
     for name, true in TRUTH.items():
         value, stderr = found.value(name)
@@ -119,6 +120,7 @@ def test_the_lag_is_exact_between_samples(flights):
     assert X[after] == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.nightly
 def test_slow_stalls_do_not_identify_the_delay():
     rng = np.random.default_rng(5)
     data = [records.stall_record(rng, "quasi-steady") for _ in range(2)]
@@ -145,6 +147,7 @@ def test_slow_stalls_do_not_identify_the_delay():
     assert abs(value - 0.30) < 3.0 * stderr
 
 
+@pytest.mark.nightly
 def test_stalls_below_alpha_star_do_not_identify_the_steepness():
     rng = np.random.default_rng(6)
     data = [records.stall_record(rng, "accelerated", top=9.0, noise=0.1) for _ in range(3)]
@@ -152,6 +155,7 @@ def test_stalls_below_alpha_star_do_not_identify_the_steepness():
     assert "a1" in found.not_identified
 
 
+@pytest.mark.nightly
 def test_a_parameter_at_its_bound_has_the_standard_error_of_the_bounds():
     """Stalls that end below alpha_star: 80 of 4 ... 80 for a1, which has no error of the fit."""
     rng = np.random.default_rng(6)
@@ -164,6 +168,7 @@ def test_a_parameter_at_its_bound_has_the_standard_error_of_the_bounds():
     assert leaf.attrs["comment"].startswith("not identified:")
 
 
+@pytest.mark.nightly
 def test_the_database_flies_the_model(found, tmp_path):
     root = {"title": "jet", "aircraft": "jet", "S": 17.0, "cbar": 1.67, "b": 10.3}
     root |= {"x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability", "source": "own"}
@@ -191,6 +196,7 @@ def test_the_database_flies_the_model(found, tmp_path):
     assert "state.X_left" in sim.states
 
 
+@pytest.mark.nightly
 def test_a_database_is_subtracted(flights):
     db = records.attached_database()
     found = identify(flights, coefficients=("CL",), database=db)

@@ -38,7 +38,7 @@ def run(line: str):
     return CliRunner().invoke(flight, ["stall", *line.split()])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_stall_is_written_into_aircraft_database_and_figure(folder):
     done = run(
         "slow.nc fast.nc --aircraft jet.toml --database jet.nc --coefficient CL "

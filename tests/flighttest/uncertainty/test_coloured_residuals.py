@@ -24,6 +24,7 @@ def residual(X, seed):
     return v - X @ np.linalg.lstsq(X, v, rcond=None)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [4.0, 8.0])
 def test_motion_faster_than_the_blocks_has_the_noise_of_its_frequency(frequency):
     """Noise that grows with the fourth power of the frequency; taken as white it makes standard

@@ -28,7 +28,7 @@ def test_the_envelope_is_found():
     assert np.mean(envelope**2) == pytest.approx(1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_stationary_residual_keeps_its_standard_errors():
     kept = [fitted(seed, "stationary") for seed in range(10)]
     assert sum("stderr_growing" in fit.estimates for fit in kept) <= 3  # a tenth by chance
@@ -55,7 +55,7 @@ def test_an_exact_fit_has_no_growth():
     assert (growth_envelope(X[:, :1], np.ones(50), [slice(0, 50)]) == 1.0).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_coverage_of_the_term_that_the_residual_grows_with():
     """Rates over sixty records: 88 %, with stationary standard errors 72 %; here the first thirty."""
     truth, new, old = LIFT["qhat"], [], []

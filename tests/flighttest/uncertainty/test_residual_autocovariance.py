@@ -18,6 +18,7 @@ def test_the_autocovariance_is_that_of_the_recursion():
     np.testing.assert_allclose(FREE.autocovariance(2), r[:2])
 
 
+@pytest.mark.slow
 def test_samples_have_the_autocovariance_from_the_first_on():
     """Four thousand stretches; the covariances scatter by 2.2 % of the variance (one sigma)."""
     rng = np.random.default_rng(0)

@@ -32,6 +32,7 @@ def slow_terms(samples):
     return np.stack([np.ones(samples), np.sin(0.5 * t), np.cos(0.5 * t), np.sin(1.1 * t)], axis=1)
 
 
+@pytest.mark.nightly
 def test_the_slow_part_that_a_fit_has_taken_up_is_found_again():
     """Memory of 1 s in 10 s, intercept and three slow regressors: the residual has lost most of the
     variance of its mean.
@@ -81,6 +82,7 @@ def test_slopes_of_the_posterior_are_its_differences(tau):
     np.testing.assert_allclose(H, slopes, rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("tau", [0.02, 0.3, 3.0])
 @pytest.mark.parametrize("roughness", ROUGHNESS)
 def test_every_start_leads_to_the_one_minimum(tau, roughness):

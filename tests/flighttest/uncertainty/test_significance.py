@@ -35,7 +35,7 @@ def kinds(fit):
     return [remark.kind for remark in fit.remarks]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("tau", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_noise_is_called_no_excitation(tau):
     """Sixty records each: F below 1 % in 0 to 0.7 % of 300 records of ten and thirty seconds; four
@@ -51,7 +51,7 @@ def test_noise_is_called_no_excitation(tau):
     )  # 2.7 to 4.7 % measured in 300 records of ten and thirty seconds
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_noise_is_no_excitation_in_frequency_too():
     """Sixty records of seventeen frequencies."""
     passed = [
@@ -62,7 +62,7 @@ def test_noise_is_no_excitation_in_frequency_too():
     assert len(passed) <= 4
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_good_record_carries_no_remark_and_its_intervals_cover_the_truth():
     """Forty records of twenty seconds: 95 % of 160 estimates, give or take 3.4 % of one sigma of
     dependent ones.
@@ -94,6 +94,7 @@ def test_systematic_errors_widen_the_interval_and_leave_the_test_alone():
     assert ((wide["high"] - wide["low"]) > (plain["high"] - plain["low"])).all()
 
 
+@pytest.mark.nightly
 def test_a_term_that_does_nothing_is_not_significant():
     """qhat takes no part: at five per cent it is remarked in nearly all of twenty records, the
     others in none.
@@ -173,6 +174,7 @@ def test_one_spike_is_named_with_what_it_does():
     assert float(far.max()) < 1.0
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("tau", [0.0, 0.3, 1.0])
 def test_noise_has_no_spikes(tau):
     """Twenty records of a thousand samples each; eight robust sigma of Gaussian noise are never
@@ -274,6 +276,7 @@ def test_degrees_of_freedom_are_those_of_the_frequencies_that_count():
         assert np.median(found) == pytest.approx(expected, rel=0.25)
 
 
+@pytest.mark.nightly
 def test_report_file_and_document(tmp_path):
     fit = regress(LIFT, noise_only(0))
     text = fit.report()

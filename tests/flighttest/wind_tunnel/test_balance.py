@@ -62,6 +62,7 @@ def test_without_noise_the_coefficients_are_those_of_the_simulation(tmp_path, se
     assert float(found["time"][0]) == 10.0  # points with the wind off are the tare
 
 
+@pytest.mark.slow
 def test_an_error_of_the_angle_moves_the_constant_of_the_lift(tmp_path, setup, monkeypatch):
     """The same points with the angle read one standard error too large: estimates change as the
     source states.
@@ -80,6 +81,7 @@ def test_an_error_of_the_angle_moves_the_constant_of_the_lift(tmp_path, setup, m
     assert abs(change[0]) > 0.0015  # CL_alpha times 0.1 deg is 0.002
 
 
+@pytest.mark.slow
 def test_the_true_terms_are_selected_and_lie_within_their_errors(data, setup):
     for name, truth in (("CL", tunnel.CL), ("CD", tunnel.CD)):
         candidates = monomials(["alpha", "beta"], 4)
@@ -100,6 +102,7 @@ def test_the_true_terms_are_selected_and_lie_within_their_errors(data, setup):
             )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("k", "band"), [(1029, None), (1029, (0.05, 2.0)), (1002, (0.05, 2.0))])
 def test_an_early_choice_is_exchanged_and_a_small_term_found(tmp_path, setup, k, band):
     """Entered alone, alpha**4 does better than alpha**3; in the band alpha**2*beta**2 adds 0.4 % of
@@ -210,7 +213,7 @@ def test_bad_input_is_refused(tmp_path, folder, setup):
         read_setup(bad)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_fits_are_drawn_over_both_angles(data, setup, tmp_path):
     from flighttest.special_tests.wind_tunnel.surfaces import draw_surfaces
 
@@ -225,7 +228,7 @@ def test_the_fits_are_drawn_over_both_angles(data, setup, tmp_path):
         draw_surfaces(fits, tmp_path / "tail.txt")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_verb_writes_fits_for_the_database(folder, tmp_path):
     words = [
         "balance",
@@ -257,6 +260,7 @@ def test_the_verb_writes_fits_for_the_database(folder, tmp_path):
     assert isinstance(nothing.exception, SchemaError)
 
 
+@pytest.mark.slow
 def test_the_verb_chooses_in_frequency(folder):
     words = [
         "balance",

@@ -85,6 +85,7 @@ def test_points_near_a_set_point_are_averaged(files):
         average_at_set_points([data[0].assign(beta=data[0]["beta"] + 1.5 * DEG)], 3.0 * DEG)
 
 
+@pytest.mark.slow
 def test_a_database_of_a_balance(files):
     arguments = ["balance", str(files / "run.csv"), "--setup", str(files / "balance.toml")]
     arguments += ["--table", str(files / "table"), "--step", "1 deg", "--x-ref", "1.5 m"]

@@ -70,6 +70,7 @@ def test_an_fmu_that_changed_after_it_was_read_flies_for_nothing(
     assert np.isnan(result.signals["theta"].sel(run="toy")).all()
 
 
+@pytest.mark.slow
 def test_a_record_that_changed_while_the_batch_ran_is_refused_before_anything_is_written(
     aeromatch, write_case, lag_states, toy, tmp_path, monkeypatch
 ):

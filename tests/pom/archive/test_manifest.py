@@ -56,6 +56,7 @@ def test_an_untouched_report_holds(made):
     ]
 
 
+@pytest.mark.nightly
 def test_a_report_moved_nearer_to_the_root_than_its_inputs_lay_holds(
     write_case, lag_states, toy, tmp_path
 ):
@@ -158,6 +159,7 @@ def test_a_status_in_json_without_its_verdicts_is_found(made):
     assert changed(made)["verdict", "a_case, toy"].detail == "status pass, results.json fail"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "name", "detail"),
     [
@@ -256,6 +258,7 @@ def test_a_watched_channel_that_no_row_states_is_found(write_case, lag_states, t
     assert changed(tmp_path)["verdict", "a_case, toy"].detail == text
 
 
+@pytest.mark.slow
 def test_a_crashed_model_stays_invalid(write_case, lag_states, toy, tmp_path):
     result = replay(
         read_case(write_case(more="trim = false")), {"good": toy(), "bad": toy("error")}, lag_states
@@ -297,6 +300,7 @@ def test_verify_on_the_command_line(aeromatch, made):
     ]
 
 
+@pytest.mark.slow
 def test_options_of_a_report_on_the_command_line(aeromatch, made, tmp_path):
     words = [
         "--junit",
@@ -318,6 +322,7 @@ def test_options_of_a_report_on_the_command_line(aeromatch, made, tmp_path):
     assert {item.state for item in pom.verify(tmp_path / "run")} == {"same"}
 
 
+@pytest.mark.slow
 def test_a_report_is_written_again_from_results(aeromatch, made, tmp_path):
     done = aeromatch(
         "pom",
@@ -339,6 +344,7 @@ def test_a_report_is_written_again_from_results(aeromatch, made, tmp_path):
     }  # its inputs are found from the new place
 
 
+@pytest.mark.slow
 def test_reports_are_joined(aeromatch, made, tmp_path):
     done = aeromatch(
         "pom",

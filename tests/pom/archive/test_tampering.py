@@ -56,7 +56,7 @@ def found(folder):
         return True
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_twenty_single_bytes(folder):
     assert not found(folder)
     drawn = random.Random(7)
@@ -129,7 +129,7 @@ def edited(folder, name, place):
         path.write_text(manifest.statement_text(statement), encoding="utf-8")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_twenty_fields_with_the_hashes_put_right(folder):
     missed = []
     for name, place in FIELDS:
@@ -158,6 +158,7 @@ def test_a_number_in_place_of_none_is_found(folder):
     assert any(f"{places[0][-1]} nan, results.json 0.25" in text for text in details)
 
 
+@pytest.mark.slow
 def test_a_removed_number_is_found(folder):
     """A report whose tables have lost a number is judged again."""
     (result,) = read_archive(folder / "report").results

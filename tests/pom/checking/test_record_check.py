@@ -76,6 +76,7 @@ def test_an_error_outside_of_the_window_changes_nothing(passed):
     assert on_record(passed) is passed
 
 
+@pytest.mark.nightly
 def test_report_states_the_error_on_page_and_index(passed, tmp_path):
     made_from = {
         "record_errors": checks_text(
@@ -135,6 +136,7 @@ def spoilt(tmp_path_factory):
     return folder
 
 
+@pytest.mark.nightly
 def test_checks_of_records_are_those_of_the_assessment(spoilt):
     aircraft = read_aircraft(spoilt / "aircraft.toml")
     files = {"bad": spoilt / "check_roll.csv", "good": C182 / "flight" / "check_roll.csv"}
@@ -148,6 +150,7 @@ def test_checks_of_records_are_those_of_the_assessment(spoilt):
     )
 
 
+@pytest.mark.nightly
 def test_batch_checks_cases_and_keeps_the_checks_of_records(spoilt, tmp_path, monkeypatch):
     case = read_case(spoilt / "case.toml")
     checks = check_batch([case], None, 1, tmp_path)
@@ -157,6 +160,7 @@ def test_batch_checks_cases_and_keeps_the_checks_of_records(spoilt, tmp_path, mo
     assert check_batch([case], None, 1, tmp_path) == checks
 
 
+@pytest.mark.nightly
 def test_cases_of_one_record_are_checked_with_their_own_name_map(spoilt, tmp_path):
     """The second case has a name map that turns the ailerons back; only the first has an error."""
     names = (spoilt / "names.toml").read_text()
@@ -176,6 +180,7 @@ def test_cases_of_one_record_are_checked_with_their_own_name_map(spoilt, tmp_pat
     assert list(checks_text(checks.values())) == ["check_roll (names.toml, aircraft.toml)"]
 
 
+@pytest.mark.nightly
 def test_batch_states_all_problems_of_raw_records_before_the_first_flight(spoilt):
     case = read_case(spoilt / "case.toml")
     beyond = replace(case, name="beyond", window=(case.window[0], 500.0))

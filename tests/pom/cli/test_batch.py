@@ -63,7 +63,7 @@ def test_faulty_words_for_a_table_are_reported(run, toy):
     assert "'names.toml': write name=file.toml, such as simulator=names.toml" in str(done.exception)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_jobs_share_out_the_report_too_and_change_no_byte(run, toy, tmp_path, monkeypatch):
     monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
     effective, asked = joblib.effective_n_jobs, []

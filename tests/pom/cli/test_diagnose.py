@@ -37,7 +37,7 @@ def files(write_case, trainer, tmp_path):
     return [case, "--prior", "prior.nc", "--final", "final.nc"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_ranking_and_the_corrected_database(aeromatch, files, tmp_path):
     done = aeromatch(*files, "-o", "corrected.nc", "--group", "pitch=Cm/elevator,CL/*")
     assert done.exit_code == 0, done.output
@@ -71,7 +71,7 @@ def test_json_holds_every_row_with_its_case(aeromatch, files):
     assert sum(row["normal_acceleration explained"] for row in share) == pytest.approx(1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_parts_of_the_aircraft_go_into_a_corrected_file(aeromatch, write_case, trainer, tmp_path):
     strong, weak = (
         replace(

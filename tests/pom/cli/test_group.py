@@ -34,6 +34,7 @@ def case(write_case, lag_states, tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_run_passes_with_code_0_and_writes_the_report(aeromatch, case, toy, tmp_path):
     done = aeromatch("pom", "run", case, "--model", f"toy={toy()}", "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
@@ -51,7 +52,7 @@ def test_run_passes_with_code_0_and_writes_the_report(aeromatch, case, toy, tmp_
     assert set(found["provenance"]["models"]) == {"toy"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_control_law_is_hashed_with_the_inputs_and_a_changed_one_is_found(
     aeromatch, write_case, law, toy, lag_states, tmp_path
 ):
@@ -149,6 +150,7 @@ def test_check_prints_the_criteria(aeromatch, case):
         assert word in done.stdout
 
 
+@pytest.mark.slow
 def test_check_reports_all_that_is_wrong_with_all_cases(aeromatch, case, lag_states, tmp_path):
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
     text = case.read_text()
@@ -165,6 +167,7 @@ def test_check_reports_all_that_is_wrong_with_all_cases(aeromatch, case, lag_sta
     assert "pitch_angle" in done.stdout  # what can be read is shown
 
 
+@pytest.mark.nightly
 def test_the_record_may_be_the_file_of_a_reconstruction(aeromatch, case, toy, lag_states, tmp_path):
     """`flight reconstruct` writes the states as a group next to constants and residuals."""
     lag_states.to_netcdf(tmp_path / "record.nc", group="states", engine="h5netcdf")

@@ -103,7 +103,7 @@ BAD = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_bad_input_is_named(aeromatch, files, trainer, tmp_path):
     db = uncertain(trainer.database(), 0.05)
     aerodb.save(trainer.database(), tmp_path / "bare.nc")
@@ -119,7 +119,7 @@ def test_bad_input_is_named(aeromatch, files, trainer, tmp_path):
         assert not (tmp_path / "tuned").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_model_that_cannot_be_flown_is_named(aeromatch, files, trainer, tmp_path):
     aerodb.save(
         uncertain(trainer.scaled(trainer.database(), Cm_qhat=-100.0), 0.05), tmp_path / "wild.nc"
@@ -152,7 +152,7 @@ def test_what_is_no_log_is_refused(content, text, tmp_path):
         read_log(tmp_path / "log.json")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_refusal_price_rationale_and_report(aeromatch, files, trainer, tmp_path):
     """The elevator is off by fifteen of its standard errors: refused with the price, done with a
     rationale, and reported.

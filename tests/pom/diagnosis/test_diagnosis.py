@@ -123,7 +123,7 @@ def test_equal_databases_have_no_terms_to_swap(case, truth, trainer):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_database_of_another_aeroplane_is_an_error(compensated, monkeypatch, jobs):
     _, cases, _, final, aircraft, flown = compensated
@@ -136,6 +136,7 @@ def test_a_database_of_another_aeroplane_is_an_error(compensated, monkeypatch, j
         pom.diagnose_all(cases, other, final, aircraft, flown, jobs=jobs)
 
 
+@pytest.mark.slow
 def test_a_missing_rudder_is_found_behind_a_dutch_roll_that_is_not_there(write_case, trainer):
     doublet = [
         (0.0, 0.0),
@@ -250,6 +251,7 @@ def test_shares_of_two_terms_by_hand(case, truth, trainer):
     assert set(share["verdict"]) == {"not_tested"}
 
 
+@pytest.mark.slow
 def test_the_waterfall_leads_from_one_mismatch_to_the_other(case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.9, Cm_qhat=0.7, Cl_phat=0.5)
@@ -291,7 +293,7 @@ def test_terms_are_ranked_per_criterion(case, truth, trainer):
         assert rows.loc[1, "change"] < 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_many_terms_are_shared_by_sampled_orders_with_a_stated_error(case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(
@@ -325,6 +327,7 @@ def test_a_criterion_without_a_gap_has_no_shares(write_case, truth, trainer):
     assert table.loc[table["stage"] == "share", "pitch_rate explained"].notna().all()
 
 
+@pytest.mark.nightly
 def test_groups_are_swapped_as_a_whole(write_case, trainer):
     down = [(0.0, 0.0), (2.0, 0.0), (2.06, 1.0), (20.0, 1.0)]
     final = trainer.database()
@@ -356,6 +359,7 @@ def test_groups_are_swapped_as_a_whole(write_case, trainer):
         )
 
 
+@pytest.mark.slow
 def test_the_corrected_database_states_where_its_terms_come_from(case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(
@@ -401,6 +405,7 @@ def compensated(write_case, trainer):
     return found, cases, prior, final, dict.fromkeys(flown, trainer.AIRCRAFT), flown
 
 
+@pytest.mark.slow
 def test_what_one_case_takes_makes_another_need_more(compensated):
     found, _, prior, final, *_ = compensated
     assert pom.corrected_terms(found.values()) == ["Cm/basic"]
@@ -425,7 +430,7 @@ def test_what_one_case_takes_makes_another_need_more(compensated):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_all_cases_together_give_the_tables_of_each_alone_joined(compensated, monkeypatch):
     """Side by side, with the models and flights shared: the same rows, fewer flights."""
     found, cases, prior, final, aircraft, flown = compensated
@@ -478,6 +483,7 @@ def test_nothing_is_added_where_the_union_passes(compensated, trainer):
     assert joined["elevator"] is table
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "loops",
     [

@@ -71,6 +71,7 @@ def test_the_table_names_every_idle_term_and_what_all_move_together(bench):
     assert table.query("stage != 'idle'")["bound"].isna().all()
 
 
+@pytest.mark.slow
 def test_the_conclusion_is_that_of_all_swaps(bench, write_case, trainer, models, monkeypatch):
     fewer = diagnosis.diagnose_bench(bench)
     monkeypatch.setattr(diagnosis, "screen_idle_terms", lambda bench: None)

@@ -45,6 +45,7 @@ def test_pairs_of_orders_are_exact_when_players_interact_in_pairs():
     assert np.abs(found.stderr).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_sampled_shares_lie_within_their_standard_errors():
     rng = np.random.default_rng(5)
     value = {}

@@ -81,6 +81,7 @@ def test_legs_steering_runway_and_a_lag_are_constants(models):
     assert before != after
 
 
+@pytest.mark.nightly
 def test_a_choice_by_parameters_is_the_model_compiled_with_these_parts(models):
     plain = models.compiled(())
     unlike = rolled(plain, models.choice(()))
@@ -109,6 +110,7 @@ def test_what_is_not_constant_has_a_model_of_its_own(trainer, pair):
     assert models.compiled(models.compiled_parts(models.parts)) is not models.compiled(())
 
 
+@pytest.mark.slow
 def test_a_constant_that_states_no_limit_has_a_model_of_its_own(trainer):
     """The kernel takes such a number as the model has it, and refuses to set it."""
     limited = flightmech.read_aircraft(T37 / "aircraft.toml")

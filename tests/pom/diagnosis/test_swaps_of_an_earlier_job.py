@@ -45,6 +45,7 @@ def diagnosed(case, path, models, before):
     return bench, diagnose_bench(bench), flown
 
 
+@pytest.mark.nightly
 def test_only_what_takes_a_changed_term_is_flown(place):
     case, path, mixtures = place
     first, table, every = diagnosed(case, path, mixtures(), {})
@@ -59,6 +60,7 @@ def test_only_what_takes_a_changed_term_is_flown(place):
     assert 0 < len(flown) < len(all_flown)
 
 
+@pytest.mark.slow
 def test_nothing_is_flown_again_with_the_same_models(place):
     case, path, mixtures = place
     first, table, _ = diagnosed(case, path, mixtures(), {})
@@ -69,6 +71,7 @@ def test_nothing_is_flown_again_with_the_same_models(place):
     assert bench.known == first.known
 
 
+@pytest.mark.slow
 def test_a_term_that_comes_to_differ_makes_other_mixtures(place):
     """Every mixture then holds the tables of one more term: nothing is taken over."""
     case, path, mixtures = place
@@ -80,6 +83,7 @@ def test_a_term_that_comes_to_differ_makes_other_mixtures(place):
     assert flown == every
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [None, -1.0])
 def test_a_bench_made_again_does_not_look_for_its_steps(place, monkeypatch, error):
     """With an error that no two runs are within, the steps stay those of the models."""

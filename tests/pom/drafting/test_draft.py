@@ -166,7 +166,7 @@ def draft_with(draft, standard=rows.STANDARD, edition=rows.EDITION):
     return draft
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_test_of_every_standard_becomes_a_sound_case(tmp_path):
     record = recorded_channels(FLIGHT / "t37_31_val_landing.nc", NAMES)
     (tmp_path / "record.nc").touch()
@@ -216,6 +216,7 @@ def test_the_engine_is_driven_by_what_the_aircraft_takes():
         assert drawn.drive["engine"] == engine, drives
 
 
+@pytest.mark.nightly
 def test_the_file_of_the_phugoid_is_the_one_an_engineer_would_write(tmp_path):
     path = tmp_path / "case.toml"
     case, remarks = init_case(FLIGHT / "t37_26_val_phugoid.nc", "2.c.9", path)
@@ -237,7 +238,7 @@ def test_the_file_of_the_phugoid_is_the_one_an_engineer_would_write(tmp_path):
     assert Path(case.aircraft).is_file()  # found one folder above the record, with the name map
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_standing_start_is_driven_from_its_wheels(tmp_path):
     case, _ = init_case(FLIGHT / "t37_25_val_normal_takeoff.nc", "1.b.4", tmp_path / "case.toml")
     assert case.drive.trim == "ground"
@@ -248,6 +249,7 @@ def test_a_standing_start_is_driven_from_its_wheels(tmp_path):
     assert case.window[0] == pytest.approx(8.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_reconstructed_path_will_do(lag_states, tmp_path):
     lag_states.to_netcdf(tmp_path / "path.nc", engine="h5netcdf")
     case, _ = init_case(tmp_path / "path.nc", "2.c.10", tmp_path / "case.toml")
@@ -276,7 +278,7 @@ def test_standards_by_a_part_of_their_name():
         edition_of("A2A", "1999")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_command_asks_two_questions_on_a_terminal(tmp_path, monkeypatch):
     monkeypatch.setattr("pom.cli.actions.report._on_terminal", lambda: True)
     record, output = str(FLIGHT / "t37_26_val_phugoid.nc"), str(tmp_path / "case.toml")
@@ -304,7 +306,7 @@ def test_schema_command_writes_the_schema_of_the_reader(tmp_path):
     assert json.loads(output.read_text(encoding="utf-8")) == pom.cases.case_schema()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_manoeuvre_of_the_right_kind_is_taken():
     """Run 01 lists a 3-2-1-1, doublets, a pull-up, speed changes and two sideslips, all of which
     move the elevator.
@@ -323,7 +325,7 @@ def test_the_manoeuvre_of_the_right_kind_is_taken():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_record_without_a_manoeuvre_that_fits_states_what_it_lists(tmp_path):
     with pytest.raises(
         SchemaError,

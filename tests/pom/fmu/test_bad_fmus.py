@@ -290,6 +290,7 @@ def test_a_sandbox_without_bubblewrap_is_refused(monkeypatch):
         read_worker_limits({"AEROMATCH_FMU_SANDBOX": "bwrap"})
 
 
+@pytest.mark.slow
 def test_a_description_that_would_fill_the_memory_is_not_unpacked(tmp_path):
     with (
         zipfile.ZipFile(tmp_path / "bomb.fmu", "w", zipfile.ZIP_DEFLATED) as file,

@@ -26,6 +26,7 @@ def flown(flaps=0.0, gear=0.0, test="2.d.2", **more):
     return replace(result, case=replace(result.case, id=test, **more), inputs=inputs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cases", "text"),
     [

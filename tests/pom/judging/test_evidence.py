@@ -69,6 +69,7 @@ def test_the_evidence_is_at_no_distance_from_itself(compared, trainer):
     assert max(distances(compared, trainer).values()) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["judgement", "flight"])
 def test_an_edited_term_is_no_evidence(evidence, states, source):
     """Even where the edit calls itself flight."""
@@ -189,6 +190,7 @@ EDITED = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("way", EDITED)
 def test_an_edit_by_any_way_is_no_evidence(stamped, states, way, tmp_path):
     aerodb.save(stamped, tmp_path / "a.nc")

@@ -73,6 +73,7 @@ def test_an_fmu_of_this_program_needs_no_flight_of_its_tables(tmp_path, sim, job
     assert remark.kind == "not_driven"
 
 
+@pytest.mark.slow
 def test_a_change_of_any_file_of_the_program_is_seen(tmp_path, sim):
     own = flightmech.write_fmu(sim, tmp_path / "own.fmu", "3.0")
     assert is_unaltered(own)

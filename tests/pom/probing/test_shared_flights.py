@@ -104,6 +104,7 @@ def smooth_result(name, seed, **more):
     return replace(result, signals=signals, case=case)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("more", "kind"),
     [

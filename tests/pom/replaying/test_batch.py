@@ -71,7 +71,7 @@ def flights(monkeypatch):
     return made
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_batch_is_the_cases_one_by_one(cases, paths, toy, lag_states):
     runs = {"good": toy(), "bad": toy("error")}
     finished = []
@@ -99,7 +99,7 @@ def own_temporary(tmp_path, monkeypatch):
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_processes_give_the_same_and_leave_nothing(
     cases, paths, toy, tmp_path, lag_states, shared, monkeypatch, own_temporary
 ):
@@ -129,7 +129,7 @@ def test_processes_give_the_same_and_leave_nothing(
     the_same(replay_all(mixed, good, paths, jobs=2, resume=tmp_path / "kept"), first)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_record_is_read_once_and_its_error_is_that_of_one_process(
     cases, toy, tmp_path, lag_states, shared
 ):
@@ -142,7 +142,7 @@ def test_a_record_is_read_once_and_its_error_is_that_of_one_process(
         replay_all(late, {"toy": toy()}, jobs=2)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_process_that_ends_is_one_line(shared):
     with (
         pytest.raises(SimulationError, match="a process that shares the work of the batch ended"),
@@ -184,7 +184,7 @@ def test_a_batch_goes_on_where_it_was_interrupted(cases, paths, toy, tmp_path, f
     the_same(found, replay_all(cases, runs, paths, jobs=1))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_changed_is_flown_again_and_only_that(
     cases, paths, toy, tmp_path, lag_states, flights
 ):
@@ -205,6 +205,7 @@ def test_what_changed_is_flown_again_and_only_that(
     assert len(flights) == 24  # another file under the same name
 
 
+@pytest.mark.slow
 def test_a_damaged_file_of_the_store_is_flown_again(cases, paths, toy, tmp_path, flights):
     runs, kept = {"toy": toy()}, tmp_path / "kept"
     first = replay_all(cases[:2], runs, paths, jobs=1, resume=kept)
@@ -241,6 +242,7 @@ def test_all_that_does_not_fit_is_reported_before_anything_flies(cases, paths, t
     assert flights == []
 
 
+@pytest.mark.slow
 def test_a_record_that_cases_share_is_read_once(cases, toy, lag_states, tmp_path, monkeypatch):
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
     read, real = [], batch_plans.read_path_states
@@ -265,6 +267,7 @@ def test_raw_records_are_reconstructed_once_each_and_then_flown(
     assert all(result.passed("toy") for result in found)
 
 
+@pytest.mark.nightly
 def test_reconstructed_records_are_kept_until_what_they_come_from_changes(
     cases, lag_states, tmp_path, trainer, monkeypatch
 ):
@@ -297,7 +300,7 @@ def test_reconstructed_records_are_kept_until_what_they_come_from_changes(
     assert state_cache.KeptStates(None, None).read(case) is None
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_child_that_somebody_else_stopped_is_given_its_job_again(toy, tmp_path, monkeypatch):
     monkeypatch.setenv("TOY_KILLED", str(tmp_path / "mark"))
     monkeypatch.setenv("AEROMATCH_FMU_SANDBOX", "none")  # its environment is empty

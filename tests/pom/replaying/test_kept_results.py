@@ -88,6 +88,7 @@ def test_nothing_is_kept_without_a_folder_or_a_name(case, toy, lag_states, tmp_p
     assert KeptResults(tmp_path / "kept").read("ab12") is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "damage",
     [lambda content: content[:-8], lambda content: content[:-1] + b"\x00", lambda content: b""],
@@ -173,6 +174,7 @@ def test_whatever_decides_a_result_is_in_its_name(case, toy, lag_states, tmp_pat
     assert name() == ""
 
 
+@pytest.mark.slow
 def test_a_record_that_changes_while_it_is_read_leaves_no_result(
     case, toy, lag_states, tmp_path, monkeypatch, judged
 ):

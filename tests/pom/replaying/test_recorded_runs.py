@@ -119,6 +119,7 @@ def test_a_device_alone_passes_and_is_in_the_manifest(aeromatch, case, record, t
     assert {item.state for item in pom.verify(tmp_path / "out")} == {"same"}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("is_copy", [True, False])
 def test_a_copy_of_the_record_is_no_recording_of_a_device(
     aeromatch, case, record, lag_states, tmp_path, is_copy
@@ -147,6 +148,7 @@ def test_a_wrong_answer_fails(aeromatch, case, record):
     assert "FAIL" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("made", "text"),
     [
@@ -171,7 +173,7 @@ def test_a_gap_is_invalid(aeromatch, case, record):
     assert "INVALID" in done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_recurrent_run_is_compared_with_its_master(aeromatch, case, record, tmp_path):
     record()
     aeromatch(*words(case, *START, "-o", "master", "--no-pdf"))

@@ -287,6 +287,7 @@ def dutch_roll():
     )
 
 
+@pytest.mark.slow
 def test_table_of_modes(tmp_path):
     result = dutch_roll()
     table = mode_table(result)

@@ -73,6 +73,7 @@ def test_the_table_shows_every_stage(table):
     assert all(row["verdict"] is None for row in share)
 
 
+@pytest.mark.slow
 def test_the_terms_that_were_not_flown_alone_are_named(table):
     assert rows(table)[1]["idle"] == ""
     blank = {"stage": "idle", "verdict": "not_tested", "explained": np.nan}

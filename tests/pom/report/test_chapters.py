@@ -53,6 +53,7 @@ def folder(tmp_path_factory):
     return place
 
 
+@pytest.mark.nightly
 def test_warnings_of_a_database_are_on_the_first_page_and_in_the_pdf(tmp_path):
     """And in a report that is written again from its results; without warnings there is no such
     section.
@@ -96,7 +97,7 @@ def test_a_report_from_its_results_is_the_same_in_every_byte(folder, tmp_path):
     ] * 6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_verb_writes_the_chapters_again(folder, tmp_path):
     done = CliRunner().invoke(
         group, ["report", str(folder), "-o", str(tmp_path / "letter"), "--paper", "letter"]
@@ -118,6 +119,7 @@ def test_the_verb_writes_the_chapters_again(folder, tmp_path):
     assert sizes[0] < sizes[1]
 
 
+@pytest.mark.nightly
 def test_what_was_not_kept_is_named(tmp_path):
     """Figures of the fits for paper are kept where they were wanted; without databases there is
     nothing to compare.
@@ -159,6 +161,7 @@ def test_what_was_not_kept_is_named(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_sections_pictures_and_traces_come_back_as_they_were():
     section = Section(
         "gear",
@@ -176,6 +179,7 @@ def test_sections_pictures_and_traces_come_back_as_they_were():
     assert restore_chapters(b"").kept() == b""
 
 
+@pytest.mark.nightly
 def test_the_ranking_over_all_cases_comes_back_and_is_shown(tmp_path):
     ranking = _ranking()
     made = draw_chapters(

@@ -87,6 +87,7 @@ def test_inputs_on_another_clock_keep_it(tmp_path):
     assert after.signals.identical(result.signals)
 
 
+@pytest.mark.slow
 def test_general_tools_read_the_archive(folder):
     tree = xr.open_datatree(folder / "results.nc", engine="h5netcdf")
     case = tree["short_period_full_flaps"].to_dataset()

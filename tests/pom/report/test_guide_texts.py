@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import pytest
 import report_fixture as fixture
 
 import pom
@@ -40,6 +41,7 @@ def test_missing_texts_are_counted_over_the_cases():
     assert (found.name, found.key) == ("engine standard", "source.engine")
 
 
+@pytest.mark.slow
 def test_the_page_has_the_texts_and_the_index_their_count(tmp_path):
     results = [with_texts(), with_texts(name="other", compliance={}, manual="")]
     page = pom.write_report(results, tmp_path / "report", title="T", paper=None)

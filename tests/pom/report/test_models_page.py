@@ -58,6 +58,7 @@ def test_terms_of_the_same_place_come_in_the_order_of_the_databases(order):
     assert tuple(item["term"] for item in found["terms"]) == order
 
 
+@pytest.mark.slow
 def test_supporting_samples_are_drawn_in_their_slice():
     import pandas as pd
 

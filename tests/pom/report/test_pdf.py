@@ -94,7 +94,7 @@ def test_it_is_pdf_a_3b_and_pdf_ua_1(folder):
     assert b"/Outlines" in whole
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_equal_input_gives_equal_bytes(folder, tmp_path):
     pom.write_report(
         fixture.results(), tmp_path, title="T-37", provenance=fixture.PROVENANCE, revision="A"
@@ -155,7 +155,7 @@ def test_every_panel_has_its_alternative_text(folder):
     assert "within tolerance throughout" in texts
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_chapters_of_the_data_report_are_there_when_wanted(tmp_path):
     more = {
         "title": "T-37",
@@ -202,6 +202,7 @@ def test_the_figure_of_a_fit_and_a_published_one_without_samples(tmp_path):
     assert [row["name"] for row in bare["terms"]] == ["alpha"]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("date", "printed"),
     [("2026-11-21", "2026-11-21T00:00:00+00:00"), ("", "1970-01-01T00:00:00+00:00")],
@@ -226,6 +227,7 @@ def test_a_report_without_a_date_has_that_of_its_newest_input(tmp_path):
     assert stated.isoformat() == "2026-11-21T00:00:00+00:00"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("form", ["a4", "letter"])
 def test_paper_sizes(form):
     width = float(
@@ -246,7 +248,7 @@ def test_more_than_seven_panels_go_on(tmp_path):
     assert len(drawn) > 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_where_tables_fill_the_page_panels_take_the_next(tmp_path):
     drawn = case_drawings.draw_case(
         tmp_path, 1, fixture.short_period_result(), None, 100.0, 1000.0
@@ -263,6 +265,7 @@ def test_where_tables_fill_the_page_panels_take_the_next(tmp_path):
     ).startswith(b"%PDF")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "words",
     ['"#[*_ $x$ \\ @a <b>` #panic() //', "短周期 🛩 \x07 \ud800 u\u0307\u0302", "עברית тест"],
@@ -419,6 +422,7 @@ def test_the_rest_of_a_record_does_not_squeeze_the_window():
     assert max(ticks) < 40.0
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("room", [500.0, 800.0, 1000.0])
 def test_panels_fill_the_room_and_never_more(room):
     shown = make_case_panels(fixture.short_period_result())
@@ -438,6 +442,7 @@ def shares():
     return pd.DataFrame(rows, columns=["stage", "term", "explained", "stderr", "mismatch"])
 
 
+@pytest.mark.nightly
 def test_the_waterfall_falls_from_the_prior_to_the_final_model():
     item = draw_waterfall(shares())
     bars = [
@@ -500,7 +505,7 @@ def test_a_cross_plot_turns_back_with_its_band():
     assert "final: force pass, 0.42 of the tolerance" in item.words
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_word_that_no_line_holds_is_broken(monkeypatch):
     """Typeset as pictures of 20 dots an inch: nothing is printed in the last 5 mm of any page."""
     import typst

@@ -13,6 +13,7 @@ from pom.report.case import panels, start
 from pom.report.presentation import quantities, term_words, traces
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", [0, 1, 2])
 def test_quantised_traces_stay_below_a_500th_of_the_tolerance(index):
     result = fixture.results()[index]

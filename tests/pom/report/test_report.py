@@ -48,7 +48,7 @@ class Table(HTMLParser):
             self.row = None
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_equal_input_gives_equal_bytes(tmp_path):
     first, second = write(tmp_path / "a"), write(tmp_path / "b")
     assert first.read_bytes() == second.read_bytes()
@@ -76,6 +76,7 @@ def test_every_verdict_of_the_page_is_the_one_in_json(report):
     assert count == 21  # 3 criteria x 3 models, twice, and one criterion x 3 models
 
 
+@pytest.mark.slow
 def test_hostile_texts_stay_text(tmp_path):
     from dataclasses import replace
 
@@ -112,7 +113,7 @@ def files(folder):
     }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_failed_writing_leaves_the_old_report(tmp_path, monkeypatch):
     folder = tmp_path / "report"
     before = files(write(folder).parent)
@@ -123,7 +124,7 @@ def test_a_failed_writing_leaves_the_old_report(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [folder]  # nothing half written is left behind
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_report_takes_the_place_of_all_files_of_an_earlier_one_and_of_no_others(tmp_path):
     folder = tmp_path / "report"
     write(folder)
@@ -136,7 +137,7 @@ def test_a_report_takes_the_place_of_all_files_of_an_earlier_one_and_of_no_other
     assert (folder / "manifest.json.minisig").read_text() == "signed"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_report_of_several_processes_has_the_bytes_of_one(tmp_path, monkeypatch):
     alone = files(write(tmp_path / "alone", paper="a4", jobs=1).parent)
     monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
@@ -164,6 +165,7 @@ def test_a_report_of_processes_in_another_folder_has_the_same_bytes(tmp_path, mo
     assert files(write(tmp_path / "shared", jobs=2).parent) == alone
 
 
+@pytest.mark.nightly
 def test_bad_arguments_are_reported(tmp_path):
     with pytest.raises(SchemaError, match="no results came"):
         pom.write_report([], tmp_path, title="x")
@@ -186,6 +188,7 @@ def test_names_that_differ_in_case_alone_are_different_files():
     assert found == ["Climb", "climb-2", "climb-2-2", "CLIMB-3", "Ramp", "climb-2-3"]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["document", "chapters"])
 def test_a_case_is_called_as_a_part_of_the_results(tmp_path, name):
     result = fixture.roll_result()
@@ -234,6 +237,7 @@ def test_reports_of_many_cases_leave_out_the_figures_for_readers_without_script(
     assert few.count("<figure><svg") == 1
 
 
+@pytest.mark.slow
 def test_a_long_report_packs_each_case_into_a_file(monkeypatch, tmp_path):
     results = [fixture.roll_result()]
     whole = html(results)
@@ -257,7 +261,7 @@ def test_a_long_report_packs_each_case_into_a_file(monkeypatch, tmp_path):
     assert not (folder / "pages").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_page_of_any_number_of_cases_stays_small(monkeypatch):
     case = fixture.roll_result()
     monkeypatch.setattr("pom.report.page.MOST_HELD", HELD)

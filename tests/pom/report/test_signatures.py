@@ -101,6 +101,7 @@ def test_a_case_file_holds_its_signatures(tmp_path):
         pom.read_case(own)
 
 
+@pytest.mark.nightly
 def test_page_numbers_and_paper_have_the_names(tmp_path):
     result = fixture.roll_result()
     signed = replace(result, case=replace(result.case, signatures=SIGNED))
@@ -128,6 +129,7 @@ def test_page_numbers_and_paper_have_the_names(tmp_path):
     ] * 6
 
 
+@pytest.mark.slow
 def test_a_report_is_signed_when_it_is_written_again(tmp_path):
     pom.write_report(
         [fixture.roll_result()],

@@ -308,6 +308,7 @@ def test_what_the_corrected_model_takes():
     assert needed_submodels({}, {"final": database}) is None
 
 
+@pytest.mark.nightly
 def test_page_and_paper_hold_the_same(results, tmp_path):
     chapter = make_sections(results, {})
     page = submodels_context(chapter)

@@ -21,6 +21,7 @@ from report_pages import paper, texts, write
 from test_pdf import everything
 
 
+@pytest.mark.slow
 def test_the_log_is_a_chapter_and_kept(tmp_path):
     results = [fixture.roll_result()]
     log = fixture.tuning(results)
@@ -56,6 +57,7 @@ def test_the_log_is_a_chapter_and_kept(tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_the_chapter_on_paper():
     results = [fixture.roll_result()]
     chapter = tuning_context({"final": fixture.tuning(results)}, results)
@@ -74,6 +76,7 @@ def test_a_model_that_does_otherwise_than_its_log_is_found():
     ]
 
 
+@pytest.mark.slow
 def test_a_log_of_no_model_is_refused(tmp_path):
     with pytest.raises(
         UnknownName, match="unknown model 'fynal'; near it: final; a tuning is that of a model"

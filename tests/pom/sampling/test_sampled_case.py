@@ -57,7 +57,7 @@ def plan(write_case, flight):
     return plan_of(read_case(write_case()), flight)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_model_is_judged_against_the_flight_of_a_draw(plan, trainer, tmp_path):
     db = uncertain(trainer.database(), Cm_elevator=0.3, Cm_basic=0.01)
     drawn = models(trainer, db, 2)
@@ -105,7 +105,7 @@ def test_errors_that_tables_and_record_share_take_each_other_back(plan, trainer)
     assert together < 0.01 * apart
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_probability_is_that_of_the_error(plan, trainer):
     """A moment of the elevator in error by e gives a ratio of c |e|: within tolerance with the
     probability of |e| < 1/c.
@@ -133,6 +133,7 @@ def test_the_probability_is_that_of_the_error(plan, trainer):
     )  # median of |e|
 
 
+@pytest.mark.slow
 def test_the_share_belongs_to_the_term_whose_error_it_is(plan, trainer):
     found = replay_draws(
         plan,
@@ -155,6 +156,7 @@ def test_the_share_belongs_to_the_term_whose_error_it_is(plan, trainer):
         )
 
 
+@pytest.mark.slow
 def test_draws_depend_on_the_seed_and_not_on_the_threads(plan, trainer):
     db = uncertain(trainer.database(), Cm_elevator=0.05)
     one, two = (replay_draws(plan, models(trainer, db, 6), jobs=jobs) for jobs in (1, 2))
@@ -165,6 +167,7 @@ def test_draws_depend_on_the_seed_and_not_on_the_threads(plan, trainer):
     assert not np.array_equal(one.decides, other.decides)
 
 
+@pytest.mark.slow
 def test_the_fan_holds_the_model(plan, trainer):
     found = replay_draws(plan, models(trainer, uncertain(trainer.database(), Cm_elevator=0.05), 40))
     assert list(found.fan["quantile"].values) == [0.05, 0.25, 0.5, 0.75, 0.95]
@@ -270,6 +273,7 @@ def test_shares_of_errors_that_take_each_other_back_add_up():
     assert found.set_index("source").loc["CL/basic", "share"] == pytest.approx(wanted, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_database_of_another_model_is_refused(trainer, tmp_path):
     db = uncertain(trainer.database(), Cm_elevator=0.05)
     fmu = flightmech.write_fmu(
@@ -282,7 +286,7 @@ def test_a_database_of_another_model_is_refused(trainer, tmp_path):
         DrawnModels.of(fmu, trainer.database(), 3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_samples_are_kept_with_the_result(plan, trainer, tmp_path):
     db = uncertain(trainer.database(), Cm_elevator=0.05, Cm_qhat=1.0)
     aerodb.save(db, tmp_path / "final.nc")

@@ -237,6 +237,7 @@ def test_only_rows_without_a_number_can_never_be_judged():
     assert shown == SHOWN
 
 
+@pytest.mark.nightly
 def test_a_right_model_passes_every_row():
     count: Counter[str] = Counter()
     for row in ROWS:
@@ -260,6 +261,7 @@ def test_a_right_model_passes_every_row():
     assert count == {"pass": len(ROWS) - sum(few.values()), **few}
 
 
+@pytest.mark.nightly
 def test_a_wrong_model_passes_none():
     for row in ROWS:
         case, found = case_of(row)
@@ -268,6 +270,7 @@ def test_a_wrong_model_passes_none():
         assert got.verdict != "pass", (key(row), found.measure, remarks_text(got.remarks))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("missing", ["channel", "event"])
 def test_a_row_without_what_it_needs_states_what(missing):
     for row in ROWS:
@@ -294,6 +297,7 @@ def test_a_row_without_what_it_needs_states_what(missing):
             )
 
 
+@pytest.mark.slow
 def test_memory_rows_carry_their_mark():
     marks = Counter(case_of(row)[1].provenance for row in rows.tolerance_rows())
     assert marks == ROWS_BY_PROVENANCE

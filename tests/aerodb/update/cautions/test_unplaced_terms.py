@@ -122,6 +122,7 @@ def white(samples, X, v):
     return float(v @ v) / (len(v) - X.shape[1]) * np.linalg.inv(X.T @ X)
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore:incompatible fits")
 @pytest.mark.parametrize("way", WAYS)
 def test_an_elevator_without_a_table_stops_every_way(way):
@@ -252,6 +253,7 @@ def test_a_regressor_that_the_others_repeat_has_no_share_to_lose():
     assert carried_share(np.column_stack([np.cos(TIME), x]), 1, []) == pytest.approx(0.0)
 
 
+@pytest.mark.slow
 def test_incompatible_fits_are_a_warning_that_the_database_keeps(tmp_path):
     """Two fits of one place, 0.1 of lift away from each other with errors of 0.001."""
     other = fit(name="other")

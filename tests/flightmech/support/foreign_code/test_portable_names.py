@@ -16,6 +16,7 @@ def test_names_that_some_system_does_not_allow(name):
     assert not is_portable_name(name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["svg", "pdf", "png"])
 def test_a_figure_has_the_same_bytes_when_written_again(tmp_path, kind):
     pytest.importorskip("matplotlib")

@@ -261,6 +261,7 @@ def test_a_sandbox_that_is_demanded_and_missing_is_refused(monkeypatch):
         read_sandbox_mode({"AEROMATCH_FMU_SANDBOX": "jail"})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "failure"),
     [

@@ -2,11 +2,13 @@
 
 import os
 
+import pytest
 from joblib import delayed
 
 from flightmech.support.kept_stages.sharing import process_pool
 
 
+@pytest.mark.slow
 def test_a_kept_process_follows_the_folder_of_the_program(tmp_path, monkeypatch):
     for name in ("first", "second"):
         (tmp_path / name).mkdir()

@@ -317,7 +317,7 @@ print(sum(stages.computed.values()))
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_job_that_is_killed_goes_on_where_it_was(tmp_path):
     root = str(Path(module.__file__).parents[3])
 

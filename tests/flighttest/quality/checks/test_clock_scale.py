@@ -33,6 +33,7 @@ def flight(counts, degrees=False, seconds=120.0, rate=25.0):
     return xr.DataTree.from_dict({"/imu": data})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("counts", "unit"),
     [(1e3, "ms"), (1e6, "us"), (1.0 / 60.0, "min"), (25.0, ""), (2.0, ""), (0.5, "")],

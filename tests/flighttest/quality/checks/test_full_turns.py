@@ -49,6 +49,7 @@ def test_a_roll_is_no_finding(rolling):
     assert [item for item in findings if "phi" in item.channels] == []
 
 
+@pytest.mark.slow
 def test_a_bank_in_degrees_is_one(rolling):
     record, _ = rolling
     attitude = record["attitude"].to_dataset()

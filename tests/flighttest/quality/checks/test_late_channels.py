@@ -29,6 +29,7 @@ def named(name, aircraft, **late):
     return {one.name: one for one in findings if one.severity != "note"}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("delay", [0.5, 2.5])
 def test_late_alpha_vane_reverses_no_elevator(delay, aircraft):
     found = named("cruise", aircraft, alpha_vane=delay)
@@ -36,10 +37,12 @@ def test_late_alpha_vane_reverses_no_elevator(delay, aircraft):
     assert found["lag:alpha_vane+delta_e+q"].evidence["flow_late"] == pytest.approx(delay, abs=0.35)
 
 
+@pytest.mark.slow
 def test_reversed_elevator_is_still_reversed(aircraft):
     assert list(named("cruise", aircraft, delta_e=-1.0)) == ["sign:delta_e+q"]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("surface", "name"), [("delta_a", "delta_a+p"), ("delta_r", "delta_r+r")])
 def test_surface_more_than_a_second_late(surface, name, aircraft):
     found = named("cruise", aircraft, **{surface: 1.3})

@@ -30,7 +30,7 @@ def mistakes_of(files, reverse):
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("pair", [("phi", "p"), ("theta", "q"), ("psi", "r")])
 def test_an_angle_and_its_rate_are_one_mistake(pair):
     """Before, the search blamed ay_imu, alpha_vane, vn or ve for some of these."""
@@ -42,7 +42,7 @@ def test_one_sign_is_still_one_sign():
     assert mistakes_of(ROLL, ["p"]) == [(("p",), [])]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_record_that_does_not_turn_gives_the_other_explanations_too():
     """A phugoid has no turn: heading, east velocity, or heading with its rate, are equal in it."""
     (found,) = mistakes_of(PHUGOID, ["vn", "ve"])

@@ -35,9 +35,11 @@ def findings(record, sign):
     ]
 
 
+@pytest.mark.slow
 def test_right_sign_is_sound(record):
     assert findings(record, 1.0) == []
 
 
+@pytest.mark.nightly
 def test_reversed_elevator_is_not_passed_in_silence(record):
     assert findings(record, -1.0) in (["sign:delta_e+q"], ["undecided:delta_e+q"])

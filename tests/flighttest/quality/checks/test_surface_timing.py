@@ -34,6 +34,7 @@ def timed(delay, sign):
     return surface_timing(y[active], [column[active] for column in columns], recorded, TIME, active)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("delay", [-0.2, 0.0, 0.2, 0.25, 0.3, 0.5])
 def test_sign_and_delay_are_found_together(delay, sign):

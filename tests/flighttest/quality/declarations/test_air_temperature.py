@@ -25,6 +25,7 @@ def judged(record, change):
     return temperature_findings(resample_channels(record, faults_of(record)), record)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("warmer", [-70.0, 0.0, 20.0])
 def test_temperatures_of_this_planet(flight, warmer):
     assert judged(flight, lambda T: T + warmer) == []
@@ -42,6 +43,7 @@ def test_temperature_of_something_else(flight):
     assert "degF" not in finding.text
 
 
+@pytest.mark.slow
 def test_mass_of_zero(flight):
     record = flight.copy(deep=True)
     record["mass/mass"].values[:] = 0.0

@@ -147,6 +147,7 @@ HEADINGS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", HEADINGS)
 def test_heading_that_contradicts(case, read):
     entry, name, remedy = HEADINGS[case]
@@ -156,6 +157,7 @@ def test_heading_that_contradicts(case, read):
     assert remedy in finding.remedy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "entry",
     [

@@ -55,6 +55,7 @@ def rolling(amplitude, Ixz=1500.0, noise=5e-4, seed=0):
     return ResampledChannels(time[::5], values, {name: whole for name in values}, whole, 5 * step)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("Ixz", [1500.0, -1500.0])
 def test_wrong_sign_in_fast_rolls(Ixz):
     signals = rolling(0.2, Ixz)
@@ -65,6 +66,7 @@ def test_wrong_sign_in_fast_rolls(Ixz):
     assert finding.evidence["Ixz"] == pytest.approx(Ixz, rel=0.2)
 
 
+@pytest.mark.slow
 def test_not_checked():
     assert product_findings(rolling(0.2), Body(Ixz=0.0)) == ([], "")  # nothing is stated
     found, why = product_findings(rolling(0.005), Body(Ixz=-1500.0))

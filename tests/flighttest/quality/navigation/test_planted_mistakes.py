@@ -52,6 +52,7 @@ def plus(offset):
     return lambda t, x: x + offset
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("channel", "delay"), [("vn", 1.0), ("V_cas", 2.0), ("alpha_vane", 0.25)])
 def test_late_channel(light, channel, delay):
     # the aircraft file allows a vane 0.2 s; 0.24 (0.017) s is not significantly more
@@ -61,7 +62,7 @@ def test_late_channel(light, channel, delay):
     assert delay < fault.evidence["delay"] < delay + 0.25
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_magnetic_heading(jet):
     found = faults(judged(jet, psi=plus(-5.0 * DEGREE)))
     assert list(found) == ["definition:psi+vn+ve"]
@@ -69,6 +70,7 @@ def test_magnetic_heading(jet):
     assert error == pytest.approx(-5.0 * DEGREE, abs=0.5 * DEGREE)
 
 
+@pytest.mark.nightly
 def test_compass_that_wanders_by_three_degrees(light):
     found = faults(judged(light, psi=lambda t, x: x + 3.0 * DEGREE * np.sin(t / 20.0)))
     (fault,) = found.values()
@@ -76,19 +78,20 @@ def test_compass_that_wanders_by_three_degrees(light):
     assert "wanders" in fault.text
 
 
+@pytest.mark.slow
 def test_temperature_ten_kelvin_too_high(light):
     (fault,) = faults(judged(light, temperature=plus(10.0))).values()
     assert fault.name == "definition:temperature+h_gps"
     assert fault.evidence["slope"] == pytest.approx(1.0 - 10.0 / 290.0, abs=0.006)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_temperature_against_the_airspeeds_of_the_computer(jet):
     (fault,) = faults(judged(jet, ("h_gps",), temperature=plus(10.0))).values()
     assert "temperature is +10 K wrong" in fault.text
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_wrong_altimeter_setting_without_static_pressure(jet, light):
     (fault,) = faults(judged(jet, ("p_static",), h_baro=plus(120.0))).values()
     assert "h_baro is +122 m wrong" in fault.text
@@ -96,7 +99,7 @@ def test_wrong_altimeter_setting_without_static_pressure(jet, light):
     assert "h_baro_level" in set(judged(light).not_checked["relation"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_impact_pressure_ten_per_cent_too_large(jet):
     found = faults(judged(jet, ("V", "V_cas"), q_c=lambda t, x: 1.1 * x))
     assert list(found) == ["scale:q_c"]
@@ -104,7 +107,7 @@ def test_impact_pressure_ten_per_cent_too_large(jet):
     assert found["scale:q_c"].evidence["slope"] == pytest.approx(1.037, abs=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_miles_per_hour_taken_as_knots(jet):
     mph = 1609.344 / 3600.0
     factor = KNOT / mph
