@@ -5,8 +5,9 @@ channel of the broken relations: its correction must resolve them and break no o
 best repair is applied, and the search continues with the corrected record until nothing remains to
 explain.  If two channels explain a mistake equally well, the result names both.
 
-A recorder that counts an angle the other way counts its rate the other way too.  Such a pair agrees
-with itself, and is tried as one mistake.
+A recorder that counts an angle the other way counts its rate the other way too.  A sensor of other
+body axes, such as forward, left and up, has all signs of two axes reversed.  Such channels agree
+with each other, and are tried as one mistake.
 """
 
 from __future__ import annotations
@@ -62,8 +63,8 @@ class Repair:
     shift: float = 0.0
 
     @property
-    def reverses_pair(self) -> bool:
-        """Whether the signs of an angle and of its rate are corrected together."""
+    def reverses_several(self) -> bool:
+        """Whether the signs of several channels are corrected together."""
         return self.kind == "sign" and len(self.channels) > 1
 
     def apply(self, signals: ResampledChannels) -> ResampledChannels:
@@ -235,16 +236,18 @@ def _best_explanation(signals: ResampledChannels, costs: Costs) -> Explanation |
 
     # tolerances hide small differences, so repairs of nearly the same gain are compared without
     near = [i for i, gain in enumerate(gains) if gain > most - NEAR]
-    remainders = _log_remainders([repairs[i] for i in near], signals)
+    compared = [repairs[i] for i in near]
+    remainders = _log_remainders(compared, signals)
     order = np.argsort(remainders, kind="stable")
-    best, runners_up = order[0], order[1:]
+    ranked = [i for i in order if not _claims_too_much(i, compared, remainders)]
+    best, runners_up = ranked[0], ranked[1:]
     # Two signs are a stronger claim than one: what lies below the tolerances does not decide for
     # them, because the bias of a gyro shows as much.
-    is_pair = repairs[near[best]].reverses_pair
+    has_several = repairs[near[best]].reverses_several
     ties = []
     for i in runners_up:
         if remainders[i] - remainders[best] < TIE or (
-            is_pair and not repairs[near[i]].reverses_pair
+            has_several and not repairs[near[i]].reverses_several
         ):
             ties.append(near[i])
     resolved: Change = {}
@@ -258,6 +261,13 @@ def _best_explanation(signals: ResampledChannels, costs: Costs) -> Explanation |
         after=tuple(after for _, after in resolved.values()),
         instead=tuple(repairs[i] for i in ties),
     )
+
+
+def _claims_too_much(i: int, repairs: list[Repair], remainders: list[float]) -> bool:
+    """Return whether a part of the signs of a repair explains as much as all of them."""
+    channels, limit = set(repairs[i].channels), remainders[i] + TIE
+    parts = [k for k, other in enumerate(repairs) if set(other.channels) < channels]
+    return len(channels) > 2 and any(remainders[k] < limit for k in parts)
 
 
 def _log_remainders(repairs: list[Repair], signals: ResampledChannels) -> list[float]:
@@ -316,11 +326,15 @@ def _channels_of_cost(name: str, signals: ResampledChannels) -> tuple[str, ...]:
 
 # channels whose signs a mirror image of a flight reverses
 _LATERAL = ("phi", "p", "psi", "r", "ve", "ay_imu", "beta_vane")
-# an angle and its rate, which a recorder counts in one sense, and that sense
-_TURNS = (
-    ("phi", "p", "to the left"),
-    ("theta", "q", "nose down"),
-    ("psi", "r", "to the left"),
+# channels of one source, whose signs are wrong together, and what is wrong with them
+_SENSES = (
+    (("phi", "p"), "they count to the left"),
+    (("theta", "q"), "they count nose down"),
+    (("psi", "r"), "they count to the left"),
+    (("phi", "p", "psi", "r"), "they count to the left"),
+    (("q", "r", "ay_imu", "az_imu"), "they are of axes forward, left, up"),
+    (("theta", "q", "psi", "r", "ay_imu", "az_imu"), "they are of axes forward, left, up"),
+    (("p", "r", "ax_imu", "az_imu"), "they are of axes aft, right, up"),
 )
 _BY_NAME: dict[str, Relation] = {relation.name: relation for relation in RELATIONS}
 # axes that a name map may exchange
@@ -358,10 +372,11 @@ def _possible_repairs(signals: ResampledChannels, suspects: set[str]) -> Iterato
     """Yield the repairs of single channels, then senses of rotation and exchanges of two axes."""
     for name in sorted(suspects):
         yield from _repairs_of_channel(name)
-    for angle, rate, sense in _TURNS:
-        if angle in signals and rate in signals and suspects & {angle, rate}:
-            text = f"{angle} and {rate} have the wrong sign together: they count {sense}"
-            yield Repair("sign", (angle, rate), text, slope=-1.0)
+    for channels, meaning in _SENSES:
+        if suspects & set(channels) and all(name in signals for name in channels):
+            listed = f"{', '.join(channels[:-1])} and {channels[-1]}"
+            text = f"{listed} have the wrong sign together: {meaning}"
+            yield Repair("sign", channels, text, slope=-1.0)
     for first, second in _SWAPS:
         if first in signals and second in signals and suspects & {first, second}:
             text = f"{first} and {second} stand in each other's place"
