@@ -92,6 +92,7 @@ NIGHTLY_PAGES = (
     "light-aircraft.md",  # the project of this tutorial is made from nothing by test_init
     "own-aircraft.md",
     "propeller-aircraft.md",
+    "project-files.md",
 )
 FENCE = re.compile(
     r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: "

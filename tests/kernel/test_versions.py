@@ -92,7 +92,7 @@ def flown(
     return x.tobytes(), terms.tobytes()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_both_versions_fly_and_evaluate_the_same_bits(libraries, sim):
     v = np.random.default_rng(4).uniform(-0.5, 1.5, (200, len(sim.variables)))
     start = {"init.V": 90.0, "init.h": 2000.0, "init.q": 0.02, "init.p": 0.1}
@@ -160,6 +160,7 @@ def eliminated(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     ]
 
 
+@pytest.mark.nightly
 def test_both_versions_sum_and_eliminate_the_same_bits(libraries, monkeypatch):
     assert eliminated(libraries[0], monkeypatch) == eliminated(libraries[1], monkeypatch)
 
@@ -218,5 +219,6 @@ def followed(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     ]
 
 
+@pytest.mark.nightly
 def test_both_versions_follow_a_path_to_the_same_bits(libraries, monkeypatch):
     assert followed(libraries[0], monkeypatch) == followed(libraries[1], monkeypatch)

@@ -70,6 +70,7 @@ def window(page, name):
     page.get_by_role("button", name=f"Add a window of {RECORD}").click()
 
 
+@pytest.mark.nightly
 def test_a_term_that_is_switched_off_and_what_is_saved(page, client):
     page.get_by_label("Fit of the project to start from").select_option(label=f"{FIT}: Cm")
     page.get_by_role("img", name="Partial regression of Cm").wait_for()
@@ -235,6 +236,7 @@ def test_coefficients_are_cancelled_while_they_are_written(page, complaints, cli
     )  # there is no fit to answer with
 
 
+@pytest.mark.nightly
 def test_what_is_typed_stays_when_the_page_is_drawn_anew(page, client):
     """An action of another page ends meanwhile; the model, ends of a window and a name are kept,
     with the cursor in its place.

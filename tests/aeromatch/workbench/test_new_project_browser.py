@@ -120,6 +120,7 @@ def sign(page, work, project):
     assert result.case.name == pom.read_case(case).name
 
 
+@pytest.mark.nightly
 def test_from_dropped_files_to_a_checked_project(page, client, tmp_path):
     project = client.bench.opened.file
     files = [recording("check_short_period", tmp_path)]

@@ -53,6 +53,7 @@ def strip_of(page, marks):
     return strip
 
 
+@pytest.mark.nightly
 def test_a_mark_is_dragged_and_renamed(page, tmp_path):
     """By its middle; the table of the project has what the screen shows."""
     project = small_project(tmp_path / "t37")
@@ -301,6 +302,7 @@ def test_the_remedy_of_a_fault_is_written_by_its_button(page, tmp_path):
         assert list(entry.files) == ["{project}/names.toml"]
 
 
+@pytest.mark.nightly
 def test_the_page_goes_on_when_the_server_is_started_again(new_page, tmp_path):
     project, page = small_project(tmp_path / "t37"), new_page()
     with socket.socket() as holder:  # keeps the port while no server has it

@@ -103,7 +103,7 @@ def cluster():
         yield client
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.serial
 def test_a_cluster_of_processes_gives_the_same_study_and_the_same_bootstrap(cluster):
     import joblib

@@ -263,7 +263,7 @@ FOURTH = pytest.mark.xfail(
     [
         0,
         pytest.param(2, marks=pytest.mark.nightly),
-        pytest.param(4, marks=[pytest.mark.slow, FOURTH]),
+        pytest.param(4, marks=[pytest.mark.nightly, FOURTH]),
     ],
 )
 @pytest.mark.slow

@@ -549,6 +549,7 @@ def test_the_page_is_used_by_keyboard_alone(page, address):
     assert page.evaluate("report.limits()")[0] == [32.0, 40.0]
 
 
+@pytest.mark.nightly
 def test_a_narrow_page_shows_the_verdicts_and_print_fits_the_sheet(page, address):
     page.set_viewport_size({"width": 800, "height": 900})
     open_case(page, address)
