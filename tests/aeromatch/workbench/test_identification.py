@@ -90,6 +90,7 @@ def test_what_can_be_chosen(opened):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "more",
     [
