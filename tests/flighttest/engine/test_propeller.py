@@ -27,6 +27,7 @@ from flighttest.submodels.engine.propellers.equations import PropulsionEquations
 from flighttest.submodels.engine.propellers.estimate import estimate_points
 from flighttest.submodels.engine.propellers.identification import identify_propeller
 from flighttest.submodels.engine.propellers.instruments import instrument_shares, remove_errors
+from flighttest.submodels.engine.propellers.points import propeller_points
 from flighttest.submodels.engine.propellers.result import PropellerFit
 from flighttest.submodels.engine.propellers.shaft_dynamics import compile_shaft, identify_shaft
 from flighttest.submodels.engine.static_thrust import Polar
@@ -321,7 +322,9 @@ def test_regressors_of_power_need_no_channel_of_thrust():
     q_S = columns["qbar"] * 16.0
     np.testing.assert_allclose(data["CT"], data["engine1.thrust"] / q_S)
     n = columns["engine1.rpm"] / (2.0 * np.pi)
-    J = columns["V"] * np.cos(columns["alpha"]) / (n * 1.9)
+    al, be = columns["alpha"], columns["beta"]
+    # the hub is at the c.g.: rotation does not move it
+    J = columns["V"] * np.cos(al) * np.cos(be) / (n * 1.9)
     np.testing.assert_allclose(data["engine1.J"], J)
     CT = np.interp(
         J, engine.propeller.tables["CT_prop"]["J"], engine.propeller.tables["CT_prop"]["value"]
@@ -338,6 +341,26 @@ def test_regressors_of_power_need_no_channel_of_thrust():
         found = regress(model, data.assign(Cm=made))
         slope = found.estimates["estimate"].sel(term=regressor)
         assert float(slope) == pytest.approx(0.15, rel=1e-6)
+
+
+def test_points_of_a_crankshaft_tachometer_are_those_of_the_shaft():
+    """Speed and its rate, so that the power that spins up the rotor is the same."""
+    engine = engines()["chart"]
+    geared = replace(engine, propeller=replace(engine.propeller, gear_ratio=2.43))
+    craft = flightmech.Aircraft("one", 16.0, 1.5, 11.0, 1050.0, 1e3, 2e3, 3e3, engines=(geared,))
+    time = np.arange(0.0, 6.0, 0.1)
+    columns = {"V": 50.0 + time, "h": 1000.0 + 0.0 * time}
+    columns["engine1.manifold_pressure"] = 8e4 + 0.0 * time
+    powers = []
+    for name, factor in (("rpm", 1.0), ("engine_rpm", 2.43)):
+        own = columns | {f"engine1.{name}": factor * (230.0 + 1.4 * time)}
+        record = xr.Dataset({key: ("time", x) for key, x in own.items()}, {"time": time})
+        points = propeller_points([record], craft)
+        np.testing.assert_allclose(points["engine1.rpm_dot"], 1.4)
+        equations = PropulsionEquations(points, craft, Polar(0.03, 0.05, 0.003, 0.005))
+        (state,) = equations.uncorrected_states({}, equations.measured({}))
+        powers.append(float(state.shaft[0]))
+    assert powers[1] == pytest.approx(powers[0], rel=1e-12)
 
 
 # ---- power changes ----------------------------------------------------------------------------

@@ -388,10 +388,9 @@ class PropulsionEquations:
         along, across = np.zeros(self.count), np.zeros(self.count)
         for engine, state in zip(self.aircraft.engines, states):
             T = state.CT * thrust_unit(self.propeller, state.at)
-            angle = columns.get("alpha", 0.0 * T) + np.arctan2(
-                -engine.direction[2], engine.direction[0]
-            )
-            along, across = along + T * np.cos(angle), across + T * np.sin(angle)
+            al, (x, _, z) = columns.get("alpha", 0.0 * T), engine.direction
+            along = along + T * (x * np.cos(al) + z * np.sin(al))
+            across = across + T * (x * np.sin(al) - z * np.cos(al))
         q_S = 0.5 * columns["rho"] * columns["V"] ** 2 * self.aircraft.S
         CL = (columns["mass"] * columns["lift_force"] - across) / q_S
         return along - q_S * (value["CD0"] + value["K"] * CL**2)
