@@ -359,6 +359,27 @@ def test_lever_trims_from_a_flat_chart(make_aircraft, make_tree):
     # the rudder turns against the windmilling left engine
     assert float(one["engine1.thrust"]) < 0.0 < float(one["engine2.thrust"])
     assert float(one["applied.delta_r"]) < -1e-3
+    # under a recorded speed or pressure the drag of the failed engine is that of the record
+    failed = {"kind": "level", "fixed": {"engine1.failed": 1.0}}
+    for mode, drive in ((3.0, "torque"), (4.0, "rpm"), (5.0, "manifold_pressure")):
+        with pytest.raises(SchemaError, match=rf"engine1\.{drive}_drive, which is not given"):
+            flightmech.trim(sim, start | {"mode.engine": mode}, **failed)
+    driven = start | {"mode.engine": 4.0, "engine1.rpm_drive": float(one["engine1.rpm"])}
+    again = flightmech.trim(sim, driven, **failed)
+    assert float(again["engine1.thrust"]) == pytest.approx(float(one["engine1.thrust"]), rel=1e-4)
+
+
+def test_a_failed_engine_with_a_table_of_power_windmills(make_aircraft, make_tree):
+    """It has no fuel to cut off: its power is taken away."""
+    power = make_term([0.0, 2e5], {"throttle": [0.0, 1.0]})
+    blades = Propeller(BLADES | {"shaft_power": power}, diameter=D, inertia=2.0, rpm_high=RATED)
+    engines = tuple(Engine((1.0, y, 0.0), propeller=blades) for y in (-1.5, 1.5))
+    sim = flightmech.compile(make_aircraft(engines=engines), make_tree({"CD/basic": make_term(0.0)}))
+    found = flightmech.trim(
+        sim, {"init.V": 55.0}, unknowns=["alpha"], residuals=["p_dot"], fixed={"engine1.failed": 1.0}
+    )
+    assert float(found["engine1.torque"]) == pytest.approx(0.0, abs=1e-6)
+    assert float(found["engine1.rpm"]) > 50.0
 
 
 def test_speed_is_a_state_of_the_linear_model(make_aircraft, make_tree):
