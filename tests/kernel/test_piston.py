@@ -374,9 +374,15 @@ def test_a_failed_engine_with_a_table_of_power_windmills(make_aircraft, make_tre
     power = make_term([0.0, 2e5], {"throttle": [0.0, 1.0]})
     blades = Propeller(BLADES | {"shaft_power": power}, diameter=D, inertia=2.0, rpm_high=RATED)
     engines = tuple(Engine((1.0, y, 0.0), propeller=blades) for y in (-1.5, 1.5))
-    sim = flightmech.compile(make_aircraft(engines=engines), make_tree({"CD/basic": make_term(0.0)}))
+    sim = flightmech.compile(
+        make_aircraft(engines=engines), make_tree({"CD/basic": make_term(0.0)})
+    )
     found = flightmech.trim(
-        sim, {"init.V": 55.0}, unknowns=["alpha"], residuals=["p_dot"], fixed={"engine1.failed": 1.0}
+        sim,
+        {"init.V": 55.0},
+        unknowns=["alpha"],
+        residuals=["p_dot"],
+        fixed={"engine1.failed": 1.0},
     )
     assert float(found["engine1.torque"]) == pytest.approx(0.0, abs=1e-6)
     assert float(found["engine1.rpm"]) > 50.0

@@ -58,6 +58,7 @@ from flighttest.submodels.engine.propellers.corrections import (
     corrected,
     relative_error,
 )
+from flighttest.submodels.engine.propellers.engine_type import check_one_type
 from flighttest.submodels.engine.propellers.instruments import (
     INSTRUMENTS,
     instrument_shares,
@@ -77,7 +78,7 @@ class PropulsionEquations:
     points : Dataset (point,)
         As `propeller_points` returns them.
     aircraft : Aircraft
-        All engines have the tables of the first one.
+        All engines are of the type of the first one.
     polar : Polar
         A-priori drag polar with standard errors.
     errors : mapping of str to float, optional
@@ -91,6 +92,12 @@ class PropulsionEquations:
         ``CT_prop``, ``CP_prop`` over J, and ``power`` over its axis.
     power_axis : str
         Axis of the slope of the power; empty without one.
+
+    Raises
+    ------
+    IdentificationError
+        Engines of several types, a propeller that does not turn, or no measured power of a governed
+        propeller.
     """
 
     def __init__(
@@ -103,6 +110,7 @@ class PropulsionEquations:
         self._kept: tuple[tuple[float, ...], Condition, list[_ShaftState]] | None = None
         # a recorded fuel flow that is not compared
         self.metered = False
+        check_one_type(aircraft)
         self.aircraft, self.count = aircraft, points.sizes["point"]
         self.left_out = str(points.attrs.get("left_out", ""))
         self.accelerometer = points.attrs.get("force") == "accelerometer"
