@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import aeroplane
@@ -77,7 +78,7 @@ class Flight:
         self.x = [aeroplane.START.get(name, 0.0) for name in aeroplane.STATES]
         self.x[11], self.x[15], self.x[19] = altitude * FT, 0.5, 0.5
         self.x[13] = self.x[17] = 1.0
-        p, T, density, _ = aeroplane.air(altitude * FT)
+        density = aeroplane.air(altitude * FT)[2]
         self.speed = cas * KT * math.sqrt(1.225 / density)
         self.x[0] = self.speed
         self.want = {"elevator": 0.0, "aileron": 0.0, "rudder": 0.0, "lever1": lever, "lever2": lever}
@@ -92,7 +93,8 @@ class Flight:
         self.rows: list[dict[str, float]] = []
 
     def see(self) -> dict[str, float]:
-        rate, seen = aeroplane.derivatives(self.x, self.have)
+        """Return states, controls and what there is to measure."""
+        _, seen = aeroplane.derivatives(self.x, self.have)
         return dict(zip(aeroplane.STATES, self.x)) | seen | self.have
 
     def hold(self) -> None:
@@ -124,6 +126,7 @@ class Flight:
                 want[f"lever{k}"] = min(max(lever, 0.0), 1.0)
 
     def step(self) -> None:
+        """Advance by one record."""
         for _ in range(STEPS):
             dt = 1.0 / (RATE * STEPS)
             for name, limit in self.SLEW.items():
@@ -134,7 +137,8 @@ class Flight:
             self.x = aeroplane.advance(self.x, self.have, dt)
         self.rows.append(self.see())
 
-    def during(self, seconds: float, action=None) -> None:
+    def during(self, seconds: float, action: Callable[[float], None] | None = None) -> None:
+        """Fly for a time; an action gets the time since its begin."""
         for k in range(round(seconds * RATE)):
             if action:
                 action(k / RATE)
@@ -266,11 +270,17 @@ def test_point(a: float) -> list[tuple]:
     ]
 
 
+ONE_ENGINE = [
+    ("free", 5.0),
+    ("steps", "rudder", 0.08, 1.2, DOUBLET, 6.0),
+    ("hold", 8.0),
+    ("steps", "aileron", 0.08, 0.7, STEPS_3211, 3.0),
+]
 # name: calibrated airspeed [kt], pressure altitude [ft], cards, what else
 PROGRAMME = {
     "slow": (115.0, 6000.0, test_point(1.2), {}),
     "fast": (165.0, 6000.0, test_point(0.7), {}),
-    "engine_out": (120.0, 6000.0, [("free", 5.0), ("steps", "rudder", 0.08, 1.2, DOUBLET, 6.0), ("hold", 8.0), ("steps", "aileron", 0.08, 0.7, STEPS_3211, 3.0)], {"failed": 2}),
+    "engine_out": (120.0, 6000.0, ONE_ENGINE, {"failed": 2}),
     "check_short_period": (140.0, 7000.0, [("free", 4.0), ("steps", "elevator", 0.04, 0.8, DOUBLET, 6.0)], {}),
     "check_phugoid": (140.0, 7000.0, [("free", 4.0), ("steps", "elevator", 0.02, 2.5, [(-1, 1)], 75.0)], {}),
     "check_roll": (140.0, 7000.0, [("free", 4.0), ("steps", "aileron", 0.12, 2.0, [(1, 1)], 4.0)], {}),

@@ -27,6 +27,8 @@ from flightmech.units import G0
 
 # Unknown that brings about the value of an output, in any kind.
 UNKNOWN_FOR = {"V_cas": "V", "mach": "V", "qbar": "V", "hdot": "gamma", "h_agl": "h"}
+# Tables of thrust or power of an engine that has no fuel to cut off.
+_POWER_TABLES = ("thrust", "shaft_power", "corrected_shaft_power")
 # Input that drives an engine, by mode.engine.
 DRIVES = {
     0.0: "throttle",
@@ -47,13 +49,27 @@ _PILOT_FORCE = 100.0  # size of a pilot force [N]
 # ends at this multiple of it.
 _SHAFT_DRIVES = (".torque_drive", ".rpm_drive", ".manifold_pressure_drive")
 _GUESS = 0.7
-# Tables of thrust or power of an engine that has no fuel to cut off.
-_POWER_TABLES = ("thrust", "shaft_power", "corrected_shaft_power")
 _MOST_DRIVE = 3.0
 _CLIMB = 5.0  # [m/s]
 _TYRE = 0.2  # largest deflection of a tyre along the ground [m]
 # Height of the reference point on the ground, from the runway: lower and upper limit, size. [m]
 _ABOVE_RUNWAY = TrimLimits(-20.0, 50.0, 10.0)
+
+
+def stopping_values(engine: str, sim: SimModel) -> dict[str, float]:
+    """Return inputs and parameters that take the fuel from an engine that the lever drives.
+
+    Parameters
+    ----------
+    engine : str
+        ``engine1`` ...
+    sim : SimModel
+    """
+    if f"{engine}.cutoff" in sim.inputs:
+        return {f"{engine}.cutoff": 1.0}
+    # an engine of a table alone has no fuel
+    names = [f"term.{engine}.{table}" for table in _POWER_TABLES]
+    return dict.fromkeys([name for name in names if name in sim.parameters], 0.0)
 
 
 class Request(NamedTuple):
@@ -278,12 +294,7 @@ class _RequestResolver:
                     ],
                 )
             return {f"{engine}.cutoff": 1.0} if f"{engine}.cutoff" in self.rows else {}
-        # with its fuel cut off, the engine windmills
-        if f"{engine}.cutoff" in self.rows:
-            return {f"{engine}.cutoff": 1.0}
-        # an engine of a table alone has no fuel
-        names = [f"term.{engine}.{table}" for table in _POWER_TABLES]
-        return dict.fromkeys([name for name in names if name in self.rows], 0.0)
+        return stopping_values(engine, self.sim)
 
     def _power_inputs(self, solve_for: Sequence[str] = ()) -> tuple[str, ...]:
         """Return the inputs of all running engines that the request does not name."""
