@@ -66,7 +66,9 @@ def coefficients(J: float, angle: float) -> tuple[float, float]:
     values = []
     for rows in _ROWS:
         a, b = rows[i], rows[i + 1]
-        values.append((1 - f) * ((1 - g) * a[k] + g * a[k + 1]) + f * ((1 - g) * b[k] + g * b[k + 1]))
+        values.append(
+            (1 - f) * ((1 - g) * a[k] + g * a[k + 1]) + f * ((1 - g) * b[k] + g * b[k + 1])
+        )
     return values[0], values[1]
 
 
@@ -168,7 +170,13 @@ def derivatives(x: list[float], controls: dict[str, float]) -> tuple[list[float]
     euler = [p + (q * sp + r * cp) * st / ct, q * cp - r * sp, (q * sp + r * cp) / ct]
     rate = [ud, vd, wd, pd, qd, rd, *euler, north, east, climb, *rates]
     seen |= {"ax": ax, "ay": ay, "az": az, "p_dot": pd, "q_dot": qd, "r_dot": rd, "V": V}
-    seen |= {"vn": north, "ve": east, "vd": -climb, "p_static": pressure, "temperature": temperature}
+    seen |= {
+        "vn": north,
+        "ve": east,
+        "vd": -climb,
+        "p_static": pressure,
+        "temperature": temperature,
+    }
     seen |= {"mach": V / sound, "alpha": al, "beta": be}
     return rate, seen
 

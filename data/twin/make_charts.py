@@ -27,11 +27,15 @@ def propeller_tables(rng: np.random.Generator) -> dict:
     """Return CT, CP, force in the disk and P-factor."""
     pairs = [[aeroplane.coefficients(x, y) for y in ANGLES] for x in J]
     tables = {}
-    for name, values, level in zip(("CT_prop", "CP_prop"), np.moveaxis(np.array(pairs), 2, 0), (1.02, 0.98)):
+    for name, values, level in zip(
+        ("CT_prop", "CP_prop"), np.moveaxis(np.array(pairs), 2, 0), (1.02, 0.98)
+    ):
         size = 0.3
         noise = 0.01 * size * rng.standard_normal(values.shape) * (values > 0.02)
         slope = 1.0 + 0.01 * (J[:, None] - 1.2)
-        tables[name] = make_term(np.round(level * slope * values + 0.3 * noise, 4), {"J": J, "blade_angle": ANGLES})
+        tables[name] = make_term(
+            np.round(level * slope * values + 0.3 * noise, 4), {"J": J, "blade_angle": ANGLES}
+        )
     ends = {"J": [0.0, 3.4]}
     tables["CN_prop"] = make_term([0.10, 0.20], ends)
     tables["CM_prop"] = make_term([0.013, 0.050], ends)
@@ -42,13 +46,13 @@ def propeller_tables(rng: np.random.Generator) -> dict:
 def power_chart() -> tuple[np.ndarray, dict]:
     """Return the power over gas generator speed, ambient pressure and Mach number. [W]"""
     heights, numbers = (6000.0, 4000.0, 2000.0, 0.0), [0.0, 0.3]
-    speeds = [0.12, 0.55, 0.65, 0.75, 0.85, 0.95, 1.0]
+    speeds = [0.0, 0.12, 0.55, 0.65, 0.75, 0.85, 0.95, 1.0]
     power = np.zeros((len(speeds), len(heights), len(numbers)))
     ratios = []
     for k, h in enumerate(heights):
         pressure, _, density, _ = aeroplane.air(h)
         ratios.append(round(pressure / aeroplane.P0, 4))
-        for i, n1 in enumerate(speeds[1:], 1):
+        for i, n1 in enumerate(speeds[2:], 2):
             power[i, k] = [aeroplane.engine_power(n1, mach, density) for mach in numbers]
     axes = {"n1": speeds, "pressure_ratio": ratios, "mach": numbers}
     return np.round(1.02 * power, -1), axes
@@ -72,7 +76,9 @@ def main(folder: Path) -> None:
     rng = np.random.default_rng(743)
     write_tables(propeller_tables(rng), folder / "propeller.nc")
     write_tables(engine_tables(), folder / "engine.nc")
-    print(f"written: propeller.nc engine.nc; stops {math.degrees(aeroplane.LOW):g} and {math.degrees(aeroplane.HIGH):g} deg")
+    print(
+        f"written: propeller.nc engine.nc; stops {math.degrees(aeroplane.LOW):g} and {math.degrees(aeroplane.HIGH):g} deg"
+    )
 
 
 if __name__ == "__main__":

@@ -28,7 +28,15 @@ BIAS = {"p": 0.04, "q": -0.03, "r": 0.05, "phi": -0.07, "theta": 0.06, "psi": 0.
 BIAS |= {"nx": 0.002, "ny": -0.003, "nz": 0.005, "alpha": 0.35, "beta": -0.30, "oat": 0.4}
 BIAS |= {"elevator": 0.10, "aileron": -0.10, "rudder": 0.12}
 FACTOR = {"alpha": 1.05, "beta": 1.03, "torque1": 1.006, "torque2": 0.995}
-DELAY = {"cas": 0.10, "altitude": 0.10, "oat": 0.10, "vn": 0.15, "ve": 0.15, "vs": 0.15, "gps": 0.15}
+DELAY = {
+    "cas": 0.10,
+    "altitude": 0.10,
+    "oat": 0.10,
+    "vn": 0.15,
+    "ve": 0.15,
+    "vs": 0.15,
+    "gps": 0.15,
+}
 NOISE = {"p": 0.03, "q": 0.03, "r": 0.03, "phi": 0.03, "theta": 0.03, "psi": 0.05}
 NOISE |= {"nx": 0.002, "ny": 0.002, "nz": 0.004, "alpha": 0.08, "beta": 0.08, "cas": 0.15}
 NOISE |= {"altitude": 1.5, "oat": 0.1, "elevator": 0.03, "aileron": 0.03, "rudder": 0.03}
@@ -74,14 +82,22 @@ class Flight:
 
     SLEW = {"elevator": 0.7, "aileron": 0.7, "rudder": 0.7, "lever1": 0.8, "lever2": 0.8}
 
-    def __init__(self, cas: float, altitude: float, lever: float, failed: int, climbs: bool) -> None:
+    def __init__(
+        self, cas: float, altitude: float, lever: float, failed: int, climbs: bool
+    ) -> None:
         self.x = [aeroplane.START.get(name, 0.0) for name in aeroplane.STATES]
         self.x[11], self.x[15], self.x[19] = altitude * FT, 0.5, 0.5
         self.x[13] = self.x[17] = 1.0
         density = aeroplane.air(altitude * FT)[2]
         self.speed = cas * KT * math.sqrt(1.225 / density)
         self.x[0] = self.speed
-        self.want = {"elevator": 0.0, "aileron": 0.0, "rudder": 0.0, "lever1": lever, "lever2": lever}
+        self.want = {
+            "elevator": 0.0,
+            "aileron": 0.0,
+            "rudder": 0.0,
+            "lever1": lever,
+            "lever2": lever,
+        }
         self.want |= {"cut1": 0.0, "cut2": 0.0}
         if failed:
             self.want[f"cut{failed}"] = 1.0
@@ -183,7 +199,9 @@ def fly(cas: float, altitude: float, cards: list[tuple], **more) -> pd.DataFrame
             size, seconds = values
 
             def pull(t: float, size=size, seconds=seconds, start=start) -> None:
-                f.want["elevator"] = start["elevator"] - size * math.sin(2.0 * math.pi * t / seconds)
+                f.want["elevator"] = start["elevator"] - size * math.sin(
+                    2.0 * math.pi * t / seconds
+                )
 
             f.during(seconds, pull)
         elif kind == "sideslip":
@@ -231,8 +249,14 @@ def measured(motion: pd.DataFrame, wind: np.ndarray, seed: int) -> pd.DataFrame:
     }
     # the heading of the simulation is 40 deg less
     c, s = math.cos(40.0 * DEG), math.sin(40.0 * DEG)
-    x |= {"vn": (m["vn"] * c - m["ve"] * s) / KT + wind[0], "ve": (m["vn"] * s + m["ve"] * c) / KT + wind[1]}
-    x |= {name: m[name] / DEG for name in ("phi", "theta", "p", "q", "r", "elevator", "aileron", "rudder")}
+    x |= {
+        "vn": (m["vn"] * c - m["ve"] * s) / KT + wind[0],
+        "ve": (m["vn"] * s + m["ve"] * c) / KT + wind[1],
+    }
+    x |= {
+        name: m[name] / DEG
+        for name in ("phi", "theta", "p", "q", "r", "elevator", "aileron", "rudder")
+    }
     for k in (1, 2):
         x |= {f"lever{k}": 100 * m[f"lever{k}"], f"ng{k}": 100 * m[f"ng{k}"]}
         x |= {f"torque{k}": m[f"torque{k}"], f"rpm{k}": m[f"rpm{k}"] * 30 / np.pi}
@@ -276,20 +300,51 @@ ONE_ENGINE = [
     ("hold", 8.0),
     ("steps", "aileron", 0.08, 0.7, STEPS_3211, 3.0),
 ]
+SLAM_AND_CHOP = [("free", 4.0), ("lever", 0.05, 10.0), ("lever", 1.0, 9.0), ("lever", 0.0, 9.0)]
 # name: calibrated airspeed [kt], pressure altitude [ft], cards, what else
 PROGRAMME = {
     "slow": (115.0, 6000.0, test_point(1.2), {}),
     "fast": (165.0, 6000.0, test_point(0.7), {}),
     "engine_out": (120.0, 6000.0, ONE_ENGINE, {"failed": 2}),
-    "check_short_period": (140.0, 7000.0, [("free", 4.0), ("steps", "elevator", 0.04, 0.8, DOUBLET, 6.0)], {}),
-    "check_phugoid": (140.0, 7000.0, [("free", 4.0), ("steps", "elevator", 0.02, 2.5, [(-1, 1)], 75.0)], {}),
-    "check_roll": (140.0, 7000.0, [("free", 4.0), ("steps", "aileron", 0.12, 2.0, [(1, 1)], 4.0)], {}),
-    "check_dutch_roll": (140.0, 7000.0, [("free", 4.0), ("steps", "rudder", 0.10, 1.0, DOUBLET, 12.0)], {}),
+    "check_short_period": (
+        140.0,
+        7000.0,
+        [("free", 4.0), ("steps", "elevator", 0.04, 0.8, DOUBLET, 6.0)],
+        {},
+    ),
+    "check_phugoid": (
+        140.0,
+        7000.0,
+        [("free", 4.0), ("steps", "elevator", 0.02, 2.5, [(-1, 1)], 75.0)],
+        {},
+    ),
+    "check_roll": (
+        140.0,
+        7000.0,
+        [("free", 4.0), ("steps", "aileron", 0.12, 2.0, [(1, 1)], 4.0)],
+        {},
+    ),
+    "check_dutch_roll": (
+        140.0,
+        7000.0,
+        [("free", 4.0), ("steps", "rudder", 0.10, 1.0, DOUBLET, 12.0)],
+        {},
+    ),
     "check_power": (140.0, 7000.0, [("free", 6.0), ("lever", 0.2, 17.5)], {}),
-    "check_slam": (130.0, 7000.0, [("free", 4.0), ("lever", 0.05, 10.0), ("lever", 1.0, 9.0)], {}),
-    "check_engine_failure": (120.0, 3000.0, [("free", 6.0), ("fail", 1, 6.0)], {"lever": 0.85, "climbs": True}),
+    "check_slam": (130.0, 7000.0, SLAM_AND_CHOP, {}),
+    "check_engine_failure": (
+        120.0,
+        3000.0,
+        [("free", 6.0), ("fail", 1, 6.0)],
+        {"lever": 0.85, "climbs": True},
+    ),
     "check_one_engine_trim": (125.0, 5000.0, [("hold", 12.0)], {"failed": 1}),
-    "check_one_engine_climb": (115.0, 3000.0, [("hold", 25.0)], {"failed": 1, "lever": 1.0, "climbs": True}),
+    "check_one_engine_climb": (
+        115.0,
+        3000.0,
+        [("hold", 25.0)],
+        {"failed": 1, "lever": 1.0, "climbs": True},
+    ),
 }
 
 
