@@ -23,7 +23,7 @@ EXAMPLES = {
     "deg and lbf",
     "t37": "jet trainer: complete programme with flaps, engine, landing gear and control forces, "
     "the one of aeromatch demo",
-    "twin": "generic twin turboprop: engine failure and flight on one engine, torque and levers "
+    "commuter": "generic aeroplane with two turboprops: engine failure, one engine, torque and levers "
     "recorded, no thrust",
 }
 

@@ -205,8 +205,8 @@ def test_lever_angles_are_used_and_engines_of_two_types_are_refused(flown):
     (engine,) = prior.engines
     larger = replace(engine, propeller=replace(engine.propeller, diameter=3.0))
     other = replace(engine, propeller=replace(engine.propeller, rotation=-1))
-    twin = replace(prior, engines=(engine, other))
-    check_one_type(twin)
+    pair = replace(prior, engines=(engine, other))
+    check_one_type(pair)
     with pytest.raises(IdentificationError, match=r"engine 2 differs .* propeller\.diameter"):
         check_one_type(replace(prior, engines=(engine, larger)))
 

@@ -45,13 +45,13 @@ def _differing_tables(one: Engine, other: Engine) -> Iterator[str]:
 def _differing_constants(one: Engine, other: Engine) -> Iterator[str]:
     """Yield the names of parts and of their constants that two engines do not share."""
     for name in ("propeller", "piston", "deck", "motor"):
-        part, twin = getattr(one, name), getattr(other, name)
-        if (part is None) != (twin is None):
+        part, like = getattr(one, name), getattr(other, name)
+        if (part is None) != (like is None):
             yield name
         elif part is not None:
             for field in fields(part):
                 value = getattr(part, field.name)
                 if field.name in ("rotation", "tables") or not isinstance(value, (int, float)):
                     continue
-                if value != getattr(twin, field.name):
+                if value != getattr(like, field.name):
                     yield f"{name}.{field.name}"

@@ -1,4 +1,4 @@
-"""The twin turboprop of the examples: charts and engines of the product against its own equations."""
+"""The aeroplane with two turboprops of the examples: charts and engines of the product against its own equations."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ import xarray as xr
 import flightmech
 from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 
-TWIN = Path(__file__).parents[3] / "data" / "twin"
+COMMUTER = Path(__file__).parents[3] / "data" / "commuter"
 
 
 @pytest.fixture(scope="module")
 def aeroplane():
-    sys.path.insert(0, str(TWIN))
+    sys.path.insert(0, str(COMMUTER))
     try:
-        import aeroplane  # the truth of the example, beside its files
+        import aeroplane  # the truth of the example, next to its files
     finally:
-        sys.path.remove(str(TWIN))
+        sys.path.remove(str(COMMUTER))
     return aeroplane
 
 
 @pytest.fixture(scope="module")
 def craft():
-    return flightmech.read_aircraft(TWIN / "aircraft.toml")
+    return flightmech.read_aircraft(COMMUTER / "aircraft.toml")
 
 
 def test_thrust_of_torque_and_speed_is_that_of_the_aeroplane(aeroplane, craft):

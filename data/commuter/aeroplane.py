@@ -1,4 +1,4 @@
-"""The aeroplane of the recordings: a twin turboprop commuter with numbers of our own.
+"""The aeroplane of the recordings: a commuter with two turboprops, with numbers of our own.
 
 Its equations are not those of the product: propellers of one blade section with induced velocity,
 gas generators and governors of their own laws, aerodynamics with effects of the slipstream. Body
