@@ -1,4 +1,4 @@
-"""The aeroplane with two turboprops of the examples: charts and engines of the product against its own equations."""
+"""Charts and engines of the example with two turboprops against the equations of its aeroplane."""
 
 from __future__ import annotations
 
