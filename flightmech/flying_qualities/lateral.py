@@ -18,7 +18,7 @@ from flightmech.flying_qualities.control_forces import (
     missing_for_force,
 )
 from flightmech.simulation.run import simulate
-from flightmech.steady_flight.engine_thrust import NO_THRUST, full_thrust, has_thrust
+from flightmech.steady_flight.engine_thrust import NO_THRUST, full_loads, has_thrust
 from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import Point
 from flightmech.support.arrays import integrate_trapezoids
@@ -39,6 +39,8 @@ _SAMPLE_TIME = 0.02  # of the roll [s]
 _FASTEST, _SPEED_COUNT, _SPEED_TOLERANCE = 3.0, 25, 1e-4
 # Least distance of an engine from the centre line that matters, in spans.
 _LEAST_ARM = 0.01
+# Relative difference of the arms of engines that are equally far from the centre line.
+_SAME_ARM = 0.01
 
 
 def sideslip_rows(point: Point) -> list[Characteristic]:
@@ -168,7 +170,8 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
     """Return the minimum control speed with the critical engine inoperative, as a row.
 
     It is the lowest speed at which rudder and ailerons balance the asymmetric thrust with 5 degrees
-    of bank.
+    of bank. Propellers: the failed one windmills, and the torque of all is balanced too; P-factor
+    and force in the disk are not, and neither are rotors.
 
     Parameters
     ----------
@@ -182,11 +185,21 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
     reason = _missing_for_control_speed(point, arms)
     if reason:
         return absent_rows(ROLL, names, reason)
+    farthest = float(np.max(np.abs(arms)))
     failed = int(np.argmax(np.abs(arms)))
     text = (
         f"engine {failed + 1} gives no thrust, the others full; bank 5 deg towards them; "
         f"without windmilling drag"
     )
+    if point.aircraft.engines[0].propeller is not None:
+        # torque and roll make one of two propellers at equal arms the critical one
+        outer = [k for k, arm in enumerate(arms) if abs(arm) > (1.0 - _SAME_ARM) * farthest]
+        start = point.trim_level(1.2 * slowest)
+        failed = max(outer, key=lambda k: _control_share(start, k))
+        text = (
+            f"engine {failed + 1} windmills without fuel, the others full; bank 5 deg towards "
+            f"them; with torque, without P-factor"
+        )
 
     def is_controllable(V: float) -> bool:
         return _control_share(point.trim_level(V), failed) <= 1.0
@@ -242,12 +255,13 @@ def _control_share(flight: Point, failed: int) -> float:
     craft = flight.aircraft
     # the bank is towards the running engines
     side = -1.0 if craft.engines[failed].position[1] > flight.cg[1] else 1.0
-    thrusts = full_thrust(flight)
-    thrusts[failed] = 0.0
+    thrusts, torques = full_loads(flight, failed)
     moment = np.zeros(3)
-    for engine, thrust in zip(craft.engines, thrusts, strict=True):
-        arm = np.array(engine.position) - flight.cg
-        moment += np.cross(arm, thrust * np.array(engine.direction))
+    for engine, thrust, torque in zip(craft.engines, thrusts, torques, strict=True):
+        line = np.array(engine.direction)
+        moment += np.cross(np.array(engine.position) - flight.cg, thrust * line)
+        if engine.propeller is not None:
+            moment -= engine.propeller.rotation * torque * line
     power = flight.thrust_variables(thrusts)
     # side force of gravity and moments of the thrust over qbar S and qbar S b
     qS = flight["qbar"] * craft.S

@@ -27,6 +27,8 @@ from flightmech.units import G0
 
 # Unknown that brings about the value of an output, in any kind.
 UNKNOWN_FOR = {"V_cas": "V", "mach": "V", "qbar": "V", "hdot": "gamma", "h_agl": "h"}
+# Tables of thrust or power of an engine that has no fuel to cut off.
+_POWER_TABLES = ("thrust", "shaft_power", "corrected_shaft_power")
 # Input that drives an engine, by mode.engine.
 DRIVES = {
     0.0: "throttle",
@@ -52,6 +54,22 @@ _CLIMB = 5.0  # [m/s]
 _TYRE = 0.2  # largest deflection of a tyre along the ground [m]
 # Height of the reference point on the ground, from the runway: lower and upper limit, size. [m]
 _ABOVE_RUNWAY = TrimLimits(-20.0, 50.0, 10.0)
+
+
+def stopping_values(engine: str, sim: SimModel) -> dict[str, float]:
+    """Return inputs and parameters that take the fuel from an engine that the lever drives.
+
+    Parameters
+    ----------
+    engine : str
+        ``engine1`` ...
+    sim : SimModel
+    """
+    if f"{engine}.cutoff" in sim.inputs:
+        return {f"{engine}.cutoff": 1.0}
+    # an engine of a table alone has no fuel
+    names = [f"term.{engine}.{table}" for table in _POWER_TABLES]
+    return dict.fromkeys([name for name in names if name in sim.parameters], 0.0)
 
 
 class Request(NamedTuple):
@@ -253,15 +271,30 @@ class _RequestResolver:
         return failed
 
     def _stopped_engine(self, engine: str) -> dict[str, float]:
-        """Return the values that stop an engine."""
+        """Return the values that stop an engine.
+
+        Raises
+        ------
+        SchemaError
+            Torque, speed or manifold pressure drives the engines, and is not given for this one.
+        """
         if self.drive == "thrust_drive":
             return {f"{engine}.thrust_drive": 0.0}
-        if self.drive == "torque_drive":
-            return {f"{engine}.torque_drive": 0.0}
-        # with its fuel cut off, the engine windmills
-        if f"{engine}.cutoff" in self.rows:
-            return {f"{engine}.cutoff": 1.0}
-        return {f"term.{engine}.thrust": 0.0}
+        recorded = DRIVES.get(self._value("mode.engine"), self.drive)
+        if f".{recorded}" in _SHAFT_DRIVES:
+            # The drive decides whether the propeller windmills, turns without friction, or stops.
+            name = f"{engine}.{recorded}"
+            if name not in self.values and name not in self.fixed:
+                raise SchemaError(
+                    f"trim, kind {self.name}",
+                    [
+                        f"{engine}.failed: with mode.engine {self._value('mode.engine'):g} the drag "
+                        f"of a failed engine is that of {name}, which is not given; give it, or "
+                        f"trim with mode.engine 0, in which the propeller windmills without fuel"
+                    ],
+                )
+            return {f"{engine}.cutoff": 1.0} if f"{engine}.cutoff" in self.rows else {}
+        return stopping_values(engine, self.sim)
 
     def _power_inputs(self, solve_for: Sequence[str] = ()) -> tuple[str, ...]:
         """Return the inputs of all running engines that the request does not name."""

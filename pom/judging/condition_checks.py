@@ -6,7 +6,6 @@ holds, and raises `NotChecked` if record or aircraft file lack what it needs.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -37,7 +36,6 @@ ALLOWANCE = 1.0 * DEGREE  # of a bank angle that a pilot holds
 STOPPED_ENGINE = 0.1  # thrust over that of the other engines
 BACK = 0.1  # of the largest change: a control is back at neutral
 _RATES = {"2.b.4": "q", "2.b.5": "p", "2.b.6": "r"}
-_THRUST = re.compile(r"^engine(\d+)\.thrust$")
 _SECOND = 1e-9
 
 
@@ -312,14 +310,25 @@ def _check_speed_change(flown: FlownCase) -> str:
 
 
 def _check_engine_out(flown: FlownCase) -> str:
-    names = sorted(name for name in flown.flight if _THRUST.match(name))
-    if len(names) < 2:
-        raise NotChecked("the record has no thrust of two engines")
-    thrust = [float(np.nanmean(flown.flight[name])) for name in names]
-    if min(thrust) <= STOPPED_ENGINE * max(thrust):
+    for quantity in ("thrust", "torque"):
+        names = sorted(name for name in flown.flight if _engine_number(name, quantity))
+        if len(names) >= 2:
+            break
+    else:
+        raise NotChecked("the record has neither thrust nor torque of two engines")
+    power = [float(np.nanmean(flown.flight[name])) for name in names]
+    if min(power) <= STOPPED_ENGINE * max(power):
         return ""
-    share = 100.0 * min(thrust) / max(thrust)
-    return f"the weakest engine has {share:.0f} % of the thrust of the strongest, none has failed"
+    share = 100.0 * min(power) / max(power)
+    return (
+        f"the weakest engine has {share:.0f} % of the {quantity} of the strongest, none has failed"
+    )
+
+
+def _engine_number(name: str, quantity: str) -> bool:
+    """Return whether a channel is a quantity of one engine."""
+    engine, _, last = name.rpartition(".")
+    return last == quantity and engine.removeprefix("engine").isdigit()
 
 
 def _check_runway(state: str) -> Callable[[FlownCase], str]:

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchError, SchemaError
+from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 from pom.cases.case import PomCase
 from pom.cases.case_file import SHOWN
 from pom.cases.fact_agreement import check_record_facts
@@ -320,7 +322,11 @@ def _compare_with_evidence(
     if evidence is None:
         return {}
     try:
-        comparison = Evidence(evidence, plan.states, hinges=plan.case.drive.level != "recorded")
+        states = plan.states
+        if plan.case.aircraft:
+            # terms over CT or J of a propeller aircraft whose record has no thrust
+            states = with_propeller_channels(states, read_aircraft(plan.case.aircraft))
+        comparison = Evidence(evidence, states, hinges=plan.case.drive.level != "recorded")
     except AeromatchError as error:
         text = f"not compared with the flight evidence: {error}"
         return dict.fromkeys(models, (RowRemark("no_evidence", text),))

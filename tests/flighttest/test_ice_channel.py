@@ -17,5 +17,7 @@ def test_a_flight_may_be_iced_from_start_to_end():
         return channel_findings(record, pd.DataFrame([row]), None)
 
     assert findings("device.ice.setting") == []
+    # fuel lever and feather of an engine that runs, or does not, all the flight
+    assert findings("engine1.cutoff") == findings("engine1.feather") == []
     assert [found.kind for found in findings("temperature")] == ["stuck"]
     assert is_control("device.ice.setting")

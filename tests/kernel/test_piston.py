@@ -12,7 +12,10 @@ import flightmech
 from flightmech import air
 from flightmech.aircraft import ElectricMotor, Engine, PistonEngine, Propeller
 from flightmech.errors import SchemaError
+from flightmech.flying_qualities.lateral import minimum_control_speed
 from flightmech.simulation.kernel import STATE, Simulation
+from flightmech.steady_flight.engine_thrust import full_loads
+from flightmech.steady_flight.trim_point import trimmed_at
 from flightmech.terms import make_term
 
 D, RATED = 1.9, 280.0
@@ -359,6 +362,70 @@ def test_lever_trims_from_a_flat_chart(make_aircraft, make_tree):
     # the rudder turns against the windmilling left engine
     assert float(one["engine1.thrust"]) < 0.0 < float(one["engine2.thrust"])
     assert float(one["applied.delta_r"]) < -1e-3
+    # under a recorded speed or pressure the drag of the failed engine is that of the record
+    failed = {"kind": "level", "fixed": {"engine1.failed": 1.0}}
+    for mode, drive in ((3.0, "torque"), (4.0, "rpm"), (5.0, "manifold_pressure")):
+        with pytest.raises(SchemaError, match=rf"engine1\.{drive}_drive, which is not given"):
+            flightmech.trim(sim, start | {"mode.engine": mode}, **failed)
+    driven = start | {"mode.engine": 4.0, "engine1.rpm_drive": float(one["engine1.rpm"])}
+    again = flightmech.trim(sim, driven, **failed)
+    assert float(again["engine1.thrust"]) == pytest.approx(float(one["engine1.thrust"]), rel=1e-4)
+
+
+def test_a_failed_engine_with_a_table_of_power_windmills(make_aircraft, make_tree):
+    """It has no fuel to cut off: its power is taken away."""
+    power = make_term([0.0, 2e5], {"throttle": [0.0, 1.0]})
+    blades = Propeller(BLADES | {"shaft_power": power}, diameter=D, inertia=2.0, rpm_high=RATED)
+    engines = tuple(Engine((1.0, y, 0.0), propeller=blades) for y in (-1.5, 1.5))
+    sim = flightmech.compile(
+        make_aircraft(engines=engines), make_tree({"CD/basic": make_term(0.0)})
+    )
+    found = flightmech.trim(
+        sim,
+        {"init.V": 55.0},
+        unknowns=["alpha"],
+        residuals=["p_dot"],
+        fixed={"engine1.failed": 1.0},
+    )
+    assert float(found["engine1.torque"]) == pytest.approx(0.0, abs=1e-6)
+    assert float(found["engine1.rpm"]) > 50.0
+
+
+def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, make_tree):
+    """Loads of the failed and of the full engine are those of the trim on one engine."""
+    power = make_term([0.0, 2e5], {"throttle": [0.0, 1.0]})
+    blades = Propeller(BLADES | {"shaft_power": power}, diameter=D, inertia=2.0, rpm_high=RATED)
+    engines = tuple(Engine((0.0, y, 0.0), propeller=blades) for y in (-1.5, 1.5))
+    limits = dict.fromkeys(("delta_e", "delta_a", "delta_r"), (-0.4, 0.4))
+    craft = make_aircraft(
+        engines=engines, mass=1800.0, limits=limits, cg=(0.0, 0.0, 0.0), Ixy=0.0, Ixz=0.0, Iyz=0.0
+    )
+    leaves = {
+        "CL/basic": make_term([-0.6, 1.4], {"alpha": [-0.2, 0.2]}),
+        "CD/basic": make_term(0.035),
+        "Cm/basic": make_term([0.2, -0.2], {"alpha": [-0.2, 0.2]}),
+        "Cm/elevator": make_term(-1.2, regressors=["delta_e"]),
+        "CY/beta": make_term(-0.5, regressors=["beta"]),
+        "Cn/beta": make_term(0.1, regressors=["beta"]),
+        "Cn/rudder": make_term(-0.03, regressors=["delta_r"]),
+        "Cl/beta": make_term(-0.1, regressors=["beta"]),
+        "Cl/aileron": make_term(-0.1, regressors=["delta_a"]),
+    }
+    level = trimmed_at(craft, make_tree(leaves), {"V": 55.0, "h": 1000.0})
+    thrust, torque = full_loads(level, failed=0)
+    assert thrust[0] < 0.0 < thrust[1]
+    start = {"init.V": 55.0, "init.h": 1000.0, "init.alpha": level["alpha"], "mode.engine": 0.0}
+    fixed = {"engine1.failed": 1.0, "engine2.throttle": 1.0}
+    flown = flightmech.trim(level.sim, start, unknowns=["beta"], residuals=["r_dot"], fixed=fixed)
+    # the trim has a sideslip
+    for k in (0, 1):
+        T, Q = (float(flown[f"engine{k + 1}.{name}"]) for name in ("thrust", "torque"))
+        assert thrust[k] == pytest.approx(T, rel=0.03)
+        assert torque[k] == pytest.approx(Q, rel=0.03, abs=1e-3)
+    (row,) = minimum_control_speed(level, 30.0)
+    assert "windmills without fuel" in row.remark
+    assert 30.0 < row.value < 70.0
+    assert full_loads(level)[0][0] > 0.0
 
 
 def test_speed_is_a_state_of_the_linear_model(make_aircraft, make_tree):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 import h5py
+import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft_file import read_aircraft
@@ -33,6 +34,7 @@ def run_propeller(
     *,
     output: str | None,
     as_json: bool,
+    pla: tuple[float, float] | None = None,
     unused: Sequence[str] = (),
 ) -> None:
     """Perform the command ``engine`` with an aircraft that has propellers.
@@ -53,6 +55,8 @@ def run_propeller(
         Aircraft to write.
     as_json : bool
         Print JSON.
+    pla : (idle, full), optional
+        Lever angles of idle and full power, where the records have angles. [deg]
     unused : sequence of str
         Options that only a jet uses and that were given.
 
@@ -72,7 +76,8 @@ def run_propeller(
     with show_progress(f"read {len(paths)} record{'s' if len(paths) > 1 else ''}"):
         records = [_read_record(path, names, rate) for path in paths]
     with show_progress("identify propeller and engine"):
-        found = identify_propeller(records, aircraft, polar, power_changes=records)
+        angles = (float(np.radians(pla[0])), float(np.radians(pla[1]))) if pla else None
+        found = identify_propeller(records, aircraft, polar, power_changes=records, pla=angles)
     if output:
         write_aircraft(found.aircraft(aircraft), Path(output))
     if as_json:

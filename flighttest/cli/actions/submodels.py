@@ -10,6 +10,7 @@ import click
 import h5py
 import numpy as np
 import xarray as xr
+from click.core import ParameterSource
 
 import aerodb
 from flightmech.aircraft.aircraft_file import read_aircraft
@@ -207,9 +208,13 @@ def run_engine(
         unused = {"--flights": whole, "--structure": structure_file, "--compare": compared}
         unused |= {"--start": starts, "--points": points_file, "--climbs": climbs_file}
         unused |= {"--prior": prior_file, "--area": area}
+        # all engines of the aircraft file are identified, each with its own channels
+        source = click.get_current_context().get_parameter_source("numbers")
+        unused |= {"--engine": source is not ParameterSource.DEFAULT}
         run_propeller(
             power_changes, names, aircraft_file, polar and Polar(*polar, *polar_stderr), rate,
-            output=output, as_json=as_json, unused=[name for name, given in unused.items() if given],
+            output=output, as_json=as_json, pla=pla,
+            unused=[name for name, given in unused.items() if given],
         )  # fmt: skip
         return
     angles = tuple(np.radians(pla)) if pla else None

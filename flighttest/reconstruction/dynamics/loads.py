@@ -24,6 +24,7 @@ from flighttest.reconstruction.dynamics.propeller_loads import (
 )
 from flighttest.reconstruction.dynamics.reduced_rates import (
     Columns,
+    center_of_gravity,
     read_column,
     read_columns,
     stack_columns,
@@ -114,16 +115,17 @@ def inertial_load(columns: Columns, aircraft: Aircraft) -> tuple[np.ndarray, np.
 def engine_loads(columns: Columns, aircraft: Aircraft) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return the force of each engine and its moment about the c.g., body axes. [N, N m]
 
-    Torque, rotor and inflow of a propeller are included where its torque is known
-    (`propeller_loads`).
+    The rotor of a propeller is included where its speed is known, its torque and inflow where they
+    are known (`propeller_loads`).
     """
     loads = []
     for i, engine in enumerate(aircraft.engines):
         thrust = read_column(columns, f"engine{i + 1}.thrust")
         force = thrust[:, None] * np.asarray(engine.direction, float)
-        arm = np.asarray(engine.position, float) - _center_of_gravity(columns, aircraft)
+        cg = center_of_gravity(columns, aircraft)
+        arm = np.asarray(engine.position, float) - cg
         moment = np.zeros_like(force)
-        propeller = propeller_load(columns, engine, i + 1)
+        propeller = propeller_load(columns, engine, i + 1, cg)
         if propeller is not None:
             force, moment = force + propeller[0], propeller[1]
         loads.append((force, np.cross(arm, force) + moment))
@@ -155,7 +157,7 @@ def load_coefficients(
 ) -> dict[str, np.ndarray]:
     """Return the coefficients of a force and a moment about the c.g. (time, 3)."""
     qbar_S = read_column(columns, "qbar") * aircraft.S
-    M_ref = M + np.cross(_center_of_gravity(columns, aircraft), F)
+    M_ref = M + np.cross(center_of_gravity(columns, aircraft), F)
     # No coefficient at standstill: NaN or infinity, which the mask of flight removes.
     with np.errstate(divide="ignore", invalid="ignore"):
         C_force = F / qbar_S[:, None]
@@ -203,15 +205,6 @@ def _rotor_momentum(aircraft: Aircraft) -> np.ndarray:
     for engine in aircraft.engines:
         total = total + engine.angular_momentum * np.asarray(engine.direction, float)
     return total
-
-
-def _center_of_gravity(columns: Columns, aircraft: Aircraft) -> np.ndarray:
-    """Return the position of the c.g. (time, 3). [m]"""
-    names = ("x_cg_b", "y_cg_b", "z_cg_b")
-    coordinates = []
-    for name, default in zip(names, aircraft.cg, strict=False):
-        coordinates.append(read_column(columns, name, default))
-    return np.stack(coordinates, axis=1)
 
 
 def _angular_acceleration(columns: Columns, name: str) -> np.ndarray:

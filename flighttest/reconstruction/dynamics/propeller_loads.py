@@ -6,22 +6,27 @@ The tables of the aircraft file turn them into thrust and torque, and into the r
 (`kernel/src/propulsion/propeller.c`), with the thrust line d, the rotation r and the velocity v of
 the hub through the air::
 
-    F = T d - CN rho n^2 D^4 v_across / V
-    M = - r Q_e d - omega x (r I w d) - r CM rho n^2 D^5 v_across / V      at the hub
+    F = T d - CN rho n^2 D^4 v_across / v
+    M = - r Q_e d - omega x (r I w d) - r CM rho n^2 D^5 v_across / v      at the hub
+
+The acceleration of the shaft is the derivative of the recorded speed up to 1 Hz: a difference of
+successive samples makes a torque of the noise of the tachometer.
 """
 
 from __future__ import annotations
+
+import warnings
 
 import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.engine import Engine
-from flightmech.errors import IdentificationError
+from flightmech.errors import AeromatchWarning, IdentificationError
 from flightmech.names import quantity_attributes
 from flighttest.reconstruction.dynamics.reduced_rates import (
     Columns,
-    read_column,
+    center_of_gravity,
     read_columns,
     stack_columns,
 )
@@ -29,15 +34,23 @@ from flighttest.reconstruction.dynamics.shaft_condition import (
     Condition,
     air_of,
     blade_setting,
+    has_shaft_speed,
+    hub_velocity,
     power_of,
     power_unit,
     propeller_of,
     shaft_condition,
+    shaft_speed,
     table_at,
     thrust_unit,
 )
+from flighttest.records.signals.differentiation import derivative, derivative_window
 
 _SLOWEST = 1.0  # of the shaft [rad s-1], and of the air [m s-1]
+# Acceleration of the shaft: frequency [Hz] at which the moving polynomial has the given gain, and its
+# order. A lag of shaft and governor of 0.3 s or more ends below it.
+_SHAFT_BAND, _GAIN, _ORDER = 1.0, 0.9, 2
+_UNIFORM = 0.01  # relative range of the steps of a clock that counts as uniform
 
 
 def with_propeller_channels(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
@@ -57,29 +70,31 @@ def with_propeller_channels(states: xr.Dataset, aircraft: Aircraft) -> xr.Datase
     ------
     IdentificationError
         A governed propeller without a measured power and without a recorded thrust.
+
+    Warns
+    -----
+    AeromatchWarning
+        A governed propeller with a recorded thrust and without a measured power: its torque and its
+        force and moment in inflow from the side are unknown, and are not subtracted.
     """
     numbers = [
         number
         for number, engine in enumerate(aircraft.engines, 1)
-        if engine.propeller is not None and _has_speed(states, number)
+        if engine.propeller is not None and has_shaft_speed(states, number)
     ]
     if not numbers:
         return states
     columns = read_columns(states)
     columns = _with_air(columns)
+    cg = center_of_gravity(columns, aircraft)
     added = {}
     for number in numbers:
-        for name, values in propeller_channels(
-            columns, aircraft.engines[number - 1], number
-        ).items():
+        channels = propeller_channels(columns, aircraft.engines[number - 1], number, cg)
+        for name, values in channels.items():
             full = f"engine{number}.{name}"
             if full not in states:
                 added[full] = ("time", values, quantity_attributes(full))
     return states.assign(added)
-
-
-def _has_speed(states: xr.Dataset, number: int) -> bool:
-    return f"engine{number}.rpm" in states or f"engine{number}.engine_rpm" in states
 
 
 def _with_air(columns: Columns) -> Columns:
@@ -92,7 +107,12 @@ def _with_air(columns: Columns) -> Columns:
     return columns
 
 
-def propeller_channels(columns: Columns, engine: Engine, number: int) -> dict[str, np.ndarray]:
+def propeller_channels(
+    columns: Columns,
+    engine: Engine,
+    number: int,
+    cg: np.ndarray | tuple[float, ...] = (0.0, 0.0, 0.0),
+) -> dict[str, np.ndarray]:
     """Return thrust, torque and coefficients of one engine with a propeller, by their last word.
 
     Parameters
@@ -102,19 +122,27 @@ def propeller_channels(columns: Columns, engine: Engine, number: int) -> dict[st
     engine : Engine
     number : int
         1 for the first.
+    cg : array (time, 3) or (3,)
+        Centre of gravity. [m]
 
     Raises
     ------
     IdentificationError
         The speed is missing, or a governed propeller has neither a measured power nor a thrust.
+
+    Warns
+    -----
+    AeromatchWarning
+        As `with_propeller_channels`.
     """
     propeller = propeller_of(engine, number)
-    at = shaft_condition(columns, engine, number)
-    spin_up = propeller.inertia * np.gradient(at["rpm"], columns["time"])
+    at = shaft_condition(columns, engine, number, cg)
+    spin_up = propeller.inertia * _shaft_acceleration(at["rpm"], columns["time"])
     power = _engine_power(at, engine)
     if propeller.turns_blades:
         if power is None:
             if f"engine{number}.thrust" in columns:
+                _warn_of_torque(number)
                 return {"J": at["J"]}
             raise IdentificationError(
                 f"engine {number}: the blade angle of its propeller follows from the power, and "
@@ -141,6 +169,28 @@ def propeller_channels(columns: Columns, engine: Engine, number: int) -> dict[st
     return channels
 
 
+def _warn_of_torque(number: int) -> None:
+    text = (
+        f"engine {number}: thrust is recorded, but neither torque nor what the tables of the engine "
+        f"need; the rolling moment of the torque and the loads of inflow from the side stay in the "
+        f"coefficients of the airframe; map engine{number}.torque, manifold_pressure, n1 or throttle"
+    )
+    warnings.warn(text, AeromatchWarning, stacklevel=4)
+
+
+def _shaft_acceleration(speed: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return the derivative of a speed (time,), on a uniform clock that of `_SHAFT_BAND`. [rad/s2]"""
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    # a period of the band is ten samples or more
+    if np.ptp(steps) > _UNIFORM * step or 10.0 * step * _SHAFT_BAND > 1.0:
+        return np.gradient(speed, time)
+    window = derivative_window(_SHAFT_BAND, step, _ORDER, _GAIN)
+    if len(speed) < window:
+        return np.gradient(speed, time)
+    return derivative(speed, step, window, _ORDER)
+
+
 def _engine_power(at: Condition, engine: Engine) -> np.ndarray | None:
     """Return the power at the shaft: torque, else the tables of the engine; None without both. [W]"""
     if "torque" in at:
@@ -150,59 +200,50 @@ def _engine_power(at: Condition, engine: Engine) -> np.ndarray | None:
 
 
 def propeller_load(
-    columns: Columns, engine: Engine, number: int
+    columns: Columns, engine: Engine, number: int, cg: np.ndarray | tuple[float, ...]
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the loads of a propeller in addition to its thrust, body axes, at its hub.
 
     Parameters
     ----------
     columns : dict of str to array (time,)
-        As `with_propeller_channels`, with ``p q r alpha``, and ``beta`` where it exists.
+        As `with_propeller_channels` returns them, with ``p q r alpha``, and ``beta`` where it exists.
     engine : Engine
     number : int
+    cg : array (time, 3) or (3,)
+        Centre of gravity. [m]
 
     Returns
     -------
     F, M : array (time, 3)
         Force in the disk, and moment of torque, rotor and P-factor. [N, N m] None for an engine
-        without a propeller or states without its torque.
+        without a propeller or states without its speed; of the rotor alone where the torque is
+        unknown.
     """
     propeller = engine.propeller
-    prefix = f"engine{number}."
-    if propeller is None or f"{prefix}torque" not in columns or f"{prefix}J" not in columns:
+    if propeller is None or not has_shaft_speed(columns, number):
         return None
     line = np.asarray(engine.direction, float)
-    rpm = columns.get(f"{prefix}rpm")
-    if rpm is None:
-        rpm = columns[f"{prefix}engine_rpm"] / propeller.gear_ratio
+    rpm = shaft_speed(columns, engine, number)
     omega = stack_columns(columns, ("p", "q", "r"))
     momentum = propeller.rotation * propeller.inertia * rpm[:, None] * line
-    moment = -propeller.rotation * columns[f"{prefix}torque"][:, None] * line
-    moment = moment - np.cross(omega, momentum)
+    moment = -np.cross(omega, momentum)
     force = np.zeros_like(moment)
+    torque = columns.get(f"engine{number}.torque")
+    if torque is None:
+        return force, moment
+    moment = moment - propeller.rotation * torque[:, None] * line
     if not {"CN_prop", "CM_prop"} & set(propeller.tables):
         return force, moment
-    across, at, load = _inflow(columns, engine, number)
-    for name, target in (("CN_prop", 0), ("CM_prop", 1)):
-        if name not in propeller.tables:
-            continue
-        size = (load * table_at(propeller.tables[name], at))[:, None] * across
-        if target == 0:
-            force = force - size
-        else:
-            moment = moment - propeller.rotation * propeller.diameter * size
+    at = shaft_condition(_with_air(columns), engine, number, cg)
+    load = thrust_unit(propeller, at)
+    velocity = hub_velocity(columns, engine, cg)
+    across = velocity - (velocity @ line)[:, None] * line
+    across = across / np.maximum(np.linalg.norm(velocity, axis=1), _SLOWEST)[:, None]
+    if "CN_prop" in propeller.tables:
+        lift = load * table_at(propeller.tables["CN_prop"], at)
+        force = force - lift[:, None] * across
+    if "CM_prop" in propeller.tables:
+        turn = load * propeller.diameter * table_at(propeller.tables["CM_prop"], at)
+        moment = moment - propeller.rotation * turn[:, None] * across
     return force, moment
-
-
-def _inflow(
-    columns: Columns, engine: Engine, number: int
-) -> tuple[np.ndarray, Condition, np.ndarray]:
-    """Return v_across / V at the c.g. (time, 3), the condition, and rho n^2 D^4 [N]."""
-    al = read_column(columns, "alpha")
-    be = read_column(columns, "beta", 0.0)
-    along = np.stack([np.cos(al) * np.cos(be), np.sin(be), np.sin(al) * np.cos(be)], axis=1)
-    line = np.asarray(engine.direction, float)
-    across = along - (along @ line)[:, None] * line
-    at = shaft_condition(_with_air(columns), engine, number)
-    assert engine.propeller is not None
-    return across, at, thrust_unit(engine.propeller, at)

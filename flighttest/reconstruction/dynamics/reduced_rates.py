@@ -49,6 +49,17 @@ def stack_columns(columns: Columns, names: tuple[str, ...]) -> np.ndarray:
     return np.stack([read_column(columns, name) for name in names], axis=1)
 
 
+def center_of_gravity(columns: Columns, aircraft: Aircraft) -> np.ndarray:
+    """Return the position of the c.g. (time, 3): ``x_cg_b``, ``y_cg_b``, ``z_cg_b``, or that of the
+    aircraft. [m]
+    """
+    names = ("x_cg_b", "y_cg_b", "z_cg_b")
+    coordinates = []
+    for name, default in zip(names, aircraft.cg, strict=False):
+        coordinates.append(read_column(columns, name, default))
+    return np.stack(coordinates, axis=1)
+
+
 def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     """Return `states` with those of `flightmech.names.REDUCED_RATES` that are missing.
 

@@ -11,7 +11,7 @@ fuel, or of the table of shaft power.  A blade angle that is not recorded follow
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -96,18 +96,86 @@ def air_of(columns: Mapping[str, np.ndarray]) -> Condition:
     }
 
 
-def shaft_condition(columns: Mapping[str, np.ndarray], engine: Engine, number: int) -> Condition:
+def shaft_speed(columns: Mapping[str, np.ndarray], engine: Engine, number: int) -> np.ndarray:
+    """Return the speed of a propeller (point,): that of its shaft, or of the crankshaft over the
+    gear ratio. [rad/s]
+
+    Parameters
+    ----------
+    columns : mapping of str to array (point,)
+        ``engineN.rpm`` or ``engineN.engine_rpm``. [rad/s]
+    engine : Engine
+        With a propeller.
+    number : int
+        N.
+
+    Raises
+    ------
+    IdentificationError
+        Neither speed is recorded.
+    """
+    if f"engine{number}.rpm" in columns:
+        return columns[f"engine{number}.rpm"]
+    if f"engine{number}.engine_rpm" in columns:
+        return columns[f"engine{number}.engine_rpm"] / propeller_of(engine, number).gear_ratio
+    raise IdentificationError(
+        f"engine{number}.rpm is missing: thrust and power of a propeller need its speed; map the "
+        f"column of the tachometer"
+    )
+
+
+def has_shaft_speed(names: Container[str], number: int) -> bool:
+    """Return whether the speed of a propeller is among the names of channels."""
+    return f"engine{number}.rpm" in names or f"engine{number}.engine_rpm" in names
+
+
+def hub_velocity(
+    columns: Mapping[str, np.ndarray], engine: Engine, cg: np.ndarray | tuple[float, ...]
+) -> np.ndarray:
+    """Return the velocity of a hub through the air, body axes (point, 3). [m/s]
+
+    V (cos alpha cos beta, sin beta, sin alpha cos beta) + omega x (hub - c.g.), in air without
+    rotation of its own.
+
+    Parameters
+    ----------
+    columns : mapping of str to array (point,)
+        ``V`` [m/s]; ``alpha``, ``beta`` [rad] and ``p``, ``q``, ``r`` [rad/s] where they exist.
+    engine : Engine
+        Its position is that of the hub.
+    cg : array (point, 3) or (3,)
+        Centre of gravity. [m]
+    """
+    V = columns["V"]
+    al, be = (columns.get(name, 0.0 * V) for name in ("alpha", "beta"))
+    along = (np.cos(al) * np.cos(be), np.sin(be), np.sin(al) * np.cos(be))
+    velocity = V[:, None] * np.stack(along, axis=1)
+    if not {"p", "q", "r"} <= set(columns):
+        return velocity
+    omega = np.stack([columns[name] for name in ("p", "q", "r")], axis=1)
+    return velocity + np.cross(omega, np.asarray(engine.position, float) - np.asarray(cg))
+
+
+def shaft_condition(
+    columns: Mapping[str, np.ndarray],
+    engine: Engine,
+    number: int,
+    cg: np.ndarray | tuple[float, ...] = (0.0, 0.0, 0.0),
+) -> Condition:
     """Return the variables that tables of one engine may depend on, from its recorded channels.
 
     Parameters
     ----------
     columns : mapping of str to array (point,)
-        ``V`` [m/s], ``rho``, ``p_static``, ``temperature``, ``a_sound`` as `air_of`, ``alpha`` [rad]
-        or none, and ``engineN.rpm`` [rad/s]; further channels of the engine as recorded.
+        ``V`` [m/s], ``rho``, ``p_static``, ``temperature``, ``a_sound`` as `air_of`, ``alpha``,
+        ``beta`` [rad], ``p``, ``q``, ``r`` [rad/s] as `hub_velocity`, and ``engineN.rpm`` or
+        ``engineN.engine_rpm`` [rad/s]; further channels of the engine as recorded.
     engine : Engine
         With a propeller.
     number : int
         N.
+    cg : array (point, 3) or (3,)
+        Centre of gravity, for the velocity of the hub in a rotation. [m]
 
     Returns
     -------
@@ -122,17 +190,8 @@ def shaft_condition(columns: Mapping[str, np.ndarray], engine: Engine, number: i
     propeller = propeller_of(engine, number)
     prefix = f"engine{number}."
     own = {key.removeprefix(prefix): x for key, x in columns.items() if key.startswith(prefix)}
-    if "rpm" not in own and "engine_rpm" in own:
-        own["rpm"] = own["engine_rpm"] / propeller.gear_ratio
-    if "rpm" not in own:
-        raise IdentificationError(
-            f"engine{number}.rpm is missing: thrust and power of a propeller need its speed; map the "
-            f"column of the tachometer"
-        )
-    rpm = np.maximum(own["rpm"], 0.0)
-    # component of the airspeed along the thrust line
-    incidence = np.arctan2(-engine.direction[2], engine.direction[0])
-    axial = columns["V"] * np.cos(columns.get("alpha", 0.0 * rpm) + incidence)
+    rpm = np.maximum(shaft_speed(columns, engine, number), 0.0)
+    axial = hub_velocity(columns, engine, cg) @ np.asarray(engine.direction, float)
     least = np.maximum(axial / (propeller.J_end * propeller.diameter), _LEAST_TURNS)
     turns = np.maximum(rpm / TWO_PI, least)
     tip = 0.5 * rpm * propeller.diameter

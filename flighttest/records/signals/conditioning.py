@@ -20,7 +20,7 @@ from flighttest.records.signals.resampling import (
 
 # Quantities that are constants of a manoeuvre.
 SLOW = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "x_cg", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-_SWITCHES = ("wow_", "gear", "speedbrake", "brake")
+_SWITCHES = ("wow_", "gear", "speedbrake", "brake", "cutoff", "starter", "ignition", "flameout")
 # Attributes of a channel that a manoeuvre has too.
 _CHANNEL_ATTRIBUTES = ("units", "sign", "long_name", "calibration")
 _PLACE_ATTRIBUTES = ("latitude", "runway_elevation")

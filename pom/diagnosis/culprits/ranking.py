@@ -36,6 +36,7 @@ from joblib import Parallel, delayed
 import aerodb
 from flightmech.errors import UnknownName
 from flightmech.support.arrays import rms
+from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from pom.diagnosis.kept_diagnosis import LateBench
 from pom.diagnosis.screening import screen_idle_terms
@@ -182,7 +183,8 @@ def _flown_distances(bench: SwapBench, evidence: xr.DataTree) -> dict[str, float
 
     They are empty if the record lacks a variable of a term. The nodes are then compared.
     """
-    states = reduced_rates(bench.states, bench.models.aircraft[1])
+    aircraft = bench.models.aircraft[1]
+    states = with_propeller_channels(reduced_rates(bench.states, aircraft), aircraft)
     hinges = bench.case.drive.level != "recorded"
     try:
         flown = Evidence(evidence, states, hinges=hinges)

@@ -16,17 +16,19 @@ import flightmech
 from aeromatch.cli.command import cli
 from flightmech.aircraft import Engine, EngineDeck, PistonEngine, Propeller
 from flightmech.aircraft.writing import write_aircraft
-from flightmech.errors import IdentificationError
+from flightmech.errors import AeromatchWarning, IdentificationError
 from flightmech.simulation.kernel import Simulation
 from flightmech.terms import SOURCES, make_term
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
+from flighttest.submodels.engine.propellers.engine_type import check_one_type
 from flighttest.submodels.engine.propellers.equations import PropulsionEquations
 from flighttest.submodels.engine.propellers.estimate import estimate_points
 from flighttest.submodels.engine.propellers.identification import identify_propeller
 from flighttest.submodels.engine.propellers.instruments import instrument_shares, remove_errors
+from flighttest.submodels.engine.propellers.points import propeller_points
 from flighttest.submodels.engine.propellers.result import PropellerFit
 from flighttest.submodels.engine.propellers.shaft_dynamics import compile_shaft, identify_shaft
 from flighttest.submodels.engine.static_thrust import Polar
@@ -121,22 +123,105 @@ def test_command_writes_an_aircraft_with_sources(flown, tmp_path):
     assert inside.any()
     assert not inside[0]  # J 0 was not flown
     assert (leaf["stderr"].values > 0.0).all()
-    refused = CliRunner().invoke(cli, [*command, "--area", "16"])
+    refused = CliRunner().invoke(cli, [*command, "--area", "16", "--engine", "1"])
     problems = refused.output + str(refused.exception)
     assert "--area belongs to a jet" in problems
+    assert "--engine belongs to a jet" in problems
     assert "give --polar" in problems
 
 
-@pytest.mark.nightly
-def test_a_governed_propeller_needs_a_power(flown):
-    craft = flights.make_craft(SEED, True)
+INHG_READ_AS_HPA = 100.0 / 3386.389
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "diameter", "equation"),
+    [
+        ("manifold_pressure", INHG_READ_AS_HPA, 1.0, "shaft power"),
+        pytest.param("rpm", 1.0 / 1.2, 1.0, "shaft power", marks=pytest.mark.nightly),
+        pytest.param("rpm", 1.0, 1.0 / 0.3048, "force", marks=pytest.mark.nightly),
+    ],
+)
+@pytest.mark.slow
+def test_wrong_units_forbid_the_use(flown, channel, factor, diameter, equation):
+    """The search converges with them; the noise is 100 times that of the right units."""
+    craft, records = flown
+    name = f"engine1.{channel}"
+    wrong = [record.assign({name: factor * record[name]}) for record in records[::2]]
     prior = flights.prior_aircraft(craft, SEED)
-    record = flights.fly(
-        craft, flights.Leg(0.6, 80.0, 2000.0, seconds=12.0), np.random.default_rng(0)
-    )
-    names = ["engine1.torque", "engine1.throttle", "engine2.torque", "engine2.throttle"]
+    (engine,) = prior.engines
+    blades = replace(engine.propeller, diameter=diameter * engine.propeller.diameter)
+    prior = replace(prior, engines=(replace(engine, propeller=blades),))
+    fit = identify_propeller(wrong, prior, Polar(*flights.prior_polar(craft, SEED)))
+    assert fit.estimate.convergence.converged
+    forbidden = {remark.term: remark for remark in fit.remarks if remark.severity == "error"}
+    assert "check the units of rpm, manifold_pressure" in forbidden[equation].text
+    for leaf in fit.tables().values():
+        assert not (leaf["source"].values == SOURCES.index("flight")).any()
+    with pytest.warns(AeromatchWarning, match="the records do not belong to these tables"):
+        fit.aircraft(prior)
+
+
+def test_right_units_have_no_such_remark(fit):
+    assert not [remark for remark in fit.remarks if remark.severity == "error"]
+    assert not [remark for remark in fit.remarks if "a-priori standard errors" in remark.text]
+    assert (fit.tables()["CT_prop"]["source"].values == SOURCES.index("flight")).any()
+
+
+def test_values_far_from_the_prior_are_remarked(flown):
+    craft, records = flown
+    prior = flights.prior_aircraft(craft, SEED)
+    polar = Polar(0.6 * craft.CD0, craft.K, 0.08 * craft.CD0, 0.1 * craft.K)
+    fit = identify_propeller(records[::2], prior, polar)
+    (remark,) = [remark for remark in fit.remarks if "a-priori standard errors" in remark.text]
+    distance = (fit.value["CD0"] - polar.CD0) / polar.CD0_stderr
+    assert remark.severity == "warning"
+    assert f"CD0 {distance:+.1f}" in remark.text
+    assert distance > 2.0
+    assert remark.value == pytest.approx(distance)
+
+
+def test_rotation_is_printed_with_the_roll_of_a_wrong_one(fit):
+    craft = fit.equations.aircraft
+    states = fit.equations.states(fit.value, fit.equations.measured(fit.value))
+    at = states[0].at
+    roll = states[0].shaft / at["rpm"] / (0.5 * at["rho"] * at["V"] ** 2 * craft.S * craft.b)
+    assert f"2 Q / (qbar S b) = {2.0 * np.abs(roll).max():.2g}" in fit.report()
+    assert "rotation +1 as in the aircraft file" in fit.report()
+
+
+def test_lever_angles_are_used_and_engines_of_two_types_are_refused(flown):
+    craft, records = flown
+    prior = flights.prior_aircraft(craft, SEED)
+    polar = Polar(*flights.prior_polar(craft, SEED))
+    few = records[::4]
+    idle, full = 0.1, 0.6
+    angles = []
+    for record in few:
+        angle = idle + (full - idle) * record["engine1.throttle"]
+        plain = record.drop_vars("engine1.throttle")
+        angles.append(plain.assign({"engine1.pla": angle}))
+    with pytest.raises(IdentificationError, match="angles of idle and full power as pla"):
+        identify_propeller(angles, prior, polar)
+    found = identify_propeller(angles, prior, polar, pla=(idle, full))
+    lever = found.equations.columns["engine1.throttle"]
+    np.testing.assert_allclose(np.unique(lever.round(6)), [0.02, 0.6, 1.0])
+    (engine,) = prior.engines
+    larger = replace(engine, propeller=replace(engine.propeller, diameter=3.0))
+    other = replace(engine, propeller=replace(engine.propeller, rotation=-1))
+    pair = replace(prior, engines=(engine, other))
+    check_one_type(pair)
+    with pytest.raises(IdentificationError, match=r"engine 2 differs .* propeller\.diameter"):
+        check_one_type(replace(prior, engines=(engine, larger)))
+
+
+def test_a_governed_propeller_needs_a_power():
+    engine = engines()["governed piston"]
+    craft = flightmech.Aircraft("one", 16.0, 1.5, 11.0, 1050.0, 1e3, 2e3, 3e3, engines=(engine,))
+    time = np.arange(0.0, 6.0, 0.5)
+    columns = {"V": 50.0, "h": 1000.0, "engine1.rpm": 230.0}
+    record = xr.Dataset({k: ("time", x + 0.0 * time) for k, x in columns.items()}, {"time": time})
     with pytest.raises(IdentificationError, match="blade angle of a governed propeller"):
-        identify_propeller([record.drop_vars(names)], prior, Polar(0.03, 0.045))
+        identify_propeller([record], craft, Polar(0.03, 0.045))
 
 
 def test_drag_of_a_feathered_propeller_comes_back():
@@ -326,7 +411,9 @@ def test_regressors_of_power_need_no_channel_of_thrust():
     q_S = columns["qbar"] * 16.0
     np.testing.assert_allclose(data["CT"], data["engine1.thrust"] / q_S)
     n = columns["engine1.rpm"] / (2.0 * np.pi)
-    J = columns["V"] * np.cos(columns["alpha"]) / (n * 1.9)
+    al, be = columns["alpha"], columns["beta"]
+    # the hub is at the c.g.: rotation does not move it
+    J = columns["V"] * np.cos(al) * np.cos(be) / (n * 1.9)
     np.testing.assert_allclose(data["engine1.J"], J)
     CT = np.interp(
         J, engine.propeller.tables["CT_prop"]["J"], engine.propeller.tables["CT_prop"]["value"]
@@ -343,6 +430,26 @@ def test_regressors_of_power_need_no_channel_of_thrust():
         found = regress(model, data.assign(Cm=made))
         slope = found.estimates["estimate"].sel(term=regressor)
         assert float(slope) == pytest.approx(0.15, rel=1e-6)
+
+
+def test_points_of_a_crankshaft_tachometer_are_those_of_the_shaft():
+    """Speed and its rate, so that the power that spins up the rotor is the same."""
+    engine = engines()["chart"]
+    geared = replace(engine, propeller=replace(engine.propeller, gear_ratio=2.43))
+    craft = flightmech.Aircraft("one", 16.0, 1.5, 11.0, 1050.0, 1e3, 2e3, 3e3, engines=(geared,))
+    time = np.arange(0.0, 6.0, 0.1)
+    columns = {"V": 50.0 + time, "h": 1000.0 + 0.0 * time}
+    columns["engine1.manifold_pressure"] = 8e4 + 0.0 * time
+    powers = []
+    for name, factor in (("rpm", 1.0), ("engine_rpm", 2.43)):
+        own = columns | {f"engine1.{name}": factor * (230.0 + 1.4 * time)}
+        record = xr.Dataset({key: ("time", x) for key, x in own.items()}, {"time": time})
+        points = propeller_points([record], craft)
+        np.testing.assert_allclose(points["engine1.rpm_dot"], 1.4)
+        equations = PropulsionEquations(points, craft, Polar(0.03, 0.05, 0.003, 0.005))
+        (state,) = equations.uncorrected_states({}, equations.measured({}))
+        powers.append(float(state.shaft[0]))
+    assert powers[1] == pytest.approx(powers[0], rel=1e-12)
 
 
 # ---- power changes ----------------------------------------------------------------------------

@@ -91,6 +91,13 @@ CLEAN, OUT = {"delta_f": 0.0, "gear": 0.0}, {"delta_f": 0.3, "gear": 1.0}
         ("2.d.3", {}, {"delta_a": step(0.1) - step(0.1, 9.0)}, {"delta_a": step(0.1)}, "neutral"),
         ("2.c.6", {"capture": 9.0}, {"phi": 0.78}, {"phi": 0.9}, "51.6 deg of bank"),
         ("2.d.5", {}, {"engine2.thrust": 0.0}, {"engine2.thrust": 900.0}, "none has failed"),
+        (
+            "2.d.5",
+            {},
+            {"engine1.torque": 3e3, "engine2.torque": 0.0},
+            {"engine1.torque": 3e3, "engine2.torque": 2.7e3},
+            "90 % of the torque",
+        ),
         ("1.e.3", {"touchdown": 1.0, "full_stop": 19.0}, {}, {"runway": "dry"}, "has a wet one"),
     ],
 )

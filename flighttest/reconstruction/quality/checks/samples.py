@@ -46,6 +46,7 @@ _DEVICES = (
     "wow_",
     "delta_f",
     "delta_t",
+    *("cutoff", "starter", "ignition", "flameout", "feather"),
     "mass",
     "x_cg",
     "y_cg",

@@ -58,6 +58,7 @@ from flighttest.submodels.engine.propellers.corrections import (
     corrected,
     relative_error,
 )
+from flighttest.submodels.engine.propellers.engine_type import check_one_type
 from flighttest.submodels.engine.propellers.instruments import (
     INSTRUMENTS,
     instrument_shares,
@@ -77,7 +78,7 @@ class PropulsionEquations:
     points : Dataset (point,)
         As `propeller_points` returns them.
     aircraft : Aircraft
-        All engines have the tables of the first one.
+        All engines are of the type of the first one.
     polar : Polar
         A-priori drag polar with standard errors.
     errors : mapping of str to float, optional
@@ -91,6 +92,12 @@ class PropulsionEquations:
         ``CT_prop``, ``CP_prop`` over J, and ``power`` over its axis.
     power_axis : str
         Axis of the slope of the power; empty without one.
+
+    Raises
+    ------
+    IdentificationError
+        Engines of several types, a propeller that does not turn, or no measured power of a governed
+        propeller.
     """
 
     def __init__(
@@ -103,6 +110,7 @@ class PropulsionEquations:
         self._kept: tuple[tuple[float, ...], Condition, list[_ShaftState]] | None = None
         # a recorded fuel flow that is not compared
         self.metered = False
+        check_one_type(aircraft)
         self.aircraft, self.count = aircraft, points.sizes["point"]
         self.left_out = str(points.attrs.get("left_out", ""))
         self.accelerometer = points.attrs.get("force") == "accelerometer"
@@ -388,10 +396,9 @@ class PropulsionEquations:
         along, across = np.zeros(self.count), np.zeros(self.count)
         for engine, state in zip(self.aircraft.engines, states):
             T = state.CT * thrust_unit(self.propeller, state.at)
-            angle = columns.get("alpha", 0.0 * T) + np.arctan2(
-                -engine.direction[2], engine.direction[0]
-            )
-            along, across = along + T * np.cos(angle), across + T * np.sin(angle)
+            al, (x, _, z) = columns.get("alpha", 0.0 * T), engine.direction
+            along = along + T * (x * np.cos(al) + z * np.sin(al))
+            across = across + T * (x * np.sin(al) - z * np.cos(al))
         q_S = 0.5 * columns["rho"] * columns["V"] ** 2 * self.aircraft.S
         CL = (columns["mass"] * columns["lift_force"] - across) / q_S
         return along - q_S * (value["CD0"] + value["K"] * CL**2)

@@ -10,7 +10,12 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError
-from flighttest.reconstruction.dynamics.shaft_condition import propeller_of
+from flighttest.reconstruction.dynamics.reduced_rates import read_columns
+from flighttest.reconstruction.dynamics.shaft_condition import (
+    has_shaft_speed,
+    propeller_of,
+    shaft_speed,
+)
 from flighttest.submodels.engine.propellers.equations import PropulsionEquations
 from flighttest.submodels.engine.propellers.estimate import (
     estimate_points,
@@ -62,7 +67,8 @@ def identify_propeller(
     Raises
     ------
     IdentificationError
-        No engine with a propeller, no points, or no measured power of a governed propeller.
+        No engine with a propeller, engines of several types, no points, no measured power of a
+        governed propeller, or lever angles without `pla`.
     UnknownName
         A channel is missing.
     """
@@ -72,6 +78,8 @@ def identify_propeller(
         )
     for number, engine in enumerate(aircraft.engines, 1):
         propeller_of(engine, number)
+    records = [_with_throttle(one, aircraft, pla) for one in records]
+    power_changes = [_with_throttle(one, aircraft, pla) for one in power_changes]
     points = propeller_points(records, aircraft, duration)
     equations = PropulsionEquations(points, aircraft, polar, errors)
     estimate = estimate_points(equations)
@@ -84,20 +92,42 @@ def identify_propeller(
         separate_thrust_and_drag(equations, estimate),
         records=tuple(map(str, names)),
     )
-    changes = _cut_changes(power_changes, len(aircraft.engines), pla)
+    changes = _cut_changes(power_changes, aircraft)
     if not changes:
         return found
     return replace(found, dynamics=identify_shaft(changes, found.aircraft(aircraft)))
 
 
-def _cut_changes(
-    records: Sequence[Any], engines: int, pla: tuple[float, float] | None
-) -> list[xr.Dataset]:
-    """Return the power changes of records with a lever, all engines averaged."""
+def _with_throttle(record: Any, aircraft: Aircraft, pla: tuple[float, float] | None) -> xr.Dataset:
+    """Return the states of a record, with throttles in place of lever angles."""
+    states = getattr(record, "states", record)
+    added = {}
+    for number in range(1, len(aircraft.engines) + 1):
+        angle, lever = f"engine{number}.pla", f"engine{number}.throttle"
+        if lever in states or angle not in states:
+            continue
+        if pla is None or pla[0] == pla[1]:
+            raise IdentificationError(
+                "the record has lever angles; give the angles of idle and full power as pla"
+            )
+        added[lever] = (states[angle] - pla[0]) / (pla[1] - pla[0])
+    return states.assign(added)
+
+
+def _cut_changes(records: Sequence[xr.Dataset], aircraft: Aircraft) -> list[xr.Dataset]:
+    """Return the power changes of records with a lever, all engines averaged.
+
+    The speed of a crankshaft becomes that of the propeller.
+    """
     changes: list[xr.Dataset] = []
-    for one in records:
-        states = getattr(one, "states", one)
-        channels = engine_channels(states, range(1, engines + 1), pla)
+    for states in records:
+        added = {}
+        for number, engine in enumerate(aircraft.engines, 1):
+            if has_shaft_speed(states, number) and f"engine{number}.rpm" not in states:
+                columns = read_columns(states)
+                added[f"engine{number}.rpm"] = "time", shaft_speed(columns, engine, number)
+        numbers = range(1, len(aircraft.engines) + 1)
+        channels = engine_channels(states.assign(added), numbers)
         if "throttle" in channels:
             changes += shaft_changes(channels)
     return changes

@@ -18,7 +18,11 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.units import G0
-from flighttest.reconstruction.dynamics.shaft_condition import air_of
+from flighttest.reconstruction.dynamics.shaft_condition import (
+    air_of,
+    has_shaft_speed,
+    shaft_speed,
+)
 
 # Duration of a point. [s]
 DURATION = 6.0
@@ -70,7 +74,7 @@ def propeller_points(
     -------
     Dataset (point,)
         Means of the channels, ``f`` and ``lift_force`` (specific forces along and across the path)
-        [m/s2], ``engineN.rpm_dot`` [rad/s2], ``run``, the number of the record, and ``time``. The
+        [m/s2], ``engineN.rpm_dot`` of the propeller [rad/s2], ``run``, the number of the record, and ``time``. The
         attribute ``force`` is ``accelerometer`` or ``energy``; ``left_out`` states what was omitted.
 
     Raises
@@ -140,23 +144,25 @@ def _reason_to_omit(part: xr.Dataset, aircraft: Aircraft) -> str:
             name = f"engine{number}.{lever}"
             if name in part and _smooth_range(part[name].values) > _LEVER_RANGE:
                 return "power changes"
-        speed = _speed_channel(part, number)
+        speed = _speed_of(part, aircraft, number)
         mean = max(float(speed.mean()), 1.0)
         if float(speed.mean()) > 10.0 and _smooth_range(speed) > _SPEED_RANGE * mean:
             return "power changes"
     return ""
 
 
-def _speed_channel(part: xr.Dataset, number: int) -> np.ndarray:
-    for name in (f"engine{number}.rpm", f"engine{number}.engine_rpm"):
-        if name in part:
-            return part[name].values
-    raise UnknownName(
-        f"engine{number}.rpm",
-        map(str, part.data_vars),
-        "channel",
-        "thrust and power of a propeller need its speed",
-    )
+def _speed_of(part: xr.Dataset, aircraft: Aircraft, number: int) -> np.ndarray:
+    """Return the speed of a propeller (time,). [rad/s]"""
+    if not has_shaft_speed(part, number):
+        raise UnknownName(
+            f"engine{number}.rpm",
+            map(str, part.data_vars),
+            "channel",
+            "thrust and power of a propeller need its speed",
+        )
+    names = (f"engine{number}.{name}" for name in ("rpm", "engine_rpm"))
+    columns = {name: part[name].values for name in names if name in part}
+    return shaft_speed(columns, aircraft.engines[number - 1], number)
 
 
 def _mean(part: xr.Dataset, name: str) -> float:
@@ -202,7 +208,7 @@ def _point(part: xr.Dataset, aircraft: Aircraft, accelerometer: bool) -> dict[st
         bank = _mean(part, "phi") if "phi" in part else 0.0
         across = G0 * np.cos(gamma) / np.cos(bank)
     for number in range(1, len(aircraft.engines) + 1):
-        rate = _slope(time, _speed_channel(part, number))
+        rate = _slope(time, _speed_of(part, aircraft, number))
         means[f"engine{number}.rpm_dot"] = np.asarray(rate)
     if "alpha" not in means and "theta" in part:
         # wings level in air at rest: attitude less path angle

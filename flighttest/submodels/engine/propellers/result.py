@@ -19,15 +19,23 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError
 from flightmech.names import value_text
 from flighttest.reconstruction.dynamics.shaft_condition import (
+    STOPPED,
     power_unit,
     table_at,
     thrust_unit,
 )
-from flighttest.remarks import PrintedResult, Remark, remarks_to_json
+from flighttest.remarks import (
+    PrintedResult,
+    Remark,
+    is_forbidden,
+    remarks_to_json,
+    warn_forbidden,
+)
 from flighttest.submodels.engine.propellers.corrected_tables import (
     from_flight,
     fuel_tables,
     replace_parts,
+    with_source_of,
 )
 from flighttest.submodels.engine.propellers.corrections import (
     FlownRange,
@@ -35,20 +43,13 @@ from flighttest.submodels.engine.propellers.corrections import (
     corrected,
 )
 from flighttest.submodels.engine.propellers.equations import PropulsionEquations
-from flighttest.submodels.engine.propellers.estimate import (
-    SEPARABLE,
-    PointEstimate,
-    Separability,
-)
+from flighttest.submodels.engine.propellers.estimate import PointEstimate, Separability
+from flighttest.submodels.engine.propellers.fit_remarks import fit_remarks
 from flighttest.submodels.engine.propellers.shaft_dynamics import (
     ShaftDynamics,
 )
 from flighttest.submodels.engine.static_thrust import Polar
 
-# Remaining part of an a-priori standard error up to which the points determine an unknown.
-_DETERMINED = 0.9
-# Residual over its noise above which a point is remarked.
-_OUTLIER = 4.0
 # Thrust of a propeller that takes no power, as part of the largest power, for the mean of idle.
 _IDLE_POWER = 0.05
 # Advance ratios at which the coefficients are printed.
@@ -171,7 +172,18 @@ class PropellerFit(PrintedResult):
         return factor, float(np.sqrt(slopes @ self.estimate.covariance @ slopes))
 
     def tables(self) -> dict[str, xr.Dataset]:
-        """Return the corrected tables of propeller and engine by target, with standard errors."""
+        """Return the corrected tables of propeller and engine by target, with standard errors.
+
+        Their source is the flight, unless a remark forbids their use: then it is that of the prior.
+        """
+        tables = self._corrected_tables()
+        if not is_forbidden(self.remarks):
+            return tables
+        priors = self.equations.propeller.tables | self.equations.power_tables()
+        priors |= fuel_tables(self.equations.engine)
+        return {name: with_source_of(leaf, priors[name]) for name, leaf in tables.items()}
+
+    def _corrected_tables(self) -> dict[str, xr.Dataset]:
         tables = {}
         for name in ("CT_prop", "CP_prop"):
             if f"{name} scale" in self.value:
@@ -237,7 +249,14 @@ class PropellerFit(PrintedResult):
         return from_flight(leaf, value, (abs(leaf["value"]) * error).transpose(*dims))
 
     def aircraft(self, aircraft: Aircraft) -> Aircraft:
-        """Return an aircraft whose engines have the identified tables and constants."""
+        """Return an aircraft whose engines have the identified tables and constants.
+
+        Warns
+        -----
+        AeromatchWarning
+            A remark forbids the use of the tables.
+        """
+        warn_forbidden(self.remarks, "propeller and engine")
         tables = self.tables()
         constants = self.dynamics.constants() if self.dynamics else {}
         engines = tuple(replace_parts(engine, tables, constants) for engine in aircraft.engines)
@@ -245,60 +264,11 @@ class PropellerFit(PrintedResult):
 
     @property
     def remarks(self) -> list[Remark]:
-        """Remarks on separability, convergence, points and unknowns."""
-        advice = "the estimates must not be used; look at the residuals of the points"
-        remarks = self.estimate.convergence.remarks("propulsion", advice)
-        remarks += _separability_remarks(self.separability)
-        remarks += self._outlier_remarks() + self._prior_remarks()
-        if "alpha" not in self.equations.columns:
-            text = (
-                "neither angle of attack nor pitch attitude is recorded: the thrust counts along the "
-                "path, and its part in the lift is not subtracted; map alpha_vane or theta"
-            )
-            remarks.append(Remark("points", text, "alpha"))
-        if self.equations.metered:
-            text = (
-                "fuel flow is not corrected: air and mixture make the power of this engine, so that "
-                "a factor on the flow would change the power too"
-            )
-            remarks.append(Remark("prior", text, "fuel_flow", severity="note"))
-        if self.equations.left_out:
-            remarks.append(
-                Remark("points", f"left out: {self.equations.left_out}", severity="note")
-            )
+        """Remarks on convergence, units, separability, points and unknowns."""
+        remarks = fit_remarks(self.equations, self.estimate, self.separability)
         if self.dynamics:
             remarks += self.dynamics.remarks
         return remarks
-
-    def _outlier_remarks(self) -> list[Remark]:
-        remarks = []
-        for name, v in self.estimate.residuals.items():
-            far = np.flatnonzero(np.abs(v) > _OUTLIER * self.estimate.noise[name])
-            if far.size:
-                worst = float(np.max(np.abs(v)) / self.estimate.noise[name])
-                remarks.append(
-                    Remark(
-                        "spike",
-                        f"{name}: {far.size} of {len(v)} residuals exceed {_OUTLIER:g} times their "
-                        f"noise, the largest {worst:.1f}; look for gusts and wrong channels there",
-                        name,
-                        worst,
-                        _OUTLIER,
-                    )
-                )
-        return remarks
-
-    def _prior_remarks(self) -> list[Remark]:
-        """Return notes on unknowns that remain as a priori."""
-        kept = []
-        for name, error in self._errors().items():
-            sigma = self.equations.unknowns[name].stderr
-            if sigma > 0.0 and error > _DETERMINED * sigma and not name.startswith("error of"):
-                kept.append(name)
-        if not kept:
-            return []
-        text = f"as a priori, because the points do not show them: {', '.join(kept)}"
-        return [Remark("prior", text, severity="note")]
 
     def drag_of_propellers(self) -> dict[str, tuple[float, float, int]]:
         """Return mean drag area of a propeller that takes no power, and of a feathered one.
@@ -330,6 +300,31 @@ class PropellerFit(PrintedResult):
                 area, stderr = np.mean(pairs, axis=0)
                 means[name] = float(area), float(stderr), len(pairs)
         return means
+
+    def largest_torque_roll(self) -> float:
+        """Return the largest torque of a propeller at the points over qbar S b. [1]
+
+        The moment of a propeller about the roll axis has this size, with the sign of ``rotation``.
+        """
+        aircraft, value = self.equations.aircraft, self.value
+        sizes = []
+        for state in self.equations.states(value, self.equations.measured(value)):
+            qbar_S = 0.5 * state.at["rho"] * state.at["V"] ** 2 * aircraft.S
+            torque = state.shaft / np.maximum(state.at["rpm"], STOPPED)
+            sizes.append(float(np.max(np.abs(torque) / (qbar_S * aircraft.b))))
+        return max(sizes)
+
+    def _rotation_line(self) -> str:
+        """Return the rotations, which the points do not show, and the size of a wrong one."""
+        words = []
+        for engine in self.equations.aircraft.engines:
+            assert engine.propeller is not None
+            words.append(f"{engine.propeller.rotation:+d}")
+        return (
+            f"rotation {' '.join(words)} as in the aircraft file (default +1, clockwise seen from "
+            f"behind), not identified: a wrong one changes Cl by 2 Q / (qbar S b) = "
+            f"{2.0 * self.largest_torque_roll():.2g}"
+        )
 
     def report_lines(self) -> list[str]:
         """Return estimates, coefficients, drag, noise and correlations as lines."""
@@ -366,6 +361,7 @@ class PropellerFit(PrintedResult):
                 f"{self.separability.error:.1%} by the points alone, "
                 f"{self.separability.posterior_error:.1%} together"
             )
+        lines.append(self._rotation_line())
         if self.dynamics:
             lines += ["", *self.dynamics.report_lines()]
         return lines
@@ -411,26 +407,3 @@ class PropellerFit(PrintedResult):
         if self.dynamics:
             numbers["dynamics"] = self.dynamics.as_dict()
         return numbers
-
-
-def _separability_remarks(found: Separability | None) -> list[Remark]:
-    """Return a remark if the points do not separate thrust and drag."""
-    if found is None:
-        text = (
-            "thrust and power stand on the polar that was given: an error of the drag is an equal "
-            "error of the thrust; give standard errors of the polar"
-        )
-        return [Remark("collinear", text, "CT_prop")]
-    if found.separable:
-        return []
-    name, error = next(iter(found.manoeuvres.items()))
-    text = (
-        f"thrust and drag are not separable: correlation {found.correlation:.3f}, above "
-        f"{SEPARABLE:g}, and the points alone know the thrust to {found.error:.0%}, less well than "
-        f"the a-priori tables ({found.prior_error:.0%}); the {found.posterior_error:.1%} of both "
-        f"lean on the polar that was given; fly {name}, after which the points alone know the "
-        f"thrust to {error:.1%}"
-    )
-    if error > found.prior_error:
-        text += "; one such manoeuvre is not enough, fly full power and idle over the speed range"
-    return [Remark("collinear", text, "CT_prop", found.error, found.prior_error)]
