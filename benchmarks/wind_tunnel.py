@@ -20,7 +20,7 @@ from flighttest.regression.equation_error.frequency.frequency_domain import regr
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials
-from flighttest.regression.model_structure.search import StepwiseThresholds, select_stepwise
+from flighttest.regression.model_structure.search import select_stepwise
 from flighttest.special_tests.wind_tunnel.balance import read_setup
 from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
 
@@ -53,9 +53,7 @@ def main(campaigns: int) -> None:
                 )
                 clean = without_nuisance(data, RegressionModel(name, candidates), setup)
                 for domain, band in (("time", None), ("frequency", BAND)):
-                    terms = select_stepwise(
-                        name, candidates, clean, band, thresholds=StepwiseThresholds(gain=0.0)
-                    ).fit.model.terms
+                    terms = select_stepwise(name, candidates, clean, band, gain=0.0).fit.model.terms
                     hits[name, domain] = hits.get((name, domain), 0) + (
                         set(terms) == set(model.terms)
                     )

@@ -103,7 +103,8 @@ def _found(seed: int) -> dict[str, dict]:
                 STATES,
                 data,
                 band=band,
-                thresholds=StepwiseThresholds(enter=ENTER, gain=0.0),
+                thresholds=StepwiseThresholds(ENTER),
+                gain=0.0,
                 weights=weights,
             ).fit.model.terms
             e = fit.estimates.sel(term=list(true))

@@ -53,7 +53,7 @@ LEAVE = 0.9  # of the threshold to enter
 
 @dataclass(frozen=True)
 class StepwiseThresholds:
-    """Thresholds of a stepwise regression.
+    """Thresholds of the partial F of a stepwise regression.
 
     Attributes
     ----------
@@ -61,13 +61,10 @@ class StepwiseThresholds:
         Partial F above which a term enters.
     leave : float or None
         Partial F below which a term leaves; None for `LEAVE` of `enter`.
-    gain : float
-        Rise of R2 that a further term must bring.
     """
 
     enter: float = ENTER
     leave: float | None = None
-    gain: float = GAIN
 
     def least_to_stay(self) -> float:
         """Return the partial F below which a term leaves.
@@ -279,6 +276,7 @@ def select_stepwise(
     data: xr.Dataset | Sequence[xr.Dataset],
     band: tuple[float, float] | None = None,
     thresholds: StepwiseThresholds | None = None,
+    gain: float = GAIN,
     keep: Sequence[str] = ("1",),
     hierarchy: bool = True,
     name: str = "",
@@ -297,7 +295,9 @@ def select_stepwise(
     band : (low, high), optional
         Band of a selection in frequency; default in time. [Hz]
     thresholds : StepwiseThresholds, optional
-        Partial F to enter and to leave, and the least rise of R2.
+        Partial F to enter and to leave.
+    gain : float
+        Rise of R2 that a further term must bring.
     keep : sequence of str
         Terms that are in the model from the start and stay. In frequency ``1`` is always estimated
         at the end.
@@ -323,7 +323,7 @@ def select_stepwise(
     -----
     F = (fall of the sum of squares)/s^2 with the s^2 of the larger model. The partial correlation
     is that of a candidate and the coefficient, both without the chosen terms. The search ends if no
-    term enters or leaves, if R2 rises by less than ``gain``, or if the predicted squared error would
+    term enters or leaves, if R2 rises by less than `gain`, or if the predicted squared error would
     rise; see `Rating`. F to leave is at most F to enter so terms cannot enter and
     leave without end.
 
@@ -338,7 +338,7 @@ def select_stepwise(
         candidates = add_factors(candidates, coefficient)
     problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
     search = _StructureSearch(
-        problem, TermHierarchy(problem, keep, is_free=not hierarchy), gain=thresholds.gain
+        problem, TermHierarchy(problem, keep, is_free=not hierarchy), gain=gain
     )
     while True:
         while _enter_term(search, thresholds.enter):

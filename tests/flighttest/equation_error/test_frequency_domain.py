@@ -11,7 +11,7 @@ from flighttest.regression.equation_error.frequency.frequency_domain import regr
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials
-from flighttest.regression.model_structure.search import StepwiseThresholds, select_stepwise
+from flighttest.regression.model_structure.search import select_stepwise
 
 BAND = (0.1, 1.0)
 TRUE = np.array(list(TRUTH.values()))
@@ -247,12 +247,7 @@ def test_a_small_term_is_chosen_where_its_noise_is_small():
         weights: [
             set(
                 select_stepwise(
-                    "CL",
-                    candidates,
-                    accelerations(seed),
-                    (0.7, 25.0),
-                    thresholds=StepwiseThresholds(gain=0.0),
-                    weights=weights,
+                    "CL", candidates, accelerations(seed), (0.7, 25.0), gain=0.0, weights=weights
                 ).fit.model.terms
             )
             for seed in range(10)

@@ -20,7 +20,7 @@ from flighttest.regression.equation_error.fit_file import open_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials
-from flighttest.regression.model_structure.search import StepwiseThresholds, select_stepwise
+from flighttest.regression.model_structure.search import select_stepwise
 from flighttest.special_tests.wind_tunnel.balance import read_setup
 from flighttest.special_tests.wind_tunnel.points import _find_times
 from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
@@ -87,7 +87,7 @@ def test_the_true_terms_are_selected_and_lie_within_their_errors(data, setup):
             name,
             candidates,
             without_nuisance(data, RegressionModel(name, candidates), setup),
-            thresholds=StepwiseThresholds(gain=0.0),
+            gain=0.0,
             hierarchy=False,
         )
         assert set(chosen.fit.model.terms) == set(truth)
@@ -116,7 +116,7 @@ def test_an_early_choice_is_exchanged_and_a_small_term_found(tmp_path, setup, k,
         candidates,
         without_nuisance(points, RegressionModel("CL", candidates), setup),
         band,
-        thresholds=StepwiseThresholds(gain=0.0),
+        gain=0.0,
         hierarchy=False,
     )
     assert set(chosen.fit.model.terms) == set(tunnel.CL)
