@@ -287,7 +287,7 @@ def _table_lines(
     widths = [max(map(_cell_width, column)) for column in zip(*rows, strict=True)]
     if width is not None:
         widths = _narrow_columns(widths, width - len(_GAP) * (len(widths) - 1))
-    head, *body = [[_break_cell(*item) for item in zip(row, widths)] for row in rows]
+    head, *body = [list(map(_break_cell, row, widths)) for row in rows]
     # texts of the head stand on its last line
     height = max(map(len, head), default=1)
     head = [[""] * (height - len(lines)) + lines for lines in head]

@@ -240,7 +240,11 @@ def _join_methods(spread: Sequence[SourceNodes], speaks: np.ndarray) -> list[_Me
     members: dict[str, list[int]] = {}
     for position, nodes in enumerate(spread):
         members.setdefault(nodes.table.source.method, []).append(position)
-    return [_join_method([spread[k] for k in p], speaks[p]) for p in members.values()]
+    methods = []
+    for positions in members.values():
+        sources = [spread[k] for k in positions]
+        methods.append(_join_method(sources, speaks[positions]))
+    return methods
 
 
 def _join_method(spread: Sequence[SourceNodes], speaks: np.ndarray) -> _Method:

@@ -106,10 +106,10 @@ def _print(made: Designed) -> None:
     print_table(heads, rows, made.title, right=["factor", "peak", "rms", "rate /s", "peak factor"])
     if made.amplitude is not None:
         extremes = made.amplitude.extremes
-        lines = [
-            (name, *(shown(str(name).removeprefix("applied."), value) for value in row))
-            for name, row in zip(extremes.index, extremes.values)
-        ]
+        lines = []
+        for name, row in zip(extremes.index, extremes.values):
+            quantity = str(name).removeprefix("applied.")
+            lines.append((name, *(shown(quantity, value) for value in row)))
         click.echo()
         title = (
             f"predicted response; each axis fitted alone, then all times {made.amplitude.scale:.3f}"

@@ -260,9 +260,10 @@ def _fit(file: str, kind: str) -> Figure:
         return open_fit(file).plot()
     residuals = open_output_error(file).residuals
     outputs = [str(name) for name in residuals[0].data_vars]
-    return signals_figure(
-        f"Residuals of {Path(file).name}", [[rest[name] for rest in residuals] for name in outputs]
-    )
+    panels = []
+    for name in outputs:
+        panels.append([residual[name] for residual in residuals])
+    return signals_figure(f"Residuals of {Path(file).name}", panels)
 
 
 def _histories(

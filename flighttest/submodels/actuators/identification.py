@@ -259,7 +259,7 @@ def _structure(records: Sequence[xr.Dataset], gear: float, delay: bool, held: bo
                     f"{name}: the {channel} does not move; choose a log, or a stretch of it, "
                     f"with an excitation"
                 )
-    kinds = {tuple(name in log for name in ("position", "rate", "torque")) for log in records}
+    kinds = {("position" in log, "rate" in log, "torque" in log) for log in records}
     if len(kinds) > 1:
         raise IdentificationError(
             "the logs differ in which of position, rate and torque they hold; identify those "

@@ -227,7 +227,8 @@ def _fit_flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarra
 
     The speeds are those of the deck.
     """
-    outputs = [name for name in ("fuel_flow", "itt") if all(name in record for record in records)]
+    in_all = set.intersection(*(set(map(str, record.variables)) for record in records))
+    outputs = [name for name in ("fuel_flow", "itt") if name in in_all]
     if not outputs:
         return None, {}, {}
     at_nodes, count = refine_knots(knots), len(knots)

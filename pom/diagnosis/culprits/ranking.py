@@ -133,7 +133,9 @@ class _MeasuredCase:
     def __init__(self, bench: SwapBench | LateBench, distances: Mapping[str, float]):
         self.names = bench.names
         active = [name for name in bench.names if name not in bench.idle]
-        without = [[one for one in bench.names if one != name] for name in active]
+        without = []
+        for name in active:
+            without.append([other for other in bench.names if other != name])
         start, end = bench.judged([(), bench.names])
         self.prior, self.final = _counted_total(start), _counted_total(end)
         # Terms that are not flown alone move the case by less than their bound: no effect.

@@ -230,10 +230,10 @@ def _channels_at_fault(signals: ResampledChannels, pair: Pair) -> tuple[str, ...
         for name, check in compare_all(signals).items()
         if not check.consistent
     }
-    sums = [
-        sum(disagreement.get(relation, 0.0) for relation in _RELATIONS_OF.get(name, ()))
-        for name in pair
-    ]
+    sums = []
+    for name in pair:
+        relations = _RELATIONS_OF.get(name, ())
+        sums.append(sum(disagreement.get(relation, 0.0) for relation in relations))
     return _worse_channel(pair, sums[0], sums[1]) or pair
 
 
