@@ -1,11 +1,11 @@
-"""States that identified a model, kept with it in short form: the evidence of its validity envelope.
+"""States that identified a model, in short form: the evidence of its validity envelope.
 
-A node of a table states that some flight gave it weight.  It does not state where between the nodes the
-samples were, nor in which combination of angle of attack, sideslip, Mach number and configuration.
-A database therefore keeps the cells of a fixed grid that the samples of its fits visited, in the
-text of one root attribute.  Heights and thrust coefficients are kept one by one, since no term
-joins them to all the others.  The sizes of the other variables are kept as well: they show what a
-derivative contributes in flight.
+A node of a table states that some flight gave it weight.  It does not state where between the nodes
+the samples were, nor in which combination of angle of attack, sideslip, Mach number and
+configuration. A database therefore keeps the cells of a fixed grid that the samples of its fits
+visited, in the text of one root attribute.  Heights and thrust coefficients are kept one by one,
+since no term joins them to all the others.  The sizes of the other variables are kept as well: they
+show what a derivative contributes in flight.
 """
 
 from __future__ import annotations

@@ -137,8 +137,8 @@ def _make_leaf(
 def _without_bias(leaves: Mapping[str, xr.Dataset], prior: PriorErrors) -> dict[str, xr.Dataset]:
     """Return terms multiplied by their ratios of true to estimated slopes.
 
-    The pitching moment of the basic aeroplane keeps its value at zero lift: its slope has the ratio.
-    The standard errors stay, because the calibration refers them to the estimates.
+    The pitching moment of the basic aeroplane keeps its value at zero lift: its slope has the
+    ratio. The standard errors stay, because the calibration refers them to the estimates.
     """
     corrected = {}
     for name, leaf in leaves.items():

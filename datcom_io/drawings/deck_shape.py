@@ -1,4 +1,4 @@
-"""Shape of the aeroplane of an input deck: outlines in space, points, and what the deck leaves open.
+"""Shape of the aeroplane of an input deck: outlines in space, points, and what the deck lacks.
 
 Axes are those of the deck, x aft, z up, and y right, in its unit of length. Each outline states in
 which views it is drawn.

@@ -47,8 +47,8 @@ class Envelope(ShortText):
     states : FlownStates or None
         The evidence; None for a database that does not keep it, and for an envelope of a model.
     everywhere : tuple of str
-        Terms that are a-priori at every state, such as a constant of a handbook: with one of them no
-        state is better.  Empty for an envelope of a model, which has no names of terms.
+        Terms that are a-priori at every state, such as a constant of a handbook: with one of them
+        no state is better.  Empty for an envelope of a model, which has no names of terms.
     """
 
     tables: tuple[RegionTable, ...]

@@ -1,8 +1,8 @@
 """Maps of the validity envelope of each configuration, as text and as SVG.
 
 A map is drawn in Mach number and in sideslip over the angle of attack.  All other variables are
-held: sideslip and controls at zero, attached flow, out of ground effect, at 1500 m, and in the sideslip map the
-median of the Mach numbers that the configuration was flown at.
+held: sideslip and controls at zero, attached flow, out of ground effect, at 1500 m, and in the
+sideslip map the median of the Mach numbers that the configuration was flown at.
 """
 
 from __future__ import annotations

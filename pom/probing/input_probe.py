@@ -45,7 +45,7 @@ LEAST_CHANGE = 1e-4
 Of the 24 cases of the T-37 and the C182 the least driven channel changes by 1.2e-2.
 """
 LEAST_LATE_SHARE = 0.1
-"""The same beyond the range in which the aeroplane is linear: nine tenths of the answer are stored."""
+"""The same outside the linear range of the aeroplane: nine tenths of the answer are stored."""
 LEAST_SHARE = 0.5
 """Least share of the expected change: the middle one of the judged channels, of two the larger.
 

@@ -102,8 +102,8 @@ def shaft_condition(columns: Mapping[str, np.ndarray], engine: Engine, number: i
     Parameters
     ----------
     columns : mapping of str to array (point,)
-        ``V`` [m/s], ``rho``, ``p_static``, ``temperature``, ``a_sound`` as `air_of`, ``alpha`` [rad]
-        or none, and ``engineN.rpm`` [rad/s]; further channels of the engine as recorded.
+        ``V`` [m/s], ``rho``, ``p_static``, ``temperature``, ``a_sound`` as `air_of`, ``alpha``
+        [rad] or none, and ``engineN.rpm`` [rad/s]; further channels of the engine as recorded.
     engine : Engine
         With a propeller.
     number : int
