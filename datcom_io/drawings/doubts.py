@@ -81,6 +81,7 @@ def _doubt_places(shape: DeckShape, ranges: _Ranges) -> Iterator[str]:
             )
     if "body" not in ranges:
         return
+    # Surfaces have to touch the body, within a share of its length.
     nose, end = float(ranges["body"][0][0]), float(ranges["body"][1][0])
     allowed = _TOLERANCE * (end - nose)
     for part in ("wing", "horizontal tail", "vertical tail", "ventral fin"):

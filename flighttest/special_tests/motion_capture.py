@@ -236,9 +236,12 @@ def _end_cubic(
     """
     count = min(_END, len(x))
     t_end = np.arange(count) * step
+    # Parabolas through the samples at both ends, in time from the respective end.
     first, end = np.polyfit(t_end, x[:count], 2), np.polyfit(t_end, x[::-1][:count], 2)
     T, t = (len(x) - 1) * step, (i * step)[:, None]
     bend_0, bend_1 = 2.0 * first[0], 2.0 * end[0]
+    # A straight line between the end values, plus cubics that are zero at both ends and have the
+    # second derivative bend_0 at one end and bend_1 at the other.
     value = first[2] * (1.0 - t / T) + end[2] * t / T
     value = (
         value

@@ -338,6 +338,7 @@ def _unrecorded(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
             yield _departure(text, name)
     if "delta_T" not in given or not {"h", "temperature"} <= set(states):
         return
+    # Deviation of the recorded air from the standard atmosphere, at the start.
     h, T = (float(np.atleast_1d(states[name].values)[0]) for name in ("h", "temperature"))
     recorded = T - float(atmosphere(h).temperature)
     if abs(given["delta_T"] - recorded) > LEAST_TEMPERATURE:

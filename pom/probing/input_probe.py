@@ -341,6 +341,7 @@ def _judge_pulse(time: np.ndarray, before: Traces, after: Traces) -> tuple[RowRe
     for name in _INTEGRALS:
         if name not in before or name not in after:
             continue
+        # Share of the largest displacement that remains at the end of the flight.
         change = np.nan_to_num(np.abs(after[name] - before[name]))
         if change.max() > LEAST_CHANGE * SIZES[name]:
             left[name] = float(rms(change[is_last]) / change.max())

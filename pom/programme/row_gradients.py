@@ -170,6 +170,7 @@ def _ground_functions(
             near.setdefault(name.split("/")[0], []).append(name)
     for coefficient, names in near.items():
         count = len(samples[HEIGHT])
+        # A few instants represent the flight: the gradients between them change slowly.
         chosen = np.unique(np.linspace(0, count - 1, _INSTANTS).astype(int))
         for name in names:
             weights = basis(leaves[name], samples, "clamp").toarray()[chosen]
@@ -178,6 +179,7 @@ def _ground_functions(
             rows.append(_function(coefficient, coefficient, np.nan, sample=-1, ground=True))
     gradients = {}
     for name, (first, weights) in parts.items():
+        # A node has a gradient only in the rows of its own coefficient.
         gradients[name] = np.zeros((len(rows), *weights.shape[1:]))
         gradients[name][first : first + len(weights)] = weights
     return pd.DataFrame(rows, columns=_COLUMNS), gradients

@@ -348,9 +348,11 @@ def _read_body(deck: Deck, unit: float) -> np.ndarray | None:
     area = np.array(deck.values("BODY", "S"))
     upper, lower = np.array(deck.values("BODY", "ZU")), np.array(deck.values("BODY", "ZL"))
     n = x.size
+    # Without upper and lower lines the body is one of revolution about its axis.
     centre = np.zeros(n)
     if upper.size >= n and lower.size >= n:
         centre = 0.5 * (upper[:n] + lower[:n])
+    # Radius of the circle of the same area: by S, or by an ellipse of half width R and half height.
     if area.size >= n:
         equivalent = np.sqrt(area[:n] / np.pi)
         return np.array([x * unit, centre * unit, equivalent * unit])

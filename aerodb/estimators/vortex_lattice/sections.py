@@ -76,6 +76,7 @@ def _four_digit_line(height: float, place: float) -> np.ndarray:
     x = STATIONS
     if height == 0.0 or place == 0.0:
         return np.zeros_like(x)
+    # NACA four-digit mean line (Abbott and von Doenhoff, Theory of Wing Sections, 6.4).
     front = height / place**2 * (2.0 * place * x - x**2)
     rear = height / (1.0 - place) ** 2 * (1.0 - 2.0 * place + 2.0 * place * x - x**2)
     return np.where(x < place, front, rear)

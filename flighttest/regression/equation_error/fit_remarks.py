@@ -241,6 +241,7 @@ def _remark_signs(fit: FitData) -> list[Remark]:
     if "dof" not in e:
         return []
     D = e["systematic"].values
+    # Covariance of the noise, and of the common errors D of the instruments.
     C = e["covariance"].values + D @ D.T
     remarks = []
     for (coefficient, control), sign in SIGNS.items():

@@ -282,6 +282,7 @@ def _fit_flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarra
 def _light_off(record: xr.Dataset) -> float | None:
     """Return n2 where the fuel comes on with the starter, as mean over half a second before."""
     fuel, time = record["cutoff"].values < 0.5, record["time"].values
+    # Samples at which the fuel comes on while the starter turns the engine.
     on = np.flatnonzero(fuel[1:] & ~fuel[:-1] & (record["starter"].values[1:] > 0.5))
     if not len(on):
         return None

@@ -462,9 +462,11 @@ def test_structure_file(tmp_path):
         "}\n[tables.fuel_flow]\nn2 = [0.6, 1.0]\n"
     )
     found = read_structure(path)
-    assert found.keywords()["over"] == {"h": (0.0, pytest.approx(3048.0))}
-    assert found.keywords()["tables"] == {"fuel_flow": {"n2": (0.6, 1.0)}}
-    assert "height" not in found.keywords()
+    assert found.limits
+    assert found.fan == "lever"
+    assert found.over == {"h": (0.0, pytest.approx(3048.0))}
+    assert found.tables == {"fuel_flow": {"n2": (0.6, 1.0)}}
+    assert found.height is None
     path.write_text('limit = true\nover = { h = [0.0] }\nfan = "n3"\n')
     with pytest.raises(SchemaError) as error:
         read_structure(path)

@@ -111,6 +111,7 @@ def _compare_lift(
         level, expected = None, _slope_of_wing(aircraft, mach) * alpha
     else:
         level, expected = _level_ratio(lift, prior), prior
+    # Only an angle of attack that moves determines a slope. `not <` also refuses NaN.
     correlation = 0.0
     if not np.std(alpha) < _MOVES:
         correlation = float(np.corrcoef(expected, lift)[0, 1])

@@ -195,6 +195,7 @@ def _fit_vanes(signals: ResampledChannels) -> Iterator[tuple[str, InertialFit]]:
     V = completed["V"]
     alpha, beta = _flow_angles(signals)
     _, ay, az = _accelerations(signals)
+    # Velocity in body axes, of the flow angles and the airspeed.
     u, v, w = (V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha))
     rates = {
         "alpha_vane": signals["q"] * u - signals["p"] * v + az,
