@@ -145,8 +145,8 @@ def estimate_supersonic_shares(deck: Deck, mach: float, has_tail: bool) -> dict[
         shares[lift] = 2.0 * slope * first_moment / (S * cbar)
         if name == "WGPLNF":
             shares["slender_wing"] = shares[lift]
-            # With a leading edge behind the Mach cone slender-wing theory holds: the lift of a
-            # is that of its trailing edge.
+            # With a leading edge behind the Mach cone slender-wing theory holds: the lift of
+            # a section follows the incidence at its trailing edge.
             is_behind = lead[-1] - lead[0] > math.sqrt(mach**2 - 1.0) * stations[-1]
             if is_behind or mach < _LINEAR_THEORY:
                 moment = 2.0 * float(np.trapezoid(chord * rear, stations))
