@@ -259,6 +259,7 @@ def find_shared_windows(
         common = [name for name in window.channels if name in names]
         if len(common) < LEAST_CHANNELS:
             continue
+        # The clocks of window and flight may differ: the best shift counts.
         match = flight.best_match(window, common)
         is_noise_shared = match.least > COPIED_NOISE and _holds_noise(window.means)
         if match.correlation > COPIED or is_noise_shared:

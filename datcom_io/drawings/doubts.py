@@ -49,6 +49,7 @@ def _doubt_size(shape: DeckShape, ranges: _Ranges) -> Iterator[str]:
     """Yield doubts on the unit of length and on the proportions."""
     if not ranges:
         return
+    # Extent of all parts together; y counts from tip to tip.
     low = np.min([part[0] for part in ranges.values()], axis=0)
     high = np.max([part[1] for part in ranges.values()], axis=0)
     length, span = float(high[0] - low[0]), float(high[1] - low[1])

@@ -229,6 +229,7 @@ def draw_maps(
     width = 0.5 * (WIDTH - _GAP - _LEFT) - 6.0
     parts, height = [_draw_legend()], _LEGEND
     for number, own in enumerate(maps):
+        # Two maps to a row, from left to right.
         column, row = number % 2, number // 2
         left = _LEFT + column * (width + _GAP)
         top = _LEGEND + _TOP + row * (_TOP + _HEIGHT + _FOOT)

@@ -184,6 +184,7 @@ class FlightFollower:
         self, times: np.ndarray, rows: np.ndarray, left_out: int
     ) -> Iterator[FlightEstimate]:
         """Add samples (samples, 1 + terms) of one stretch; yield at every second."""
+        # A stretch has the length that resolves the spacing of the frequencies.
         longest = max(_SHORTEST, round(1.0 / (self.spacing * self.clock.step)))
         first = 0
         while first < len(times):
@@ -198,6 +199,7 @@ class FlightFollower:
                     )
             if math.isnan(self._next):
                 self._next = times[first] + EVERY
+            # Samples up to the end of the stretch, or up to the next estimate.
             last = min(len(times), first + longest - self._open.samples)
             due = np.flatnonzero(times[first:last] >= self._next - 0.5 * self.clock.step)
             if len(due):
@@ -207,6 +209,7 @@ class FlightFollower:
             if self._open.samples >= longest:
                 self._close()
             if len(due):
+                # After a jump of the time the missed seconds have no estimate of their own.
                 behind = (self._time - self._next) / EVERY
                 self._next += EVERY * max(1.0, math.floor(behind + 0.5) + 1.0)
                 yield self.estimate(left_out)

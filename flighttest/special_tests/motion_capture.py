@@ -100,6 +100,7 @@ def smooth_motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
     attitude = _smooth_columns(_fill_gaps(time, pose["q"].values, has_pose), step, cutoff)
     columns = _motion_columns(position, attitude)
     errors = _motion_errors(pose, position.gains)
+    # A gap of more than half a period of the cut-off is not bridged.
     in_gap = _find_gaps(time, has_pose, 0.5 / cutoff)
     variables = {}
     for name, y in columns.items():
@@ -110,6 +111,7 @@ def smooth_motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
         {"time": ("time", time, {"units": "s"})},
         {"cutoff": cutoff, "noise": pose.attrs["noise"]},
     )
+    # The filter has no full support at both ends.
     ends = int(np.ceil(_LEFT_OUT / (cutoff * step)))
     return motion.isel(time=slice(ends, count - ends))
 

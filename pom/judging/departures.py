@@ -400,6 +400,7 @@ def _shortened_departure(case: PomCase, span: Iterable[float] | None) -> Iterato
     asked = [_asked_window(case, c) for c in case.criteria if c.applies]
     if not asked:
         return
+    # Window that all rows together require, and the part of it that the record holds.
     start, stop = np.min(asked, axis=0)[0], np.max(asked, axis=0)[1]
     first, last = span
     held = max(start, first), min(stop, last)

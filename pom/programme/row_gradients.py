@@ -76,6 +76,7 @@ def differentiate_row(
         The manoeuvre cannot be flown inside the limits.
     """
     flight, _ = predict_manoeuvre(catalogue, sim, aircraft, (wanted.condition, wanted.manoeuvre))
+    # The replay without a change of the model gives the functions and their values.
     plan, notes = plan_row(wanted, flight)
     plan = replace(plan, job=with_inertia(plan.job, sim))
     bench = SampledBench.of(plan, sim, InstrumentErrors([], {}, {}, {}))
@@ -89,6 +90,7 @@ def differentiate_row(
             f"wanted_row {wanted.name}",
             [f"no criterion is judged: {'; '.join(notes)}; choose another manoeuvre or row"],
         )
+    # Only nodes that the flight touches and that have a standard error can change the row.
     leaves = uncertain_terms(database, hinges=plan.case.drive.level != "recorded")
     values = table_values(sim, {name: leaf["value"].shape for name, leaf in leaves.items()})
     samples = flown_conditions(database, leaves, plan.states)
@@ -101,6 +103,7 @@ def differentiate_row(
             moves.append((name, tuple(int(i) for i in node)))
 
     def differ(name: str, node: tuple[int, ...]) -> np.ndarray:
+        # Central difference over a share of the standard error of the node.
         step = _STEP * float(leaves[name]["stderr"].values[node])
         ends = []
         for sign in (1.0, -1.0):
@@ -122,6 +125,7 @@ def differentiate_row(
         shape = (len(functions), *leaves[name]["value"].shape)
         place: tuple[Any, ...] = (slice(None), *moved)
         gradients.setdefault(name, np.zeros(shape))[place] = column
+    # Close to the ground its effect enters through functions of their own.
     if float(np.min(plan.states[HEIGHT])) < _NEAR * aircraft.b:
         ground, more = _ground_functions(leaves, samples)
         functions = pd.concat([functions, ground], ignore_index=True)
@@ -130,6 +134,7 @@ def differentiate_row(
             own = gradients.get(name, np.zeros((len(functions) - len(ground), *shape[1:])))
             gradients[name] = np.concatenate([own, more.get(name, np.zeros(shape))])
     gradients = {name: gradient for name, gradient in gradients.items() if gradient.any()}
+    # A function that is not judged on one side of a difference has no gradient.
     finite = np.ones(len(functions), bool)
     for gradient in gradients.values():
         finite &= np.isfinite(gradient.reshape(len(functions), -1)).all(axis=1)

@@ -63,6 +63,7 @@ def _designated_line(kind: str, digits: str) -> np.ndarray | None:
     if kind == "5" and digits[:3] in _FIVE_DIGITS:
         end, factor = _FIVE_DIGITS[digits[:3]]
         x = STATIONS
+        # NACA five-digit mean line: a cubic up to the point `end`, a straight line behind it.
         front = factor / 6.0 * (x**3 - 3.0 * end * x**2 + end**2 * (3.0 - end) * x)
         return np.where(x < end, front, factor / 6.0 * end**3 * (1.0 - x))
     series = _SIX_SERIES.match(digits)

@@ -297,6 +297,7 @@ class _Law:
         self, since: float, y: Mapping[str, float], deflections: xr.Dataset, *, share: float
     ) -> dict[str, float]:
         """Return fixed controls with a share of the attitude gains, plus the test input."""
+        # A share of the gains of the attitude keeps the aeroplane near the trim without hiding the input.
         pitch = self._angular(y["theta"] - self.base["theta"], y["q"], _PITCH)
         roll = self._angular(y["phi"] - self.first["phi"], y["p"], _ROLL)
         controls = {

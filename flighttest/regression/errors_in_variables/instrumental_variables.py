@@ -195,6 +195,7 @@ def _interpolate(
     for number, record in enumerate(records):
         mask = manoeuvre == number
         clock, own = record["time"].values.astype(float), time[mask]
+        # np.interp would hold the end values without a word.
         if len(own) and not (clock[0] <= own[0] + 1e-6 and own[-1] <= clock[-1] + 1e-6):
             raise IdentificationError(
                 f"instruments of manoeuvre {number} run from {clock[0]:g} to {clock[-1]:g} s, its "
@@ -208,6 +209,7 @@ def _interpolate(
             values = np.interp(own, clock, record[name].values.astype(float))
             if not np.isfinite(values).all():
                 raise IdentificationError(f"instrument {name} of manoeuvre {number} has NaN")
+            # An instrument with the same noise as the regressor removes no bias.
             if np.array_equal(values, data[name].values[mask]):
                 raise IdentificationError(
                     f"instrument {name} of manoeuvre {number} equals the regressor, noise "

@@ -89,6 +89,7 @@ class SpoolFit(ShortText):
 
     def report(self) -> str:
         """Return constants, tables and noise as text."""
+        # Every number is followed by its standard error in brackets.
         value = self.constants
         lines = [f"transport delay {value['lever_delay'][0]:.4f} s ({value['lever_delay'][1]:.2g})"]
         if "ratio" in value:

@@ -185,6 +185,7 @@ class _CoefficientIdentification:
         lowest = float(h.min())
         searches = self.full_searches(lowest)
         richest = self.richest_form(samples, [full for _, full in searches])
+        # Forms compared: no effect, powers of the height, and tables over it.
         forms = self.linear_forms(samples)
         none, free_terms = forms["none"][0], self.free_air_regressors(samples).shape[1]
         closed: dict[str, ClosedForm] = {}
@@ -194,6 +195,7 @@ class _CoefficientIdentification:
             if found is None:
                 continue
             closed[found.name] = found
+            # Terms may share one exponent, which saves parameters.
             if len(found.terms) > 1:
                 starts = search.first_values(found.terms)
                 common = search.fit(found.terms, common=True, starts=starts)
@@ -203,6 +205,7 @@ class _CoefficientIdentification:
         tables = self.tables(samples, none, richest.n)
         for name, table in tables.items():
             forms[name] = table.residual, table.parameters
+        # The criterion charges each form for its parameters.
         evidence = rank_forms(forms, richest.n)
         form = form_by_evidence(evidence)
         residual, _ = forms[form]
