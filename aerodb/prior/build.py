@@ -343,6 +343,7 @@ def _collect_effects(
 ) -> list[tuple[str, Effect]]:
     """Return all effects with the roles of their listings, in the axes of DATCOM."""
     clean = sources["clean"]
+    # The clean aeroplane first: static, sideslip, pitch rates, lateral rates.
     clean_effects = increments.static_effects(clean, h_ref)
     clean_effects.append(increments.sideslip_effect(clean, h_ref))
     clean_effects += increments.pitch_rates(clean, h_ref)
@@ -358,6 +359,7 @@ def _collect_effects(
     for role, make_effect in _ROLL_CONTROLS.items():
         if role in sources:
             effects.append((role, make_effect(sources[role], h_ref)))
+    # Power is an increment against the clean pages.
     if "power" in sources:
         effects.append(("power", power_effect(sources["power"], clean, h_ref)))
     if "ground" in sources:

@@ -221,6 +221,7 @@ def _check_steps_of_damping(
         before, here = values[k - 1], values[k]
         if not before or not here or before > 0.0 or here > 0.0:
             continue
+        # Neighbouring Mach numbers differ less than distant ones.
         largest = _STEP_OF_DAMPING
         if machs[k] - machs[k - 1] > _NEIGHBOUR:
             largest = _FAR_STEP

@@ -247,6 +247,7 @@ def _add_twin_panels(deck: Deck, found: _ShapeParts) -> None:
     if not span or between is None or not area or arm is None or x_cg is None:
         found.omissions.append("the twin vertical panels: BV, BH, SV, VLP or XCG is missing")
         return
+    # VLP is the distance from XCG to the quarter chord of the panels.
     chord = area / span
     x = x_cg + arm - 0.25 * chord
     z = (z_cg or 0.0) + (height or 0.0)

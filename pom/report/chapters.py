@@ -161,6 +161,7 @@ def draw_chapters(
     attributes: dict[str, dict[str, str]] = {}
     for name, db in databases.items():
         attributes[name] = {key: str(db.attrs[key]) for key in _ATTRIBUTES if key in db.attrs}
+    # A chapter without data is absent.
     compared = identification = needed = None
     if databases:
         compared = compare_for_report(databases, support, run_line_classes(databases))

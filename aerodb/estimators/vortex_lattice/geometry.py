@@ -135,6 +135,7 @@ def model_of_decks(
     cases = list(chain.from_iterable(decks))
     if not cases:
         raise SchemaError("deck", ["no case; give an input deck with WGPLNF"])
+    # The case with the most surfaces is the aeroplane; the others add devices.
     base = max(cases, key=_count_surfaces)
     unit = LENGTHS[base.dim]
     _require_one_aeroplane(cases, base)
@@ -145,6 +146,7 @@ def model_of_decks(
             continue
         controls = [part for owner, part in parts if owner == namelist]
         if namelist == "VTPLNF" and rudder is not None:
+            # DATCOM has no card for a rudder, so the user states it as shares of the fin.
             share, start, end = rudder
             half = (base.value(namelist, "SSPN") or 0.0) * unit
             controls.append(HingedPart("delta_r", start * half, end * half, (share, share)))

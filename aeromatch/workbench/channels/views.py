@@ -155,6 +155,7 @@ def show_spectrum(opened: OpenProject, query: Mapping[str, str], body: Any) -> d
 def _density(signal: ChannelSignal, start: float, stop: float) -> dict[str, Any]:
     inside = _inside(signal, start, stop)
     time, values = signal.time[inside], signal.continuous[inside]
+    # The spectrum is averaged over stretches without a gap.
     parts = []
     for part in stretches(time, np.isfinite(values)):
         if part.stop - part.start >= _FEWEST:
@@ -177,6 +178,7 @@ def _density(signal: ChannelSignal, start: float, stop: float) -> dict[str, Any]
         "segments": spectra["segments"],
         "resolution": resolution,
         "left_out": spectra["left_out"],
+        # The area below the density is the variance; the deviation of the samples confirms it.
         "rms": float(np.sqrt(np.sum(density) * resolution)),
         "deviation": float(np.std(used)),
     }

@@ -85,6 +85,7 @@ def read_bench_log(path: str | Path, columns: Mapping[str, str] | None = None) -
                 values = np.asarray(to_si(values, unit, si))
             channels[channel], units[channel] = (time, values), si or unit
     demand_motion(channels, str(path))
+    # All channels on the clock of the motion, which the actuator determines.
     motion = "position" if "position" in channels else "rate"
     clock = _uniform_clock(channels[motion][0], str(path))
     data = {}

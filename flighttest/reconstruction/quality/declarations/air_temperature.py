@@ -103,6 +103,7 @@ def climb_findings(
     value, stderr = slope
     if abs(value - 1.0) < _SLOPE + _SIGMAS * stderr:
         return [], []
+    # The thickness of a layer is proportional to its temperature (hypsometric equation).
     middle = float(np.median(full["temperature"][full.flying]))
     error = middle * (1.0 - value)
     text = (

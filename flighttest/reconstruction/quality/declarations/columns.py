@@ -160,6 +160,7 @@ def _shared_columns(
         for first, second in combinations(names, 2):
             if not _is_same_quantity(first, second):
                 yield first, second, f"are read from one column, {_heading_of(column)}"
+    # A recorder may write one signal into two columns.
     for first, second in combinations(sorted(set(column_of) & set(signals.values)), 2):
         comparable = lookup(first).units == lookup(second).units
         if not comparable or _is_same_quantity(first, second):
