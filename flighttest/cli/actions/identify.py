@@ -264,7 +264,7 @@ def run_select(
     candidates = selection.list_candidates()
     manoeuvres = source.read()
     with show_progress(f"select among {len(candidates)} candidates"):
-        found = _WAYS_TO_SELECT[selection.method](
+        result = _WAYS_TO_SELECT[selection.method](
             selection.coefficient,
             [*candidates, *selection.keep],
             manoeuvres.coefficients,
@@ -273,38 +273,38 @@ def run_select(
             hierarchy=not selection.free,
         )
     if output:
-        save_fit(state_windows(found.fit, manoeuvres.as_validation_windows()), output)
+        save_fit(state_windows(result.fit, manoeuvres.as_validation_windows()), output)
     if as_json:
         print_json(
             {
-                "method": found.method,
-                "steps": found.steps,
-                "idle": found.idle,
-                "models": found.models,
-                **fit_fields(found.fit),
+                "method": result.method,
+                "steps": result.steps,
+                "idle": result.idle,
+                "models": result.models,
+                **fit_fields(result.fit),
                 "file": output,
             }
         )
     else:
-        click.echo(found.report(correlation))
+        click.echo(result.report(correlation))
         if output:
             click.echo(f"written: {output}")
-    ctx.exit(1 if is_forbidden(found.fit.remarks) else 0)
+    ctx.exit(1 if is_forbidden(result.fit.remarks) else 0)
 
 
 def run_join(fits, method, as_json) -> None:
     """Perform the command ``join``."""
-    found = join_fits([open_fit(file) for file in fits], method)
+    joined = join_fits([open_fit(file) for file in fits], method)
     if as_json:
         print_json(
             {
-                **found.estimates.attrs,
-                **estimate_fields(found.estimates),
-                "remarks": remarks_to_json(found.remarks),
+                **joined.estimates.attrs,
+                **estimate_fields(joined.estimates),
+                "remarks": remarks_to_json(joined.remarks),
             }
         )
         return
-    click.echo(found.report())
+    click.echo(joined.report())
 
 
 def run_partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_json) -> None:
@@ -312,19 +312,19 @@ def run_partition(paths, aircraft_file, model_text, conditions, windows, cutoff,
     edges = {name: _edges(name, text) for name, text in conditions}
     manoeuvres = ManoeuvreOptions(paths, aircraft_file, windows, cutoff).read()
     with show_progress(f"estimate {model_text} bin by bin"):
-        found = fit_bins(RegressionModel.parse(model_text), manoeuvres.coefficients, edges)
+        partition = fit_bins(RegressionModel.parse(model_text), manoeuvres.coefficients, edges)
     if as_json:
-        e = found.estimates
+        e = partition.estimates
         columns = [name for name in e.data_vars if e[name].dims == ("bin",)]
         bins = []
         for k in range(e.sizes["bin"]):
             row = {str(name): e[name].values[k] for name in columns}
             for name in ("estimate", "stderr"):
                 row[name] = e[name].values[k]
-            bins.append({**row, "refused": found.refused.get(k, "")})
-        print_json({"model": str(found.model), "terms": e["term"].values, "bins": bins})
+            bins.append({**row, "refused": partition.refused.get(k, "")})
+        print_json({"model": str(partition.model), "terms": e["term"].values, "bins": bins})
         return
-    click.echo(found.report())
+    click.echo(partition.report())
 
 
 def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) -> None:
@@ -335,18 +335,18 @@ def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_js
         states = open_states(path)
         parts += [select_time(states, *window) for window in windows] or [states]
     with show_progress("estimate moments of inertia"):
-        found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
+        moments = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
     if as_json:
         print_json(
             {
-                **found.estimates.attrs,
-                **estimate_fields(found.estimates),
-                "remarks": remarks_to_json(found.remarks),
+                **moments.estimates.attrs,
+                **estimate_fields(moments.estimates),
+                "remarks": remarks_to_json(moments.remarks),
             }
         )
     else:
-        click.echo(found.report())
-    ctx.exit(1 if is_forbidden(found.remarks) else 0)
+        click.echo(moments.report())
+    ctx.exit(1 if is_forbidden(moments.remarks) else 0)
 
 
 def _edges(name: str, text: str) -> list[float]:

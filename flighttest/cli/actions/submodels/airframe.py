@@ -47,13 +47,13 @@ def run_gear(
         records.append(GroundRecord(open_states(path), biases))
     database = aerodb.open(database_file) if database_file else None
     with show_progress(f"identify the landing gear from {len(records)} paths"):
-        found = identify_landing_gear(records, aircraft, database, dict(errors), flown=flown)
+        gear = identify_landing_gear(records, aircraft, database, dict(errors), flown=flown)
     if output:
-        write_aircraft(found.aircraft(aircraft), Path(output))
+        write_aircraft(gear.aircraft(aircraft), Path(output))
     if as_json:
-        print_json(found.as_dict() | {"file": output})
+        print_json(gear.as_dict() | {"file": output})
         return
-    click.echo(found.report())
+    click.echo(gear.report())
     if output:
         click.echo(f"written: {output}")
 
@@ -110,7 +110,7 @@ def run_ground_effect(
     }
     names = [Path(path).name for path in paths]
     with show_progress("identify the ground effect"):
-        found = identify_ground_effect(
+        effect = identify_ground_effect(
             [RegressionModel.parse(text) for text in options.models or _MODELS],
             data,
             changed,
@@ -119,11 +119,11 @@ def run_ground_effect(
             names=names,
         )
     if output and database is not None:
-        aerodb.save(replace_ground_effect(database, found, tables), output)
+        aerodb.save(replace_ground_effect(database, effect, tables), output)
     if as_json:
-        print_json(found.as_dict() | {"file": output})
+        print_json(effect.as_dict() | {"file": output})
         return
-    click.echo(found.report(heights))
+    click.echo(effect.report(heights))
     if output:
         click.echo(f"written: {output}")
 
@@ -183,19 +183,19 @@ def run_stall(
     if options.station:
         station = parse_quantity(options.station, "m")
     with show_progress("identify the stall"):
-        found = identify_stall(data, station, aircraft.cbar, database, options.over, **choices)
+        stall = identify_stall(data, station, aircraft.cbar, database, options.over, **choices)
     if figure:
-        draw_stall(found, found.records, figure)
+        draw_stall(stall, stall.records, figure)
     if into and database is not None:
-        aerodb.save(add_stall(database, found), into)
+        aerodb.save(add_stall(database, stall), into)
     if output:
         buffet = aircraft.stall.tables if aircraft.stall else {}
         kept = {name: leaf for name, leaf in buffet.items() if name.startswith("buffet")}
-        write_aircraft(replace(aircraft, stall=found.separation(kept)), output)
+        write_aircraft(replace(aircraft, stall=stall.separation(kept)), output)
     written = [file for file in (figure, into, output) if file]
     if as_json:
-        print_json(found.as_dict() | {"files": written})
+        print_json(stall.as_dict() | {"files": written})
         return
-    click.echo(found.report())
+    click.echo(stall.report())
     if written:
         click.echo(f"written: {', '.join(written)}")

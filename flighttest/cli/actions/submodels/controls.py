@@ -88,23 +88,23 @@ def run_actuator(
     with show_progress(f"read {count_text(len(logs), 'log')}"):
         records = [read_bench_log(path, columns.named()) for path in logs]
     with show_progress("identify the actuator"):
-        found = options.identify(records)
+        actuator = options.identify(records)
     if figure:
-        draw_actuator(found, figure)
+        draw_actuator(actuator, figure)
     absolute = {}
     if inertia is not None:
-        absolute = found.with_inertia(inertia, inertia_stderr)
+        absolute = actuator.with_inertia(inertia, inertia_stderr)
     entry = ""
     # Only a servo, which has a stiffness, gives a position for its command.
-    if found.structure.stiffness:
+    if actuator.structure.stiffness:
         column = (columns.command_column or "command").partition("[")[0].strip()
-        entry = found.channel(channel, column)
+        entry = actuator.channel(channel, column)
     if as_json:
         coefficients_by_name = {name: vars(value) for name, value in absolute.items()}
         document = {"with_inertia": coefficients_by_name, "channel": entry, "figure": figure}
-        print_json(found.as_dict() | document)
+        print_json(actuator.as_dict() | document)
         return
-    click.echo(found.report())
+    click.echo(actuator.report())
     if absolute:
         click.echo("\nwith the known inertia:")
         for name, value in absolute.items():
@@ -218,7 +218,7 @@ def run_controls(
     if options.prior is not None:
         drawings = {"drawings": aircraft.circuits[item], "drawings_error": options.prior}
     with show_progress(f"identify the loading of the {item}"):
-        found = identify_control_loading(
+        identified = identify_control_loading(
             loading,
             driven,
             free,
@@ -228,13 +228,13 @@ def run_controls(
             **drawings,
         )
     if output:
-        write_aircraft(found.aircraft(aircraft), Path(output))
+        write_aircraft(identified.aircraft(aircraft), Path(output))
     if database_file and into:
-        aerodb.save(replace_hinge_moments(aerodb.open(database_file), found), into)
+        aerodb.save(replace_hinge_moments(aerodb.open(database_file), identified), into)
     if as_json:
-        print_json(found.as_dict() | {"file": output})
+        print_json(identified.as_dict() | {"file": output})
         return
-    click.echo(found.report())
+    click.echo(identified.report())
     for file in filter(None, (output, into)):
         click.echo(f"written: {file}")
 

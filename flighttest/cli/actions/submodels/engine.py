@@ -133,7 +133,7 @@ def run_engine(
         flights = records.read(records.power_changes, structure.height)
         starts = records.read(records.starts, structure.height)
     with show_progress("identify the engine"):
-        found = identify_engine(
+        engine = identify_engine(
             () if records.whole else flights,
             starts,
             read_points(thrust.points_file) if thrust.points_file else None,
@@ -146,17 +146,17 @@ def run_engine(
             structure=structure,
         )
     angles = records.lever_angles or (0.0, 1.0)
-    entry = found.write(output, angles) if output else None
+    entry = engine.write(output, angles) if output else None
     # Whole flights are compared too: the deck was identified from parts of them.
     compared = records.read(records.compared, structure.height)
     if records.whole:
         compared = [*flights, *compared]
-    comparison = found.compare(compared, angles) if compared else None
+    comparison = engine.compare(compared, angles) if compared else None
     if as_json:
         rows = comparison.to_dataframe().to_dict("index") if comparison is not None else {}
-        print_json(found.as_dict() | {"file": output, "compared": rows})
+        print_json(engine.as_dict() | {"file": output, "compared": rows})
         return
-    click.echo(found.report())
+    click.echo(engine.report())
     if comparison is not None:
         click.echo(f"\n{comparison_text(comparison)}")
     if entry:
