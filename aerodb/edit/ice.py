@@ -127,6 +127,7 @@ def _factor_part(clean: xr.Dataset, difference: IceDifference) -> xr.Dataset:
         points = value_breakpoints(clean) | {"alpha": np.array([difference.about])}
         level = regrid_leaf(clean, points)["value"].values
         change = change - level
+    # Errors of factor and table are independent.
     less = difference.factor - 1.0
     own = np.zeros_like(change)
     if "stderr" in clean:

@@ -202,6 +202,7 @@ class PriorErrors:
         A table without a Mach axis counts as subsonic.
         """
         relative, absolute = self.terms[term]
+        # Independent relative and absolute parts; near the stall the departure of the table, too.
         variance = (relative * table) ** 2 + absolute**2
         if term in STALLED and "alpha" in table.dims:
             variance = variance + (STALLED[term] * _departure_nearby(table)) ** 2

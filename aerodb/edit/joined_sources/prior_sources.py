@@ -205,6 +205,7 @@ def refer_to_aircraft(
         )
     old = np.array([float(db.attrs[key]) for key in _POINT])
     new = np.asarray(point, float)
+    # A large distance is more often a wrong origin of the drawing than a real one.
     distance = float(np.linalg.norm(new - old)) / aircraft.cbar
     if distance > FAR and not move:
         problems.append(

@@ -241,6 +241,7 @@ class _StabBlock:
                 f"{1 + len(columns)}; the run was cut off",
             )
         values = _read_numbers(self.file, line, words[1:])
+        # A solution that diverged prints large lift.
         if words[0] == "CL":
             _require_converged(self.file, line, values[0])
         place = condition | {"file": self.file.name, "line": line}

@@ -296,10 +296,12 @@ def _first_stage_F(
     delta = np.zeros(others.shape[1])
     if others.shape[1]:
         delta = np.linalg.lstsq(others, projected[:, k], rcond=None)[0]
+    # Part of the regressor that its instruments alone explain, and its error.
     explained = projected[:, k] - others @ delta
     left = X[:, k] - np.delete(X, k, axis=1) @ delta - explained
     if not explained.any():
         return 0.0
+    # F of one slope: its square over its variance, with coloured residuals.
     scale = float(np.abs(explained).max())
     found = coloured_covariance_of(explained[:, None] / scale, left, *problem.samples.pieces())
     variance = float(found.covariance[0, 0])

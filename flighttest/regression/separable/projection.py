@@ -304,6 +304,7 @@ class _ProjectionSearch:
                 points.append(point)
                 costs.append(np.inf if projection is None else projection.cost)
             cost = np.array([*costs, np.inf])
+            # A local minimum along the line; infinite costs at both ends close it.
             is_lowest = (cost[1:-1] < cost[:-2]) & (cost[1:-1] <= cost[2:]) & (line != best.s[m])
             for k in np.flatnonzero(is_lowest):
                 valleys.append(points[k])

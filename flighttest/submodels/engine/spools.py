@@ -164,6 +164,7 @@ def identify_spools(
     """
     if fan not in ("n2", "lever"):
         raise IdentificationError(f"fan is {fan!r}; one of n2, lever is needed")
+    # The noise of the lever at rest would bias its slope, so that it is removed and accounted for.
     lever = np.array(schedule_nodes(records) if throttle is None else throttle, float)
     lever_error = reading_error(records, lever)
     records = [remove_lever_noise(record) for record in records]
@@ -187,6 +188,7 @@ def identify_spools(
         return core
     if fan == "n2":
         return _with_following_fan(core, records, speed)
+    # The fan has the delay of the core and its tables, which are fixed.
     shaft = _Spool(
         "n1",
         lever,

@@ -110,6 +110,7 @@ def identify_ground_effect(
         )
     requested = ground or {}
     _demand_models([model.coefficient for model in models], requested)
+    # Names of the records for messages.
     labels = list(names or ())
     if names is None:
         labels = [f"record {number}" for number in range(1, len(data) + 1)]

@@ -223,6 +223,7 @@ def node_distances(model: xr.DataTree, evidence: xr.DataTree) -> dict[str, float
             and value.shape == leaf["value"].shape
             and counted.any()
         ):
+            # rms of the differences in standard errors, over the nodes from flight.
             difference = (value.values - leaf["value"].values)[counted]
             distances[name] = rms(difference / leaf["stderr"].values[counted])
     return distances

@@ -184,6 +184,7 @@ def _line_of(leaf: xr.Dataset | None) -> tuple[float, float]:
     value = leaf["value"]
     if "engine_rpm" not in value.dims:
         return float(value), 0.0
+    # JSBSim takes a straight line: that through the first two points.
     points = value["engine_rpm"].values
     slope = float((value[1] - value[0]) / (points[1] - points[0]))
     return float(value[0]) - slope * float(points[0]), slope

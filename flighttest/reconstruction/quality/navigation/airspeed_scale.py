@@ -64,6 +64,7 @@ def airspeed_findings(
     channel = "V"
     if "V" not in signals:
         channel = source_channels("V", alone_names(completed))[0]
+    # Two independent estimates: acceleration along the path, and wind triangle.
     estimates = []
     fit = fits.air.get(channel)
     if fit is not None and is_determined(fit):

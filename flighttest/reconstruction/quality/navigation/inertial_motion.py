@@ -76,6 +76,7 @@ def velocity_axes(signals: ResampledChannels, body: tuple[np.ndarray, ...]) -> n
     sf, cf = np.sin(signals["phi"]), np.cos(signals["phi"])
     st, ct = np.sin(signals["theta"]), np.cos(signals["theta"])
     x, y, z = body
+    # First the bank about x, then the pitch about y.
     below = sf * y + cf * z
     return np.stack([ct * x + st * below, cf * y - sf * z, ct * below - st * x])
 
