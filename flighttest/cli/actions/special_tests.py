@@ -342,10 +342,9 @@ def run_multibody(
     _print_record_facts(facts, vehicle)
     click.echo()
     _print_fits(fits, spectral, averages)
+    predicted = Path(predict).stem if predict else ""
     for name, test in tests.items():
-        click.echo(
-            f"predicted {Path(predict).stem}: {name} R2 {test['R2']:.3f}, rms {test['rms']:.3g}"
-        )
+        click.echo(f"predicted {predicted}: {name} R2 {test['R2']:.3f}, rms {test['rms']:.3g}")
     if output:
         click.echo(f"written: {len(data)} records and {len(fits)} fits in {output}")
 
