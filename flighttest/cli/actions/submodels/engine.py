@@ -54,9 +54,12 @@ class EngineRecords:
     rate: float
 
     @property
-    def lever_angles(self) -> tuple[float, ...] | None:
+    def lever_angles(self) -> tuple[float, float] | None:
         """Lever angles of idle and full throttle; None if the records hold the throttle. [rad]"""
-        return tuple(np.radians(self.pla)) if self.pla else None
+        if not self.pla:
+            return None
+        idle, full = np.radians(self.pla)
+        return float(idle), float(full)
 
     def read(self, paths: Sequence[str], height: str | None) -> list[xr.Dataset]:
         """Return the engine channels of records; `height` is the channel of the height."""
