@@ -26,7 +26,7 @@ from flightmech.names import lookup
 REFERENCE_LENGTHS = ("S", "cbar", "b")
 
 
-class ReferenceLengths(TypedDict, total=False):
+class StatedLengths(TypedDict, total=False):
     """Reference area [m2], chord and span [m] of a file that does not state them."""
 
     S: float | None

@@ -26,7 +26,7 @@ from aerodb.exchange.daveml.imported_model import (
     REFERENCE_LENGTHS,
     REFERENCE_POINT,
     ImportedModel,
-    ReferenceLengths,
+    StatedLengths,
     apply_user_names,
     fix_inputs,
     identify_coefficients,
@@ -57,7 +57,7 @@ def import_daveml(
     checks: str = "raise",
     sample: float | None = None,
     grid: Mapping[str, Sequence[float]] | None = None,
-    **reference: Unpack[ReferenceLengths],
+    **reference: Unpack[StatedLengths],
 ) -> xr.DataTree:
     """Read the aerodynamic model of a DAVE-ML file as a database.
 

@@ -11,7 +11,7 @@ from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
 from flightmech.units import parse_quantity
-from flighttest.cli.actions.manoeuvres import Manoeuvres
+from flighttest.cli.actions.manoeuvres import CutManoeuvres
 from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
@@ -86,7 +86,7 @@ class EstimatorOptions:
                 ],
             )
 
-    def fit(self, model: RegressionModel, manoeuvres: Manoeuvres, aircraft_file: str) -> Any:
+    def fit(self, model: RegressionModel, manoeuvres: CutManoeuvres, aircraft_file: str) -> Any:
         """Return the fit of a model by the chosen method."""
         data = manoeuvres.coefficients
         common: dict[str, Any] = {"intercepts": self.intercepts, "constraints": self.constraints}
@@ -117,7 +117,7 @@ class EstimatorOptions:
         return noise
 
     def _read_instruments(
-        self, manoeuvres: Manoeuvres, aircraft_file: str
+        self, manoeuvres: CutManoeuvres, aircraft_file: str
     ) -> list[xr.Dataset] | None:
         """Return the instruments of each manoeuvre with reduced rates; None without files."""
         if not self.instrument_files:

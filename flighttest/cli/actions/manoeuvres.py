@@ -1,4 +1,4 @@
-"""Manoeuvres along reconstructed paths, as the verbs of `flighttest.cli.identify` read them."""
+"""CutManoeuvres along reconstructed paths, as the verbs of `flighttest.cli.identify` read them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Window = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Manoeuvres:
+class CutManoeuvres:
     """Coefficients along all windows of several paths.
 
     Attributes
@@ -71,7 +71,7 @@ class ManoeuvreOptions:
     own_windows: tuple[tuple[str, float, float], ...] = ()
     errors: tuple[tuple[str, float], ...] = ()
 
-    def read(self) -> Manoeuvres:
+    def read(self) -> CutManoeuvres:
         """Return the coefficients along all windows, and warn of faults of the manoeuvres.
 
         Raises
@@ -92,7 +92,7 @@ class ManoeuvreOptions:
                 path_numbers += [number] * len(parts)
         # The regression itself checks the excitation of the regressors.
         report_faults(manoeuvres, labels, known=("excitation",))
-        return Manoeuvres(manoeuvres, path_numbers, self.paths)
+        return CutManoeuvres(manoeuvres, path_numbers, self.paths)
 
 
 def assign_windows(
