@@ -152,6 +152,7 @@ def _without_bias(leaves: Mapping[str, xr.Dataset], prior: PriorErrors) -> dict[
         if name == "Cm/basic":
             fixed = _moment_at_zero_lift(leaves["CL/basic"]["value"], value)
             note = f"slope over the value at zero lift multiplied by {ratio:g}"
+        # Only the part above the fixed value has the ratio.
         changed = fixed + ratio * (value - fixed)
         if "mach" in value.dims:
             changed = changed.where(value["mach"] <= CALIBRATED_MACH, value)

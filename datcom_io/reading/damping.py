@@ -372,6 +372,7 @@ def _describe_number(numbers: _DynamicPage, name: str, wrong: Mapping[str, np.nd
     if name == "Cm_qhat" and numbers.strips:
         text += f", where strips of the planforms give {numbers.strips['surfaces']:.4g} and the "
         text += f"body {numbers.strips['body']:.4g}"
+    # A wrong CMQ of the page does not bound CLQ.
     if name == "CL_qhat" and numbers.mach >= _SUPERSONIC:
         none_wrong = np.zeros(numbers.alpha.size, bool)
         is_wrong = wrong.get("Cm_qhat", none_wrong)

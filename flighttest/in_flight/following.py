@@ -98,6 +98,7 @@ class FlightFollower:
             raise IdentificationError(f"spacing is {spacing:g} Hz; a positive one is needed")
         self.frequencies = harmonics(1.0 / spacing, *band)
         self.band, self.spacing = band, spacing
+        # Mean and trend of a stretch are removed, so that the constant is not a term.
         self.always = [term for term in model.terms if term != "1"]
         self.terms = list(RegressionModel(model.coefficient, [*self.always, *candidates]).terms)
         if not self.always:
@@ -109,6 +110,7 @@ class FlightFollower:
         full = RegressionModel(model.coefficient, self.terms, model.reference)
         self.source = CoefficientSamples(full, aircraft)
         self.clock = ClockedSamples(given=0.0 if rate is None else 1.0 / rate)
+        # State of the stream: open stretch, waiting stretches, and time of the next estimate.
         self._kept = KeptWindows(band[0])
         self._without_coefficient = 0
         self._open: RunningTransform | None = None

@@ -1,4 +1,4 @@
-"""CutManoeuvres along reconstructed paths, as the verbs of `flighttest.cli.identify` read them."""
+"""Manoeuvres along reconstructed paths, as the verbs of `flighttest.cli.identify` read them."""
 
 from __future__ import annotations
 

@@ -277,9 +277,11 @@ class _ProjectionSearch:
             free = gradient.free
             if not free.any():
                 break
+            # Parameters at a bound take no part; the others are scaled to columns of length one.
             J = projection.jacobian[:, free] / gradient.length[free]
             trial = self.step_from(s, J.T @ J + damping * np.eye(J.shape[1]), gradient)
             trial_projection = self.try_point(trial)
+            # A step that does not lower the cost is repeated with more damping.
             if trial_projection is None or trial_projection.cost > projection.cost:
                 damping *= _FACTOR
                 if damping > _MOST_DAMPING:

@@ -119,6 +119,7 @@ def _topic_table(data: Mapping[str, np.ndarray]) -> RecordedTable:
     for name, values in data.items():
         if name != "timestamp" and values.dtype.kind in "fiub":
             columns[name] = values
+    # A name map names angles, and not the components of a quaternion.
     if {"q[0]", "q[1]", "q[2]", "q[3]"} <= set(columns) and "roll" not in columns:
         angles = quaternion_to_euler(
             columns["q[0]"], columns["q[1]"], columns["q[2]"], columns["q[3]"]
