@@ -74,8 +74,8 @@ def run_check_deck(ctx: click.Context, deck: str, as_json: bool) -> None:
     """Perform the command ``check``."""
     read = read_deck(deck)
     found = check_deck(read)
-    counts = Counter(finding.severity for finding in found)
-    numbers = {severity: counts[severity] for severity in ("error", "warning", "note")}
+    by_severity = Counter(finding.severity for finding in found)
+    numbers = {severity: by_severity[severity] for severity in ("error", "warning", "note")}
     if as_json:
         console.print_json(
             {

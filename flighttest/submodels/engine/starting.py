@@ -232,7 +232,8 @@ def _fit_flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarra
     if not outputs:
         return None, {}, {}
     at_nodes, count = refine_knots(knots), len(knots)
-    unknowns, tables = {}, {}
+    unknowns: dict[str, Unknown] = {}
+    tables: dict[str, xr.Dataset] = {}
     for name in outputs:
         first = _levels(records, name, knots)
         size = float(np.max(np.abs(first)))
