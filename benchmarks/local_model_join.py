@@ -44,28 +44,28 @@ GRIDS = {
 
 
 @dataclass(frozen=True)
-class Flights:
+class FlightConditions:
     """Conditions of the local models, alpha [deg] and Mach number."""
 
     alpha: np.ndarray
     mach: np.ndarray
 
 
-def scattered_flights(random: np.random.Generator) -> Flights:
+def scattered_flights(random: np.random.Generator) -> FlightConditions:
     """Return conditions anywhere in the flown region."""
-    return Flights(random.uniform(-3, 8, MODELS), random.uniform(0.22, 0.6, MODELS))
+    return FlightConditions(random.uniform(-3, 8, MODELS), random.uniform(0.22, 0.6, MODELS))
 
 
-def lattice_flights(random: np.random.Generator) -> Flights:
+def lattice_flights(random: np.random.Generator) -> FlightConditions:
     """Return six incidences at each of six Mach numbers, on breakpoints where there are any."""
     alpha, mach = np.meshgrid(np.arange(-2.0, 9.0, 2.0), [0.2, 0.275, 0.35, 0.425, 0.5, 0.575])
-    return Flights(alpha.ravel(), mach.ravel())
+    return FlightConditions(alpha.ravel(), mach.ravel())
 
 
-def flights_at_speeds(random: np.random.Generator) -> Flights:
+def flights_at_speeds(random: np.random.Generator) -> FlightConditions:
     """Return conditions at three Mach numbers, as trims of three altitudes have them."""
     mach = np.repeat([0.25, 0.38, 0.5], MODELS // 3) + random.uniform(-0.01, 0.01, MODELS)
-    return Flights(random.uniform(0, 6, MODELS), mach)
+    return FlightConditions(random.uniform(0, 6, MODELS), mach)
 
 
 FLIGHTS = {

@@ -36,7 +36,7 @@ from flighttest.maximum_likelihood.unknowns import Unknown
 STEP, SPEED, SCALE = 0.04, 100.0, 150.0
 
 
-class Kind(NamedTuple):
+class TurbulenceKind(NamedTuple):
     """A kind of record: noise of the instruments with a time constant [s] and a size, a gust [m/s],
     process noise, a missing term.
     """
@@ -49,32 +49,32 @@ class Kind(NamedTuple):
 
 
 LINEAR = {
-    "white noise": Kind(),
-    "noise of 0.3 s": Kind(0.3),
-    "noise of 1 s": Kind(1.0),
-    "noise of 1 s, 5 times": Kind(1.0, 5.0),
-    "noise of 3 s, 5 times": Kind(3.0, 5.0),
-    "noise of 1 s, 15 times": Kind(1.0, 15.0),
-    "gusts of 0.3 m/s": Kind(gust=0.3),
-    "gusts of 1 m/s": Kind(gust=1.0),
-    "gusts of 2 m/s": Kind(gust=2.0),
-    "process noise, a third": Kind(process=0.3),
-    "process noise": Kind(process=1.0),
-    "no moment of alpha > 0, -0.5 M_alpha": Kind(lacking=3.0),
-    "no moment of alpha > 0, -0.75 M_alpha": Kind(lacking=4.5),
+    "white noise": TurbulenceKind(),
+    "noise of 0.3 s": TurbulenceKind(0.3),
+    "noise of 1 s": TurbulenceKind(1.0),
+    "noise of 1 s, 5 times": TurbulenceKind(1.0, 5.0),
+    "noise of 3 s, 5 times": TurbulenceKind(3.0, 5.0),
+    "noise of 1 s, 15 times": TurbulenceKind(1.0, 15.0),
+    "gusts of 0.3 m/s": TurbulenceKind(gust=0.3),
+    "gusts of 1 m/s": TurbulenceKind(gust=1.0),
+    "gusts of 2 m/s": TurbulenceKind(gust=2.0),
+    "process noise, a third": TurbulenceKind(process=0.3),
+    "process noise": TurbulenceKind(process=1.0),
+    "no moment of alpha > 0, -0.5 M_alpha": TurbulenceKind(lacking=3.0),
+    "no moment of alpha > 0, -0.75 M_alpha": TurbulenceKind(lacking=4.5),
 }
 FLOWN = {
-    "white noise": Kind(),
-    "noise of 1 s": Kind(1.0),
-    "noise of 1 s, 5 times": Kind(1.0, 5.0),
-    "gusts of 0.3 m/s": Kind(gust=0.3),
-    "gusts of 1 m/s": Kind(gust=1.0),
-    "gusts of 2 m/s": Kind(gust=2.0),
-    "no Cm_q": Kind(lacking=1.0),
+    "white noise": TurbulenceKind(),
+    "noise of 1 s": TurbulenceKind(1.0),
+    "noise of 1 s, 5 times": TurbulenceKind(1.0, 5.0),
+    "gusts of 0.3 m/s": TurbulenceKind(gust=0.3),
+    "gusts of 1 m/s": TurbulenceKind(gust=1.0),
+    "gusts of 2 m/s": TurbulenceKind(gust=2.0),
+    "no Cm_q": TurbulenceKind(lacking=1.0),
 }
 
 
-def noise(kind: Kind, rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+def noise(kind: TurbulenceKind, rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
     """Return noise of unit variance, independent between outputs, times the size of its kind."""
     pole = np.exp(-STEP / kind.time) if kind.time else 0.0
     white = rng.standard_normal((shape[0] + 500, shape[1]))
@@ -91,7 +91,7 @@ def vertical_gust(sigma: float, rng: np.random.Generator, count: int, step: floa
     return sigma / SPEED * lfilter(b, a, white)[2000:]
 
 
-def short_period(kind: Kind, seed: int) -> tuple[OutputError, dict[str, float]]:
+def short_period(kind: TurbulenceKind, seed: int) -> tuple[OutputError, dict[str, float]]:
     """Return the fit of one record of the linear model, and the truth."""
     names = {
         "state": ["alpha", "q"],
@@ -141,7 +141,7 @@ def short_period(kind: Kind, seed: int) -> tuple[OutputError, dict[str, float]]:
     return flighttest.maximum_likelihood.linear_output_error(model, record, start), ELEMENTS
 
 
-def flown(kind: Kind, seed: int) -> tuple[OutputError, dict[str, float]]:
+def flown(kind: TurbulenceKind, seed: int) -> tuple[OutputError, dict[str, float]]:
     """Return the fit of one record of the six-degree-of-freedom model, and the truth."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 12.0, STEP)

@@ -28,7 +28,7 @@ from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.regression.model_structure.search import select_stepwise
+from flighttest.regression.model_structure.search import StepwiseThresholds, select_stepwise
 from flighttest.special_tests.multibody.extraction import air_loads
 from flighttest.special_tests.multibody.motion_fit import fit_tree_motion
 from flighttest.special_tests.multibody.vehicle import read_flight, read_vehicle
@@ -99,7 +99,13 @@ def _found(seed: int) -> dict[str, dict]:
         for way, fit in fits.items():
             band, weights = (None, "equal") if way == "time" else (BAND, "spectrum")
             chosen = select_stepwise(
-                name, STATES, data, band=band, gain=0.0, enter=ENTER, weights=weights
+                name,
+                STATES,
+                data,
+                band=band,
+                thresholds=StepwiseThresholds(ENTER),
+                gain=0.0,
+                weights=weights,
             ).fit.model.terms
             e = fit.estimates.sel(term=list(true))
             wrong, s = e["estimate"].values - np.array(list(true.values())), e["stderr"].values

@@ -214,6 +214,7 @@ def _layers(delta_T: float, qnh: float) -> tuple[np.ndarray, np.ndarray]:
     """Return temperature and pressure at the base of each layer."""
     T, p = np.empty(len(_BASE)), np.empty(len(_BASE))
     T[0], p[0] = T_SEA + delta_T, qnh
+    # From layer to layer: linear temperature, hydrostatic pressure.
     for i in range(1, len(_BASE)):
         dH = _BASE[i] - _BASE[i - 1]
         T[i] = T[i - 1] + _GRADIENT[i - 1] * dH

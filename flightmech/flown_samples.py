@@ -121,12 +121,14 @@ def cut_windows(source: str, time: np.ndarray, channels: Mapping[str, Any]) -> l
     rows = np.array([np.asarray(channels[name], float) for name in names])
     steps = np.diff(time)
     usual = float(np.median(steps))
+    # A long step is a gap; a step back is the start of another window.
     cuts = np.flatnonzero((steps > _GAP * usual) | (steps <= 0.0)) + 1
     windows = []
     for indices in np.split(np.arange(time.size), cuts):
         indices = indices[np.isfinite(rows[:, indices]).all(axis=0)]
         if indices.size < 2 or np.ptp(time[indices]) < LEAST_OVERLAP + SMOOTHED:
             continue
+        # Smoothed and reduced: a comparison needs the motion, not the noise.
         means = smooth_rows(time[indices], rows[:, indices])
         windows.append(FlownWindow(source, float(time[indices[0]]), names, means))
     return windows
@@ -257,6 +259,7 @@ def find_shared_windows(
         common = [name for name in window.channels if name in names]
         if len(common) < LEAST_CHANNELS:
             continue
+        # The clocks of window and flight may differ: the best shift counts.
         match = flight.best_match(window, common)
         is_noise_shared = match.least > COPIED_NOISE and _holds_noise(window.means)
         if match.correlation > COPIED or is_noise_shared:

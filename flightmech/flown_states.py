@@ -1,11 +1,11 @@
-"""States that identified a model, kept with it in short form: the evidence of its validity envelope.
+"""States that identified a model, in short form: the evidence of its validity envelope.
 
-A node of a table states that some flight gave it weight.  It does not state where between the nodes the
-samples were, nor in which combination of angle of attack, sideslip, Mach number and configuration.
-A database therefore keeps the cells of a fixed grid that the samples of its fits visited, in the
-text of one root attribute.  Heights and thrust coefficients are kept one by one, since no term
-joins them to all the others.  The sizes of the other variables are kept as well: they show what a
-derivative contributes in flight.
+A node of a table states that some flight gave it weight.  It does not state where between the nodes
+the samples were, nor in which combination of angle of attack, sideslip, Mach number and
+configuration. A database therefore keeps the cells of a fixed grid that the samples of its fits
+visited, in the text of one root attribute.  Heights and thrust coefficients are kept one by one,
+since no term joins them to all the others.  The sizes of the other variables are kept as well: they
+show what a derivative contributes in flight.
 """
 
 from __future__ import annotations
@@ -85,7 +85,11 @@ def gather_states(samples: Iterable[Mapping[Any, Any]]) -> FlownStates | None:
     kept = [item for item in samples if {"alpha", "mach"} <= set(map(str, item))]
     if not kept:
         return None
-    axes = tuple(name for name in JOINT if all(name in item for item in kept))
+    # The joint axes are those that every sample has.
+    axes = []
+    for name in JOINT:
+        if all(name in item for item in kept):
+            axes.append(name)
     blocks: list[np.ndarray] = []
     single: dict[str, Any] = {}
     sizes: dict[str, Any] = {}
@@ -106,7 +110,7 @@ def gather_states(samples: Iterable[Mapping[Any, Any]]) -> FlownStates | None:
     cells = np.unique(np.concatenate(blocks).astype(int), axis=0)
     if not len(cells):
         return None
-    return FlownStates(axes, cells, single, sizes)
+    return FlownStates(tuple(axes), cells, single, sizes)
 
 
 def _cell_numbers(name: str, values: Any) -> np.ndarray:
@@ -158,11 +162,13 @@ def join_states(*texts: str) -> str:
     parts = [part for part in map(unpack_states, dict.fromkeys(filter(None, texts))) if part]
     if len(parts) < 2:
         return next(filter(None, texts), "")
-    axes = tuple(name for name in JOINT if all(name in part.axes for part in parts))
-    blocks = [part.cells[:, [part.axes.index(name) for name in axes]] for part in parts]
+    common = set.intersection(*(set(part.axes) for part in parts))
+    axes = tuple(name for name in JOINT if name in common)
+    blocks: list[np.ndarray] = []
     single: dict[str, np.ndarray] = {}
     sizes: dict[str, float] = {}
     for part in parts:
+        blocks.append(part.cells[:, [part.axes.index(name) for name in axes]])
         for name, numbers in part.single.items():
             single[name] = np.union1d(single.get(name, numbers), numbers)
         for name, size in part.sizes.items():

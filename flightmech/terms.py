@@ -139,6 +139,7 @@ def make_term(
     if power is not None:
         exponent, floor = float(power.exponent), float(power.floor)
         leaf.attrs |= {"power": power.variable, "exponent": exponent, "floor": floor}
+    # A term is checked when it is made, so that no file holds a wrong one.
     problems = check_term(leaf)
     if problems:
         raise SchemaError("term", problems)

@@ -38,15 +38,14 @@ NOTICES = (
 ``departure`` is a departure of the case from the printed row (`pom.judging.departures`),
 ``trim_allowed`` a trim beyond its limits that the case file allows, ``waived`` inputs that the
 model does not have, ``tables_left`` tables that the flight left, ``envelope_left`` a run beyond
-the validity envelope of its model (`pom.judging.envelope_remarks`), ``below_runway`` a model that sank
-through the runway.  ``additional`` is a case in another configuration that states itself so,
+the validity envelope of its model (`pom.judging.envelope_remarks`), ``below_runway`` a model that
+sank through the runway.  ``additional`` is a case in another configuration that states itself so,
 ``record`` an error and ``record_warning`` a warning of the flight record, ``leak`` samples of the
 record that identified the model, ``not_driven`` an answer that the inputs do not drive
 (`pom.probing`), ``watch`` a watched channel beyond its limit, ``recurrent`` and
 ``recurrent_beyond`` the comparison of a run with its master (`pom.replaying.recorded_runs`),
-``low_confidence`` a run where no flight supports the model,
-``far_from_evidence`` terms far from their flight estimate, ``no_evidence`` a model without terms to
-compare with it.
+``low_confidence`` a run where no flight supports the model, ``far_from_evidence`` terms far from
+their flight estimate, ``no_evidence`` a model without terms to compare with it.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory", "demonstration")
 STATUSES = (

@@ -11,7 +11,6 @@ import click
 import pytest
 
 from aeromatch.cli.command import cli
-from pom.cli.actions.run_options import RunOptions
 
 
 def commands(group: click.Group, path: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
@@ -46,12 +45,15 @@ def test_commands_are_listed():
 def test_the_function_takes_the_parameters_of_the_command(name):
     command = COMMANDS[name]
     module, _, function = target_of(command).partition(":")
-    signature = inspect.signature(getattr(importlib.import_module(module), function))
+    perform = getattr(importlib.import_module(module), function)
+    signature = inspect.signature(perform)
     given = [parameter.name for parameter in command.params if parameter.expose_value]
     first = next(iter(signature.parameters), "")
-    passed = () if first in given else (None,)  # the context of click, or an object of the group
-    # this one takes its many options as one object
-    if name == "pom run":
-        assert sorted(given) == sorted(item.name for item in fields(RunOptions))
-        return
-    signature.bind(*passed, **dict.fromkeys(given))  # raises TypeError if they do not agree
+    collected = getattr(perform, "collected_options", {})
+    # the context of click, or an object of the group
+    passed = () if first in given or first in collected else (None,)
+    for option_class in collected.values():
+        for item in fields(option_class):
+            given.remove(item.name)  # raises ValueError if the command has no such option
+    # raises TypeError if they do not agree
+    signature.bind(*passed, **dict.fromkeys([*given, *collected]))

@@ -1,6 +1,7 @@
 """Ice as a difference of terms, which acts with the setting of the ice.
 
-With the clean table P of a term, factor k, offset d and setting eta (0 clean, 1 the ice of the file),
+P is the clean table of a term, k the factor, d the offset and eta the setting (0 clean, 1 the ice
+of the file):
 
     P_iced = P + eta [(k - 1) (P - P_0) + d],    P_0 = P(about), zero without `about`
 
@@ -126,6 +127,7 @@ def _factor_part(clean: xr.Dataset, difference: IceDifference) -> xr.Dataset:
         points = value_breakpoints(clean) | {"alpha": np.array([difference.about])}
         level = regrid_leaf(clean, points)["value"].values
         change = change - level
+    # Errors of factor and table are independent.
     less = difference.factor - 1.0
     own = np.zeros_like(change)
     if "stderr" in clean:

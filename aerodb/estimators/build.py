@@ -237,6 +237,7 @@ def _complete_drag(
 def _reference_point(aircraft: Aircraft, one: CoefficientSet, move_reference: bool) -> Point:
     """Return the moment reference point of the aircraft, by default that of the files. [m]"""
     centre = _require_reference(one)
+    # Drawing: x aft, z up. Aircraft: x forward, z down. 0.0 - z avoids -0.
     own = (-centre.x, 0.0, 0.0 - centre.z)
     if aircraft.reference is None:
         warn_user(

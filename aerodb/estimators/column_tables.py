@@ -213,6 +213,7 @@ def _read_matrix(
         cells, decimal_comma = _split(line)
         if _is_units(cells):
             continue
+        # The first line with numbers holds the values across.
         if not heads:
             heads = _read_heads(cells)
             continue

@@ -131,6 +131,7 @@ class EstimateTables:
         if rows.empty:
             return None
         spread = rows.groupby(axes)["value"].agg(["min", "max"])
+        # Two files may state one condition if they agree.
         contradictory = spread[spread["max"] - spread["min"] > _EQUAL]
         if len(contradictory):
             place = contradictory.index[0]

@@ -8,7 +8,7 @@ absent and counts as zero (LR-743, section 3.1).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Required, TypedDict, Unpack
 
 import xarray as xr
 
@@ -45,7 +45,7 @@ from datcom_io.decks.device_fit import (
 from datcom_io.decks.planforms import measure_main_wing, measure_wing
 from datcom_io.decks.rules_reference import describe_reference_quantities
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.errors import SchemaError
+from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import value_in_si
 
 _PARTS = ("WING-BODY", "WING ALONE", "DATCOM BODY ALONE", "BODY ALONE")
@@ -71,27 +71,37 @@ _FLAP_OR_ELEVATOR = (
 )
 
 
+class ListingsByRole(TypedDict, total=False):
+    """Listings of DATCOM by their role: a Listing, Case, case tree, or list of them, or None."""
+
+    clean: Required[Any]
+    flaps: Any
+    elevator: Any
+    aileron: Any
+    ground: Any
+    ground_flap: Any
+    ground_elevator: Any
+    power: Any
+    spoilers: Any
+    differential_tail: Any
+    tabs: Any
+    aileron_hinge: Any
+
+
+# In this order the roles are read, and stated in the history.
+_ROLES = tuple(ListingsByRole.__annotations__)
+
+
 def from_datcom(
     aircraft: Aircraft,
     *,
-    clean: Any,
-    flaps: Any = None,
-    elevator: Any = None,
-    aileron: Any = None,
-    ground: Any = None,
-    ground_flap: Any = None,
-    ground_elevator: Any = None,
-    power: Any = None,
-    spoilers: Any = None,
-    differential_tail: Any = None,
-    tabs: Any = None,
-    aileron_hinge: Any = None,
     altitude: float | str | None = None,
     powered: bool = False,
     tailless: bool = False,
     move_reference: bool = False,
     stderr: Mapping[str, tuple[float, float] | float] | None = None,
     errors: str = "guide",
+    **listings: Unpack[ListingsByRole],
 ) -> xr.DataTree:
     """Return the a-priori database of Digital DATCOM listings.
 
@@ -161,7 +171,7 @@ def from_datcom(
         chord from a moment centre, or the clean pages are powered or those of a wing-body, unless
         stated.
     UnknownName
-        `stderr` names an unknown term.
+        `stderr` names an unknown term, or a keyword is not a role of a listing.
 
     Warns
     -----
@@ -175,20 +185,9 @@ def from_datcom(
         has an impossible dynamic pressure, or a value is implausible
         (`aerodb.store.plausibility`).
     """
-    listings = {
-        "clean": clean,
-        "flaps": flaps,
-        "elevator": elevator,
-        "aileron": aileron,
-        "ground": ground,
-        "ground_flap": ground_flap,
-        "ground_elevator": ground_elevator,
-        "power": power,
-        "spoilers": spoilers,
-        "differential_tail": differential_tail,
-        "tabs": tabs,
-        "aileron_hinge": aileron_hinge,
-    }
+    for role in listings:
+        if role not in _ROLES:
+            raise UnknownName(role, _ROLES, "role of a listing")
     sources = _collect_sources(listings, powered)
     clean_source = sources["clean"]
     # Speed regimes are those of the program's methods in the clean listing.
@@ -236,6 +235,10 @@ def from_datcom(
 def _collect_sources(listings: Mapping[str, Any], powered: bool) -> dict[str, Source]:
     """Return the sources of all roles that are given; powered cases of `clean` become `power`."""
     cases = {role: listing for role, listing in listings.items() if listing is not None}
+    if "clean" not in cases:
+        raise SchemaError(
+            "clean", ["no listing of the whole aeroplane; give it with the keyword clean"]
+        )
     if "power" not in cases:
         # Powered cases among unpowered ones are increments, not the clean aeroplane.
         without_power, with_power = split_powered(cases["clean"])
@@ -250,7 +253,7 @@ def _collect_sources(listings: Mapping[str, Any], powered: bool) -> dict[str, So
             ],
         )
     sources = {}
-    for role in listings:
+    for role in _ROLES:
         if role not in cases:
             continue
         use_power = role == "power"
@@ -340,6 +343,7 @@ def _collect_effects(
 ) -> list[tuple[str, Effect]]:
     """Return all effects with the roles of their listings, in the axes of DATCOM."""
     clean = sources["clean"]
+    # The clean aeroplane first: static, sideslip, pitch rates, lateral rates.
     clean_effects = increments.static_effects(clean, h_ref)
     clean_effects.append(increments.sideslip_effect(clean, h_ref))
     clean_effects += increments.pitch_rates(clean, h_ref)
@@ -355,6 +359,7 @@ def _collect_effects(
     for role, make_effect in _ROLL_CONTROLS.items():
         if role in sources:
             effects.append((role, make_effect(sources[role], h_ref)))
+    # Power is an increment against the clean pages.
     if "power" in sources:
         effects.append(("power", power_effect(sources["power"], clean, h_ref)))
     if "ground" in sources:

@@ -141,6 +141,7 @@ def _has_same_axes(one: xr.Dataset, two: xr.Dataset) -> bool:
             continue
         if name not in two.coords or one[name].shape != two[name].shape:
             return False
+        # Numbers that are not printed are equal to each other; texts have no NaN.
         if one[name].dtype.kind == "f" and not np.array_equal(
             one[name].values, two[name].values, equal_nan=True
         ):

@@ -90,6 +90,7 @@ def _estimate_pitch_rate(
     if has_tail and not clean.has("downwash"):
         return None
     alpha = grid["alpha"].values / DEGREE
+    # Slope of the downwash on the nodes of the grid, NaN where it is not printed.
     if has_tail:
         slope = clean.grid("downwash").sel(h=h_ref, method="nearest", drop=True)["epsilon_alpha"]
         slope = slope.reindex(
@@ -98,6 +99,7 @@ def _estimate_pitch_rate(
     estimates = []
     for mach in grid["mach"].values:
         wing: dict[str, float] = {}
+        # The shares of tail and wing hold at subsonic speed only.
         if clean.decks and mach >= _SUPERSONIC:
             damping = np.nan
             if name == "Cm_qhat":

@@ -137,8 +137,8 @@ def _make_leaf(
 def _without_bias(leaves: Mapping[str, xr.Dataset], prior: PriorErrors) -> dict[str, xr.Dataset]:
     """Return terms multiplied by their ratios of true to estimated slopes.
 
-    The pitching moment of the basic aeroplane keeps its value at zero lift: its slope has the ratio.
-    The standard errors stay, because the calibration refers them to the estimates.
+    The pitching moment of the basic aeroplane keeps its value at zero lift: its slope has the
+    ratio. The standard errors stay, because the calibration refers them to the estimates.
     """
     corrected = {}
     for name, leaf in leaves.items():
@@ -152,6 +152,7 @@ def _without_bias(leaves: Mapping[str, xr.Dataset], prior: PriorErrors) -> dict[
         if name == "Cm/basic":
             fixed = _moment_at_zero_lift(leaves["CL/basic"]["value"], value)
             note = f"slope over the value at zero lift multiplied by {ratio:g}"
+        # Only the part above the fixed value has the ratio.
         changed = fixed + ratio * (value - fixed)
         if "mach" in value.dims:
             changed = changed.where(value["mach"] <= CALIBRATED_MACH, value)

@@ -5,8 +5,8 @@ damping also has `STALLED` of its difference from the largest damping within 10 
 the damping follows the local lift slope, and the stall that takes it away is a prediction of its
 own.  The standard error is zero at nodes that are zero by definition (an increment at zero
 deflection, a ground effect at height).  The relative and absolute figures depend on the term and
-are those of the subsonic methods.  The factor depends on the class of method (static, dynamic, control, ground,
-power, hinge) and on the speed regime.
+are those of the subsonic methods.  The factor depends on the class of method (static, dynamic,
+control, ground, power, hinge) and on the speed regime.
 
 Figures marked g are the engineering defaults of the project's identification guide (``7.6 A-priori
 weighting``).  The others (j), and all factors, are engineering judgement by the kind of method:
@@ -202,6 +202,7 @@ class PriorErrors:
         A table without a Mach axis counts as subsonic.
         """
         relative, absolute = self.terms[term]
+        # Independent relative and absolute parts; near the stall the departure of the table, too.
         variance = (relative * table) ** 2 + absolute**2
         if term in STALLED and "alpha" in table.dims:
             variance = variance + (STALLED[term] * _departure_nearby(table)) ** 2
@@ -274,9 +275,9 @@ def read_calibration() -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns ``program``, ``term``, ``method`` (class), ``count`` (aircraft), ``ratio`` (published
-        over estimated), ``factor`` (on the figures of the guide), ``relative``, ``absolute`` [1,
-        unit of the table].
+        Columns ``program``, ``term``, ``method`` (class), ``count`` (aircraft), ``ratio``
+        (published over estimated), ``factor`` (on the figures of the guide), ``relative``,
+        ``absolute`` [1, unit of the table].
     """
     with (files("aerodb.prior") / CALIBRATIONS).open(encoding="ascii") as stream:
         return pd.read_csv(stream, comment="#")

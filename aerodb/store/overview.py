@@ -51,7 +51,7 @@ HEAD = ("term", "axes", "times", "values", "stderr", "source")
 
 
 ORIGIN = "origin"
-"""Attribute of a term: the programs that it comes from a priori, such as ``Digital DATCOM, AVL``."""
+"""Attribute of a term: the programs of its a-priori value, such as ``Digital DATCOM, AVL``."""
 
 
 def list_origins(db: xr.DataTree) -> dict[str, str]:

@@ -221,6 +221,7 @@ def _check_steps_of_damping(
         before, here = values[k - 1], values[k]
         if not before or not here or before > 0.0 or here > 0.0:
             continue
+        # Neighbouring Mach numbers differ less than distant ones.
         largest = _STEP_OF_DAMPING
         if machs[k] - machs[k - 1] > _NEIGHBOUR:
             largest = _FAR_STEP
@@ -282,6 +283,7 @@ def _check_trim(
     db: xr.DataTree, machs: np.ndarray, base: Mapping[str, Any]
 ) -> Iterator[tuple[PlausibilityFinding, float]]:
     """Yield a Cm that no deflection of the elevator in its table balances at any attached alpha."""
+    # Travel of the elevator: the range of the tables of Cm over it.
     travel = [np.inf, -np.inf]
     for name, leaf in terms(db).items():
         if name.split("/")[0] == "Cm" and "delta_e" in leaf.dims:
@@ -293,6 +295,7 @@ def _check_trim(
     alpha = np.linspace(low_alpha, high_alpha, 11)
     for mach in machs:
         state = {**base, "mach": np.full(alpha.size, mach), "alpha": alpha}
+        # Cm is nearly linear in the elevator, so its ends bound Cm.
         ends = [evaluate_held(db, "Cm", {**state, "delta_e": np.full(11, end)}) for end in travel]
         low, high = min(map(np.min, ends)), max(map(np.max, ends))
         why = f"pitching moment over alpha {low_alpha / DEGREE:.3g} to {high_alpha / DEGREE:.3g} "

@@ -116,6 +116,7 @@ def check_structure(folder: Path) -> list[PackageCheck]:
         for name in [*folders, *names]:
             path = Path(parent) / name
             relative = path.relative_to(folder).as_posix()
+            # lstat does not follow a link.
             mode = path.lstat().st_mode
             present[relative] = stat.S_ISDIR(mode)
             if not relative.isprintable():
@@ -132,6 +133,7 @@ def check_structure(folder: Path) -> list[PackageCheck]:
     for name in _NEEDED:
         if present.get(name, True):
             faults[name] = "missing; every package has it"
+    # A format is there, or the manifest states why it is not.
     for name in FORMATS:
         reason = manifest.get("refused", {}).get(name)
         if name not in present and not reason:

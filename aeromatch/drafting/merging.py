@@ -123,6 +123,7 @@ def _merge_named_tables(
     """Merge a list of tables with names, such as ``[[fit]]``, table by table."""
     before = {item["name"]: item for item in drafted} if isinstance(drafted, list) else {}
     names = {item["name"]: item for item in new}
+    # From the end, because entries are removed. What the author changed stays.
     for position in reversed(range(len(own))):
         item = own[position]
         if item["name"] not in names and _plain(item) == before.get(item["name"]):

@@ -1,6 +1,4 @@
-"""The model of a project file: one aircraft, its listings, its flights, its test points and its
-Proof-of-Match cases.
-"""
+"""Project file: one aircraft, its listings, its flights and its Proof-of-Match cases."""
 
 from __future__ import annotations
 
@@ -53,14 +51,14 @@ from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.engine.tables import read_structure
 from pom.cases.signatures import Role, Signature
 
-# Names of the models of a match: the a-priori one is datcom, or prior with sources of `[[prior]]`.
 OWN_MODELS = ("datcom", "prior", "corrected", "final")
-"""Names of the models that a project makes."""
+"""Names of the models that a project makes; ``prior`` replaces ``datcom`` with `[[prior]]`."""
 
 
 class NewTerm(Strict):
-    """A term that the listings cannot give: zero at first, with a wide standard error, for the
-    flights to find.
+    """A term that the listings cannot give, for the flights to identify.
+
+    It is zero at first and has a wide standard error.
     """
 
     axes: dict[str, tuple[float | str, ...]] = Field(
@@ -109,9 +107,7 @@ class NewTerm(Strict):
 
 
 class FitSection(RecordSelection):
-    """Manoeuvres or windows of a record that are fitted together by each of some models; the same
-    for each of `records`.
-    """
+    """Manoeuvres or windows of records, which each of some models fits together."""
 
     name: str = Field(description="Name of the fit, for the report.")
     models: tuple[str, ...] = Field(
@@ -130,9 +126,7 @@ class FitSection(RecordSelection):
 
 
 class ThirdPartyModel(Strict):
-    """A model from elsewhere that is replayed with those of the project, and its table of names
-    (`pom.replay`).
-    """
+    """A model from elsewhere that is replayed too, and its table of names (`pom.replay`)."""
 
     fmu: str = Field(
         description="The FMU, relative to this file.", examples=["other/simulator.fmu"]
@@ -338,16 +332,6 @@ class Project(Strict):
             problems.append("take: chooses among several sources; give more [[prior]] tables")
         return problems
 
-    @property
-    def prior_model(self) -> str:
-        """Name of the a-priori model: ``datcom``, or ``prior`` with sources of ``[[prior]]``."""
-        return "prior" if self.prior else "datcom"
-
-    @property
-    def own_models(self) -> tuple[str, str, str]:
-        """Names of the three models of a match, from the a-priori to the final one."""
-        return self.prior_model, "corrected", "final"
-
     def _name_problems(self) -> list[str]:
         problems = self._source_problems()
         if self.ice is not None and self.ice.is_file():
@@ -395,6 +379,16 @@ class Project(Strict):
     def file(self) -> Path:
         """The project file."""
         return self._file
+
+    @property
+    def prior_model(self) -> str:
+        """Name of the a-priori model: ``datcom``, or ``prior`` with sources of ``[[prior]]``."""
+        return "prior" if self.prior else "datcom"
+
+    @property
+    def own_models(self) -> tuple[str, str, str]:
+        """Names of the three models of a match, from the a-priori to the final one."""
+        return self.prior_model, "corrected", "final"
 
     @property
     def submodels(self) -> dict[str, tuple[RecordSelection, ...]]:

@@ -163,6 +163,7 @@ def of_cases(
     recorded : mapping of str to RecordedRuns
         Recordings of devices by case; a case may have none.
     """
+    # Files count by their content, so that a copy in another folder is the same.
     common = {
         "models": [(name, content(file)) for name, file in fmus.items()],
         "names of models": [(name, content(file)) for name, file in tables.items()],

@@ -50,14 +50,24 @@ _OUTPUT_NAMES = re.compile(
 
 
 @dataclass(frozen=True)
-class _Replay:
-    """Settings of the replay of the cases; the fields are parameters of `perform_match`."""
+class ReplaySettings:
+    """Settings of the replay of the cases.
 
-    jobs: int
-    scheduler: str | None
-    resume: str | Path | None
-    samples: int
-    seed: int
+    Attributes
+    ----------
+    scheduler : str or None
+        Address of a cluster (`pom.replay_all`), whose workers reconstruct, form coefficients, fit,
+        diagnose, replay, sample and draw.
+    resume : path or None
+        Folder of the stored flights of `pom.replay_all`.
+    samples, seed : int
+        Number and seed of the draws of the final model (`pom.replay_sampled`).
+    """
+
+    scheduler: str | None = None
+    resume: str | Path | None = None
+    samples: int = 0
+    seed: int = 0
 
 
 def perform_match(
@@ -66,10 +76,7 @@ def perform_match(
     jobs: int,
     step: Step,
     command: str = "",
-    scheduler: str | None = None,
-    resume: str | Path | None = None,
-    samples: int = 0,
-    seed: int = 0,
+    replay: ReplaySettings | None = None,
     compare: bool = False,
     stages: Stages | None = None,
 ) -> MatchOutcome:
@@ -92,14 +99,8 @@ def perform_match(
         ``with step("text"):`` surrounds every step, for progress.
     command : str
         Command line, for the report.
-    scheduler : str, optional
-        Address of a cluster (`pom.replay_all`), whose workers reconstruct, form coefficients, fit,
-        diagnose, replay, sample and draw.
-    resume : path, optional
-        Folder of the stored flights of `pom.replay_all`.
-    samples, seed : int
-        Number and seed of the draws of the final model (`pom.replay_sampled`). The default is no
-        draw.
+    replay : ReplaySettings, optional
+        Cluster, stored flights and draws. The default is none of them.
     compare : bool
         Whether the tables are made by all `WAYS` and compared node by node, in
         ``tables_compared.csv``.
@@ -124,8 +125,9 @@ def perform_match(
         # An error of the folder is raised before the long computations.
         resolve_folder(folder)
     stages = stages or Stages()
-    replay = _Replay(jobs, scheduler, resume, samples=samples, seed=seed)
-    with open_cluster(scheduler) if scheduler else nullcontext(stages.workers) as stages.workers:
+    replay = replay or ReplaySettings()
+    cluster = open_cluster(replay.scheduler) if replay.scheduler else nullcontext(stages.workers)
+    with cluster as stages.workers:
         result = run_identification(project, jobs, step=step, stages=stages, compare=compare)
         folder.parent.mkdir(parents=True, exist_ok=True)
         with folder_written_atomically(folder, _is_output) as new:
@@ -134,7 +136,7 @@ def perform_match(
             # The report states the hashes of the FMUs that the replay reads.
             result.custody.take(fmus.values())
             with step(replay_step(len(result.cases), len(fmus), len(project.devices))):
-                replays = _replay(result, fmus, new, replay=replay, stages=stages)
+                replays = _replay_cases(result, fmus, new, jobs=jobs, replay=replay, stages=stages)
             # No file may have changed between its identification and its replay.
             result.custody.check()
             replays = with_report_checks(with_record_checks(replays, Values(result.checks)))
@@ -168,8 +170,14 @@ def replay_step(cases: int, fmus: int, devices: int) -> str:
     return f"{text} and {count_text(devices, 'device')}" if devices else text
 
 
-def _replay(
-    result: Identified, fmus: Mapping[str, Path], folder: Path, replay: _Replay, stages: Stages
+def _replay_cases(
+    result: Identified,
+    fmus: Mapping[str, Path],
+    folder: Path,
+    *,
+    jobs: int,
+    replay: ReplaySettings,
+    stages: Stages,
 ) -> list[Any]:
     """Return the results of the cases, with the samples of the final model if requested."""
     project = result.project
@@ -194,7 +202,7 @@ def _replay(
         result.cases,
         fmus=fmus,
         paths=result.paths,
-        jobs=replay.jobs,
+        jobs=jobs,
         scheduler=replay.scheduler,
         resume=replay.resume,
         **options,
@@ -214,7 +222,7 @@ def _replay(
             "errors": project.errors,
             "names": project.tables,
         },
-        jobs=replay.jobs,
+        jobs=jobs,
     )
 
 

@@ -119,7 +119,7 @@ def identified_engine(
         S=apriori.S,
         engines=len(section.engines),
         flights=_engine_records(section, paths, spans.get("engine.flights", {})),
-        **structure.keywords(),
+        structure=structure,
     )
 
 

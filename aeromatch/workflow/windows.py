@@ -190,6 +190,7 @@ def select_windows(
     windows = IdentificationWindows(fits, submodels)
     positions = [f"fit {fit.name!r}" for fit in project.fit]
     named = [*zip(positions, fits, strict=True), *submodels.items()]
+    # The same samples may have come under another name.
     if copies is None:
         copies = samples_of_copies(proving_records(cases), records_of(project), records)
     overlaps += find_copied_records(named, copies, cases)

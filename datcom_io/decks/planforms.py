@@ -127,6 +127,7 @@ def measure_surface(deck: Deck, name: str) -> WingPlanform | None:
     if sampled is None:
         return None
     stations, chord, lead = sampled
+    # Integrals over one half: mean chord = Int c^2 dy / Int c dy, and its leading edge alike.
     half = float(stations[-1])
     area = float(np.trapezoid(chord, stations))
     quarter = lead + 0.25 * chord

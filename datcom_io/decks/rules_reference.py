@@ -31,6 +31,7 @@ def describe_reference_quantities(deck: Deck) -> dict[str, str]:
     if wing is None:
         return {}
     planform = {"SREF": wing.area, "CBARR": wing.mean_chord, "BLREF": wing.span}
+    # Usual mistakes, which the clause names.
     others = {
         "SREF": {"half of it": 0.5 * wing.area, "twice that": 2.0 * wing.area},
         "CBARR": {"the root chord": wing.root_chord},

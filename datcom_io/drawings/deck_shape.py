@@ -1,4 +1,4 @@
-"""Shape of the aeroplane of an input deck: outlines in space, points, and what the deck leaves open.
+"""Shape of the aeroplane of an input deck: outlines in space, points, and what the deck lacks.
 
 Axes are those of the deck, x aft, z up, and y right, in its unit of length. Each outline states in
 which views it is drawn.
@@ -124,6 +124,7 @@ def _add_body(deck: Deck, found: _ShapeParts) -> None:
     }
     half = arrays["R"]
     note = ""
+    # Without R the program takes the radius of a circle of the area S.
     if len(half) < len(x) and len(arrays["S"]) == len(x):
         half = np.sqrt(np.maximum(arrays["S"], 0.0) / np.pi)
         note = ", half width of a circle of the area S"
@@ -142,11 +143,13 @@ def _add_body(deck: Deck, found: _ShapeParts) -> None:
             "ZU and ZL of the body at every station: its side view is a body of revolution about "
             "Z = 0, as the program takes it"
         )
+    # Outline in the top view and in the side view: forward along one side, back along the other.
     zero = np.zeros_like(x)
     plan = np.column_stack([np.r_[x, x[::-1]], np.r_[half, -half[::-1]], np.r_[zero, zero]])
     side = np.column_stack([np.r_[x, x[::-1]], np.r_[zero, zero], np.r_[top, bottom[::-1]]])
     found.outlines.append(DeckOutline("body", "body", plan, ("top",)))
     found.outlines.append(DeckOutline("body", "body", side, ("side",)))
+    # Ellipses in the front view, the largest last, so that it is on top.
     for k in np.argsort(half * (top - bottom), kind="stable"):
         middle, height = 0.5 * (top[k] + bottom[k]), 0.5 * (top[k] - bottom[k])
         ring = np.column_stack(
@@ -244,6 +247,7 @@ def _add_twin_panels(deck: Deck, found: _ShapeParts) -> None:
     if not span or between is None or not area or arm is None or x_cg is None:
         found.omissions.append("the twin vertical panels: BV, BH, SV, VLP or XCG is missing")
         return
+    # VLP is the distance from XCG to the quarter chord of the panels.
     chord = area / span
     x = x_cg + arm - 0.25 * chord
     z = (z_cg or 0.0) + (height or 0.0)

@@ -146,6 +146,7 @@ def _strip(
     if nodes is None or x is None:
         return None
     apex = (x, deck.value("SYNTHS", f"Z{_APEX[surface]}") or 0.0)
+    # Corners: inner and outer trailing or leading corner, then back along the other edge.
     stations = np.array([span[0], span[1], span[1], span[0]])
     local = np.interp(stations, nodes[0], nodes[1])
     width = np.array([chords[0], chords[1], 0.0, 0.0])

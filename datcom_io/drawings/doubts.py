@@ -49,6 +49,7 @@ def _doubt_size(shape: DeckShape, ranges: _Ranges) -> Iterator[str]:
     """Yield doubts on the unit of length and on the proportions."""
     if not ranges:
         return
+    # Extent of all parts together; y counts from tip to tip.
     low = np.min([part[0] for part in ranges.values()], axis=0)
     high = np.max([part[1] for part in ranges.values()], axis=0)
     length, span = float(high[0] - low[0]), float(high[1] - low[1])
@@ -81,6 +82,7 @@ def _doubt_places(shape: DeckShape, ranges: _Ranges) -> Iterator[str]:
             )
     if "body" not in ranges:
         return
+    # Surfaces have to touch the body, within a share of its length.
     nose, end = float(ranges["body"][0][0]), float(ranges["body"][1][0])
     allowed = _TOLERANCE * (end - nose)
     for part in ("wing", "horizontal tail", "vertical tail", "ventral fin"):

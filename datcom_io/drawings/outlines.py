@@ -72,6 +72,7 @@ def place_on_surface(
     letter = "W" if name == "WGPLNF" else "H"
     incidence = deck.value("SYNTHS", f"ALI{letter}") or 0.0
     twist = deck.value(name, "TWISTA") or 0.0
+    # Nose-up incidence and twist turn the chord, so that points behind the edge move down.
     angle = np.radians(incidence + twist * stations / y[-1])
     inner = np.tan(np.radians(deck.value(name, "DHDADI") or 0.0))
     outer_angle, outer = deck.value(name, "DHDADO"), deck.value(name, "SSPNDD") or 0.0

@@ -227,6 +227,7 @@ class _Drawing:
         """Yield length, height and span."""
         side, front = self.views["side"], self.views["front"]
         z = np.hstack([o.points[:, 2] for o in self.outlines if "side" in o.views])
+        # Length below the side view, span below the front view.
         for view, outlines_axis, label in ((side, 0, "length"), (front, 1, "span")):
             values = [o.points[:, outlines_axis] for o in self.outlines if view.name in o.views]
             low, high = float(np.min(np.hstack(values))), float(np.max(np.hstack(values)))
@@ -238,6 +239,7 @@ class _Drawing:
             if label == "length":
                 text += f", height {self._length(float(np.ptp(z)))}"
             yield _text(0.5 * (x0 + x1), y + 16.0, text, anchor="middle")
+        # Height left of the side view; y of the drawing points down.
         low, high = float(z.min()), float(z.max())
         x = side.origin[0] - 22.0
         y0 = side.origin[1] + side.scale * (float(side.high[1]) - high)

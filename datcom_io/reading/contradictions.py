@@ -40,7 +40,7 @@ _MACH_ROUNDING, _SPEED_ROUNDING = 0.0005, 0.005
 
 
 def flag_contradictions(case: Case) -> None:
-    """Flag the numbers of static pages that contradict each other, and report the contradictions."""
+    """Flag the numbers of static pages that contradict each other, and report them."""
     # CA of a body with fins lacks a part of their drag.
     places, tables = [], []
     for i, page in enumerate(case.pages):

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -180,27 +181,12 @@ def find_inconsistent(
     has_downwash = bool(np.isfinite(downwash_slope).any())
     if has_tail is None:
         has_tail = has_downwash
-    wrong = {}
-    for name, largest in LARGEST.items():
-        if name in derivatives:
-            wrong[name] = np.abs(derivatives[name]) > largest
-    for name, sign in _SIGNS.items():
-        # Without a tail, or with the share of a supersonic wing, the lag has no sign of its own.
-        if name.endswith("alphadothat") and (not has_downwash or mach >= _SUPERSONIC):
-            continue
-        # CMQ and CLQ are printed once, in the first row, for all angles.
-        rows = is_linear | (name == "Cm_qhat")
-        margin = _SIGN_MARGIN.get(name, 0.0)
-        wrong[name] = wrong[name] | (rows & (sign * derivatives[name] < -margin))
-    # A wing that lifts more on the advancing side rolls away from it: Clr has the sign of CL.
-    Cl_r = derivatives["Cl_rhat"]
-    fin = np.abs(np.nan_to_num(derivatives["Cn_rhat"]))
-    is_reversed = (lift > _LIFTING) & (Cl_r < -_TAIL_CLR)
-    is_reversed |= (lift < -_LIFTING) & (Cl_r > _TAIL_CLR + _FIN_CLR * fin)
-    wrong["Cl_rhat"] = wrong["Cl_rhat"] | (is_linear & is_reversed)
-    # The yaw of a rolling aeroplane is a part of its roll damping, but for the share of the fin.
-    largest_Cn_p = np.abs(derivatives["Cl_phat"]) + _FIN_CNP * fin
-    wrong["Cn_phat"] |= is_linear & (np.abs(derivatives["Cn_phat"]) > largest_Cn_p)
+    # Without a tail, or with the share of a supersonic wing, the lag has no sign of its own.
+    has_lag_sign = has_downwash and mach < _SUPERSONIC
+    wrong = _find_wrong_signs(derivatives, is_linear, has_lag_sign)
+    is_reversed, is_too_large = _find_wrong_cross(derivatives, lift)
+    wrong["Cl_rhat"] |= is_linear & is_reversed
+    wrong["Cn_phat"] |= is_linear & is_too_large
     shares = estimate_tail_share(derivatives, alpha, downwash_slope, mach)
     for name in ("CL_qhat", "Cm_qhat"):
         # A tail without downwash, such as that behind a canard, leaves its share unknown.
@@ -216,6 +202,36 @@ def find_inconsistent(
     low, high = bound_supersonic_lift(mach, strips or {}, damping, moment_slope)
     wrong["CL_qhat"] = wrong["CL_qhat"] | (CL_q < low) | (CL_q > high)
     return {name: mask for name, mask in wrong.items() if mask.any()}
+
+
+def _find_wrong_signs(
+    derivatives: Derivatives, is_linear: np.ndarray, has_lag_sign: bool
+) -> dict[str, np.ndarray]:
+    """Return masks of the numbers that are too large, or of the other sign in attached flow."""
+    wrong = {}
+    for name, largest in LARGEST.items():
+        if name in derivatives:
+            wrong[name] = np.abs(derivatives[name]) > largest
+    for name, sign in _SIGNS.items():
+        if name.endswith("alphadothat") and not has_lag_sign:
+            continue
+        # CMQ and CLQ are printed once, in the first row, for all angles.
+        rows = is_linear | (name == "Cm_qhat")
+        margin = _SIGN_MARGIN.get(name, 0.0)
+        wrong[name] |= rows & (sign * derivatives[name] < -margin)
+    return wrong
+
+
+def _find_wrong_cross(derivatives: Derivatives, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return masks of the CLR of the wrong sign, and of the CNP that are too large."""
+    fin = np.abs(np.nan_to_num(derivatives["Cn_rhat"]))
+    # A wing that lifts more on the advancing side rolls away from it: CLR has the sign of CL.
+    Cl_r = derivatives["Cl_rhat"]
+    is_reversed = (lift > _LIFTING) & (Cl_r < -_TAIL_CLR)
+    is_reversed |= (lift < -_LIFTING) & (Cl_r > _TAIL_CLR + _FIN_CLR * fin)
+    # The yaw of a rolling aeroplane is a part of its roll damping, but for the share of the fin.
+    largest_Cn_p = np.abs(derivatives["Cl_phat"]) + _FIN_CNP * fin
+    return is_reversed, np.abs(derivatives["Cn_phat"]) > largest_Cn_p
 
 
 def _first_sound(values: np.ndarray, is_wrong: np.ndarray) -> float:
@@ -251,6 +267,35 @@ def estimate_supersonic_damping(deck: Deck, mach: float, has_tail: bool) -> floa
     return _STRIPS_MEDIAN * shares["surfaces"] + min(0.0, shares["body"])
 
 
+@dataclass(frozen=True)
+class _DynamicPage:
+    """Numbers of a page with dynamic derivatives, as `find_inconsistent` takes them."""
+
+    derivatives: Derivatives
+    alpha: np.ndarray
+    lift: np.ndarray
+    downwash_slope: np.ndarray
+    mach: float
+    wing: Mapping[str, float]
+    has_tail: bool
+    strips: Mapping[str, float]
+    moment_slope: float
+
+    def find_inconsistent(self) -> dict[str, np.ndarray]:
+        """Return masks of the inconsistent numbers by derivative."""
+        return find_inconsistent(
+            self.derivatives,
+            self.alpha,
+            self.lift,
+            self.downwash_slope,
+            self.mach,
+            wing=self.wing,
+            has_tail=self.has_tail,
+            strips=self.strips,
+            moment_slope=self.moment_slope,
+        )
+
+
 def flag_damping(case: Case) -> None:
     """Flag the dynamic derivatives of wings with others that are inconsistent, and report them."""
     static_pages = {
@@ -265,63 +310,78 @@ def flag_damping(case: Case) -> None:
         if table is None or "WING" not in page.configuration:
             continue
         static = static_pages.get((page.configuration, printed_condition(page)))
-        columns = _columns(table)
-        alpha = columns["alpha"]
-        per_radian = 1.0
-        if case.deck.deriv == "DEG":
-            per_radian = math.degrees(1.0)
-        derivatives = {name: per_radian * columns[name] for name in LARGEST}
-        lift = _column_of_page(static, "static", "CL", alpha)
-        slope = _column_of_page(static, "downwash", "epsilon_alpha", alpha)
-        mach = page.condition("mach")
-        wing = estimate_wing_share(case.deck, mach)
-        has_tail = "HORIZONTAL" in page.configuration
-        strips = estimate_supersonic_shares(case.deck, mach, has_tail)
-        moments = per_radian * _column_of_page(static, "static", "Cm_alpha", alpha)
-        moments = moments[np.isfinite(moments) & (np.abs(alpha) <= _LINEAR)]
-        moment_slope = math.nan
-        if moments.size:
-            moment_slope = float(np.median(moments))
-        wrong = find_inconsistent(
-            derivatives,
-            alpha,
-            lift,
-            slope,
-            mach,
-            wing=wing,
-            has_tail=has_tail,
-            strips=strips,
-            moment_slope=moment_slope,
-        )
-        shares = estimate_tail_share(derivatives, alpha, slope, mach)
+        numbers = _read_dynamic_page(case.deck, page, table, static)
+        wrong = numbers.find_inconsistent()
         for name, mask in wrong.items():
             page = with_suspects(page, "dynamic", (name,), mask)
-            row = int(np.argmax(mask))
-            text = f"{derivatives[name][row]:.4g} per radian at alpha {alpha[row]:g} deg"
-            if name in shares:
-                text += ", where the derivatives of alpha-dot and the downwash of the page give "
-                text += f"{shares[name]:.4g} for the tail alone"
-            if name in wing and (name in shares or not has_tail):
-                text += f", and the planform gives {wing[name]:.4g} for the wing"
-            if name == "Cm_qhat" and strips:
-                text += f", where strips of the planforms give {strips['surfaces']:.4g} and the "
-                text += f"body {strips['body']:.4g}"
-            if name == "CL_qhat" and mach >= _SUPERSONIC:
-                no_row = np.zeros(alpha.size, bool)
-                damping = _first_sound(derivatives["Cm_qhat"], wrong.get("Cm_qhat", no_row))
-                low, high = bound_supersonic_lift(mach, strips, damping, moment_slope)
-                text += f", where strips of the planforms, CMQ and CMA allow {low:.4g} to "
-                text += f"{high:.4g}"
-            _, _, machs = reports.setdefault(
-                (page.configuration, name), (table.lines[row], text, [])
-            )
-            machs.append(mach)
+            line = table.lines[int(np.argmax(mask))]
+            first = (line, _describe_number(numbers, name, wrong), list[float]())
+            _, _, machs = reports.setdefault((page.configuration, name), first)
+            machs.append(numbers.mach)
         case.pages[i] = page
     for (configuration, name), (line, text, machs) in reports.items():
         at = " ".join(f"{mach:g}" for mach in dict.fromkeys(machs))
         sentence = f"{name} of {configuration} is inconsistent in sign or size at Mach {at} "
         sentence += f"({text}) and is flagged suspect; {_ADVICE.get(name, _OTHER_ADVICE)}"
         case.messages.append(ListingMessage(line, sentence, "reader"))
+
+
+def _read_dynamic_page(
+    deck: Deck, page: Page, table: PrintedTable, static: Page | None
+) -> _DynamicPage:
+    """Return the numbers of a page, with those of the static page of the same condition."""
+    columns = _columns(table)
+    alpha = columns["alpha"]
+    per_radian = 1.0
+    if deck.deriv == "DEG":
+        per_radian = math.degrees(1.0)
+    mach = page.condition("mach")
+    has_tail = "HORIZONTAL" in page.configuration
+    # CMA is the median of the printed slopes in the linear range.
+    moments = per_radian * _column_of_page(static, "static", "Cm_alpha", alpha)
+    moments = moments[np.isfinite(moments) & (np.abs(alpha) <= _LINEAR)]
+    moment_slope = math.nan
+    if moments.size:
+        moment_slope = float(np.median(moments))
+    return _DynamicPage(
+        derivatives={name: per_radian * columns[name] for name in LARGEST},
+        alpha=alpha,
+        lift=_column_of_page(static, "static", "CL", alpha),
+        downwash_slope=_column_of_page(static, "downwash", "epsilon_alpha", alpha),
+        mach=mach,
+        wing=estimate_wing_share(deck, mach),
+        has_tail=has_tail,
+        strips=estimate_supersonic_shares(deck, mach, has_tail),
+        moment_slope=moment_slope,
+    )
+
+
+def _describe_number(numbers: _DynamicPage, name: str, wrong: Mapping[str, np.ndarray]) -> str:
+    """Return the first inconsistent number of a derivative, and what others give in its place."""
+    row = int(np.argmax(wrong[name]))
+    value, alpha = numbers.derivatives[name][row], numbers.alpha[row]
+    text = f"{value:.4g} per radian at alpha {alpha:g} deg"
+    shares = estimate_tail_share(
+        numbers.derivatives, numbers.alpha, numbers.downwash_slope, numbers.mach
+    )
+    if name in shares:
+        text += ", where the derivatives of alpha-dot and the downwash of the page give "
+        text += f"{shares[name]:.4g} for the tail alone"
+    if name in numbers.wing and (name in shares or not numbers.has_tail):
+        text += f", and the planform gives {numbers.wing[name]:.4g} for the wing"
+    if name == "Cm_qhat" and numbers.strips:
+        text += f", where strips of the planforms give {numbers.strips['surfaces']:.4g} and the "
+        text += f"body {numbers.strips['body']:.4g}"
+    # A wrong CMQ of the page does not bound CLQ.
+    if name == "CL_qhat" and numbers.mach >= _SUPERSONIC:
+        none_wrong = np.zeros(numbers.alpha.size, bool)
+        is_wrong = wrong.get("Cm_qhat", none_wrong)
+        damping = _first_sound(numbers.derivatives["Cm_qhat"], is_wrong)
+        low, high = bound_supersonic_lift(
+            numbers.mach, numbers.strips, damping, numbers.moment_slope
+        )
+        text += f", where strips of the planforms, CMQ and CMA allow {low:.4g} to {high:.4g}"
+    return text
 
 
 def _columns(table: PrintedTable) -> dict[str, np.ndarray]:

@@ -132,15 +132,21 @@ def estimate_supersonic_shares(deck: Deck, mach: float, has_tail: bool) -> dict[
         if surface is None or sampled is None:
             return {}
         stations, chord, lead = sampled
+        # Lift slope of slender-wing theory, pi A / 2, and of thin aerofoils at supersonic speed,
+        # 4 / sqrt(M^2 - 1); the smaller one holds.
         slope = 0.5 * math.pi * surface.aspect_ratio
         if mach > 1.0:
             slope = min(slope, 4.0 / math.sqrt(mach**2 - 1.0))
+        # A strip at x behind the moment centre sees the incidence x q / V. Its lift is proportional to
+        # x, its moment to x^2; both are integrated over the chord in closed form.
         front, rear = lead - x_cg, lead + chord - x_cg
         total += slope * 2.0 * float(np.trapezoid((rear**3 - front**3) / 3.0, stations))
         first_moment = 2.0 * float(np.trapezoid((rear**2 - front**2) / 2.0, stations))
         shares[lift] = 2.0 * slope * first_moment / (S * cbar)
         if name == "WGPLNF":
             shares["slender_wing"] = shares[lift]
+            # With a leading edge behind the Mach cone slender-wing theory holds: the lift of
+            # a section follows the incidence at its trailing edge.
             is_behind = lead[-1] - lead[0] > math.sqrt(mach**2 - 1.0) * stations[-1]
             if is_behind or mach < _LINEAR_THEORY:
                 moment = 2.0 * float(np.trapezoid(chord * rear, stations))

@@ -50,7 +50,7 @@ CONTROLS = (
 DEVICE = "device."
 """Prefix of a control that only the tables of a database use, ``device.body_flap.deflection``."""
 ICE = "device.ice.setting"
-"""Setting of the ice of a database with differences by ice: 0 clean, 1 the ice of the differences."""
+"""Setting of the ice of a database with differences by ice: 0 clean, 1 that ice."""
 
 # by control: cockpit control that moves it, and unit of its gearing
 TRAVEL = {

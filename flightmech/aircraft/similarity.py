@@ -358,6 +358,7 @@ def _scale_aircraft(
     reference = aircraft.reference
     if reference is not None:
         reference = _scale_vector(reference, length)
+    # Moments of inertia have a factor of their own, which a law may replace.
     inertia = {}
     for moment in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"):
         inertia[moment] = getattr(aircraft, moment) * factors["inertia"]

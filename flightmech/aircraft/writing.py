@@ -140,7 +140,7 @@ _SHAFT_SECTIONS = ("propeller", "piston", "motor")
 
 
 def _write_shaft_tables(engine: Engine, number: int, path: Path, parts: ExitStack) -> list[str]:
-    """Write the tables of propeller, piston engine and motor, and return the lines of the sections."""
+    """Write the tables of propeller, piston engine and motor; return the lines of the sections."""
     lines: list[str] = []
     for name in _SHAFT_SECTIONS:
         section = getattr(engine, name)

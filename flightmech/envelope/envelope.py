@@ -47,8 +47,8 @@ class Envelope(ShortText):
     states : FlownStates or None
         The evidence; None for a database that does not keep it, and for an envelope of a model.
     everywhere : tuple of str
-        Terms that are a-priori at every state, such as a constant of a handbook: with one of them no
-        state is better.  Empty for an envelope of a model, which has no names of terms.
+        Terms that are a-priori at every state, such as a constant of a handbook: with one of them
+        no state is better.  Empty for an envelope of a model, which has no names of terms.
     """
 
     tables: tuple[RegionTable, ...]
@@ -185,6 +185,7 @@ def unpack_envelope(data: bytes, variables: Sequence[str]) -> Envelope | None:
     (count, _), place = struct.unpack_from("<2I", data), 8
     tables = []
     for _ in range(count):
+        # Per table: rank, (variable, number of edges) per axis, edges, cells; each part fills 8 bytes.
         (rank,) = struct.unpack_from("<I", data, place)
         pairs = [struct.unpack_from("<2I", data, place + 4 + 8 * k) for k in range(rank)]
         place += -(-(4 + 8 * rank) // 8) * 8
@@ -196,6 +197,7 @@ def unpack_envelope(data: bytes, variables: Sequence[str]) -> Envelope | None:
         cells = np.frombuffer(data, np.uint8, int(np.prod(shape)), place).reshape(shape)
         place += -(-cells.size // 8) * 8
         names = tuple(variables[variable] for variable, _ in pairs)
+        # A cell has its region in the low bits, and the code of the axis above them.
         regions = cells & ((1 << _REGION_BITS) - 1)
         tables.append(RegionTable(names, tuple(edges), regions, cells >> _REGION_BITS))
     return Envelope(tuple(tables))

@@ -1,8 +1,8 @@
 """Maps of the validity envelope of each configuration, as text and as SVG.
 
 A map is drawn in Mach number and in sideslip over the angle of attack.  All other variables are
-held: sideslip and controls at zero, attached flow, out of ground effect, at 1500 m, and in the sideslip map the
-median of the Mach numbers that the configuration was flown at.
+held: sideslip and controls at zero, attached flow, out of ground effect, at 1500 m, and in the
+sideslip map the median of the Mach numbers that the configuration was flown at.
 """
 
 from __future__ import annotations
@@ -229,6 +229,7 @@ def draw_maps(
     width = 0.5 * (WIDTH - _GAP - _LEFT) - 6.0
     parts, height = [_draw_legend()], _LEGEND
     for number, own in enumerate(maps):
+        # Two maps to a row, from left to right.
         column, row = number % 2, number // 2
         left = _LEFT + column * (width + _GAP)
         top = _LEGEND + _TOP + row * (_TOP + _HEIGHT + _FOOT)

@@ -50,9 +50,9 @@ LEAST_EFFECT = {
 }
 """Effect from which on a term of a coefficient counts.
 
-Our numbers, about a quarter of what the printed tolerances of trimmed flight allow.  At CL 0.4 a lift
-of 0.02 is 0.05 g and a drag of 0.002 is 0.005 g.  With the derivatives of the T-37 the moments are
-0.3 deg of elevator, 0.4 deg of aileron and 0.8 deg of rudder.
+Our numbers, about a quarter of what the printed tolerances of trimmed flight allow.  At CL 0.4 a
+lift of 0.02 is 0.05 g and a drag of 0.002 is 0.005 g.  With the derivatives of the T-37 the moments
+are 0.3 deg of elevator, 0.4 deg of aileron and 0.8 deg of rudder.
 """
 DECLINED = ("keep", "delete")
 """Decisions on a term that the flights did not improve (`aerodb.update.term_decisions`)."""
@@ -158,7 +158,10 @@ class _TermRegions:
         return np.where(effect >= self.least, regions, FLOWN)
 
     def _factor(self, full: dict[str, np.ndarray]) -> Any:
-        """Return the absolute value of regressors and power; variables without an axis have their flown size."""
+        """Return the absolute value of regressors and power.
+
+        Variables without an axis have the size that they had in flight.
+        """
         product: Any = 1.0
         for name in _terms.list_regressors(self.leaf):
             product = product * np.abs(full.get(name, flown_size(self.states, name)))

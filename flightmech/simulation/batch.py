@@ -39,6 +39,21 @@ _TEXT_SIZE = 200  # AM_TEXT of kernel.h: size of the text of a failure [bytes]
 _SINGLE_THREAD = 10_000
 
 
+class Parallelism(NamedTuple):
+    """Division of the runs of a batch among threads and the lanes of the processor.
+
+    Attributes
+    ----------
+    threads : int or None
+        Number of threads. None: one per processor, or one for a small batch.
+    lanes : int
+        Largest number of runs at once in a thread: that of the lanes of the processor (0), 1, or 4.
+    """
+
+    threads: int | None = None
+    lanes: int = 0
+
+
 class ControlLoop(NamedTuple):
     """A proportional and integral loop, closed at each sample.
 
@@ -134,8 +149,7 @@ def simulate_batch(
         constant=constant,
         outputs=outputs,
         hold=hold,
-        threads=threads,
-        lanes=lanes,
+        parallelism=Parallelism(threads, lanes),
     )
     # a text means that the run failed; its time is that of the first missing sample
     if failed == "raise":
@@ -165,8 +179,7 @@ def fly_batch(
     constant: Mapping[str, float],
     outputs: Sequence[str] | None = None,
     hold: str = "linear",
-    threads: int | None = None,
-    lanes: int = 0,
+    parallelism: Parallelism | None = None,
     loops: Sequence[ControlLoop] = (),
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Simulate a batch on plain arrays, without the checks of `simulate_batch`.
@@ -175,7 +188,7 @@ def fly_batch(
 
     Parameters
     ----------
-    sim, outputs, hold, threads, lanes
+    sim, outputs, hold
         As in `simulate_batch`.
     time : array (time,)
         Rising. [s]
@@ -184,6 +197,7 @@ def fly_batch(
         The parameters that differ.
     constant : mapping of str to float
         Parameters of all runs.
+    parallelism : Parallelism, optional
     loops : sequence of ControlLoop
         At most `MOST_LOOPS`. A correction acts from its sample to the next, at both ends of the
         step.
@@ -197,6 +211,7 @@ def fly_batch(
     failures : list of str
         Empty for a complete run.
     """
+    parallelism = parallelism or Parallelism()
     base = _make_base(sim, constant)
     task = _BatchTask(
         sim,
@@ -206,10 +221,10 @@ def fly_batch(
         values=values,
         chosen=output_indices(sim, outputs),
         is_constant=hold == "zero",
-        lanes=lanes,
+        lanes=parallelism.lanes,
         loops=loops,
     )
-    task.run(base, threads)
+    task.run(base, parallelism.threads)
     # the kernel does not write samples after a failure
     for run in np.flatnonzero(task.status):
         task.y[run, task.done[run] :] = np.nan

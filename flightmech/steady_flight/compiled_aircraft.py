@@ -99,6 +99,7 @@ class CompiledAircraft:
         CL, CD, CY, Cl, Cm, Cn = coefficients
         alpha, beta = np.asarray(variables["alpha"]), np.asarray(variables["beta"])
         by_name = {"CL": CL, "CD": CD, "CY": CY, "Cl": Cl, "Cm": Cm, "Cn": Cn}
+        # Body axes from stability axes, a rotation by alpha about y; wind axes by beta about z.
         by_name["CX"] = CL * np.sin(alpha) - CD * np.cos(alpha)
         by_name["CZ"] = -CL * np.cos(alpha) - CD * np.sin(alpha)
         if self.force_axes == "wind":

@@ -44,12 +44,10 @@ class Heights(NamedTuple):
 
 def has_thrust(aircraft: Aircraft) -> bool:
     """Return whether there are engines and each has a thrust table, a deck or a propeller."""
-    sources = []
     for engine in aircraft.engines:
-        sources += [
-            any(part is not None for part in (engine.thrust, engine.deck, engine.propeller))
-        ]
-    return bool(sources) and all(sources)
+        if engine.thrust is None and engine.deck is None and engine.propeller is None:
+            return False
+    return bool(aircraft.engines)
 
 
 def burns_fuel(aircraft: Aircraft) -> bool:

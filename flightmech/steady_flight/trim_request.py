@@ -123,6 +123,7 @@ class _RequestResolver:
         self.values: dict[str, float] = {}
         for name, value in parameters.items():
             self.values[str(name)] = float(value)
+        # The kernel must not trim again at the start.
         self.values["mode.trim"] = 0.0
         for name in self.values:
             if name not in self.rows:

@@ -15,6 +15,7 @@ import unicodedata
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import fields
 from itertools import zip_longest
 from pathlib import Path
 from types import ModuleType
@@ -286,7 +287,7 @@ def _table_lines(
     widths = [max(map(_cell_width, column)) for column in zip(*rows, strict=True)]
     if width is not None:
         widths = _narrow_columns(widths, width - len(_GAP) * (len(widths) - 1))
-    head, *body = [[_break_cell(*item) for item in zip(row, widths)] for row in rows]
+    head, *body = [list(map(_break_cell, row, widths)) for row in rows]
     # texts of the head stand on its last line
     height = max(map(len, head), default=1)
     head = [[""] * (height - len(lines)) + lines for lines in head]
@@ -436,5 +437,34 @@ def performed_by(target: str) -> Callable[[Callable[[], None]], Callable[..., An
 
         vars(perform)["performed_by"] = target
         return perform
+
+    return decorate
+
+
+def collect_options(**classes: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return a decorator that passes the options of a command as objects.
+
+    Parameters
+    ----------
+    **classes : dataclass by name of an argument
+        The fields of a dataclass have the names of options. The function receives one object in
+        place of these options.
+
+    Notes
+    -----
+    The attribute ``collected_options`` of the decorated function holds the dataclasses.
+    """
+
+    def decorate(perform: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(perform)
+        def collect(*context: click.Context, **options: Any) -> Any:
+            objects = {}
+            for name, option_class in classes.items():
+                values = {item.name: options.pop(item.name) for item in fields(option_class)}
+                objects[name] = option_class(**values)
+            return perform(*context, **objects, **options)
+
+        vars(collect)["collected_options"] = classes
+        return collect
 
     return decorate

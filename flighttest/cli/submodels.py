@@ -59,7 +59,7 @@ from flighttest.cli.group import names_option
     "--figure", type=NewFile(), help="Draw motion, response and residual: png, svg or pdf."
 )
 @json_option
-@performed_by("flighttest.cli.actions.submodels:run_actuator")
+@performed_by("flighttest.cli.actions.submodels.controls:run_actuator")
 def actuator_command() -> None:
     """Identify a servo or motor from LOGS of its command and motion, and print what a name map can
     use of it.
@@ -153,7 +153,7 @@ _FILE = InputFile()
 )
 @click.option("--into", type=NewFile(), help="Database to write, with the hinge moments.")
 @json_option
-@performed_by("flighttest.cli.actions.submodels:run_controls")
+@performed_by("flighttest.cli.actions.submodels.controls:run_controls")
 def controls_command() -> None:
     """Identify the control loading from PATHS: slow sweeps and manoeuvres of several speeds and tab
     settings.
@@ -249,7 +249,7 @@ def controls_command() -> None:
     "identified aircraft.",
 )
 @json_option
-@performed_by("flighttest.cli.actions.submodels:run_engine")
+@performed_by("flighttest.cli.actions.submodels.engine:run_engine")
 def engine_command() -> None:
     """Identify an engine from POWER_CHANGES (chops, slams, steps that begin at rest), starts,
     settled points, and whole flights; or propellers with their engines.
@@ -287,7 +287,7 @@ def engine_command() -> None:
 )
 @click.option("-o", "--output", type=NewFile(), help="Write the aircraft with the identified gear.")
 @json_option
-@performed_by("flighttest.cli.actions.submodels:run_gear")
+@performed_by("flighttest.cli.actions.submodels.airframe:run_gear")
 def gear_command() -> None:
     """Identify the landing gear from PATHS: reconstructed taxi turns, coast-down, brake stops,
     landings, all together.
@@ -341,7 +341,7 @@ _MODELS = (
 )
 @click.option("--tables", is_flag=True, help="Write K(h) as tables in place of k h^s.")
 @json_option
-@performed_by("flighttest.cli.actions.submodels:ground_effect")
+@performed_by("flighttest.cli.actions.submodels.airframe:run_ground_effect")
 def ground_effect_command() -> None:
     """Identify k and s of C = C_free (1 + k h^s) from reconstructed PATHS: landings, low passes,
     and free air at the same flap.
@@ -397,7 +397,7 @@ def ground_effect_command() -> None:
 )
 @click.option("-o", "--output", type=NewFile(), help="Aircraft to write, with the separation.")
 @json_option
-@performed_by("flighttest.cli.actions.submodels:run_stall")
+@performed_by("flighttest.cli.actions.submodels.airframe:run_stall")
 def stall_command() -> None:
     """Identify a stall from PATHS: quasi-steady and accelerated stalls of all configurations,
     reconstructed.

@@ -70,6 +70,7 @@ class ClockedSamples:
         final : bool
             Whether the stream ends here.
         """
+        # The first samples determine the interval of the stream.
         if not self.step:
             if len(time):
                 self._waiting.append((time, values))
@@ -88,6 +89,7 @@ class ClockedSamples:
             is_first = self._last_row is None
             since = t - self._last_time
             place = (t - self._start) / self.step - self._count
+            # Number of samples between the last one and this one.
             missing = 0 if is_first else round(place)
             if missing and abs(since) < 0.5 * self.step:
                 self.repeated += 1

@@ -107,6 +107,7 @@ class CoefficientSamples:
             [s]
         rows : array (samples, channels)
         """
+        # The last samples wait for their neighbours, which a central difference needs.
         if self._is_differenced:
             if len(self._times):
                 times = np.concatenate([self._times, times])
@@ -119,6 +120,7 @@ class CoefficientSamples:
         if self._is_differenced:
             inner = slice(_REACH, len(times) - _REACH)
             step = (times[-1] - times[0]) / (len(times) - 1)
+            # Angular accelerations that the stream does not have follow from the rates.
             for name, rate in _RATES.items():
                 if name not in columns:
                     columns[name] = _difference(columns[rate], step)

@@ -98,6 +98,7 @@ class FlightFollower:
             raise IdentificationError(f"spacing is {spacing:g} Hz; a positive one is needed")
         self.frequencies = harmonics(1.0 / spacing, *band)
         self.band, self.spacing = band, spacing
+        # Mean and trend of a stretch are removed, so that the constant is not a term.
         self.always = [term for term in model.terms if term != "1"]
         self.terms = list(RegressionModel(model.coefficient, [*self.always, *candidates]).terms)
         if not self.always:
@@ -109,6 +110,7 @@ class FlightFollower:
         full = RegressionModel(model.coefficient, self.terms, model.reference)
         self.source = CoefficientSamples(full, aircraft)
         self.clock = ClockedSamples(given=0.0 if rate is None else 1.0 / rate)
+        # State of the stream: open stretch, waiting stretches, and time of the next estimate.
         self._kept = KeptWindows(band[0])
         self._without_coefficient = 0
         self._open: RunningTransform | None = None
@@ -184,6 +186,7 @@ class FlightFollower:
         self, times: np.ndarray, rows: np.ndarray, left_out: int
     ) -> Iterator[FlightEstimate]:
         """Add samples (samples, 1 + terms) of one stretch; yield at every second."""
+        # A stretch has the length that resolves the spacing of the frequencies.
         longest = max(_SHORTEST, round(1.0 / (self.spacing * self.clock.step)))
         first = 0
         while first < len(times):
@@ -198,6 +201,7 @@ class FlightFollower:
                     )
             if math.isnan(self._next):
                 self._next = times[first] + EVERY
+            # Samples up to the end of the stretch, or up to the next estimate.
             last = min(len(times), first + longest - self._open.samples)
             due = np.flatnonzero(times[first:last] >= self._next - 0.5 * self.clock.step)
             if len(due):
@@ -207,6 +211,7 @@ class FlightFollower:
             if self._open.samples >= longest:
                 self._close()
             if len(due):
+                # After a jump of the time the missed seconds have no estimate of their own.
                 behind = (self._time - self._next) / EVERY
                 self._next += EVERY * max(1.0, math.floor(behind + 0.5) + 1.0)
                 yield self.estimate(left_out)

@@ -152,7 +152,9 @@ def combine_runs(runs: Sequence[RunInformation]) -> xr.Dataset:
             index.setdefault(name, len(index))
     names = list(index)
     # indices of the constants of each run among all constants
-    indices = [np.array([index[name] for name in run.names]) for run in runs]
+    indices = []
+    for run in runs:
+        indices.append(np.array([index[name] for name in run.names]))
     prior_mean, prior, units = _common_prior(runs, indices, names)
     prior_information = invert_covariance(prior)
     information, vector = prior_information.copy(), prior_information @ prior_mean

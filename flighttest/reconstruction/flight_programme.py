@@ -248,6 +248,7 @@ def _find_fault(biases: xr.Dataset) -> str:
             return f"{name} of constants that is not positive"
     for name in _OF_PAIRS:
         matrix = biases[name].values
+        # A correlation is symmetric, has ones on its diagonal, and nothing beyond one.
         off = max(np.ptp([matrix, matrix.T], axis=0).max(), np.abs(np.diag(matrix) - 1.0).max())
         if off > _CORRELATED or np.abs(matrix).max() > 1.0 + _CORRELATED:
             return f"{name} of constants that is not a correlation"

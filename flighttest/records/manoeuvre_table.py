@@ -247,6 +247,7 @@ def edit_manoeuvres(
     path = Path(path)
     if path.suffix.lower() == ".toml":
         raise SchemaError(str(path), ["a table in TOML is edited by hand; name a CSV file"])
+    # Another program may change the table between reading and writing.
     as_read = ContentAsRead(path)
     tables = _read_rows(path) if path.exists() else {}
     rows = tables.get(record)
@@ -256,6 +257,7 @@ def edit_manoeuvres(
         raise SchemaError(str(path), [f"row {row} of record {record}; it has {len(rows)}"])
     if row is None and change is None:
         raise SchemaError(str(path), ["nothing to remove; give the row"])
+    # A changed row is removed and added again, so that the rows stay in order of time.
     old = {} if row is None else rows.pop(row - 1)
     if change is not None:
         rows.append(_change_row(old, change, record, path))

@@ -274,6 +274,7 @@ def _draw_panel(
         label = name if len(names) == 1 else f"{name} [{unit}]"
         ax.plot(*break_at_gaps(time, values), color=colour, linewidth=0.8, label=label)
         if name in stderr:
+            # Band of two standard errors.
             half_width = 2.0 * stderr[name].sel(time=time).values
             below = to_display_quantity(name, signal.values - half_width)[0]
             above = to_display_quantity(name, signal.values + half_width)[0]
@@ -289,6 +290,7 @@ def _draw_panel(
             ncols=len(panel),
             frameon=False,
         )
+    # A channel that hardly moves would show its noise over the whole panel.
     low, high = ax.get_ylim()
     least = _LEAST_SPAN.get(unit, 0.0)
     if high - low < least:

@@ -51,12 +51,15 @@ def poses(
     seen = np.isfinite(P).all(axis=2)
     is_seen = seen[:, :, None]
     count = seen.sum(axis=1).astype(float)
+    # Positions about the centre of the seen markers, in body axes (A) and of the cameras (D).
     A, D, middle_q, middle_p = _subtract_centres(Q, P, seen=seen, count=count)
+    # Three markers off one line determine an attitude.
     usable = (count >= 3) & _is_off_line(A)
     _check_frames(usable, names)
     is_seen, count_used = is_seen[usable], count[usable]
     A, D, middle_q, middle_p = A[usable], D[usable], middle_q[usable], middle_p[usable]
     R = _best_rotation(A, D)
+    # Origin of the body: centre of the markers less its turned position in the body.
     r = middle_p - np.einsum("nji,nj->ni", R, middle_q)
     residual = np.where(is_seen, D - np.einsum("nji,nmj->nmi", R, A), 0.0)
     squares = (residual**2).sum(axis=(1, 2))

@@ -100,6 +100,7 @@ def smooth_motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
     attitude = _smooth_columns(_fill_gaps(time, pose["q"].values, has_pose), step, cutoff)
     columns = _motion_columns(position, attitude)
     errors = _motion_errors(pose, position.gains)
+    # A gap of more than half a period of the cut-off is not bridged.
     in_gap = _find_gaps(time, has_pose, 0.5 / cutoff)
     variables = {}
     for name, y in columns.items():
@@ -110,6 +111,7 @@ def smooth_motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
         {"time": ("time", time, {"units": "s"})},
         {"cutoff": cutoff, "noise": pose.attrs["noise"]},
     )
+    # The filter has no full support at both ends.
     ends = int(np.ceil(_LEFT_OUT / (cutoff * step)))
     return motion.isel(time=slice(ends, count - ends))
 
@@ -236,9 +238,12 @@ def _end_cubic(
     """
     count = min(_END, len(x))
     t_end = np.arange(count) * step
+    # Parabolas through the samples at both ends, in time from the respective end.
     first, end = np.polyfit(t_end, x[:count], 2), np.polyfit(t_end, x[::-1][:count], 2)
     T, t = (len(x) - 1) * step, (i * step)[:, None]
     bend_0, bend_1 = 2.0 * first[0], 2.0 * end[0]
+    # A straight line between the end values, plus cubics that are zero at both ends and have the
+    # second derivative bend_0 at one end and bend_1 at the other.
     value = first[2] * (1.0 - t / T) + end[2] * t / T
     value = (
         value

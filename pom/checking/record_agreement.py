@@ -56,6 +56,7 @@ def disagreement_remarks(results: Sequence[PomResult]) -> list[dict[str, tuple[R
                 f"check the mass, the angle of attack and the airspeed of this record"
             )
             found[k][run] = (RowRemark("departure", reason, LIFT_QUANTITY),)
+    # The temperature belongs to the record, so it is the same for all models.
     warmth = [_warmth(result) for result in results]
     for k, text in _outliers(results, warmth, [AIR_APART] * len(results)).items():
         reason = (
@@ -103,6 +104,7 @@ def _outliers(
         records: dict[str, list[float]] = {}
         for k in places:
             records.setdefault(results[k].case.record, []).append(values[k])
+        # Several cases of one record count once.
         medians = {record: float(np.median(items)) for record, items in records.items()}
         for k in places:
             own = results[k].case.record

@@ -94,7 +94,8 @@ def cover_conditions(results: Sequence[PomResult]) -> ConditionCoverage:
     if not wanted:
         return ConditionCoverage((), ())
     counting = [result for result in results if _counts(result)]
-    shows = [_shown_conditions(result, [name for _, name in wanted]) for result in counting]
+    conditions = [name for _, name in wanted]
+    shows = [_shown_conditions(result, conditions) for result in counting]
     # condition -> case, by augmenting paths: one case may fit several conditions
     taken: dict[int, int] = {}
 

@@ -338,6 +338,7 @@ def _unrecorded(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
             yield _departure(text, name)
     if "delta_T" not in given or not {"h", "temperature"} <= set(states):
         return
+    # Deviation of the recorded air from the standard atmosphere, at the start.
     h, T = (float(np.atleast_1d(states[name].values)[0]) for name in ("h", "temperature"))
     recorded = T - float(atmosphere(h).temperature)
     if abs(given["delta_T"] - recorded) > LEAST_TEMPERATURE:
@@ -399,6 +400,7 @@ def _shortened_departure(case: PomCase, span: Iterable[float] | None) -> Iterato
     asked = [_asked_window(case, c) for c in case.criteria if c.applies]
     if not asked:
         return
+    # Window that all rows together require, and the part of it that the record holds.
     start, stop = np.min(asked, axis=0)[0], np.max(asked, axis=0)[1]
     first, last = span
     held = max(start, first), min(stop, last)

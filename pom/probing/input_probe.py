@@ -45,7 +45,7 @@ LEAST_CHANGE = 1e-4
 Of the 24 cases of the T-37 and the C182 the least driven channel changes by 1.2e-2.
 """
 LEAST_LATE_SHARE = 0.1
-"""The same beyond the range in which the aeroplane is linear: nine tenths of the answer are stored."""
+"""The same outside the linear range of the aeroplane: nine tenths of the answer are stored."""
 LEAST_SHARE = 0.5
 """Least share of the expected change: the middle one of the judged channels, of two the larger.
 
@@ -113,6 +113,7 @@ def changed_job(job: ReplayJob, outputs: Traces, scale: float = SCALE) -> Change
     scale : float
         Factor on the deviations of the inputs.
     """
+    # Controls that a pilot or a control law moves get their applied position as an input.
     followed = {loop.control for loop in job.pilot}
     if job.law is not None:
         followed.update(job.law.moves)
@@ -123,11 +124,13 @@ def changed_job(job: ReplayJob, outputs: Traces, scale: float = SCALE) -> Change
         if name in WIND or not np.isfinite(values).all():
             inputs[name] = recorded
             continue
+        # Scaled about the first sample: the start of the flight is the same.
         deviation = values - values[0]
         at = _first_movement(name, job.time, values)
         if math.isfinite(at):
             moved_at[name] = at
         inputs[name] = values[0] + scale * deviation
+    # Without a movement of a control a pulse drives the model.
     if not moved_at:
         pulse = _pulse_shape(job.time)
         for name, size in _PULSES.items():
@@ -258,6 +261,7 @@ def _stored_part(
     Displacements of attitude, speed and height stay after a change of the inputs, so an answer that
     the inputs drive does not return to the first one.
     """
+    # The answer needs some time after the first movement.
     bounds = np.arange(moved_at + _SETTLED, time[-1] - _BLOCK + 1e-9, _BLOCK)
     for start in bounds:
         inside = (time >= start) & (time <= start + _BLOCK)
@@ -341,6 +345,7 @@ def _judge_pulse(time: np.ndarray, before: Traces, after: Traces) -> tuple[RowRe
     for name in _INTEGRALS:
         if name not in before or name not in after:
             continue
+        # Share of the largest displacement that remains at the end of the flight.
         change = np.nan_to_num(np.abs(after[name] - before[name]))
         if change.max() > LEAST_CHANGE * SIZES[name]:
             left[name] = float(rms(change[is_last]) / change.max())

@@ -55,6 +55,7 @@ def weigh_wind(
     varying = {name: size for name, size in ranges.items() if size > LEAST_VARIATION}
     if not varying:
         return ()
+    # The same flight in the mean wind.
     steady = {name: np.full_like(job.inputs[name], job.inputs[name].mean()) for name in varying}
     changed = replace(job, inputs={**job.inputs, **steady})
     after, failure = fly(changed, [*outputs])
@@ -67,6 +68,7 @@ def weigh_wind(
     passed = {
         row["criterion"] for row in result.rows if row["run"] == run and row["verdict"] == "pass"
     }
+    # Only rows that pass in the recorded wind are judged again.
     ratios: dict[str, float] = {}
     lost: list[str] = []  # rows that pass in the recorded wind alone
     for criterion in result.case.criteria:

@@ -76,6 +76,7 @@ def differentiate_row(
         The manoeuvre cannot be flown inside the limits.
     """
     flight, _ = predict_manoeuvre(catalogue, sim, aircraft, (wanted.condition, wanted.manoeuvre))
+    # The replay without a change of the model gives the functions and their values.
     plan, notes = plan_row(wanted, flight)
     plan = replace(plan, job=with_inertia(plan.job, sim))
     bench = SampledBench.of(plan, sim, InstrumentErrors([], {}, {}, {}))
@@ -85,22 +86,14 @@ def differentiate_row(
     functions, left_out = _functions_of(bench, base)
     notes += left_out
     if functions.empty:
-        raise SchemaError(
-            f"wanted_row {wanted.name}",
-            [f"no criterion is judged: {'; '.join(notes)}; choose another manoeuvre or row"],
-        )
+        raise _no_criterion_error(wanted, notes)
     leaves = uncertain_terms(database, hinges=plan.case.drive.level != "recorded")
     values = table_values(sim, {name: leaf["value"].shape for name, leaf in leaves.items()})
     samples = flown_conditions(database, leaves, plan.states)
-    moves: list[tuple[str, tuple[int, ...]]] = []
-    for name, leaf in leaves.items():
-        touched = np.abs(basis(leaf, samples, "clamp")).max(axis=0).toarray().ravel() > 0.0
-        uncertain = leaf["stderr"].values.ravel() > 0.0
-        for k in np.flatnonzero(touched & uncertain):
-            node = np.unravel_index(int(k), leaf["value"].shape)
-            moves.append((name, tuple(int(i) for i in node)))
+    moves = _nodes_of_flight(leaves, samples)
 
     def differ(name: str, node: tuple[int, ...]) -> np.ndarray:
+        # Central difference over a share of the standard error of the node.
         step = _STEP * float(leaves[name]["stderr"].values[node])
         ends = []
         for sign in (1.0, -1.0):
@@ -122,14 +115,11 @@ def differentiate_row(
         shape = (len(functions), *leaves[name]["value"].shape)
         place: tuple[Any, ...] = (slice(None), *moved)
         gradients.setdefault(name, np.zeros(shape))[place] = column
+    # Close to the ground its effect enters through functions of their own.
     if float(np.min(plan.states[HEIGHT])) < _NEAR * aircraft.b:
-        ground, more = _ground_functions(leaves, samples)
-        functions = pd.concat([functions, ground], ignore_index=True)
-        for name, leaf in leaves.items():
-            shape = (len(ground), *leaf["value"].shape)
-            own = gradients.get(name, np.zeros((len(functions) - len(ground), *shape[1:])))
-            gradients[name] = np.concatenate([own, more.get(name, np.zeros(shape))])
+        functions, gradients = _with_ground(functions, gradients, leaves, samples)
     gradients = {name: gradient for name, gradient in gradients.items() if gradient.any()}
+    # A function that is not judged on one side of a difference has no gradient.
     finite = np.ones(len(functions), bool)
     for gradient in gradients.values():
         finite &= np.isfinite(gradient.reshape(len(functions), -1)).all(axis=1)
@@ -137,16 +127,52 @@ def differentiate_row(
         lost = sorted(set(functions["criterion"][~finite]))
         notes.append(f"not judged with a moved node, left out: {', '.join(lost)}")
     if not (finite & ~functions["ground"].to_numpy(bool)).any():
-        raise SchemaError(
-            f"wanted_row {wanted.name}",
-            [f"no criterion is judged: {'; '.join(notes)}; choose another manoeuvre or row"],
-        )
+        raise _no_criterion_error(wanted, notes)
     return RowGradients(
         wanted,
         functions[finite].reset_index(drop=True),
         {name: gradient[finite] for name, gradient in gradients.items()},
         tuple(notes),
     )
+
+
+def _no_criterion_error(wanted: WantedRow, notes: list[str]) -> SchemaError:
+    """Return the error of a row without a judged criterion."""
+    return SchemaError(
+        f"wanted_row {wanted.name}",
+        [f"no criterion is judged: {'; '.join(notes)}; choose another manoeuvre or row"],
+    )
+
+
+def _nodes_of_flight(
+    leaves: Mapping[str, xr.Dataset], samples: Mapping[str, np.ndarray]
+) -> list[tuple[str, tuple[int, ...]]]:
+    """Return term and index of the nodes that the flight touches and that are uncertain."""
+    nodes = []
+    for name, leaf in leaves.items():
+        is_touched = np.abs(basis(leaf, samples, "clamp")).max(axis=0).toarray().ravel() > 0.0
+        is_uncertain = leaf["stderr"].values.ravel() > 0.0
+        for k in np.flatnonzero(is_touched & is_uncertain):
+            index = np.unravel_index(int(k), leaf["value"].shape)
+            nodes.append((name, tuple(int(i) for i in index)))
+    return nodes
+
+
+def _with_ground(
+    functions: pd.DataFrame,
+    gradients: Mapping[str, np.ndarray],
+    leaves: Mapping[str, xr.Dataset],
+    samples: Mapping[str, np.ndarray],
+) -> tuple[pd.DataFrame, dict[str, np.ndarray]]:
+    """Return functions and gradients with those of the ground effect behind them."""
+    ground, ground_gradients = _ground_functions(leaves, samples)
+    complete = {}
+    for name, leaf in leaves.items():
+        shape = leaf["value"].shape
+        first = gradients.get(name, np.zeros((len(functions), *shape)))
+        last = ground_gradients.get(name, np.zeros((len(ground), *shape)))
+        complete[name] = np.concatenate([first, last])
+    return pd.concat([functions, ground], ignore_index=True), complete
 
 
 def uncertain_terms(database: xr.DataTree, *, hinges: bool) -> dict[str, xr.Dataset]:
@@ -170,6 +196,7 @@ def _ground_functions(
             near.setdefault(name.split("/")[0], []).append(name)
     for coefficient, names in near.items():
         count = len(samples[HEIGHT])
+        # A few instants represent the flight: the gradients between them change slowly.
         chosen = np.unique(np.linspace(0, count - 1, _INSTANTS).astype(int))
         for name in names:
             weights = basis(leaves[name], samples, "clamp").toarray()[chosen]
@@ -178,6 +205,7 @@ def _ground_functions(
             rows.append(_function(coefficient, coefficient, np.nan, sample=-1, ground=True))
     gradients = {}
     for name, (first, weights) in parts.items():
+        # A node has a gradient only in the rows of its own coefficient.
         gradients[name] = np.zeros((len(rows), *weights.shape[1:]))
         gradients[name][first : first + len(weights)] = weights
     return pd.DataFrame(rows, columns=_COLUMNS), gradients

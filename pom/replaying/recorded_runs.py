@@ -344,6 +344,7 @@ def _delay(time: np.ndarray, flight: np.ndarray, device: np.ndarray) -> float:
         return 0.0
     sums = []
     for lag in _LAGS:
+        # The best lag leaves the least variance; a constant difference does not count.
         inside = (time + lag >= time[good][0]) & (time + lag <= time[good][-1])
         shifted = np.interp(time[inside] + lag, time[good], device[good])
         difference = shifted - flight[inside]

@@ -238,6 +238,7 @@ def _probe_passing(
         if result.status(name) not in PASSED:
             continue
         agreements[name] = _table_agreement(model, jobs[name], outputs[name])
+        # A model whose answer is that of its tables is flown by the kernel.
         tables = tables_of(model)
         if tables is not None and shows_own_tables(agreements[name]):
             own_flights[name] = partial(fly_once, tables)
@@ -253,6 +254,7 @@ def _probe_passing(
     )
     for name, agreement in agreements.items():
         probed = found.get(name, ())
+        # A model that its inputs do not drive has no effect of temperature or wind.
         if any(remark.kind == "not_driven" for remark in probed):
             continue
         job, flown = jobs[name], outputs[name]

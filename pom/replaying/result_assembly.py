@@ -64,9 +64,9 @@ def assemble_result(
     attributes: dict[str, Any] = {}
     if CALIBRATION in states.attrs:
         attributes[CALIBRATION] = states.attrs[CALIBRATION]
-    stated = report_values(case, flight)
-    if stated:
-        attributes[VALUES] = stated
+    condition_values = report_values(case, flight)
+    if condition_values:
+        attributes[VALUES] = condition_values
     # The corrections of the math pilot are outputs less inputs, before the applied positions.
     if job.pilot:
         attributes[PILOT] = json.dumps(to_json_types(_pilot_rows(job, outputs_by_run)))
@@ -121,11 +121,11 @@ def _verdict_rows(
     """
     case, time = match.case, match.time
     limits = trim_limits(case, match.flight)
-    found = outputs
+    started = outputs
     if failure:
         # A run that failed before its first sample has no trim, which its failure states.
-        found = {name: values for name, values in outputs.items() if np.isfinite(values[0])}
-    usual = beyond_limits(limits, found, demanded=False)
+        started = {name: values for name, values in outputs.items() if np.isfinite(values[0])}
+    beyond_default = beyond_limits(limits, started, demanded=False)
     # A run has no judgement if it failed, or if its trim is beyond a limit of the case file.
     if failure:
         reasons: tuple[RowRemark, ...] = (RowRemark("failure", failure),)
@@ -139,7 +139,7 @@ def _verdict_rows(
             *watch_channels(case, time, flown, answer),
             *watch_track(case, time, match.flight, outputs),
         )
-    remarks = (*usual, *watched, *more)
+    remarks = (*beyond_default, *watched, *more)
     outcomes = judge_match(match.against(outputs))
     rows = []
     for criterion in case.criteria:

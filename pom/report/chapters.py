@@ -11,7 +11,7 @@ import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any
+from typing import Any, TypedDict
 
 import pandas as pd
 import xarray as xr
@@ -36,6 +36,50 @@ _ATTRIBUTES = ("title", "aircraft", "source", "absent", "notices")
 # Classes that are stored, by name, and the key that holds the name.
 _KINDS = {kind.__name__: kind for kind in (Picture, Section, SectionTable, RegionMap)}
 _KIND = "of"
+
+
+class ReportEvidence(TypedDict, total=False):
+    """Data behind the results of a report, from which its chapters are drawn; all optional.
+
+    Attributes
+    ----------
+    databases : mapping of str to DataTree
+        Aerodynamic databases to compare, the prior first.  Databases named after runs have the
+        line style of the runs.
+    diagnoses : mapping of str to DataFrame
+        Case name to the table of `pom.diagnose`.
+    support : mapping of str to DataFrame
+        Term (``CL/basic``) to the flight samples that support it.  The columns are named after the
+        axes of the term. [SI]
+    fits : sequence of flighttest.Fit
+        Local models of the identification.  The page shows their estimates, residuals and
+        collinearity.
+    submodels : mapping of str to EngineFit, IdentifiedLoading, GroundEffect or IdentifiedGear
+        Submodels identified from flight, by name, for a chapter of page and PDF.
+    free_motion : mapping of str to sequence of SimulatedWindow
+        Simulated free motion of a control, by submodel.
+    driven_motion : mapping of str to sequence of Dataset (time,)
+        Records of the slow motion of a control, by submodel.  Their force is drawn over the travel.
+    tunings : mapping of str to mapping
+        Log of the tuning (`pom.diagnosis.tuning.tuning_log.read_log`) by model name, for a chapter
+        of page and PDF.
+    level_lines : mapping of str to Dataset (mach,)
+        1 g lines of the map of the flights, from `aerodb.figures.one_g_lines`.
+    kept : bytes or Chapters
+        Chapters of an earlier report (`Archive.chapters`), or of `draw_chapters`.  They replace
+        `databases`, `fits` and `submodels` where these are not given.
+    """
+
+    databases: Mapping[str, xr.DataTree] | None
+    diagnoses: Mapping[str, pd.DataFrame] | None
+    support: Mapping[str, pd.DataFrame] | None
+    fits: Sequence[Fit]
+    submodels: Mapping[str, Any] | None
+    free_motion: Mapping[str, Sequence[Any]] | None
+    driven_motion: Mapping[str, Sequence[xr.Dataset]] | None
+    tunings: Mapping[str, Mapping[str, Any]] | None
+    level_lines: Mapping[str, xr.Dataset] | None
+    kept: bytes | Chapters
 
 
 @dataclass(frozen=True)
@@ -106,7 +150,7 @@ def draw_chapters(
     Parameters
     ----------
     databases, support, fits, level_lines, diagnoses
-        As in `pom.write_report`.
+        As in `ReportEvidence`.
     submodels : sequence of Section
         Sections on the submodels (`make_sections`).
     on_paper : sequence of str
@@ -117,6 +161,7 @@ def draw_chapters(
     attributes: dict[str, dict[str, str]] = {}
     for name, db in databases.items():
         attributes[name] = {key: str(db.attrs[key]) for key in _ATTRIBUTES if key in db.attrs}
+    # A chapter without data is absent.
     compared = identification = needed = None
     if databases:
         compared = compare_for_report(databases, support, run_line_classes(databases))

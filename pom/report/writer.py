@@ -11,15 +11,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
-
-import pandas as pd
-import xarray as xr
+from typing import Any, Unpack
 
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.atomic_write import folder_written_atomically
 from flightmech.support.kept_stages.stages import Stages
-from flighttest.regression.equation_error.fit import Fit
 from pom.archive.archive import Archive, write_archive
 from pom.archive.origins import (
     NAME,
@@ -39,7 +35,14 @@ from pom.report.case_parts import (
     parts_of_cases,
     read_contents,
 )
-from pom.report.chapters import CHAPTERS, Chapters, draw_chapters, restore_chapters, with_kept
+from pom.report.chapters import (
+    CHAPTERS,
+    Chapters,
+    ReportEvidence,
+    draw_chapters,
+    restore_chapters,
+    with_kept,
+)
 from pom.report.exports import junit_xml
 from pom.report.models.tuning import tuning_context
 from pom.report.page import PAGE, PAGES, html_files
@@ -89,21 +92,12 @@ def write_report(
     *,
     title: str,
     provenance: ReportProvenance | None = None,
-    databases: Mapping[str, xr.DataTree] | None = None,
-    diagnoses: Mapping[str, pd.DataFrame] | None = None,
-    support: Mapping[str, pd.DataFrame] | None = None,
-    fits: Sequence[Fit] = (),
-    submodels: Mapping[str, Any] | None = None,
-    free_motion: Mapping[str, Sequence[Any]] | None = None,
-    driven_motion: Mapping[str, Sequence[xr.Dataset]] | None = None,
-    tunings: Mapping[str, Mapping[str, Any]] | None = None,
     revision: str = "",
     paper: str | None = "a4",
     chapters: Sequence[str] | None = None,
-    level_lines: Mapping[str, xr.Dataset] | None = None,
-    kept: bytes | Chapters = b"",
     jobs: int = -1,
     stages: Stages | None = None,
+    **evidence: Unpack[ReportEvidence],
 ) -> Path:
     """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
 
@@ -126,27 +120,6 @@ def write_report(
         Result of `pom.provenance`: ``date`` of the results, ``command``, ``versions``, ``inputs``
         (file to SHA-256) and their ``places``, ``models`` (run to ``file``, ``sha256`` and
         ``path``).
-    databases : mapping of str to DataTree, optional
-        Aerodynamic databases to compare, the prior first.  Databases named after runs have the
-        line style of the runs.
-    diagnoses : mapping of str to DataFrame, optional
-        Case name to the table of `pom.diagnose`.
-    support : mapping of str to DataFrame, optional
-        Term (``CL/basic``) to the flight samples that support it.  The columns are named after the
-        axes of the term. [SI]
-    fits : sequence of flighttest.Fit
-        Local models of the identification.  The page shows their estimates, residuals and
-        collinearity.
-    submodels : mapping of str to EngineFit, IdentifiedLoading, GroundEffect or IdentifiedGear, \
-optional
-        Submodels identified from flight, by name, for a chapter of page and PDF.
-    free_motion : mapping of str to sequence of SimulatedWindow, optional
-        Simulated free motion of a control, by submodel.
-    driven_motion : mapping of str to sequence of Dataset (time,), optional
-        Records of the slow motion of a control, by submodel.  Their force is drawn over the travel.
-    tunings : mapping of str to mapping, optional
-        Log of the tuning (`pom.tuning_content.read_log`) by model name, for a chapter of page and
-        PDF.
     revision : str
         Revision of the report, as the user counts them.
     paper : {"a4", "letter"}, optional
@@ -155,16 +128,13 @@ optional
         Chapters that the PDF prints after the proof of match: `fits`, and the comparison of
         `databases`.  The page always has both.  The default is none; with `kept`, the default is
         the selection of the earlier report.
-    level_lines : mapping of str to Dataset (mach,), optional
-        1 g lines of the map of the flights, from `aerodb.figures.one_g_lines`.
-    kept : bytes or Chapters
-        Chapters of an earlier report (`Archive.chapters`) or of `pom.report.drawn_chapters`.  They
-        replace `databases`, `fits` and `submodels` where these are not given.
     jobs : int
         Number of processes that share the cases of a long report; -1 for one per core.  The bytes
         do not depend on the number.
     stages : Stages, optional
         Store of the pages of cases and of the PDF.  Only changed parts are made again.
+    databases, fits, submodels, diagnoses, tunings ... : optional
+        Data behind the results, see `pom.report.chapters.ReportEvidence`.
 
     Returns
     -------
@@ -177,17 +147,20 @@ optional
         No results, an unknown paper, a submodel of an unknown kind, or a chapter that was not
         kept.
     UnknownName
-        A diagnosis of an unknown case, a tuning of an unknown model, or an unknown key of
-        `provenance`.
+        A diagnosis of an unknown case, a tuning of an unknown model, an unknown key of
+        `provenance`, or an unknown keyword.
     OSError
         The folder is read-only, a mount point, or the working directory of this process.
     """
+    for name in evidence:
+        if name not in ReportEvidence.__annotations__:
+            raise UnknownName(name, ReportEvidence.__annotations__, "keyword of write_report")
     # tests in the order of the table; cases of one test in the order given
     results = sorted(results, key=lambda result: test_order(result.case.id))
-    diagnoses = dict(diagnoses or {})
+    diagnoses = dict(evidence.get("diagnoses") or {})
     # The provenance with the paths of this machine is for the manifest only.
     located: dict[str, Any] = {**(provenance or {})}
-    logs = {run: dict(log) for run, log in (tunings or {}).items()}
+    logs = {run: dict(log) for run, log in (evidence.get("tunings") or {}).items()}
     _check_request(
         results,
         located,
@@ -196,19 +169,23 @@ optional
         paper=paper,
         chapters=chapters or (),
     )
-    sections = make_sections(submodels or {}, free_motion or {}, driven_motion)
+    sections = make_sections(
+        evidence.get("submodels") or {},
+        evidence.get("free_motion") or {},
+        evidence.get("driven_motion"),
+    )
     tuned = tuning_context(logs, results)
     with shown_in(located.get("units", "")):
         new_chapters = draw_chapters(
-            databases or {},
-            support or {},
-            fits=fits,
-            level_lines=level_lines or {},
+            evidence.get("databases") or {},
+            evidence.get("support") or {},
+            fits=evidence.get("fits", ()),
+            level_lines=evidence.get("level_lines") or {},
             submodels=sections,
             diagnoses=diagnoses,
             on_paper=chapters or (),
         )
-    all_chapters = _merge_chapters(new_chapters, kept, chapters)
+    all_chapters = _merge_chapters(new_chapters, evidence.get("kept", b""), chapters)
     archive = Archive(
         results,
         title,

@@ -231,6 +231,7 @@ def _width_problems(row: Row) -> Iterator[str]:
         yield from _limit_problems(row, "alt_")
     elif row["alt_upper"] or row["alt_lower"]:
         yield "alt_upper: filled, but alt_quantity is empty; state the quantity, or empty both"
+    # A percentage refers to a flight value, which the base names.
     is_percent = "percent" in row["quantity"] or row["alt_quantity"] == "percent"
     if is_percent and not row["percent_base"]:
         yield f"percent_base: empty; a percentage needs one of {', '.join(BASES)}"

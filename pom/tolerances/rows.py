@@ -260,6 +260,7 @@ def make_criterion(
     channel = _channel_of(
         row, measure, travel=travel, mode_channel=mode_channel, engine_parameter=engine_parameter
     )
+    # The first reason against a judgement counts.
     missing = missing_claims(row["condition"], features)
     reason = ""
     if missing:

@@ -20,7 +20,7 @@ T37 = Path(__file__).parents[2] / "data" / "t37" / "datcom"
 
 
 @dataclass(frozen=True)
-class Craft:
+class TableCraft:
     """The part of an aircraft that a database needs; the T-37 by default."""
 
     name: str = "T-37"
@@ -32,7 +32,7 @@ class Craft:
 
 @pytest.fixture(scope="session")
 def craft():
-    return Craft()
+    return TableCraft()
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.errors import UnknownName
-from flightmech.simulation.batch import ControlLoop, fly_batch
+from flightmech.simulation.batch import ControlLoop, Parallelism, fly_batch
 from flightmech.simulation.kernel import PARAMETER
 from flightmech.simulation.kernel_library import load_kernel
 from flightmech.simulation.run import read_inputs
@@ -329,7 +329,7 @@ def test_loops_that_are_closed_sample_by_sample(together, record, hold):
                 start,
                 names,
                 hold,
-                lanes=lanes,
+                Parallelism(lanes=lanes),
                 loops=loops,
             )
         )
@@ -372,7 +372,15 @@ def test_a_loop_without_numbers_ends_the_runs_of_a_group_as_one_alone(together, 
     start, speeds = {"mode.controls": 2.0}, np.linspace(100.0, 120.0, 8)[:, None]
     (one, steps, words), (y, done, texts) = (
         fly_batch(
-            together, time, u, ["init.V"], speeds, start, ["theta"], lanes=lanes, loops=[loop]
+            together,
+            time,
+            u,
+            ["init.V"],
+            speeds,
+            start,
+            ["theta"],
+            parallelism=Parallelism(lanes=lanes),
+            loops=[loop],
         )
         for lanes in (1, 0)
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import click
@@ -20,7 +20,12 @@ from aerodb.store.overview import describe_database, summary
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchWarning
 from flightmech.support.atomic_write import write_text
-from flightmech.support.console import print_json, print_remark, print_table
+from flightmech.support.console import (
+    collect_options,
+    print_json,
+    print_remark,
+    print_table,
+)
 from flightmech.units import DEGREE, parse_quantity
 
 
@@ -90,43 +95,97 @@ def _print_set(one: CoefficientSet) -> None:
         print_remark(f"note: {remark}")
 
 
+@dataclass(frozen=True)
+class FileMeaning:
+    """Options that state what the files of another program do not state.
+
+    Attributes
+    ----------
+    length_unit : str or None
+        Unit of the lengths.
+    controls : tuple of str
+        ``NAME=SIGN CONTROL`` of each control of the program.
+    columns : str or None
+        Column map.
+    mach : float or None
+        Mach number [1].
+    CD0 : float or None
+        Friction drag to add [1].
+    """
+
+    length_unit: str | None
+    controls: tuple[str, ...]
+    columns: str | None
+    mach: float | None
+    CD0: float | None
+
+    def keywords(self) -> dict[str, Any]:
+        """Return the keywords of `from_estimate`."""
+        controls = {}
+        for text in self.controls:
+            name, equals, meaning = text.partition("=")
+            if not equals or not name:
+                raise click.UsageError(
+                    f"--control {text!r}: expected NAME=SIGN CONTROL such as elevator=+delta_e"
+                )
+            controls[name.strip()] = meaning.strip()
+        unit = None
+        if self.length_unit is not None:
+            unit = parse_quantity(f"1 {self.length_unit}", "m")
+        return {
+            "length_unit": unit,
+            "controls": controls,
+            "columns": _read_map(self.columns),
+            "mach": self.mach,
+            "CD0": self.CD0,
+        }
+
+
+@dataclass(frozen=True)
+class ReferenceOptions:
+    """Options of the reference quantities, each a number with its unit; all of them or none."""
+
+    S: str | None
+    cbar: str | None
+    b: str | None
+    x_ref: str | None
+
+    def read(self) -> EstimateReference | None:
+        """Return the reference quantities in SI; None without any option."""
+        texts = {"S": self.S, "cbar": self.cbar, "b": self.b, "x-ref": self.x_ref}
+        missing = [f"--{name}" for name, text in texts.items() if text is None]
+        if len(missing) == len(texts):
+            return None
+        if missing:
+            raise click.UsageError(
+                f"--S, --cbar, --b and --x-ref go together; {missing[0]} is missing"
+            )
+        area = parse_quantity(str(self.S), "m2")
+        lengths = (self.cbar, self.b, self.x_ref)
+        chord, span, x = (parse_quantity(str(text), "m") for text in lengths)
+        return EstimateReference(area, chord, span, x)
+
+
+@collect_options(meaning=FileMeaning, reference=ReferenceOptions)
 def run_from_estimate(
     aircraft: str,
     files: tuple[str, ...],
-    length_unit: str | None,
-    controls: tuple[str, ...],
-    columns: str | None,
-    S: str | None,
-    cbar: str | None,
-    b: str | None,
-    x_ref: str | None,
-    mach: float | None,
-    CD0: float | None,
+    meaning: FileMeaning,
+    reference: ReferenceOptions,
     move_reference: bool,
     output: str,
     as_json: bool,
 ) -> None:
     """Perform the command ``from-estimate``."""
-    named = {}
-    for text in controls:
-        name, equals, meaning = text.partition("=")
-        if not equals or not name:
-            raise click.UsageError(
-                f"--control {text!r}: expected NAME=SIGN CONTROL such as elevator=+delta_e"
-            )
-        named[name.strip()] = meaning.strip()
+    keywords = meaning.keywords()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
         tree = from_estimate(
             read_aircraft(aircraft),
             files,
-            length_unit=None if length_unit is None else parse_quantity(f"1 {length_unit}", "m"),
-            controls=named,
-            columns=_read_map(columns),
-            reference=_read_reference(S, cbar, b, x_ref),
-            mach=mach,
-            CD0=CD0,
+            reference=reference.read(),
             move_reference=move_reference,
+            **keywords,
         )
     _save_and_show(tree, caught, output, as_json)
 
@@ -200,18 +259,3 @@ def _save_and_show(
 
 def _read_map(path: str | None) -> ColumnMap | None:
     return None if path is None else read_column_map(path)
-
-
-def _read_reference(
-    S: str | None, cbar: str | None, b: str | None, x_ref: str | None
-) -> EstimateReference | None:
-    """Return the reference quantities of the options; None without any."""
-    texts = {"S": S, "cbar": cbar, "b": b, "x-ref": x_ref}
-    missing = [f"--{name}" for name, text in texts.items() if text is None]
-    if len(missing) == len(texts):
-        return None
-    if missing:
-        raise click.UsageError(f"--S, --cbar, --b and --x-ref go together; {missing[0]} is missing")
-    area = parse_quantity(str(S), "m2")
-    chord, span, x = (parse_quantity(str(text), "m") for text in (cbar, b, x_ref))
-    return EstimateReference(area, chord, span, x)

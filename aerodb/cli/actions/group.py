@@ -6,7 +6,7 @@ import math
 import warnings
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchWarning
 from flightmech.support.console import (
+    collect_options,
     print_json,
     print_remark,
     print_table,
@@ -83,15 +84,42 @@ def role_rows(
     return rows
 
 
+@dataclass(frozen=True)
+class BuildOptions:
+    """Options of a database from DATCOM, as `from_datcom` takes them.
+
+    Attributes
+    ----------
+    altitude : str or None
+        Altitude of the basic tables, with its unit.
+    powered, tailless, move_reference : bool
+        What the listings may be.
+    errors : {"guide", "calibrated"}
+        Standard errors.
+    """
+
+    altitude: str | None
+    powered: bool
+    tailless: bool
+    move_reference: bool
+    errors: str
+
+    def keywords(self) -> dict[str, Any]:
+        """Return the keywords of `from_datcom`."""
+        keywords = asdict(self)
+        if self.altitude is None:
+            del keywords["altitude"]
+        else:
+            keywords["altitude"] = parse_quantity(self.altitude, "m")
+        return keywords
+
+
+@collect_options(options=BuildOptions)
 def run_build(
     aircraft: str,
     places: tuple[str, ...],
-    altitude: str | None,
-    powered: bool,
-    tailless: bool,
-    move_reference: bool,
+    options: BuildOptions,
     take: tuple[str, ...],
-    errors: str,
     output: str,
     as_json: bool,
     **listings: tuple[ListingCase, ...],
@@ -112,24 +140,19 @@ def run_build(
     if rows and not as_json:
         print_table(["file", "no", "case", "taken as", "why"], rows, right=["no"])
         click.echo()
-    options: dict[str, Any] = {
-        "powered": powered,
-        "tailless": tailless,
-        "move_reference": move_reference,
-        "errors": errors,
-    }
-    if altitude is not None:
-        options["altitude"] = parse_quantity(altitude, "m")
+    keywords = options.keywords()
     choices = _read_choices(take, len(others))
     databases, messages = others, list[str]()
     if by_roles or not others:
-        tree, messages = _build(craft, by_roles, options)
+        tree, messages = _build(craft, by_roles, keywords)
         databases = [tree, *others]
     rows_of_sources: list[dict[str, Any]] = []
     if others:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", AeromatchWarning)
-            blend = blend_sources(databases, craft, take=choices, move_reference=move_reference)
+            blend = blend_sources(
+                databases, craft, take=choices, move_reference=options.move_reference
+            )
         messages += _texts_of(caught)
         tree, rows_of_sources = blend.database, _source_rows(blend)
     save(tree, output)

@@ -7,8 +7,8 @@ the deflections of the other source; it speaks up to `LINEAR_DEFLECTION`, where 
 
 Sources have common errors.  Their correlation is that of `COMMON_ERROR`, by judgement: two runs of
 one program share its theory and often its geometry, two programs of one theory share the theory.
-Two methods share the drawing of the aeroplane and what neither computes: over ten derivatives of the
-light aircraft the errors of DATCOM and AVL correlate by 0.49 (`benchmarks/blended_prior.py`).
+Two methods share the drawing of the aeroplane and what neither computes: over ten derivatives of
+the light aircraft the errors of DATCOM and AVL correlate by 0.49 (`benchmarks/blended_prior.py`).
 """
 
 from __future__ import annotations
@@ -205,6 +205,7 @@ def refer_to_aircraft(
         )
     old = np.array([float(db.attrs[key]) for key in _POINT])
     new = np.asarray(point, float)
+    # A large distance is more often a wrong origin of the drawing than a real one.
     distance = float(np.linalg.norm(new - old)) / aircraft.cbar
     if distance > FAR and not move:
         problems.append(

@@ -5,10 +5,11 @@ independent methods, y_k = H_k g + e_k with cov(e_k) = P_k, by generalised least
 
     g = (sum H_k' P_k^-1 H_k)^-1 sum H_k' P_k^-1 y_k
 
-H_k picks the nodes at which a source speaks (`aerodb.edit.joined_sources.source_nodes`).  P_k is the covariance of
-`aerodb.update.correlation`: most of the error of a method is common to all nodes of a table, so that
-many nodes do not reduce it, and a correction that is found where two sources speak reaches the nodes
-where one of them is silent.  A share `NODE_ERROR` belongs to each node by itself (rounding, fairing).
+H_k picks the nodes at which a source speaks (`aerodb.edit.joined_sources.source_nodes`).  P_k is
+the covariance of `aerodb.update.correlation`: most of the error of a method is common to all nodes
+of a table, so that many nodes do not reduce it, and a correction that is found where two sources
+speak reaches the nodes where one of them is silent.  A share `NODE_ERROR` belongs to each node by
+itself (rounding, fairing).
 
 Sources of one method are first joined to one, with weights 1/s^2 and the error that their
 correlation leaves.  The best weights of strongly correlated sources can be negative, and the result
@@ -24,8 +25,8 @@ neighbours of a node would add knowledge only if the shape of the common error w
 Sources that disagree are not averaged in silence.  With chi-square of the difference d of two
 sources, d' cov(d)^-1 d for all common nodes, and mean d^2/s_d^2 for their common level, the smaller
 probability counts.  Below `UNLIKELY` the term is named, and its standard error reaches to the
-farthest source.  Below `INCOMPATIBLE`, with opposite signs, the blend is refused: one of the two has
-another sign convention, and the mean would be neither.
+farthest source.  Below `INCOMPATIBLE`, with opposite signs, the blend is refused: one of the two
+has another sign convention, and the mean would be neither.
 """
 
 from __future__ import annotations
@@ -240,7 +241,11 @@ def _join_methods(spread: Sequence[SourceNodes], speaks: np.ndarray) -> list[_Me
     members: dict[str, list[int]] = {}
     for position, nodes in enumerate(spread):
         members.setdefault(nodes.table.source.method, []).append(position)
-    return [_join_method([spread[k] for k in p], speaks[p]) for p in members.values()]
+    methods = []
+    for positions in members.values():
+        sources = [spread[k] for k in positions]
+        methods.append(_join_method(sources, speaks[positions]))
+    return methods
 
 
 def _join_method(spread: Sequence[SourceNodes], speaks: np.ndarray) -> _Method:

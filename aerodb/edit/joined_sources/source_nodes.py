@@ -6,8 +6,8 @@ linear theory); 2 beyond its table.  Only the sources of the lowest rank speak a
 
 The standard error of a source at a node that is not its own contains the error of interpolation,
 t (1 - t) h^2 / 2 max|f''|, with t the place in an interval of width h, and f'' the largest second
-difference of any source there.  Beyond its Mach numbers a source speaks in the subsonic regime, with
-the Prandtl-Glauert change between the two Mach numbers as an error.
+difference of any source there.  Beyond its Mach numbers a source speaks in the subsonic regime,
+with the Prandtl-Glauert change between the two Mach numbers as an error.
 
 Errors that are proportional to a value refer to the common value of all sources, and not to that of
 each.  With its own value the smaller of two sources would count as the more certain one, and every

@@ -248,12 +248,14 @@ class MissilePage:
         for printed, token in cells.items():
             if printed in ("ALPHA", "DELTA", *_NOT_READ):
                 continue
+            # `per` converts a derivative to one per radian; adding 0.0 turns -0 into 0.
             coefficient, variable, sign = (_TOTALS | _DERIVATIVES)[printed]
             value = _parse(token)
             if value is not None:
                 value = value * sign * (per if variable else 1.0) + 0.0
             row = {"coefficient": coefficient, "variable": variable, "value": value}
             rows.append(place | row | {"printed": printed})
+        # A trimmed page prints no CM: it is zero.
         if self.kind == "trim":
             zero = {"coefficient": "Cm", "variable": "", "value": 0.0, "printed": "CM"}
             rows.append(place | zero)

@@ -81,6 +81,7 @@ def make_missile_reference(
         numbers = sorted(cards.get(card, set()))
         if name == "LAT REF LENGTH" and not numbers:
             numbers = sorted(cards.get("LREF", set()))  # the default of the program
+        # The print is rounded; a card that rounds to it has all digits.
         exact = [n for n in numbers if abs(n - value) <= 1.001 * printed.rounding]
         if len(exact) == 1:
             value = exact[0]
@@ -91,6 +92,7 @@ def make_missile_reference(
             )
         power = "m2" if name == "REF AREA" else "m"
         values[name] = float(to_si(value, unit, power))
+    # The print has no height of the moment centre; one card ZCG states it.
     z = cards.get("ZCG", {0.0})
     height = 0.0
     if len(z) == 1:

@@ -239,6 +239,8 @@ def _condition(file: Path, solution: _TornadoSolution) -> dict[str, Any]:
         raise ParseError(str(file), 0, f"an airspeed of {speed:g}", "the speed of a flight")
     if abs(state["alpha"]) > 90.0 * DEGREE:
         raise ParseError(str(file), 0, f"alpha {state['alpha']:g} rad", "an angle in radians")
+    # Tornado has p and r positive about axes that point aft and up.
+    # 0.0 - x avoids the text -0 of a rate of zero.
     return {
         "alpha": state["alpha"],
         "beta": state["beta"],

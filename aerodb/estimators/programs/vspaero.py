@@ -187,6 +187,7 @@ class _StabBlock:
                 columns = self._variables(words[2:], number + 1)
             elif columns and words[:1] and words[0] in _COEFFICIENTS:
                 rows += self._read_row(words, columns, condition, number + 1)
+        # Every coefficient has a total and one derivative per variable.
         if len(rows) != len(_COEFFICIENTS) * (1 + len(columns)):
             raise ParseError(
                 str(self.file),
@@ -240,6 +241,7 @@ class _StabBlock:
                 f"{1 + len(columns)}; the run was cut off",
             )
         values = _read_numbers(self.file, line, words[1:])
+        # A solution that diverged prints large lift.
         if words[0] == "CL":
             _require_converged(self.file, line, values[0])
         place = condition | {"file": self.file.name, "line": line}

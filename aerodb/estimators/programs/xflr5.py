@@ -229,6 +229,7 @@ def _turn_to_flight_dynamics(values: Mapping[str, float], beta: float) -> dict[s
     for name in _COMMON:
         if name in values:
             turned[name] = -values[name] if name in _AFT_AND_UP else values[name]
+    # From wind axes to stability axes, a rotation by the sideslip.
     if beta and "CY" in turned:
         sin, cos = float(np.sin(beta)), float(np.cos(beta))
         drag, side = turned["CD"], turned["CY"]

@@ -135,6 +135,7 @@ def model_of_decks(
     cases = list(chain.from_iterable(decks))
     if not cases:
         raise SchemaError("deck", ["no case; give an input deck with WGPLNF"])
+    # The case with the most surfaces is the aeroplane; the others add devices.
     base = max(cases, key=_count_surfaces)
     unit = LENGTHS[base.dim]
     _require_one_aeroplane(cases, base)
@@ -145,6 +146,7 @@ def model_of_decks(
             continue
         controls = [part for owner, part in parts if owner == namelist]
         if namelist == "VTPLNF" and rudder is not None:
+            # DATCOM has no card for a rudder, so the user states it as shares of the fin.
             share, start, end = rudder
             half = (base.value(namelist, "SSPN") or 0.0) * unit
             controls.append(HingedPart("delta_r", start * half, end * half, (share, share)))
@@ -348,9 +350,11 @@ def _read_body(deck: Deck, unit: float) -> np.ndarray | None:
     area = np.array(deck.values("BODY", "S"))
     upper, lower = np.array(deck.values("BODY", "ZU")), np.array(deck.values("BODY", "ZL"))
     n = x.size
+    # Without upper and lower lines the body is one of revolution about its axis.
     centre = np.zeros(n)
     if upper.size >= n and lower.size >= n:
         centre = 0.5 * (upper[:n] + lower[:n])
+    # Radius of the circle of the same area: by S, or by an ellipse of half width R and half height.
     if area.size >= n:
         equivalent = np.sqrt(area[:n] / np.pi)
         return np.array([x * unit, centre * unit, equivalent * unit])

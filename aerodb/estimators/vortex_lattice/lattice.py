@@ -94,6 +94,7 @@ def compute_coefficients(
             ],
         )
     files = write_avl(model, panels, with_body=with_body)
+    # One more condition with sideslip, and one run with half as many panels, check the results.
     conditions = [(mach, alpha, 0.0) for mach, alpha in product(machs, alphas)]
     middle = min(alphas, key=abs)
     checked = (machs[0], middle, _BETA)

@@ -2,8 +2,8 @@
 
 OptVL is under the GPL and is imported here only; the product's process does not import it. The
 child gets one line of JSON on standard input, ``{"files": {name: text}, "conditions": [{"mach",
-"alpha", "beta"}]}`` with angles in degrees, and writes one line of JSON to standard output: version,
-names of the controls and, for each condition, totals and derivatives under OptVL's names.
+"alpha", "beta"}]}`` with angles in degrees, and writes one line of JSON to standard output:
+version, names of the controls and, for each condition, totals and derivatives under OptVL's names.
 """
 
 from __future__ import annotations

@@ -63,6 +63,7 @@ def _designated_line(kind: str, digits: str) -> np.ndarray | None:
     if kind == "5" and digits[:3] in _FIVE_DIGITS:
         end, factor = _FIVE_DIGITS[digits[:3]]
         x = STATIONS
+        # NACA five-digit mean line: a cubic up to the point `end`, a straight line behind it.
         front = factor / 6.0 * (x**3 - 3.0 * end * x**2 + end**2 * (3.0 - end) * x)
         return np.where(x < end, front, factor / 6.0 * end**3 * (1.0 - x))
     series = _SIX_SERIES.match(digits)
@@ -76,6 +77,7 @@ def _four_digit_line(height: float, place: float) -> np.ndarray:
     x = STATIONS
     if height == 0.0 or place == 0.0:
         return np.zeros_like(x)
+    # NACA four-digit mean line (Abbott and von Doenhoff, Theory of Wing Sections, 6.4).
     front = height / place**2 * (2.0 * place * x - x**2)
     rear = height / (1.0 - place) ** 2 * (1.0 - 2.0 * place + 2.0 * place * x - x**2)
     return np.where(x < place, front, rear)

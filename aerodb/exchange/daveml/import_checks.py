@@ -132,7 +132,9 @@ def convert_check_cases(source: ImportedModel) -> xr.Dataset | None:
     for row in rows:
         keys |= dict.fromkeys(row)
     # A value that a case does not state is NaN.
-    columns = {key: np.array([row.get(key, np.nan) for row in rows]) for key in keys}
+    columns = {}
+    for key in keys:
+        columns[key] = np.array([row.get(key, np.nan) for row in rows])
     columns = sample_states.with_reduced(columns, source.geometry)
     cases = xr.Dataset(
         {key: ("case", column) for key, column in columns.items()},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -23,6 +24,16 @@ from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 
 REFERENCE_LENGTHS = ("S", "cbar", "b")
+
+
+class StatedLengths(TypedDict, total=False):
+    """Reference area [m2], chord and span [m] of a file that does not state them."""
+
+    S: float | None
+    cbar: float | None
+    b: float | None
+
+
 REFERENCE_POINT = ("x_ref", "y_ref", "z_ref")
 
 
@@ -135,9 +146,7 @@ def input_sums(model: DaveModel, quantities: Mapping[str, str]) -> dict[str, Sum
     return sums
 
 
-def read_reference_quantities(
-    model: DaveModel, arguments: Mapping[str, float | None]
-) -> dict[str, float]:
+def read_reference_quantities(model: DaveModel, arguments: Mapping[str, Any]) -> dict[str, float]:
     """Return S, cbar, b and the reference point in SI, from the file or the arguments."""
     values = _constants_of_file(model)
     problems = []

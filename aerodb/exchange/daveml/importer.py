@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 import xarray as xr
@@ -22,8 +23,10 @@ from aerodb.exchange.daveml.import_checks import (
     convert_check_cases,
 )
 from aerodb.exchange.daveml.imported_model import (
+    REFERENCE_LENGTHS,
     REFERENCE_POINT,
     ImportedModel,
+    StatedLengths,
     apply_user_names,
     fix_inputs,
     identify_coefficients,
@@ -37,7 +40,7 @@ from aerodb.exchange.daveml.terms import CoefficientPart, leaves_from_parts, par
 from aerodb.exchange.daveml.vocabulary import file_unit_conversion, quantity_of, unpack_attributes
 from aerodb.exchange.spelling import spell
 from aerodb.store.schema import FORCE_AXES, make_database
-from flightmech.errors import AeromatchWarning, SchemaError
+from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 from flightmech.support.array_files.netcdf_trees import CHECKS
 from flightmech.terms import list_model_variables
 
@@ -48,15 +51,13 @@ def import_daveml(
     path: str | os.PathLike[str],
     names: Mapping[str, str] | None = None,
     *,
-    S: float | None = None,
-    cbar: float | None = None,
-    b: float | None = None,
     at: Mapping[str, float] | None = None,
     force_axes: str | None = None,
     without: Collection[str] = (),
     checks: str = "raise",
     sample: float | None = None,
     grid: Mapping[str, Sequence[float]] | None = None,
+    **reference: Unpack[StatedLengths],
 ) -> xr.DataTree:
     """Read the aerodynamic model of a DAVE-ML file as a database.
 
@@ -76,8 +77,6 @@ def import_daveml(
         ``{"DEFL": "delta_e"}``.  An S-119 unit in brackets replaces the unit of the file:
         ``{"ALPHA_TOT_D": "alpha [deg]"}``.  An angle or pure number without a quantity is an input
         of the model by its varID, ``device.DBFLL.deflection`` or ``device.SPIKE.setting``.
-    S, cbar, b : float, optional
-        Reference area [m2], chord and span [m] of a file that does not state them.
     at : mapping of str to float, optional
         Inputs that are fixed, by varID or name: ``{"H_RWY": 1000.0}``.  The history states them.
         [unit of the file]
@@ -95,6 +94,8 @@ def import_daveml(
         Sampling points by quantity: two numbers, the range, or more, the breakpoints.  Without an
         entry the range is that of the tables over the quantity, inside the limits of the input,
         and breakpoints are added until the difference is at most `sample`. [SI]
+    S, cbar, b : float, optional
+        Reference area [m2], chord and span [m] of a file that does not state them.
 
     Returns
     -------
@@ -109,8 +110,8 @@ def import_daveml(
         As `read`.  SchemaError also lists every variable that has no exact terms with the reason,
         and reference quantities that are missing or differ.
     UnknownName
-        A variable of `names` that the file does not have, or a quantity that the vocabulary does
-        not have.
+        A variable of `names` that the file does not have, a quantity that the vocabulary does not
+        have, or another keyword than S, cbar and b.
 
     Warns
     -----
@@ -118,11 +119,14 @@ def import_daveml(
         Inputs are not in the vocabulary and became inputs of the model by their varID.
     """
     # Identify inputs, reference quantities and coefficients, and multiply the calculations out.
+    for name in reference:
+        if name not in REFERENCE_LENGTHS:
+            raise UnknownName(name, REFERENCE_LENGTHS, "keyword of import_daveml")
     path = Path(path)
     model, names = apply_user_names(read(path, checks), names or {})
     model, fixed = fix_inputs(model, at or {})
     quantities = identify_inputs(model, names)
-    geometry = read_reference_quantities(model, {"S": S, "cbar": cbar, "b": b})
+    geometry = read_reference_quantities(model, reference)
     sums, reasons = expand_variables(model, input_sums(model, quantities), geometry)
     outputs, axes = identify_coefficients(model, names, force_axes, without)
     source = ImportedModel(model, quantities, outputs, geometry, sums=sums, reasons=reasons)

@@ -166,6 +166,7 @@ def as_axis(f: PiecewiseLinear) -> tuple[np.ndarray, np.ndarray, bool, bool]:
     slopes = _piece_slopes(f)
     open_low, open_high = bool(np.any(f.left_slope != 0.0)), bool(np.any(f.right_slope != 0.0))
     is_single = len(f.points) == 1
+    # A node before the first one, on the line of the end slope, gives the last interval that slope.
     if open_low and (is_single or not _are_equal(slopes[0], slopes[1])):
         points = np.concatenate([[points[0] - step], points])
         values = np.concatenate([values[:1] - step * f.left_slope, values])

@@ -279,6 +279,7 @@ def required_slopes(
     if coefficient not in samples or needed - set(conditions) or moved[0] not in conditions:
         return pd.DataFrame()
     x = conditions[moved[0]]
+    # The coefficient without the terms of the moved variables: they are zero at zero.
     at_zero = {**conditions, **{name: np.zeros(len(samples)) for name in moved}}
     other_terms = sum(contributions(db, coefficient, at_zero, "clamp").values())
     y = samples[coefficient].to_numpy(float) - other_terms
@@ -292,6 +293,7 @@ def required_slopes(
         if selected.sum() < _LEAST or not size > _MOVED * excitation.max():
             continue
         row = flown.manoeuvres.loc[[manoeuvre]].iloc[0]
+        # Deviations from the mean: the constant is estimated along.
         about_mean = [value[selected] - value[selected].mean() for value in (x, y)]
         rows.append(_residual_row(row, samples[selected], *about_mean))
     return pd.DataFrame(rows)

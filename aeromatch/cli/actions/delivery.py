@@ -139,10 +139,9 @@ def _print_felt(found: Mapping[str, Any], names: str) -> None:
             f"flaps {at.get('delta_f', 0.0) / DEGREE:.0f} deg"
         )
         gear = "down" if at.get("gear", 0.0) > 0.5 else "up"
-        felt = [
-            (row["words"], row["unit"], *(_digits(row[key]) for key in ("before", "after")))
-            for row in found["felt"]
-        ]
+        felt = []
+        for row in found["felt"]:
+            felt.append((row["words"], row["unit"], _digits(row["before"]), _digits(row["after"])))
         print_table(
             ["what a pilot feels", "unit", "before", "after"],
             felt,
@@ -167,7 +166,8 @@ def _print_terms(found: Mapping[str, Any], names: str) -> None:
         (
             row["name"],
             row["state"],
-            *(_digits(row[key]) for key in ("before", "after")),
+            _digits(row["before"]),
+            _digits(row["after"]),
             row["where"] or row["note"],
             _digits(row["rms"], 3),
             "" if isnan(row["in_standard_errors"]) else f"{row['in_standard_errors']:.1f}",

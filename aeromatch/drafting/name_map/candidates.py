@@ -207,6 +207,7 @@ def candidates_of(
         Columns without a quantity.
     """
     best: dict[tuple[str, str], ColumnCandidate] = {}
+    # Long records show a correlation best.
     largest = sorted(files, key=lambda file: -file.stat().st_size)[:_RECORDS]
     for file in largest:
         for table in open_recording(file, NameMap({})).tables.values():
@@ -221,6 +222,7 @@ def candidates_of(
     chosen: list[ColumnCandidate] = []
     for quantity in dict.fromkeys(item.quantity for item in ordered):
         same = [item for item in ordered if item.quantity == quantity]
+        # Weaker candidates of a quantity count if they are near the best one.
         least = _NEAR * abs(same[0].correlation)
         chosen += [item for item in same[:_MOST] if abs(item.correlation) >= least]
     return chosen

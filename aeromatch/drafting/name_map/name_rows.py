@@ -267,6 +267,7 @@ def make_rows(
     for name in sorted(columns.assigned, key=sort_key):
         table, column, guess = columns.assigned[name]
         unit, keys, reason = units[name]
+        # A flap position of 0 to 1 has no unit; the listings state the deflection at 1.
         if _is_fraction(tables[table], column, guess):
             keys = {"scale": f"{np.degrees(flap or 0.0):.6g} deg"}
             reason = (
@@ -282,6 +283,7 @@ def make_rows(
             keys["sign"] = -1
             opposite = "the heading states the opposite positive sense"
             reason = f"{reason}; {opposite}" if reason else opposite
+        # The map must also read the recordings without this column.
         if any(f"{table}/{column}" not in names for names in columns_by_recording):
             keys["optional"] = True
         if name in columns.rivals:

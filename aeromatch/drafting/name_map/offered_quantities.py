@@ -71,7 +71,7 @@ def offered_quantities(engines: int, known: Iterable[str] = ()) -> dict[str, lis
     others = [name for name in dict.fromkeys(known) if name not in listed]
     if others:
         names["other"] = others
-    return {group: [_describe(name) for name in members] for group, members in names.items()}
+    return {group: list(map(_describe, members)) for group, members in names.items()}
 
 
 def _describe(name: str) -> OfferedQuantity:

@@ -110,6 +110,7 @@ def show_curve(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict
     name = query.get("name", "")
     x, y = (signal_of(opened, name, query.get(key, "")) for key in ("x", "y"))
     start, stop = number_of(query, "start"), number_of(query, "stop")
+    # The signal with fewer samples is interpolated to the times of the other.
     base, other = (x, y) if len(x.time) >= len(y.time) else (y, x)
     inside = _inside(base, start, stop)
     time = base.time[inside]
@@ -120,6 +121,7 @@ def show_curve(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict
     if x is y:
         pair[id(x)] = base.values[inside]
     valid = np.isfinite(pair[id(x)]) & np.isfinite(pair[id(y)])
+    # Rounded up: at most _CURVE points.
     every = max(1, -(-int(valid.sum()) // _CURVE))
     columns = {
         "time": time[valid][::every],
@@ -153,6 +155,7 @@ def show_spectrum(opened: OpenProject, query: Mapping[str, str], body: Any) -> d
 def _density(signal: ChannelSignal, start: float, stop: float) -> dict[str, Any]:
     inside = _inside(signal, start, stop)
     time, values = signal.time[inside], signal.continuous[inside]
+    # The spectrum is averaged over stretches without a gap.
     parts = []
     for part in stretches(time, np.isfinite(values)):
         if part.stop - part.start >= _FEWEST:
@@ -175,6 +178,7 @@ def _density(signal: ChannelSignal, start: float, stop: float) -> dict[str, Any]
         "segments": spectra["segments"],
         "resolution": resolution,
         "left_out": spectra["left_out"],
+        # The area below the density is the variance; the deviation of the samples confirms it.
         "rms": float(np.sqrt(np.sum(density) * resolution)),
         "deviation": float(np.std(used)),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -73,10 +74,8 @@ def run_check_deck(ctx: click.Context, deck: str, as_json: bool) -> None:
     """Perform the command ``check``."""
     read = read_deck(deck)
     found = check_deck(read)
-    numbers = {
-        severity: sum(finding.severity == severity for finding in found)
-        for severity in ("error", "warning", "note")
-    }
+    by_severity = Counter(finding.severity for finding in found)
+    numbers = {severity: by_severity[severity] for severity in ("error", "warning", "note")}
     if as_json:
         console.print_json(
             {

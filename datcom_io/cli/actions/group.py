@@ -26,10 +26,10 @@ def show_table(file: str, name: str | None, number: int, partial: bool, as_json:
     page = case.pages[number - 1]
     sheets = [_sheet(item, page) for item in page.printed]
     if as_json:
-        tables = [
-            {"table": t.name, "columns": [h.split("\n") for h in head], "rows": body}
-            for t, (head, body) in zip(page.printed, sheets)
-        ]
+        tables = []
+        for item, (head, body) in zip(page.printed, sheets):
+            columns = [heading.split("\n") for heading in head]
+            tables.append({"table": item.name, "columns": columns, "rows": body})
         console.print_json(
             {**page_row(page), "tables": tables, "notes": [note.text for note in page.notes]}
         )
@@ -59,9 +59,10 @@ def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
     heads = [f"{column.name}\n[{printed_units(column, page)}]" for column in item.columns]
     if item.across is not None:
         heads[1:] = [f"{item.columns[1].name}\n{x:g} deg" for x in item.across]
-    return heads, [
-        [item.text(i, k) for k in range(len(item.columns))] for i in range(len(item.rows))
-    ]
+    body = []
+    for i in range(len(item.rows)):
+        body.append([item.text(i, k) for k in range(len(item.columns))])
+    return heads, body
 
 
 def convert_listing(

@@ -210,6 +210,7 @@ def _read_without_method(lines: list[Line], opening: int) -> tuple[list[Printed]
 
     The program prints the headings and a note where it has no method at this Mach number.
     """
+    # Three lines that are not empty: deflections, ALPHA, and the note.
     below = [i for i in range(opening + 1, len(lines)) if lines[i][1][1:].strip()][:3]
     if len(below) < 3:
         return None

@@ -118,6 +118,7 @@ def _read_extrapolation(lines: list[Line], opening: int) -> tuple[list[Printed],
 
 def _look_up_cells(text: str) -> list[tuple[str, str]]:
     """Return label and text of the cells of one line of the summary, none for any other line."""
+    # First line of a chart: carriage control 0, overlay, figure, type of extrapolation per variable.
     if text[0] == "0" and not text[1:].lstrip().startswith("*"):
         cells = [("OVERLAY", text[3:5]), ("FIGURE NUMBER", text[10:30])]
         for k, side in enumerate(_sides()):
@@ -125,11 +126,13 @@ def _look_up_cells(text: str) -> list[tuple[str, str]]:
         return cells
     if text[0] != " ":
         return []
+    # Second line: subroutines, and limits of the figure per variable.
     if text[10:26].strip() and not text[1:10].strip():
         cells = [("SUBROUTINES 1", text[10:18]), ("SUBROUTINES 2", text[18:26])]
         for k, side in enumerate(_sides()):
             cells.append((f"FIGURE LIMITS {side}", text[36 + 10 * k : 46 + 10 * k]))
         return cells
+    # Third line: result, and the independent variables with a mark of extrapolation.
     if not text[1:24].strip():
         cells = [("FINAL RESULT", text[24:37])]
         for k in range(_MOST_VARIABLES):

@@ -318,6 +318,7 @@ def _check_efficiency(propeller: Propeller) -> Iterator[str]:
         for J in power["J"].values:
             at = {"J": float(J), "blade_angle": float(angle)}
             taken = _evaluate(power, at)
+            # Efficiency J CT / CP: power to the air over power at the shaft.
             given = at["J"] * _evaluate(thrust, at)
             if given > taken > 0.0:
                 yield (

@@ -13,10 +13,9 @@ def print_fmu(path: str, as_json: bool) -> None:
         print_json(found)
         return
     columns = ("name", "causality", "variability", "unit", "start", "description")
-    rows = [
-        ["" if row[column] is None else row[column] for column in columns]
-        for row in found["variables"]
-    ]
+    rows = []
+    for row in found["variables"]:
+        rows.append(["" if row[column] is None else row[column] for column in columns])
     print_table(
         columns,
         rows,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import click
@@ -9,8 +10,7 @@ import click
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import print_json, print_table, show_progress
-from flighttest.cli.actions.manoeuvres import read_sourced_manoeuvres
-from flighttest.maximum_likelihood.validating.used_windows import ValidationWindow, digest_record
+from flighttest.cli.actions.manoeuvres import ManoeuvreOptions
 from flighttest.maximum_likelihood.validating.validation import open_model, validate_models
 from flighttest.parameter_constraints import constraints_to_json
 from flighttest.regression.equation_error.fit import (
@@ -22,7 +22,7 @@ from flighttest.remarks import remark_lines, remarks_to_json
 
 
 def fit_fields(fit) -> dict:
-    """A fit as a document."""
+    """Return a fit as a document."""
     return {
         "model": str(fit.model),
         **constraints_to_json(fit.estimates.attrs),
@@ -32,19 +32,18 @@ def fit_fields(fit) -> dict:
 
 
 def estimate_fields(e) -> dict:
-    """Estimates by term, and their covariance."""
+    """Return the estimates by term, and their covariance, for a document."""
     columns = [str(name) for name, item in e.data_vars.items() if item.dims == ("term",)]
-    terms = {
-        str(term): {name: float(e[name].values[k]) for name in columns}
-        for k, term in enumerate(e["term"].values)
-    }
+    terms = {}
+    for k, term in enumerate(e["term"].values):
+        terms[str(term)] = {name: float(e[name].values[k]) for name in columns}
     return {"terms": terms, "covariance": e["covariance"].values}
 
 
 def print_fit(fit, remarks, correlation: bool) -> None:
     """Print the estimates of a fit as a table, its remarks, and on request the correlations."""
     e = fit.estimates
-    shown = {
+    headings = {
         "estimate": "estimate",
         "stderr": "std error",
         "low": "95 % low",
@@ -52,19 +51,19 @@ def print_fit(fit, remarks, correlation: bool) -> None:
         "stderr_white": "if white",
     }
     if "least_squares" in e:
-        shown["least_squares"] = "least squares"
-    shown |= {"stderr_systematic": "systematic", "t": "t", "p_value": "p", "vif": "VIF"}
-    rows = [
-        (str(term), *(_cell(float(e[name].sel(term=term))) for name in shown))
-        for term in e["term"].values
-    ]
+        headings["least_squares"] = "least squares"
+    headings |= {"stderr_systematic": "systematic", "t": "t", "p_value": "p", "vif": "VIF"}
+    rows = []
+    for term in e["term"].values:
+        cells = [_cell(float(e[name].sel(term=term))) for name in headings]
+        rows.append((str(term), *cells))
     title = (
         f"{fit.model}   {e.attrs['samples']} samples, R2 {e.attrs['R2']:.4f}, residual rms "
         f"{e.attrs['residual_rms']:.3g}"
     )
     if e.attrs["domain"] == "frequency":
         title += f", {e.attrs['frequencies']} frequencies in {e.attrs['band']} Hz"
-    print_table(["term", *shown.values()], rows, title, right=list(shown.values()))
+    print_table(["term", *headings.values()], rows, title, right=list(headings.values()))
     for line in [
         *slope_test_lines(e.attrs),
         *constraint_lines(e.attrs),
@@ -75,7 +74,7 @@ def print_fit(fit, remarks, correlation: bool) -> None:
 
 
 def _cell(value: float) -> str:
-    return "-" if value != value else f"{value:.4g}"
+    return "-" if math.isnan(value) else f"{value:.4g}"
 
 
 def run_validate(
@@ -95,13 +94,10 @@ def run_validate(
             "models", [f"several files are named {', '.join(repeated)}; give each another name"]
         )
     opened = {name: open_model(file) for name, file in zip(names, models, strict=True)}
-    found, sources = read_sourced_manoeuvres(paths, aircraft_file, windows, cutoff, own_windows)
-    digests = [digest_record(path) for path in paths]
-    pieces = []
-    for data, number in zip(found, sources, strict=True):
-        pieces.append(ValidationWindow(Path(paths[number]).stem, data, digests[number]))
-    with show_progress(f"predict {len(pieces)} windows by {len(opened)} models"):
-        board = validate_models(opened, pieces)
+    source = ManoeuvreOptions(paths, aircraft_file, windows, cutoff, own_windows=own_windows)
+    records = source.read().as_validation_windows()
+    with show_progress(f"predict {len(records)} windows by {len(opened)} models"):
+        board = validate_models(opened, records)
     if output:
         write_text(output, board.rows.to_csv(index=False))
     if as_json:

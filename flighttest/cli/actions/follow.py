@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import BinaryIO
 
 import click
@@ -15,6 +16,7 @@ import numpy as np
 
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import ParseError, SchemaError
+from flightmech.support.console import collect_options
 from flighttest.in_flight.flight_estimate import AccuracyGoal, FlightEstimate
 from flighttest.in_flight.following import FlightFollower
 from flighttest.in_flight.sample_stream import SampleStream
@@ -25,30 +27,59 @@ _PIECE = 65536  # bytes of one reading
 _PAUSE = 0.02  # between two looks at a file that grows [s]
 
 
+@dataclass(frozen=True)
+class FollowerOptions:
+    """Options of the estimation during the flight, by the names of `flighttest.cli.follow`.
+
+    Attributes
+    ----------
+    aircraft_file : str or None
+        Aircraft whose mass and geometry give the coefficients.
+    model_text : str
+    candidates : tuple of str
+        Further terms, which enter the model if the evidence for them is strong.
+    band : (float, float)
+        Band of the frequencies [Hz].
+    spacing : float
+        Time between two estimates [s].
+    rate : float or None
+        Samples per second.
+    goals : tuple of (str, str)
+        Term, and the standard error or share at which its estimate is accurate.
+    """
+
+    aircraft_file: str | None
+    model_text: str
+    candidates: tuple[str, ...]
+    band: tuple[float, float]
+    spacing: float
+    rate: float | None
+    goals: tuple[tuple[str, str], ...]
+
+    def make_follower(self) -> FlightFollower:
+        """Return the estimator."""
+        return FlightFollower(
+            RegressionModel.parse(self.model_text),
+            None if self.aircraft_file is None else read_aircraft(self.aircraft_file),
+            band=self.band,
+            spacing=self.spacing,
+            candidates=self.candidates,
+            goals=[_parse_goal(term, limit) for term, limit in self.goals],
+            rate=self.rate,
+        )
+
+
+@collect_options(options=FollowerOptions)
 def run_follow(
     ctx: click.Context,
     stream: str,
-    aircraft_file: str | None,
-    model_text: str,
-    candidates: tuple[str, ...],
+    options: FollowerOptions,
     names: str | None,
-    band: tuple[float, float],
-    spacing: float,
-    rate: float | None,
-    goals: tuple[tuple[str, str], ...],
     wait: float,
     as_json: bool,
 ) -> None:
     """Perform the command ``follow``."""
-    follower = FlightFollower(
-        RegressionModel.parse(model_text),
-        None if aircraft_file is None else read_aircraft(aircraft_file),
-        band=band,
-        spacing=spacing,
-        candidates=candidates,
-        goals=[_parse_goal(term, limit) for term, limit in goals],
-        rate=rate,
-    )
+    follower = options.make_follower()
     samples = SampleStream(follower.choose_channels, None if names is None else read_names(names))
     last = None
     for estimate in _estimates(follower, samples, stream, wait):
@@ -69,11 +100,12 @@ def run_follow(
             "numbers with decimal points, one for each heading",
         )
     is_useful = last is not None and not last.waiting
-    is_reached = last is not None and (last.is_accurate or not goals)
+    is_reached = last is not None and (last.is_accurate or not options.goals)
     ctx.exit(0 if is_useful and is_reached else 1)
 
 
 def _parse_goal(term: str, limit: str) -> AccuracyGoal:
+    """Return the goal of a term: a standard error such as ``0.4``, or a share such as ``5%``."""
     is_share = limit.strip().endswith("%")
     try:
         value = float(limit.strip().removesuffix("%"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path as File
 from typing import Any, NoReturn
 
@@ -11,6 +12,7 @@ from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError
 from flightmech.support.console import (
     NewFile,
+    collect_options,
     count_text,
     print_json,
     print_remark,
@@ -54,55 +56,81 @@ def run_cut(
         click.echo(f"written: {output}")
 
 
+@dataclass(frozen=True)
+class ReconstructionOptions:
+    """Options of the reconstruction, by the names of `flighttest.cli.group`.
+
+    Attributes
+    ----------
+    windows : tuple of (float, float)
+        Start and stop [s]; without any window, the whole record.
+    rate : float
+        Samples per second.
+    biases_file : str or None
+        Reconstructed path whose constants are the prior.
+    method : {"smoother", "batch"}
+    free : tuple of str
+        Constants that the batch estimates, as for `reconstruct_batch`.
+    """
+
+    windows: tuple[tuple[float, float], ...]
+    rate: float
+    biases_file: str | None
+    method: str
+    free: tuple[str, ...]
+
+    def check(self, record_count: int) -> None:
+        """Raise SchemaError for options that exclude each other."""
+        if record_count > 1 and (self.windows or self.biases_file):
+            _refuse("--window and --biases go with one record; give the records one at a time")
+        if self.free and self.method != "batch":
+            _refuse("--free goes with --method batch; the smoother estimates all constants")
+
+
+@collect_options(options=ReconstructionOptions)
 def run_reconstruct(
-    record_files,
-    aircraft_file,
-    names,
-    windows,
-    rate,
-    biases_file,
-    method,
-    free,
-    figure,
-    jobs,
-    output,
-    as_json,
+    record_files: tuple[str, ...],
+    aircraft_file: str,
+    names: str | None,
+    options: ReconstructionOptions,
+    figure: str | None,
+    jobs: int,
+    output: str,
+    as_json: bool,
 ) -> None:
     """Perform the command ``reconstruct``."""
-    if len(record_files) > 1 and (windows or biases_file):
-        _refuse("--window and --biases go with one record; give the records one at a time")
+    options.check(len(record_files))
     if len(record_files) > 1 and figure:
         _refuse("--figure goes with one record; give the records one at a time")
-    if free and method != "batch":
-        _refuse("--free goes with --method batch; the smoother estimates all constants")
+    windows = list(options.windows) or None
     if len(record_files) == 1:
         NewFile().convert(output, None, click.get_current_context())
     aircraft = read_aircraft(aircraft_file)
-    prior = open_biases(biases_file) if biases_file else None
+    prior = open_biases(options.biases_file) if options.biases_file else None
     with show_progress(f"read {count_text(len(record_files), 'record')}"):
         records = [read(file, names) for file in record_files]
     targets = [File(output)]
     batch = None
-    if len(records) > 1 and method == "smoother":
+    if len(records) > 1 and options.method == "smoother":
         print_remark(
             f"{len(records)} records: each alone, then each with what the others indicate "
             f"about the instruments"
         )
     with show_progress("reconstruct the states"):
-        if method == "batch":
+        if options.method == "batch":
             batch = reconstruct_batch(
                 records,
                 aircraft,
-                [list(windows) or None] * len(records),
-                free=free or None,
+                [windows] * len(records),
+                free=options.free or None,
                 prior=prior,
-                rate=rate,
+                rate=options.rate,
             )
             paths = batch.paths
         elif len(records) == 1:
-            paths = [reconstruct_record(records[0], aircraft, list(windows) or None, prior, rate)]
+            paths = [reconstruct_record(records[0], aircraft, windows, prior, options.rate)]
         else:
-            paths = reconstruct_programme(records, aircraft, rate, jobs)
+            paths = reconstruct_programme(records, aircraft, options.rate, jobs)
     if len(records) > 1:
         targets = [File(output) / f"{File(file).name.split('.')[0]}.nc" for file in record_files]
         File(output).mkdir(parents=True, exist_ok=True)

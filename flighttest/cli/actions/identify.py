@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
-import xarray as xr
 
 import aerodb
 from flightmech.aircraft.aircraft_file import read_aircraft
@@ -16,28 +16,21 @@ from flightmech.errors import SchemaError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import (
+    collect_options,
     print_json,
     show_progress,
 )
 from flightmech.units import to_si
+from flighttest.cli.actions.estimators import EstimatorOptions
 from flighttest.cli.actions.fit_output import estimate_fields, fit_fields, print_fit
-from flighttest.cli.actions.manoeuvres import (
-    demand_options,
-    read_instruments,
-    read_noise,
-    read_sourced_manoeuvres,
-    read_windows_of_paths,
-    windows_of_paths,
-)
+from flighttest.cli.actions.manoeuvres import ManoeuvreOptions, assign_windows
 from flighttest.maximum_likelihood.fit_job import perform_fit_job
 from flighttest.maximum_likelihood.fit_page import render_fit_page as page_of
 from flighttest.maximum_likelihood.linear.motion_fit import fit_motion
 from flighttest.maximum_likelihood.result import save_output_error
 from flighttest.maximum_likelihood.specification import read_specification
 from flighttest.maximum_likelihood.validating.used_windows import (
-    Model,
     ValidationWindow,
-    digest_record,
     digest_states,
     state_windows,
 )
@@ -48,11 +41,7 @@ from flighttest.regression.combining.data_partition import fit_bins
 from flighttest.regression.combining.joined_fits import join_fits
 from flighttest.regression.combining.mixed_estimation import mix_with_prior, prior_of
 from flighttest.regression.equation_error.fit_file import open_fit, save_fit
-from flighttest.regression.equation_error.frequency.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.equation_error.time_domain import regress
-from flighttest.regression.errors_in_variables.instrumental_variables import regress_instrumental
-from flighttest.regression.errors_in_variables.total_least_squares import regress_total
 from flighttest.regression.model_structure.best_prediction import select_by_prediction
 from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
@@ -106,34 +95,54 @@ def run_fit(
     ctx.exit(1 if is_forbidden([*done.fit.remarks, *done.remarks]) else 0)
 
 
+@dataclass(frozen=True)
+class DisturbanceOptions:
+    """Options of the disturbance of a linear motion.
+
+    Attributes
+    ----------
+    disturbance : {"none", "process", "gusts", "both"}
+    angle : {"vane", "inertial"} or None
+        Source of alpha or beta; gusts need it.
+    scale : float or None
+        Scale of the gusts [m]; None if it is estimated.
+    """
+
+    disturbance: str
+    angle: str | None
+    scale: float | None
+
+    def check(self) -> None:
+        """Raise UsageError for gusts without the source of the angle, and for a wrong scale."""
+        if self.disturbance in ("gusts", "both") and not self.angle:
+            raise click.UsageError("gusts need --angle vane or --angle inertial: who measured it")
+        if self.scale is not None and not self.scale > 0.0:
+            raise click.UsageError(f"--scale is {self.scale:g}; give a positive length in metres")
+
+
+@collect_options(gusts=DisturbanceOptions)
 def run_fit_linear(
     ctx: click.Context,
     paths: tuple[str, ...],
     motion: str,
+    gusts: DisturbanceOptions,
     windows: tuple[tuple[float, float], ...],
     own_windows: tuple[tuple[str, float, float], ...],
-    disturbance: str,
-    angle: str | None,
-    scale: float | None,
     constraints: tuple[str, ...],
     output: str | None,
     as_json: bool,
 ) -> None:
     """Perform the command ``fit-linear``."""
-    if disturbance in ("gusts", "both") and not angle:
-        raise click.UsageError("gusts need --angle vane or --angle inertial: who measured it")
-    if scale is not None and not scale > 0.0:
-        raise click.UsageError(f"--scale is {scale:g}; give a positive length in metres")
+    gusts.check()
     if windows and len(paths) > 1:
         raise click.UsageError(f"{len(paths)} paths and --window; windows are those of one path")
-    by_path = windows_of_paths(paths, windows, own_windows)
+    windows_by_path = assign_windows(paths, windows, own_windows)
     records, names, used = [], [], []
-    for path, spans in zip(paths, by_path, strict=True):
+    for path, spans in zip(paths, windows_by_path, strict=True):
         states = open_states(path)
         digest = digest_states(states) if output else ""
-        chosen: list[tuple[float, float] | None] = [*spans] or [None]
-        for window in chosen:
-            part = states if window is None else select_time(states, *window)
+        parts = [select_time(states, *window) for window in spans] or [states]
+        for part in parts:
             records.append(part)
             names.append(Path(path).name)
             used.append(ValidationWindow(Path(path).stem, part, digest))
@@ -142,9 +151,9 @@ def run_fit_linear(
         done = fit_motion(
             records,
             motion,
-            disturbance,
-            angle=angle or "",
-            scale=scale,
+            gusts.disturbance,
+            angle=gusts.angle or "",
+            scale=gusts.scale,
             constraints=constraints,
         )
     if output:
@@ -158,85 +167,31 @@ def run_fit_linear(
     ctx.exit(1 if is_forbidden(done.remarks) else 0)
 
 
+@collect_options(source=ManoeuvreOptions, estimator=EstimatorOptions)
 def run_identify(
-    ctx,
-    paths,
-    aircraft_file,
-    model_text,
-    windows,
-    own_windows,
-    errors,
-    cutoff,
-    band,
-    intercepts,
-    weights,
-    ridge,
-    prior,
-    method,
-    noises,
-    instrument_files,
-    constraints,
-    output,
-    correlation,
-    as_json,
+    ctx: click.Context,
+    source: ManoeuvreOptions,
+    model_text: str,
+    estimator: EstimatorOptions,
+    output: str | None,
+    correlation: bool,
+    as_json: bool,
 ) -> None:
     """Perform the command ``identify``."""
     model = RegressionModel.parse(model_text)
-    demand_options(
-        method,
-        band,
-        weights,
-        ridge=ridge,
-        prior=prior,
-        noises=noises,
-        instrument_files=instrument_files,
-        constraints=constraints,
-    )
-    if instrument_files and len(instrument_files) != len(paths):
-        raise SchemaError(
-            "flight identify",
-            [f"{len(instrument_files)} --instruments for {len(paths)} paths; give one for each"],
-        )
-    manoeuvres, sources = read_sourced_manoeuvres(
-        paths, aircraft_file, windows, cutoff=cutoff, own_windows=own_windows, errors=errors
-    )
+    estimator.check(len(source.paths))
+    manoeuvres = source.read()
     with show_progress(f"estimate {model}"):
-        if method == "iv":
-            instruments = read_instruments(instrument_files, aircraft_file, sources)
-            fit = regress_instrumental(
-                model,
-                manoeuvres,
-                intercepts=intercepts,
-                instruments=instruments,
-                constraints=constraints,
-            )
-        elif method == "tls":
-            fit = regress_total(
-                model,
-                manoeuvres,
-                read_noise(noises),
-                intercepts=intercepts,
-                constraints=constraints,
-            )
-        else:
-            fit = _fit(
-                model,
-                manoeuvres,
-                band,
-                intercepts=intercepts,
-                weights=weights,
-                ridge=_ridge(ridge),
-                constraints=constraints,
-            )
+        fit = estimator.fit(model, manoeuvres, source.aircraft_file)
     joined, remarks = None, fit.remarks
-    if prior:
-        joined = mix_with_prior(fit, prior_of(fit, aerodb.open(prior)))
+    if estimator.prior:
+        joined = mix_with_prior(fit, prior_of(fit, aerodb.open(estimator.prior)))
         # The prior decides the sign of its terms: `joined` has its own remark on it.
         in_prior = joined.estimates["term"].values[np.isfinite(joined.estimates["prior"].values)]
         terms_in_prior = set(map(str, in_prior))
         remarks = [r for r in remarks if r.kind != "sign" or r.term not in terms_in_prior]
     if output:
-        save_fit(_with_windows(fit, paths, manoeuvres, sources), output)
+        save_fit(state_windows(fit, manoeuvres.as_validation_windows()), output)
     if as_json:
         document = {**fit_fields(fit), "remarks": remarks_to_json(remarks)}
         if joined is not None:
@@ -254,97 +209,122 @@ def run_identify(
     ctx.exit(1 if is_forbidden(remarks) else 0)
 
 
+@dataclass(frozen=True)
+class SelectionOptions:
+    """Options of the selection of terms.
+
+    Attributes
+    ----------
+    coefficient : str
+    variables : str or None
+        Variables whose products are candidates, separated by blanks.
+    order : int
+        Highest order of the products.
+    terms : tuple of str
+        Further candidates.
+    method : {"prediction", "orthogonal", "stepwise"}
+    keep : tuple of str
+        Candidates that are in the model from the start.
+    free : bool
+        Whether a product may lack its factors, and a moment its damping.
+    band : (float, float) or None
+        Band of a selection in frequency [Hz].
+    """
+
+    coefficient: str
+    variables: str | None
+    order: int
+    terms: tuple[str, ...]
+    method: str
+    keep: tuple[str, ...]
+    free: bool
+    band: tuple[float, float] | None
+
+    def list_candidates(self) -> list[str]:
+        """Return the candidates; raise SchemaError if no option names one."""
+        if self.variables:
+            return [*monomials(self.variables.split(), self.order), *self.terms]
+        if not self.terms:
+            raise SchemaError(
+                "flight select", ["no candidates: give --variables, or --term once for each"]
+            )
+        return ["1", *self.terms]
+
+
+@collect_options(source=ManoeuvreOptions, selection=SelectionOptions)
 def run_select(
-    ctx,
-    paths,
-    aircraft_file,
-    coefficient,
-    variables,
-    order,
-    terms,
-    method,
-    keep,
-    free,
-    windows,
-    own_windows,
-    errors,
-    cutoff,
-    band,
-    output,
-    correlation,
-    as_json,
+    ctx: click.Context,
+    source: ManoeuvreOptions,
+    selection: SelectionOptions,
+    output: str | None,
+    correlation: bool,
+    as_json: bool,
 ) -> None:
     """Perform the command ``select``."""
-    if not variables and not terms:
-        raise SchemaError(
-            "flight select", ["no candidates: give --variables, or --term once for each"]
-        )
-    candidates = [*monomials(variables.split(), order), *terms] if variables else ["1", *terms]
-    manoeuvres, sources = read_sourced_manoeuvres(
-        paths, aircraft_file, windows, cutoff=cutoff, own_windows=own_windows, errors=errors
-    )
+    candidates = selection.list_candidates()
+    manoeuvres = source.read()
     with show_progress(f"select among {len(candidates)} candidates"):
-        found = _WAYS_TO_SELECT[method](
-            coefficient,
-            [*candidates, *keep],
-            manoeuvres,
-            band=band,
-            keep=("1", *keep),
-            hierarchy=not free,
+        result = _WAYS_TO_SELECT[selection.method](
+            selection.coefficient,
+            [*candidates, *selection.keep],
+            manoeuvres.coefficients,
+            band=selection.band,
+            keep=("1", *selection.keep),
+            hierarchy=not selection.free,
         )
     if output:
-        save_fit(_with_windows(found.fit, paths, manoeuvres, sources), output)
+        save_fit(state_windows(result.fit, manoeuvres.as_validation_windows()), output)
     if as_json:
         print_json(
             {
-                "method": found.method,
-                "steps": found.steps,
-                "idle": found.idle,
-                "models": found.models,
-                **fit_fields(found.fit),
+                "method": result.method,
+                "steps": result.steps,
+                "idle": result.idle,
+                "models": result.models,
+                **fit_fields(result.fit),
                 "file": output,
             }
         )
     else:
-        click.echo(found.report(correlation))
+        click.echo(result.report(correlation))
         if output:
             click.echo(f"written: {output}")
-    ctx.exit(1 if is_forbidden(found.fit.remarks) else 0)
+    ctx.exit(1 if is_forbidden(result.fit.remarks) else 0)
 
 
 def run_join(fits, method, as_json) -> None:
     """Perform the command ``join``."""
-    found = join_fits([open_fit(file) for file in fits], method)
+    joined = join_fits([open_fit(file) for file in fits], method)
     if as_json:
         print_json(
             {
-                **found.estimates.attrs,
-                **estimate_fields(found.estimates),
-                "remarks": remarks_to_json(found.remarks),
+                **joined.estimates.attrs,
+                **estimate_fields(joined.estimates),
+                "remarks": remarks_to_json(joined.remarks),
             }
         )
         return
-    click.echo(found.report())
+    click.echo(joined.report())
 
 
 def run_partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_json) -> None:
     """Perform the command ``partition``."""
     edges = {name: _edges(name, text) for name, text in conditions}
-    manoeuvres = read_windows_of_paths(paths, aircraft_file, windows, cutoff)
+    manoeuvres = ManoeuvreOptions(paths, aircraft_file, windows, cutoff).read()
     with show_progress(f"estimate {model_text} bin by bin"):
-        found = fit_bins(RegressionModel.parse(model_text), manoeuvres, edges)
+        partition = fit_bins(RegressionModel.parse(model_text), manoeuvres.coefficients, edges)
     if as_json:
-        e = found.estimates
+        e = partition.estimates
         columns = [name for name in e.data_vars if e[name].dims == ("bin",)]
         bins = []
         for k in range(e.sizes["bin"]):
             row = {str(name): e[name].values[k] for name in columns}
             for name in ("estimate", "stderr"):
                 row[name] = e[name].values[k]
-            bins.append({**row, "refused": found.refused.get(k, "")})
-        print_json({"model": str(found.model), "terms": e["term"].values, "bins": bins})
+            bins.append({**row, "refused": partition.refused.get(k, "")})
+        print_json({"model": str(partition.model), "terms": e["term"].values, "bins": bins})
         return
-    click.echo(found.report())
+    click.echo(partition.report())
 
 
 def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) -> None:
@@ -355,63 +335,22 @@ def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_js
         states = open_states(path)
         parts += [select_time(states, *window) for window in windows] or [states]
     with show_progress("estimate moments of inertia"):
-        found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
+        moments = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
     if as_json:
         print_json(
             {
-                **found.estimates.attrs,
-                **estimate_fields(found.estimates),
-                "remarks": remarks_to_json(found.remarks),
+                **moments.estimates.attrs,
+                **estimate_fields(moments.estimates),
+                "remarks": remarks_to_json(moments.remarks),
             }
         )
     else:
-        click.echo(found.report())
-    ctx.exit(1 if is_forbidden(found.remarks) else 0)
-
-
-def _with_windows(
-    fit: Model, paths: Sequence[str], manoeuvres: Sequence[xr.Dataset], sources: Sequence[int]
-) -> Model:
-    """Return a fit with the windows that it has used, for a validation on other windows."""
-    digests = [digest_record(path) for path in paths]
-    used = []
-    for data, number in zip(manoeuvres, sources, strict=True):
-        used.append(ValidationWindow(Path(paths[number]).stem, data, digests[number]))
-    return state_windows(fit, used)
-
-
-def _fit(model, manoeuvres, band, intercepts, weights, ridge, constraints=()):
-    """Return the fit in time, or in frequency if a band is given."""
-    if band is None:
-        return regress(
-            model,
-            manoeuvres,
-            intercepts=intercepts,
-            weights=weights,
-            ridge=ridge,
-            constraints=constraints,
-        )
-    if weights != "equal":
-        raise SchemaError(
-            "flight identify", ["--weights goes with a fit in time; leave out --band"]
-        )
-    return regress_frequency(
-        model, manoeuvres, band, intercepts=intercepts, ridge=ridge, constraints=constraints
-    )
-
-
-def _ridge(text: str) -> float | str:
-    try:
-        return text if text == "auto" else float(text)
-    except ValueError:
-        raise SchemaError(
-            "flight identify", [f"--ridge is {text!r}; expected a number or auto"]
-        ) from None
+        click.echo(moments.report())
+    ctx.exit(1 if is_forbidden(moments.remarks) else 0)
 
 
 def _edges(name: str, text: str) -> list[float]:
-    """Numbers with one unit at the end, or in SI."""
-
+    """Return the edges of the bins in SI from numbers, with one unit at the end or in SI."""
     words, units = text.split(), lookup(name).units
     try:
         float(words[-1])

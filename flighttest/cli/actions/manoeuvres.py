@@ -1,81 +1,118 @@
-"""Manoeuvres, instruments and noise that the verbs of `flighttest.cli.identify` read."""
+"""Manoeuvres along reconstructed paths, as the verbs of `flighttest.cli.identify` read them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+
+import xarray as xr
 
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup
-from flightmech.support.console import show_progress
-from flightmech.units import parse_quantity
+from flightmech.support.console import count_text, show_progress
+from flighttest.maximum_likelihood.validating.used_windows import ValidationWindow, digest_record
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
-from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
-from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
+from flighttest.reconstruction.dynamics.saved_paths import open_path
 from flighttest.reconstruction.quality.manoeuvre_faults import report_faults
 
-
-def demand_options(
-    method, band, weights, ridge, prior, noises, instrument_files, constraints
-) -> None:
-    """Raise for options of ``identify`` that do not go together."""
-    problems = []
-    if method != "least-squares" and (band is not None or weights != "equal" or ridge != "0"):
-        problems.append(
-            f"--method {method} works in time with equal weights; leave out --band, --weights and "
-            f"--ridge"
-        )
-    if (noises and method != "tls") or (method == "tls" and not noises):
-        problems.append(
-            "--noise and --method tls go together: state the noise of each noisy variable, as "
-            "--noise alpha '0.3 deg'"
-        )
-    if instrument_files and method != "iv":
-        problems.append("--instruments goes with --method iv")
-    if constraints and prior:
-        problems.append("--constraint works without a prior; leave out --prior")
-    if problems:
-        raise SchemaError("flight identify", problems)
+Window = tuple[float, float]
 
 
-def read_noise(noises) -> dict[str, float]:
-    """Standard deviations in SI by variable."""
-    found = {}
-    for name, text in noises:
-        try:
-            value: float | str = float(text)
-        except ValueError:
-            value = text
-        found[name] = parse_quantity(value, lookup(name).units)
-    return found
+@dataclass(frozen=True)
+class CutManoeuvres:
+    """Coefficients along all windows of several paths.
+
+    Attributes
+    ----------
+    coefficients : list of Dataset (time,)
+        One for each window, path by path.
+    path_numbers : list of int
+        For each window, the index of its path.
+    paths : tuple of str
+        Files of the reconstructed paths.
+    """
+
+    coefficients: list[xr.Dataset]
+    path_numbers: list[int]
+    paths: tuple[str, ...]
+
+    def as_validation_windows(self) -> list[ValidationWindow]:
+        """Return the windows with the digests of their paths."""
+        digests = [digest_record(path) for path in self.paths]
+        windows = []
+        for data, number in zip(self.coefficients, self.path_numbers, strict=True):
+            windows.append(ValidationWindow(Path(self.paths[number]).stem, data, digests[number]))
+        return windows
 
 
-def read_instruments(files, aircraft_file, sources) -> list | None:
-    """States of the instruments with reduced rates, one for each manoeuvre; None without files."""
-    if not files:
-        return None
-    aircraft = read_aircraft(aircraft_file)
-    records = [reduced_rates(open_states(file), aircraft) for file in files]
-    return [records[k] for k in sources]
+@dataclass(frozen=True)
+class ManoeuvreOptions:
+    """Options of the manoeuvres: reconstructed paths, and their windows.
+
+    Attributes
+    ----------
+    paths : tuple of str
+        Files of the reconstructed paths.
+    aircraft_file : str
+    windows : tuple of (float, float)
+        Start and stop of the windows of every path [s]; without any window, the whole path.
+    cutoff : float or None
+        Cut-off frequency of the low-pass of the states [Hz].
+    own_windows : tuple of (str, float, float)
+        Name of one path, start and stop of a window of this path alone [s].
+    errors : tuple of (str, float)
+        Source and standard error, in place of the default (`coefficients`).
+    """
+
+    paths: tuple[str, ...]
+    aircraft_file: str
+    windows: tuple[Window, ...]
+    cutoff: float | None
+    own_windows: tuple[tuple[str, float, float], ...] = ()
+    errors: tuple[tuple[str, float], ...] = ()
+
+    def read(self) -> CutManoeuvres:
+        """Return the coefficients along all windows, and warn of faults of the manoeuvres.
+
+        Raises
+        ------
+        UnknownName, SchemaError
+            As `assign_windows`, and as the readers of paths and aircraft.
+        """
+        windows_by_path = assign_windows(self.paths, self.windows, self.own_windows)
+        aircraft = read_aircraft(self.aircraft_file)
+        manoeuvres, labels, path_numbers = [], [], []
+        with show_progress(f"coefficients along {count_text(len(self.paths), 'path')}"):
+            for number, path in enumerate(self.paths):
+                data = coefficients(open_path(path), aircraft, dict(self.errors), self.cutoff)
+                # A path without windows is one manoeuvre.
+                parts = [select_time(data, *window) for window in windows_by_path[number]] or [data]
+                manoeuvres += parts
+                labels += [Path(path).name] * len(parts)
+                path_numbers += [number] * len(parts)
+        # The regression itself checks the excitation of the regressors.
+        report_faults(manoeuvres, labels, known=("excitation",))
+        return CutManoeuvres(manoeuvres, path_numbers, self.paths)
 
 
-def read_windows_of_paths(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:
-    """Coefficients along all windows of all paths."""
-    return read_sourced_manoeuvres(
-        paths, aircraft_file, windows, cutoff=cutoff, own_windows=own_windows, errors=errors
-    )[0]
+def assign_windows(
+    paths: tuple[str, ...],
+    windows: tuple[Window, ...] = (),
+    own_windows: tuple[tuple[str, float, float], ...] = (),
+) -> list[list[Window]]:
+    """Return the windows of each path: the common ones, then its own.
 
-
-def windows_of_paths(paths, windows=(), own_windows=()) -> list[list[tuple[float, float]]]:
-    """Return the windows of each path, the common ones and its own; none for all of it.
+    The list of a path is empty if the whole path is used.
 
     Raises
     ------
-    UnknownName, SchemaError
-        A window of another path, or a path without a window where others have one.
+    UnknownName
+        A window belongs to a path that is not given, or that is given twice.
+    SchemaError
+        Some paths have a window of their own, and another path has no window.
     """
     names = [Path(path).stem for path in paths]
-    own: dict[str, list[tuple[float, float]]] = {}
+    own: dict[str, list[Window]] = {}
     for name, start, stop in own_windows:
         if names.count(name) != 1:
             raise UnknownName(
@@ -85,33 +122,12 @@ def windows_of_paths(paths, windows=(), own_windows=()) -> list[list[tuple[float
                 "--window-of names one of the paths by its file without extension",
             )
         own.setdefault(name, []).append((start, stop))
-    if own and not windows and (without := [name for name in names if name not in own]):
-        raise SchemaError(
-            "windows",
-            [
-                f"{name}: no window; give --window-of {name}, or leave the path out"
-                for name in without
-            ],
-        )
+    if own and not windows:
+        problems = [
+            f"{name}: no window; give --window-of {name}, or leave the path out"
+            for name in names
+            if name not in own
+        ]
+        if problems:
+            raise SchemaError("windows", problems)
     return [[*windows, *own.get(name, ())] for name in names]
-
-
-def read_sourced_manoeuvres(
-    paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
-) -> tuple[list, list[int]]:
-    """Coefficients along all windows of all paths, path by path, and the number of the path of
-    each; a path takes `windows` and its own.
-    """
-
-    by_path = windows_of_paths(paths, windows, own_windows)
-    aircraft = read_aircraft(aircraft_file)
-    found, labels, sources = [], [], []
-    with show_progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
-        for number, (path, spans) in enumerate(zip(paths, by_path, strict=True)):
-            data = coefficients(open_path(path), aircraft, dict(errors), cutoff)
-            parts = [select_time(data, *window) for window in spans] or [data]
-            found += parts
-            labels += [Path(path).name] * len(parts)
-            sources += [number] * len(parts)
-    report_faults(found, labels, known=("excitation",))
-    return found, sources

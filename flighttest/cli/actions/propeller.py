@@ -7,7 +7,6 @@ from pathlib import Path
 
 import click
 import h5py
-import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft_file import read_aircraft
@@ -56,7 +55,7 @@ def run_propeller(
     as_json : bool
         Print JSON.
     pla : (idle, full), optional
-        Lever angles of idle and full power, where the records have angles. [deg]
+        Lever angles of idle and full power, where the records have angles. [rad]
     unused : sequence of str
         Options that only a jet uses and that were given.
 
@@ -76,8 +75,7 @@ def run_propeller(
     with show_progress(f"read {len(paths)} record{'s' if len(paths) > 1 else ''}"):
         records = [_read_record(path, names, rate) for path in paths]
     with show_progress("identify propeller and engine"):
-        angles = (float(np.radians(pla[0])), float(np.radians(pla[1]))) if pla else None
-        found = identify_propeller(records, aircraft, polar, power_changes=records, pla=angles)
+        found = identify_propeller(records, aircraft, polar, power_changes=records, pla=pla)
     if output:
         write_aircraft(found.aircraft(aircraft), Path(output))
     if as_json:

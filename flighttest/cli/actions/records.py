@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +17,7 @@ from aerodb.store.files import open as open_database
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.console import (
+    collect_options,
     print_json,
     print_table,
     show_progress,
@@ -27,7 +30,6 @@ from flighttest.maximum_likelihood.result import open_output_error
 from flighttest.reconstruction.dynamics.saved_paths import open_path
 from flighttest.reconstruction.quality.assessment import assess
 from flighttest.reconstruction.quality.page import write_page
-from flighttest.records import record as records
 from flighttest.records.files import save_record
 from flighttest.records.manoeuvre_table import edit_manoeuvres, read_manoeuvres, write_manoeuvres
 from flighttest.records.record import faults, flight_modes, marked_manoeuvres, read
@@ -50,11 +52,8 @@ def check_record(
     """Perform the command ``check``."""
     with show_progress("read and check the record"):
         aircraft = read_aircraft(aircraft_file) if aircraft_file else None
-        quality = assess(
-            read(record_file, names),
-            aircraft,
-            open_database(database_file) if database_file else None,
-        )
+        database = open_database(database_file) if database_file else None
+        quality = assess(read(record_file, names), aircraft, database)
     if output:
         write_page(quality, output)
     if as_json:
@@ -66,34 +65,36 @@ def check_record(
     ctx.exit(0 if quality.usable else 1)
 
 
-_OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its samples"
-
-
 def convert_record(file: str, names: str | None, output: str, as_json: bool) -> None:
     """Perform the command ``convert``."""
     record = read(file, names)
     save_record(record, output)
-    about = {
-        "file": output,
-        "leaves": {leaf: len(node.data_vars) for leaf, node in record.children.items()},
-        "faults": faults(record),
-        "absent": record.attrs["absent"].split(),
-        "left_out": json.loads(record.attrs.get("left_out", "[]")),
-    }
+    leaves = {leaf: len(node.data_vars) for leaf, node in record.children.items()}
+    record_faults = faults(record)
+    absent = record.attrs["absent"]
+    left_out = json.loads(record.attrs.get("left_out", "[]"))
     if as_json:
-        print_json(about)
-        return
-    channels = sum(len(node.data_vars) for node in record.children.values())
-    for text in faults(record):
-        click.echo(f"! {text}")
-    if record.attrs["absent"]:
-        click.echo(f"not in the file: {record.attrs['absent']}")
-    if about["left_out"]:
-        click.echo(
-            f"left out, see 'aeromatch flight info': "
-            f"{', '.join(place for place, _ in about['left_out'][:_NAMED])}"
+        print_json(
+            {
+                "file": output,
+                "leaves": leaves,
+                "faults": record_faults,
+                "absent": absent.split(),
+                "left_out": left_out,
+            }
         )
-    click.echo(f"written: {output}, {channels} channels in {len(record.children)} leaves")
+        return
+    for text in record_faults:
+        click.echo(f"! {text}")
+    if absent:
+        click.echo(f"not in the file: {absent}")
+    if left_out:
+        places = [place for place, _ in left_out[:_NAMED]]
+        click.echo(f"left out, see 'aeromatch flight info': {', '.join(places)}")
+    click.echo(f"written: {output}, {sum(leaves.values())} channels in {len(leaves)} leaves")
+
+
+# Manoeuvres of a record --------------------------------------------------------------------------
 
 
 def run_manoeuvres(
@@ -109,30 +110,21 @@ def run_manoeuvres(
     """Perform the command ``manoeuvres``."""
     with show_progress("read the record, find manoeuvres"):
         record, name = read(file, names), Path(file).stem
-        source, found = _manoeuvres(record, name, table_file, find, of_modes)
+        source, manoeuvres = _choose_manoeuvres(record, name, table_file, find, of_modes)
     if output:
-        write_manoeuvres({name: found}, output)
+        write_manoeuvres({name: manoeuvres}, output)
     if figure:
         with show_progress("draw the figure"):
-            draw_manoeuvres(record, found, figure)
+            draw_manoeuvres(record, manoeuvres, figure)
     if as_json:
-        print_json({"record": name, "source": source, "manoeuvres": found})
+        print_json({"record": name, "source": source, "manoeuvres": manoeuvres})
         return
-    rows = [
-        (
-            number,
-            m["manoeuvre"],
-            m["control"],
-            f"{m['start']:g}",
-            f"{m['end']:g}",
-            _number(m.get("confidence")),
-            m["note"],
-        )
-        for number, m in enumerate(found.to_dict("records"), start=1)
-    ]
-    columns = ["", "manoeuvre", "control", "start [s]", "end [s]", "confidence", "note"]
+    rows = []
+    for number, row in enumerate(manoeuvres.to_dict("records"), start=1):
+        confidence = _number(row.get("confidence"))
+        rows.append((*_manoeuvre_cells(number, row), confidence, row["note"]))
     print_table(
-        columns,
+        ["", "manoeuvre", "control", "start [s]", "end [s]", "confidence", "note"],
         rows,
         f"{name}: {len(rows)} manoeuvres, {source}",
         right=["", "start [s]", "end [s]", "confidence"],
@@ -153,151 +145,178 @@ def run_mark(
     **given: str | None,
 ) -> None:
     """Perform the command ``mark``."""
-    own = marked_manoeuvres(read(start_from, names)) if start_from else None
+    # The marks of the record are the first rows of a new table.
+    first_rows = marked_manoeuvres(read(start_from, names)) if start_from else None
     change: dict[str, Any] = {name: item for name, item in given.items() if item is not None}
     if span is not None:
         change |= {"start": span[0], "end": span[1]}
-    rows = edit_manoeuvres(table_file, record, row, None if remove else change, own)
+    rows = edit_manoeuvres(table_file, record, row, None if remove else change, first_rows)
     if as_json:
         print_json({"table": table_file, "record": record, "manoeuvres": rows})
         return
+    cells = []
+    for number, item in enumerate(rows.to_dict("records"), start=1):
+        cells.append((*_manoeuvre_cells(number, item), item["note"]))
     print_table(
         ["", "manoeuvre", "control", "start [s]", "end [s]", "note"],
-        _numbered(rows),
+        cells,
         f"{record}: {len(rows)} manoeuvres in {table_file}",
     )
 
 
-def _numbered(rows: pd.DataFrame) -> list[tuple[Any, ...]]:
-    return [
-        (number, m["manoeuvre"], m["control"], f"{m['start']:g}", f"{m['end']:g}", m["note"])
-        for number, m in enumerate(rows.to_dict("records"), start=1)
-    ]
+def _manoeuvre_cells(number: int, row: Mapping[Any, Any]) -> tuple[Any, ...]:
+    """Return the cells that all tables of manoeuvres have."""
+    return number, row["manoeuvre"], row["control"], f"{row['start']:g}", f"{row['end']:g}"
 
 
-def _manoeuvres(
+def _choose_manoeuvres(
     record: xr.DataTree, name: str, table_file: str | None, find: bool, of_modes: bool
 ) -> tuple[str, pd.DataFrame]:
-    """Return where the manoeuvres of a record come from, and the manoeuvres."""
-
+    """Return the origin of the manoeuvres of a record, and the manoeuvres."""
     if bool(table_file) + find + of_modes > 1:
         raise SchemaError(
             "flight manoeuvres",
             ["--table, --find and --modes exclude each other; give one of them"],
         )
     if of_modes:
-        if not len(flown := records.flight_modes(record)):
+        modes = flight_modes(record)
+        if modes.empty:
             raise SchemaError(
                 "flight manoeuvres",
                 ["the record has no flight modes; logs of PX4 and ArduPilot have them"],
             )
-        return "flight modes of the log", flown
+        return "flight modes of the log", modes
     if table_file:
-        given = read_manoeuvres(table_file)
-        if name not in given:
-            raise UnknownName(name, given, "record", f"{table_file} has no row for it")
-        return f"from {table_file}", given[name]
-    marks = records.marked_manoeuvres(record)
+        tables = read_manoeuvres(table_file)
+        if name not in tables:
+            raise UnknownName(name, tables, "record", f"{table_file} has no row for it")
+        return f"from {table_file}", tables[name]
+    marks = marked_manoeuvres(record)
     if len(marks) and not find:
         return "as the record marks them", marks
     return "found in the movements of the controls; to be confirmed", find_manoeuvres(record)
 
 
-def plot_record(
-    file: str,
-    names: str | None,
-    channels: tuple[str, ...],
-    window: tuple[float, float] | None,
-    table_file: str | None,
-    record: str | None,
-    output: str,
-    as_json: bool,
-) -> None:
+# Figures of a file -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class HistoryOptions:
+    """Options of a figure of time histories.
+
+    Attributes
+    ----------
+    names : str or None
+        Name map of the record.
+    channels : tuple of str
+        Channels to draw; if empty, the default of the figure.
+    window : (float, float) or None
+        Start and end [s].
+    table_file : str or None
+        Table of manoeuvres to mark; None for those of the record.
+    record : str or None
+        Record of the table; None for the name of the file.
+    """
+
+    names: str | None
+    channels: tuple[str, ...]
+    window: tuple[float, float] | None
+    table_file: str | None
+    record: str | None
+
+    def demand_none(self) -> None:
+        """Raise SchemaError for options that a figure of a fit does not have."""
+        values = {
+            "--channel": self.channels,
+            "--window": self.window,
+            "--table": self.table_file,
+            "--names": self.names,
+        }
+        problems = []
+        for option, value in values.items():
+            if value:
+                problems.append(
+                    f"{option} goes with a record or a path; a fit is drawn with all its samples"
+                )
+        if problems:
+            raise SchemaError("flight plot", problems)
+
+
+@collect_options(options=HistoryOptions)
+def plot_record(file: str, options: HistoryOptions, output: str, as_json: bool) -> None:
     """Perform the command ``plot``."""
     demand_drawable(output)
-    kind = _kind(file)
+    kind = _kind_of_file(file)
+    marks = None
     if kind.endswith("fit"):
-        given = {"--channel": channels, "--window": window, "--table": table_file, "--names": names}
-        if wrong := [f"{option} {_OF_HISTORIES}" for option, item in given.items() if item]:
-            raise SchemaError("flight plot", wrong)
-        figure, marks = _fit(file, kind), None
+        options.demand_none()
+        figure = _fit_figure(file, kind)
     else:
-        figure, marks = _histories(
-            file,
-            kind,
-            names,
-            channels=channels,
-            window=window,
-            table_file=table_file,
-            name=record or Path(file).stem,
-        )
+        figure, marks = _history_figure(file, kind, options)
     write_figure(figure, output)
     if as_json:
         print_json({"file": output, "of": kind, "manoeuvres": [] if marks is None else marks})
-    else:
-        click.echo(
-            f"written: {output}, {kind}{'' if marks is None else f', {len(marks)} manoeuvres'}"
-        )
+        return
+    count = "" if marks is None else f", {len(marks)} manoeuvres"
+    click.echo(f"written: {output}, {kind}{count}")
 
 
-def _kind(file: str) -> str:
+def _kind_of_file(file: str) -> str:
     """Return what a file holds: record, path, fit, or output-error fit."""
-
     if not h5py.is_hdf5(file):
         return "record"
     expected = "a record, a path or a fit"
     with decoding_errors(file, expected), h5py.File(file, "r") as content:
         stated = content.attrs.get("content", "")
-        stated = stated.decode("utf-8", "replace") if isinstance(stated, bytes) else str(stated)
-        return {"aeromatch fit": "fit", "output error": "output-error fit"}.get(
-            stated, "path" if "states" in content else "record"
-        )
+        # h5py returns a text of fixed length as bytes.
+        if isinstance(stated, bytes):
+            stated = stated.decode("utf-8", "replace")
+        has_states = "states" in content
+    if str(stated) == "aeromatch fit":
+        return "fit"
+    if str(stated) == "output error":
+        return "output-error fit"
+    return "path" if has_states else "record"
 
 
-def _fit(file: str, kind: str) -> Figure:
-
+def _fit_figure(file: str, kind: str) -> Figure:
+    """Return the figure of a fit: of an output-error fit the residuals, a panel per output."""
     if kind == "fit":
         return open_fit(file).plot()
     residuals = open_output_error(file).residuals
-    outputs = [str(name) for name in residuals[0].data_vars]
-    return signals_figure(
-        f"Residuals of {Path(file).name}", [[rest[name] for rest in residuals] for name in outputs]
-    )
+    panels = []
+    for name in map(str, residuals[0].data_vars):
+        panels.append([residual[name] for residual in residuals])
+    return signals_figure(f"Residuals of {Path(file).name}", panels)
 
 
-def _histories(
-    file: str,
-    kind: str,
-    names: str | None,
-    channels: tuple[str, ...],
-    window: tuple[float, float] | None,
-    table_file: str | None,
-    name: str,
-) -> tuple[Figure, pd.DataFrame]:
-
-    given: Any = _of_table(table_file, name) if table_file else None
+def _history_figure(file: str, kind: str, options: HistoryOptions) -> tuple[Figure, pd.DataFrame]:
+    """Return the figure of a record or path, and the manoeuvres that are marked in it."""
+    marks: pd.DataFrame | None = None
+    if options.table_file:
+        marks = _read_marks(options.table_file, options.record or Path(file).stem)
+    channels, window = options.channels, options.window
     if kind == "path":
         path = open_path(file)
-        marks = marked_manoeuvres(path.states) if given is None else given
+        if marks is None:
+            marks = marked_manoeuvres(path.states)
         return states_figure(path.states, channels, marks, window, path.errors), marks
-    record = read(file, names)
-    marks = (
-        next(
-            filter(len, (marked_manoeuvres(record), flight_modes(record))),
-            marked_manoeuvres(record),
-        )
-        if given is None
-        else given
-    )
+    record = read(file, options.names)
+    if marks is None:
+        marks = marked_manoeuvres(record)
+        # Logs of autopilots have flight modes in place of manoeuvres.
+        if marks.empty and len(modes := flight_modes(record)):
+            marks = modes
     return record_figure(record, channels, marks, window), marks
 
 
-def _of_table(table_file: str, name: str) -> pd.DataFrame:
-    """Return the manoeuvres of a record in a table; of a table of one record those of that one."""
-
+def _read_marks(table_file: str, name: str) -> pd.DataFrame:
+    """Return the manoeuvres of a record in a table; the only record of a table needs no name."""
     tables = read_manoeuvres(table_file)
-    if name not in tables and len(tables) > 1:
+    if name in tables:
+        return tables[name]
+    if len(tables) > 1:
         raise UnknownName(
             name, tables, "record", f"{table_file} has no row for it; name one with --record"
         )
-    return tables[name] if name in tables else next(iter(tables.values()))
+    return next(iter(tables.values()))

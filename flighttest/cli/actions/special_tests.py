@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import (
+    collect_options,
     print_json,
     print_remark,
     print_table,
@@ -27,7 +30,7 @@ from flighttest.regression.equation_error.frequency.frequency_domain import regr
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials
-from flighttest.regression.model_structure.search import select_stepwise
+from flighttest.regression.model_structure.search import StepwiseThresholds, select_stepwise
 from flighttest.special_tests.marker_poses import poses
 from flighttest.special_tests.motion_capture import (
     motion_record,
@@ -38,7 +41,7 @@ from flighttest.special_tests.motion_capture import (
 from flighttest.special_tests.multibody.extraction import air_loads, draw_wing_models
 from flighttest.special_tests.multibody.motion_fit import fit_tree_motion
 from flighttest.special_tests.multibody.vehicle import read_flight, read_vehicle
-from flighttest.special_tests.wind_tunnel.balance import read_setup
+from flighttest.special_tests.wind_tunnel.balance import BalanceSetup, read_setup
 from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
 from flighttest.special_tests.wind_tunnel.surfaces import draw_surfaces
 from flighttest.special_tests.wind_tunnel.tables import write_balance_table
@@ -46,46 +49,89 @@ from flighttest.special_tests.wind_tunnel.tables import write_balance_table
 _MOVED = ("h", "vd", "az", "theta", "q", "q_dot")  # motions whose standard errors are listed
 
 
-def _fit_coefficients(
-    models: Sequence[Any],
-    selected: Sequence[str],
-    candidates: Sequence[str],
-    rule: Mapping[str, Any],
-    band: Any,
-    weights: str,
-    name: str,
-    prepared: Callable[[Any], Sequence[Any]],
-) -> tuple[list[Any], list[Any]]:
-    """Return the fits in time, and those in frequency where a band is given.
+@dataclass(frozen=True)
+class FitOptions:
+    """Options of the fit of coefficients, by the names of `fit_options`.
 
-    `rule` is that of `select_stepwise`, with ``domain``; `prepared` gives the data for the fit of a
-    model.
+    Attributes
+    ----------
+    models : tuple of str
+        Models to fit.
+    selected : tuple of str
+        Coefficients whose terms are selected.
+    candidates : str
+        Candidate terms, separated by blanks; if empty, all products of `over`.
+    over : str
+        Variables, separated by blanks.
+    order : int
+        Highest order of the products.
+    gain, enter : float
+        As for `select_stepwise`.
+    domain : {"time", "frequency"}
+        Domain of the selection.
+    band : (float, float) or None
+        Band of the fits in frequency [Hz]; None for fits in time only.
+    weights : {"equal", "spectrum"}
+        As for `regress_frequency`.
     """
-    # A balance measures at rest: no damping term, and published models have products without
-    # factors.
-    settings = {"hierarchy": False, **rule}
-    del settings["domain"]
-    if rule["domain"] == "frequency":
-        if not band:
-            raise click.UsageError("--select-in frequency needs --band LOW HIGH [Hz]")
-        settings |= {"band": band, "weights": weights}
-    all_models = list(models)
-    for coefficient in selected:
-        data = prepared(RegressionModel(coefficient, candidates))
-        selection = select_stepwise(coefficient, candidates, data, name=name, **settings)
-        all_models.append(selection.fit.model)
-    fits, spectral = [], []
-    for model in all_models:
-        clean = prepared(model)
-        fits.append(regress(model, clean, name=name))
-        if band:
-            spectral.append(regress_frequency(model, clean, band, name=name, weights=weights))
-    return fits, spectral
 
+    models: tuple[str, ...]
+    selected: tuple[str, ...]
+    candidates: str
+    over: str
+    order: int
+    gain: float
+    enter: float
+    domain: str
+    band: tuple[float, float] | None
+    weights: str
 
-def _list_candidates(candidates: str, over: str, order: int) -> list[str]:
-    """Return the terms of ``--candidates``, without it all products of ``--over``."""
-    return candidates.split() or monomials(over.split(), order)
+    def fit(
+        self, name: str, prepare: Callable[[RegressionModel], Sequence[Any]]
+    ) -> tuple[list[Any], list[Any]]:
+        """Return the fits in time, and with a band those in frequency.
+
+        `prepare` returns the data for the fit of a model.
+        """
+        models = [RegressionModel.parse(text) for text in self.models]
+        models += self._select_models(name, prepare)
+        fits, spectral = [], []
+        for model in models:
+            data = prepare(model)
+            fits.append(regress(model, data, name=name))
+            if self.band:
+                spectral.append(
+                    regress_frequency(model, data, self.band, name=name, weights=self.weights)
+                )
+        return fits, spectral
+
+    def _select_models(
+        self, name: str, prepare: Callable[[RegressionModel], Sequence[Any]]
+    ) -> list[RegressionModel]:
+        """Return the selected models of the coefficients without a given model."""
+        settings: dict[str, Any] = {}
+        if self.domain == "frequency":
+            if not self.band:
+                raise click.UsageError("--select-in frequency needs --band LOW HIGH [Hz]")
+            settings = {"band": self.band, "weights": self.weights}
+        candidates = self.candidates.split() or monomials(self.over.split(), self.order)
+        models = []
+        for coefficient in self.selected:
+            data = prepare(RegressionModel(coefficient, candidates))
+            # No hierarchy: a balance measures at rest, so that no damping term exists, and
+            # published models have products without their factors.
+            selection = select_stepwise(
+                coefficient,
+                candidates,
+                data,
+                thresholds=StepwiseThresholds(self.enter),
+                gain=self.gain,
+                hierarchy=False,
+                name=name,
+                **settings,
+            )
+            models.append(selection.fit.model)
+        return models
 
 
 def _average_fits(fits: Sequence[Any], spectral: Sequence[Any]) -> list[Any]:
@@ -144,7 +190,9 @@ def _print_averages(fit: Any, spectral_fit: Any, averages: pd.DataFrame) -> None
     print_table(["term", *_AVERAGE_COLUMNS, ""], rows, right=_AVERAGE_COLUMNS)
 
 
-def run_markers(recording, setup_file, multiples, output, as_json) -> None:
+def run_markers(
+    recording: str, setup_file: str, multiples: float | None, output: str, as_json: bool
+) -> None:
     """Perform the command ``markers``."""
     setup = read_marker_setup(setup_file)
     cutoff = (setup.multiples if multiples is None else multiples) * setup.flapping_frequency
@@ -185,28 +233,21 @@ def run_markers(recording, setup_file, multiples, output, as_json) -> None:
     click.echo(f"\nwritten: {output}")
 
 
+@collect_options(options=FitOptions)
 def run_balance(
-    points,
-    setup_file,
-    models,
-    selected,
-    candidates,
-    over,
-    order,
-    gain,
-    enter,
-    band,
-    domain,
-    weights,
-    figure,
-    output,
-    table,
-    step,
-    x_ref,
-    as_json,
+    points: tuple[str, ...],
+    setup_file: str,
+    options: FitOptions,
+    figure: str | None,
+    output: str | None,
+    table: str | None,
+    step: str | None,
+    x_ref: str | None,
+    as_json: bool,
 ) -> None:
     """Perform the command ``balance``."""
-    if not models and not selected and not table:
+    has_fits = bool(options.models or options.selected)
+    if not has_fits and not table:
         raise SchemaError(
             "flight balance",
             ["nothing to fit; give --model 'CL = 1 + alpha', --select CL or --table"],
@@ -216,22 +257,15 @@ def run_balance(
     setup = read_setup(setup_file)
     with show_progress("reduce the points"):
         data = [balance_coefficients(path, setup) for path in points]
-    if table:
-        _write_table(data, setup, table, step, x_ref)
-        if not models and not selected:
+    if table and step and x_ref:
+        _write_table(data, setup, table, step=step, x_ref=x_ref)
+        if not has_fits:
             if as_json:
                 print_json({"table": str(table)})
             return
     with show_progress("fit the coefficients"):
-        fits, spectral = _fit_coefficients(
-            [RegressionModel.parse(text) for text in models],
-            selected,
-            _list_candidates(candidates, over, order),
-            rule={"gain": gain, "enter": enter, "domain": domain},
-            band=band,
-            weights=weights,
-            name=Path(points[0]).stem,
-            prepared=lambda model: without_nuisance(data, model, setup),
+        fits, spectral = options.fit(
+            Path(points[0]).stem, lambda model: without_nuisance(data, model, setup)
         )
     if figure:
         draw_surfaces(fits, figure)
@@ -246,7 +280,9 @@ def run_balance(
         click.echo(f"written: {len(fits)} fits in {output}")
 
 
-def _write_table(data, setup, table, step, x_ref) -> None:
+def _write_table(
+    data: Sequence[xr.Dataset], setup: BalanceSetup, table: str, *, step: str, x_ref: str
+) -> None:
     """Write the points at set points for a database."""
     count = write_balance_table(
         data,
@@ -264,41 +300,23 @@ def _write_table(data, setup, table, step, x_ref) -> None:
 _STATES = ("V", "u", "w", "q")
 
 
+@collect_options(options=FitOptions)
 def run_multibody(
-    recordings,
-    vehicle_file,
-    models,
-    selected,
-    candidates,
-    over,
-    order,
-    gain,
-    enter,
-    band,
-    domain,
-    weights,
-    predict,
-    figure,
-    output,
-    as_json,
+    recordings: tuple[str, ...],
+    vehicle_file: str,
+    options: FitOptions,
+    predict: str | None,
+    figure: str | None,
+    output: str | None,
+    as_json: bool,
 ) -> None:
     """Perform the command ``multibody``."""
     vehicle = read_vehicle(vehicle_file)
-    parsed = [RegressionModel.parse(text) for text in models]
     paths = dict.fromkeys(filter(None, (*recordings, predict)))
     data = {path: _read_air_loads(path, vehicle) for path in paths}
     fitted = [data[path] for path in recordings]
     with show_progress("fit the coefficients"):
-        fits, spectral = _fit_coefficients(
-            parsed,
-            selected,
-            _list_candidates(candidates, over, order),
-            rule={"gain": gain, "enter": enter, "domain": domain},
-            band=band,
-            weights=weights,
-            name=Path(recordings[0]).stem,
-            prepared=lambda model: fitted,
-        )
+        fits, spectral = options.fit(Path(recordings[0]).stem, lambda model: fitted)
     averages = _average_fits(fits, spectral)
     tests = {}
     if predict:
@@ -324,10 +342,9 @@ def run_multibody(
     _print_record_facts(facts, vehicle)
     click.echo()
     _print_fits(fits, spectral, averages)
+    predicted = Path(predict).stem if predict else ""
     for name, test in tests.items():
-        click.echo(
-            f"predicted {Path(predict).stem}: {name} R2 {test['R2']:.3f}, rms {test['rms']:.3g}"
-        )
+        click.echo(f"predicted {predicted}: {name} R2 {test['R2']:.3f}, rms {test['rms']:.3g}")
     if output:
         click.echo(f"written: {len(data)} records and {len(fits)} fits in {output}")
 
@@ -345,7 +362,7 @@ def _predict(fit: Any, data: Any) -> dict[str, float]:
     """Return R2 and rms of a coefficient that a fit of other records predicts."""
     measured = data[fit.model.coefficient].values
     with warnings.catch_warnings():
-        # a range that is left is in the report of the fit's own use
+        # The report of the fit states the range of its data, so the warning repeats it.
         warnings.simplefilter("ignore", AeromatchWarning)
         residual = measured - fit.predict(data)[fit.model.coefficient].values
     spread = measured - measured.mean()

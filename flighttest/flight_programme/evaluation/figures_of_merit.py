@@ -380,6 +380,7 @@ def collect_figures(
 def _quality_figures(quality: Quality) -> dict[str, FigureOfMerit]:
     """Return the figures of kinematic relations, delays and control responses."""
     figures: dict[str, FigureOfMerit] = {}
+    # Kinematic relations: the slope has a standard error, the other figures have none.
     for row in quality.kinematics.to_dict("records"):
         head = f"kinematics.{row['relation']}"
         figures[f"{head}.slope"] = FigureOfMerit(row["slope"], row["slope_stderr"], "1")

@@ -221,6 +221,7 @@ def _has_close_neighbour(excursions: Sequence[Excursion], k: int, *, count: int)
     """Return whether a similar excursion is close to the `count` excursions from number `k`."""
     part = excursions[k : k + count]
     disturbing = _ALIKE * max(abs(step.size) for step in part)
+    # A neighbour of similar size in a short pause belongs to the same movement.
     pauses = []
     if k > 0 and abs(excursions[k - 1].size) > disturbing:
         pauses.append(part[0].start - excursions[k - 1].end)

@@ -107,6 +107,7 @@ def _card_content(plan: ProgrammePlan, number: int, name: str) -> dict[str, Any]
     """Return the texts of a card, by the keys of the template."""
     prediction, item = plan.prediction, plan.items[number - 1]
     candidate, catalogue = prediction.candidates[item], prediction.catalogue
+    # An item is the name of a condition and that of a manoeuvre.
     condition = next(c for c in catalogue.condition if c.name == item[0])
     signal = candidate.signal
     content: dict[str, Any] = {

@@ -239,6 +239,7 @@ def _with_ranges(
             table = ranges[node["term"]].isel(nearest)
             found = {key: float(table[key]) for key in RANGE_COLUMNS}
         rows.append(found)
+    # The ranges stand behind the expected standard error.
     place = list(nodes.columns).index("expected") + 1
     return pd.concat(
         [nodes.iloc[:, :place], pd.DataFrame(rows, index=nodes.index), nodes.iloc[:, place:]],

@@ -55,6 +55,7 @@ def save_plan(plan: ProgrammePlan, folder: str | os.PathLike) -> list[Path]:
         write_text(part / "plan.txt", plan.report() + "\n")
         (part / "inputs").mkdir()
         (part / "cards").mkdir()
+        # One card per item, and a file of its input.
         for number, item in enumerate(plan.items, 1):
             name = card_name(number, item)
             signal = plan.prediction.candidates[item].signal

@@ -82,6 +82,7 @@ class Goal:
         self._stderr_of_fits: dict[Any, dict[str, np.ndarray]] = {}
         self.unreachable: dict[str, np.ndarray] = {}
         self._counted: dict[str, np.ndarray] = {}
+        # Standard errors after all candidates: what they do not reach, no selection reaches.
         best = self.stderr(list(prediction.candidates))
         for name, bound in self.bounds.items():
             beyond = best[name] > bound

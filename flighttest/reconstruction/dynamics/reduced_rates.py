@@ -97,6 +97,7 @@ def missing_reduced_rates(columns: Columns, aircraft: Aircraft) -> Columns:
         length = getattr(aircraft, reference)
         if name in columns:
             continue
+        # phat = p b / 2V, qhat = q cbar / 2V, and so on.
         if rate in rates:
             rates[name] = rates[rate] * length / (2.0 * read_column(columns, "V"))
         elif rate in columns:

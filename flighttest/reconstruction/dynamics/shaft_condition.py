@@ -79,6 +79,7 @@ def air_of(columns: Mapping[str, np.ndarray]) -> Condition:
     if "p_static" in columns:
         pressure = columns["p_static"]
     else:
+        # Without a pressure: standard atmosphere with the mean deviation of the temperature.
         standard = np.asarray(atmosphere(columns["h"]).temperature)
         warmer = float(np.mean(columns.get("temperature", standard) - standard))
         pressure = np.asarray(atmosphere(columns["h"], delta_T=warmer).p_static)
@@ -88,6 +89,7 @@ def air_of(columns: Mapping[str, np.ndarray]) -> Condition:
         T = np.asarray(atmosphere(columns["h"]).temperature)
     else:
         raise IdentificationError("p_static without temperature or h; map the temperature")
+    # Ideal gas; speed of sound sqrt(gamma R T).
     return {
         "rho": pressure / (R_AIR * T),
         "p_static": np.asarray(pressure, float),

@@ -59,6 +59,7 @@ def _instrument_priors(inputs: RecordInputs) -> dict[str, _Prior]:
             channels.append(name)
     if low_radio_heights(inputs) is not None:
         channels.append("h_radio")
+    # A constant is estimated if the specification of its instrument states an uncertainty.
     priors: dict[str, _Prior] = {}
     for name in channels:
         bias_sigma = specification.of(name).bias_sigma

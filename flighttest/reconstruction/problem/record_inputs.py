@@ -140,6 +140,7 @@ TRACK = ("vn", "ve")
 def first_path(inputs: RecordInputs) -> np.ndarray:
     """Return a first trajectory (N, 7 + vanes) from the readings."""
     x = np.zeros((len(inputs.time), 7 + len(inputs.vanes)))
+    # Columns: attitude, velocity, height, then the angles of the vanes.
     for i, name in enumerate(("phi", "theta", "psi")):
         if name in inputs.channels:
             x[:, i] = inputs.resample(name)
@@ -154,6 +155,7 @@ def first_path(inputs: RecordInputs) -> np.ndarray:
         if name == "alpha_vane":
             alpha = x[:, 7 + i]
     x[:, 3:6] = _first_velocity(inputs, x, alpha)
+    # Height of the satellite receiver, else pressure altitude.
     if inputs.can_use("h_gps"):
         x[:, 6] = inputs.resample_undelayed("h_gps")
     else:

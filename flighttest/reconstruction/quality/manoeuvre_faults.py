@@ -91,8 +91,10 @@ def _common_names(lists: Sequence[Sequence[Finding]]) -> set[str]:
     """Return the names of the findings that are in every list."""
     if not lists:
         return set()
-    names = [{finding.name for finding in findings} for findings in lists]
-    return set.intersection(*names)
+    common = {finding.name for finding in lists[0]}
+    for findings in lists[1:]:
+        common &= {finding.name for finding in findings}
+    return common
 
 
 def _stretch_findings(states: xr.Dataset) -> list[Finding]:

@@ -104,6 +104,8 @@ def label_tables(
     wrong_parity = int((~has_parity & is_of_bus).sum())
 
     time, word = words.time[is_used], words.word[is_used].astype(np.uint32)
+    # Bits 1 to 8 are the label, bits 9 and 10 the source (SDI). A bus transmits the label with its
+    # most significant bit first.
     labels = word & 0xFF
     if spec.labels == "transmitted":
         labels = _REVERSED[labels]

@@ -127,6 +127,7 @@ def _corrected_clock(
     time: np.ndarray, samples: np.ndarray, flags: list[Flag], clock: Clock
 ) -> TableClock:
     """Return the clock with drift and offset of the name map, and its gaps."""
+    # The drift stretches the time from the first stamp, the offset shifts it.
     time = time[0] + (time - time[0]) / (1.0 + clock.drift) + clock.offset
     shifted = []
     for flag in flags:
@@ -136,6 +137,7 @@ def _corrected_clock(
     step = np.diff(time)
     usual_step = median(step)
     gaps = []
+    # A few gaps are enough for a message.
     for i in np.flatnonzero(step > GAP * usual_step)[:MOST]:
         start, stop = float(time[i]), float(time[i + 1])
         shifted.append(Flag("", "gap", start, stop=stop, samples=0, note=f"{step[i]:.3g} s"))

@@ -105,7 +105,8 @@ def units_at_the_end(words: Sequence[str]) -> list[str]:
     """
     if not words or words[0].isdigit():
         return []
-    # German for degree.  In brackets, where a unit is meant, the lower case is refused: it is gon too.
+    # German for degree.  In brackets, where a unit is meant, the lower case is refused: it also
+    # means gon.
     text = " ".join("deg" if word == "grad" else word for word in words)
     candidates: list[str] = []
     if len(words) == 1:

@@ -312,6 +312,7 @@ def columns_of_array(
     dict of str to callable
         Name of the column -> function that takes it from the array.
     """
+    # A single number is a constant; a vector or a narrow matrix has samples along the longer side.
     size = int(np.prod(shape, dtype=np.int64))
     if size == 1:
         return {name: partial(_repeat_number, length)}

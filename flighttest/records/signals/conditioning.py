@@ -112,6 +112,7 @@ def cut(
             f"window {first:g} ... {last:g} s at {frequency:g} Hz; stop must lie at least one "
             f"sample after start"
         )
+    # 1e-6 of a sample absorbs the rounding of the window.
     grid = first + np.arange(math.floor((last - first) * frequency + 1e-6) + 1) / frequency
     pieces = {}
     for leaf, node in record.children.items():

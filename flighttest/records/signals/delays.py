@@ -220,8 +220,10 @@ def lag_weights(tau: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
     negative lag: a vane that is ahead of an inertial unit with a latency of its own.
     """
     s = tau / dt
+    # A lag much shorter than the step only delays: the exponential is zero.
     if s < _SHORT_LAG:
         return np.array([0.0, s, 1.0 - s]), np.array([0.0, 1.0, -1.0]) / dt
+    # Exact response to an input that is linear between samples: y1 = E y0 + c0 x0 + c1 x1.
     E, ds = np.exp(-1.0 / s), 1.0 / dt
     dE = E * dt / tau**2
     rise, d_rise = s * (1.0 - E), ds * (1.0 - E) - s * dE
@@ -266,12 +268,14 @@ def remove_lag(time, x, lag: float, name: str) -> np.ndarray:
     step = float(np.median(np.diff(time)))
     is_finite = np.isfinite(x)
     is_end = (np.diff(time) > GAP * step) | ~is_finite[1:] | ~is_finite[:-1]
+    # Every stretch without a gap by itself.
     for part in np.split(np.arange(len(x)), np.flatnonzero(is_end) + 1):
         if len(part) < 2:
             continue
         values = x[part]
         if name in WRAPPED:
             values = np.unwrap(values)
+        # Inverse of the lag: x = y + lag dy/dt.
         if lag > 0.0:
             x[part] = values + lag * _slope(time[part], values)
         else:

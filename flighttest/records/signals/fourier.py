@@ -144,10 +144,12 @@ def adjoint_fourier(
     end_phase = np.exp(-1j * angle * (samples - 1))
     adjoint = np.zeros((samples, flat.shape[1]))
     i = np.arange(samples)
+    # In chunks of frequencies, which limits the memory of the matrix of phases.
     for first in range(0, len(angle), _CHUNK):
         part = slice(first, first + _CHUNK)
         weighted = weight[part, None] * flat[part]
         adjoint += (np.exp(1j * np.outer(i, angle[part])) @ weighted).real
+    # Corrections of the first and of the last samples.
     adjoint[:ENDS] += (ends.conj().T @ flat).real
     adjoint[: -ENDS - 1 : -1] += (ends.T @ (end_phase.conj()[:, None] * flat)).real
     return (step * adjoint).reshape(samples, *np.shape(values)[1:])

@@ -219,7 +219,9 @@ def _tabulate_bins(
     for k, fit in fits.items():
         correlation[k] = fit.estimates["correlation"].values
     table["correlation"] = ("bin", "term", "term_"), correlation
-    samples = [sum(part.sizes["time"] for part in parts) for _, parts in sorted_bins]
+    samples = []
+    for _, parts in sorted_bins:
+        samples.append(sum(part.sizes["time"] for part in parts))
     table["samples"] = "bin", np.array(samples)
     names = list(sorted_bins[0][0])
     for name in names:

@@ -162,6 +162,7 @@ class Joined(PrintedResult, TabledEstimates):
             f"{'term':<18}{'estimate':>11}{'stderr':>10}{'white':>10}{'scatter':>10}{'ratio':>7}"
             f"{'Birge':>7}{'apart':>7}{'fits':>6}",
         ]
+        # One row per term, below the headings.
         for k, term in enumerate(e["term"].values):
             lines.append(
                 f"{term!s:<18}{float(e['estimate'][k]):>11.5g}{float(e['stderr'][k]):>10.2g}"

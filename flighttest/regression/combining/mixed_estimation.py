@@ -115,6 +115,7 @@ class Mixed(PrintedResult, TabledEstimates):
             for value, stderr in pairs:
                 line += f"{float(value[k]):>11.5g}{float(stderr[k]):>10.2g}"
             line += f"{float(e['distance'][k]):>7.1f}{float(e['prior_share'][k]):>7.2f}"
+            # A term without a prior has no numbers of one.
             lines.append(line.replace("nan", "  -"))
         return lines
 

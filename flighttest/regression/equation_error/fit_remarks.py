@@ -197,6 +197,7 @@ def _remark_significance(fit: FitData) -> list[Remark]:
     e, a = fit.estimates, fit.estimates.attrs
     if not a.get("F_terms"):
         return []
+    # Without a significant slope the single tests have no meaning.
     if a["F_probability"] > EXCITED:
         text = (
             f"no excitation: the slopes together do not differ from zero, F({a['F_terms']}, "
@@ -215,6 +216,7 @@ def _remark_significance(fit: FitData) -> list[Remark]:
             )
         ]
     names, p, t = [str(term) for term in e["term"].values], e["p_value"].values, e["t"].values
+    # An intercept may be zero.
     is_idle = (p > SIGNIFICANT) & ~least_squares.intercept_mask(names)
     remarks = []
     for k in np.flatnonzero(is_idle):
@@ -241,6 +243,7 @@ def _remark_signs(fit: FitData) -> list[Remark]:
     if "dof" not in e:
         return []
     D = e["systematic"].values
+    # Covariance of the noise, and of the common errors D of the instruments.
     C = e["covariance"].values + D @ D.T
     remarks = []
     for (coefficient, control), sign in SIGNS.items():
@@ -317,6 +320,7 @@ def _remark_disturbance(fit: FitData) -> list[Remark]:
         return []
     remarks = []
     hidden, edge = e.attrs["hidden"], e.attrs["edge"]
+    # Ratio of the variances of the disturbance and of the residual that is left of it.
     if hidden > HIDDEN**2:
         text = (
             f"the disturbance has {hidden:.0f} times the variance of the residual: the fit "

@@ -62,6 +62,7 @@ def _describe_without(fit: FitData, spikes: Collection[int]) -> str:
         return ""
     if "method" in a or "constraints" in a:
         return ""
+    # Least squares again without the spikes, in standard errors of the fit.
     rows = np.setdiff1d(np.arange(fit.data.sizes["sample"]), list(spikes))
     z = fit.data[fit.model.coefficient].values
     theta = np.linalg.lstsq(fit.regressors.values[rows], z[rows], rcond=None)[0]

@@ -195,6 +195,7 @@ def _interpolate(
     for number, record in enumerate(records):
         mask = manoeuvre == number
         clock, own = record["time"].values.astype(float), time[mask]
+        # np.interp would hold the end values without a word.
         if len(own) and not (clock[0] <= own[0] + 1e-6 and own[-1] <= clock[-1] + 1e-6):
             raise IdentificationError(
                 f"instruments of manoeuvre {number} run from {clock[0]:g} to {clock[-1]:g} s, its "
@@ -208,6 +209,7 @@ def _interpolate(
             values = np.interp(own, clock, record[name].values.astype(float))
             if not np.isfinite(values).all():
                 raise IdentificationError(f"instrument {name} of manoeuvre {number} has NaN")
+            # An instrument with the same noise as the regressor removes no bias.
             if np.array_equal(values, data[name].values[mask]):
                 raise IdentificationError(
                     f"instrument {name} of manoeuvre {number} equals the regressor, noise "
@@ -294,10 +296,12 @@ def _first_stage_F(
     delta = np.zeros(others.shape[1])
     if others.shape[1]:
         delta = np.linalg.lstsq(others, projected[:, k], rcond=None)[0]
+    # Part of the regressor that its instruments alone explain, and its error.
     explained = projected[:, k] - others @ delta
     left = X[:, k] - np.delete(X, k, axis=1) @ delta - explained
     if not explained.any():
         return 0.0
+    # F of one slope: its square over its variance, with coloured residuals.
     scale = float(np.abs(explained).max())
     found = coloured_covariance_of(explained[:, None] / scale, left, *problem.samples.pieces())
     variance = float(found.covariance[0, 0])

@@ -77,6 +77,8 @@ def choose_pool(problem: CandidateEquations, hierarchy: TermHierarchy) -> list[i
     factors are left out.
     """
     basis = OrthogonalBasis(problem.X, problem.z)
+    # A candidate that is nearly a sum of chosen ones, compared with its own movement, is refused.
+    # A spectrum has no mean.
     mean = problem.X.mean(axis=1) if problem.band is None else np.zeros(len(problem.X))
     moving2 = basis.size2 - len(problem.z) * mean**2
     for j in hierarchy.required:
@@ -90,6 +92,7 @@ def choose_pool(problem: CandidateEquations, hierarchy: TermHierarchy) -> list[i
         if not gains.max() > 0.0:
             break
         j = basis.best_candidate(gains)
+        # A product enters with its factors, all of them or none.
         family = hierarchy.missing(j, basis.chosen)
         if refused.intersection(family) or len(basis.chosen) + len(family) >= limit:
             refused.add(j)

@@ -27,6 +27,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,38 @@ _WORTH = 0.05
 # partial F: the theoretical 4 for residuals that are white, and a factor of 5 because they are not
 ENTER = 20.0
 LEAVE = 0.9  # of the threshold to enter
+
+
+@dataclass(frozen=True)
+class StepwiseThresholds:
+    """Thresholds of the partial F of a stepwise regression.
+
+    Attributes
+    ----------
+    enter : float
+        Partial F above which a term enters.
+    leave : float or None
+        Partial F below which a term leaves; None for `LEAVE` of `enter`.
+    """
+
+    enter: float = ENTER
+    leave: float | None = None
+
+    def least_to_stay(self) -> float:
+        """Return the partial F below which a term leaves.
+
+        Raises
+        ------
+        IdentificationError
+            It is not between zero and `enter`: terms would enter and leave without end.
+        """
+        leave = LEAVE * self.enter if self.leave is None else self.leave
+        if not 0.0 < leave <= self.enter:
+            raise IdentificationError(
+                f"F to enter {self.enter:g}, to leave {leave:g}; expected 0 < leave <= enter, or "
+                f"terms would come and go for ever"
+            )
+        return leave
 
 
 class _StructureSearch:
@@ -242,8 +275,7 @@ def select_stepwise(
     candidates: Sequence[str],
     data: xr.Dataset | Sequence[xr.Dataset],
     band: tuple[float, float] | None = None,
-    enter: float = ENTER,
-    leave: float | None = None,
+    thresholds: StepwiseThresholds | None = None,
     gain: float = GAIN,
     keep: Sequence[str] = ("1",),
     hierarchy: bool = True,
@@ -262,9 +294,8 @@ def select_stepwise(
         Manoeuvres, as `coefficients` returns them.
     band : (low, high), optional
         Band of a selection in frequency; default in time. [Hz]
-    enter, leave : float
-        Partial F above which a term enters and below which it leaves; default 20 and 0.9 of the
-        first.
+    thresholds : StepwiseThresholds, optional
+        Partial F to enter and to leave.
     gain : float
         Rise of R2 that a further term must bring.
     keep : sequence of str
@@ -301,12 +332,8 @@ def select_stepwise(
     .. [Miller1984] Miller, Selection of subsets of regression variables, J. Royal Statistical
        Society A 147, 1984.
     """
-    leave = LEAVE * enter if leave is None else leave
-    if not 0.0 < leave <= enter:
-        raise IdentificationError(
-            f"F to enter {enter:g}, to leave {leave:g}; expected 0 < leave <= enter, or "
-            f"terms would come and go for ever"
-        )
+    thresholds = thresholds or StepwiseThresholds()
+    leave = thresholds.least_to_stay()
     if hierarchy:
         candidates = add_factors(candidates, coefficient)
     problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
@@ -314,7 +341,7 @@ def select_stepwise(
         problem, TermHierarchy(problem, keep, is_free=not hierarchy), gain=gain
     )
     while True:
-        while _enter_term(search, enter):
+        while _enter_term(search, thresholds.enter):
             while _remove_weakest(search, leave):
                 pass
         if not search.exchange():

@@ -277,9 +277,11 @@ class _ProjectionSearch:
             free = gradient.free
             if not free.any():
                 break
+            # Parameters at a bound take no part; the others are scaled to columns of length one.
             J = projection.jacobian[:, free] / gradient.length[free]
             trial = self.step_from(s, J.T @ J + damping * np.eye(J.shape[1]), gradient)
             trial_projection = self.try_point(trial)
+            # A step that does not lower the cost is repeated with more damping.
             if trial_projection is None or trial_projection.cost > projection.cost:
                 damping *= _FACTOR
                 if damping > _MOST_DAMPING:
@@ -304,6 +306,7 @@ class _ProjectionSearch:
                 points.append(point)
                 costs.append(np.inf if projection is None else projection.cost)
             cost = np.array([*costs, np.inf])
+            # A local minimum along the line; infinite costs at both ends close it.
             is_lowest = (cost[1:-1] < cost[:-2]) & (cost[1:-1] <= cost[2:]) & (line != best.s[m])
             for k in np.flatnonzero(is_lowest):
                 valleys.append(points[k])

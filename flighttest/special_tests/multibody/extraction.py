@@ -350,6 +350,7 @@ def _interpolate_commands(
     if missing:
         problem = f"{', '.join(missing)} missing; the actuators need {', '.join(required)}"
         raise SchemaError("commands", [problem])
+    # np.interp would hold the end values beyond the record of the commands.
     stamps = commands["time"].values
     if stamps[0] > time[0] or stamps[-1] < time[-1]:
         problem = (

@@ -219,6 +219,7 @@ def _subtract_tare(
     """Return loads without tare, and their changes for one standard error of each tare part."""
     if not off.any():
         return dict(measured), {}
+    # Least squares of the wind-off points: the tare over the attitude.
     A = _tare_regressors(points["alpha"], off)
     inverse = np.linalg.inv(A[off].T @ A[off])
     freedom = max(1, int(off.sum()) - A.shape[1])
@@ -227,6 +228,7 @@ def _subtract_tare(
     for name, values in measured.items():
         tare = inverse @ A[off].T @ values[off]
         v = values[off] - A[off] @ tare
+        # Columns of the root of the covariance are independent errors of the tare.
         root = np.linalg.cholesky(inverse) * np.sqrt(max(float(v @ v) / freedom, 0.0))
         corrected[name] = values - A @ tare
         for k, column in enumerate(root.T):

@@ -48,9 +48,10 @@ def average_at_set_points(data: Sequence[xr.Dataset], step: float) -> pd.DataFra
     IdentificationError
         No point is near a set point, or the records have no coefficient in common.
     """
-    names = [name for name in _COEFFICIENTS if all(name in points for points in data)]
-    angles = ["alpha", "beta"]
-    angles += [name for name in _DEFLECTIONS if any(name in points for points in data)]
+    recorded = [set(map(str, points.variables)) for points in data]
+    in_all, in_any = set.intersection(*recorded), set.union(*recorded)
+    names = [name for name in _COEFFICIENTS if name in in_all]
+    angles = ["alpha", "beta", *(name for name in _DEFLECTIONS if name in in_any)]
     if not names:
         raise IdentificationError("the records of the balance have no coefficient in common")
     frames = []

@@ -223,6 +223,7 @@ class _SpectralEquations:
         self, log: xr.Dataset, step: float, f: np.ndarray, torque: np.ndarray
     ) -> dict[str, np.ndarray]:
         """Return the transforms of rate, acceleration, position and torque."""
+        # A derivative is a factor j omega in frequency.
         j_omega, transforms = 2j * np.pi * f, {}
         recorded = {}
         for name in ("position", "rate"):

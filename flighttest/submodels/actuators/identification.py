@@ -85,6 +85,7 @@ def read_bench_log(path: str | Path, columns: Mapping[str, str] | None = None) -
                 values = np.asarray(to_si(values, unit, si))
             channels[channel], units[channel] = (time, values), si or unit
     demand_motion(channels, str(path))
+    # All channels on the clock of the motion, which the actuator determines.
     motion = "position" if "position" in channels else "rate"
     clock = _uniform_clock(channels[motion][0], str(path))
     data = {}
@@ -259,7 +260,7 @@ def _structure(records: Sequence[xr.Dataset], gear: float, delay: bool, held: bo
                     f"{name}: the {channel} does not move; choose a log, or a stretch of it, "
                     f"with an excitation"
                 )
-    kinds = {tuple(name in log for name in ("position", "rate", "torque")) for log in records}
+    kinds = {("position" in log, "rate" in log, "torque" in log) for log in records}
     if len(kinds) > 1:
         raise IdentificationError(
             "the logs differ in which of position, rate and torque they hold; identify those "

@@ -199,6 +199,7 @@ class IdentifiedActuator(PrintedResult):
             command], ``offset`` [rad/s], ``lag``, Ma/Ca [s].
         """
         ratio = self._ratio
+        # With a stiffness the response is of second order, without it a lag of first order.
         if self.structure.stiffness:
             functions: dict[str, Callable[[Mapping[str, float]], float]] = {
                 "natural_frequency": lambda x: math.sqrt(ratio(x, "Ka")),

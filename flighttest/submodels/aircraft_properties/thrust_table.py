@@ -213,6 +213,7 @@ def _read_run(states: xr.Dataset, axes: tuple[str, ...], engines: Sequence[int])
             )
     time = states["time"].values
     step = float(np.median(np.diff(time)))
+    # The thrust changes slowly, so that a lower rate loses nothing.
     every = max(round(1.0 / (_RATE * step)), 1)
     mean = {}
     for quantity in ("throttle", "thrust"):

@@ -254,7 +254,10 @@ class _CachedParameters:
 
     def _expand_rows(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         settings = [self.expand(row) for row in rows]
-        return {name: np.array([setting[name] for setting in settings]) for name in settings[0]}
+        columns = {}
+        for name in settings[0]:
+            columns[name] = np.array([setting[name] for setting in settings])
+        return columns
 
 
 class _SimulatedEngine:

@@ -91,6 +91,7 @@ def engine_channels(
     AeromatchWarning
         Height and temperature do not converge.
     """
+    # Every channel is the mean of the engines, so each engine needs it.
     present = [name for name in CHANNELS if f"engine{engines[0]}.{name}" in states]
     channels: dict[str, np.ndarray] = {}
     for name in present:
@@ -113,6 +114,7 @@ def engine_channels(
         height = next((name for name in HEIGHTS if name in states), None)
     if height:
         channels["h"] = states[height].values
+    # Without a Mach number, M = V / sqrt(gamma R T).
     if "mach" in states:
         channels["mach"] = states["mach"].values
     elif "V" in states and "temperature" in states:

@@ -22,10 +22,11 @@ from flighttest.maximum_likelihood.result import OutputError
 from flighttest.remarks import Remark, remarks_to_json, warn_forbidden
 from flighttest.submodels.engine.bench import fly_deck
 from flighttest.submodels.engine.records import power_changes as cut_power_changes
-from flighttest.submodels.engine.spools import Fan, SpoolFit, identify_spools
+from flighttest.submodels.engine.spools import SpoolFit, identify_spools
 from flighttest.submodels.engine.starting import StartFit, identify_start
 from flighttest.submodels.engine.static_thrust import DeckCorrection, Polar, correct_deck
 from flighttest.submodels.engine.steady_tables import SteadyTable, steady_table
+from flighttest.submodels.engine.tables import EngineStructure
 
 # Margin of the least speed to light below the speed at light-off. The engine burns down to half.
 _LOWER = 0.9
@@ -300,13 +301,7 @@ def identify_engine(
     engines: int = 1,
     *,
     flights: Sequence[xr.Dataset] = (),
-    throttle: Sequence[float] | None = None,
-    n2: Sequence[float] | None = None,
-    over: Mapping[str, Sequence[float]] | None = None,
-    limits: bool = False,
-    fan: Fan = "n2",
-    tables: Mapping[str, Mapping[str, Sequence[float]]] | None = None,
-    thrust_scale: float = 0.0,
+    structure: EngineStructure | None = None,
 ) -> EngineFit:
     """Identify an engine from power changes, starts, settled points, and whole flights.
 
@@ -326,13 +321,8 @@ def identify_engine(
     flights : sequence of Dataset (time,)
         Whole flights, as `engine_channels` returns them. Power changes are cut out of them
         (`power_changes`), and tables are estimated.
-    throttle, n2, over, limits, fan
-        As for `identify_spools`.
-    tables : mapping of str to mapping of str to sequence of float, optional
-        Tables of steady performance from `flights`, with their axes and breakpoints, as for
-        `steady_table`. Their priors are the tables of the a-priori deck.
-    thrust_scale : float
-        Standard error of the factor of the recorded thrust, common to all records.
+    structure : EngineStructure, optional
+        What the tables depend on. The priors of its ``tables`` are those of the a-priori deck.
 
     Returns
     -------
@@ -345,18 +335,26 @@ def identify_engine(
         one of the parts.
     """
     deck = dict(prior or {})
+    structure = structure or EngineStructure()
     points = recorded is not None or equilibrium is not None
     if not (power_changes or starts or points or flights):
         raise IdentificationError(
             "no records; give power changes, starts, settled points, or flights"
         )
-    _demand_sources(deck, points=points, tables=tables or {}, has_flights=bool(flights))
+    _demand_sources(deck, points=points, tables=structure.tables, has_flights=bool(flights))
     changes = [*power_changes]
     for flight in flights:
         changes += cut_power_changes(flight)
     spools = static = start = None
     if changes:
-        spools = identify_spools(changes, throttle, n2, over=over, limits=limits, fan=fan)
+        spools = identify_spools(
+            changes,
+            structure.throttle,
+            structure.n2,
+            over=structure.over,
+            limits=structure.limits,
+            fan=structure.fan,
+        )
     if points:
         static = correct_deck(
             deck["corrected_thrust"],
@@ -377,7 +375,7 @@ def identify_engine(
         spools=spools,
         static=static,
         start=start,
-        steady=dict(_steady_tables(flights, tables or {}, deck=deck, thrust_scale=thrust_scale)),
+        steady=dict(_steady_tables(flights, structure, deck)),
         records=tuple(names),
     )
 
@@ -401,16 +399,13 @@ def _demand_sources(
 
 
 def _steady_tables(
-    flights: Sequence[xr.Dataset],
-    tables: Mapping[str, Mapping[str, Sequence[float]]],
-    deck: Mapping[str, xr.Dataset],
-    thrust_scale: float,
+    flights: Sequence[xr.Dataset], structure: EngineStructure, deck: Mapping[str, xr.Dataset]
 ) -> Iterator[tuple[str, SteadyTable]]:
     """Yield the tables of whole flights by name."""
-    for name, axes in tables.items():
+    for name, axes in structure.tables.items():
         # An a-priori table over other axes is not a prior.
         prior = deck.get(name)
         if prior is not None and not set(map(str, prior["value"].dims)) <= set(axes):
             prior = None
-        scale = thrust_scale if name.endswith("thrust") else 0.0
+        scale = structure.thrust_scale if name.endswith("thrust") else 0.0
         yield name, steady_table(flights, name, axes=axes, prior=prior, scale=scale)

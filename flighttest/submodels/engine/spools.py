@@ -89,6 +89,7 @@ class SpoolFit(ShortText):
 
     def report(self) -> str:
         """Return constants, tables and noise as text."""
+        # Every number is followed by its standard error in brackets.
         value = self.constants
         lines = [f"transport delay {value['lever_delay'][0]:.4f} s ({value['lever_delay'][1]:.2g})"]
         if "ratio" in value:
@@ -163,6 +164,7 @@ def identify_spools(
     """
     if fan not in ("n2", "lever"):
         raise IdentificationError(f"fan is {fan!r}; one of n2, lever is needed")
+    # The noise of the lever at rest would bias its slope, so that it is removed and accounted for.
     lever = np.array(schedule_nodes(records) if throttle is None else throttle, float)
     lever_error = reading_error(records, lever)
     records = [remove_lever_noise(record) for record in records]
@@ -186,6 +188,7 @@ def identify_spools(
         return core
     if fan == "n2":
         return _with_following_fan(core, records, speed)
+    # The fan has the delay of the core and its tables, which are fixed.
     shaft = _Spool(
         "n1",
         lever,

@@ -227,11 +227,13 @@ def _fit_flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarra
 
     The speeds are those of the deck.
     """
-    outputs = [name for name in ("fuel_flow", "itt") if all(name in record for record in records)]
+    in_all = set.intersection(*(set(map(str, record.variables)) for record in records))
+    outputs = [name for name in ("fuel_flow", "itt") if name in in_all]
     if not outputs:
         return None, {}, {}
     at_nodes, count = refine_knots(knots), len(knots)
-    unknowns, tables = {}, {}
+    unknowns: dict[str, Unknown] = {}
+    tables: dict[str, xr.Dataset] = {}
     for name in outputs:
         first = _levels(records, name, knots)
         size = float(np.max(np.abs(first)))
@@ -281,6 +283,7 @@ def _fit_flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarra
 def _light_off(record: xr.Dataset) -> float | None:
     """Return n2 where the fuel comes on with the starter, as mean over half a second before."""
     fuel, time = record["cutoff"].values < 0.5, record["time"].values
+    # Samples at which the fuel comes on while the starter turns the engine.
     on = np.flatnonzero(fuel[1:] & ~fuel[:-1] & (record["starter"].values[1:] > 0.5))
     if not len(on):
         return None

@@ -60,7 +60,7 @@ Breakpoints = Annotated[
 
 
 class EngineStructure(Strict):
-    """Keywords of `identify_engine`, and the channel of the height.
+    """Structure of an engine: what its tables depend on, for `identify_engine`.
 
     Attributes
     ----------
@@ -68,8 +68,11 @@ class EngineStructure(Strict):
         As for `engine_channels`.
     throttle, n2, limits, fan, over
         As for `identify_spools`.
-    tables, thrust_scale
-        As for `identify_engine`.
+    tables : dict of str to dict of str to tuple of float
+        Tables of steady performance from whole flights, with their axes and breakpoints, as for
+        `steady_table`. [SI]
+    thrust_scale : float
+        Standard error of the factor of the recorded thrust, common to all records.
     """
 
     height: str | None = Field(
@@ -103,10 +106,6 @@ class EngineStructure(Strict):
     thrust_scale: float = Field(
         default=0.0, ge=0.0, description="Standard error of the factor of the recorded thrust."
     )
-
-    def keywords(self) -> dict[str, Any]:
-        """Return the keywords of `identify_engine`."""
-        return {name: value for name, value in self if name != "height"}
 
 
 def read_structure(path: str | Path) -> EngineStructure:

@@ -110,6 +110,7 @@ def identify_ground_effect(
         )
     requested = ground or {}
     _demand_models([model.coefficient for model in models], requested)
+    # Names of the records for messages.
     labels = list(names or ())
     if names is None:
         labels = [f"record {number}" for number in range(1, len(data) + 1)]
@@ -185,6 +186,7 @@ class _CoefficientIdentification:
         lowest = float(h.min())
         searches = self.full_searches(lowest)
         richest = self.richest_form(samples, [full for _, full in searches])
+        # Forms compared: no effect, powers of the height, and tables over it.
         forms = self.linear_forms(samples)
         none, free_terms = forms["none"][0], self.free_air_regressors(samples).shape[1]
         closed: dict[str, ClosedForm] = {}
@@ -194,6 +196,7 @@ class _CoefficientIdentification:
             if found is None:
                 continue
             closed[found.name] = found
+            # Terms may share one exponent, which saves parameters.
             if len(found.terms) > 1:
                 starts = search.first_values(found.terms)
                 common = search.fit(found.terms, common=True, starts=starts)
@@ -203,6 +206,7 @@ class _CoefficientIdentification:
         tables = self.tables(samples, none, richest.n)
         for name, table in tables.items():
             forms[name] = table.residual, table.parameters
+        # The criterion charges each form for its parameters.
         evidence = rank_forms(forms, richest.n)
         form = form_by_evidence(evidence)
         residual, _ = forms[form]

@@ -180,6 +180,7 @@ class TableSearch:
         errors = np.sqrt(np.diag(coloured_covariance_of(J, v, *self.samples.pieces()).covariance))
         value = np.zeros((len(ends), self.nodes + 1))
         stderr = np.zeros_like(value)
+        # The nodes of the ground terms follow the free-air terms; free air itself is zero.
         first = self.X.shape[1]
         for row, end in enumerate(ends.values()):
             value[row, :end] = theta[first : first + end]

@@ -239,12 +239,14 @@ def turning_stretches(
         & (loads["compression"].values.min(axis=1) > TOUCHING)
         & has_force
     )
+    # Side force of the tyres over their load: the side acceleration in g.
     turns = np.abs(loads["force"].sel(output="Fy").values) / np.maximum(
         loads["force"].values[:, : loads.sizes["wheel"]].sum(axis=1), 1.0
     )
     step = float(np.median(np.diff(states["time"].values)))
     stretches = []
     for begin, end in true_runs(rolls):
+        # Parts of equal length, as close to `length` as their number allows.
         count = max(1, round((end - begin) * step / length))
         parts = np.linspace(begin, end, count + 1).astype(int)
         for a, b in pairwise(parts):

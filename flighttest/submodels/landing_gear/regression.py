@@ -101,6 +101,7 @@ def _leg_columns(run: GroundRun, group: WheelGroup) -> list[dict[str, np.ndarray
         k = run.wheels.index(name)
         use = np.isfinite(run.measured[:, k]) & (run.measured[:, k] != 0.0)
         s, rate = run.fields["compression"][use, k], run.fields["rate"][use, k]
+        # Spring and its curvature, damping, orifice, and additional damping of the rebound.
         terms = (s, s**2, rate, rate * np.abs(rate), np.minimum(rate, 0.0))
         columns = dict(zip(LEG_TERMS, terms))
         for source in ("lift", "pitching"):

@@ -271,10 +271,11 @@ class IdentifiedGear(PrintedResult):
         """Return the estimated errors of the inputs with their standard errors."""
         e = self.loads.fit.estimates
         names = [str(name) for name in e["parameter"].values if str(name) not in self.constants]
-        return {
-            name: [float(e[key].sel(parameter=name)) for key in ("estimate", "stderr")]
-            for name in names
-        }
+        errors = {}
+        for name in names:
+            one = e.sel(parameter=name)
+            errors[name] = [float(one["estimate"]), float(one["stderr"])]
+        return errors
 
     def report_lines(self) -> list[str]:
         """Return the constants as lines."""

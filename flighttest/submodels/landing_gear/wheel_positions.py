@@ -71,7 +71,10 @@ def wheel_groups(aircraft: Aircraft) -> tuple[WheelGroup, ...]:
                 break
         else:
             groups.append([wheel])
-    return tuple(WheelGroup(tuple(wheel.name for wheel in group)) for group in groups)
+    named = []
+    for group in groups:
+        named.append(WheelGroup(tuple(wheel.name for wheel in group)))
+    return tuple(named)
 
 
 @dataclass(frozen=True)

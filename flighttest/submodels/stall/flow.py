@@ -89,6 +89,7 @@ def with_half_flow(
     columns: dict[str, np.ndarray] = {"chords": V / cbar}
     for name, side in SIDES.items():
         y = side * station
+        # Velocity at the station y: that of the c.g. plus omega x r, along body x and z.
         u = V * np.cos(alpha) - record["r"].values * y
         w = V * np.sin(alpha) + record["p"].values * y
         local = np.arctan2(w, u)
@@ -246,6 +247,7 @@ def _variables(left: Slopes, right: Slopes) -> dict[str, Slopes]:
     lift = []
     for half in (left, right):
         root = np.sqrt(half.value)
+        # Kirchhoff: the lift has the factor ((1 + sqrt(X)) / 2)^2; slope is its derivative over X.
         slope = 0.25 * (1.0 + root) / np.maximum(root, 1e-150)
         factor = (0.5 * (1.0 + root)) ** 2
         lift.append(Slopes(factor, {name: slope * half.by[name] for name in names}))

@@ -162,6 +162,7 @@ def identify_stall(
         terms[name] = (*wanted[name], *candidates)
     task = _Task(records, flow, _shape_parameters(records, flow), terms)
     task = replace(task, shape=_start_values(task))
+    # Terms and shape parameters depend on each other.
     for _ in range(_PASSES):
         task = _select_terms(task)
     fit, task, reasons = _fit_determined(task)

@@ -47,7 +47,8 @@ _COMMENTS = {
     "trim": 'true: trimmed to the flight condition; false; "ground": on its wheels',
 }
 _OPTIONAL = """
-# Of the optional tables, with invented values; docs/explanation/proof-of-match/cases.md has them all.
+# Examples of the optional tables, with invented values.
+# docs/explanation/proof-of-match/cases.md has them all.
 # [conditions]                 # against the record: inputs held constant, initial state, mass, air
 # delta_f = "40 deg"
 # [tolerance]                  # replaces the band of a row, or adds one

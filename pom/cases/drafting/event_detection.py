@@ -364,6 +364,7 @@ def _find_engine_failure(
 
     They are compared by thrust, or by torque or N1 where it is not recorded.
     """
+    # The first quantity that two engines have.
     names: list[str] = []
     for quantity in ("thrust", "torque", "n1"):
         names = []
@@ -378,6 +379,7 @@ def _find_engine_failure(
     time, first = recorded.within(names[0], window)
     second = np.interp(time, *recorded.channels[names[1]])
     limit = _FAILED_DIFFERENCE * np.max(np.abs([first, second]), initial=0.0)
+    # An engine that is off from the start did not fail in the window.
     different = np.flatnonzero(np.abs(first - second) > limit)
     if not different.size or different[0] == 0:
         return None

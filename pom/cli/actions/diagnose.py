@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,13 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError
-from flightmech.support.console import count_text, print_json, print_table, show_progress
+from flightmech.support.console import (
+    collect_options,
+    count_text,
+    print_json,
+    print_table,
+    show_progress,
+)
 from flightmech.support.input_files import file_sha256
 from pom.cases.case import PomCase, read_case
 from pom.cases.reference_states import recorded_states
@@ -42,16 +49,62 @@ _IDLE = 0.005  # share of the gap: swaps that change less are not printed
 _INTERACTING = 5  # number of printed pairs
 
 
+@dataclass(frozen=True)
+class DiagnosedModels:
+    """Files of the models between which terms are swapped, by the names of `pom.cli.diagnose`.
+
+    Attributes
+    ----------
+    prior, final : str
+        A-priori database, and database with identified terms.
+    apriori : str or None
+        Aircraft of the a-priori model, if it has other parts than the identified one.
+    evidence : str or None
+        Identified database with standard errors; None for `final`.
+    """
+
+    prior: str
+    final: str
+    apriori: str | None
+    evidence: str | None
+
+
+@dataclass(frozen=True)
+class SwapOptions:
+    """Options of the swaps of terms, by the names of `pom.cli.diagnose`.
+
+    Attributes
+    ----------
+    groups : tuple of str
+        ``NAME=TERM,TERM`` of terms that are swapped together.
+    players : int
+        Least number of terms with a Shapley share.
+    replays : int
+        Largest number of replays for the shares.
+    seed : int
+        Seed of the sampled shares.
+    """
+
+    groups: tuple[str, ...]
+    players: int
+    replays: int
+    seed: int
+
+    def keywords(self) -> dict[str, Any]:
+        """Return the keywords of `rank_all`."""
+        return {
+            "groups": _parse_groups(self.groups),
+            "players": self.players,
+            "replays": self.replays,
+            "seed": self.seed,
+        }
+
+
+@collect_options(files=DiagnosedModels, swaps=SwapOptions)
 def run_diagnose(
     cases: tuple[Path, ...],
-    prior: str,
-    final: str,
-    apriori: str | None,
-    evidence: str | None,
-    groups: tuple[str, ...],
-    players: int,
-    replays: int,
-    seed: int,
+    files: DiagnosedModels,
+    swaps: SwapOptions,
     output: str | None,
     aircraft_output: str | None,
     biases_file: str | None,
@@ -59,14 +112,14 @@ def run_diagnose(
     as_json: bool,
 ) -> None:
     """Perform the command ``diagnose``."""
-    if aircraft_output and not apriori:
+    if aircraft_output and not files.apriori:
         raise click.UsageError(
             "--aircraft-output needs --apriori: the aircraft file that is to be corrected"
         )
-    members = _parse_groups(groups)
-    before, after = aerodb.open(prior), aerodb.open(final)
-    estimates = aerodb.open(evidence) if evidence else after
-    old = read_aircraft(apriori) if apriori else None
+    settings = swaps.keywords()
+    before, after = aerodb.open(files.prior), aerodb.open(files.final)
+    estimates = aerodb.open(files.evidence) if files.evidence else after
+    old = read_aircraft(files.apriori) if files.apriori else None
     biases, read = read_biases(biases_file), _read_cases(cases)
     with show_progress("check the cases and their records"):
         checks = check_batch(read, None, jobs=jobs)
@@ -76,8 +129,7 @@ def run_diagnose(
     models = swap_models(before, after, by_case, old)
     with show_progress(f"swap terms on {count_text(len(read), 'case')}"):
         paths = {case.name: recorded_states(case, biases) for case in read}
-        options = {"groups": members, "players": players, "replays": replays, "seed": seed}
-        ranked = rank_all(read, models, paths, jobs=jobs, **options)
+        ranked = rank_all(read, models, paths, jobs=jobs, **settings)
     benches = {name: bench for name, (bench, _) in ranked.items()}
     tables = {name: table for name, (_, table) in ranked.items()}
     # the tables of single cases come before the slower joint search
@@ -95,7 +147,7 @@ def run_diagnose(
             _print_joint_terms(tables)
     lines = []
     if output:
-        lines.append(_write_database(output, before, after, final=final, tables=tables))
+        lines.append(_write_database(output, before, after, final=files.final, tables=tables))
     if aircraft_output and old is not None:
         _write_aircraft(aircraft_output, old, aircraft, tables=tables)
         lines.append(f"written: {aircraft_output}")

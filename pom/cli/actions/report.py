@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -14,6 +14,7 @@ import click
 import aerodb
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import (
+    collect_options,
     command_line,
     count_text,
     print_json,
@@ -157,21 +158,42 @@ def signatures_of(signed: tuple[tuple[str, str, str], ...]) -> dict[str, dict[st
     return plain_signatures(content.signatures)
 
 
+@dataclass(frozen=True)
+class ReportOptions:
+    """Options of `pom.cli.report.report_options`.
+
+    Attributes
+    ----------
+    revision : str
+    date : str
+        Date of the results as YYYY-MM-DD; empty if it is not stated.
+    paper : {"a4", "letter"}
+    units : {"SI", "kt-ft-lb"} or None
+    no_pdf : bool
+        Whether the report has no PDF.
+    signed : tuple of (str, str, str)
+        Role, name and date of each signature.
+    """
+
+    revision: str
+    date: str
+    paper: str
+    units: str | None
+    no_pdf: bool
+    signed: tuple[tuple[str, str, str], ...]
+
+
+@collect_options(options=ReportOptions)
 def run_write_report(
     results: tuple[Path, ...],
     output: Path,
     title: str | None,
     databases: tuple[str, ...],
     chapters: tuple[str, ...],
-    revision: str,
-    date: str,
-    paper: str,
-    units: str | None,
-    no_pdf: bool,
-    signed: tuple[tuple[str, str, str], ...],
+    options: ReportOptions,
 ) -> None:
     """Perform the command ``report``."""
-    signatures = signatures_of(signed)
+    signatures = signatures_of(options.signed)
     with show_progress("read the results"):
         archive = join_reports(results)
     if len(results) > 1:
@@ -180,14 +202,14 @@ def run_write_report(
     origin = {
         **archive.provenance,
         "command": command_line(),
-        "date": date or archive.provenance.get("date", ""),
+        "date": options.date or archive.provenance.get("date", ""),
     }
     places = archive.provenance.get("places", {})
     if not any(Path(place).is_file() for place in places.values()):
         # the inputs are on another machine, so the results are the newest file that is here
         origin["places"] = {**places, **{str(path): str(_samples_file(path)) for path in results}}
-    if units:
-        origin["units"] = units
+    if options.units:
+        origin["units"] = options.units
     if signatures:
         # a new signature states the results that were signed
         name = results_name(archive.results)
@@ -206,8 +228,8 @@ def run_write_report(
             databases=opened,
             diagnoses=archive.diagnoses,
             tunings=archive.tunings,
-            revision=revision or archive.revision,
-            paper=None if no_pdf else paper,
+            revision=options.revision or archive.revision,
+            paper=None if options.no_pdf else options.paper,
             chapters=chapters or None,
             kept=archive.chapters,
         )

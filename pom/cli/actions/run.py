@@ -10,7 +10,12 @@ import click
 
 import aerodb
 from flightmech.errors import SimulationError
-from flightmech.support.console import command_line, print_json, show_progress
+from flightmech.support.console import (
+    collect_options,
+    command_line,
+    print_json,
+    show_progress,
+)
 from pom.archive.origins import ReportProvenance, provenance
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks
 from pom.checking.report_checks import with_report_checks
@@ -26,9 +31,9 @@ from pom.result import PomResult
 from pom.result_notices import NO_EVIDENCE, is_beyond_master, lacks_evidence
 
 
-def run_cases(ctx: click.Context, **chosen: Any) -> None:
+@collect_options(options=RunOptions)
+def run_cases(ctx: click.Context, options: RunOptions) -> None:
     """Perform the command ``run``."""
-    options = RunOptions(**chosen)
     options.demand_pairs()
     signatures = signatures_of(options.signed)
     batch = read_batch(options)

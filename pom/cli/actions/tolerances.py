@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +85,11 @@ def _editions_of(table: str, sha256: str, all_rows: Sequence[Row]) -> Iterator[_
 def _select(editions: Sequence[_Edition], text: str) -> _Edition:
     """Return the only edition whose name holds all words of a text."""
     words = text.lower().split()
-    fitting = [item for item in editions if all(word in item.name.lower() for word in words)]
+    fitting = []
+    for item in editions:
+        name = item.name.lower()
+        if all(word in name for word in words):
+            fitting.append(item)
     if len(fitting) != 1:
         hint = "give more of its words" if fitting else "give words of one name"
         raise UnknownName(text, [item.name for item in editions], "edition", hint)
@@ -135,7 +140,7 @@ def _print_comparison(old: _Edition, new: _Edition, *, as_json: bool) -> None:
     click.echo(f"old: {old.name}\nnew: {new.name}")
     columns = ("test", "criterion", "old", "new")
     if lines:
-        print_table(columns, [tuple(line[key] for key in columns) for line in lines])
+        print_table(columns, list(map(itemgetter(*columns), lines)))
     common = sum(test in tests[1] for test in tests[0])
     click.echo(
         f"{count_text(len(lines), 'difference')}; {count_text(common, 'test')} in both, "

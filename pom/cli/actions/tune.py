@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from flightmech.simulation.node_values import nodes_digest
 from flightmech.support.atomic_write import folder_written_atomically, write_text
 from flightmech.support.console import (
     InputFile,
+    collect_options,
     count_text,
     print_json,
     print_table,
@@ -53,40 +55,84 @@ PARTS = ("tuned.nc", "tuned.toml", "tuned.fmu", "tuning.json", "tuning.txt")
 RATIONALE = "rationale"
 
 
+@dataclass(frozen=True)
+class TuningInputs:
+    """Input files of a tuning but for its cases, by the names of `pom.cli.tune`.
+
+    Attributes
+    ----------
+    database : str
+        Database of the model.
+    aircraft : str or None
+        Aircraft of the model; None for the file next to the database, or that of the cases.
+    evidence : str or None
+        Identified database with standard errors; None for the database of the model.
+    rationale : tuple of str
+        ``TERM=TEXT``, or a file with such lines.
+    biases_file : str or None
+        Instrument constants.
+    """
+
+    database: str
+    aircraft: str | None
+    evidence: str | None
+    rationale: tuple[str, ...]
+    biases_file: str | None
+
+
+@dataclass(frozen=True)
+class TuningOutputs:
+    """Output files of a tuning, by the names of `pom.cli.tune`.
+
+    Attributes
+    ----------
+    output : Path or None
+        Folder of the tuned model.
+    fmu : bool
+        Whether the folder gets an FMU.
+    log_file : str or None
+        Log, which is also written if the tuning is refused.
+    """
+
+    output: Path | None
+    fmu: bool
+    log_file: str | None
+
+    def check(self) -> None:
+        """Raise UsageError for an FMU without a folder."""
+        if self.fmu and self.output is None:
+            raise click.UsageError("--fmu needs -o: the folder for the tuned model")
+
+
+@collect_options(inputs=TuningInputs, outputs=TuningOutputs)
 def run_tune(
     ctx: click.Context,
     cases: tuple[Path, ...],
-    database: str,
-    aircraft: str | None,
-    evidence: str | None,
+    inputs: TuningInputs,
     wanted: tuple[str, ...],
-    rationale: tuple[str, ...],
     bound: float,
-    output: Path | None,
-    fmu: bool,
-    log_file: str | None,
+    outputs: TuningOutputs,
     resume: Path | None,
     jobs: int,
-    biases_file: str | None,
     as_json: bool,
 ) -> None:
     """Perform the command ``tune``."""
-    if fmu and output is None:
-        raise click.UsageError("--fmu needs -o: the folder for the tuned model")
-    reasons, reasons_file = read_rationales(rationale)
+    outputs.check()
+    database, evidence, biases = inputs.database, inputs.evidence, inputs.biases_file
+    reasons, reasons_file = read_rationales(inputs.rationale)
     # Every file is hashed before it is read, so that the hash belongs to the results.
     custody, paths = Custody(), case_files(cases)
-    custody.take([*paths, *filter(None, (database, evidence, reasons_file, biases_file))])
+    custody.take([*paths, *filter(None, (database, evidence, reasons_file, biases))])
     read = [read_case(path) for path in paths]
     demand_cases(read, wanted)
-    aircraft = aircraft or _aircraft_of(database, read)
-    files = _input_files(read, (database, aircraft, evidence, reasons_file, biases_file))
+    aircraft = inputs.aircraft or _aircraft_of(database, read)
+    files = _input_files(read, (database, aircraft, evidence, reasons_file, biases))
     custody.take(files.values())
     model = aerodb.open(database)
     estimates = aerodb.open(evidence) if evidence else None
     # without evidence, the standard errors of the model itself count
     demand_evidence(model, model if estimates is None else estimates, reasons)
-    store = KeptStates(resume.resolve() if resume is not None else None, read_biases(biases_file))
+    store = KeptStates(resume.resolve() if resume is not None else None, read_biases(biases))
     plans = _plan_cases(read, store, jobs)
     craft = read_aircraft(aircraft)
     with show_progress("search the least move"):
@@ -103,14 +149,14 @@ def run_tune(
     digest = _model_digest(craft, tuning.database)
     custody.check()
     log = tuning.document(digest, _file_entries(files, custody))
-    if output is not None and tuning.database is not None:
-        _write_model(output, tuning.database, craft, log=log, fmu=fmu)
-    if log_file:
-        _write_log(Path(log_file), log)
+    if outputs.output is not None and tuning.database is not None:
+        _write_model(outputs.output, tuning.database, craft, log=log, fmu=outputs.fmu)
+    if outputs.log_file:
+        _write_log(Path(outputs.log_file), log)
     if as_json:
         print_json(log)
     else:
-        _print_outcome(log, output=output, log_file=log_file)
+        _print_outcome(log, outputs)
     ctx.exit(1 if tuning.refusal else 0)
 
 
@@ -148,15 +194,15 @@ def _model_digest(aircraft: Aircraft, database: xr.DataTree | None) -> str:
     return nodes_digest(compile_model(aircraft, database))
 
 
-def _print_outcome(log: Mapping[str, Any], *, output: Path | None, log_file: str | None) -> None:
+def _print_outcome(log: Mapping[str, Any], outputs: TuningOutputs) -> None:
     """Print the moves, the cases and the written files."""
     _print_log(log)
-    if output is not None and log["refusal"]:
-        click.echo(f"not written: {output}, the tuning was refused")
-    elif output is not None:
-        click.echo(f"written: {output}")
-    if log_file:
-        click.echo(f"written: {log_file}")
+    if outputs.output is not None and log["refusal"]:
+        click.echo(f"not written: {outputs.output}, the tuning was refused")
+    elif outputs.output is not None:
+        click.echo(f"written: {outputs.output}")
+    if outputs.log_file:
+        click.echo(f"written: {outputs.log_file}")
 
 
 def read_rationales(texts: Iterable[str]) -> tuple[dict[str, str], str | None]:

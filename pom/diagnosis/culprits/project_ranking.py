@@ -52,6 +52,7 @@ class ProjectRanking:
         numbers = self.culprits.set_index("term")
         rows: list[tuple[str, ...]] = []
         for step in self.corrections.to_dict("records"):
+            # The first state has no term, the last one is the final model.
             cells = ("a priori", "", "", "", "")
             if step["term"] in numbers.index:
                 row = numbers.loc[step["term"]]

@@ -134,7 +134,9 @@ class _MeasuredCase:
     def __init__(self, bench: SwapBench | LateBench, distances: Mapping[str, float]):
         self.names = bench.names
         active = [name for name in bench.names if name not in bench.idle]
-        without = [[one for one in bench.names if one != name] for name in active]
+        without = []
+        for name in active:
+            without.append([other for other in bench.names if other != name])
         start, end = bench.judged([(), bench.names])
         self.prior, self.final = _counted_total(start), _counted_total(end)
         # Terms that are not flown alone move the case by less than their bound: no effect.
@@ -223,6 +225,7 @@ def node_distances(model: xr.DataTree, evidence: xr.DataTree) -> dict[str, float
             and value.shape == leaf["value"].shape
             and counted.any()
         ):
+            # rms of the differences in standard errors, over the nodes from flight.
             difference = (value.values - leaf["value"].values)[counted]
             distances[name] = rms(difference / leaf["stderr"].values[counted])
     return distances

@@ -41,6 +41,7 @@ def describe_culprits(
             f"No term is named: no case is off by {LEAST_GAP:g} half widths more when one term of "
             f"the final model is put back as it was a priori."
         ]
+    # Terms of the sequence that the evidence refutes come first, by name.
     named = [str(row["term"]) for row in steps]
     near = list(ranked.loc[ranked["term"].isin(named) & (ranked["distance"] < FAR), "term"])
     refuted = [name for name in named if name not in near][:FIRST]

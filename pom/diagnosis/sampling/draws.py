@@ -123,6 +123,7 @@ class InstrumentErrors(ShortText):
             name = variable.removeprefix(ERROR)
             if variable.startswith(ERROR) and name in states:
                 flight[name] = states[variable].values.astype(float)
+        # Standard errors of the sources that no channel shows.
         sizes = {**ERRORS, **(errors or {})}
         inputs: dict[str, dict[str, np.ndarray]] = {}
         if WIND[0] in job.inputs:

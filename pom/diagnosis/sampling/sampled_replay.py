@@ -91,7 +91,9 @@ def replay_draws(
     regressors = regressors_of_draws(
         changes, dict(zip(instruments.names, errors_by_draw.T, strict=True))
     )
-    ratios = {name: [run.ratio(name) for run in runs] for name in names}
+    ratios = {}
+    for name in names:
+        ratios[name] = [run.ratio(name) for run in runs]
     signed_ratios = {name: bench.signed(name, runs) for name in names}
     return SampledReplay(
         seed=models.seed,

@@ -222,6 +222,7 @@ class Tuner:
                     ratios.append(np.atleast_1d(run.signed(criterion)))
                     continue
                 half_width = bench.tolerance[channel].values
+                # A time history counts at evenly spaced samples and at its worst one.
                 samples = _limited_samples(half_width, reference[name].difference[channel])
                 ratios.append(run.difference[channel][samples] / half_width[samples])
             ratios.append(np.array([run.trim[quantity] for quantity in reference[name].trim]))

@@ -151,6 +151,7 @@ def moves_of(log: Mapping[str, Any]) -> tuple[list[tuple[str, ...]], str]:
         return rows, ""
     terms = "terms" if len(others) > 1 else "term"
     each = "each " if len(others) > 1 else ""
+    # The other terms together, so that no move is hidden.
     most = max(others, key=lambda move: move["moved"])
     share = sum(move["share"] for move in others)
     return rows, (

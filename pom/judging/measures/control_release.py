@@ -189,6 +189,7 @@ def _residual_crossings(crossings: list[float], late_zeros: np.ndarray) -> list[
 
 def _zero_times(t: np.ndarray, y: np.ndarray, start: int, stop: int) -> np.ndarray:
     """Return the times at which y passes zero between two samples, linear. [s]"""
+    # Index of the last sample before each change of sign.
     k = start + np.flatnonzero((y[start:stop] > 0.0) != (y[start + 1 : stop + 1] > 0.0))
     return t[k] - y[k] * (t[k + 1] - t[k]) / (y[k + 1] - y[k])
 

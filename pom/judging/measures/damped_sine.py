@@ -251,6 +251,7 @@ def _make_grid(times: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     The regressors are (4 of every point, time).
     """
     t = np.frombuffer(times)
+    # From half a cycle in the window up to eight samples in a cycle.
     fastest = max(2.0 * math.pi / (8.0 * float(np.median(np.diff(t)))), 4.0 * math.pi / t[-1])
     frequencies, ratios = np.meshgrid(np.geomspace(math.pi / t[-1], fastest, _GRID), _RATIOS)
     wd, ratio = frequencies.ravel(), ratios.ravel()
@@ -258,6 +259,7 @@ def _make_grid(times: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     decay, angle = np.exp(-exponent), np.outer(wd, t)
     level = np.ones_like(angle)
     X = np.stack([level, level * t / t[-1], decay * np.cos(angle), decay * np.sin(angle)], axis=2)
+    # Orthonormal regressors: the fit of a grid point is then a product.
     X /= np.linalg.norm(X, axis=1, keepdims=True)
     Q = np.linalg.qr(X)[0]  # (point, time, 4)
     return ratio * wd, wd, Q.transpose(2, 0, 1).reshape(4 * len(wd), len(t))

@@ -148,6 +148,7 @@ def flight_mode(
         t, y = time[inside], flight[inside]
         if not len(t) or not np.isfinite(y).all():
             continue
+        # Decay rate and damped frequency of the fitted mode; the linear part is fitted again.
         sigma, wd = np.log(2.0) / row["t_half"], 2.0 * np.pi / row["period"]
         offset, slope, amplitude, phase = fit_linear_part(t - t[0], y, sigma=sigma, wd=wd)
         words = (

@@ -251,6 +251,7 @@ def _make_channel_panel(result: PomResult, name: str, kind: str) -> CasePanel:
         if inside.any():
             window = (float(time[inside][0]), float(time[inside][-1]))
         exits = _list_exits(time, traces, half)
+    # Flow angles have no meaning at rest.
     if name in FLOW_ANGLES:
         traces = _hide_slow_samples(result, traces, half)
     flight = traces.get("flight")
@@ -259,6 +260,7 @@ def _make_channel_panel(result: PomResult, name: str, kind: str) -> CasePanel:
     for run, samples in result.samples.items():
         if name in samples.fan:
             fans[run] = label.shown(samples.fan[name].values)
+    # The scale contains the curves, the band, and the judged single values.
     limits = scale_limits(traces, half, label.least_span)
     for mark in values:
         limits = (min(limits[0], mark.centre - mark.half), max(limits[1], mark.centre + mark.half))

@@ -267,6 +267,7 @@ def _identification_content(folder: Path, chapter: Mapping[str, Any]) -> dict[st
 
 def _databases_content(folder: Path, chapter: Mapping[str, Any]) -> dict[str, Any]:
     """Return the data of the comparison of databases, and write its figures."""
+    # The template reads lists of texts; figures are files.
     terms = []
     for number, term in enumerate(chapter["terms"]):
         row = {key: term.get(key) for key in ("term", "words", "state", "factors", "scalars")}

@@ -145,6 +145,7 @@ def _scale_to_window(panel: CasePanel) -> CasePanel:
     if not panel.limits[1] - panel.limits[0] > SQUEEZED * (limits[1] - limits[0]):
         return panel
     traces = {}
+    # Outside the window only samples on the scale are drawn.
     for run, values in panel.traces.items():
         visible = inside | ((values >= limits[0]) & (values <= limits[1]))
         traces[run] = np.where(visible, values, np.nan)

@@ -69,7 +69,7 @@ DEFINITIONS = {
 
 
 @dataclass(frozen=True)
-class Craft:
+class ExportedCraft:
     S: float = 16.9
     cbar: float = 1.667
     b: float = 10.31
@@ -358,7 +358,7 @@ def test_a_check_case_with_a_missing_number_is_written_or_named(rich, tmp_path):
 
 
 def test_an_aircraft_bounds_the_check_cases_and_must_be_the_same(rich, tmp_path):
-    aerodb.exchange.export_daveml(rich, tmp_path / "db.dml", Craft())
+    aerodb.exchange.export_daveml(rich, tmp_path / "db.dml", ExportedCraft())
     deflections = [
         signal.value
         for shot in read(tmp_path / "db.dml").shots
@@ -370,7 +370,7 @@ def test_an_aircraft_bounds_the_check_cases_and_must_be_the_same(rich, tmp_path)
     with pytest.raises(
         SchemaError, match=r"b is 10\.31 in the database and 11 in the aircraft; they must agree"
     ):
-        aerodb.exchange.export_daveml(rich, tmp_path / "other.dml", Craft(b=11.0))
+        aerodb.exchange.export_daveml(rich, tmp_path / "other.dml", ExportedCraft(b=11.0))
     assert not (tmp_path / "other.dml").exists()
 
 

@@ -18,7 +18,7 @@ from bench import served
 from starlette.requests import ClientDisconnect
 from test_hostile_requests import send
 
-from aeromatch.cli.actions.verbs import _replayed
+from aeromatch.cli.actions.verbs import _carry_out_actions
 from aeromatch.cli.verbs import match_command
 from aeromatch.drafting.folder import draft_project
 from aeromatch.drafting.gaps import engine_numbers
@@ -456,7 +456,7 @@ def test_the_loop_of_init_is_replayed_into_the_same_files(tmp_path):
 
     (tmp_path / "again").mkdir()
     copy_sources(tmp_path / "again")
-    assert _replayed(tmp_path / "again" / "aeromatch.toml", tmp_path / "out", log) is False
+    assert _carry_out_actions(tmp_path / "again" / "aeromatch.toml", tmp_path / "out", log) is False
     for name in ("aircraft.toml", "names.toml", "aeromatch.toml", "manoeuvres.csv"):
         both = [(tmp_path / folder / name).read_bytes() for folder in ("new", "again")]
         assert both[0] == both[1]

@@ -14,6 +14,7 @@ from flighttest.remarks import is_forbidden
 from flighttest.submodels.engine import records, static_thrust, steady_tables
 from flighttest.submodels.engine.records import engine_channels
 from flighttest.submodels.engine.result import identify_engine
+from flighttest.submodels.engine.tables import EngineStructure
 
 SPEEDS = np.linspace(0.6, 1.1, 4)
 PRIOR = {
@@ -46,7 +47,7 @@ def points(count: int = 60) -> xr.Dataset:
 def from_flight(seed: int):
     # A lever at rest: no power change is cut out of the record.
     record = flight(seed).assign(throttle=("time", np.zeros(3000)))
-    return identify_engine(prior=PRIOR, flights=[record], tables=TABLES)
+    return identify_engine(prior=PRIOR, flights=[record], structure=EngineStructure(tables=TABLES))
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from flighttest.submodels.engine.spools import identify_spools
 from flighttest.submodels.engine.starting import identify_start
 from flighttest.submodels.engine.steady_points import temperature_pressure_ratios
 from flighttest.submodels.engine.steady_tables import steady_table
-from flighttest.submodels.engine.tables import read_structure
+from flighttest.submodels.engine.tables import EngineStructure, read_structure
 
 NOISE = 5e-4
 AT = {"n2": [0.6, 0.8, 1.0], "h": [0.0, 6000.0]}
@@ -123,15 +123,15 @@ def flights() -> list[xr.Dataset]:
 def fit(flights):
     over = {"mach": (0.0, 0.5), "h": (0.0, 6000.0)}
     tables = {"corrected_thrust": {"corrected_n2": np.linspace(0.55, 1.1, 12), "mach": (0.0, 0.5)}}
-    keywords = {
-        "throttle": [0.0, 0.8, 1.0],
-        "n2": [0.6, 0.8, 1.0],
-        "over": over,
-        "limits": True,
-        "fan": "lever",
-        "tables": tables,
-    }
-    return identify_engine(flights=flights, **keywords)
+    structure = EngineStructure(
+        throttle=[0.0, 0.8, 1.0],
+        n2=[0.6, 0.8, 1.0],
+        over=over,
+        limits=True,
+        fan="lever",
+        tables=tables,
+    )
+    return identify_engine(flights=flights, structure=structure)
 
 
 def test_condition_of_a_record_is_flown():
@@ -360,7 +360,7 @@ def test_steady_table_names_what_is_missing():
         identify_engine(
             recorded=xr.Dataset(),
             prior={"corrected_thrust": PRIOR},
-            tables={"thrust": {"n2": [0.6, 1.0]}},
+            structure=EngineStructure(tables={"thrust": {"n2": [0.6, 1.0]}}),
         )
 
 
@@ -466,9 +466,11 @@ def test_structure_file(tmp_path):
         "}\n[tables.fuel_flow]\nn2 = [0.6, 1.0]\n"
     )
     found = read_structure(path)
-    assert found.keywords()["over"] == {"h": (0.0, pytest.approx(3048.0))}
-    assert found.keywords()["tables"] == {"fuel_flow": {"n2": (0.6, 1.0)}}
-    assert "height" not in found.keywords()
+    assert found.limits
+    assert found.fan == "lever"
+    assert found.over == {"h": (0.0, pytest.approx(3048.0))}
+    assert found.tables == {"fuel_flow": {"n2": (0.6, 1.0)}}
+    assert found.height is None
     path.write_text('limit = true\nover = { h = [0.0] }\nfan = "n3"\n')
     with pytest.raises(SchemaError) as error:
         read_structure(path)

@@ -17,7 +17,11 @@ from flighttest.regression.model_structure.candidates import (
     spline_terms,
 )
 from flighttest.regression.model_structure.orthogonal_basis import OrthogonalBasis
-from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
+from flighttest.regression.model_structure.search import (
+    StepwiseThresholds,
+    select_orthogonal,
+    select_stepwise,
+)
 from flighttest.regression.model_structure.selection import count_selections
 
 TRUTH = {
@@ -253,7 +257,7 @@ def test_terms_to_keep_idle_candidates_and_refusals():
     with pytest.raises(
         IdentificationError, match="F to enter 4, to leave 9; expected 0 < leave <= enter"
     ):
-        select_stepwise("CL", CANDIDATES, data, enter=4.0, leave=9.0)
+        select_stepwise("CL", CANDIDATES, data, thresholds=StepwiseThresholds(enter=4.0, leave=9.0))
     noise = data.assign(CL=("time", np.random.default_rng(0).normal(size=1501)))
     with pytest.raises(
         IdentificationError, match="none of 12 candidates explains CL; look at the excitation"

@@ -19,7 +19,7 @@ T37 = Path(__file__).parents[3] / "data" / "t37"
 RECORD = T37 / "flight" / "t37_22_val_roll_response_clean.nc"
 
 
-class Reader(HTMLParser):
+class PageReader(HTMLParser):
     """Collects tags and text of a page and checks that tags close."""
 
     def __init__(self, text):
@@ -85,7 +85,7 @@ def test_report_reads_in_order(quality):
 def test_page_is_whole_and_needs_nothing_else(quality, tmp_path):
     write_page(quality, tmp_path / "page.html")
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
-    page = Reader(text)
+    page = PageReader(text)
     assert page.open == []
     assert "http://" not in text.replace("http://www.w3.org", "")
     assert not [tag for tag, attrs in page.tags if tag == "script" or "src" in attrs]

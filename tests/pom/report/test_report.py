@@ -19,7 +19,7 @@ from pom.tolerances.editions import titles_of_tests
 from pom.tolerances.rows import EDITION, STANDARD
 
 
-class Table(HTMLParser):
+class TableParser(HTMLParser):
     """Text of the page by row of the verdict tables."""
 
     def __init__(self):
@@ -61,7 +61,7 @@ HELD = 10_000  # more than a list of few cases has, less than their packed pages
 @pytest.mark.slow
 def test_every_verdict_of_the_page_is_the_one_in_json(report):
     html, document = report
-    table = Table()
+    table = TableParser()
     table.feed(html)
     count = 0
     for item in document["results"]:

@@ -143,12 +143,15 @@ def _write_propeller(propeller: Propeller, name: str) -> ET.Element:
 
 def _write_piston(piston: PistonEngine, propeller: Propeller, name: str) -> ET.Element:
     root = ET.Element("piston_engine", name=name)
+    # JSBSim has impedances per piston speed, the kernel per speed of the crankshaft:
+    # mean piston speed = stroke omega / pi.
     travel = _STROKE / np.pi
     idle = piston.fire_rpm / 0.8
     airbox = piston.intake_impedance * _PEAK / travel
     closed = piston.throttle_impedance * _PEAK / travel
     low_map = STANDARD_PRESSURE / (1.0 + (closed + airbox) * idle * travel / _PEAK)
     work = piston.tables["fuel_work"]["value"]
+    # JSBSim takes the work of the fuel at best mixture as bsfc, and the rest as a table.
     most = float(work.max())
     _add(root, "minmp", low_map / INHG, unit="INHG")
     _add(root, "displacement", piston.displacement / VOLUMES["IN3"], unit="IN3")
@@ -181,6 +184,7 @@ def _line_of(leaf: xr.Dataset | None) -> tuple[float, float]:
     value = leaf["value"]
     if "engine_rpm" not in value.dims:
         return float(value), 0.0
+    # JSBSim takes a straight line: that through the first two points.
     points = value["engine_rpm"].values
     slope = float((value[1] - value[0]) / (points[1] - points[0]))
     return float(value[0]) - slope * float(points[0]), slope

@@ -146,9 +146,11 @@ def _rate_factor(data: xr.Dataset, name: str) -> float | None:
         return None
     angle = data[name].values.astype(float)
     rate, step = _angle_rate(data, name), np.diff(data["time"].values)
+    # Integral of the rate by the trapezoidal rule.
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step)])
     if name != "theta" and np.isfinite(angle).all():
         angle = np.unwrap(angle)
+    # Blocks without trend: biases of gyros do not count.
     y, z = _detrend_blocks(angle), _detrend_blocks(integral)
     finite = np.isfinite(y).all(axis=1) & np.isfinite(z).all(axis=1)
     y, z = y[finite].ravel(), z[finite].ravel()

@@ -229,7 +229,9 @@ def _best_explanation(signals: ResampledChannels, costs: Costs) -> Explanation |
         suspects.update(_channels_of_cost(name, signals))
     repairs = list(_possible_repairs(signals, suspects))
     changes = [_change_of_costs(signals, costs, repair) for repair in repairs]
-    gains = [sum(before - after for before, after in change.values()) for change in changes]
+    gains = []
+    for change in changes:
+        gains.append(sum(before - after for before, after in change.values()))
     most = max(gains, default=0.0)
     if most < GAIN:
         return None

@@ -59,6 +59,7 @@ def temperature_findings(signals: ResampledChannels, record: xr.DataTree) -> lis
         f"atmosphere at the pressure of the flight "
         f"(days differ by {_POSSIBLE[0]:g} to {_POSSIBLE[1]:g} K)"
     )
+    # The temperature again, as if the recorded number were in degF.
     slope, shift = 1.0 / _RATIO, _ZERO - (_ZERO + 32.0) / _RATIO
     if abs(float(np.median(slope * temperature + shift - standard))) < _RESTORED:
         text += (
@@ -102,6 +103,7 @@ def climb_findings(
     value, stderr = slope
     if abs(value - 1.0) < _SLOPE + _SIGMAS * stderr:
         return [], []
+    # The thickness of a layer is proportional to its temperature (hypsometric equation).
     middle = float(np.median(full["temperature"][full.flying]))
     error = middle * (1.0 - value)
     text = (

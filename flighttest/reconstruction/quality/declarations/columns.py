@@ -160,6 +160,7 @@ def _shared_columns(
         for first, second in combinations(names, 2):
             if not _is_same_quantity(first, second):
                 yield first, second, f"are read from one column, {_heading_of(column)}"
+    # A recorder may write one signal into two columns.
     for first, second in combinations(sorted(set(column_of) & set(signals.values)), 2):
         comparable = lookup(first).units == lookup(second).units
         if not comparable or _is_same_quantity(first, second):
@@ -230,10 +231,10 @@ def _channels_at_fault(signals: ResampledChannels, pair: Pair) -> tuple[str, ...
         for name, check in compare_all(signals).items()
         if not check.consistent
     }
-    sums = [
-        sum(disagreement.get(relation, 0.0) for relation in _RELATIONS_OF.get(name, ()))
-        for name in pair
-    ]
+    sums = []
+    for name in pair:
+        relations = _RELATIONS_OF.get(name, ())
+        sums.append(sum(disagreement.get(relation, 0.0) for relation in relations))
     return _worse_channel(pair, sums[0], sums[1]) or pair
 
 

@@ -207,6 +207,7 @@ def _slope_findings(slope: float, stderr: float, names: tuple[str, ...]) -> list
     )
     severity, kind = "warning", "scale"
     remedy = f"check sign, unit and columns of {', '.join(names)}, and the mass"
+    # A slope near a ratio of units shows that unit.
     likely = [unit for unit in _UNITS if abs(slope / unit[2] - 1.0) < _UNIT]
     if slope < 0.0:
         severity, kind = "error", "sign"

@@ -51,6 +51,7 @@ def geometry_findings(aircraft: Aircraft) -> list[Finding]:
     if is_airship(aircraft):
         return airship_findings(aircraft)
     S, cbar, b = aircraft.S, aircraft.cbar, aircraft.b
+    # S / (b cbar) is 1 for a rectangular wing; a wrong unit of one of them shows in both ratios.
     ratio, aspect = S / (b * cbar), b**2 / S
     faults = []
     if not _RATIO[0] <= ratio <= _RATIO[1]:
@@ -69,6 +70,7 @@ def geometry_findings(aircraft: Aircraft) -> list[Finding]:
         explanation = f"; {' or '.join(correction.text for correction in corrections)}"
     text = f"S = {S:.4g} m2, cbar = {cbar:.4g} m, b = {b:.4g} m: {', '.join(faults)}{explanation}"
     remedy = "correct S, cbar and b in the aircraft file; a number without a unit is SI"
+    # Beyond the wider limits no wing is possible.
     possible_ratio = _RATIO_CERTAIN[0] <= ratio <= _RATIO_CERTAIN[1]
     possible_aspect = _ASPECT_CERTAIN[0] <= aspect <= _ASPECT_CERTAIN[1]
     severity = "warning" if possible_ratio and possible_aspect else "error"

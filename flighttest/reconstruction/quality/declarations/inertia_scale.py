@@ -36,6 +36,7 @@ def exchange_findings(
         Moments of inertia. [kg m2]
     """
     unchecked = _size_row(aircraft)
+    # Euler: q_dot = M/Iyy + (Izz - Ixx)/Iyy p r. The motion shows this ratio.
     stated = (aircraft.Izz - aircraft.Ixx) / aircraft.Iyy
     exchanged = (aircraft.Izz - aircraft.Iyy) / aircraft.Ixx
     needed = abs(stated - exchanged)

@@ -83,7 +83,7 @@ def weight_findings(
         return _lift_findings(slope, level, "", record=record), reason
     findings = _lift_findings(slope, level, "mass", record=record)
     ratio = aircraft.mass / recorded
-    # an error of the recorded mass explains the difference
+    # A finding on the recorded mass explains the difference as well.
     if not findings and not _MASSES[0] <= ratio <= _MASSES[1]:
         findings.append(_two_masses_finding(ratio, aircraft.mass, recorded, slope=slope))
     return findings, reason
@@ -92,8 +92,9 @@ def weight_findings(
 def _compare_lift(
     signals: ResampledChannels, aircraft: Aircraft, database: xr.DataTree | None
 ) -> tuple[float | None, float | None, str]:
-    """Return slope and level of the lift over the expected ones, None if not determined, and
-    why.
+    """Return slope and level of the lift over the expected ones, and a reason.
+
+    A slope or level that the record does not determine is None. The reason states why.
     """
     full = signals.completed(("V", "p_static", "temperature"))
     missing = [name for name in _NEEDS if name not in full]
@@ -110,6 +111,7 @@ def _compare_lift(
         level, expected = None, _slope_of_wing(aircraft, mach) * alpha
     else:
         level, expected = _level_ratio(lift, prior), prior
+    # Only an angle of attack that moves determines a slope. `not <` also refuses NaN.
     correlation = 0.0
     if not np.std(alpha) < _MOVES:
         correlation = float(np.corrcoef(expected, lift)[0, 1])
@@ -184,8 +186,8 @@ def _prior_lift(
         if term.split("/")[0] not in coefficients:
             continue
         for name in used_coefficients(leaf):
-            control = name.startswith(("delta_", "gear", "speedbrake")) or name.endswith("hat")
-            if name not in inputs and control:
+            is_control = name.startswith(("delta_", "gear", "speedbrake")) or name.endswith("hat")
+            if name not in inputs and is_control:
                 inputs[name] = 0.0
     try:
         values = [evaluate(database, name, "clamp", **inputs) for name in coefficients]
@@ -222,8 +224,8 @@ def _lift_findings(
     remedy = _REMEDY
     if channel and likely:
         remedy = map_entry(record, channel, likely[0][2])
-    certain = bool(likely) and not _CERTAIN[0] <= measure <= _CERTAIN[1]
-    severity = "error" if certain else "warning"
+    is_certain = bool(likely) and not _CERTAIN[0] <= measure <= _CERTAIN[1]
+    severity = "error" if is_certain else "warning"
     evidence = {"ratio": measure}
     return [Finding(severity, "weight", ("mass",), text, remedy=remedy, evidence=evidence)]
 
@@ -233,12 +235,12 @@ def _two_masses_finding(
 ) -> Finding:
     """Return that the mass of the aircraft file and the recorded one are not of one aeroplane."""
     likely = [unit for unit in _UNITS if _SAME_MASS[0] <= ratio * unit[2] <= _SAME_MASS[1]]
-    # the lift agrees with the recorded mass
-    certain = slope is not None and bool(likely)
+    # A slope without a finding means that the lift agrees with the recorded mass.
+    is_certain = slope is not None and bool(likely)
     text = f"the aircraft file has a mass of {mass:.5g} kg and the record one of {recorded:.5g} kg"
     if likely:
-        culprit = "the first" if certain else "one of them is wrong; the first"
+        culprit = "the first" if is_certain else "one of them is wrong; the first"
         text += f": {culprit} is in {likely[0][0]} and was taken as {likely[0][1]}"
-    severity = "error" if certain else "warning"
+    severity = "error" if is_certain else "warning"
     evidence = {"ratio": ratio}
     return Finding(severity, "weight", ("mass",), text, remedy=_REMEDY, evidence=evidence)

@@ -146,6 +146,7 @@ def _ratio_finding(
     """Return the finding on a ratio, with the size that each channel would be wrong by."""
     deviation = ratio.middle - 1.0
     candidates = [f"{channels[0]} is {deviation:+.1%} wrong"]
+    # The speed is the root of the impact pressure, and of powers of temperature and pressure.
     if "q_c" in channels:
         candidates.append(f"q_c is {-2.0 * deviation:+.1%} wrong")
     for name in {"V", "V_cas"} & set(channels[1:]):

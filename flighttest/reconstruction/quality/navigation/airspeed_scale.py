@@ -64,6 +64,7 @@ def airspeed_findings(
     channel = "V"
     if "V" not in signals:
         channel = source_channels("V", alone_names(completed))[0]
+    # Two independent estimates: acceleration along the path, and wind triangle.
     estimates = []
     fit = fits.air.get(channel)
     if fit is not None and is_determined(fit):
@@ -149,6 +150,7 @@ def _wind_triangle(signals: ResampledChannels) -> tuple[float, float] | None:
     alpha, beta = (
         signals.values.get(name, np.zeros_like(V)) for name in ("alpha_vane", "beta_vane")
     )
+    # Velocity against the air in body axes, then turned by the attitude into north and east.
     body = (V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha) * np.cos(beta))
     ahead, right, _ = velocity_axes(signals, body)
     sp, cp = np.sin(signals["psi"]), np.cos(signals["psi"])
@@ -157,16 +159,20 @@ def _wind_triangle(signals: ResampledChannels) -> tuple[float, float] | None:
     samples = np.flatnonzero(signals.mask(needs))[::every]
     if len(samples) < _FEWEST:
         return None
+    # All tracks have the same low-pass, so that delays of single channels count less.
     n, e, vn, ve = (lowpass_if_possible(x, signals.step, _BAND)[samples] for x in tracks)
+    # The wind is constant, or linear in height where the record climbs.
     winds = [np.ones_like(n)]
     height = signals.values.get("h_baro", signals.values.get("h_gps"))
     if height is not None and np.ptp(height[samples]) > _CLIMB:
         winds.append((height[samples] - height[samples].mean()) / np.ptp(height[samples]))
     wind, still = np.stack(winds, axis=1), np.zeros((len(n), len(winds)))
+    # vn = f (n cos d - e sin d) + wind and ve likewise: f is the factor, d an error of the heading.
     X = np.stack([np.column_stack([n, -e, wind, still]), np.column_stack([e, n, still, wind])])
     y = np.stack([vn, ve])
     if not np.linalg.cond(np.concatenate(X)) < 1e4:
         return None
+    # Standard error by leaving out one block of time after the other (jackknife).
     blocks = np.array_split(np.arange(len(samples)), _BLOCKS)
     left_out = [
         _factor(np.delete(X, block, axis=1), np.delete(y, block, axis=1)) for block in blocks

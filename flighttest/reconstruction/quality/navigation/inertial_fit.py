@@ -128,6 +128,7 @@ def _fit_stretches(
     pieces = [_detrended(channel, references, one, shifts, order=order) for one in slices]
     if not pieces:
         return None
+    # Sums of squares and products, from which every delay has its least squares.
     normal = np.array([one.references.T @ one.references for one in pieces])
     if not np.linalg.cond(normal.sum(axis=0)) < _MOST_CONDITION:
         return None
@@ -138,6 +139,7 @@ def _fit_stretches(
     index = round(shift)
     bound = index in (0, len(shifts) - 1)
     stderr, errors = _coloured_errors(pieces, index, scales, step=step)
+    # The larger of two standard errors: of coloured residuals, and of the scatter of the stretches.
     if len(pieces) >= _JACKKNIFE:
         by_stretch = _jackknife(normal, cross, power)
         stderr = max(stderr, float(by_stretch[0]) * step * (shifts[1] - shifts[0]))

@@ -76,6 +76,7 @@ def velocity_axes(signals: ResampledChannels, body: tuple[np.ndarray, ...]) -> n
     sf, cf = np.sin(signals["phi"]), np.cos(signals["phi"])
     st, ct = np.sin(signals["theta"]), np.cos(signals["theta"])
     x, y, z = body
+    # First the bank about x, then the pitch about y.
     below = sf * y + cf * z
     return np.stack([ct * x + st * below, cf * y - sf * z, ct * below - st * x])
 
@@ -195,6 +196,7 @@ def _fit_vanes(signals: ResampledChannels) -> Iterator[tuple[str, InertialFit]]:
     V = completed["V"]
     alpha, beta = _flow_angles(signals)
     _, ay, az = _accelerations(signals)
+    # Velocity in body axes, of the flow angles and the airspeed.
     u, v, w = (V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha))
     rates = {
         "alpha_vane": signals["q"] * u - signals["p"] * v + az,

@@ -93,6 +93,7 @@ def without_copies(
     notes: list[str] = []
     left_out: list[LeftOut] = []
     for head, names in shared.items():
+        # Columns of one heading with the same content are one; otherwise all of them are left out.
         present = [name for name in names if name in remaining]
         if len(present) == len(names) and _are_copies(names, remaining, units):
             remaining = _join_copies(remaining, names, head)

@@ -176,6 +176,7 @@ def _read_formats(
     lengths[_FMT] = _FMT_LENGTH
     notes: list[str] = []
     for start in starts:
+        # FMT: number and length of a message, its name, a letter per field, and the names of the fields.
         kind, length, *texts = struct.unpack(
             "<BB4s16s64s", raw[start + _HEAD : start + _FMT_LENGTH].tobytes()
         )
@@ -194,6 +195,7 @@ def _read_formats(
             continue
         types = [(column, _TYPES[c][0]) for column, c in zip(fields, characters, strict=True)]
         dtype = np.dtype(types)
+        # A header pattern inside other data looks like a message; its length does not fit.
         if dtype.itemsize + _HEAD != length:
             notes.append(
                 f"message {name} at byte {start}: {length} bytes do not fit its format "

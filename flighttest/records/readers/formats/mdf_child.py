@@ -31,6 +31,7 @@ def decode_mdf(path: str, requested: set[str]) -> tuple[dict[str, Any], list[np.
             group: Any = file.groups[index]
             master = file.masters_db.get(index)
             name = _unique_name(group, index, {group["name"] for group in groups})
+            # A group needs a time master with two samples, and a channel.
             if master is None:
                 left_out.append((name, f"{len(group.channels)} channels without a time master"))
                 continue

@@ -47,6 +47,7 @@ def to_engineering_value(
     SchemaError
         The code is floating point, and the word has another width than 32 or 64 bits.
     """
+    # The parameter is a part of the word: shifted to bit 0, and the bits above it removed.
     if bits is not None:
         width = bits[1] - bits[0] + 1
         count = (count >> np.uint64(bits[0])) & np.uint64((1 << width) - 1)

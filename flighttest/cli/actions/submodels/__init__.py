@@ -1,0 +1,1 @@
+"""Functions that perform the commands of `flighttest.cli.submodels`."""
