@@ -24,7 +24,7 @@ import numpy as np
 
 from flighttest.maximum_likelihood.linear.gust_states import READ
 from flighttest.maximum_likelihood.nonlinear.kernel_flights import StepSlopes
-from flighttest.maximum_likelihood.nonlinear.riccati import (
+from flighttest.maximum_likelihood.riccati import (
     correct_covariance,
     noise_of_step,
     settled_covariance,

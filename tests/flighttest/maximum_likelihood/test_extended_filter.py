@@ -25,7 +25,7 @@ from flighttest.maximum_likelihood.nonlinear.kernel_flights import (
     StepSlopes,
 )
 from flighttest.maximum_likelihood.nonlinear.linearised_flights import LinearisedFlights
-from flighttest.maximum_likelihood.nonlinear.riccati import solve_each
+from flighttest.maximum_likelihood.riccati import solve_each
 
 A = np.array([[-1.2, 0.98], [-6.0, -1.8]])
 B = np.array([[-0.1], [-9.0]])
