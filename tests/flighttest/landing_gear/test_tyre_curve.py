@@ -9,7 +9,7 @@ from flighttest.submodels.landing_gear.tyre_curve import curve_error, magic_side
 from flighttest.submodels.landing_gear.wheel_positions import WheelGroup
 
 
-@pytest.mark.parametrize("degrees, expected", [(1.0, 0.0377), (3.0, 0.0921), (6.0, 0.1405)])
+@pytest.mark.parametrize(("degrees", "expected"), [(1.0, 0.0377), (3.0, 0.0921), (6.0, 0.1405)])
 def test_the_curve_error_grows_with_the_slip(degrees, expected):
     group, speed = WheelGroup(("left",)), np.full(202, 20.0)
     slip = np.tan(np.radians(np.append(np.linspace(-degrees, degrees, 201), 80.0)))
