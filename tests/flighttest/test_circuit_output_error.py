@@ -160,6 +160,7 @@ def test_output_error_finds_the_circuit_that_was_simulated(columns):
 def test_regressions_replace_an_output_error_that_did_not_converge(columns, monkeypatch):
     loading, driven, free = columns
     monkeypatch.setattr(circuit_fit, "_ITERATIONS", 1)
+    monkeypatch.setattr(circuit_fit, "_HELD_ITERATIONS", 1)
     output_error = identify_control_loading(loading, driven, free, order=2, method="output error")
     regression = identify_control_loading(loading, driven, free, order=2, method="regression")
     best = identify_control_loading(loading, driven, free, order=2)

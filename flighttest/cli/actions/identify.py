@@ -115,6 +115,7 @@ def run_fit_linear(
     disturbance: str,
     angle: str | None,
     scale: float | None,
+    span: float,
     constraints: tuple[str, ...],
     output: str | None,
     as_json: bool,
@@ -146,6 +147,7 @@ def run_fit_linear(
             angle=angle or "",
             scale=scale,
             constraints=constraints,
+            span=span,
         )
     if output:
         save_output_error(state_windows(done.fit, used), output)

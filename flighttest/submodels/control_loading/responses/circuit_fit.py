@@ -51,7 +51,7 @@ from flighttest.submodels.control_loading.responses.window_response import (
 )
 
 # Iterations of the search with free starts of the windows, and of that with held ones.
-_ITERATIONS = 30
+_ITERATIONS, _HELD_ITERATIONS = 30, 60
 # First and smallest width of friction and preload, over the largest rate and the range of the
 # travel in the records, and a-priori standard error of the logarithm of a width.
 _WIDE, _LEAST, _WIDTH_ERROR = 3e-3, 1e-4, 3.0
@@ -168,7 +168,7 @@ def fit_circuit(
     held = _hold_starts(layout, maximum)
     if held is not None:
         likelihood = CircuitLikelihood(loading, windows, rows, held, start)
-        maximum = maximise_likelihood(likelihood, _ITERATIONS, maximum.theta)
+        maximum = maximise_likelihood(likelihood, _HELD_ITERATIONS, maximum.theta)
     return _fit_of(maximum, likelihood, tuple(unknowns))
 
 
