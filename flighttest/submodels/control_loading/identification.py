@@ -150,7 +150,7 @@ def identify_control_loading(
     sources = _error_sources(loading, [*driven, *free], errors or {})
     stops = None if drawings is None else drawings.stops
     windows = [] if method == REGRESSION else find_windows(loading, free, stops)
-    response = None
+    response: IdentifiedLoading | None = None
     if windows:
         try:
             response = _fit_responses(
