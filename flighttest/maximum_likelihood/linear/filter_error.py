@@ -50,14 +50,14 @@ from flighttest.maximum_likelihood.linear.positive_unknowns import (
 )
 from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
-    Matrices,
     Predictor,
     demand_known,
     filter_innovations,
     innovation_slopes,
     input_output_arrays,
     make_predictor,
-    pick_values,
+    pick_rows,
+    stack_models,
     steady_filters,
 )
 from flighttest.maximum_likelihood.residual_covariance import (
@@ -228,21 +228,17 @@ class _FilteredRecord:
         """
         states, outputs = self.model.states, self.model.outputs
         named = [self._name_values(values) for values in rows]
-
-        def pick(kind: str, names: Sequence[str]) -> np.ndarray:
-            return np.array([pick_values(values, kind, names) for values in named])
-
         # A trial far off overflows, and then has no filter.
         with np.errstate(all="ignore"):
             steady = steady_filters(
-                Matrices(*map(np.stack, zip(*[self.model.at(values) for values in named]))),
-                drift=pick("drift", states),
-                intensity=pick("process", states),
-                noise=pick("noise", outputs),
+                stack_models(self.model, named),
+                drift=pick_rows(named, "drift", states),
+                intensity=pick_rows(named, "process", states),
+                noise=pick_rows(named, "noise", outputs),
                 step=self.step,
             )
-        run = make_predictor(steady, pick("init", states), offset=pick("sensor", outputs))
-        return run, steady.S
+        offset = pick_rows(named, "sensor", outputs)
+        return make_predictor(steady, pick_rows(named, "init", states), offset), steady.S
 
     def predict(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return innovations (time, output) and their variance; NaN without a filter."""

@@ -12,14 +12,14 @@ from flighttest.maximum_likelihood.constrained_unknowns import constrain_unknown
 from flighttest.maximum_likelihood.likelihood import Likelihood
 from flighttest.maximum_likelihood.linear.state_space import (
     LinearModel,
-    Matrices,
     Predictor,
     demand_known,
     filter_innovations,
     innovation_slopes,
     input_output_arrays,
     make_predictor,
-    pick_values,
+    pick_rows,
+    stack_models,
     steady_filters,
 )
 from flighttest.maximum_likelihood.residual_covariance import (
@@ -162,18 +162,15 @@ class _RecordResponse:
         """
         named = [dict(zip(self.names, values)) for values in rows]
         states, outputs = self.model.states, self.model.outputs
-
-        def pick(kind: str, names: Sequence[str]) -> np.ndarray:
-            return np.array([pick_values(values, kind, names) for values in named])
-
         simulations = steady_filters(
-            Matrices(*map(np.stack, zip(*[self.model.at(values) for values in named]))),
-            drift=pick("drift", states),
+            stack_models(self.model, named),
+            drift=pick_rows(named, "drift", states),
             intensity=np.zeros((len(rows), len(states))),
             noise=np.zeros((len(rows), len(outputs))),
             step=self.step,
         )
-        return make_predictor(simulations, pick("init", states), offset=pick("sensor", outputs))
+        offset = pick_rows(named, "sensor", outputs)
+        return make_predictor(simulations, pick_rows(named, "init", states), offset)
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs with the offsets of the instruments."""

@@ -208,6 +208,17 @@ def pick_values(values: Mapping[str, float], kind: str, names: Sequence[str]) ->
     return np.array([values.get(f"{kind}.{name}", 0.0) for name in names])
 
 
+def pick_rows(rows: Sequence[Mapping[str, float]], kind: str, names: Sequence[str]) -> np.ndarray:
+    """Return the values named ``kind.name`` of every row, (row, names)."""
+    return np.array([pick_values(values, kind, names) for values in rows])
+
+
+def stack_models(model: LinearModel, rows: Sequence[Mapping[str, float]]) -> Matrices:
+    """Return the matrices for rows of parameter values, with the rows as first dimension."""
+    matrices = [model.at(values) for values in rows]
+    return Matrices(*(np.stack(part) for part in zip(*matrices)))
+
+
 class Filter(NamedTuple):
     """A steady-state predictor, or several with the filters as the first dimension.
 
