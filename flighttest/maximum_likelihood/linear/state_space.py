@@ -14,7 +14,7 @@ import scipy
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
-from flighttest.maximum_likelihood.riccati import steady_covariance
+from flighttest.maximum_likelihood.linear.riccati import steady_covariance
 
 _DIMS = {
     "A": ("state", "state_"),
