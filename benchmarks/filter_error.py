@@ -12,7 +12,8 @@ its angle of attack by a vane or by an inertial platform:
 
 - calm: noise of the instruments alone;
 - process: white noise in the rates of both states;
-- vane, inertial: vertical Dryden gusts of 1 m/s, MIL-F-8785C, scale 150 m at 100 m/s.
+- vane, inertial: vertical Dryden gusts of 1 m/s, MIL-F-8785C, scale 150 m at 100 m/s;
+- rotation: as vane, and the air rotates by the q gust of MIL-F-8785C for a span of 10 m.
 
 Rows are output error, and filter error with white process noise, with Dryden gusts whose intensity
 and scale are estimated, and with both.
@@ -32,6 +33,7 @@ import numpy as np
 import xarray as xr
 from output_error import ELEMENTS, A, B, C
 from scipy.linalg import expm
+from scipy.signal import bilinear, lfilter
 from turbulence_warning import SCALE, SPEED, STEP, vertical_gust
 
 from flighttest.maximum_likelihood import (
@@ -45,11 +47,15 @@ from flighttest.maximum_likelihood import (
 
 OUTPUTS, NOISE = ("alpha", "q", "nz"), np.array([2e-3, 2e-3, 0.02])
 FINE = 5  # steps of the simulation in one of the record
-KINDS = ("calm", "process", "vane", "inertial")
+KINDS = ("calm", "process", "vane", "inertial", "rotation")
+GUSTS = ("vane", "inertial", "rotation")
+SPAN = 10.0  # of the rotating air [m]
 WHITE = {"process.alpha": 0.01, "process.q": 0.01}
 OPEN_LOOP, STIRRED, GUSTY, BOTH = "output error", "white process noise", "Dryden gusts", "both"
+TURNING = "gusts that rotate"
 METHODS = (OPEN_LOOP, STIRRED, GUSTY, BOTH)
 RIGHT = {kind: (OPEN_LOOP, GUSTY) for kind in KINDS} | {"process": (OPEN_LOOP, STIRRED)}
+RIGHT["rotation"] = (OPEN_LOOP, GUSTY, TURNING)
 
 
 def short_period() -> LinearModel:
@@ -77,17 +83,21 @@ def record(kind: str, seed: int) -> xr.Dataset:
     u = 0.03 * steps + 0.01 * np.sin(5.0 * t) * (t < 15)
     count = (len(t) - 1) * FINE + 1
     drive = np.interp((np.arange(count) + 0.5) * h, t, u)
-    gust = vertical_gust(float(kind in ("vane", "inertial")), rng, count, h)
+    gust = vertical_gust(float(kind in GUSTS), rng, count, h)
     stirred = np.sqrt(h) * np.array([0.02, 0.03]) * rng.standard_normal((count, 2))
     stirred *= kind == "process"
+    # The q gust is the derivative of the gust along the path behind a lag [MIL-F-8785C, 3.7.1.2].
+    lag = bilinear([1.0, 0.0], [4.0 * SPAN / (np.pi * SPEED), 1.0], 1.0 / h)
+    turn = -lfilter(*lag, gust) * float(kind == "rotation")
     F = expm(A * h)
     G = np.linalg.solve(A, F - np.eye(2))
+    damping = np.array([0.0, A[1, 1]])
     x, states = np.zeros(2), np.empty((count, 2))
     for k in range(count):
         states[k] = x
-        x = F @ x + G @ (B[:, 0] * drive[k] + A[:, 0] * gust[k]) + stirred[k]
+        x = F @ x + G @ (B[:, 0] * drive[k] + A[:, 0] * gust[k] + damping * turn[k]) + stirred[k]
     # The accelerometer feels the force of the gust; only a vane measures its angle.
-    felt = C[:, 0] * np.array([float(kind == "vane"), 1.0, 1.0])
+    felt = C[:, 0] * np.array([float(kind != "inertial"), 1.0, 1.0])
     y = states[::FINE] @ C.T + np.outer(gust[::FINE], felt)
     y += NOISE * rng.standard_normal(y.shape)
     columns = {name: ("time", y[:, k]) for k, name in enumerate(OUTPUTS)}
@@ -104,7 +114,10 @@ def fit(kind: str, data: xr.Dataset, method: str) -> OutputError:
     other = ("alpha",) if kind == "inertial" else ()
     seen = tuple(name for name in ("alpha", "nz") if name not in other)
     # Intensity and scale start a factor of two off.
-    gust = DrydenGust("alpha", SPEED, 2.0 * SCALE, 0.5, air_relative=seen, inertial=other)
+    span = SPAN if method == TURNING else 0.0
+    gust = DrydenGust(
+        "alpha", SPEED, 2.0 * SCALE, 0.5, air_relative=seen, inertial=other, span=span
+    )
     wanted = start | {"gust.w": 0.5, "scale.w": 2.0 * SCALE}
     if method == BOTH:
         wanted |= WHITE

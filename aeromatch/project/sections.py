@@ -273,6 +273,11 @@ class ControlSection(Strict):
     order: Literal[2, 4] = Field(
         default=4, description="Masses: 4: cockpit and surface on a cable; 2: one."
     )
+    method: Literal["best", "regression", "output error"] = Field(
+        default="best",
+        description="Regressions alone, or output error of the free motion started from them; best "
+        "is the output error if its search converges.",
+    )
 
     def problems(self, item: str) -> Iterator[str]:
         """Yield what is wrong with model and constants."""

@@ -226,6 +226,7 @@ def identified_controls(
             driven_motion[item],
             _ground_parts(paths, free),
             section.order,
+            method=section.method,
             errors=pick_up_errors(aircraft.instruments),
             circuit=aircraft.circuits.get(item),
         )
@@ -246,12 +247,13 @@ def _identify_control(
     driven: Sequence[xr.Dataset],
     free: Sequence[xr.Dataset],
     order: int,
+    method: str,
     errors: Mapping[str, Any],
     circuit: Any,
 ) -> tuple[Any, Any]:
     """Return the control loading and its simulated free motion."""
     identified = flighttest.identify_control_loading(
-        loading, driven, free, order, errors=errors, drawings=circuit
+        loading, driven, free, order, errors=errors, drawings=circuit, method=method
     )
     return identified, identified.fly(free)
 

@@ -103,6 +103,12 @@ def fit_command() -> None:
 @click.option(
     "--scale", type=float, help="Scale of the gusts [m]. Default: it is estimated, from 150 m."
 )
+@click.option(
+    "--span",
+    type=click.FloatRange(0.0),
+    default=0.0,
+    help="Span of the wing [m], by which the air of the gusts also rotates. Default: it does not.",
+)
 @constraint_option("a derivative")
 @click.option(
     "-o",

@@ -134,10 +134,11 @@ _FILE = InputFile()
 )
 @click.option(
     "--method",
-    type=click.Choice(["regression", "output error"]),
-    default="regression",
+    type=click.Choice(["best", "regression", "output error"]),
+    default="best",
     show_default=True,
-    help="Regressions alone, or output error of the free motion started from them.",
+    help="Regressions alone, or output error of the free motion started from them; best is the "
+    "output error if its search converges.",
 )
 @click.option(
     "-o",

@@ -194,7 +194,10 @@ class _Search:
             # A small step may be one of strong damping: try the full step again.
             self.damping = min(self.damping, _DAMPING)
         if not self.stop and self.count == self.iterations:
-            self.stop = EXHAUSTED
+            # On a flat ridge steps may stay small without becoming smaller. The last slopes are
+            # central, so that they prove a maximum here too.
+            self.remaining, share = self._undamped_step()
+            self.stop = CONVERGED if share < PROVEN else EXHAUSTED
 
     def _undamped_step(self) -> tuple[np.ndarray, float]:
         """Return the step without damping, and its largest element in standard errors."""

@@ -4,14 +4,18 @@ whose motion is simulated here.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flighttest.maximum_likelihood.unknowns import UnknownVector
 from flighttest.submodels.control_loading import simulation
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
+from flighttest.submodels.control_loading.responses import circuit_fit
 from flighttest.submodels.control_loading.responses.free_response import find_windows
 from flighttest.submodels.control_loading.responses.quiet_inputs import quiet_lines
 from flighttest.submodels.control_loading.simulation import simulate_linkages
@@ -154,11 +158,48 @@ def test_output_error_finds_the_circuit_that_was_simulated(columns):
     assert fit.remarks == []
 
 
+def test_regressions_replace_an_output_error_that_did_not_converge(columns, monkeypatch):
+    loading, driven, free = columns
+    monkeypatch.setattr(circuit_fit, "_ITERATIONS", 1)
+    monkeypatch.setattr(circuit_fit, "_HELD_ITERATIONS", 1)
+    output_error = identify_control_loading(loading, driven, free, order=2, method="output error")
+    regression = identify_control_loading(loading, driven, free, order=2, method="regression")
+    best = identify_control_loading(loading, driven, free, order=2)
+    assert not output_error.has_converged
+    assert best.response is None
+    assert any("the result is that of the regressions" in one.text for one in best.remarks)
+    for name in ("mass", "damping", "friction", "Ch_e: delta_e"):
+        value, stderr = best.value(name)
+        assert value == pytest.approx(regression.value(name)[0], rel=1e-9)
+        # The standard error contains the difference of both methods.
+        difference = output_error.value(name)[0] - regression.value(name)[0]
+        assert stderr == pytest.approx(np.hypot(regression.value(name)[1], difference), rel=1e-6)
+
+
+def test_starts_of_windows_that_do_not_settle_are_held():
+    names = ("mass", "start.travel@1", "start.surface@1", "start.travel@2", "start.surface@2")
+    wide = np.full(5, np.inf)
+    layout = UnknownVector(names, (), (), np.zeros(5), sigma=wide, low=-wide, high=wide)
+    end = SimpleNamespace(
+        converged=False,
+        information=np.eye(5),
+        active=np.zeros(5, bool),
+        remaining=np.array([1.0, 0.01, 0.2, 0.01, -0.01]),
+        theta=np.arange(5.0),
+    )
+    held = circuit_fit._hold_starts(layout, end)
+    # Both ends of the first window move on by more than a twentieth of a standard error.
+    np.testing.assert_array_equal(held.low, [-np.inf, 1.0, 2.0, -np.inf, -np.inf])
+    np.testing.assert_array_equal(held.high, [np.inf, 1.0, 2.0, np.inf, np.inf])
+    end.converged = True
+    assert circuit_fit._hold_starts(layout, end) is None
+
+
 def test_windows_end_before_a_stop_and_methods_are_named(columns):
     loading, driven, free = columns
     whole = find_windows(loading, free[:1])
     reached = max(float(window.measured[:, 0].max() * window.scale[0]) for window in whole)
     cut = find_windows(loading, free[:1], (-0.2, 0.9 * reached))
     assert sum(len(window.time) for window in cut) < sum(len(window.time) for window in whole)
-    with pytest.raises(IdentificationError, match="allowed: regression, output error"):
+    with pytest.raises(IdentificationError, match="allowed: best, regression, output error"):
         identify_control_loading(loading, driven, free, method="guess")

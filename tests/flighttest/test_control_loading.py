@@ -102,7 +102,7 @@ def loading(truth) -> ControlLoading:
 @pytest.fixture(scope="module")
 def found(loading, records):
     """The regressions alone: enough for files, priors and remarks."""
-    return identify_control_loading(loading, *records)
+    return identify_control_loading(loading, *records, method="regression")
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +156,7 @@ def test_bob_weight_and_angle_of_attack_are_named_as_collinear(found):
 def test_free_motion_follows_the_recorded_forces_and_needs_the_cable(found, loading, records):
     driven, free = records
     misfit = np.array([window.misfit() for window in found.fly(free[:3])])
-    rigid = identify_control_loading(loading, driven, free, order=2)
+    rigid = identify_control_loading(loading, driven, free, order=2, method="regression")
     without = np.array([window.misfit() for window in rigid.fly(free[:3])])
     assert misfit.max() < 0.02  # rms over range: 0.2 to 0.8 % as measured
     assert without[:, 0].mean() > 3.0 * misfit[:, 0].mean()
@@ -327,12 +327,13 @@ def test_prior_moves_what_the_records_leave_open_most(found):
 @pytest.mark.nightly
 def test_errors_of_the_pick_ups_widen_what_they_move(loading, records):
     driven, free = records[0], records[1][:1]
-    plain = identify_control_loading(loading, driven, free, order=2)
+    plain = identify_control_loading(loading, driven, free, order=2, method="regression")
     wide = identify_control_loading(
         loading,
         driven,
         free,
         order=2,
+        method="regression",
         errors={"F_column": (2.0, 0.02), "wheel": (1.0, 1.0)},
     )
     assert wide.value("friction")[0] == plain.value("friction")[0]
@@ -346,10 +347,13 @@ def test_errors_of_the_pick_ups_widen_what_they_move(loading, records):
 @pytest.mark.nightly
 def test_errors_of_the_pick_ups_are_carried_on_as_a_refit_would(found, loading, records):
     scale = 1.001
-    wide = identify_control_loading(loading, *records, errors={"delta_e": (0.0, scale - 1.0)})
+    wide = identify_control_loading(
+        loading, *records, errors={"delta_e": (0.0, scale - 1.0)}, method="regression"
+    )
     moved = identify_control_loading(
         loading,
         *([one.assign(delta_e=one["delta_e"] * scale) for one in group] for group in records),
+        method="regression",
     )
     for name in ("friction", "Ch_e: delta_e", "cable_stiffness", "inertia"):
         carried = np.sqrt(wide.value(name)[1] ** 2 - found.value(name)[1] ** 2)
@@ -503,7 +507,7 @@ def test_iterations_that_stop_at_their_limit_are_remarked(
     assert "not converged" not in found.report()
     # A single pass cannot show that it converged.
     monkeypatch.setattr(module, "_PASSES", 0 if module is identification else 1)
-    stopped = identify_control_loading(loading, *records)
+    stopped = identify_control_loading(loading, *records, method="regression")
     assert not stopped.iterations[name].converged
     assert is_forbidden(stopped.remarks)
     assert f"!! {name}: not converged after 1 iterations" in stopped.report()

@@ -106,11 +106,14 @@ class DisturbanceOptions:
         Source of alpha or beta; gusts need it.
     scale : float or None
         Scale of the gusts [m]; None if it is estimated.
+    span : float
+        Span by which the air of the gusts also rotates [m]; zero: it does not.
     """
 
     disturbance: str
     angle: str | None
     scale: float | None
+    span: float
 
     def check(self) -> None:
         """Raise UsageError for gusts without the source of the angle, and for a wrong scale."""
@@ -155,6 +158,7 @@ def run_fit_linear(
             angle=gusts.angle or "",
             scale=gusts.scale,
             constraints=constraints,
+            span=gusts.span,
         )
     if output:
         save_output_error(state_windows(done.fit, used), output)

@@ -56,8 +56,9 @@ from flighttest.maximum_likelihood.linear.state_space import (
     innovation_slopes,
     input_output_arrays,
     make_predictor,
-    pick_values,
-    steady_filter,
+    pick_rows,
+    stack_models,
+    steady_filters,
 )
 from flighttest.maximum_likelihood.residual_covariance import (
     coloured_likelihood_covariance,
@@ -220,33 +221,33 @@ class _FilteredRecord:
         self.step = uniform_step(self.time, "record")
         self.u, self.z = input_output_arrays(model, record)
 
-    def _make_run(self, values: np.ndarray) -> tuple[Predictor, np.ndarray]:
-        """Return the filter and the variance of its innovations.
+    def _make_runs(self, rows: np.ndarray) -> tuple[Predictor, np.ndarray]:
+        """Return the filters of rows of unknowns, and the variances of their innovations.
 
-        Raise LinAlgError or ValueError if there is no steady filter.
+        Raise LinAlgError or ValueError if one of them has no steady filter.
         """
-        named, states, outputs = self._name_values(values), self.model.states, self.model.outputs
+        states, outputs = self.model.states, self.model.outputs
+        named = [self._name_values(values) for values in rows]
         # A trial far off overflows, and then has no filter.
         with np.errstate(all="ignore"):
-            steady = steady_filter(
-                self.model.at(named),
-                drift=pick_values(named, "drift", states),
-                intensity=pick_values(named, "process", states),
-                noise=pick_values(named, "noise", outputs),
+            steady = steady_filters(
+                stack_models(self.model, named),
+                drift=pick_rows(named, "drift", states),
+                intensity=pick_rows(named, "process", states),
+                noise=pick_rows(named, "noise", outputs),
                 step=self.step,
             )
-        start = pick_values(named, "init", states)
-        run = make_predictor(steady, start, offset=pick_values(named, "sensor", outputs))
-        return run, steady.S
+        offset = pick_rows(named, "sensor", outputs)
+        return make_predictor(steady, pick_rows(named, "init", states), offset), steady.S
 
     def predict(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return innovations (time, output) and their variance; NaN without a filter."""
         try:
-            run, S = self._make_run(values)
+            runs, S = self._make_runs(values[None])
         except (np.linalg.LinAlgError, ValueError):
             return np.full(self.z.shape, np.nan), np.full((1, *2 * self.z.shape[1:]), np.nan)
         with np.errstate(over="ignore", invalid="ignore"):
-            return filter_innovations(run, self.u, self.z), S[None]
+            return filter_innovations(Predictor(*(part[0] for part in runs)), self.u, self.z), S
 
     def slopes(self, values: np.ndarray, steps: np.ndarray) -> InnovationSlopes:
         """Return their slopes; NaN if a step does not have a filter.
@@ -256,19 +257,20 @@ class _FilteredRecord:
         """
         is_variance = np.array([name.split(".")[0] in DEVIATIONS for name in self.names])
         values = np.where(is_variance, np.maximum(values, steps), values)
-        shifts = np.diag(steps)
+        count, shifts, width = len(values), np.diag(steps), 2.0 * steps
         try:
-            run, _ = self._make_run(values)
-            up, S_up = zip(*[self._make_run(values + shift) for shift in shifts])
-            down, S_down = zip(*[self._make_run(values - shift) for shift in shifts])
+            runs, S = self._make_runs(values + np.vstack([shifts, -shifts, np.zeros(count)]))
         except (np.linalg.LinAlgError, ValueError):
             return InnovationSlopes(
-                np.full((*self.z.shape, len(values)), np.nan),
-                np.full((len(values), 1, *2 * self.z.shape[1:]), np.nan),
+                np.full((*self.z.shape, count), np.nan),
+                np.full((count, 1, *2 * self.z.shape[1:]), np.nan),
             )
-        dS = (np.stack(S_up) - np.stack(S_down)) / (2.0 * steps[:, None, None])
+        up = Predictor(*(part[:count] for part in runs))
+        down = Predictor(*(part[count:-1] for part in runs))
+        run = Predictor(*(part[-1] for part in runs))
+        dS = (S[:count] - S[count:-1]) / width[:, None, None]
         with np.errstate(over="ignore", invalid="ignore"):
-            e = innovation_slopes(run, up, down=down, width=2.0 * steps, u=self.u, z=self.z)
+            e = innovation_slopes(run, up, down=down, width=width, u=self.u, z=self.z)
         return InnovationSlopes(np.moveaxis(e, 0, 2), dS[:, None])
 
     def _name_values(self, values: np.ndarray) -> dict[str, float]:

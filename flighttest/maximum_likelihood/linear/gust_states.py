@@ -9,6 +9,14 @@ White noise n of unit intensity gives it through two equal lags:
 
     a' = -a / T + sigma / sqrt(T) n,   b' = (a - b) / T,   w = sqrt(3) a + (1 - sqrt(3)) b
 
+A gust that is not the same at nose and tail rotates the air. The rotation has no noise of its own
+[MIL8785]_: it is the derivative of the gust along the path behind a lag of the span b,
+
+    c' = (w / V - c) / tau,   rate = (w / V - c) / tau,   tau = 4 b / (pi V) of w, 3 b / (pi V) of v
+
+and adds to r, or subtracts from q, where the moments of damping act. Rolling of the air has a noise
+of its own, and is not modelled.
+
 The angle w / V adds to the angle of the inertial motion wherever the *air* acts: in the rates, in
 the forces that accelerometers feel, and in the reading of a vane. The angle of an inertial platform
 contains only the motion that follows.
@@ -32,6 +40,9 @@ from flighttest.maximum_likelihood.unknowns import Unknown
 
 # output of the two lags
 READ = np.array([np.sqrt(3.0), 1.0 - np.sqrt(3.0)])
+# rotation that follows from the gusts of an angle: rate, sign, and lag over span and speed
+_ROTATIONS = {"alpha": ("q", -1.0, 4.0 / np.pi), "beta": ("r", 1.0, 3.0 / np.pi)}
+_RATES = ("p", "q", "r")  # states whose equations are those of moments
 # expected states of the two lags over the gust: their covariances with it over its variance,
 # E a^2 = sigma^2 / 2 and E a b = E b^2 = sigma^2 / 4
 _EXPECTED = np.array([[0.5, 0.25], [0.25, 0.25]]) @ READ
@@ -59,6 +70,9 @@ class DrydenGust:
     name : str
         Name of the gust in parameters: ``gust.w``, ``scale.w`` and ``init.gust_w``, the last one
         in intensities.
+    span : float
+        Span of the wing, by which the air also rotates: q with gusts of alpha, r with those of
+        beta. 0: it does not. [m]
     """
 
     state: str
@@ -68,11 +82,17 @@ class DrydenGust:
     air_relative: tuple[str, ...]
     inertial: tuple[str, ...] = ()
     name: str = "w"
+    span: float = 0.0
 
     @property
     def states(self) -> tuple[str, str]:
         """Names of the two lags."""
         return f"gust_{self.name}_lead", f"gust_{self.name}_lag"
+
+    @property
+    def turn(self) -> str:
+        """Name of the lag of the rotation."""
+        return f"gust_{self.name}_turn"
 
     def time(self, values: Mapping[str, float]) -> float:
         """Return T. [s]"""
@@ -89,6 +109,7 @@ class DrydenGust:
             f"process.{lead}": sigma / self.speed / np.sqrt(self.time(values)),
             f"init.{lead}": float(first[0]),
             f"init.{lag}": float(first[1]),
+            f"init.{self.turn}": float(READ @ first),
         }
 
 
@@ -128,6 +149,7 @@ def add_gusts(model: LinearModel, gusts: Sequence[DrydenGust]) -> LinearModel:
         if gust.state not in model.states:
             raise UnknownName(gust.state, model.states, "state")
         problems += _list_problems(gust, model.outputs, C[:, model.states.index(gust.state)])
+        problems += _list_rotation_problems(gust, model.states)
     names = [gust.name for gust in gusts]
     if len(set(names)) < len(names):
         problems.append(f"gusts are named {', '.join(names)}; give each its own name")
@@ -160,20 +182,43 @@ def _list_problems(gust: DrydenGust, outputs: Sequence[str], column: np.ndarray)
     return problems
 
 
+def _list_rotation_problems(gust: DrydenGust, states: Sequence[str]) -> list[str]:
+    """Return what is wrong with the rotation of the air."""
+    if gust.span == 0.0:
+        return []
+    if not (np.isfinite(gust.span) and gust.span > 0.0):
+        return [f"span of gust {gust.name} is {gust.span:g}; give a positive value, or 0"]
+    rate = _ROTATIONS[gust.state][0] if gust.state in _ROTATIONS else ""
+    if rate not in states:
+        return [
+            f"gust {gust.name} has a span, but acts on {gust.state} of a model with the states "
+            f"{', '.join(states)}; the air rotates with alpha and q, or beta and r"
+        ]
+    return []
+
+
 def _add_gust(model: LinearModel, gust: DrydenGust) -> LinearModel:
-    """Return the model with the two lags of one gust as its last states."""
+    """Return the model with the two lags of one gust, and that of its rotation, as last states."""
     position, n = model.states.index(gust.state), len(model.states)
     felt = np.array([float(name in gust.air_relative) for name in model.outputs])
+    names = (*gust.states, gust.turn) if gust.span else gust.states
+    moments = np.array([float(name in _RATES) for name in model.states])
 
     def matrices(values: Mapping[str, float]) -> list[np.ndarray]:
         A, B, C, D = model.at(values)
-        T = gust.time(values)
-        whole = np.zeros((n + 2, n + 2))
-        whole[:n, :n] = A
+        T, size = gust.time(values), n + len(names)
+        whole, seen = np.zeros((size, size)), np.zeros((len(C), size))
+        whole[:n, :n], seen[:, :n] = A, C
         # The air acts through the angle of motion and gust.
-        whole[:n, n:] = np.outer(A[:, position], READ)
-        whole[n:, n:] = np.array([[-1.0, 0.0], [1.0, -1.0]]) / T
-        seen = np.outer(felt * C[:, position], READ)
-        return [whole, np.vstack([B, np.zeros((2, B.shape[1]))]), np.hstack([C, seen]), D]
+        whole[:n, n : n + 2] = np.outer(A[:, position], READ)
+        whole[n : n + 2, n : n + 2] = np.array([[-1.0, 0.0], [1.0, -1.0]]) / T
+        seen[:, n : n + 2] = np.outer(felt * C[:, position], READ)
+        if gust.span:
+            rate, sign, lag = _ROTATIONS[gust.state]
+            turned = np.append(READ, -1.0) * gust.speed / (lag * gust.span)
+            damping = moments * A[:, model.states.index(rate)]
+            whole[:n, n:] += sign * np.outer(damping, turned)
+            whole[-1, n:] = turned
+        return [whole, np.vstack([B, np.zeros((len(names), B.shape[1]))]), seen, D]
 
-    return replace(model, states=(*model.states, *gust.states), matrices=matrices)
+    return replace(model, states=(*model.states, *names), matrices=matrices)

@@ -91,6 +91,7 @@ def fit_motion(
     angle: str = "",
     scale: float | None = None,
     constraints: Sequence[str] = (),
+    span: float = 0.0,
 ) -> MotionFit:
     """Estimate the dimensional derivatives of a linear motion.
 
@@ -109,6 +110,8 @@ def fit_motion(
         Scale of the gusts; it is estimated without it. [m]
     constraints : sequence of str
         Linear constraints among the derivatives, as of `linear_output_error`.
+    span : float
+        Span of the wing, by which the air of the gusts rotates; 0: it does not. [m]
 
     Raises
     ------
@@ -143,7 +146,8 @@ def fit_motion(
         wanted |= _process_starts(records, kind)
     gusts = []
     if has_gusts:
-        gusts = [_motion_gust(kind, steady, angle, _SCALE if scale is None else scale)]
+        gust = _motion_gust(kind, steady, angle, _SCALE if scale is None else scale)
+        gusts = [replace(gust, span=span)]
         wanted[f"gust.{gusts[0].name}"] = Unknown(_INTENSITY)
         if scale is None:
             wanted[f"scale.{gusts[0].name}"] = Unknown(_SCALE)

@@ -18,8 +18,9 @@ from flighttest.maximum_likelihood.linear.state_space import (
     innovation_slopes,
     input_output_arrays,
     make_predictor,
-    pick_values,
-    steady_filter,
+    pick_rows,
+    stack_models,
+    steady_filters,
 )
 from flighttest.maximum_likelihood.residual_covariance import (
     coloured_likelihood_covariance,
@@ -152,39 +153,43 @@ class _RecordResponse:
                 f"outputs of the model"
             )
 
-    def _make_run(self, values: np.ndarray) -> Predictor:
-        """Return the model as a filter without process noise: it is a simulation."""
-        named = dict(zip(self.names, values))
+    def _make_runs(self, rows: np.ndarray) -> Predictor:
+        """Return the model as filters without process noise, which are simulations.
+
+        Parameters
+        ----------
+        rows : array (run, unknown)
+        """
+        named = [dict(zip(self.names, values)) for values in rows]
         states, outputs = self.model.states, self.model.outputs
-        simulation = steady_filter(
-            self.model.at(named),
-            drift=pick_values(named, "drift", states),
-            intensity=np.zeros(len(states)),
-            noise=np.zeros(len(outputs)),
+        simulations = steady_filters(
+            stack_models(self.model, named),
+            drift=pick_rows(named, "drift", states),
+            intensity=np.zeros((len(rows), len(states))),
+            noise=np.zeros((len(rows), len(outputs))),
             step=self.step,
         )
-        start = pick_values(named, "init", states)
-        return make_predictor(simulation, start, offset=pick_values(named, "sensor", outputs))
+        offset = pick_rows(named, "sensor", outputs)
+        return make_predictor(simulations, pick_rows(named, "init", states), offset)
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs with the offsets of the instruments."""
         # For readings of zero, the innovations are 0 - y.
         no_readings = np.zeros_like(self.measured)
+        run = Predictor(*(part[0] for part in self._make_runs(values[None])))
         with np.errstate(over="ignore", invalid="ignore"):
-            y = -filter_innovations(self._make_run(values), self.u, no_readings)
+            y = -filter_innovations(run, self.u, no_readings)
         return np.where(np.abs(y) < _BEYOND, y, np.nan)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return slopes by central differences of the matrices, which are fast here."""
-        up, down = [], []
-        for shift in np.diag(steps):
-            up.append(self._make_run(values + shift))
-            down.append(self._make_run(values - shift))
+        count, shifts = len(values), np.diag(steps)
+        runs = self._make_runs(values + np.vstack([shifts, -shifts, np.zeros(count)]))
         with np.errstate(over="ignore", invalid="ignore"):
             S = innovation_slopes(
-                self._make_run(values),
-                up,
-                down=down,
+                Predictor(*(part[-1] for part in runs)),
+                Predictor(*(part[:count] for part in runs)),
+                down=Predictor(*(part[count:-1] for part in runs)),
                 width=2.0 * steps,
                 u=self.u,
                 z=np.zeros_like(self.measured),

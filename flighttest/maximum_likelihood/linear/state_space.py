@@ -14,6 +14,7 @@ import scipy
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
+from flighttest.maximum_likelihood.linear.riccati import steady_covariance
 
 _DIMS = {
     "A": ("state", "state_"),
@@ -207,8 +208,19 @@ def pick_values(values: Mapping[str, float], kind: str, names: Sequence[str]) ->
     return np.array([values.get(f"{kind}.{name}", 0.0) for name in names])
 
 
+def pick_rows(rows: Sequence[Mapping[str, float]], kind: str, names: Sequence[str]) -> np.ndarray:
+    """Return the values named ``kind.name`` of every row, (row, names)."""
+    return np.array([pick_values(values, kind, names) for values in rows])
+
+
+def stack_models(model: LinearModel, rows: Sequence[Mapping[str, float]]) -> Matrices:
+    """Return the matrices for rows of parameter values, with the rows as first dimension."""
+    matrices = [model.at(values) for values in rows]
+    return Matrices(*(np.stack(part) for part in zip(*matrices)))
+
+
 class Filter(NamedTuple):
-    """A steady-state predictor.
+    """A steady-state predictor, or several with the filters as the first dimension.
 
     x_(k+1) = F (x_k + K e_k) + G0 u_k + G1 u_(k+1) + g, e_k = z_k - C x_k - D u_k, cov(e) = S.
     """
@@ -226,16 +238,27 @@ class Filter(NamedTuple):
 def steady_filter(
     model: Matrices, drift: np.ndarray, intensity: np.ndarray, noise: np.ndarray, step: float
 ) -> Filter:
-    """Return the steady-state Kalman filter.
+    """Return the steady-state Kalman filter, as `steady_filters`."""
+    found = steady_filters(
+        Matrices(*(part[None] for part in model)), drift[None], intensity[None], noise[None], step
+    )
+    return Filter(*(part[0] for part in found))
+
+
+def steady_filters(
+    models: Matrices, drift: np.ndarray, intensity: np.ndarray, noise: np.ndarray, step: float
+) -> Filter:
+    """Return the steady-state Kalman filters of several models.
 
     Parameters
     ----------
-    model : Matrices
-    drift : array (state,)
+    models : Matrices
+        Each with the models as its first dimension.
+    drift : array (model, state)
         Constant part b of the rates.
-    intensity : array (state,)
+    intensity : array (model, state)
         Square root of the intensity of w. [unit of the state per square root of second]
-    noise : array (output,)
+    noise : array (model, output)
         Standard deviation of v.
     step : float
         Sampling interval. [s]
@@ -250,34 +273,35 @@ def steady_filter(
     .. [VanLoan1978] Van Loan, Computing integrals involving the matrix exponential, IEEE Trans.
        Automatic Control 23, 1978.
     """
-    A, B, C, D = model
-    n, m = B.shape
+    A, B, C, D = models
+    count, n, m = B.shape
     # [VanLoan1978]: with the level and the ramp of [u; 1] as further states, the transition matrix
     # over one step contains the integrals of the input.
-    augmented = np.zeros((n + 2 * (m + 1), n + 2 * (m + 1)))
-    augmented[:n, :n], augmented[:n, n : n + m], augmented[:n, n + m] = A, B, drift
-    augmented[n : n + m + 1, n + m + 1 :] = np.eye(m + 1) / step
+    augmented = np.zeros((count, n + 2 * (m + 1), n + 2 * (m + 1)))
+    augmented[:, :n, :n], augmented[:, :n, n : n + m], augmented[:, :n, n + m] = A, B, drift
+    augmented[:, n : n + m + 1, n + m + 1 :] = np.eye(m + 1) / step
     transition = scipy.linalg.expm(augmented * step)
-    F = transition[:n, :n]
-    level, ramp = transition[:n, n : n + m + 1], transition[:n, n + m + 1 :]
+    F = transition[:, :n, :n]
+    level, ramp = transition[:, :n, n : n + m + 1], transition[:, :n, n + m + 1 :]
     # Inputs are linear between samples: u_k has the level less the ramp, u_(k+1) the ramp.
-    G0, G1, g = level[:, :m] - ramp[:, :m], ramp[:, :m], level[:, m]
-    R = np.diag(noise**2)
+    G0, G1, g = level[:, :, :m] - ramp[:, :, :m], ramp[:, :, :m], level[:, :, m]
+    R = noise[:, :, None] ** 2 * np.eye(C.shape[1])
     if not intensity.any():
-        return Filter(F, G0, G1=G1, g=g, C=C, D=D, K=np.zeros((n, len(C))), S=R)
+        return Filter(F, G0, G1=G1, g=g, C=C, D=D, K=np.zeros((count, n, C.shape[1])), S=R)
     # [VanLoan1978]: covariance Q of the process noise over one step
-    paired = np.zeros((2 * n, 2 * n))
-    paired[:n, :n], paired[:n, n:], paired[n:, n:] = -A, np.diag(intensity**2), A.T
-    Q = F @ scipy.linalg.expm(paired * step)[:n, n:]
-    P = scipy.linalg.solve_discrete_are(F.T, C.T, 0.5 * (Q + Q.T), R)
+    paired = np.zeros((count, 2 * n, 2 * n))
+    paired[:, :n, :n], paired[:, n:, n:] = -A, A.swapaxes(1, 2)
+    paired[:, :n, n:] = intensity[:, :, None] ** 2 * np.eye(n)
+    Q = F @ scipy.linalg.expm(paired * step)[:, :n, n:]
+    P = steady_covariance(F, C, 0.5 * (Q + Q.swapaxes(1, 2)), noise**2)
     # P is the covariance of the predicted state: S = C P C' + R, K = P C' S^-1.
-    S = C @ P @ C.T + R
-    K = np.linalg.solve(S, C @ P).T
-    return Filter(F, G0, G1=G1, g=g, C=C, D=D, K=K, S=0.5 * (S + S.T))
+    S = C @ P @ C.swapaxes(1, 2) + R
+    K = np.linalg.solve(S, C @ P).swapaxes(1, 2)
+    return Filter(F, G0, G1=G1, g=g, C=C, D=D, K=K, S=0.5 * (S + S.swapaxes(1, 2)))
 
 
 class Predictor(NamedTuple):
-    """One run of a filter, or the derivatives of one.
+    """One run of a filter, or several with the runs as the first dimension.
 
     x_(k+1) = M x_k + W [u_k, u_(k+1), 1, z_k], e_k = z_k - N [x_k, u_k, 1], x_0 = ``start``.
     """
@@ -294,16 +318,16 @@ def make_predictor(steady: Filter, start: np.ndarray, offset: np.ndarray) -> Pre
     Parameters
     ----------
     steady : Filter
-    start : array (state,)
-    offset : array (output,)
+    start : array (state,) or (filter, state)
+    offset : array (output,) or (filter, output)
         Added to y.
     """
     F, G0, G1, g, C, D, K, _ = steady
-    gain = F @ K
+    gain, offset = F @ K, offset[..., None]
     return Predictor(
         M=F - gain @ C,
-        W=np.column_stack([G0 - gain @ D, G1, g - gain @ offset, gain]),
-        N=np.column_stack([C, D, offset]),
+        W=np.concatenate([G0 - gain @ D, G1, g[..., None] - gain @ offset, gain], axis=-1),
+        N=np.concatenate([C, D, offset], axis=-1),
         start=start,
     )
 
@@ -324,8 +348,8 @@ def filter_innovations(run: Predictor, u: np.ndarray, z: np.ndarray) -> np.ndarr
 
 def innovation_slopes(
     run: Predictor,
-    up: Sequence[Predictor],
-    down: Sequence[Predictor],
+    up: Predictor,
+    down: Predictor,
     width: np.ndarray,
     u: np.ndarray,
     z: np.ndarray,
@@ -339,15 +363,15 @@ def innovation_slopes(
     Parameters
     ----------
     run : Predictor
-    up, down : sequence of Predictor
-        After a step of each unknown.
+    up, down : Predictor
+        After a step of each unknown, which is the first dimension.
     width : array (unknown,)
         Distance between the two.
     u : array (time, input)
     z : array (time, output)
     """
     # Differences of the matrices, (unknown, row, column); they are divided by the width at the end.
-    M, W, N, start = [np.stack(a) - np.stack(b) for a, b in zip(zip(*up), zip(*down))]
+    M, W, N, start = [a - b for a, b in zip(up, down)]
     x = _filter_states(run, u, z)
     # M' x_k + W' [u_k, u_(k+1), 1, z_k] of all unknowns at once, (unknown, time, state).
     matrices = np.concatenate([M, W], axis=2).transpose(0, 2, 1)

@@ -23,13 +23,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from flighttest.maximum_likelihood.linear.gust_states import READ
-from flighttest.maximum_likelihood.nonlinear.kernel_flights import StepSlopes
-from flighttest.maximum_likelihood.nonlinear.riccati import (
+from flighttest.maximum_likelihood.linear.riccati import (
     correct_covariance,
     noise_of_step,
     settled_covariance,
     solve_each,
 )
+from flighttest.maximum_likelihood.nonlinear.kernel_flights import StepSlopes
 
 REFRESH = 0.5  # time between two linearisations [s]
 _GUST_NODES = 6  # of Gauss and Legendre along a step: exact to the eleventh power of step / T

@@ -209,6 +209,11 @@ def _check_gusts(gusts: Sequence[DrydenGust]) -> None:
                 problems.append(
                     f"{quantity} of gust {gust.name} is {value:g}; give a positive value"
                 )
+        if gust.span:
+            problems.append(
+                f"gust {gust.name} has a span; the air of the simulation does not rotate: leave it "
+                f"out"
+            )
         wrong = [name for name in gust.inertial if name not in _AIR_QUANTITIES]
         if wrong:
             problems.append(

@@ -31,13 +31,14 @@ from flighttest.submodels.control_loading.responses.free_response import (
     FreeWindow,
     find_windows,
 )
+from flighttest.submodels.control_loading.responses.response_fit import ResponseFit
 from flighttest.submodels.control_loading.responses.window_response import WIDTHS
 from flighttest.submodels.control_loading.result import (
     DRAWINGS_ERROR,
     SHARED,
     IdentifiedLoading,
-    ResponseFit,
 )
+from flighttest.submodels.control_loading.table_coverage import table_samples
 from flighttest.submodels.control_loading.windows import (
     PreparedRecord,
     driven_stretches,
@@ -46,7 +47,7 @@ from flighttest.submodels.control_loading.windows import (
     with_error,
 )
 
-METHODS = ("regression", "output error")
+BEST, REGRESSION, OUTPUT_ERROR = METHODS = ("best", "regression", "output error")
 # Repetitions of both regressions, each with the shares from the other.
 _PASSES = 2
 
@@ -60,7 +61,7 @@ def identify_control_loading(
     errors: Mapping[str, tuple[float, float]] | None = None,
     drawings: Circuit | None = None,
     drawings_error: float = DRAWINGS_ERROR,
-    method: str = "regression",
+    method: str = BEST,
 ) -> IdentifiedLoading:
     """Identify friction, preload, unbalance, masses, cable and hinge moments of one control.
 
@@ -88,9 +89,11 @@ def identify_control_loading(
         does not exceed the noise of the pick-ups.
     drawings_error : float
         Standard error of its constants over their values. [1]
-    method : {"regression", "output error"}
+    method : {"best", "regression", "output error"}
         The regressions alone; or the likelihood of the simulated free motion and of the driven
-        stretches, started from the regressions. Without free motion both are the same.
+        stretches, started from the regressions. Without free motion both are the same. ``"best"``
+        is the output error if its search converged, otherwise the regressions, whose standard
+        errors then contain the differences between both.
 
     Returns
     -------
@@ -142,14 +145,15 @@ def identify_control_loading(
         cable=stretch,
         estimates=fit.estimates(),
         iterations=iterations,
-        sampled=_table_samples(loading, [*slow, *quick]),
+        sampled=table_samples(loading, [*slow, *quick]),
     )
     sources = _error_sources(loading, [*driven, *free], errors or {})
     stops = None if drawings is None else drawings.stops
-    windows = find_windows(loading, free, stops) if method == METHODS[1] else []
+    windows = [] if method == REGRESSION else find_windows(loading, free, stops)
+    response: IdentifiedLoading | None = None
     if windows:
         try:
-            return _fit_responses(
+            response = _fit_responses(
                 identified,
                 _Records(slow, list(free), cutoff, stops),
                 sources=sources,
@@ -159,11 +163,13 @@ def identify_control_loading(
         except IdentificationError as error:
             text = f"{loading.item}: the result is that of the regressions, because {error}"
             warnings.warn(text, AeromatchWarning, stacklevel=2)
+    if response is not None and (method == OUTPUT_ERROR or response.has_converged):
+        return response
     if sources:
         identified = identified.with_errors(fit.changes(slow, quick, sources))
-    if drawings is None:
-        return identified
-    return identified.with_prior(drawings, drawings_error)
+    if drawings is not None:
+        identified = identified.with_prior(drawings, drawings_error)
+    return identified if response is None else identified.instead_of(response)
 
 
 class _Records(NamedTuple):
@@ -184,19 +190,6 @@ class _Records(NamedTuple):
         # The windows are those of the records without the error.
         windows = find_windows(loading, free, self.stops, source)
         return windows, driven_rows(loading, driven, self.cutoff, has_cable)
-
-
-def _table_samples(loading: ControlLoading, records: Sequence[PreparedRecord]) -> np.ndarray | None:
-    """Return the variable of the tables of hinge moments in the samples of records."""
-    if loading.over is None:
-        return None
-    variable, _ = loading.over
-    samples = []
-    for record in records:
-        values = record.moved[variable].values
-        # Driven records have a mask of samples; windows of free motion use all of theirs.
-        samples.append(values if isinstance(record.used, list) else values[record.used])
-    return np.concatenate(samples)
 
 
 def _drawn_constants(

@@ -21,6 +21,7 @@ from flighttest.remarks import Convergence, PrintedResult, Remark, remarks_to_js
 from flighttest.submodels.control_loading.joint_fit import convergence_remarks
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.regression import SlidingFit
+from flighttest.submodels.control_loading.responses.response_fit import ResponseFit
 from flighttest.submodels.control_loading.responses.window_response import FRICTION_RATE
 from flighttest.submodels.control_loading.simulation import SimulatedWindow, fly_windows
 from flighttest.submodels.control_loading.table_coverage import list_coverage_remarks
@@ -65,81 +66,13 @@ SHARED = {
 }
 # Standard error over value of constants from drawings, weights and cable tables.
 DRAWINGS_ERROR = 0.25
-# Standard errors from which on a nuisance is remarked; misfit over noise from which on it is.
-_CERTAIN, _MISFIT = 3.0, 2.0
+_INSTEAD = (
+    "the result is that of the regressions, and its standard errors contain the difference to the "
+    "output error; give records with more motion, fewer terms, or drawings"
+)
 # Constants that may be negative, and constants that must be positive.
 _SIGNED = ("rigging", "bob_weight")
 _NEEDED = ("mass", "inertia", "cable_stiffness")
-
-
-@dataclass(frozen=True)
-class ResponseFit:
-    """Output error on a circuit.
-
-    Attributes
-    ----------
-    convergence : Convergence
-        End of the search.
-    windows : int
-        Windows of free motion.
-    rms : dict of str to float
-        Residual of ``travel`` and ``surface`` over the white noise of their pick-ups.
-    hand_damping : (float, float)
-        Force over rate that driven records lack compared with free motion, and its standard error.
-    widths : dict of str to (float, float)
-        Rate at which friction is developed to 76 %, and travel at which the preload is, with their
-        standard errors. [m/s and m, of the wheel rad/s and rad]
-    """
-
-    convergence: Convergence
-    windows: int
-    rms: Mapping[str, float]
-    hand_damping: tuple[float, float]
-    widths: Mapping[str, tuple[float, float]]
-
-    @property
-    def remarks(self) -> list[Remark]:
-        """Remarks on a force that driven and free motion do not share, and on the misfit."""
-        remarks = self.convergence.remarks(
-            "output error of the circuit",
-            "the likelihood still rises; give records with more motion, fewer terms, or drawings",
-            severity="warning",
-        )
-        value, stderr = self.hand_damping
-        if abs(value) > _CERTAIN * stderr:
-            text = (
-                f"driven records have {value:.3g} +- {stderr:.2g} N per m/s less damping than free "
-                f"motion: their force lacks a part proportional to the rate; damping is that of "
-                f"free motion. Check filter and time of the force transducer"
-            )
-            remarks.append(
-                Remark(
-                    "disturbance",
-                    text,
-                    "damping",
-                    value=value,
-                    threshold=_CERTAIN * stderr,
-                    severity="note",
-                )
-            )
-        worst = max(self.rms, key=lambda name: self.rms[name])
-        if self.rms[worst] > _MISFIT:
-            text = (
-                f"free motion: {worst} differs from its simulation by {self.rms[worst]:.2g} times "
-                f"the noise of its pick-up; the standard errors contain the difference. Check the "
-                f"times at which the force changes, and stops"
-            )
-            remarks.append(
-                Remark(
-                    "unexplained",
-                    text,
-                    worst,
-                    value=self.rms[worst],
-                    threshold=_MISFIT,
-                    severity="note",
-                )
-            )
-        return remarks
 
 
 @dataclass(frozen=True)
@@ -164,6 +97,9 @@ class IdentifiedLoading(PrintedResult):
     sampled : array (sample,) or None
         Variable of the tables of hinge moments (`ControlLoading.over`) in the samples; None without
         tables. [SI]
+    unfinished : Convergence or None
+        Search of an output error that did not converge, if the regressions are the result for this
+        reason.
     """
 
     loading: ControlLoading
@@ -173,6 +109,7 @@ class IdentifiedLoading(PrintedResult):
     iterations: Mapping[str, Convergence] = field(default_factory=dict)
     response: ResponseFit | None = None
     sampled: np.ndarray | None = None
+    unfinished: Convergence | None = None
 
     @property
     def remarks(self) -> list[Remark]:
@@ -182,7 +119,16 @@ class IdentifiedLoading(PrintedResult):
             remarks += list_coverage_remarks(*self.loading.over, self.sampled)
         if self.response is not None:
             remarks += self.response.remarks
+        if self.unfinished is not None:
+            remarks += self.unfinished.remarks(
+                "output error of the circuit", _INSTEAD, severity="warning"
+            )
         return remarks
+
+    @property
+    def has_converged(self) -> bool:
+        """Whether this is an output error whose search converged."""
+        return self.response is not None and self.response.convergence.converged
 
     @property
     def order(self) -> int:
@@ -224,6 +170,15 @@ class IdentifiedLoading(PrintedResult):
             self.estimates["estimate"].values,
             self.estimates["covariance"].values + changes.T @ changes,
         )
+
+    def instead_of(self, response: IdentifiedLoading) -> IdentifiedLoading:
+        """Return these regressions in place of an output error that did not converge.
+
+        The difference of both estimates is one more error of them.
+        """
+        change = response.estimates["estimate"].values - self.estimates["estimate"].values
+        assert response.response is not None
+        return replace(self.with_errors(change[None]), unfinished=response.response.convergence)
 
     def with_prior(self, known: Circuit, error: float = DRAWINGS_ERROR) -> IdentifiedLoading:
         """Return the result joined with the constants of the circuit by its drawings.

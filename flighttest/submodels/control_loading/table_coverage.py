@@ -14,6 +14,8 @@ import numpy as np
 
 from flightmech.names import value_text
 from flighttest.remarks import Remark
+from flighttest.submodels.control_loading.loading import ControlLoading
+from flighttest.submodels.control_loading.windows import PreparedRecord
 
 # Distance of an end node from the samples, and of an inner one, in the shorter interval next to it.
 _END, _INNER = 0.25, 0.5
@@ -80,3 +82,16 @@ def list_coverage_remarks(
             )
             remarks.append(Remark("range", reason, variable, float(node), severity="error"))
     return remarks
+
+
+def table_samples(loading: ControlLoading, records: Sequence[PreparedRecord]) -> np.ndarray | None:
+    """Return the variable of the tables of hinge moments in the samples of records."""
+    if loading.over is None:
+        return None
+    variable, _ = loading.over
+    samples = []
+    for record in records:
+        values = record.moved[variable].values
+        # Driven records have a mask of samples; windows of free motion use all of theirs.
+        samples.append(values if isinstance(record.used, list) else values[record.used])
+    return np.concatenate(samples)

@@ -28,6 +28,7 @@ from flighttest.submodels.landing_gear.regression import (
     regress_gear,
 )
 from flighttest.submodels.landing_gear.result import STEERED, GearConstant, IdentifiedGear
+from flighttest.submodels.landing_gear.tyre_curve import curve_error
 from flighttest.submodels.landing_gear.wheel_positions import wheel_groups
 
 # Constants that are proportional to the mass.
@@ -106,7 +107,7 @@ def identify_landing_gear(
     fit = regress_gear(records, aircraft, database=database, errors=budget, cutoff=cutoff)
     identified = IdentifiedGear(
         groups=wheel_groups(aircraft),
-        constants=_constants(fit, budget),
+        constants=_with_curve_error(_constants(fit, budget), aircraft, fit),
         undetermined={**fit.undetermined, **_undetermined_steering(records)},
         loads=fit,
     )
@@ -118,6 +119,7 @@ def identify_landing_gear(
         return identified
     # Estimates of the output error replace those of the regression.
     determined, failures = _flown_constants(result)
+    determined = _with_curve_error(determined, aircraft, fit)
     constants = {**identified.constants, **determined}
     undetermined = dict(identified.undetermined)
     for name, reason in failures.items():
@@ -134,6 +136,22 @@ def _undetermined_steering(records: Sequence) -> dict[str, str]:
         STEERED: "the records have one angle of the nose wheel: it is taken for that of the wheel "
         "itself, without a trail"
     }
+
+
+def _with_curve_error(
+    constants: Mapping[str, GearConstant], aircraft: Aircraft, fit: LoadFit
+) -> dict[str, GearConstant]:
+    """Return constants whose cornering stiffness has the error of the form of the tyre curve."""
+    widened = dict(constants)
+    values = {**fit.held, **fit.fit.parameters}
+    values |= {name: constant.value for name, constant in constants.items()}
+    for group in wheel_groups(aircraft):
+        name = group.parameter("cornering")
+        if name in constants:
+            value, stderr, _ = constants[name]
+            error = value * curve_error(values, group, fit.loads)
+            widened[name] = constants[name]._replace(stderr=float(np.hypot(stderr, error)))
+    return widened
 
 
 def _flown_constants(fit: OutputError) -> tuple[dict[str, GearConstant], dict[str, str]]:

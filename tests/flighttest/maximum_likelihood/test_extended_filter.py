@@ -12,6 +12,7 @@ from flightmech.simulation.run import constant_inputs
 from flightmech.terms import make_term
 from flighttest.maximum_likelihood import DrydenGust, linear_model
 from flighttest.maximum_likelihood.linear.gust_states import add_gusts
+from flighttest.maximum_likelihood.linear.riccati import solve_each
 from flighttest.maximum_likelihood.linear.state_space import (
     filter_innovations,
     make_predictor,
@@ -25,7 +26,6 @@ from flighttest.maximum_likelihood.nonlinear.kernel_flights import (
     StepSlopes,
 )
 from flighttest.maximum_likelihood.nonlinear.linearised_flights import LinearisedFlights
-from flighttest.maximum_likelihood.nonlinear.riccati import solve_each
 
 A = np.array([[-1.2, 0.98], [-6.0, -1.8]])
 B = np.array([[-0.1], [-9.0]])

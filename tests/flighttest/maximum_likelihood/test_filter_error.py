@@ -249,7 +249,8 @@ def test_slopes_of_innovations_are_their_differences():
         moves = [0.5 * size * rng.standard_normal(part.shape) for part in base]
         up.append(Predictor(*(part + move for part, move in zip(base, moves))))
         down.append(Predictor(*(part - move for part, move in zip(base, moves))))
-    found = innovation_slopes(base, up, down, width, u, z)
+    stacked = [Predictor(*map(np.stack, zip(*runs))) for runs in (up, down)]
+    found = innovation_slopes(base, *stacked, width, u, z)
     for k in range(2):
         expected = (filter_innovations(up[k], u, z) - filter_innovations(down[k], u, z)) / width[k]
         np.testing.assert_allclose(

@@ -183,3 +183,39 @@ def test_a_search_that_does_not_converge_names_the_disturbance_that_suffices(mod
     assert texts[0].endswith("choose gusts")
     # The platform does not see the gust: white noise alone is much less likely.
     assert "white process noise (process.*) alone +" in texts[0]
+
+
+@pytest.mark.parametrize(
+    ("states", "sign", "factor", "acted"),
+    [(("alpha", "q"), -1.0, 4.0, (1,)), (("beta", "p", "r"), 1.0, 3.0, (1, 2))],
+)
+def test_the_rotation_of_the_air_is_that_of_the_specification(states, sign, factor, acted):
+    """MIL-F-8785C 3.7.1.2: q and r gusts are (s / V) / (1 + tau s) of w and v, tau 4 b / (pi V)
+    and 3 b / (pi V); they act where moments of damping do.
+    """
+    n, span = len(states), 12.0
+    A = np.arange(1.0, n * n + 1.0).reshape(n, n) - 11.0
+    names = {"state": list(states), "state_": list(states), "input": ["d"], "output": ["V"]}
+    blocks = {"A": (("state", "state_"), A), "B": (("state", "input"), np.zeros((n, 1)))}
+    blocks |= {"C": (("output", "state_"), np.eye(1, n)), "D": (("output", "input"), [[0.0]])}
+    made = gust(state=states[0], air_relative=("V",), inertial=(), span=span)
+    model = linear_model(xr.Dataset(blocks, names))
+    whole = add_gusts(model, [made]).at({})
+    still = add_gusts(model, [gust(state=states[0], air_relative=("V",), inertial=())]).at({})
+    assert whole.A.shape == (n + 3, n + 3)
+    turned = whole.A[:n, n:] - np.pad(still.A[:n, n:], ((0, 0), (0, 1)))
+    tau = factor * span / (np.pi * SPEED)
+    for omega in (0.3, 3.0, 30.0):
+        jw = 1j * omega
+        lags = np.linalg.solve(jw * np.eye(3) - whole.A[n:, n:], [1.0, 0.0, 0.0])
+        angle = whole.C[0, n:] @ lags
+        expected = np.zeros(n, complex)
+        expected[list(acted)] = sign * A[list(acted), -1] * jw / (1.0 + tau * jw) * angle
+        np.testing.assert_allclose(turned @ lags, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_a_rotation_needs_the_rate_of_its_angle(model):
+    with pytest.raises(SchemaError, match="the air rotates with alpha and q, or beta and r"):
+        add_gusts(model, [gust(state="q", inertial=("alpha", "q"), span=9.0)])
+    with pytest.raises(SchemaError, match="span of gust w is -1"):
+        add_gusts(model, [gust(span=-1.0)])

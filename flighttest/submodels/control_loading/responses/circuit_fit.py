@@ -37,6 +37,8 @@ from flighttest.submodels.control_loading.responses.driven_rows import DrivenPie
 from flighttest.submodels.control_loading.responses.free_response import (
     EDGE,
     ERROR,
+    SURFACE,
+    TRAVEL,
     FreeWindow,
 )
 from flighttest.submodels.control_loading.responses.window_response import (
@@ -48,8 +50,8 @@ from flighttest.submodels.control_loading.responses.window_response import (
     sub_steps,
 )
 
-# Iterations of the search.
-_ITERATIONS = 60
+# Iterations of the search with free starts of the windows, and of that with held ones.
+_ITERATIONS, _HELD_ITERATIONS = 30, 60
 # First and smallest width of friction and preload, over the largest rate and the range of the
 # travel in the records, and a-priori standard error of the logarithm of a width.
 _WIDE, _LEAST, _WIDTH_ERROR = 3e-3, 1e-4, 3.0
@@ -163,7 +165,35 @@ def fit_circuit(
             begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
     likelihood = CircuitLikelihood(loading, windows, rows, layout, start)
     maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
+    held = _hold_starts(layout, maximum)
+    if held is not None:
+        likelihood = CircuitLikelihood(loading, windows, rows, held, start)
+        maximum = maximise_likelihood(likelihood, _HELD_ITERATIONS, maximum.theta)
     return _fit_of(maximum, likelihood, tuple(unknowns))
+
+
+def _hold_starts(layout: UnknownVector, maximum: LikelihoodMaximum) -> UnknownVector | None:
+    """Return the unknowns with the starts of windows held that a search did not settle.
+
+    Friction holds a control at rest: the likelihood of its start has a kink where one end begins to
+    slide, and no gradient vanishes there. The other unknowns can then be proven to be at their
+    maximum. None if the search converged. The standard errors are those with free starts.
+    """
+    if maximum.converged:
+        return None
+    stderr = np.sqrt(np.diag(invert_information(maximum.information, ~maximum.active)))
+    moves = np.abs(maximum.remaining) > PROVEN * stderr
+    windows = set()
+    for name, is_moving in zip(layout.names, moves):
+        kind, _, window = name.partition("@")
+        if is_moving and kind in (TRAVEL, SURFACE):
+            windows.add(window)
+    low, high = layout.low.copy(), layout.high.copy()
+    for k, name in enumerate(layout.names):
+        kind, _, window = name.partition("@")
+        if window in windows and kind in (TRAVEL, SURFACE):
+            low[k] = high[k] = maximum.theta[k]
+    return replace(layout, low=low, high=high)
 
 
 def _demand_room(windows: Sequence[FreeWindow], layout: UnknownVector, common: int) -> None:

@@ -13,8 +13,11 @@ References
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 _DOUBLINGS = 10  # of the steps before the first sample: 2^10 steps
+# of the steps of a steady filter, until less than this part of an error remains
+_MOST_DOUBLINGS, _FORGOTTEN = 40, 1e-9
 _LOG_TERMS = 6  # of the series of the logarithm, in odd powers: the rest is below 1e-9
 _INTEGRAL_TERMS = 10  # of the series of the integral of the process noise
 
@@ -76,8 +79,8 @@ def noise_of_step(F: np.ndarray, intensity: np.ndarray, step: float) -> np.ndarr
 def settled_covariance(F: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
     """Return the covariance of the predicted state of filters that ran 1024 steps.
 
-    The filters start without error. By doubling [Chu2004]_ ten steps of the computation suffice.
-    The result exists for every F, also if a motion that no noise drives is not damped.
+    The filters start without error. The result exists for every F, also if a motion that no noise
+    drives is not damped.
 
     Parameters
     ----------
@@ -86,18 +89,63 @@ def settled_covariance(F: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarra
     R : array (filter, output)
         Variances of the readings.
     """
-    one = np.eye(F.shape[-1])
-    A, P = F.swapaxes(1, 2), Q
-    G = H.swapaxes(1, 2) @ (H / R[:, :, None])
+    A, G, P = _first_step(F, H, Q, R)
     for _ in range(_DOUBLINGS):
-        # of both factors (1 + G P)^-1
-        W = solve_each(one + G @ P, np.concatenate([A, G], axis=2))
-        WA, WG = W[:, :, : len(one)], W[:, :, len(one) :]
-        P = P + A.swapaxes(1, 2) @ P @ WA
-        G = G + A @ WG @ A.swapaxes(1, 2)
-        A = A @ WA
-        P, G = 0.5 * (P + P.swapaxes(1, 2)), 0.5 * (G + G.swapaxes(1, 2))
+        A, G, P = _double(A, G, P)
     return P
+
+
+def steady_covariance(F: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """Return the covariance of the predicted state of filters that ran for ever.
+
+    The solution is the one with a stable filter, as of `scipy.linalg.solve_discrete_are`, which
+    finds it where the doubling does not, as of a motion that grows and that no noise drives.
+
+    Parameters
+    ----------
+    F, H, Q, R : array
+        As of `settled_covariance`.
+
+    Raises
+    ------
+    LinAlgError
+        No steady filter exists.
+    ValueError
+        An element is not finite.
+    """
+    A, G, P = _first_step(F, H, Q, R)
+    with np.errstate(all="ignore"):
+        for _ in range(_MOST_DOUBLINGS):
+            A, G, P = _double(A, G, P)
+            # A is the transition of the errors of the filter: what remains is of its square.
+            forgotten = np.abs(A).max(axis=(1, 2)) < _FORGOTTEN
+            if forgotten.all() or not np.isfinite(A).all():
+                break
+    for number in np.flatnonzero(~forgotten):
+        P[number] = scipy.linalg.solve_discrete_are(
+            F[number].T, H[number].T, Q[number], np.diag(R[number])
+        )
+    return P
+
+
+def _first_step(
+    F: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the matrices A, G, P of [Chu2004]_ for one step."""
+    return F.swapaxes(1, 2), H.swapaxes(1, 2) @ (H / R[:, :, None]), Q
+
+
+def _double(
+    A: np.ndarray, G: np.ndarray, P: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the matrices of [Chu2004]_ for twice as many steps."""
+    one = np.eye(A.shape[-1])
+    # of both factors (1 + G P)^-1
+    W = solve_each(one + G @ P, np.concatenate([A, G], axis=2))
+    WA, WG = W[:, :, : len(one)], W[:, :, len(one) :]
+    P = P + A.swapaxes(1, 2) @ P @ WA
+    G = G + A @ WG @ A.swapaxes(1, 2)
+    return A @ WA, 0.5 * (G + G.swapaxes(1, 2)), 0.5 * (P + P.swapaxes(1, 2))
 
 
 def correct_covariance(P: np.ndarray, K: np.ndarray, H: np.ndarray, R: np.ndarray) -> np.ndarray:

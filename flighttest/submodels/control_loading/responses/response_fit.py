@@ -1,0 +1,81 @@
+"""End of an output error on a circuit, with remarks on what it does not explain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from flighttest.remarks import Convergence, Remark
+
+# Standard errors from which on a nuisance is remarked; misfit over noise from which on it is.
+_CERTAIN, _MISFIT = 3.0, 2.0
+
+
+@dataclass(frozen=True)
+class ResponseFit:
+    """Output error on a circuit.
+
+    Attributes
+    ----------
+    convergence : Convergence
+        End of the search.
+    windows : int
+        Windows of free motion.
+    rms : dict of str to float
+        Residual of ``travel`` and ``surface`` over the white noise of their pick-ups.
+    hand_damping : (float, float)
+        Force over rate that driven records lack compared with free motion, and its standard error.
+    widths : dict of str to (float, float)
+        Rate at which friction is developed to 76 %, and travel at which the preload is, with their
+        standard errors. [m/s and m, of the wheel rad/s and rad]
+    """
+
+    convergence: Convergence
+    windows: int
+    rms: Mapping[str, float]
+    hand_damping: tuple[float, float]
+    widths: Mapping[str, tuple[float, float]]
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """Remarks on a force that driven and free motion do not share, and on the misfit."""
+        remarks = self.convergence.remarks(
+            "output error of the circuit",
+            "the likelihood still rises; give records with more motion, fewer terms, or drawings",
+            severity="warning",
+        )
+        value, stderr = self.hand_damping
+        if abs(value) > _CERTAIN * stderr:
+            text = (
+                f"driven records have {value:.3g} +- {stderr:.2g} N per m/s less damping than free "
+                f"motion: their force lacks a part proportional to the rate; damping is that of "
+                f"free motion. Check filter and time of the force transducer"
+            )
+            remarks.append(
+                Remark(
+                    "disturbance",
+                    text,
+                    "damping",
+                    value=value,
+                    threshold=_CERTAIN * stderr,
+                    severity="note",
+                )
+            )
+        worst = max(self.rms, key=lambda name: self.rms[name])
+        if self.rms[worst] > _MISFIT:
+            text = (
+                f"free motion: {worst} differs from its simulation by {self.rms[worst]:.2g} times "
+                f"the noise of its pick-up; the standard errors contain the difference. Check the "
+                f"times at which the force changes, and stops"
+            )
+            remarks.append(
+                Remark(
+                    "unexplained",
+                    text,
+                    worst,
+                    value=self.rms[worst],
+                    threshold=_MISFIT,
+                    severity="note",
+                )
+            )
+        return remarks
