@@ -31,6 +31,7 @@ def run_follow(
     aircraft_file: str | None,
     model_text: str,
     candidates: tuple[str, ...],
+    constraints: tuple[str, ...],
     names: str | None,
     band: tuple[float, float],
     spacing: float,
@@ -48,6 +49,7 @@ def run_follow(
         candidates=candidates,
         goals=[_parse_goal(term, limit) for term, limit in goals],
         rate=rate,
+        constraints=constraints,
     )
     samples = SampleStream(follower.choose_channels, None if names is None else read_names(names))
     last = None

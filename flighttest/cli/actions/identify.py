@@ -265,6 +265,7 @@ def run_select(
     method,
     keep,
     free,
+    constraints,
     windows,
     own_windows,
     errors,
@@ -291,6 +292,7 @@ def run_select(
             band=band,
             keep=("1", *keep),
             hierarchy=not free,
+            constraints=constraints,
         )
     if output:
         save_fit(_with_windows(found.fit, paths, manoeuvres, sources), output)
