@@ -76,7 +76,8 @@ from aerodb.update.tabulation_report import (
     term_row,
 )
 from aerodb.update.term_decisions import add_decisions
-from aerodb.update.weight_learning import invert_covariance, slices_of_sizes, weigh_fits
+from aerodb.update.weight_learning import slices_of_sizes, weigh_fits
+from aerodb.update.weight_likelihood import invert_covariance
 from flightmech.errors import IdentificationError
 
 # Least weight that some sample gives to a node from flight: half a cell away on each of two axes.

@@ -92,6 +92,7 @@ def test_it_is_what_tabulate_gives_with_the_weights_before_learning(prior, held,
         "learn_weights",
         lambda y, *_: (np.append(np.tile(list(SHARES.values()), tables), 1.0), np.zeros(1)),
     )
+    monkeypatch.setattr(weight_learning, "plain_probabilities", lambda *_: np.zeros(tables))
     monkeypatch.setattr(weight_learning, "_FREEDOM", 1e9)
     expected = Expectation(prior, held).stderr(fits)
     found = tabulate(fits, prior, held)
