@@ -39,7 +39,7 @@ _LEAST_DAMPING, _MOST_DAMPING = 1e-10, 1e10
 _COST_ROUNDING = 1e-12  # change of the cost, relative to it, that is rounding
 _STEPS_WITHOUT = 2  # steps of the other logarithms after a table has lost its shape
 _MOST_EVIDENCE = 50.0  # logarithm of a ratio of evidences that is certain
-_SAME_PART = 1e-9  # relative difference of parts that are one: a table of one node has no shape
+_SAME_PART = 1e-9  # relative difference of parts that the estimates cannot distinguish
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def plain_probabilities(
     Returns
     -------
     array (tables,)
-        Zero for a table of one node, which has no shape.
+        Zero for a table whose parts the estimates cannot distinguish, such as one number.
     """
     tables = (len(parts) - 1) // len(PARTS)
     mean, spread = a_priori_logarithms(tables)

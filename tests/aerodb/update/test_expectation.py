@@ -210,6 +210,7 @@ def test_a_sum_of_nodes_scatters_as_draws_of_the_tables(prior, monkeypatch):
     fits = [fit(1, 1 * DEG, 0.22, bias=0.003), fit(2, 5 * DEG, 0.36, bias=0.003)]
     weights = np.append(np.tile(list(SHARES.values()), 3), 1.0)
     monkeypatch.setattr(weight_learning, "learn_weights", lambda y, *_: (weights, np.zeros(1)))
+    monkeypatch.setattr(weight_learning, "plain_probabilities", lambda *_: np.zeros(3))
     monkeypatch.setattr(weight_learning, "_FREEDOM", 1e9)
     nodes = draw(replace_terms(prior, dict(tabulate(fits, prior))), 4000, seed=3)
     rng = np.random.default_rng(0)
