@@ -28,7 +28,8 @@ The first is common to the whole table.  The second is common to the flown regio
 distance from it.  The third and the fourth are smooth curves of two lengths.  The fifth is rough.
 The weights of the parts, and one factor on C, are learnt for each term by their marginal
 likelihood, with lognormal hyperpriors at the a-priori shares (`aerodb.update.weight_learning`).  A
-term that no fit informs keeps the a-priori shares.
+table may also have the shape of the handbook: the last three parts then have no weight
+(`aerodb.update.weight_likelihood`).  A term that no fit informs keeps the a-priori shares.
 
 Flights determine the size of a correction only in the flown region.  The second part therefore
 follows the fits very little and never has less than its a-priori weight.  Outside the flown region

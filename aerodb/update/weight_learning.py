@@ -27,9 +27,8 @@ agreement does not make a fit more accurate than it states.  The weight of the f
 
 The steps alternate with learning the weights of the prior until neither changes.  Then each table
 gets the probability that it has the shape of the handbook (`aerodb.update.weight_likelihood`), and
-the steps are repeated with it.  If more than a
-quarter of the fits are then suspect, nothing decides which ones are wrong: all keep a weight of 1,
-and the factor on C rises.
+the steps are repeated with it.  If more than a quarter of the fits are then suspect, nothing
+decides which ones are wrong: all keep a weight of 1, and the factor on C rises.
 
 References
 ----------

@@ -505,7 +505,7 @@ def test_constraints_are_those_of_the_batch():
         assert row["t"] == pytest.approx(expected["t"], rel=1e-6)
 
 
-def test_candidates_of_an_equality_are_in_the_model():
+def test_candidates_of_an_equality_are_in_the_model(tmp_path):
     data = record(np.random.default_rng(22), duration=12.0)
     tie = ["alpha**2 = 0.02*alpha*qhat"]
     options = {"candidates": ["alpha*qhat", "alpha**2", "alpha*delta_e"], "constraints": tie}
@@ -513,6 +513,14 @@ def test_candidates_of_an_equality_are_in_the_model():
     terms = dict(zip(last.terms, last.values))
     assert {"alpha**2", "alpha*qhat"} < set(terms)
     assert terms["alpha**2"] == pytest.approx(0.02 * terms["alpha*qhat"], rel=1e-12)
+    file = tmp_path / "stream.csv"
+    file.write_text(text_of(data))
+    words = ["follow", str(file), "--model", "CL = 1 + alpha + qhat", "--band", "0.2", "2"]
+    words += ["--constraint", "qhat = 5", "--json"]
+    done = CliRunner().invoke(flight, words, catch_exceptions=False)
+    row = json.loads(done.stdout.splitlines()[-1])
+    assert row["terms"]["qhat"] == {"estimate": pytest.approx(5.0), "stderr": 0.0}
+    assert [one["active"] for one in row["constraints"]] == [True]
     wrong = follow(text_of(data), constraints=["alpha = 1"])[0][-1]
     assert "contradicts alpha = 1 by" in wrong.line()
     with pytest.raises(SchemaError, match="contradict"):
