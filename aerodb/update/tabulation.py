@@ -28,7 +28,7 @@ The first is common to the whole table.  The second is common to the flown regio
 distance from it.  The third and the fourth are smooth curves of two lengths.  The fifth is rough.
 The weights of the parts, and one factor on C, are learnt for each term by their marginal
 likelihood, with lognormal hyperpriors at the a-priori shares (`aerodb.update.weight_learning`).  A
-table may also have the shape of the handbook: the last three parts then have no weight
+derivative may also have the shape of the handbook: the last three parts then have no weight
 (`aerodb.update.weight_likelihood`).  A term that no fit informs keeps the a-priori shares.
 
 Flights determine the size of a correction only in the flown region.  The second part therefore
@@ -78,7 +78,7 @@ from aerodb.update.tabulation_report import (
 )
 from aerodb.update.term_decisions import add_decisions
 from aerodb.update.weight_learning import slices_of_sizes, weigh_fits
-from aerodb.update.weight_likelihood import invert_covariance
+from aerodb.update.weight_likelihood import invert_covariance, plain_shares
 from flightmech.errors import IdentificationError
 
 # Least weight that some sample gives to a node from flight: half a cell away on each of two axes.
@@ -268,7 +268,8 @@ def _compute_posterior(
     g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     y = np.concatenate([observation.theta for observation in observed]) - H @ g0
     prior = _prior_covariance_parts(free, H, sampled, lengths)
-    weighing = weigh_fits(y, observed, D, prior.estimates)
+    shares = plain_shares(free.values())
+    weighing = weigh_fits(y, observed, D, prior.estimates, shares=shares)
     factors, own_errors, noise = weighing.factors, weighing.own_errors, weighing.noise
 
     # Weights w of the learnt prior: P = sum_k w_k P_k of each term, and P H'.

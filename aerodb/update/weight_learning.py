@@ -25,8 +25,8 @@ This is a step of the EM algorithm: it never lowers the density.  The trace is t
 residual that the fit hides because the tables follow it.  A factor below 1 is not admitted, so that
 agreement does not make a fit more accurate than it states.  The weight of the fit is 1/v_i.
 
-The steps alternate with learning the weights of the prior until neither changes.  Then each table
-gets the probability that it has the shape of the handbook (`aerodb.update.weight_likelihood`), and
+The steps alternate with learning the weights of the prior until neither changes.  Then each
+derivative gets the probability that it has the shape of the handbook (`aerodb.update.weight_likelihood`), and
 the steps are repeated with it.  If more than a quarter of the fits are then suspect, nothing
 decides which ones are wrong: all keep a weight of 1, and the factor on C rises.
 
@@ -164,6 +164,7 @@ def weigh_fits(
     D: np.ndarray,
     expected: np.ndarray,
     start: np.ndarray | None = None,
+    shares: np.ndarray | None = None,
 ) -> FitWeighing:
     """Return the weights of the fits and of the parts of the prior.
 
@@ -177,6 +178,9 @@ def weigh_fits(
         Parts of the a-priori covariance of the estimates.
     start : array (fits,), optional
         Weights of the first round, default 1.  The result does not depend on them.
+    shares : array (terms,), optional
+        A-priori probability that a table has the shape of the handbook, as of `plain_shares`;
+        default zero.
 
     Raises
     ------
@@ -214,8 +218,8 @@ def weigh_fits(
         if np.mean(weight < SUSPECT) > _MOST_SUSPECT:
             # Without a clear majority no fit can be called wrong: all are less accurate.
             weight, logarithms, plain, is_robust = np.ones(len(observed)), None, None, False
-        elif plain is None:
-            plain = plain_probabilities(y, parts, D @ D.T, logarithms)
+        elif plain is None and shares is not None:
+            plain = plain_probabilities(y, parts, D @ D.T, logarithms, shares)
         else:
             break
     else:

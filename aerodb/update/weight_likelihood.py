@@ -3,10 +3,15 @@
 The estimates y are normal with the covariance S(u) of `aerodb.update.weight_learning`.  The mode of
 the logarithms u is the minimum of J(u) given there.
 
-Lognormal weights exclude a table whose error has no shape: a derivative that the handbook gives
-with the right course over incidence, or a constant one.  Such tables are frequent.  A priori a
-table is therefore *plain* with the probability `PLAIN`: the weights of its parts `long`, `medium`
-and `short` are zero.  The evidence of both states is that of Laplace's method [Rasmussen2006]_,
+Lognormal weights exclude a table whose error has no shape.  Derivatives often have none: the
+handbook has the right course over incidence, or the derivative is constant.  A priori a derivative
+is therefore *plain* with the probability `PLAIN`: the weights of its parts `long`, `medium` and
+`short` are zero.  A table without regressor (`CL/basic`) is not.  It holds the stall: a kink at the
+edge of the flown region, which its middle does not show, would be excluded.  On a set of local
+models of an aeroplane with another stall, 75 % of the flown nodes were within two standard errors
+with this state, and 97 % without it.
+
+The evidence of both states is that of Laplace's method [Rasmussen2006]_,
 
     ln Z = -J(u) - 1/2 ln det I - sum_k ln spread_k
 
@@ -21,17 +26,20 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 
 from aerodb.update.correlation import PARTS, SHARES, SPREADS
+from flightmech import terms
 
 SPREAD_OF_FITS = 0.7  # a-priori standard error of the logarithm of the factor on C
 SHAPE = ("long", "medium", "short")
 """Parts by which the shape of a table departs from the handbook."""
 PLAIN = 0.5
-"""A-priori share of the tables without these parts."""
+"""A-priori share of the derivatives without these parts."""
 _STEPS = 100  # most steps of Newton's method
 _STEP_TOLERANCE = 1e-6  # step of a logarithm at which the iteration ends
 _LONGEST_STEP = 2.0  # of a logarithm: a factor of 7 on a weight
@@ -166,8 +174,16 @@ def a_priori_logarithms(tables: int) -> tuple[np.ndarray, np.ndarray]:
     return np.log(share) - spread**2 / 2.0, spread
 
 
+def plain_shares(leaves: Iterable[xr.Dataset]) -> np.ndarray:
+    """Return the a-priori probability that each table is plain, (tables,).
+
+    It is `PLAIN` for a derivative, and zero for a table without regressor.
+    """
+    return np.array([PLAIN if terms.list_regressors(leaf) else 0.0 for leaf in leaves])
+
+
 def plain_probabilities(
-    y: np.ndarray, parts: np.ndarray, fixed: np.ndarray, u: np.ndarray
+    y: np.ndarray, parts: np.ndarray, fixed: np.ndarray, u: np.ndarray, share: np.ndarray
 ) -> np.ndarray:
     """Return the probability that each table is plain, (tables,).
 
@@ -177,6 +193,8 @@ def plain_probabilities(
         As of `aerodb.update.weight_learning.learn_weights`.
     u : array (parts,)
         Logarithms of the weights at their mode.
+    share : array (tables,)
+        A-priori probability of each table, below one: see `plain_shares`.
 
     Returns
     -------
@@ -191,9 +209,9 @@ def plain_probabilities(
         likelihood = WeightLikelihood(y, parts[kept], fixed, mean=mean[kept], spread=spread[kept])
         return likelihood.log_evidence(u[kept], steps)
 
-    with_all = evidence(used, 0)
+    with_all = evidence(used, 0) if share.any() else 0.0
     probability = np.zeros(tables)
-    for table in range(tables):
+    for table in np.flatnonzero(share):
         first = table * len(PARTS)
         of_shape = [first + PARTS.index(name) for name in SHAPE]
         level = parts[first + PARTS.index("level")]
@@ -203,7 +221,11 @@ def plain_probabilities(
         kept = used.copy()
         kept[of_shape] = False
         gain = evidence(kept, _STEPS_WITHOUT) - with_all
-        odds = PLAIN / (1.0 - PLAIN) * np.exp(np.clip(gain, -_MOST_EVIDENCE, _MOST_EVIDENCE))
+        odds = (
+            share[table]
+            / (1.0 - share[table])
+            * np.exp(np.clip(gain, -_MOST_EVIDENCE, _MOST_EVIDENCE))
+        )
         probability[table] = odds / (1.0 + odds)
     return probability
 

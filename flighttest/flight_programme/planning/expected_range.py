@@ -6,8 +6,8 @@ flights nobody has the estimates, but their distribution is that of the method: 
 logarithms of all weights from their a-priori distribution, the estimates from the covariance of
 these weights, and learns from them as `tabulate` does.  The quantiles over the draws are the range.
 
-Half of the tables of a draw have the shape of the handbook, as `tabulate` assumes a priori
-(`aerodb.update.weight_likelihood`).
+Half of the tables of a draw have the shape of the handbook, which lognormal weights exclude and
+which is frequent: derivatives of aeroplanes in simulators are constant.
 """
 
 from __future__ import annotations
@@ -22,7 +22,12 @@ from aerodb.update.correlation import PARTS, SHARES, prior_parts
 from aerodb.update.expectation import Expectation, align_errors
 from aerodb.update.observations import coefficient_of, observed_nodes, sampled_weights
 from aerodb.update.weight_learning import weigh_fits
-from aerodb.update.weight_likelihood import PLAIN, SHAPE, a_priori_logarithms
+from aerodb.update.weight_likelihood import (
+    PLAIN,
+    SHAPE,
+    a_priori_logarithms,
+    plain_shares,
+)
 from flightmech.errors import IdentificationError
 
 
@@ -65,11 +70,13 @@ class _CoefficientDraws:
         H = np.vstack([one.H for one in self.observed])
         touched, sampled = observed_nodes(self.observed), sampled_weights(self.observed)
         self.shapes: dict[str, tuple[int, ...]] = {}
+        leaves = []
         variances, crossed, estimates = [], [], []
         for name, nodes in expectation.node_slices(coefficient).items():
             if not touched[nodes].any():
                 continue
             leaf = expectation.leaf(name)
+            leaves.append(leaf)
             self.shapes[name] = leaf["value"].shape
             P = prior_parts(leaf, (sampled * touched)[nodes], expectation.lengths)
             PH = P @ H[:, nodes].T
@@ -78,6 +85,7 @@ class _CoefficientDraws:
             estimates.append(H[:, nodes] @ PH)
         self.variances, self.crossed = variances, crossed
         self.estimates = np.concatenate(estimates)
+        self.plain_shares = plain_shares(leaves)
 
     def draw(self, count: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """Return draws of the standard errors by term."""
@@ -85,7 +93,9 @@ class _CoefficientDraws:
         for k in range(count):
             y = self._draw_estimates(rng)
             try:
-                weighing = weigh_fits(y, self.observed, self.D, self.estimates)
+                weighing = weigh_fits(
+                    y, self.observed, self.D, self.estimates, shares=self.plain_shares
+                )
             except (IdentificationError, np.linalg.LinAlgError):
                 continue
             weights = weighing.factors[:-1].reshape(len(self.shapes), -1)

@@ -6,7 +6,13 @@ from scipy.linalg import block_diag
 
 from aerodb.update.correlation import LENGTHS, PARTS, SHARES, prior_parts
 from aerodb.update.weight_learning import learn_weights
-from aerodb.update.weight_likelihood import SHAPE, plain_probabilities, without_shapes
+from aerodb.update.weight_likelihood import (
+    PLAIN,
+    SHAPE,
+    plain_probabilities,
+    plain_shares,
+    without_shapes,
+)
 from flightmech import terms
 from flightmech.units import DEGREE
 
@@ -31,7 +37,8 @@ def table_parts(alpha):
 def probability(y, parts):
     fixed = np.zeros((len(y), len(y)))
     _, u = learn_weights(y, parts, fixed, None)
-    return plain_probabilities(y, parts, fixed, u), u
+    tables = (len(parts) - 1) // len(PARTS)
+    return plain_probabilities(y, parts, fixed, u, np.full(tables, PLAIN)), u
 
 
 @pytest.mark.parametrize("kind", ERRORS)
@@ -39,7 +46,7 @@ def test_the_shape_of_the_error_decides(kind):
     noise = NOISE * np.random.default_rng(1).standard_normal(len(ALPHA))
     parts = np.concatenate([table_parts(ALPHA), NOISE**2 * np.eye(len(ALPHA))[None]])
     y = ERRORS[kind] + noise
-    plain, u = probability(y, parts)
+    plain, _ = probability(y, parts)
     expected = {"zero": 0.97, "level": 0.97, "slope": 0.0, "wave": 0.0}[kind]
     assert plain == pytest.approx([expected], abs=0.03)
     moved = y * (1.0 + 1e-12 * np.random.default_rng(2).standard_normal(len(y)))
@@ -80,3 +87,12 @@ def test_the_weights_of_the_shape_have_the_remaining_share():
         share = 0.25 if name in SHAPE else 1.0
         assert new[k] == pytest.approx(share * SHARES[name])
     np.testing.assert_array_equal(new[5:], factors[5:])
+
+
+def test_a_table_without_regressor_is_not_plain():
+    axes = {"alpha": ALPHA * DEGREE}
+    value, stderr = np.ones(len(ALPHA)), np.full(len(ALPHA), STDERR)
+    leaves = [
+        terms.make_term(value, axes, regressors, stderr=stderr) for regressors in ((), ("qhat",))
+    ]
+    assert plain_shares(leaves).tolist() == [0.0, PLAIN]
