@@ -21,8 +21,8 @@ import scipy
 from aerodb.update.correlation import PARTS, SHARES, prior_parts
 from aerodb.update.expectation import Expectation, align_errors
 from aerodb.update.observations import coefficient_of, observed_nodes, sampled_weights
-from aerodb.update.weight_learning import weigh_fits
-from aerodb.update.weight_likelihood import (
+from aerodb.update.weights.weight_learning import weigh_fits
+from aerodb.update.weights.weight_likelihood import (
     PLAIN,
     SHAPE,
     a_priori_logarithms,

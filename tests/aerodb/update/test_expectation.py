@@ -7,10 +7,11 @@ import xarray as xr
 from aerodb.edit.term_edits import replace_terms
 from aerodb.store.schema import make_database
 from aerodb.store.schema import terms as schema_terms
-from aerodb.update import draw, weight_learning
+from aerodb.update import draw
 from aerodb.update.correlation import SHARES, prior_parts
 from aerodb.update.expectation import Expectation
 from aerodb.update.tabulation import tabulate
+from aerodb.update.weights import weight_learning
 from flightmech import terms
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress

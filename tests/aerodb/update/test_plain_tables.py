@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import block_diag
 
 from aerodb.update.correlation import LENGTHS, PARTS, SHARES, prior_parts
-from aerodb.update.weight_learning import learn_weights
-from aerodb.update.weight_likelihood import (
+from aerodb.update.weights.weight_learning import learn_weights
+from aerodb.update.weights.weight_likelihood import (
     PLAIN,
     SHAPE,
     plain_probabilities,

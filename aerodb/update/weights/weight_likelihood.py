@@ -1,7 +1,7 @@
 """Marginal likelihood of the weights of the parts of a covariance, and of tables without a shape.
 
-The estimates y are normal with the covariance S(u) of `aerodb.update.weight_learning`.  The mode of
-the logarithms u is the minimum of J(u) given there.
+The estimates y are normal with the covariance S(u) of `aerodb.update.weights.weight_learning`.  The
+mode of the logarithms u is the minimum of J(u) given there.
 
 Lognormal weights exclude a table whose error has no shape.  Derivatives often have none: the
 handbook has the right course over incidence, or the derivative is constant.  A priori a derivative
@@ -190,7 +190,7 @@ def plain_probabilities(
     Parameters
     ----------
     y, parts, fixed
-        As of `aerodb.update.weight_learning.learn_weights`.
+        As of `aerodb.update.weights.weight_learning.learn_weights`.
     u : array (parts,)
         Logarithms of the weights at their mode.
     share : array (tables,)

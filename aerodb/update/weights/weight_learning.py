@@ -26,9 +26,10 @@ residual that the fit hides because the tables follow it.  A factor below 1 is n
 agreement does not make a fit more accurate than it states.  The weight of the fit is 1/v_i.
 
 The steps alternate with learning the weights of the prior until neither changes.  Then each
-derivative gets the probability that it has the shape of the handbook (`aerodb.update.weight_likelihood`), and
-the steps are repeated with it.  If more than a quarter of the fits are then suspect, nothing
-decides which ones are wrong: all keep a weight of 1, and the factor on C rises.
+derivative gets the probability that it has the shape of the handbook
+(`aerodb.update.weights.weight_likelihood`), and the steps are repeated with it.  If more than a
+quarter of the fits are then suspect, nothing decides which ones are wrong: all keep a weight of 1,
+and the factor on C rises.
 
 References
 ----------
@@ -50,7 +51,7 @@ import scipy
 
 from aerodb.update.correlation import SHARES
 from aerodb.update.observations import Observation
-from aerodb.update.weight_likelihood import (
+from aerodb.update.weights.weight_likelihood import (
     WeightLikelihood,
     a_priori_logarithms,
     invert_covariance,
