@@ -143,6 +143,31 @@ def parse_constraints(
     return found
 
 
+def write_constraint(constraint: Constraint, names: Sequence[str], weights: np.ndarray) -> str:
+    """Return a constraint among some of its parameters as a text; the other parameters are zero.
+
+    Parameters
+    ----------
+    constraint : Constraint
+    names : sequence of str
+    weights : array (names,)
+        One of them at least is not zero.
+    """
+    left = int(np.flatnonzero(weights)[0])
+    # theta_left = (value - sum of the other weights theta) / weight
+    pieces = []
+    for name, weight in zip(names, -weights / weights[left]):
+        if weight and name != names[left]:
+            pieces.append(f"{weight:+.17g}*{name}")
+    value = constraint.value / weights[left]
+    if value or not pieces:
+        pieces.append(f"{value:+.17g}")
+    relation = "="
+    if not constraint.is_equality:
+        relation = ">" if weights[left] > 0.0 else "<"
+    return f"{names[left]} {relation} {' '.join(pieces)}"
+
+
 def _parse(text: str, names: list[str], spell: Callable[[str], str]) -> Constraint:
     """Return one constraint; raise ValueError with the problem."""
     # Two words without an operator: without the space they would read as one.

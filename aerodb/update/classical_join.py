@@ -63,7 +63,7 @@ from aerodb.update.tabulation_report import (
     term_row,
 )
 from aerodb.update.term_decisions import add_decisions
-from aerodb.update.weight_learning import SCATTER, estimate_mixed, estimate_scatter
+from aerodb.update.weights.weight_learning import SCATTER, estimate_mixed, estimate_scatter
 from flightmech import terms as _terms
 from flightmech.aircraft.controls import ICE
 from flightmech.errors import IdentificationError

@@ -31,7 +31,7 @@ from aerodb.update.observations import (
 )
 from aerodb.update.tabulation import FLOWN, slices_of
 from aerodb.update.tabulation_report import Tabulation
-from aerodb.update.weight_learning import invert_covariance
+from aerodb.update.weights.weight_likelihood import invert_covariance
 
 # A-priori weights of the `PARTS`.
 _WEIGHTS = np.array(list(SHARES.values()))

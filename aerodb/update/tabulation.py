@@ -16,8 +16,8 @@ The common errors s are *considered* [Schmidt1966]; they are not estimated acros
 of the fits are computed as if every fit had errors s of its own.  The covariance of the nodes is
 that of these weights if all fits share s.  Terms with fixed values are considered likewise, with
 their a-priori errors.  A fit that the others contradict loses weight as a whole
-(`aerodb.update.weight_learning`).  An estimate that a common error dominates (a damping, by the lag
-of the vanes) then does not distort a table, and a result on which all fits agree counts as
+(`aerodb.update.weights.weight_learning`).  An estimate that a common error dominates (a damping, by
+the lag of the vanes) then does not distort a table, and a result on which all fits agree counts as
 measured.  If s were estimated across fits, the shape of a handbook table would decide on an
 instrument.  Only that shape separates the bias of an elevator pick-up from a constant pitching
 moment.  The standard error of the bias then came out at a third of its true value, and the values
@@ -27,8 +27,10 @@ The prior covariance of the nodes is a sum of five parts (`aerodb.update.correla
 The first is common to the whole table.  The second is common to the flown region and fades with the
 distance from it.  The third and the fourth are smooth curves of two lengths.  The fifth is rough.
 The weights of the parts, and one factor on C, are learnt for each term by their marginal
-likelihood, with lognormal hyperpriors at the a-priori shares (`aerodb.update.weight_learning`).  A
-term that no fit informs keeps the a-priori shares.
+likelihood, with lognormal hyperpriors at the a-priori shares
+(`aerodb.update.weights.weight_learning`).  A derivative may also have the shape of the handbook:
+the last three parts then have no weight (`aerodb.update.weights.weight_likelihood`).  A term that
+no fit informs keeps the a-priori shares.
 
 Flights determine the size of a correction only in the flown region.  The second part therefore
 follows the fits very little and never has less than its a-priori weight.  Outside the flown region
@@ -76,7 +78,8 @@ from aerodb.update.tabulation_report import (
     term_row,
 )
 from aerodb.update.term_decisions import add_decisions
-from aerodb.update.weight_learning import invert_covariance, slices_of_sizes, weigh_fits
+from aerodb.update.weights.weight_learning import slices_of_sizes, weigh_fits
+from aerodb.update.weights.weight_likelihood import invert_covariance, plain_shares
 from flightmech.errors import IdentificationError
 
 # Least weight that some sample gives to a node from flight: half a cell away on each of two axes.
@@ -266,7 +269,8 @@ def _compute_posterior(
     g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     y = np.concatenate([observation.theta for observation in observed]) - H @ g0
     prior = _prior_covariance_parts(free, H, sampled, lengths)
-    weighing = weigh_fits(y, observed, D, prior.estimates)
+    shares = plain_shares(free.values())
+    weighing = weigh_fits(y, observed, D, prior.estimates, shares=shares)
     factors, own_errors, noise = weighing.factors, weighing.own_errors, weighing.noise
 
     # Weights w of the learnt prior: P = sum_k w_k P_k of each term, and P H'.

@@ -17,7 +17,7 @@ from aerodb.update.cautions.notices import incompatible_fits, suspect_fits
 from aerodb.update.correlation import PARTS
 from aerodb.update.observations import Observation, samples_outside
 from aerodb.update.term_decisions import CORRECTED, REPLACED
-from aerodb.update.weight_learning import SUSPECT
+from aerodb.update.weights.weight_learning import SUSPECT
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning
 from flightmech.flown_samples import (

@@ -6,6 +6,7 @@ import click
 
 from flightmech.support.console import InputFile, performed_by
 from flighttest.cli.group import names_option
+from flighttest.cli.identify import constraint_option
 
 
 @click.command("follow")
@@ -24,6 +25,7 @@ from flighttest.cli.group import names_option
     metavar="TERM",
     help="A further term, which enters where the evidence for it is strong, as 'alpha**2'.",
 )
+@constraint_option("a term")
 @names_option
 @click.option(
     "--band",

@@ -273,6 +273,7 @@ def identify_command() -> None:
     help="Selection without hierarchy, in which a product may lack its factors and a moment its "
     "damping.",
 )
+@_CONSTRAINTS
 @_WINDOW
 @_WINDOW_OF
 @_ERRORS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from flightmech.short_text import ShortText
+from flighttest.parameter_constraints import CONTRADICTED
 
 STEADY, RECENT = 2.5, 5  # standard errors of a move, and updates over which it is looked for
 LASTING = 3  # updates in a row in which a goal must be met
@@ -65,6 +67,8 @@ class FlightEstimate(ShortText):
     unsteady : tuple of str
         Terms that have left an estimate of the last `RECENT` updates by more than `STEADY` of its
         standard errors. The disturbance or the model is then not what the standard errors assume.
+    constraints : str
+        As from `rate_constraints`; empty without constraints.
     is_accurate : bool
         Whether all goals have been met by steady terms in `LASTING` updates in a row.
     """
@@ -78,6 +82,7 @@ class FlightEstimate(ShortText):
     waiting: str = ""
     counts: dict[str, int] = field(default_factory=dict)
     unsteady: tuple[str, ...] = ()
+    constraints: str = ""
     is_accurate: bool = False
 
     def as_dict(self) -> dict[str, Any]:
@@ -93,6 +98,7 @@ class FlightEstimate(ShortText):
             "waiting": self.waiting,
             "unsteady": list(self.unsteady),
             "accurate": self.is_accurate,
+            "constraints": json.loads(self.constraints or "[]"),
             **self.counts,
         }
 
@@ -110,6 +116,9 @@ class FlightEstimate(ShortText):
         ]
         if self.unsteady:
             parts.append(f"unsteady {', '.join(self.unsteady)}")
+        for row in json.loads(self.constraints or "[]"):
+            if row["t"] is not None and abs(row["t"]) > CONTRADICTED:
+                parts.append(f"contradicts {row['text']} by {abs(row['t']):.1f} standard errors")
         if self.is_accurate:
             parts.append("accurate")
         return "  ".join(parts)

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,16 +39,23 @@ from flighttest.in_flight.flight_estimate import (
 )
 from flighttest.in_flight.kept_windows import KeptWindows, place_windows
 from flighttest.in_flight.running_transform import RunningTransform
-from flighttest.records.signals.fourier import harmonics
-from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.frequency.frequency_slopes import demand_frequencies
-from flighttest.regression.equation_error.frequency.slope_errors import (
-    SlopeErrors,
-    estimate_slope_errors,
+from flighttest.in_flight.slope_solution import (
+    SlopeSolution,
+    StreamRows,
+    most_explaining,
+    rate_solution,
+    solve_slopes,
 )
-from flighttest.regression.equation_error.frequency.spectral_weights import equal_weights
+from flighttest.parameter_constraints import (
+    Constraint,
+    choose_active,
+    eliminate,
+    parse_constraints,
+)
+from flighttest.records.signals.fourier import harmonics
 from flighttest.regression.equation_error.frequency.transformed_stretches import TransformedStretch
 from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.problem import spell_term
 
 BAND = (0.1, 2.0)  # [Hz]
 SPACING = 0.01  # of the grid of frequencies [Hz]
@@ -75,6 +82,9 @@ class FlightFollower:
     goals : sequence of AccuracyGoal
     rate : float, optional
         Sampling rate; by default it is taken from the first stamps. [Hz]
+    constraints : sequence of str
+        Linear constraints among the terms, as of `regress`. Candidates of an equality, or of a
+        limit that zeros do not satisfy, are in the model from the start.
 
     Raises
     ------
@@ -82,6 +92,8 @@ class FlightFollower:
         A band or a spacing that gives no frequencies, or a model without a slope.
     UnknownName
         A goal of a term that is not in the model.
+    SchemaError
+        Constraints that cannot be read, or that contradict each other.
     """
 
     def __init__(
@@ -93,6 +105,7 @@ class FlightFollower:
         candidates: Sequence[str] = (),
         goals: Sequence[AccuracyGoal] = (),
         rate: float | None = None,
+        constraints: Sequence[str] = (),
     ):
         if not spacing > 0.0:
             raise IdentificationError(f"spacing is {spacing:g} Hz; a positive one is needed")
@@ -101,6 +114,7 @@ class FlightFollower:
         # Mean and trend of a stretch are removed, so that the constant is not a term.
         self.always = [term for term in model.terms if term != "1"]
         self.terms = list(RegressionModel(model.coefficient, [*self.always, *candidates]).terms)
+        self.constraints = self._parse_constraints(model, constraints)
         if not self.always:
             raise IdentificationError(f"{model} has no slope; give at least one term")
         for goal in goals:
@@ -119,6 +133,29 @@ class FlightFollower:
         self._met = 0
         self._recent: list[FlightEstimate] = []
         self._time = math.nan
+
+    def _parse_constraints(self, model: RegressionModel, texts: Sequence[str]) -> list[Constraint]:
+        """Return constraints among the terms, with the terms that they need in front."""
+
+        def parse() -> list[Constraint]:
+            return parse_constraints(
+                texts, self.terms, lambda name: spell_term(name, model.coefficient)
+            )
+
+        needed: dict[str, None] = dict.fromkeys(self.always)
+        for constraint in parse():
+            if constraint.is_equality or constraint.value > 0.0:
+                needed |= {self.terms[k]: None for k in np.flatnonzero(constraint.weights)}
+        self.always = list(needed)
+        self.terms = list(dict.fromkeys([*self.always, *self.terms]))
+        found = parse()
+        # Contradictions end the program before the stream begins.
+        count = len(self.terms)
+        held = eliminate([one for one in found if one.is_equality], count)
+        free = len(held.free)
+        limits = [one for one in found if not one.is_equality]
+        choose_active(limits, held, phi=np.zeros(free), information=np.eye(free))
+        return found
 
     def choose_channels(self, available: Sequence[str]) -> list[str]:
         """Return the channels that the model needs; raise UnknownName for a missing one."""
@@ -239,22 +276,29 @@ class FlightFollower:
         if not windows:
             text = f"waiting for {1.0 / self.band[0]:.3g} s without a gap"
             return self._without_estimate(text, counts)
-        rows = np.concatenate([window.rows for window in windows])
-        parts = place_windows(windows, self.frequencies)
-        largest = np.max([window.largest for window in windows], axis=0)
+        stream = StreamRows(
+            str(self.model.coefficient),
+            self.terms,
+            rows=np.concatenate([window.rows for window in windows]),
+            parts=place_windows(windows, self.frequencies),
+            largest=np.max([window.largest for window in windows], axis=0),
+        )
         try:
-            used, solved = self._choose_terms(rows, parts, largest)
+            solved = self._choose_terms(stream)
         except IdentificationError as error:
             return self._without_estimate(str(error), counts)
-        stderr = np.sqrt(np.diag(solved.errors.covariance))
+        stored = ""
+        if self.constraints:
+            stored = rate_solution(stream, solved, self.constraints)
         found = FlightEstimate(
             self._time,
             sum(window.samples for window in windows),
-            tuple(self.terms[k] for k in used),
+            tuple(self.terms[k] for k in solved.used),
             solved.theta,
-            stderr,
+            np.sqrt(np.diag(solved.covariance)),
             R2=solved.R2,
             counts=counts,
+            constraints=stored,
         )
         unsteady = self._find_unsteady(found)
         is_met = bool(self.goals)
@@ -278,49 +322,24 @@ class FlightFollower:
         self._met = 0
         return FlightEstimate(self._time, 0, waiting=text, counts=counts)
 
-    def _choose_terms(
-        self, rows: np.ndarray, parts: list[TransformedStretch], largest: np.ndarray
-    ) -> tuple[list[int], _Solved]:
-        """Return the positions of the terms of the model and of the candidates with evidence, and
-        their estimates.
-        """
+    def _choose_terms(self, stream: StreamRows) -> SlopeSolution:
+        """Return the estimates of the terms of the model and of the candidates with evidence."""
         used = list(range(len(self.always)))
-        self._demand(rows, used, parts, largest)
-        solved = _solve(rows, used, parts)
+        solved = solve_slopes(stream, used, self.constraints)
         remaining = list(range(len(self.always), len(self.terms)))
         while remaining:
-            best = _most_explaining(rows, used, remaining, solved.v)
-            trial = [*used, best]
+            best = most_explaining(stream, remaining, solved)
             remaining.remove(best)
             try:
-                self._demand(rows, trial, parts, largest)
+                tried = solve_slopes(stream, [*solved.used, best], self.constraints)
             except IdentificationError:
                 continue
-            tried = _solve(rows, trial, parts)
             # Rise of the criterion by one term: t^2 - ln n, with the independent equations n.
-            stderr = math.sqrt(tried.errors.covariance[-1, -1]) / float(tried.errors.factor[-1])
-            t = float(tried.theta[-1]) / stderr if stderr > 0.0 else math.inf
-            count = _independent_equations(parts)
-            if t * t - math.log(count) < STRONG:
+            count = _independent_equations(stream.parts)
+            if tried.t_of_last**2 - math.log(count) < STRONG:
                 break
-            used, solved = trial, tried
-        return used, solved
-
-    def _demand(
-        self,
-        rows: np.ndarray,
-        used: list[int],
-        parts: list[TransformedStretch],
-        largest: np.ndarray,
-    ) -> None:
-        columns = [1 + k for k in used]
-        demand_frequencies(
-            str(self.model.coefficient),
-            rows[:, columns],
-            X=largest[None, columns],
-            parts=parts,
-            terms=[self.terms[k] for k in used],
-        )
+            solved = tried
+        return solved
 
 
 def _independent_equations(parts: Sequence[TransformedStretch]) -> float:
@@ -330,44 +349,3 @@ def _independent_equations(parts: Sequence[TransformedStretch]) -> float:
         width = float(part.frequencies[-1] - part.frequencies[0])
         total += 2.0 * min(len(part.frequencies), 1.0 + width * part.duration)
     return max(2.0, total)
-
-
-@dataclass(frozen=True)
-class _Solved:
-    """Estimates of some terms, their errors, the complex residual, and R2 inside the band."""
-
-    theta: np.ndarray
-    errors: SlopeErrors
-    v: np.ndarray
-    R2: float
-
-
-def _solve(rows: np.ndarray, used: list[int], parts: list[TransformedStretch]) -> _Solved:
-    """Return the complex least-squares estimate, as `regress_frequency` with equal weights."""
-    zf, Xf = rows[:, 0], rows[:, [1 + k for k in used]]
-    if not zf.any():
-        raise IdentificationError("the coefficient is constant; look at its accelerations")
-    whitened = equal_weights(len(zf))
-    X, z = whitened.equations(Xf), whitened.equations(zf[:, None])[:, 0]
-    theta, E = least_squares.solve_least_squares(X, z)
-    v = whitened.residual(zf, Xf, theta)
-    D = least_squares.estimator_matrix(E)
-    errors = estimate_slope_errors(v, E, D=D, whitened=whitened, parts=parts)
-    R2 = 1.0 - float((np.abs(v) ** 2).sum() / (np.abs(zf) ** 2).sum())
-    return _Solved(theta, errors, v, R2)
-
-
-def _most_explaining(rows: np.ndarray, used: list[int], remaining: list[int], v: np.ndarray) -> int:
-    """Return the remaining term that reduces the residual most."""
-    whitened = equal_weights(len(v))
-    Q = np.linalg.qr(whitened.equations(rows[:, [1 + k for k in used]]))[0]
-    residual = whitened.equations(v[:, None])[:, 0]
-    gains = []
-    for k in remaining:
-        x = whitened.equations(rows[:, 1 + k, None])[:, 0]
-        own = x - Q @ (Q.T @ x)
-        size = float(own @ own)
-        # A candidate that the terms in the model explain has nothing of its own.
-        is_own = size > 1e-12 * float(x @ x)
-        gains.append(float(own @ residual) ** 2 / size if is_own else 0.0)
-    return remaining[int(np.argmax(gains))]

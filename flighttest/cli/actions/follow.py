@@ -38,6 +38,8 @@ class FollowerOptions:
     model_text : str
     candidates : tuple of str
         Further terms, which enter the model if the evidence for them is strong.
+    constraints : tuple of str
+        Constraints among the parameters.
     band : (float, float)
         Band of the frequencies [Hz].
     spacing : float
@@ -51,6 +53,7 @@ class FollowerOptions:
     aircraft_file: str | None
     model_text: str
     candidates: tuple[str, ...]
+    constraints: tuple[str, ...]
     band: tuple[float, float]
     spacing: float
     rate: float | None
@@ -66,6 +69,7 @@ class FollowerOptions:
             candidates=self.candidates,
             goals=[_parse_goal(term, limit) for term, limit in self.goals],
             rate=self.rate,
+            constraints=self.constraints,
         )
 
 

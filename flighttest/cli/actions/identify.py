@@ -231,6 +231,8 @@ class SelectionOptions:
         Candidates that are in the model from the start.
     free : bool
         Whether a product may lack its factors, and a moment its damping.
+    constraints : tuple of str
+        Constraints among the parameters.
     band : (float, float) or None
         Band of a selection in frequency [Hz].
     """
@@ -242,6 +244,7 @@ class SelectionOptions:
     method: str
     keep: tuple[str, ...]
     free: bool
+    constraints: tuple[str, ...]
     band: tuple[float, float] | None
 
     def list_candidates(self) -> list[str]:
@@ -275,6 +278,7 @@ def run_select(
             band=selection.band,
             keep=("1", *selection.keep),
             hierarchy=not selection.free,
+            constraints=selection.constraints,
         )
     if output:
         save_fit(state_windows(result.fit, manoeuvres.as_validation_windows()), output)

@@ -6,9 +6,8 @@ flights nobody has the estimates, but their distribution is that of the method: 
 logarithms of all weights from their a-priori distribution, the estimates from the covariance of
 these weights, and learns from them as `tabulate` does.  The quantiles over the draws are the range.
 
-The lognormal weights of the parts `long` and `short` exclude an aeroplane whose tables have the
-shape of the handbook, which is frequent: derivatives of aeroplanes in simulators are constant.  In
-half of the draws a table therefore does not have these parts.
+Half of the tables of a draw have the shape of the handbook, which lognormal weights exclude and
+which is frequent: derivatives of aeroplanes in simulators are constant.
 """
 
 from __future__ import annotations
@@ -19,14 +18,17 @@ from typing import Any
 import numpy as np
 import scipy
 
-from aerodb.update.correlation import PARTS, SHARES, SPREADS, prior_parts
+from aerodb.update.correlation import PARTS, SHARES, prior_parts
 from aerodb.update.expectation import Expectation, align_errors
 from aerodb.update.observations import coefficient_of, observed_nodes, sampled_weights
-from aerodb.update.weight_learning import SPREAD_OF_FITS, weigh_fits
+from aerodb.update.weights.weight_learning import weigh_fits
+from aerodb.update.weights.weight_likelihood import (
+    PLAIN,
+    SHAPE,
+    a_priori_logarithms,
+    plain_shares,
+)
 from flightmech.errors import IdentificationError
-
-# Parts by which the shape of a table departs from the handbook, and share of tables without them.
-_SHAPE, _SMOOTH = ("long", "medium", "short"), 0.5
 
 
 def draw_stderr(
@@ -68,11 +70,13 @@ class _CoefficientDraws:
         H = np.vstack([one.H for one in self.observed])
         touched, sampled = observed_nodes(self.observed), sampled_weights(self.observed)
         self.shapes: dict[str, tuple[int, ...]] = {}
+        leaves = []
         variances, crossed, estimates = [], [], []
         for name, nodes in expectation.node_slices(coefficient).items():
             if not touched[nodes].any():
                 continue
             leaf = expectation.leaf(name)
+            leaves.append(leaf)
             self.shapes[name] = leaf["value"].shape
             P = prior_parts(leaf, (sampled * touched)[nodes], expectation.lengths)
             PH = P @ H[:, nodes].T
@@ -81,6 +85,7 @@ class _CoefficientDraws:
             estimates.append(H[:, nodes] @ PH)
         self.variances, self.crossed = variances, crossed
         self.estimates = np.concatenate(estimates)
+        self.plain_shares = plain_shares(leaves)
 
     def draw(self, count: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """Return draws of the standard errors by term."""
@@ -88,7 +93,9 @@ class _CoefficientDraws:
         for k in range(count):
             y = self._draw_estimates(rng)
             try:
-                weighing = weigh_fits(y, self.observed, self.D, self.estimates)
+                weighing = weigh_fits(
+                    y, self.observed, self.D, self.estimates, shares=self.plain_shares
+                )
             except (IdentificationError, np.linalg.LinAlgError):
                 continue
             weights = weighing.factors[:-1].reshape(len(self.shapes), -1)
@@ -109,13 +116,10 @@ class _CoefficientDraws:
     def _draw_estimates(self, rng: np.random.Generator) -> np.ndarray:
         """Return estimates less their expectation, with drawn weights and errors."""
         tables = len(self.shapes)
-        spread = np.append(np.tile(list(SPREADS.values()), tables), SPREAD_OF_FITS)
-        share = np.append(np.tile(list(SHARES.values()), tables), 1.0)
-        # the share is the mean of the lognormal weight, as in `learn_weights`
-        weights = np.exp(np.log(share) - spread**2 / 2.0 + spread * rng.standard_normal(len(share)))
-        # tables with the shape of the handbook
-        smooth = np.repeat(rng.random(tables) < _SMOOTH, len(PARTS))
-        weights[:-1][smooth & np.tile(np.isin(PARTS, _SHAPE), tables)] = 0.0
+        mean, spread = a_priori_logarithms(tables)
+        weights = np.exp(mean + spread * rng.standard_normal(len(mean)))
+        plain = np.repeat(rng.random(tables) < PLAIN, len(PARTS))
+        weights[:-1][plain & np.tile(np.isin(PARTS, SHAPE), tables)] = 0.0
         reach = np.arange(len(weights) - 1) % len(PARTS) == PARTS.index("reach")
         weights[:-1][reach] = np.maximum(weights[:-1][reach], SHARES["reach"])
         S = np.einsum("k,kij->ij", weights[:-1], self.estimates)

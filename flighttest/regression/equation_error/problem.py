@@ -64,12 +64,12 @@ class RegressionProblem:
 
     def spell(self, name: str) -> str:
         """Return the spelling of a term in a constraint."""
-        return spell_term(name, self.model)
+        return spell_term(name, self.model.coefficient)
 
 
-def spell_term(name: str, model: RegressionModel) -> str:
+def spell_term(name: str, coefficient: str) -> str:
     """Return the spelling of a term in a constraint: ``CL_qhat`` is the term ``qhat``."""
-    own = name.removeprefix(f"{model.coefficient}_")
+    own = name.removeprefix(f"{coefficient}_")
     try:
         return term_text(term_powers(own))
     except (ParseError, UnknownName):

@@ -48,12 +48,13 @@ def select_by_prediction(
     hierarchy: bool = True,
     name: str = "",
     weights: str = "equal",
+    constraints: Sequence[str] = (),
 ) -> Selection:
     """Select terms by the prediction of manoeuvres, or blocks, that are left out.
 
     Parameters
     ----------
-    coefficient, candidates, data, band, keep, hierarchy, name, weights
+    coefficient, candidates, data, band, keep, hierarchy, name, weights, constraints
         As in `select_stepwise`.
 
     Returns
@@ -74,7 +75,9 @@ def select_by_prediction(
     """
     if hierarchy:
         candidates = add_factors(candidates, coefficient)
-    problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
+    problem = candidate_equations(
+        coefficient, candidates, data, band=band, weights=weights, constraints=constraints
+    )
     rules = TermHierarchy(problem, keep, is_free=not hierarchy)
     comparison = ModelComparison(problem, rules)
     models = comparison.allowed()
@@ -108,7 +111,7 @@ def _tabulate_models(problem: CandidateEquations, models: Sequence[AllowedModel]
     """Return the models of a set as a table."""
     rows = []
     for model in models:
-        terms = [problem.terms[j] for j in model.terms]
+        terms = problem.model_terms(model.terms)
         if problem.band is not None:
             terms.insert(0, "1")
         rows.append(
@@ -146,11 +149,14 @@ def add_model_spread(fit: Fit, problem: CandidateEquations, models: Sequence[All
     samples = problem.samples.data
     means = {str(name): float(samples[name].mean()) for name in samples.data_vars}
     centred = [_centred_parameters(problem, model.terms, means) for model in models]
+    best = models[0].terms
     matrix = _centred_model(problem, terms, means).absolute()[1]
     spread = np.zeros((len(terms), len(terms)))
     for model, values in zip(models[1:], centred[1:]):
         change = [values.get(term, 0.0) - centred[0].get(term, 0.0) for term in terms]
         d = matrix[: len(terms)] @ np.array(change)
+        if problem.ties is not None:
+            d = problem.ties.project(best, terms, d)
         spread += model.weight * np.outer(d, d)
     covariance = e["covariance"].values + spread
     stderr = np.sqrt(np.diag(covariance))
@@ -189,7 +195,7 @@ def _centred_parameters(
 ) -> dict[str, float]:
     """Return the parameters of a model at the mean of the variables, by the name of the term."""
     theta = np.linalg.lstsq(problem.X[list(model)].T, problem.z, rcond=None)[0]
-    terms = [problem.terms[j] for j in model]
+    terms, theta = problem.expand(model, theta)
     absolute, matrix = _centred_model(problem, terms, means).absolute()
     # In a band the constant, and without hierarchy lower powers, are not in the model: zero.
     values = dict(zip(terms, theta))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import combinations_with_replacement
 
@@ -12,6 +12,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, ParseError
 from flightmech.names import lookup
+from flighttest.parameter_constraints import eliminate, parse_constraints
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.frequency.frequency_domain import WEIGHTS
 from flighttest.regression.equation_error.frequency.spectral_weights import whitening_weights
@@ -26,8 +27,9 @@ from flighttest.regression.equation_error.model import (
     term_text,
     variable_of,
 )
-from flighttest.regression.equation_error.problem import demand_choice
+from flighttest.regression.equation_error.problem import demand_choice, spell_term
 from flighttest.regression.equation_error.samples import RegressionSamples, stack_samples
+from flighttest.regression.model_structure.candidate_ties import CandidateTies
 
 FREE = 2  # frequencies per candidate, from which on the residual of all candidates is the noise
 IDLE = 1e-9  # variation of a column, over its size, up to which it counts as a constant
@@ -127,6 +129,8 @@ class CandidateEquations:
         Number of independent rows.
     samples : RegressionSamples
         Samples of the rows in time.
+    ties : CandidateTies or None
+        Constraints among the candidates.
     """
 
     coefficient: str
@@ -138,13 +142,57 @@ class CandidateEquations:
     weights: str
     rows: int
     samples: RegressionSamples
+    ties: CandidateTies | None = None
 
     def place(self, term: str) -> int:
-        """Return the row of a candidate."""
-        if term not in self.terms:
-            reason = "it does not move" if term in self.idle else "it is not among the candidates"
-            raise IdentificationError(f"{term} is to be kept, but {reason}")
-        return self.terms.index(term)
+        """Return the row of a candidate, or of the first one that a term follows."""
+        for j in range(len(self.terms)):
+            if term in self.followers(j):
+                return j
+        reason = "it does not move" if term in self.idle else "it is not among the candidates"
+        raise IdentificationError(f"{term} is to be kept, but {reason}")
+
+    def followers(self, j: int) -> tuple[str, ...]:
+        """Return the terms that enter with a candidate, itself among them."""
+        return (self.terms[j],) if self.ties is None else self.ties.followers(j)
+
+    @property
+    def available(self) -> set[str]:
+        """Terms that a model may have: candidates, and terms that follow them."""
+        found: set[str] = set()
+        for j in range(len(self.terms)):
+            found.update(self.followers(j))
+        return found
+
+    @property
+    def fixed(self) -> set[str]:
+        """Terms with a number that constraints give."""
+        return set() if self.ties is None else set(self.ties.names) - self.available
+
+    @property
+    def constants(self) -> tuple[str, ...]:
+        """Terms that a constraint puts into every model."""
+        return () if self.ties is None else self.ties.constants
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """Terms that a constraint does not allow to be zero."""
+        return () if self.ties is None else self.ties.required
+
+    def model_terms(self, chosen: Sequence[int]) -> list[str]:
+        """Return the terms of the model of some candidates."""
+        if self.ties is None:
+            return [self.terms[j] for j in chosen]
+        terms = list(self.constants)
+        for j in chosen:
+            terms += self.followers(j)
+        return list(dict.fromkeys(terms))
+
+    def expand(self, chosen: Sequence[int], phi: np.ndarray) -> tuple[list[str], np.ndarray]:
+        """Return the terms of the model of some candidates, and their parameters."""
+        if self.ties is None:
+            return [self.terms[j] for j in chosen], phi
+        return self.ties.expand(chosen, phi)
 
 
 def candidate_equations(
@@ -153,6 +201,7 @@ def candidate_equations(
     data: xr.Dataset | Sequence[xr.Dataset],
     band: tuple[float, float] | None,
     weights: str = "equal",
+    constraints: Sequence[str] = (),
 ) -> CandidateEquations:
     """Return the regressors of candidates.
 
@@ -167,12 +216,16 @@ def candidate_equations(
     weights : {"equal", "spectrum"}
         Weights of the frequencies of a band; ``spectrum`` is that of the residual of all
         candidates.
+    constraints : sequence of str
+        Constraints among the candidates, as of `regress`; see `CandidateTies`.
 
     Raises
     ------
     IdentificationError
-        The coefficient is constant, no stretch reaches down to the band, or more candidates than
-        the weights allow.
+        The coefficient is constant, no stretch reaches down to the band, more candidates than the
+        weights allow, or a constraint on a candidate that does not move.
+    SchemaError
+        Constraints that cannot be read, or that contradict each other.
     """
     demand_choice("weights", weights, WEIGHTS if band is not None else ("equal",))
     terms, variables = _parse_candidates(tuple(candidates))
@@ -198,7 +251,7 @@ def candidate_equations(
         )
     elif not is_used.all():
         X = X[is_used]
-    return CandidateEquations(
+    problem = CandidateEquations(
         coefficient=coefficient,
         terms=_select_terms(terms, is_used),
         X=np.ascontiguousarray(X),
@@ -209,6 +262,7 @@ def candidate_equations(
         rows=rows,
         samples=samples,
     )
+    return _constrain(problem, constraints) if constraints else problem
 
 
 def _select_terms(terms: Sequence[str], mask: np.ndarray) -> tuple[str, ...]:
@@ -242,3 +296,38 @@ def _transform_equations(
     z = whitened.equations(zf)[:, 0]
     # The leakage of the ends of the stretches takes as many rows as it has unknowns.
     return whitened.equations(Xf).T, z, len(z) - whitened.ends.shape[1]
+
+
+def _constrain(problem: CandidateEquations, constraints: Sequence[str]) -> CandidateEquations:
+    """Return the equations of the candidates that equalities leave free."""
+    moving = list(problem.terms)
+    names = [*moving, *problem.idle]
+    parsed = parse_constraints(
+        constraints, names, lambda name: spell_term(name, problem.coefficient)
+    )
+    for constraint in parsed:
+        for k in np.flatnonzero(constraint.weights):
+            if names[k] in problem.idle:
+                raise IdentificationError(
+                    f"{names[k]} does not move, and the constraint {constraint.text!r} needs it; "
+                    f"leave out the constraint, or give manoeuvres in which it moves"
+                )
+    parsed = [replace(one, weights=one.weights[: len(moving)]) for one in parsed]
+    equalities = [constraint for constraint in parsed if constraint.is_equality]
+    held = eliminate(equalities, len(moving))
+    X = held.matrix.T @ problem.X
+    z = problem.z - held.offset @ problem.X
+    is_moving = np.ptp(X, axis=1) > IDLE * np.abs(X).max(axis=1)
+    is_constant = least_squares.intercept_mask([moving[k] for k in held.free])
+    lost = [moving[k] for k in held.free[~(is_moving | is_constant)]]
+    if lost:
+        raise IdentificationError(
+            f"with the constraints {', '.join(lost)} does not move; leave one of them out"
+        )
+    return replace(
+        problem,
+        terms=tuple(moving[k] for k in held.free),
+        X=np.ascontiguousarray(X),
+        z=z,
+        ties=CandidateTies(tuple(moving), tuple(parsed), held),
+    )

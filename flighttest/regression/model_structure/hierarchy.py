@@ -108,15 +108,33 @@ def add_factors(candidates: Iterable[str], coefficient: str = "") -> list[str]:
     return list(terms.values())
 
 
-def list_ancestors(terms: Sequence[str], coefficient: str = "") -> list[frozenset[int]]:
+def list_ancestors(
+    terms: Sequence[str], coefficient: str = "", followers: Sequence[Sequence[str]] | None = None
+) -> list[frozenset[int]]:
     """Return for each term the positions of all terms that it needs, as far as they are there.
 
     A factor that does not move is not among the terms, and not needed.
+
+    Parameters
+    ----------
+    terms : sequence of str
+    coefficient : str
+        As of `factors_of`.
+    followers : sequence of sequence of str, optional
+        All terms that enter with each of `terms`; the default is the term alone.
     """
-    position = {_key_of(term): k for k, term in enumerate(terms)}
+    if followers is None:
+        followers = [(term,) for term in terms]
+    position: dict[Powers, int] = {}
+    for k, together in enumerate(followers):
+        for term in together:
+            position.setdefault(_key_of(term), k)
     ancestors = []
-    for k, term in enumerate(terms):
-        needed = [position.get(_key_of(name), k) for name in factors_of(term, coefficient)]
+    for k, together in enumerate(followers):
+        needed: set[int] = set()
+        for term in together:
+            lower = factors_of(term, coefficient)
+            needed.update(position.get(_key_of(name), k) for name in lower)
         ancestors.append(frozenset(needed) - {k})
     return ancestors
 
@@ -147,16 +165,20 @@ class TermHierarchy:
     """
 
     def __init__(self, problem: CandidateEquations, keep: Sequence[str], is_free: bool):
-        self.ancestors = list_ancestors(problem.terms, problem.coefficient)
+        followers = [problem.followers(j) for j in range(len(problem.terms))]
+        self.ancestors = list_ancestors(problem.terms, problem.coefficient, followers)
         if is_free:
             self.ancestors = [frozenset()] * len(problem.terms)
         # The constant of a model in frequency is estimated at the end.
         kept = [term for term in keep if term != "1" or problem.band is None]
         damping = DAMPING.get(problem.coefficient, "")
-        if damping in problem.terms and not is_free:
+        if damping in problem.available and not is_free:
             kept.append(damping)
         required: dict[int, None] = {}
-        for term in kept:
+        for term in [*kept, *problem.required]:
+            # A constraint gives it a number.
+            if term in problem.fixed:
+                continue
             j = problem.place(term)
             required.update(dict.fromkeys([*sorted(self.ancestors[j]), j]))
         self.required = list(required)
@@ -185,8 +207,10 @@ class TermHierarchy:
 def missing_damping(problem: CandidateEquations) -> dict[str, str]:
     """Return the attribute of a selection that cannot have its damping term, with the reason."""
     damping = DAMPING.get(problem.coefficient, "")
-    if not damping or damping in problem.terms:
+    if not damping or damping in problem.available or damping in problem.constants:
         return {}
+    if damping in problem.fixed:
+        return {"without_damping": "a constraint makes it zero"}
     if damping in problem.idle:
         return {"without_damping": "it does not move"}
     return {"without_damping": "it is not among the candidates"}

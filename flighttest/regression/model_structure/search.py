@@ -199,12 +199,13 @@ def select_orthogonal(
     hierarchy: bool = True,
     name: str = "",
     weights: str = "equal",
+    constraints: Sequence[str] = (),
 ) -> Selection:
     """Select terms as multivariate orthogonal functions.
 
     Parameters
     ----------
-    coefficient, candidates, data, band, keep, hierarchy, name, weights
+    coefficient, candidates, data, band, keep, hierarchy, name, weights, constraints
         As in `select_stepwise`.
     gain : float
         Rise of R2 that a further function must bring.
@@ -229,7 +230,9 @@ def select_orthogonal(
     """
     if hierarchy:
         candidates = add_factors(candidates, coefficient)
-    problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
+    problem = candidate_equations(
+        coefficient, candidates, data, band=band, weights=weights, constraints=constraints
+    )
     rules = TermHierarchy(problem, keep, is_free=not hierarchy)
     search = _StructureSearch(problem, rules, gain=gain, noise=noise)
     while _add_function(search) or _drop_void_term(search) or search.exchange():
@@ -281,6 +284,7 @@ def select_stepwise(
     hierarchy: bool = True,
     name: str = "",
     weights: str = "equal",
+    constraints: Sequence[str] = (),
 ) -> Selection:
     """Select terms by stepwise regression.
 
@@ -309,6 +313,11 @@ def select_stepwise(
     weights : {"equal", "spectrum"}
         Weights of the frequencies of a band, as in `regress_frequency`. The spectrum is that of the
         residual of all candidates.
+    constraints : sequence of str
+        Linear constraints among the candidates, as of `regress`; a term that is not in the model is
+        zero. Equalities hold throughout the search: terms that follow one another enter together,
+        and a term with a constant is in every model. Inequalities act in the fit of the selected
+        terms.
 
     Returns
     -------
@@ -336,7 +345,9 @@ def select_stepwise(
     leave = thresholds.least_to_stay()
     if hierarchy:
         candidates = add_factors(candidates, coefficient)
-    problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
+    problem = candidate_equations(
+        coefficient, candidates, data, band=band, weights=weights, constraints=constraints
+    )
     search = _StructureSearch(
         problem, TermHierarchy(problem, keep, is_free=not hierarchy), gain=gain
     )

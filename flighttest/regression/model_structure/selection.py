@@ -184,19 +184,24 @@ def fit_selected_terms(
     IdentificationError
         No term was selected.
     """
-    terms = [problem.terms[j] for j in work.chosen]
-    if set(terms) <= {"1"}:
+    chosen = list(work.chosen)
+    if {problem.terms[j] for j in chosen} <= {"1"}:
         raise IdentificationError(
             f"{name or problem.coefficient}: none of {len(problem.terms)} candidates explains "
             f"{problem.coefficient}; look at the excitation, or lower the threshold"
         )
     if drop:
-        terms = _drop_negligible(problem, work, keep)
+        chosen = _drop_negligible(problem, work, keep)
+    terms = problem.model_terms(chosen)
+    texts = [] if problem.ties is None else problem.ties.texts(terms)
     if problem.band is None:
-        fit = regress(RegressionModel(problem.coefficient, terms), data, name)
+        model = RegressionModel(problem.coefficient, terms)
+        fit = regress(model, data, name, constraints=texts)
     else:
         model = RegressionModel(problem.coefficient, ["1", *terms])
-        fit = regress_frequency(model, data, band=problem.band, name=name, weights=problem.weights)
+        fit = regress_frequency(
+            model, data, problem.band, name=name, weights=problem.weights, constraints=texts
+        )
     fit.estimates.attrs.update(selection=method, **missing_damping(problem))
     return Selection(
         method=method,
@@ -209,16 +214,15 @@ def fit_selected_terms(
 
 def _drop_negligible(
     problem: CandidateEquations, basis: OrthogonalBasis, keep: Sequence[int]
-) -> list[str]:
-    """Return the selected terms without negligible ones."""
+) -> list[int]:
+    """Return the selected candidates without negligible ones."""
     # rms of each term about its mean, over that of the coefficient
     size = np.abs(basis.estimates()) * np.std(problem.X[basis.chosen], axis=1) / np.std(problem.z)
-    terms = []
+    chosen = []
     for j, contribution in zip(basis.chosen, size):
-        term = problem.terms[j]
-        if contribution >= NEGLIGIBLE or j in keep or term == "1":
-            terms.append(term)
-    return terms
+        if contribution >= NEGLIGIBLE or j in keep or problem.terms[j] == "1":
+            chosen.append(j)
+    return chosen
 
 
 def _tabulate_functions(
@@ -231,7 +235,10 @@ def _tabulate_functions(
     s2 = basis.rss / max(1, len(problem.z) - len(names))
     # The colour of a function's residual is that of its term in the polynomial.
     e = fit.estimates
-    ratios = e["stderr"].values / e["stderr_white"].values
+    # A constraint may give a term its number, without an error.
+    white_stderr = e["stderr_white"].values
+    is_free = white_stderr > 0.0
+    ratios = np.where(is_free, e["stderr"].values / np.where(is_free, white_stderr, 1.0), 1.0)
     ratio_of = dict(zip(map(str, e["term"].values), ratios))
     colour = np.array([ratio_of.get(name, 1.0) for name in names])
     mean = problem.z.mean() if problem.band is None else 0.0

@@ -7,10 +7,11 @@ import xarray as xr
 from aerodb.edit.term_edits import replace_terms
 from aerodb.store.schema import make_database
 from aerodb.store.schema import terms as schema_terms
-from aerodb.update import draw, weight_learning
+from aerodb.update import draw
 from aerodb.update.correlation import SHARES, prior_parts
 from aerodb.update.expectation import Expectation
 from aerodb.update.tabulation import tabulate
+from aerodb.update.weights import weight_learning
 from flightmech import terms
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
@@ -93,6 +94,7 @@ def test_it_is_what_tabulate_gives_with_the_weights_before_learning(prior, held,
         "learn_weights",
         lambda y, *_: (np.append(np.tile(list(SHARES.values()), tables), 1.0), np.zeros(1)),
     )
+    monkeypatch.setattr(weight_learning, "plain_probabilities", lambda *_: np.zeros(tables))
     monkeypatch.setattr(weight_learning, "_FREEDOM", 1e9)
     expected = Expectation(prior, held).stderr(fits)
     found = tabulate(fits, prior, held)
@@ -212,6 +214,7 @@ def test_a_sum_of_nodes_scatters_as_draws_of_the_tables(prior, monkeypatch):
     fits = [fit(1, 1 * DEG, 0.22, bias=0.003), fit(2, 5 * DEG, 0.36, bias=0.003)]
     weights = np.append(np.tile(list(SHARES.values()), 3), 1.0)
     monkeypatch.setattr(weight_learning, "learn_weights", lambda y, *_: (weights, np.zeros(1)))
+    monkeypatch.setattr(weight_learning, "plain_probabilities", lambda *_: np.zeros(3))
     monkeypatch.setattr(weight_learning, "_FREEDOM", 1e9)
     nodes = draw(replace_terms(prior, dict(tabulate(fits, prior))), 4000, seed=3)
     rng = np.random.default_rng(0)

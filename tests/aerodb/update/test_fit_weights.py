@@ -10,7 +10,7 @@ from aerodb.update.correlation import LENGTHS, prior_parts
 from aerodb.update.observations import observe_fits, sampled_weights
 from aerodb.update.posterior import covariance_between_nodes
 from aerodb.update.tabulation import tabulate
-from aerodb.update.weight_learning import weigh_fits
+from aerodb.update.weights.weight_learning import weigh_fits
 from flightmech import terms
 from flightmech.units import DEGREE
 from flighttest.regression.combining.published import published_fit

@@ -12,7 +12,7 @@ from aerodb.store.schema import make_database
 from aerodb.update.correlation import LEVEL, PARTS, prior_covariance, prior_parts
 from aerodb.update.tabulation import tabulate
 from aerodb.update.tabulation_report import contributing_fits
-from aerodb.update.weight_learning import WeightLikelihood
+from aerodb.update.weights.weight_likelihood import WeightLikelihood
 from flightmech import terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.regression.equation_error.model import RegressionModel

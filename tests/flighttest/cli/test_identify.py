@@ -153,6 +153,16 @@ def test_a_fit_knows_its_windows_in_another_form(files, command):
 
 
 @pytest.mark.slow
+def test_a_selection_follows_constraints(files):
+    base, _ = files
+    words = ["select", *base, "--coefficient", "CY", "--variables", "beta delta_r", "--order", "1"]
+    words += ["--constraint", "CY_delta_r = -0.25*beta", "--json"]
+    done = CliRunner().invoke(flight, words, catch_exceptions=False)
+    rows = json.loads(done.stdout)["terms"]
+    assert rows["delta_r"]["estimate"] == pytest.approx(-0.25 * rows["beta"]["estimate"], rel=1e-12)
+
+
+@pytest.mark.slow
 def test_the_document_and_windows(files):
     base, _ = files
     result = run(

@@ -491,3 +491,40 @@ def test_a_stream_of_vanes_gives_the_regressors_of_a_stream_at_the_centre_of_gra
         tables.append(table[np.isin(times, t[100:-100])])
     # with a lag: what the lead to first order leaves
     np.testing.assert_allclose(*tables, atol=1e-3 if lag else 1e-10)
+
+
+def test_constraints_are_those_of_the_batch():
+    data = record(np.random.default_rng(21), duration=20.0)
+    batch = regress_frequency(
+        LIFT, data, BAND, spacing=SPACING, constraints=["delta_e = 0.1*alpha", "qhat > 10"]
+    ).estimates
+    found = follow(text_of(data), constraints=["delta_e = 0.1*alpha", "qhat > 10"])[0][-1]
+    np.testing.assert_allclose(found.values, batch["estimate"].values[1:], rtol=1e-9)
+    np.testing.assert_allclose(found.stderr, batch["stderr"].values[1:], rtol=1e-9, atol=1e-12)
+    rows = found.as_dict()["constraints"]
+    assert [row["text"] for row in rows] == ["delta_e = 0.1*alpha", "qhat > 10"]
+    for row, expected in zip(rows, json.loads(batch.attrs["constraints"])):
+        assert row["active"] == expected["active"]
+        assert row["t"] == pytest.approx(expected["t"], rel=1e-6)
+
+
+def test_candidates_of_an_equality_are_in_the_model(tmp_path):
+    data = record(np.random.default_rng(22), duration=12.0)
+    tie = ["alpha**2 = 0.02*alpha*qhat"]
+    options = {"candidates": ["alpha*qhat", "alpha**2", "alpha*delta_e"], "constraints": tie}
+    last = follow(text_of(data), **options)[0][-1]
+    terms = dict(zip(last.terms, last.values))
+    assert {"alpha**2", "alpha*qhat"} < set(terms)
+    assert terms["alpha**2"] == pytest.approx(0.02 * terms["alpha*qhat"], rel=1e-12)
+    file = tmp_path / "stream.csv"
+    file.write_text(text_of(data))
+    words = ["follow", str(file), "--model", "CL = 1 + alpha + qhat", "--band", "0.2", "2"]
+    words += ["--constraint", "qhat = 5", "--json"]
+    done = CliRunner().invoke(flight, words, catch_exceptions=False)
+    row = json.loads(done.stdout.splitlines()[-1])
+    assert row["terms"]["qhat"] == {"estimate": pytest.approx(5.0), "stderr": 0.0}
+    assert [one["active"] for one in row["constraints"]] == [True]
+    wrong = follow(text_of(data), constraints=["alpha = 1"])[0][-1]
+    assert "contradicts alpha = 1 by" in wrong.line()
+    with pytest.raises(SchemaError, match="contradict"):
+        follow(text_of(data), constraints=["alpha > 2", "alpha < 1"])

@@ -113,7 +113,7 @@ class FrequencyProblem:
 
     def spell(self, name: str) -> str:
         """Return the spelling of a term in a constraint."""
-        return spell_term(name, self.model)
+        return spell_term(name, self.model.coefficient)
 
     @property
     def terms_of_constants(self) -> list[str]:

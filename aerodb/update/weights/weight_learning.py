@@ -25,7 +25,9 @@ This is a step of the EM algorithm: it never lowers the density.  The trace is t
 residual that the fit hides because the tables follow it.  A factor below 1 is not admitted, so that
 agreement does not make a fit more accurate than it states.  The weight of the fit is 1/v_i.
 
-The steps alternate with learning the weights of the prior until neither changes.  If more than a
+The steps alternate with learning the weights of the prior until neither changes.  Then each
+derivative gets the probability that it has the shape of the handbook
+(`aerodb.update.weights.weight_likelihood`), and the steps are repeated with it.  If more than a
 quarter of the fits are then suspect, nothing decides which ones are wrong: all keep a weight of 1,
 and the factor on C rises.
 
@@ -47,20 +49,21 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from aerodb.update.correlation import SHARES, SPREADS
+from aerodb.update.correlation import SHARES
 from aerodb.update.observations import Observation
+from aerodb.update.weights.weight_likelihood import (
+    WeightLikelihood,
+    a_priori_logarithms,
+    invert_covariance,
+    plain_probabilities,
+    without_shapes,
+)
 from flightmech.errors import IdentificationError
 
 # Least and largest variance of the deviation of the tables from a regression, over their a-priori
 # variance.  The least is not zero: curves of few parameters do not describe an aeroplane exactly.
 SCATTER = (0.003, 4.0)
 _BISECTIONS = 40  # of the logarithm of the scatter
-_STEPS = 100  # most steps of Newton's method
-SPREAD_OF_FITS = 0.7  # a-priori standard error of the logarithm of the factor on C
-_STEP_TOLERANCE = 1e-6  # step of a logarithm at which the iteration ends
-_LONGEST_STEP = 2.0  # of a logarithm: a factor of 7 on a weight
-_LEAST_DAMPING, _MOST_DAMPING = 1e-10, 1e10
-_COST_ROUNDING = 1e-12  # change of the cost, relative to it, that is rounding
 SUSPECT = 0.3
 """Weight below which a fit is listed as suspect."""
 _MOST_SUSPECT = 0.25  # share of suspect fits above which all keep their weight
@@ -98,10 +101,7 @@ def learn_weights(
         The mode, from which the next search can start.
     """
     tables = (len(parts) - 1) // len(SHARES)
-    spread = np.append(np.tile(list(SPREADS.values()), tables), SPREAD_OF_FITS)
-    share = np.append(np.tile(list(SHARES.values()), tables), 1.0)
-    # The a-priori share is the mean of exp(u): E exp(u) = exp(mean + spread^2 / 2).
-    mean = np.log(share) - spread**2 / 2.0
+    mean, spread = a_priori_logarithms(tables)
     if start is None:
         start = mean
     # Parts that do not reach any estimate keep their prior.
@@ -113,96 +113,6 @@ def learn_weights(
     least[list(SHARES).index("reach")] = SHARES["reach"]
     weights = np.exp(u + np.diag(covariance) / 2.0)
     return np.maximum(weights, np.append(np.tile(least, tables), 1.0)), u
-
-
-@dataclass(frozen=True)
-class WeightLikelihood:
-    """Posterior density of the logarithms of the weights, given the estimates.
-
-    Attributes
-    ----------
-    y : array (estimates,)
-    parts : array (parts, estimates, estimates)
-    fixed : array (estimates, estimates)
-    mean, spread : array (parts,)
-        A-priori mean and standard error of the logarithms.
-    """
-
-    y: np.ndarray
-    parts: np.ndarray
-    fixed: np.ndarray
-    mean: np.ndarray
-    spread: np.ndarray
-
-    def cost(self, u: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return J(u), the negative logarithm of the density, and the covariance S(u) of y."""
-        S = np.einsum("k,kij->ij", np.exp(u), self.parts) + self.fixed
-        # log det S and y' S^-1 y from the Cholesky factor of the correlation matrix.
-        scale = np.sqrt(np.diag(S))
-        L = np.linalg.cholesky(S / np.outer(scale, scale))
-        z = np.linalg.solve(L, self.y / scale)
-        log_density = np.log(scale * np.diag(L)).sum() + z @ z / 2.0
-        return float(log_density + (((u - self.mean) / self.spread) ** 2).sum() / 2.0), S
-
-    def find_mode(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the mode of the logarithms and the inverse of the information matrix there.
-
-        Parameters
-        ----------
-        u : array (parts,)
-            Logarithms from which the search starts.
-        """
-        cost, S = self.cost(u)
-        damping = 1e-3
-        for _ in range(_STEPS):
-            gradient, curvature, information = self._derivatives(u, S)
-            while damping < _MOST_DAMPING:
-                trial = np.inf
-                damped = curvature + damping * np.diag(np.diag(information))
-                try:
-                    step = _newton_step(damped, gradient)
-                    trial, S_trial = self.cost(u + step)
-                except np.linalg.LinAlgError:
-                    pass  # the quadratic has no minimum: increase the damping
-                if trial <= cost + _COST_ROUNDING * abs(cost):
-                    break
-                damping *= 10.0
-            else:
-                break
-            u, cost, S = u + step, trial, S_trial
-            damping = max(damping / 10.0, _LEAST_DAMPING)
-            if np.abs(step).max() < _STEP_TOLERANCE:
-                break
-        return u, np.linalg.inv(information)
-
-    def _derivatives(
-        self, u: np.ndarray, S: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return gradient, Hessian and expected Hessian (information) of J."""
-        inverse = invert_covariance(S)
-        r = inverse @ self.y
-        size = np.exp(u)
-        # A_k = exp(u_k) S^-1 S_k and b_k = exp(u_k) S_k S^-1 y.
-        share = size[:, None, None] * (inverse @ self.parts)
-        pull = size[:, None] * (self.parts @ r)
-        # dJ/du_k = 1/2 (tr A_k - b_k' S^-1 y) + (u_k - mean_k) / spread_k^2
-        likelihood = (np.einsum("kii->k", share) - pull @ r) / 2.0
-        gradient = likelihood + (u - self.mean) / self.spread**2
-        # Information 1/2 tr(A_k A_l), as a product of the flattened matrices.
-        flat = share.reshape(len(u), -1)
-        expected = flat @ share.transpose(0, 2, 1).reshape(len(u), -1).T / 2.0
-        information = expected + np.diag(self.spread**-2.0)
-        # Hessian b_k' S^-1 b_l - 1/2 tr(A_k A_l), and on the diagonal the first derivative again.
-        curvature = pull @ inverse @ pull.T - expected + np.diag(likelihood + self.spread**-2.0)
-        return gradient, curvature, information
-
-
-def _newton_step(curvature: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Return the step to the minimum of the quadratic, shortened to `_LONGEST_STEP`."""
-    L = np.linalg.cholesky(curvature)
-    step = -np.linalg.solve(L.T, np.linalg.solve(L, gradient))
-    step *= min(1.0, _LONGEST_STEP / np.abs(step).max())
-    return step
 
 
 def estimate_scatter(y: np.ndarray, S: np.ndarray, deviation: np.ndarray) -> float:
@@ -237,13 +147,6 @@ def estimate_mixed(A: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return M, M @ (np.linalg.solve(L.T, white) / scale[:, None]).T
 
 
-def invert_covariance(S: np.ndarray) -> np.ndarray:
-    """Return the inverse of a covariance, scaled to a unit diagonal before it is inverted."""
-    # Terms differ by orders of magnitude, so that S itself is badly conditioned.
-    scale = np.sqrt(np.diag(S))
-    return np.linalg.inv(S / np.outer(scale, scale)) / np.outer(scale, scale)
-
-
 @dataclass(frozen=True)
 class FitWeighing:
     """Weights of the fits and of the parts of the prior, and the covariances that they give."""
@@ -262,6 +165,7 @@ def weigh_fits(
     D: np.ndarray,
     expected: np.ndarray,
     start: np.ndarray | None = None,
+    shares: np.ndarray | None = None,
 ) -> FitWeighing:
     """Return the weights of the fits and of the parts of the prior.
 
@@ -275,6 +179,9 @@ def weigh_fits(
         Parts of the a-priori covariance of the estimates.
     start : array (fits,), optional
         Weights of the first round, default 1.  The result does not depend on them.
+    shares : array (terms,), optional
+        A-priori probability that a table has the shape of the handbook, as of `plain_shares`;
+        default zero.
 
     Raises
     ------
@@ -287,10 +194,13 @@ def weigh_fits(
     weight = np.ones(len(observed)) if start is None else start
     logarithms: np.ndarray | None = None
     is_robust = True
+    plain: np.ndarray | None = None
     for _ in range(_MOST_ROUNDS):
         before = weight, logarithms
         parts = np.concatenate([expected, _weighted_blocks(measured, weight)[None]])
         factors, logarithms = learn_weights(y, parts, D @ D.T, logarithms)
+        if plain is not None:
+            factors = without_shapes(factors, plain)
         # For the weights, each fit has the common errors for itself.
         own_errors = _weighted_blocks(common, weight)
         noise = factors[-1] * parts[-1] + own_errors
@@ -306,10 +216,13 @@ def weigh_fits(
             weight[number] = min(1.0, size / (_FREEDOM + _trace_in_stderr(square, N)))
         if not _has_converged(before, (weight, logarithms)):
             continue
-        if np.mean(weight < SUSPECT) <= _MOST_SUSPECT:
+        if np.mean(weight < SUSPECT) > _MOST_SUSPECT:
+            # Without a clear majority no fit can be called wrong: all are less accurate.
+            weight, logarithms, plain, is_robust = np.ones(len(observed)), None, None, False
+        elif plain is None and shares is not None:
+            plain = plain_probabilities(y, parts, D @ D.T, logarithms, shares)
+        else:
             break
-        # Without a clear majority no fit can be called wrong: all are less accurate.
-        weight, logarithms, is_robust = np.ones(len(observed)), None, False
     else:
         raise IdentificationError(
             f"the weights of {len(observed)} fits of one coefficient do not converge in "

@@ -1,0 +1,1 @@
+"""Weights of the parts of the prior covariance, and of the fits, by their likelihood."""
