@@ -29,9 +29,8 @@ import numpy as np
 from datcom_io.arrays.conditions import printed_condition
 from datcom_io.decks.deck import Deck
 from datcom_io.listing import Case
-from datcom_io.printout.content import ListingMessage, Page
-from datcom_io.printout.tables import PrintedTable
-from datcom_io.reading.suspects import with_suspects
+from datcom_io.printout.content import ListingMessage
+from datcom_io.reading.suspects import column_of_page, columns_of, with_suspects
 from datcom_io.reading.wing_damping import (
     BODY_MOST,
     STRIPS_LEAST,
@@ -265,19 +264,19 @@ def flag_damping(case: Case) -> None:
         if table is None or "WING" not in page.configuration:
             continue
         static = static_pages.get((page.configuration, printed_condition(page)))
-        columns = _columns(table)
+        columns = columns_of(table)
         alpha = columns["alpha"]
         per_radian = 1.0
         if case.deck.deriv == "DEG":
             per_radian = math.degrees(1.0)
         derivatives = {name: per_radian * columns[name] for name in LARGEST}
-        lift = _column_of_page(static, "static", "CL", alpha)
-        slope = _column_of_page(static, "downwash", "epsilon_alpha", alpha)
+        lift = column_of_page(static, "static", "CL", alpha)
+        slope = column_of_page(static, "downwash", "epsilon_alpha", alpha)
         mach = page.condition("mach")
         wing = estimate_wing_share(case.deck, mach)
         has_tail = "HORIZONTAL" in page.configuration
         strips = estimate_supersonic_shares(case.deck, mach, has_tail)
-        moments = per_radian * _column_of_page(static, "static", "Cm_alpha", alpha)
+        moments = per_radian * column_of_page(static, "static", "Cm_alpha", alpha)
         moments = moments[np.isfinite(moments) & (np.abs(alpha) <= _LINEAR)]
         moment_slope = math.nan
         if moments.size:
@@ -322,22 +321,3 @@ def flag_damping(case: Case) -> None:
         sentence = f"{name} of {configuration} is inconsistent in sign or size at Mach {at} "
         sentence += f"({text}) and is flagged suspect; {_ADVICE.get(name, _OTHER_ADVICE)}"
         case.messages.append(ListingMessage(line, sentence, "reader"))
-
-
-def _columns(table: PrintedTable) -> dict[str, np.ndarray]:
-    """Return the printed numbers of a table by quantity."""
-    return {column.quantity: table.values[:, k] for k, column in enumerate(table.columns)}
-
-
-def _column_of_page(page: Page | None, name: str, quantity: str, alpha: np.ndarray) -> np.ndarray:
-    """Return a quantity of another table at the same angles; NaN where it is not printed."""
-    missing = np.full(alpha.shape, np.nan)
-    table = None
-    if page is not None:
-        table = page.table(name)
-    if table is None:
-        return missing
-    columns = _columns(table)
-    if not np.array_equal(columns["alpha"], alpha, equal_nan=True):
-        return missing
-    return columns[quantity]
