@@ -21,6 +21,10 @@ from flighttest.submodels.stall.model import COEFFICIENTS
 GEAR_ERRORS = (*ERRORS, "wind")
 Names = tuple[str, ...]
 Positive = Annotated[float, Field(gt=0.0)]
+# CD0, K and their standard errors, as in `Polar.demand_possible`.
+_ProfileDrag = Annotated[float, Field(gt=0.0, lt=1.0)]
+_InducedDrag = Annotated[float, Field(ge=0.0, lt=2.0)]
+_DragError = Annotated[float, Field(ge=0.0, lt=1.0)]
 
 
 class RecordSelection(Strict):
@@ -227,12 +231,12 @@ class EngineSection(Strict):
         description="CSV file of climbs and level accelerations; needs polar.",
         examples=["climbs.csv"],
     )
-    polar: tuple[float, float] | None = Field(
+    polar: tuple[_ProfileDrag, _InducedDrag] | None = Field(
         default=None,
         description="CD0 and K of the drag polar, for climbs and propellers.",
         examples=[[0.025, 0.05]],
     )
-    polar_stderr: tuple[float, float] = Field(
+    polar_stderr: tuple[_DragError, _DragError] = Field(
         default=(0.0, 0.0),
         description="Their standard errors; zero holds them.",
         examples=[[0.001, 0.002]],

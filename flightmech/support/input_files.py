@@ -10,10 +10,15 @@ import json
 import os
 import re
 from collections.abc import Iterator
+from glob import glob, iglob
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from flightmech.errors import ParseError
+
+MOST_PLACES = 50_000
+"""Greatest number of files and folders that a pattern with ``**`` looks through."""
 
 MOST_COLUMNS = 20_000
 """Greatest number of columns of a CSV file. Large recordings have some thousand columns."""
@@ -224,6 +229,22 @@ def json_content(text: Any, file: str | os.PathLike[str], what: str) -> Any:
         fault = f"{what} that cannot be read ({type(error).__name__}: {str(error)[:100]})"
         expected = "JSON as this program writes it; write or copy the file again"
         raise ParseError(os.fspath(file), 0, fault, expected=expected) from None
+
+
+def match_files(pattern: str) -> list[str]:
+    """Return the regular files that match a pattern, sorted.
+
+    Raises
+    ------
+    OSError
+        ``**`` meets more than `MOST_PLACES` files and folders: a pattern of others may begin at the
+        root of the file system, or in a folder whose links lead back to it.
+    """
+    for part in re.finditer(r"(?<![^/\\])\*\*(?![^/\\])", pattern):
+        places = iglob(pattern[: part.end()], recursive=True)
+        if next(islice(places, MOST_PLACES, None), None) is not None:
+            raise OSError(f"{pattern!r} looks through more than {MOST_PLACES} files and folders")
+    return sorted(name for name in glob(pattern, recursive=True) if os.path.isfile(name))
 
 
 def name_and_sha256(path: Path) -> dict[str, str]:

@@ -214,3 +214,16 @@ def test_a_mat_file_without_end(tmp_path, monkeypatch):
         r"it again",
     ):
         mat_file.load_mat(b"MATLAB", "a.mat", "a MAT file")
+
+
+def test_a_pattern_that_looks_through_a_file_system_is_refused(tmp_path, monkeypatch):
+    """A project of others may name /**, or a folder whose link leads back to it."""
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "back").symlink_to("..")
+    (tmp_path / "a" / "x.st").write_text("")
+    monkeypatch.setattr(texts, "MOST_PLACES", 30)
+    assert texts.match_files(f"{tmp_path}/a/*.st") == [f"{tmp_path}/a/x.st"]
+    with pytest.raises(OSError, match="looks through more than 30 files and folders"):
+        texts.match_files(f"{tmp_path}/**/*.st")
+    (tmp_path / "a" / "back").unlink()
+    assert texts.match_files(f"{tmp_path}/**/*.st") == [f"{tmp_path}/a/x.st"]

@@ -125,6 +125,15 @@ def test_command_writes_an_aircraft_with_sources(flown, tmp_path):
     assert "give --polar" in problems
 
 
+@pytest.mark.parametrize(
+    "polar", [Polar(-1.0, 0.06), Polar(0.03, -0.06), Polar(1e308, 0.06), Polar(0.03, 0.06, -0.01)]
+)
+def test_an_impossible_polar_is_refused(flown, polar):
+    craft, records = flown
+    with pytest.raises(IdentificationError, match="CD0 is between 0 and 1, K between 0 and 2"):
+        identify_propeller(records, flights.prior_aircraft(craft, SEED), polar)
+
+
 def test_a_governed_propeller_needs_a_power(flown):
     craft = flights.make_craft(SEED, True)
     prior = flights.prior_aircraft(craft, SEED)

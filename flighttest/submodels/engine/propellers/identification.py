@@ -62,10 +62,12 @@ def identify_propeller(
     Raises
     ------
     IdentificationError
-        No engine with a propeller, no points, or no measured power of a governed propeller.
+        An impossible polar, no engine with a propeller, no points, or no measured power of a
+        governed propeller.
     UnknownName
         A channel is missing.
     """
+    polar.demand_possible()
     if not aircraft.engines:
         raise IdentificationError(
             "the aircraft file has no engine; add [[engine]] with a propeller"
