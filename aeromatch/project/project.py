@@ -39,6 +39,7 @@ from aeromatch.project.sections import (
     RecordSelection,
     StallSection,
     find_faults,
+    repeated_records,
     section_selections,
 )
 from flightmech import terms
@@ -176,6 +177,7 @@ class Project(Strict):
     )
     prior: tuple[PriorSection, ...] = Field(
         default=(),
+        max_length=20,
         description="Further a-priori sources, blended with the listings by their standard errors.",
     )
     take: dict[str, str] = Field(
@@ -302,6 +304,7 @@ class Project(Strict):
                 problems += section.problems()
         for control, control_section in self.controls.sections.items():
             problems += control_section.problems(control)
+        problems += repeated_records(self.submodels)
         for position, selections in self.submodels.items():
             for selection in selections:
                 # Two selections of one section may name the same unknown record.

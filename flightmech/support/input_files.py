@@ -20,6 +20,9 @@ from flightmech.errors import ParseError
 MOST_PLACES = 50_000
 """Greatest number of files and folders that a pattern with ``**`` looks through."""
 
+MOST_BYTES = 512 << 20
+"""Greatest size of a file that is read as a whole."""
+
 MOST_COLUMNS = 20_000
 """Greatest number of columns of a CSV file. Large recordings have some thousand columns."""
 
@@ -55,6 +58,20 @@ def demand_regular(path: str | os.PathLike[str], expected: str) -> None:
         raise ParseError(str(path), 0, "a named pipe or a device", expected)
 
 
+def demand_size(path: str | os.PathLike[str], most: int, expected: str) -> None:
+    """Raise for a file that is too large to be read as a whole.
+
+    Raises
+    ------
+    ParseError
+        The file has more than `most` bytes.
+    """
+    size = os.path.getsize(path)
+    if size > most:
+        expected = f"{expected} of at most {most >> 20} MiB; divide it"
+        raise ParseError(str(path), 0, f"a file of {size >> 20} MiB", expected)
+
+
 def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
     """Return the content of a regular file.
 
@@ -63,9 +80,10 @@ def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
     OSError
         The file does not exist, or cannot be read.
     ParseError
-        It is not a regular file.
+        It is not a regular file, or larger than `MOST_BYTES`.
     """
     demand_regular(path, expected)
+    demand_size(path, MOST_BYTES, expected)
     return Path(path).read_bytes()
 
 

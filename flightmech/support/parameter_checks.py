@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,11 @@ import click
 
 
 def check_parameters(context: click.Context, values: Mapping[str, Any]) -> None:
-    """Refuse numbers that are not finite, and files that are given twice.
+    """Refuse numbers that are not finite, files that are given twice, and outputs over others.
 
     `float` and the ranges of click accept nan and inf. A record that is given twice would count
-    twice, with standard errors that are too small.
+    twice, with standard errors that are too small. An output over another one, or over one of
+    several inputs, would lose it; a single input may be replaced by its edited form.
 
     Parameters
     ----------
@@ -28,7 +30,9 @@ def check_parameters(context: click.Context, values: Mapping[str, Any]) -> None:
     click.BadParameter
         The parameter, what came, and what to do.
     """
-    for option in context.command.params:
+    taken: dict[str, str] = {}
+    # inputs first
+    for option in sorted(context.command.params, key=lambda option: option.nargs != -1):
         value = values.get(option.name or "")
         number = _find_non_finite(value)
         if number is not None:
@@ -40,6 +44,14 @@ def check_parameters(context: click.Context, values: Mapping[str, Any]) -> None:
             if file:
                 text = f"{file!r} is given twice; give each file once"
                 raise click.BadParameter(text, context, option)
+            taken |= {os.path.realpath(item): f"the input {item}" for item in value or ()}
+        elif isinstance(option.type, click.Path) and not option.type.exists and value:
+            # an output, as `NewFile` and `NewFolder` are
+            place = os.path.realpath(value) if isinstance(value, str | os.PathLike) else ""
+            if place in taken:
+                text = f"{value!s} is {taken[place]}, too; give another name"
+                raise click.BadParameter(text, context, option)
+            taken |= {place: f"the output of {option.opts[-1]}"} if place else {}
 
 
 def _find_non_finite(value: Any) -> float | None:

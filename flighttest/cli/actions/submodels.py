@@ -45,6 +45,7 @@ from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
 from flighttest.submodels.stall.database_terms import add_stall, continue_attached_flow, reach_of
 from flighttest.submodels.stall.figure import draw_stall
 from flighttest.submodels.stall.identification import identify_stall
+from flighttest.submodels.stall.model import demand_attached
 
 
 def run_actuator(
@@ -361,7 +362,7 @@ def run_stall(
     with show_progress(f"coefficients along {len(paths)} paths"):
         data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
     if database is not None and attached_to:
-        last = parse_quantity(attached_to, "rad")
+        last = demand_attached(attached_to)
         database = continue_attached_flow(database, last, reach_of(data))
     terms = {model.coefficient: model.terms for model in map(RegressionModel.parse, attached)}
     half = parse_quantity(station, "m") if station else 0.25 * aircraft.b

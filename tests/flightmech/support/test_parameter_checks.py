@@ -4,7 +4,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from flightmech.support.console import InputFile, performed_by
+from flightmech.support.console import InputFile, NewFile, performed_by
 
 
 @click.command("sum")
@@ -12,12 +12,14 @@ from flightmech.support.console import InputFile, performed_by
 @click.option("--pair", type=float, nargs=2)
 @click.option("--share", type=click.FloatRange(0.0, min_open=True))
 @click.option("--errors", type=(str, float), multiple=True)
+@click.option("-o", "--output", type=NewFile())
+@click.option("--into", type=NewFile())
 @performed_by(f"{__name__}:count_files")
 def sum_command() -> None:
     """Count files."""
 
 
-def count_files(files, pair, share, errors) -> None:
+def count_files(files, pair, share, errors, output, into) -> None:
     click.echo(f"{len(files)} {pair} {share} {errors}")
 
 
@@ -40,6 +42,8 @@ def run(tmp_path, monkeypatch):
         ("--errors wind 1 --errors mass nan", "'--errors': nan is not a number"),
         ("a.csv b.csv a.csv", "'a.csv' is given twice; give each file once"),
         ("a.csv link.csv", "'link.csv' is given twice"),
+        ("a.csv -o link.csv", "link.csv is the input a.csv, too; give another name"),
+        ("-o c.nc --into ./c.nc", "./c.nc is the output of --output, too; give another name"),
     ],
 )
 def test_a_value_that_no_command_can_use(run, words, text):
@@ -49,5 +53,5 @@ def test_a_value_that_no_command_can_use(run, words, text):
 
 
 def test_values_that_a_command_can_use(run):
-    result = run("a.csv b.csv --pair 0 1e308 --share 1e-300 --errors wind -1")
+    result = run("a.csv b.csv -o c.nc --into d.nc --pair 0 1e308 --share 1e-300 --errors wind -1")
     assert result.output == "2 (0.0, 1e+308) 1e-300 (('wind', -1.0),)\n"

@@ -134,6 +134,23 @@ def test_an_impossible_polar_is_refused(flown, polar):
         identify_propeller(records, flights.prior_aircraft(craft, SEED), polar)
 
 
+@pytest.mark.parametrize(
+    ("factor", "text"),
+    [
+        (np.nan, "no window of .* has steady power .* with missing numbers"),
+        (np.inf, "no window of .* has steady power .* with missing numbers"),
+        (1e300, "has no number at .* check the units of the records"),
+    ],
+)
+def test_a_propeller_speed_without_numbers_is_refused(flown, factor, text):
+    """Three records of a channel that is missing, overflows or is in no unit."""
+    craft, records = flown
+    broken = [one.assign({"engine1.rpm": one["engine1.rpm"] * factor}) for one in records[:3]]
+    broken.append(records[3].isel(time=slice(0)))
+    with np.errstate(all="ignore"), pytest.raises(IdentificationError, match=text):
+        identify_propeller(broken, flights.prior_aircraft(craft, SEED), Polar(0.03, 0.06, 0.01))
+
+
 def test_a_governed_propeller_needs_a_power(flown):
     craft = flights.make_craft(SEED, True)
     prior = flights.prior_aircraft(craft, SEED)
