@@ -40,7 +40,7 @@ _LINEAR = 6.0  # attached flow [deg]
 _MOST_CLB, _MOST_CLB_LIFT = 0.25, 0.6
 # Size of the estimate from which CLB is compared with it, and least part of it. [1/rad]
 _LEAST_ESTIMATE, _LEAST_PART = 0.03, 0.1
-_LARGEST_SMALL = 0.1  # CLB above which no estimate is asked for [1/rad]
+_LARGEST_SMALL = 0.1  # CLB from which it is not compared with the estimate [1/rad]
 _FIN_SLOPE = 2.0  # of the lift of a fin [1/rad]
 _MOST_CYP = 0.6  # part of |CLP| + |CYB|
 _LARGEST_CLP, _LARGEST_CYB = 3.0, 5.0  # beyond them they are no measure [1/rad]
