@@ -22,9 +22,9 @@ from typing import Any
 
 import click
 
-from flightmech.cli.parameter_checks import check_parameters
 from flightmech.errors import near_names
 from flightmech.support.atomic_write import resolve_file, resolve_folder
+from flightmech.support.command_line.parameter_checks import check_parameters
 
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else."
