@@ -414,7 +414,10 @@ def parse_quantity(text: str | float | int, expected: str) -> float:
             f"found {text!r}; expected a number and a unit such as '1.5 {expected}', or a "
             f"bare number in {expected}"
         )
-    return float(to_si(float(match.group(1)), match.group(2), expected))
+    value = float(to_si(float(match.group(1)), match.group(2), expected))
+    if math.isinf(value):
+        raise UnitError(f"found {text!r}, which is infinite; give a finite number")
+    return value
 
 
 def value_in_si(value: Any, expected: str, name: str = "") -> Any:

@@ -65,13 +65,13 @@ def state_of(path: Path, is_random: bool) -> object:
 class Trials:
     """Runs of one verb in children of this process, each in a fresh folder with the inputs."""
 
-    def __init__(self, verb: Verb, folder: Path) -> None:
+    def __init__(self, verb: Verb, folder: Path, store: str) -> None:
         self.verb, self.log = verb, folder / "log"
         self.inputs, self.work = folder / "inputs", folder / "run"
         self.library = ctypes.CDLL(os.environ["LD_PRELOAD"])
         self.library.count_of_calls.restype = ctypes.c_long
         # what matches keep of their stages is no part of their output
-        os.environ["AEROMATCH_STORE"] = str(folder / "store")
+        os.environ["AEROMATCH_STORE"] = store
         make_inputs(verb.inputs, self.inputs)
         if verb.before:
             verb.before()
@@ -181,17 +181,26 @@ def run_verb_quietly(trials: Trials, verb: Verb) -> int:
 
 def find_faults_of_verbs(folder: Path) -> None:
     """Try the verbs of the environment; this function runs in a process of `run_preloaded`."""
-    names, most = json.loads(os.environ["AEROMATCH_FAILED_WRITES"])
+    names, most, store = json.loads(os.environ["AEROMATCH_FAILED_WRITES"])
     faults = []
     for number, name in enumerate(names):
         place = folder / str(number)
         place.mkdir()
-        faults += [f"{name}: {text}" for text in Trials(VERBS[name], place).find_faults(most)]
+        trials = Trials(VERBS[name], place, store)
+        faults += [f"{name}: {text}" for text in trials.find_faults(most)]
     assert not faults, "\n".join([f"{len(faults)} faults", *faults[:20]])
 
 
-def try_verbs(names: list[str], most: int, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("AEROMATCH_FAILED_WRITES", json.dumps([names, most]))
+@pytest.fixture(scope="session")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the stages of all matches: many verbs need the same match as an input."""
+    return tmp_path_factory.mktemp("stages")
+
+
+def try_verbs(
+    names: list[str], most: int, folder: Path, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AEROMATCH_FAILED_WRITES", json.dumps([names, most, str(store)]))
     write_calls.run_preloaded(find_faults_of_verbs, folder)
 
 
@@ -223,14 +232,14 @@ def test_a_new_verb_that_writes_is_tried():
 
 @pytest.mark.slow
 @pytest.mark.serial
-def test_failed_writes_of_common_verbs(tmp_path, monkeypatch):
-    try_verbs(["set", "convert"], FEW, tmp_path, monkeypatch)
+def test_failed_writes_of_common_verbs(tmp_path, store, monkeypatch):
+    try_verbs(["set", "convert"], FEW, tmp_path, store, monkeypatch)
 
 
 @pytest.mark.nightly
 @pytest.mark.serial
 @pytest.mark.parametrize("name", VERBS)
-def test_failed_writes(name, tmp_path, monkeypatch):
+def test_failed_writes(name, tmp_path, store, monkeypatch):
     if name in EXTRAS and find_spec(EXTRAS[name]) is None:
         pytest.skip(f"needs {EXTRAS[name]}")
-    try_verbs([name], SOME if name in LONG else MANY, tmp_path, monkeypatch)
+    try_verbs([name], SOME if name in LONG else MANY, tmp_path, store, monkeypatch)

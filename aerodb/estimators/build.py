@@ -42,6 +42,7 @@ from flightmech.errors import SchemaError
 
 _USUAL_DEFLECTION = 0.3  # [rad]
 _NO_FRICTION = 0.03  # standard error of a drag coefficient without friction
+_LARGEST_MACH = 30.0
 _CONTROLS = ("aileron", "rudder")  # with rolling and yawing moments
 
 
@@ -141,6 +142,9 @@ def build_database(
     mach, CD0, move_reference
         As for `from_estimate`, which states the result, the errors and the warnings.
     """
+    if mach is not None and not 0.0 <= mach < _LARGEST_MACH:
+        text = f"mach: found {mach:g}; give the Mach number of the files, from 0 to {_LARGEST_MACH}"
+        raise SchemaError("estimate", [text])
     one = forces_to_stability(one)
     tables = EstimateTables(one, mach)
     effects = tables.effects()
@@ -216,6 +220,10 @@ def _complete_drag(
     if CD0 is not None and not one.inviscid:
         raise SchemaError(
             "estimate", [f"CD0: the drag of {', '.join(one.files[:3])} has friction; leave CD0 out"]
+        )
+    if CD0 is not None and not 0.0 <= CD0 < 1.0:
+        raise SchemaError(
+            "estimate", [f"CD0: found {CD0:g}; give the friction drag coefficient, from 0 to 1"]
         )
     if CD0 is None:
         if not one.inviscid:

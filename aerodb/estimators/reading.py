@@ -14,7 +14,7 @@ from aerodb.estimators.programs.tornado import is_tornado, read_tornado
 from aerodb.estimators.programs.vspaero import is_vspaero, read_vspaero
 from aerodb.estimators.programs.xflr5 import is_xflr5, read_xflr5
 from flightmech.errors import ParseError
-from flightmech.support.input_files import demand_regular
+from flightmech.support.input_files import demand_regular, demand_size
 
 _READERS: dict[str, tuple[Callable[[str], bool], Callable[..., CoefficientSet]]] = {
     "AVL": (is_avl, read_avl),
@@ -28,6 +28,8 @@ _EXPECTED = (
     "log), Missile DATCOM (for006.dat) or Tornado (-Cx.mat); a text table needs a column map "
     "(--columns)"
 )
+# Bytes that show the program, and greatest size: outputs of thousands of conditions have some MiB.
+_HEAD, _LARGEST = 65_536, 64 << 20
 # Outputs and inputs of other programs, by a text in their first lines.
 _OTHERS = {
     "THE USAF STABILITY AND CONTROL  DIGITAL DATCOM": "a listing of Digital DATCOM, which "
@@ -77,7 +79,9 @@ def read_estimate(path: str | Path) -> CoefficientSet:
     """Return the coefficients in one output; the program is recognised by the content."""
     file = Path(path)
     demand_regular(file, _EXPECTED)
-    text = file.read_bytes()[:65_536].decode("utf-8", errors="replace")
+    demand_size(file, _LARGEST, _EXPECTED)
+    with file.open("rb") as opened:
+        text = opened.read(_HEAD).decode("utf-8", errors="replace")
     for is_output, read in _READERS.values():
         if is_output(text):
             return read(file)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
-from glob import glob, has_magic
+from glob import has_magic
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +14,7 @@ from pydantic_core import core_schema
 
 from datcom_io.reading.reader import ListingCase, place_of
 from flightmech.errors import near_names
+from flightmech.support.input_files import match_files
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import UNFILLED, InUnits
 
@@ -54,11 +56,14 @@ class ProjectFolder:
 
     def matching(self, pattern: str, key: str) -> list[Path]:
         """Return the files that match a pattern, sorted; a pattern without a file is a problem."""
-        names = glob(str(self.folder / pattern), recursive=True)
-        files = sorted(Path(name) for name in names if Path(name).is_file())
-        if not files:
+        try:
+            names = match_files(str(self.folder / pattern))
+        except OSError as error:
+            self.problems.append(f"{key}: {error}; name the folder of the files")
+            return []
+        if not names:
             self.problems.append(f"{key}: {self._explain_no_match(pattern)}")
-        return files
+        return [Path(name) for name in names]
 
     def _explain_no_match(self, pattern: str) -> str:
         if pattern == UNFILLED:
@@ -84,11 +89,16 @@ class ProjectFolder:
         # Names may hold colons, so the longest part that matches a file counts.
         colons = [k for k, letter in enumerate(text) if letter == ":"]
         for end in reversed(colons):
-            names = glob(str(self.folder / text[:end]), recursive=True)
-            if names and not glob(str(self.folder / text), recursive=True):
+            if self._has_match(text[:end]) and not self._has_match(text):
                 case = text[end + 1 :].strip()
                 return [ListingCase(file, case) for file in self.matching(text[:end], key)]
         return [ListingCase(file) for file in self.matching(text, key)]
+
+    def _has_match(self, pattern: str) -> bool:
+        """Return whether a file matches; a pattern that is refused is reported by `matching`."""
+        with suppress(OSError):
+            return bool(match_files(str(self.folder / pattern)))
+        return False
 
     def _is_place(self, text: str) -> bool:
         try:
@@ -172,15 +182,20 @@ def _match_patterns(patterns: tuple[str, ...], folder: ProjectFolder, key: str) 
     return tuple(files)
 
 
+def _demand_patterns(patterns: Paths, folder: ProjectFolder, key: str, example: str) -> None:
+    if not patterns and not isinstance(patterns, str):
+        folder.problems.append(
+            f"{key}: an empty list; give a file or a pattern such as {example!r}"
+        )
+
+
 def _match_paths(patterns: Paths, folder: ProjectFolder, key: str) -> tuple[Path, ...]:
+    _demand_patterns(patterns, folder, key, "folder/*")
     return _match_patterns(_as_sequence(patterns), folder, key)
 
 
 def _match_flights(patterns: Paths, folder: ProjectFolder, key: str) -> dict[str, Path]:
-    if not patterns and not isinstance(patterns, str):
-        folder.problems.append(
-            f"{key}: an empty list; give a file or a pattern such as 'flight/*.csv'"
-        )
+    _demand_patterns(patterns, folder, key, "flight/*.csv")
     # A record is named after its file.
     flights: dict[str, Path] = {}
     for file in _match_patterns(_as_sequence(patterns), folder, key):

@@ -37,6 +37,7 @@ from aeromatch.project.sections import (
     RecordSelection,
     StallSection,
     find_faults,
+    repeated_records,
     section_selections,
 )
 from flightmech import terms
@@ -170,6 +171,7 @@ class Project(Strict):
     )
     prior: tuple[PriorSection, ...] = Field(
         default=(),
+        max_length=20,
         description="Further a-priori sources, blended with the listings by their standard errors.",
     )
     take: dict[str, str] = Field(
@@ -296,6 +298,7 @@ class Project(Strict):
                 problems += section.problems()
         for control, control_section in self.controls.sections.items():
             problems += control_section.problems(control)
+        problems += repeated_records(self.submodels)
         for position, selections in self.submodels.items():
             for selection in selections:
                 # Two selections of one section may name the same unknown record.

@@ -16,11 +16,15 @@ from flightmech.units import parse_quantity
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.control_loading.loading import COEFFICIENT, FORCES
 from flighttest.submodels.landing_gear.reconstructed_loads import ERRORS
-from flighttest.submodels.stall.model import COEFFICIENTS
+from flighttest.submodels.stall.model import COEFFICIENTS, demand_attached
 
 GEAR_ERRORS = (*ERRORS, "wind")
 Names = tuple[str, ...]
 Positive = Annotated[float, Field(gt=0.0)]
+# CD0, K and their standard errors, as in `Polar.demand_possible`.
+_ProfileDrag = Annotated[float, Field(gt=0.0, lt=1.0)]
+_InducedDrag = Annotated[float, Field(ge=0.0, lt=2.0)]
+_DragError = Annotated[float, Field(ge=0.0, lt=1.0)]
 
 
 class RecordSelection(Strict):
@@ -150,12 +154,14 @@ class StallSection(Strict):
             if name not in COEFFICIENTS:
                 unknown = UnknownName(name, COEFFICIENTS, "coefficient of a stall")
                 yield f"stall.coefficients: {unknown}"
+        if len(set(self.coefficients)) < len(self.coefficients):
+            yield "stall.coefficients: a coefficient occurs twice; give each once"
         if "CL" not in self.coefficients:
             yield "stall.coefficients: CL is missing; it shows the separation, add it"
-        for key, unit in (("attached_to", "rad"), ("station", "m")):
-            text = getattr(self, key)
-            if text:
-                yield from find_faults(f"stall.{key}", parse_quantity, text, unit)
+        if self.station:
+            yield from find_faults("stall.station", parse_quantity, self.station, "m")
+        if self.attached_to:
+            yield from find_faults("stall.attached_to", demand_attached, self.attached_to)
 
 
 class GearSection(Strict):
@@ -227,12 +233,12 @@ class EngineSection(Strict):
         description="CSV file of climbs and level accelerations; needs polar.",
         examples=["climbs.csv"],
     )
-    polar: tuple[float, float] | None = Field(
+    polar: tuple[_ProfileDrag, _InducedDrag] | None = Field(
         default=None,
         description="CD0 and K of the drag polar, for climbs and propellers.",
         examples=[[0.025, 0.05]],
     )
-    polar_stderr: tuple[float, float] = Field(
+    polar_stderr: tuple[_DragError, _DragError] = Field(
         default=(0.0, 0.0),
         description="Their standard errors; zero holds them.",
         examples=[[0.001, 0.002]],
@@ -335,6 +341,18 @@ def _require_hinge_moment(text: str, coefficient: str) -> None:
     model = RegressionModel.parse(text)
     if model.coefficient != coefficient:
         raise UnknownName(model.coefficient, [coefficient], "hinge-moment coefficient")
+
+
+def repeated_records(selections: Mapping[str, tuple[RecordSelection, ...]]) -> Iterator[str]:
+    """Yield records that one key takes twice: they would count twice."""
+    for key, several in selections.items():
+        taken: set[tuple[Any, ...]] = set()
+        for selection in several:
+            for record in selection.records:
+                part = (record, selection.manoeuvres, selection.window)
+                if part in taken:
+                    yield f"{key}: record {record!r} is taken twice; take it once"
+                taken.add(part)
 
 
 def find_faults(position: str, act: Callable[..., object], *items: object) -> Iterator[str]:

@@ -12,11 +12,11 @@ import os
 import tomllib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from glob import glob, has_magic
+from glob import has_magic
 from pathlib import Path
 from typing import Any
 
-from flightmech.support.input_files import file_sha256
+from flightmech.support.input_files import file_sha256, match_files
 from flightmech.support.kept_stages.checked_files import read_checked, write_checked
 from flightmech.support.kept_stages.program import hash_arithmetic, hash_installation
 
@@ -182,7 +182,10 @@ def _file_state(file: str) -> tuple[int, ...]:
 
 
 def _matching(pattern: str) -> list[str]:
-    return sorted(name for name in glob(pattern, recursive=True) if os.path.isfile(name))
+    """Return the files of a pattern, none for a text that is no pattern of a project."""
+    with suppress(OSError):
+        return match_files(pattern)
+    return []
 
 
 def _texts(content: Any) -> Iterable[str]:

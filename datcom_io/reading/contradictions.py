@@ -6,8 +6,9 @@ pressure, and the slopes of lift and moment:
     CN = CL cos(alpha) + CD sin(alpha),    CA = CD cos(alpha) - CL sin(alpha),    CM = XCP CN,
 
 and CL changes by the integral of its slopes. A flight-condition line holds Mach number,
-velocity and temperature, of which two give the third; Mach numbers and reference
-quantities are also on the input cards. On 104 intact listings (pages with power and in ground
+velocity and temperature, of which two give the third, and an altitude with the pressure and
+temperature of the standard atmosphere; Mach numbers, altitudes and reference quantities are also on
+the input cards. On 104 intact listings (pages with power and in ground
 effect among them) the forces agree within two units of the last digit and the moment within one.
 A digit that was changed, a row in the wrong place or a card of another run is therefore seen.
 """
@@ -24,9 +25,11 @@ from datcom_io.listing import Case
 from datcom_io.printout.content import ListingMessage, Page
 from datcom_io.printout.tables import PrintedTable
 from datcom_io.reading.suspects import with_suspects
+from flightmech.air import atmosphere
 
 _FORCES = ("CD", "CL", "CN", "CA")
 _FORCE_OFF = 0.003  # three units of the last digit; intact listings have two at most
+_ALPHA_OFF = math.radians(0.05)  # rounding of the angle, which has one decimal
 # Rounding of CM, and of XCP and CN, times four.
 _MOMENT_OFF, _FACTOR_OFF = 0.0002, 0.002
 # Attached flow [deg], and the least change of a coefficient over it that shows its slope.
@@ -37,6 +40,9 @@ _DERIVATIVES = ("CL_alpha", "Cm_alpha", "CY_beta", "Cn_beta", "Cl_beta")
 _RATIO_OF_HEATS, _GAS_CONSTANT = 1.4, 287.05
 _MACH_OFF = 0.02  # part of the Mach number; those of intact listings agree within the rounding
 _MACH_ROUNDING, _SPEED_ROUNDING = 0.0005, 0.005
+# Part of pressure and temperature; to 32 km intact listings agree within 0.002 with the atmosphere.
+_AIR_OFF, _HIGHEST = 0.01, 32000.0
+_ALTITUDE_ROUNDING = 0.005  # in the unit of the page
 
 
 def flag_contradictions(case: Case) -> None:
@@ -62,7 +68,8 @@ def _flag_rows(case: Case, places: list[int], tables: list[PrintedTable]) -> Non
     rows = _sound_numbers(tables)
     normal, axial = _rotate_forces(rows)
     # NaN compares false.
-    is_off = (np.abs(rows["CN"] - normal) > _FORCE_OFF) | (np.abs(rows["CA"] - axial) > _FORCE_OFF)
+    room = _FORCE_OFF + _ALPHA_OFF * np.hypot(rows["CL"], rows["CD"])
+    is_off = (np.abs(rows["CN"] - normal) > room) | (np.abs(rows["CA"] - axial) > room)
     room = _MOMENT_OFF + _FACTOR_OFF * (np.abs(rows["xcp"]) + np.abs(rows["CN"]))
     is_moment_off = (np.abs(rows["xcp"] * rows["CN"] - rows["Cm"]) > room) & ~is_off
     if not (is_off.any() or is_moment_off.any()):
@@ -164,8 +171,12 @@ def _compare_slopes(
 
 
 def _flag_conditions(case: Case) -> None:
-    """Flag pages whose Mach number is not velocity over speed of sound, or not on the cards."""
-    scheduled = {mach for mach, _ in case.deck.conditions() if math.isfinite(mach)}
+    """Flag pages whose Mach number, velocity, altitude and air, or cards contradict each other."""
+    conditions = case.deck.conditions()
+    machs = {mach for mach, _ in conditions if math.isfinite(mach)}
+    heights = {h for _, h in conditions if math.isfinite(h)}
+    # The cards may give any pressure and temperature at an altitude.
+    is_standard = not (case.deck.values("FLTCON", "PINF") or case.deck.values("FLTCON", "TINF"))
     # Text on each heading that occurs, empty for a sound one.
     texts: dict[str, str] = {}
     for i, page in enumerate(case.pages):
@@ -173,26 +184,62 @@ def _flag_conditions(case: Case) -> None:
             continue
         heading = page.conditions.rows[0]
         if heading not in texts:
-            texts[heading] = _describe_heading(page, scheduled)
+            texts[heading] = _describe_heading(page, machs, heights, is_standard)
             if texts[heading]:
                 _report(case, page.conditions.lines[0], texts[heading])
         if texts[heading]:
             case.pages[i] = with_suspects(page, "static", None)
 
 
-def _describe_heading(page: Page, scheduled: set[float]) -> str:
-    """Return what is wrong with the Mach number of a page, or nothing."""
+def _describe_heading(page: Page, machs: set[float], heights: set[float], is_standard: bool) -> str:
+    """Return what is wrong with Mach number or altitude of a page, or nothing."""
     mach = page.condition("mach")
     text = _describe_mach(page, mach)
-    if not text and scheduled and math.isfinite(mach):
-        nearest = min(scheduled, key=lambda other: abs(other - mach))
-        if abs(nearest - mach) > _MACH_ROUNDING * 1.01:
-            cards = " ".join(f"{other:g}" for other in sorted(scheduled))
-            text = f"Mach {mach:g} is not on the input cards ({cards})"
+    if not text and is_standard:
+        text = _describe_altitude(page)
+    if not text:
+        text = _describe_cards(f"Mach {mach:g}", mach, machs, _MACH_ROUNDING)
+    if not text:
+        h = page.condition("h")
+        text = _describe_cards(f"altitude {h:g}", h, heights, _ALTITUDE_ROUNDING)
     if not text:
         return ""
     text += ": the heading of the page is damaged or edited, or belongs to another run; its "
     return text + "numbers are flagged suspect; run the deck again"
+
+
+def _describe_cards(words: str, value: float, scheduled: set[float], rounding: float) -> str:
+    """Return a printed Mach number or altitude that is not on the cards, or nothing."""
+    if not scheduled or not math.isfinite(value):
+        return ""
+    nearest = min(scheduled, key=lambda other: abs(other - value))
+    # The program holds seven digits.
+    if abs(nearest - value) <= rounding * 1.01 + 1e-6 * abs(value):
+        return ""
+    cards = " ".join(f"{other:g}" for other in sorted(scheduled))
+    return f"{words} is not on the input cards ({cards})"
+
+
+def _describe_altitude(page: Page) -> str:
+    """Return how pressure and temperature of a page differ from those of its altitude."""
+    h, p, T = (
+        page.condition(name) * si_factor(units, page.dim)
+        for name, units in (
+            ("h", "length"),
+            ("p_static", "pressure"),
+            ("temperature", "temperature"),
+        )
+    )
+    if not (p > 0.0 and T > 0.0 and h <= _HIGHEST):
+        return ""
+    air = atmosphere(h)
+    expected = float(air.p_static), float(air.temperature)
+    if max(abs(p / expected[0] - 1.0), abs(T / expected[1] - 1.0)) <= _AIR_OFF:
+        return ""
+    return (
+        f"altitude {page.condition('h'):g} has {expected[0]:.5g} Pa and {expected[1]:.5g} K in the "
+        f"standard atmosphere, and {p:.5g} Pa and {T:.5g} K are printed"
+    )
 
 
 def _describe_mach(page: Page, mach: float) -> str:

@@ -32,7 +32,7 @@ from datcom_io.decks.deck import Deck
 from datcom_io.listing import Case
 from datcom_io.printout.content import ListingMessage, Page
 from datcom_io.printout.tables import PrintedTable
-from datcom_io.reading.suspects import with_suspects
+from datcom_io.reading.suspects import column_of_page, columns_of, with_suspects
 from datcom_io.reading.wing_damping import (
     BODY_MOST,
     STRIPS_LEAST,
@@ -330,7 +330,7 @@ def _read_dynamic_page(
     deck: Deck, page: Page, table: PrintedTable, static: Page | None
 ) -> _DynamicPage:
     """Return the numbers of a page, with those of the static page of the same condition."""
-    columns = _columns(table)
+    columns = columns_of(table)
     alpha = columns["alpha"]
     per_radian = 1.0
     if deck.deriv == "DEG":
@@ -338,7 +338,7 @@ def _read_dynamic_page(
     mach = page.condition("mach")
     has_tail = "HORIZONTAL" in page.configuration
     # CMA is the median of the printed slopes in the linear range.
-    moments = per_radian * _column_of_page(static, "static", "Cm_alpha", alpha)
+    moments = per_radian * column_of_page(static, "static", "Cm_alpha", alpha)
     moments = moments[np.isfinite(moments) & (np.abs(alpha) <= _LINEAR)]
     moment_slope = math.nan
     if moments.size:
@@ -346,8 +346,8 @@ def _read_dynamic_page(
     return _DynamicPage(
         derivatives={name: per_radian * columns[name] for name in LARGEST},
         alpha=alpha,
-        lift=_column_of_page(static, "static", "CL", alpha),
-        downwash_slope=_column_of_page(static, "downwash", "epsilon_alpha", alpha),
+        lift=column_of_page(static, "static", "CL", alpha),
+        downwash_slope=column_of_page(static, "downwash", "epsilon_alpha", alpha),
         mach=mach,
         wing=estimate_wing_share(deck, mach),
         has_tail=has_tail,
@@ -382,22 +382,3 @@ def _describe_number(numbers: _DynamicPage, name: str, wrong: Mapping[str, np.nd
         )
         text += f", where strips of the planforms, CMQ and CMA allow {low:.4g} to {high:.4g}"
     return text
-
-
-def _columns(table: PrintedTable) -> dict[str, np.ndarray]:
-    """Return the printed numbers of a table by quantity."""
-    return {column.quantity: table.values[:, k] for k, column in enumerate(table.columns)}
-
-
-def _column_of_page(page: Page | None, name: str, quantity: str, alpha: np.ndarray) -> np.ndarray:
-    """Return a quantity of another table at the same angles; NaN where it is not printed."""
-    missing = np.full(alpha.shape, np.nan)
-    table = None
-    if page is not None:
-        table = page.table(name)
-    if table is None:
-        return missing
-    columns = _columns(table)
-    if not np.array_equal(columns["alpha"], alpha, equal_nan=True):
-        return missing
-    return columns[quantity]

@@ -19,6 +19,7 @@ from datcom_io.printout.layouts.special import HYPERSONIC_FROM
 from datcom_io.printout.tables import PrintedTable
 from datcom_io.reading.contradictions import flag_contradictions
 from datcom_io.reading.damping import flag_damping
+from datcom_io.reading.lateral import flag_lateral_derivatives
 from datcom_io.reading.suspects import (
     flag_flap_moments,
     flag_ground_pages,
@@ -52,6 +53,7 @@ class Observer:
         flag_tail_pressure(case)
         flag_contradictions(case)
         flag_damping(case)
+        flag_lateral_derivatives(case)
         _report_stick_force(case)
         _report_lost_flap_moment(case)
         _report_failed_arithmetic(case)

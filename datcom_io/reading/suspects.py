@@ -258,3 +258,22 @@ def _flag_table(
         if is_flagged:
             suspect[rows, k] = True
     return replace(table, suspect=suspect)
+
+
+def columns_of(table: PrintedTable) -> dict[str, np.ndarray]:
+    """Return the printed numbers of a table by quantity."""
+    return {column.quantity: table.values[:, k] for k, column in enumerate(table.columns)}
+
+
+def column_of_page(page: Page | None, name: str, quantity: str, alpha: np.ndarray) -> np.ndarray:
+    """Return a quantity of another table at the same angles; NaN where it is not printed."""
+    missing = np.full(alpha.shape, np.nan)
+    table = None
+    if page is not None:
+        table = page.table(name)
+    if table is None:
+        return missing
+    columns = columns_of(table)
+    if not np.array_equal(columns["alpha"], alpha, equal_nan=True):
+        return missing
+    return columns[quantity]

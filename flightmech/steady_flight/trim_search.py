@@ -223,13 +223,15 @@ def trimmed_outputs(sim: SimModel, parameters: Mapping[str, float]) -> np.ndarra
 
 
 def default_trim_mode(sim: SimModel, parameters: Mapping[str, float]) -> float:
-    """Return the default of ``mode.trim``: 2 if levers drive engines with tables, else 1.
+    """Return the default of ``mode.trim``: 2 if levers drive engines with a deck, else 1.
 
-    The trim of mode 2 computes the throttle, that of mode 1 the thrust.
+    The trim of mode 2 computes the throttle, that of mode 1 the thrust. A propeller is trimmed by
+    thrust: its speed and blade angle settle with time, and the kernel does not search for them.
     """
-    has_tables = any(name.startswith("engine1/") for name in sim.terms)
+    has_deck = any(name.startswith("engine1/") for name in sim.terms)
+    has_deck &= "engine1/CT_prop" not in sim.terms
     default = next(row.value for row in sim.entries(PARAMETER) if row.name == "mode.engine")
-    if has_tables and parameters.get("mode.engine", default) == 0.0:
+    if has_deck and parameters.get("mode.engine", default) == 0.0:
         return 2.0
     return 1.0
 

@@ -25,6 +25,7 @@ import click
 
 from flightmech.errors import near_names
 from flightmech.support.atomic_write import resolve_file, resolve_folder
+from flightmech.support.command_line.parameter_checks import check_parameters
 
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else."
@@ -432,6 +433,7 @@ def performed_by(target: str) -> Callable[[Callable[[], None]], Callable[..., An
     def decorate(declaration: Callable[[], None]) -> Callable[..., Any]:
         @functools.wraps(declaration)
         def perform(*context: click.Context, **options: Any) -> Any:
+            check_parameters(click.get_current_context(), options)
             # the module is imported when the command runs, not for the help
             return getattr(importlib.import_module(module), function)(*context, **options)
 

@@ -10,10 +10,18 @@ import json
 import os
 import re
 from collections.abc import Iterator
+from glob import glob, iglob
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from flightmech.errors import ParseError
+
+MOST_PLACES = 50_000
+"""Greatest number of files and folders that a pattern with ``**`` looks through."""
+
+MOST_BYTES = 512 << 20
+"""Greatest size of a file that is read as a whole."""
 
 MOST_COLUMNS = 20_000
 """Greatest number of columns of a CSV file. Large recordings have some thousand columns."""
@@ -50,6 +58,20 @@ def demand_regular(path: str | os.PathLike[str], expected: str) -> None:
         raise ParseError(str(path), 0, "a named pipe or a device", expected)
 
 
+def demand_size(path: str | os.PathLike[str], most: int, expected: str) -> None:
+    """Raise for a file that is too large to be read as a whole.
+
+    Raises
+    ------
+    ParseError
+        The file has more than `most` bytes.
+    """
+    size = os.path.getsize(path)
+    if size > most:
+        expected = f"{expected} of at most {most >> 20} MiB; divide it"
+        raise ParseError(str(path), 0, f"a file of {size >> 20} MiB", expected)
+
+
 def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
     """Return the content of a regular file.
 
@@ -58,9 +80,10 @@ def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
     OSError
         The file does not exist, or cannot be read.
     ParseError
-        It is not a regular file.
+        It is not a regular file, or larger than `MOST_BYTES`.
     """
     demand_regular(path, expected)
+    demand_size(path, MOST_BYTES, expected)
     return Path(path).read_bytes()
 
 
@@ -224,6 +247,22 @@ def json_content(text: Any, file: str | os.PathLike[str], what: str) -> Any:
         fault = f"{what} that cannot be read ({type(error).__name__}: {str(error)[:100]})"
         expected = "JSON as this program writes it; write or copy the file again"
         raise ParseError(os.fspath(file), 0, fault, expected=expected) from None
+
+
+def match_files(pattern: str) -> list[str]:
+    """Return the regular files that match a pattern, sorted.
+
+    Raises
+    ------
+    OSError
+        ``**`` meets more than `MOST_PLACES` files and folders: a pattern of others may begin at the
+        root of the file system, or in a folder whose links lead back to it.
+    """
+    for part in re.finditer(r"(?<![^/\\])\*\*(?![^/\\])", pattern):
+        places = iglob(pattern[: part.end()], recursive=True)
+        if next(islice(places, MOST_PLACES, None), None) is not None:
+            raise OSError(f"{pattern!r} looks through more than {MOST_PLACES} files and folders")
+    return sorted(name for name in glob(pattern, recursive=True) if os.path.isfile(name))
 
 
 def name_and_sha256(path: Path) -> dict[str, str]:

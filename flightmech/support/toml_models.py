@@ -21,11 +21,15 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class Strict(BaseModel):
-    """Base of all models of files. Objects are immutable, and unknown keys are errors."""
+    """Base of all models of files. Objects are immutable; unknown keys, nan and inf are errors."""
 
     # A command uses few of the models, so a validator is built on first use of its model.
     model_config = ConfigDict(
-        extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True
+        extra="forbid",
+        frozen=True,
+        arbitrary_types_allowed=True,
+        defer_build=True,
+        allow_inf_nan=False,
     )
 
 

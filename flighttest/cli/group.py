@@ -108,7 +108,11 @@ def show_record_command() -> None:
 @click.argument("stop", type=float)
 @_NAMES
 @click.option(
-    "--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz]."
+    "--rate",
+    type=click.FloatRange(0.0, min_open=True),
+    default=50.0,
+    show_default=True,
+    help="Samples per second [Hz].",
 )
 @click.option("-o", "--output", required=True, type=NewFile(), help="NetCDF file to write.")
 @json_option
@@ -131,7 +135,11 @@ def cut_command() -> None:
     help="Start and stop [s], of a single record. Default: all of it.",
 )
 @click.option(
-    "--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz]."
+    "--rate",
+    type=click.FloatRange(0.0, min_open=True),
+    default=50.0,
+    show_default=True,
+    help="Samples per second [Hz].",
 )
 @click.option(
     "--biases",

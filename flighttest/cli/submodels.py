@@ -240,7 +240,11 @@ def controls_command() -> None:
     help="Lever angles of idle and full power [deg], where the records have angles.",
 )
 @click.option(
-    "--rate", type=float, default=25.0, show_default=True, help="Samples of the records per second."
+    "--rate",
+    type=click.FloatRange(0.0, min_open=True),
+    default=25.0,
+    show_default=True,
+    help="Samples of the records per second.",
 )
 @click.option(
     "-o",

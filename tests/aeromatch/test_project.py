@@ -491,6 +491,11 @@ def test_faults_of_a_prior_are_listed(write):
     ]
     absent = problems(write(("[terms", "[[prior]]\nfiles = 'none/*.st'\n[terms")))
     assert absent[0].startswith("files: no file matches 'none/*.st'")
+    empty = problems(write(("[terms", "[[prior]]\nfiles = []\n[terms")))
+    assert empty[0] == "files: an empty list; give a file or a pattern such as 'folder/*'"
+    drag = problems(with_priors(write, f"{PRIOR}CD0 = nan\n"))
+    assert "prior.0.CD0" in drag[0]
+    assert "finite number" in drag[0]
     alone = problems(write(('cutoff = "4 Hz"', 'take = { "Cn/*" = "AVL" }')))
     assert alone == ["take: chooses among several sources; give more [[prior]] tables"]
 

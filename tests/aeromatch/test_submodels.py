@@ -18,6 +18,7 @@ from aeromatch.project.sections import (
     GroundEffectSection,
     RecordSelection,
     StallSection,
+    repeated_records,
 )
 from aeromatch.workflow import submodels
 from aeromatch.workflow.windows import raise_problems, spans_of
@@ -212,7 +213,18 @@ def test_a_stall_section_states_its_faults():
     assert "CL is missing" in problems(coefficients=("Cm",))[0]
     assert "coefficient of a stall" in problems(coefficients=("CL", "CX"))[0]
     assert problems(attached_to="12 kg")[0].startswith("stall.attached_to: ")
+    for angle in ("-80 deg", "300 deg", "1e999 deg"):
+        assert problems(attached_to=angle)[0].startswith(f"stall.attached_to: found '{angle}'")
+    assert "occurs twice" in problems(coefficients=("CL", "CL"))[0]
     assert problems(attached=("CL : alpha",))[0].startswith("stall.attached: ")
+
+
+def test_a_record_is_taken_once():
+    """Records that occur twice would make standard errors too small."""
+    whole, cut = RecordSelection(records=("a", "b")), RecordSelection(records=("a",), window=[0, 1])
+    assert list(repeated_records({"stall.flown": (whole, cut)})) == []
+    twice = {"stall.flown": (whole, RecordSelection(records=("b",)))}
+    assert list(repeated_records(twice)) == ["stall.flown: record 'b' is taken twice; take it once"]
 
 
 def test_the_separation_keeps_the_buffet():

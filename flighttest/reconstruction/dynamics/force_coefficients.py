@@ -199,9 +199,10 @@ def _coefficient_variables(
 
 def _stack_changes(changes: Changes, name: str, samples: int) -> np.ndarray:
     """Return the change of one variable by all sources (error, time)."""
-    # zero where a source does not act
+    # zero where a source does not act; no row where none does, as without a number in the record
     zero = np.zeros(samples)
-    return np.stack([by_source.get(name, zero) for by_source in changes.values()])
+    rows = [by_source.get(name, zero) for by_source in changes.values()]
+    return np.array(rows).reshape(len(rows), samples)
 
 
 def _rms_in_air(change: np.ndarray, airborne: np.ndarray) -> np.ndarray:

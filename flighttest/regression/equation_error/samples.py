@@ -50,7 +50,17 @@ class RegressionSamples:
         pieces : list of slice
         steps : list of float
             Sampling interval of each stretch. [s]
+
+        Raises
+        ------
+        IdentificationError
+            No sample.
         """
+        if not self.data.sizes["sample"]:
+            raise IdentificationError(
+                "no sample holds numbers of the coefficient and all its variables; check the "
+                "accelerations, dynamic pressure and angles of the records for gaps and zeros"
+            )
         manoeuvre, time = self.data["manoeuvre"].values, self.data["time"].values
         # A stretch ends at a gap in time, and at the end of its manoeuvre.
         allowed = _GAP * np.asarray(self.steps)[manoeuvre[1:]]

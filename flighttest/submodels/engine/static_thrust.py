@@ -59,6 +59,22 @@ class Polar:
     CD0_stderr: float = 0.0
     K_stderr: float = 0.0
 
+    def demand_possible(self) -> None:
+        """Refuse a polar that no aeroplane has; estimates may leave these ranges.
+
+        Raises
+        ------
+        IdentificationError
+            CD0 outside of 0 to 1, K outside of 0 to 2, or a standard error outside of 0 to 1.
+        """
+        is_polar = 0.0 < self.CD0 < 1.0 and 0.0 <= self.K < 2.0
+        if not is_polar or not (0.0 <= self.CD0_stderr < 1.0 and 0.0 <= self.K_stderr < 1.0):
+            raise IdentificationError(
+                f"polar CD0 {self.CD0:g} ({self.CD0_stderr:g}), K {self.K:g} ({self.K_stderr:g}); "
+                "CD0 is between 0 and 1, K between 0 and 2, and their standard errors between 0 "
+                "and 1: give those of the flown configuration"
+            )
+
 
 @dataclass(frozen=True)
 class DeckCorrection(ShortText):
@@ -170,8 +186,10 @@ def correct_deck(
     Raises
     ------
     IdentificationError
-        No points, or all points outside the deck.
+        No points, all points outside the deck, or an impossible polar.
     """
+    if polar is not None:
+        polar.demand_possible()
     axis = speed_axis(prior)
     speeds = prior[axis].values.astype(float)
     count = len(speeds)

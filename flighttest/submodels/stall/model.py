@@ -13,7 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flightmech.errors import UnitError
 from flightmech.names import SEPARATION
+from flightmech.units import parse_quantity
 from flighttest.regression.expression_functions import Pieces
 from flighttest.regression.expressions import Expression, Scope, parse_terms
 from flighttest.regression.separable_model import SeparableModel, Slope, evaluate_columns
@@ -22,6 +24,21 @@ from flighttest.submodels.stall.flow import LOSSES, UNITS, SeparationFlow
 _FLOW = {*SEPARATION, *LOSSES}
 COEFFICIENTS = ("CL", "CD", "Cm", "CY", "Cl", "Cn")
 """Coefficients that may have terms over the separation."""
+_STEEPEST = np.radians(60.0)  # beyond any attached flow
+
+
+def demand_attached(alpha: float | str) -> float:
+    """Return the last angle of attack of attached flow. [rad]
+
+    Raises
+    ------
+    UnitError
+        It is no angle, or not between 0 and 60 deg.
+    """
+    value = parse_quantity(alpha, "rad")
+    if not 0.0 < value < _STEEPEST:
+        raise UnitError(f"found {alpha!r}; give an angle of attack between 0 and 60 deg")
+    return value
 
 
 class SeparatedTerm(NamedTuple):

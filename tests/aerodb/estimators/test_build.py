@@ -114,6 +114,9 @@ def test_what_no_file_states_must_be_given():
         from_estimate(aircraft(), sweep("st"), controls=CONTROLS | {"flap": "+delta_f"}, **MORE)
     with pytest.raises(SchemaError, match="states no reference quantities"):
         from_estimate(aircraft(), [VSPAERO / "c182.polar"], **MORE)
+    for key, number in (("CD0", 1e308), ("CD0", -0.02), ("mach", -0.2), ("mach", float("nan"))):
+        with pytest.raises(SchemaError, match=f"{key}: found .*; give the"):
+            from_estimate(aircraft(), sweep("st"), controls=CONTROLS, **MORE | {key: number})
     # Feet for metres is 3.5 chords.
     with pytest.raises(SchemaError, match="another unit"):
         from_estimate(aircraft(), sweep("st"), controls=CONTROLS, length_unit=1.0)

@@ -11,6 +11,7 @@ import scipy.io
 import aerodb
 import datcom_io
 import flighttest
+from aerodb.estimators.reading import read_estimate
 from aerodb.exchange.formats import recognise_format
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support import input_files as texts
@@ -215,3 +216,26 @@ def test_a_mat_file_without_end(tmp_path, monkeypatch):
         r"it again",
     ):
         mat_file.load_mat(b"MATLAB", "a.mat", "a MAT file")
+
+
+def test_a_pattern_that_looks_through_a_file_system_is_refused(tmp_path, monkeypatch):
+    """A project of others may name /**, or a folder whose link leads back to it."""
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "back").symlink_to("..")
+    (tmp_path / "a" / "x.st").write_text("")
+    monkeypatch.setattr(texts, "MOST_PLACES", 30)
+    assert texts.match_files(f"{tmp_path}/a/*.st") == [f"{tmp_path}/a/x.st"]
+    with pytest.raises(OSError, match="looks through more than 30 files and folders"):
+        texts.match_files(f"{tmp_path}/**/*.st")
+    (tmp_path / "a" / "back").unlink()
+    assert texts.match_files(f"{tmp_path}/**/*.st") == [f"{tmp_path}/a/x.st"]
+
+
+def test_a_file_that_is_too_large_is_refused_before_it_is_read(tmp_path):
+    file = tmp_path / "large.txt"
+    with file.open("w") as opened:
+        opened.truncate(600 << 20)  # no bytes on the disk
+    with pytest.raises(ParseError, match="a file of 600 MiB; expected a text of at most 512 MiB"):
+        read_text(file, "a text")
+    with pytest.raises(ParseError, match=r"a file of 600 MiB.*of at most 64 MiB; divide it"):
+        read_estimate(file)

@@ -201,6 +201,12 @@ def test_samples_with_a_wheel_on_the_ground_are_no_measurement():
     )  # 1 % of the shock
 
 
+def test_a_record_without_a_number_has_no_coefficient():
+    nothing = coefficients(np.nan * states(), plane())
+    assert np.isnan(nothing["CL"].values).all()
+    assert nothing["CL_error"].shape == (0, 60)
+
+
 def test_angular_accelerations_are_differentiated_when_they_are_missing():
     t = 0.02 * np.arange(200)
     d = states(n=200).drop_vars(["p_dot", "q_dot", "r_dot"])

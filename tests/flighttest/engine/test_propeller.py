@@ -130,6 +130,32 @@ def test_command_writes_an_aircraft_with_sources(flown, tmp_path):
     assert "give --polar" in problems
 
 
+@pytest.mark.parametrize(
+    "polar", [Polar(-1.0, 0.06), Polar(0.03, -0.06), Polar(1e308, 0.06), Polar(0.03, 0.06, -0.01)]
+)
+def test_an_impossible_polar_is_refused(flown, polar):
+    craft, records = flown
+    with pytest.raises(IdentificationError, match="CD0 is between 0 and 1, K between 0 and 2"):
+        identify_propeller(records, flights.prior_aircraft(craft, SEED), polar)
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"),
+    [
+        (np.nan, "no window of .* has steady power .* with missing numbers"),
+        (np.inf, "no window of .* has steady power .* with missing numbers"),
+        (1e300, "has no number at .* check the units of the records"),
+    ],
+)
+def test_a_propeller_speed_without_numbers_is_refused(flown, factor, text):
+    """Three records of a channel that is missing, overflows or is in no unit."""
+    craft, records = flown
+    broken = [one.assign({"engine1.rpm": one["engine1.rpm"] * factor}) for one in records[:3]]
+    broken.append(records[3].isel(time=slice(0)))
+    with np.errstate(all="ignore"), pytest.raises(IdentificationError, match=text):
+        identify_propeller(broken, flights.prior_aircraft(craft, SEED), Polar(0.03, 0.06, 0.01))
+
+
 INHG_READ_AS_HPA = 100.0 / 3386.389
 
 

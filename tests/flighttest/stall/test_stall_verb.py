@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 import aerodb
 from flightmech import read_aircraft, write_aircraft
+from flightmech.errors import IdentificationError
 from flighttest.cli.actions import submodels
 from flighttest.cli.group import flight
 
@@ -60,3 +61,13 @@ def test_outputs_that_need_a_database_are_refused_without_one(folder):
     done = run("slow.nc --aircraft jet.toml --into stalling.nc")
     assert "--into and --attached-to need --database" in str(done.exception)
     assert not (folder / "stalling.nc").exists()
+
+
+def test_records_whose_coefficients_are_no_numbers_are_refused(folder, monkeypatch):
+    """As with a dynamic pressure of 0, or accelerations that overflow."""
+    rng = np.random.default_rng(11)
+    record = records.stall_record(rng, "quasi-steady")
+    monkeypatch.setattr(submodels, "open_path", lambda path: record.assign(CL=np.nan * record.CL))
+    done = run("slow.nc fast.nc --aircraft jet.toml --database jet.nc --coefficient CL")
+    assert isinstance(done.exception, IdentificationError)
+    assert "no sample holds numbers of the coefficient" in str(done.exception)

@@ -28,6 +28,7 @@ from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
 from flighttest.submodels.stall.database_terms import add_stall, continue_attached_flow, reach_of
 from flighttest.submodels.stall.figure import draw_stall
 from flighttest.submodels.stall.identification import identify_stall
+from flighttest.submodels.stall.model import demand_attached
 
 
 def run_gear(
@@ -173,7 +174,7 @@ def run_stall(
     with show_progress(f"coefficients along {len(paths)} paths"):
         data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
     if database is not None and options.attached_to:
-        last = parse_quantity(options.attached_to, "rad")
+        last = demand_attached(options.attached_to)
         database = continue_attached_flow(database, last, reach_of(data))
     models = [RegressionModel.parse(text) for text in options.attached]
     choices: dict[str, Any] = {"attached": {model.coefficient: model.terms for model in models}}

@@ -97,7 +97,7 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
     Raises
     ------
     IdentificationError
-        No unknown has an a-priori standard error.
+        No unknown has an a-priori standard error, or an equation is not finite.
     """
     first, sigma = equations.first(), equations.prior_errors()
     free = np.flatnonzero(sigma > 0.0)
@@ -113,6 +113,12 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
     jacobian: dict[str, np.ndarray] = {}
     for count in range(1, _STEPS + 1):
         residuals = equations.residuals(u)
+        for name, v in residuals.items():
+            if not np.isfinite(v).all():
+                raise IdentificationError(
+                    f"the equation of {name} has no number at {np.sum(~np.isfinite(v))} of {v.size} "
+                    f"points; check the units of the records, of engineN.rpm first"
+                )
         # The equations are nearly linear: slopes near the solution stay.
         if moved > _MOVED:
             jacobian = _jacobian(equations, u, sigma)

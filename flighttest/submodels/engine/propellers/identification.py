@@ -67,11 +67,12 @@ def identify_propeller(
     Raises
     ------
     IdentificationError
-        No engine with a propeller, engines of several types, no points, no measured power of a
-        governed propeller, or lever angles without `pla`.
+        An impossible polar, no engine with a propeller, engines of several types, no points, no
+        measured power of a governed propeller, or lever angles without `pla`.
     UnknownName
         A channel is missing.
     """
+    polar.demand_possible()
     if not aircraft.engines:
         raise IdentificationError(
             "the aircraft file has no engine; add [[engine]] with a propeller"

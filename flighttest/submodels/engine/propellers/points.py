@@ -50,6 +50,12 @@ ENGINE_CHANNELS = (
     "n2",
 )
 
+_LEAST_SPEED = 1.0  # [m/s]
+# Reasons to leave out a window, as in the message.
+_POWER_CHANGES, _BANKED, _ON_GROUND = "power changes", "banked", "on the ground"
+_NO_AIRSPEED, _MISSING = "without airspeed", "with missing numbers"
+_REASONS = (_POWER_CHANGES, _BANKED, _ON_GROUND, _NO_AIRSPEED, _MISSING)
+
 
 def propeller_points(
     records: Sequence[Any], aircraft: Aircraft, duration: float = DURATION
@@ -85,7 +91,7 @@ def propeller_points(
         No window has steady power.
     """
     parts: list[dict[str, np.ndarray]] = []
-    left_out = {"power changes": 0, "banked": 0, "on the ground": 0}
+    left_out = dict.fromkeys(_REASONS, 0)
     states = [getattr(record, "states", record) for record in records]
     kinds = {_has_specific_force(one) for one in states}
     # One equation of the force for all points, because its errors are common.
@@ -96,7 +102,11 @@ def propeller_points(
             if reason:
                 left_out[reason] += 1
                 continue
-            parts.append(_point(part, aircraft, accelerometer) | {"run": np.asarray(number)})
+            point = _point(part, aircraft, accelerometer) | {"run": np.asarray(number)}
+            if np.isfinite(list(point.values())).all():
+                parts.append(point)
+            else:
+                left_out[_MISSING] += 1
     if not parts:
         reasons = ", ".join(f"{count} {name}" for name, count in left_out.items() if count)
         raise IdentificationError(
@@ -123,6 +133,8 @@ def _has_specific_force(states: xr.Dataset) -> bool:
 def _windows(states: xr.Dataset, duration: float):
     """Yield successive windows of a record."""
     time = states["time"].values
+    if len(time) < 2:
+        return
     step = float(np.median(np.diff(time)))
     width = max(round(duration / step), 4)
     for begin in range(0, len(time) - width + 1, width):
@@ -136,18 +148,20 @@ def _reason_to_omit(part: xr.Dataset, aircraft: Aircraft) -> str:
     """Return why a window is not a point; empty if it is one."""
     for name in part.data_vars:
         if str(name).startswith("wow_") and float(part[name].max()) > 0.5:
-            return "on the ground"
+            return _ON_GROUND
+    if "V" in part and float(part["V"].values.mean()) < _LEAST_SPEED:
+        return _NO_AIRSPEED
     if "phi" in part and float(np.abs(part["phi"].values).mean()) > _BANK:
-        return "banked"
+        return _BANKED
     for number in range(1, len(aircraft.engines) + 1):
         for lever in ("throttle", "prop_command", "feather"):
             name = f"engine{number}.{lever}"
             if name in part and _smooth_range(part[name].values) > _LEVER_RANGE:
-                return "power changes"
+                return _POWER_CHANGES
         speed = _speed_of(part, aircraft, number)
         mean = max(float(speed.mean()), 1.0)
         if float(speed.mean()) > 10.0 and _smooth_range(speed) > _SPEED_RANGE * mean:
-            return "power changes"
+            return _POWER_CHANGES
     return ""
 
 

@@ -1,0 +1,1 @@
+"""Checks of the command line, before a command works."""

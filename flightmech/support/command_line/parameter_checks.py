@@ -1,0 +1,72 @@
+"""Values of the command line that the types of click accept, and no command can use."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+
+def check_parameters(context: click.Context, values: Mapping[str, Any]) -> None:
+    """Refuse numbers that are not finite, files that are given twice, and outputs over others.
+
+    `float` and the ranges of click accept nan and inf. A record that is given twice would count
+    twice, with standard errors that are too small. An output over another one, or over one of
+    several inputs, would lose it; a single input may be replaced by its edited form.
+
+    Parameters
+    ----------
+    context : click.Context
+        Of the command.
+    values : mapping
+        Parameters of the command by name.
+
+    Raises
+    ------
+    click.BadParameter
+        The parameter, what came, and what to do.
+    """
+    taken: dict[str, str] = {}
+    # inputs first
+    for option in sorted(context.command.params, key=lambda option: option.nargs != -1):
+        value = values.get(option.name or "")
+        number = _find_non_finite(value)
+        if number is not None:
+            text = f"{number} is not a number to compute with; give a finite one"
+            raise click.BadParameter(text, context, option)
+        is_file = isinstance(option.type, click.Path) and option.type.exists
+        if is_file and option.nargs == -1:
+            file = _find_repeated(value or ())
+            if file:
+                text = f"{file!r} is given twice; give each file once"
+                raise click.BadParameter(text, context, option)
+            taken |= {os.path.realpath(item): f"the input {item}" for item in value or ()}
+        elif isinstance(option.type, click.Path) and not option.type.exists and value:
+            # an output, as `NewFile` and `NewFolder` are
+            place = os.path.realpath(value) if isinstance(value, str | os.PathLike) else ""
+            if place in taken:
+                text = f"{value!s} is {taken[place]}, too; give another name"
+                raise click.BadParameter(text, context, option)
+            taken |= {place: f"the output of {option.opts[-1]}"} if place else {}
+
+
+def _find_non_finite(value: Any) -> float | None:
+    """Return the first number that is nan or infinite, also in tuples of tuples."""
+    if isinstance(value, tuple | list):
+        found = (_find_non_finite(item) for item in value)
+        return next((number for number in found if number is not None), None)
+    if isinstance(value, float) and not math.isfinite(value):
+        return value
+    return None
+
+
+def _find_repeated(files: tuple[Any, ...]) -> str:
+    """Return the first file that was given before, also by another name, or an empty text."""
+    for k, file in enumerate(files):
+        if any(Path(file).samefile(other) for other in files[:k]):
+            return str(file)
+    return ""
