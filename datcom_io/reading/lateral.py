@@ -177,7 +177,7 @@ def _judge_sideslip(
     names = [column.quantity for column in tables[0].columns]
     values = dict(zip(names, np.concatenate([table.values for table in tables]).T))
     counts = [len(table.rows) for table in tables]
-    ends = np.cumsum(counts)
+    ends = np.cumsum(np.array(counts, dtype=np.intp))
     CLB, alpha = per_radian * values["Cl_beta"], values["alpha"]
     is_judged = np.isfinite(CLB) & (np.abs(alpha) <= _LINEAR)
     largest = _MOST_CLB + _MOST_CLB_LIFT * np.abs(np.nan_to_num(values["CL"]))

@@ -7,6 +7,7 @@ import xarray as xr
 from aerodb.store.effects import (
     Effect,
     change_reference_quantities,
+    rate_shift,
     rates_to_body,
     rotate_rolling_to_body,
     transfer_moments,
@@ -125,3 +126,37 @@ def test_tables_keep_their_own_alphas():
     )  # no yawing moment printed
     np.testing.assert_allclose(turned.tables["Cl"].sel(delta_a=0.3), -0.05 * np.cos(ALPHA))
     assert set(turned.tables) == {"Cl"}
+
+
+def test_rates_about_another_point_are_those_of_the_moved_flow():
+    """A pitch, roll or yaw rate about the new point moves the flow at the old one, which lies 0.4 m
+    forward and 0.3 m below: velocities by hand, forces of the old point in the axes of the new one.
+    """
+    alpha = np.radians(np.arange(-8.0, 17.0, 2.0))
+    chord, span, (dx, dz), V, rate = 2.0, 10.0, (0.4, 0.3), 100.0, 1e-3
+
+    def forces(alpha):
+        return 0.2 + 4.5 * alpha, 0.02 + 0.3 * alpha**2, 0.05 - 0.6 * alpha
+
+    tables = [xr.DataArray(values, {"alpha": alpha}, "alpha") for values in forces(alpha)]
+    basic = Effect("basic", dict(zip(("CL", "CD", "Cm"), tables, strict=True)))
+    side = Effect(
+        "beta", {"CY": xr.DataArray(np.full(alpha.size, -0.6), {"alpha": alpha}, "alpha")}
+    )
+    change = rate_shift(basic, side, (dx, 0.0, dz), chord, span)
+
+    def at_the_old_point(q):
+        u, w = V * np.cos(alpha) + q * dz, V * np.sin(alpha) - q * dx
+        CL, CD, Cm = forces(np.arctan2(w, u))
+        pressure = (u**2 + w**2) / V**2
+        turn = np.arctan2(w, u) - alpha
+        lift, drag = CL * np.cos(turn) + CD * np.sin(turn), CD * np.cos(turn) - CL * np.sin(turn)
+        return pressure * np.array([lift, drag, Cm])
+
+    by_hand = (at_the_old_point(rate) - at_the_old_point(-rate)) / (rate * chord / V)
+    inside = slice(1, -1)  # one-sided slopes of the tables at the ends
+    for name, expected in zip(("CL", "CD", "Cm"), by_hand, strict=True):
+        np.testing.assert_allclose(change["qhat"][name][inside], expected[inside], atol=1e-7)
+    # beta at the old point is (r dx - p dz) / V higher
+    np.testing.assert_allclose(change["phat"]["CY"], -0.6 * -dz / V / (span / (2.0 * V)))
+    np.testing.assert_allclose(change["rhat"]["CY"], -0.6 * dx / V / (span / (2.0 * V)))
