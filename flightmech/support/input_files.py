@@ -20,8 +20,8 @@ from flightmech.errors import ParseError
 MOST_PLACES = 50_000
 """Greatest number of files and folders that a pattern with ``**`` looks through."""
 
-MOST_BYTES = 512 << 20
-"""Greatest size of a file that is read as a whole."""
+MOST_BYTES = 2048 << 20
+"""Greatest size of a file that is read as a whole: an hour of 200 channels is 0.7 GB as text."""
 
 MOST_COLUMNS = 20_000
 """Greatest number of columns of a CSV file. Large recordings have some thousand columns."""

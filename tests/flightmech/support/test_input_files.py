@@ -234,8 +234,8 @@ def test_a_pattern_that_looks_through_a_file_system_is_refused(tmp_path, monkeyp
 def test_a_file_that_is_too_large_is_refused_before_it_is_read(tmp_path):
     file = tmp_path / "large.txt"
     with file.open("w") as opened:
-        opened.truncate(600 << 20)  # no bytes on the disk
-    with pytest.raises(ParseError, match="a file of 600 MiB; expected a text of at most 512 MiB"):
+        opened.truncate(3000 << 20)  # no bytes on the disk
+    with pytest.raises(ParseError, match="a file of 3000 MiB; expected a text of at most 2048 MiB"):
         read_text(file, "a text")
-    with pytest.raises(ParseError, match=r"a file of 600 MiB.*of at most 64 MiB; divide it"):
+    with pytest.raises(ParseError, match=r"a file of 3000 MiB.*of at most 64 MiB; divide it"):
         read_estimate(file)
