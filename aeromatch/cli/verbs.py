@@ -83,7 +83,9 @@ class ProjectToMatch(InputFile):
 
 @click.command("match")
 @click.argument("project", type=ProjectToMatch(path_type=Path))
-@click.option("-o", "--output", type=NewFolder(), required=True, help="Folder to write.")
+@click.option(
+    "-o", "--output", type=NewFolder(), help="Folder to write; only --plan does without it."
+)
 @jobs_option
 @click.option(
     "--scheduler",

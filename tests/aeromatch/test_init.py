@@ -412,7 +412,7 @@ def test_an_unknown_column_is_found_corrected_and_kept(columns, tmp_path):
     assert mine in (folder / "names.toml.1.bak").read_text()
     assert any("elevator" in flown for flown in again.records["monday"]["manoeuvres"])
     (row,) = [row for row in again.columns if row.quantity == "delta_e"]
-    assert (row.column, row.confidence) == ("E1", "yours")
+    assert (row.column, row.confidence) == ("E1", "as you wrote it")
     assert flightmech.read_aircraft(folder / "aircraft.toml").mass == 2150.0
     before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
     draft_project(folder)
@@ -426,7 +426,7 @@ def test_a_map_outside_of_the_project_is_used_as_it_stands(recordings, drafted, 
     flight = recordings / "monday.csv"
     done = draft_project(tmp_path / "new", [CLEAN], [flight], MASS, own_map=tmp_path / "mine.toml")
     assert not (tmp_path / "new" / "names.toml").exists()
-    assert {row.confidence for row in done.columns} == {"yours", "not taken"}
+    assert {row.confidence for row in done.columns} == {"as you wrote it", "not taken"}
     project = read_project(tmp_path / "new" / "aeromatch.toml")
     assert project.names.resolve() == (tmp_path / "mine.toml").resolve()
 
@@ -576,7 +576,7 @@ def test_sources_and_an_outside_map_are_requested_once(recordings, drafted, tmp_
     again = draft_project(folder, [CLEAN])
     assert set(again.records) == {"monday"}
     assert not (folder / "names.toml").exists()
-    assert {row.confidence for row in again.columns} == {"yours", "not taken"}
+    assert {row.confidence for row in again.columns} == {"as you wrote it", "not taken"}
 
 
 def test_a_latitude_in_degrees_without_their_unit_is_refused(tmp_path):

@@ -55,7 +55,7 @@ def run_demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool)
 
 def run_match(
     project: Path,
-    output: Path,
+    output: Path | None,
     jobs: int,
     scheduler: str | None,
     resume: Path | None,
@@ -88,8 +88,11 @@ def run_match(
             raise click.UsageError(
                 "--plan and --actions exclude each other; a plan carries out no action"
             )
-        _plan(project, output, jobs, **way, options=options)
+        # nothing is written: without a folder that of a match next to the project is checked
+        _plan(project, output or project.parent / "out", jobs, **way, options=options)
         return
+    if output is None:
+        raise click.UsageError("Missing option '-o' / '--output'; only --plan does without it.")
     if paths_only:
         ignored = {
             "--actions": actions is not None,
@@ -361,8 +364,8 @@ def _summary(outcome: Any) -> dict[str, Any]:
     ]
     for name, terms in outcome.joint_terms.items():
         lines.append(
-            f"added for {name}, which does not pass with what each case needs alone: "
-            f"{', '.join(terms)}"
+            f"added for {name}, which does not pass with only the terms that the cases need one "
+            f"by one: {', '.join(terms)}"
         )
     lines += outcome.ranking
     failures = [
