@@ -43,7 +43,7 @@ from aeromatch.workflow.submodel_stages import (
     make_ground_effect,
     make_stall,
 )
-from aeromatch.workflow.windows import inputs_of, records_of, select_windows
+from aeromatch.workflow.windows import inputs_of, records_of, select_windows, without_faults
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flighttest.reconstruction.flight_programme import reconstructed_paths
@@ -129,7 +129,7 @@ def _reconstruct(
     with step(f"read {len(result.records)} flight records"):
         records = read_records(result, stages)
         result.marks = read_marks(result, records, stages)
-        result.windows = select_windows(
+        windows = select_windows(
             result.project,
             Values(records),
             cases=result.cases,
@@ -138,6 +138,8 @@ def _reconstruct(
         )
     with step("check the flight records"):
         result.checks = check_identified_records(records, aircraft.value, jobs, stages)
+    faults = {name: check.value.faults for name, check in result.checks.items()}
+    result.windows, result.left_out = without_faults(result.project, windows, faults)
     with step(_RECONSTRUCT_STEP):
         result.paths = reconstruct_records(result.project, records, aircraft, jobs, stages)
 

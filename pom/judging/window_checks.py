@@ -17,6 +17,7 @@ from pom.cases.case import PomCase
 from pom.cases.drafting.event_detection import input_channels
 from pom.judging.condition_checks import FORCED, MOVED, SMOOTH
 from pom.judging.signals import RunSignals
+from pom.status import CASE_WINDOW
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import channel_value_text, plain_id, quantity_words
 
@@ -141,7 +142,7 @@ def window_departures(case: PomCase, states: xr.Dataset) -> tuple[str, ...]:
 def window_remarks(states: xr.Dataset) -> tuple[RowRemark, ...]:
     """Return the departures in the attribute `WINDOW` of flight states as remarks."""
     texts = states.attrs.get(WINDOW, ())
-    return tuple(RowRemark("departure", f"departure: {text}", "window") for text in texts)
+    return tuple(RowRemark("departure", f"departure: {text}", CASE_WINDOW) for text in texts)
 
 
 def _unsteady_start(

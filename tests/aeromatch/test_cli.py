@@ -136,6 +136,16 @@ def test_paths_refuses_options_that_it_would_ignore(option, tmp_path):
         cli.main(words, standalone_mode=False)
 
 
+def test_a_folder_is_needed_for_all_but_the_plan(tmp_path):
+    project = tmp_path / "aeromatch.toml"
+    project.touch()
+    with pytest.raises(click.UsageError, match="only --plan does without it"):
+        cli.main(["match", str(project)], standalone_mode=False)
+    # the plan reads the project, which is empty
+    with pytest.raises(SchemaError):
+        cli.main(["match", str(project), "--plan"], standalone_mode=False)
+
+
 def test_help_lists_every_group():
     done = run("--help")
     assert done.returncode == 0

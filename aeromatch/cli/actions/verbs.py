@@ -370,6 +370,7 @@ def _summary(outcome: Any) -> dict[str, Any]:
     lines += outcome.ranking
     failures = [
         *outcome.record_errors,
+        *outcome.left_out,
         *(f"{result.case.name}: {result.failure}" for result in outcome.results if result.failure),
     ]
     return {

@@ -82,7 +82,8 @@ FIRST = {
     ),
     "manoeuvre over the time of another axis": (
         lambda p: edit(
-            p / "manoeuvres.csv", ("slow,doublet,rudder,54.5,65.15", "slow,doublet,rudder,14.0,22.0")
+            p / "manoeuvres.csv",
+            ("slow,doublet,rudder,54.5,65.15", "slow,doublet,rudder,14.0,22.0"),
         ),
         r"manoeuvres: record slow: doublet rudder from .* s, where the rudder does not move",
     ),
