@@ -252,7 +252,7 @@ def without_faults(
                 text = (
                     f"fit {fit.name!r}, record {record}: {fault.start:g} ... {fault.stop:g} s and "
                     f"{_MARGIN:g} s about it left out: {_FAULT_WORDS[fault.kind]} "
-                    f"{', '.join(channels)}"
+                    f"{', '.join(channels)}; the reconstruction has them"
                 )
                 texts[text] = None
             if spans and not parts:

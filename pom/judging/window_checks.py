@@ -185,8 +185,8 @@ def _unsteady_start(
     steady = start
     while steady > time[0] and movements(steady):
         steady -= 0.1
-    # the mean over `SMOOTH` reaches into the movement
-    steady -= 0.5 * SMOOTH
+    # a movement begins before it is larger than its limit
+    steady -= 0.1
     advice = "choose a record with steady flight before the input"
     if steady > time[0]:
         advice = f"the flight is steady until {steady:.1f} s: start there or earlier"

@@ -15,6 +15,7 @@ import pytest
 import aerodb
 from aeromatch.cli.command import cli
 from flightmech import terms
+from flightmech.errors import SchemaError
 
 HEAVY = {"numpy", "scipy", "pandas", "xarray", "fmpy", "pydantic", "h5py"}
 

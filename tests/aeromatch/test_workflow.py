@@ -140,7 +140,10 @@ def test_faulty_samples_are_cut_out_of_the_windows_of_the_fits(project):
     # half a second about it, and the remainder of half a second before it is too short
     assert cut.fits == [{"run_1": [(1.0, 4.0), (6.5, 9.0)]}]
     (text,) = texts
-    assert text.endswith("record run_1: 5 ... 6 s and 0.5 s about it left out: held values of q")
+    assert text.endswith(
+        "record run_1: 5 ... 6 s and 0.5 s about it left out: held values of q; the reconstruction has "
+        "them"
+    )
     # a gap of a group that no fit uses, and a fault outside the windows
     others = [SampleFault(("vn", "ve"), "gap", 5.0, 6.0), SampleFault(("q",), "held", 10.0, 11.0)]
     assert without_faults(project, windows, {"run_1": others}) == (windows, [])

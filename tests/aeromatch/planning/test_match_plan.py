@@ -219,7 +219,7 @@ def test_a_row_over_the_time_of_another_axis_is_a_problem():
     table = pd.DataFrame(rows, columns=["manoeuvre", "control", "start", "end"])
     assert manoeuvre_problems("run12", table, states) == [
         "manoeuvres: record run12: 3211 elevator from 24 to 32 s, where the elevator does not move "
-        "(elevator 0.34 deg, aileron 8 deg); correct its times or its control"
+        "(elevator 0.29 deg, aileron 8 deg); correct its times or its control"
     ]
 
 

@@ -96,7 +96,7 @@ def test_an_unsteady_start_departs_and_names_the_last_steady_instant():
     (text,) = departures((3.6, 13.1))
     assert "starts at 3.6 s in unsteady flight" in text
     assert "bank angle changes by 20 deg/s" in text
-    assert "steady until 2.9 s: start there or earlier" in text
+    assert "steady until 2.7 s: start there or earlier" in text
 
 
 def test_a_small_motion_before_a_large_response_is_steady():
