@@ -244,15 +244,14 @@ def without_faults(
         for record, spans in spans_by_record.items():
             parts = list(spans)
             for fault in faults.get(record, ()):
-                channels = sorted(_INFORMING.intersection(fault.channels))
                 cut = _cut_out(parts, fault.start - _MARGIN, fault.stop + _MARGIN)
-                if not channels or cut == parts:
+                words = _fault_words(fault)
+                if not words or cut == parts:
                     continue
                 parts = cut
                 text = (
-                    f"fit {fit.name!r}, record {record}: {fault.start:g} ... {fault.stop:g} s and "
-                    f"{_MARGIN:g} s about it left out: {_FAULT_WORDS[fault.kind]} "
-                    f"{', '.join(channels)}; the reconstruction has them"
+                    f"fit {fit.name!r}, record {record}: {words} left out with {_MARGIN:g} s about "
+                    f"them; the reconstruction has them"
                 )
                 texts[text] = None
             if spans and not parts:
@@ -261,6 +260,26 @@ def without_faults(
         fits.append(kept)
     raise_problems(project, problems)
     return replace(windows, fits=fits), list(texts)
+
+
+def list_faults(faults: Mapping[str, Sequence[Any]]) -> list[str]:
+    """Return a line for each record with faulty samples; the parameter is as `without_faults`."""
+    lines = []
+    for record, items in faults.items():
+        words = [text for text in map(_fault_words, items) if text]
+        if words:
+            lines.append(f"{record}: {', '.join(words)}")
+    return lines
+
+
+def _fault_words(fault: Any) -> str:
+    """Return a fault in words; empty for channels that inform no fit."""
+    channels = sorted(_INFORMING.intersection(fault.channels))
+    if not channels:
+        return ""
+    # a gap concerns a group of channels, which may be long
+    listed = ", ".join(channels[:3]) + (" ..." if len(channels) > 3 else "")
+    return f"{_FAULT_WORDS[fault.kind]} {listed} from {fault.start:g} to {fault.stop:g} s"
 
 
 def _cut_out(

@@ -28,6 +28,7 @@ from aeromatch.workflow.windows import (
     IdentificationWindows,
     find_copied_records,
     inputs_of,
+    list_faults,
     marks_of,
     records_of,
     rests_on,
@@ -141,9 +142,10 @@ def test_faulty_samples_are_cut_out_of_the_windows_of_the_fits(project):
     assert cut.fits == [{"run_1": [(1.0, 4.0), (6.5, 9.0)]}]
     (text,) = texts
     assert text.endswith(
-        "record run_1: 5 ... 6 s and 0.5 s about it left out: held values of q; the reconstruction has "
-        "them"
+        "record run_1: held values of q from 5 to 6 s left out with 0.5 s about them; the "
+        "reconstruction has them"
     )
+    assert list_faults({"run_1": [held], "run_2": []}) == ["run_1: held values of q from 5 to 6 s"]
     # a gap of a group that no fit uses, and a fault outside the windows
     others = [SampleFault(("vn", "ve"), "gap", 5.0, 6.0), SampleFault(("q",), "held", 10.0, 11.0)]
     assert without_faults(project, windows, {"run_1": others}) == (windows, [])
