@@ -39,7 +39,6 @@ _FAULT_WORDS = {
     "held": "held values of",
     "missing": "missing values of",
     "outside": "values outside the calibration of",
-    "gap": "gap in the clock of",
 }
 _MARGIN = 0.5  # [s] reach of the filters and derivatives behind the coefficients
 _SHORTEST = 1.0  # [s] a shorter part of a window holds no response
@@ -266,9 +265,10 @@ def list_faults(faults: Mapping[str, Sequence[Any]]) -> list[str]:
     """Return a line for each record with faulty samples; the parameter is as `without_faults`."""
     lines = []
     for record, items in faults.items():
-        words = [text for text in map(_fault_words, items) if text]
-        if words:
-            lines.append(f"{record}: {', '.join(words)}")
+        words = dict.fromkeys(map(_fault_words, items))
+        listed = ", ".join(filter(None, words))
+        if listed:
+            lines.append(f"{record}: {listed}")
     return lines
 
 
@@ -277,9 +277,11 @@ def _fault_words(fault: Any) -> str:
     channels = sorted(_INFORMING.intersection(fault.channels))
     if not channels:
         return ""
-    # a gap concerns a group of channels, which may be long
-    listed = ", ".join(channels[:3]) + (" ..." if len(channels) > 3 else "")
-    return f"{_FAULT_WORDS[fault.kind]} {listed} from {fault.start:g} to {fault.stop:g} s"
+    place = f"from {fault.start:g} to {fault.stop:g} s"
+    # a gap concerns all groups of channels of a recorder
+    if fault.kind == "gap":
+        return f"gap in the clock {place}"
+    return f"{_FAULT_WORDS[fault.kind]} {', '.join(channels)} {place}"
 
 
 def _cut_out(

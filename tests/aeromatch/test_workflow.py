@@ -145,7 +145,10 @@ def test_faulty_samples_are_cut_out_of_the_windows_of_the_fits(project):
         "record run_1: held values of q from 5 to 6 s left out with 0.5 s about them; the "
         "reconstruction has them"
     )
-    assert list_faults({"run_1": [held], "run_2": []}) == ["run_1: held values of q from 5 to 6 s"]
+    gaps = [SampleFault((name,), "gap", 34.0, 36.0) for name in ("q", "alpha_vane")]
+    assert list_faults({"run_1": [held, *gaps], "run_2": []}) == [
+        "run_1: held values of q from 5 to 6 s, gap in the clock from 34 to 36 s"
+    ]
     # a gap of a group that no fit uses, and a fault outside the windows
     others = [SampleFault(("vn", "ve"), "gap", 5.0, 6.0), SampleFault(("q",), "held", 10.0, 11.0)]
     assert without_faults(project, windows, {"run_1": others}) == (windows, [])
