@@ -266,7 +266,7 @@ def _sample_faults(table: pd.DataFrame, record: xr.DataTree) -> Iterator[SampleF
     for row in table.to_dict("records"):
         if row["kind"] not in NO_FLIGHT:
             continue
-        channels = (str(row["channel"]),)
+        channels: tuple[str, ...] = (str(row["channel"]),)
         if not row["channel"]:
             # a gap of the clock concerns all channels of its group
             channels = tuple(map(str, record[row["leaf"]].data_vars))
