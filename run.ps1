@@ -55,7 +55,7 @@ function Install-Packages([string] $What, [string] $Name) {
         $files = @(Get-Item "pyproject.toml", "hatch_build.py") + @(Get-ChildItem kernel -Recurse -File)
         if (-not ($files | Where-Object { $_.LastWriteTimeUtc -gt $since })) { return }
     }
-    Write-Host "run: installing aeromatch (the C kernel is compiled on the way)"
+    Write-Host "run: installing aeromatch (a compiler from a wheel builds the C kernel)"
     if (Get-Command uv -ErrorAction SilentlyContinue) {
         Invoke-Checked "uv" @("pip", "install", "-q", "--python", $inside, "-e", $What)
     } else {

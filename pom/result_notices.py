@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import chain
 
 from pom.result import PomResult
-from pom.status import BEYOND, DEPARTURES, NOTICES, PASSED, has_remark
+from pom.status import BEYOND, CASE_WINDOW, DEPARTURES, NOTICES, PASSED, has_remark
 
 
 def trim_remarks(result: PomResult, run: str) -> list[str]:
@@ -26,6 +26,16 @@ def departure_remarks(result: PomResult, run: str) -> list[str]:
 def run_notices(result: PomResult, run: str) -> list[str]:
     """Return the remarks of the kinds `NOTICES`, which no criterion judges, each once."""
     return collect_texts(result, run, NOTICES)
+
+
+def window_notices(result: PomResult, run: str) -> list[str]:
+    """Return the departures of the window of a case from normal practice, each once."""
+    texts: dict[str, None] = {}
+    for row in result.rows:
+        if row["run"] == run:
+            remarks = [item.text for item in row["remarks"] if item.quantity == CASE_WINDOW]
+            texts |= dict.fromkeys(remarks)
+    return list(texts)
 
 
 def spread_notice(result: PomResult, run: str) -> str:

@@ -9,6 +9,8 @@ from pom.cases.case import PomCase
 
 BEYOND = "recurrent_beyond"
 """Kind of the remark on a run beyond its criterion about the master."""
+CASE_WINDOW = "case.window"
+"""Quantity of the remarks on a window that starts or ends wrongly."""
 DEPARTURES = (
     "departure",
     "trim_allowed",

@@ -204,7 +204,10 @@ def _match_pairs(
         if not _is_same_quantity(db.attrs[key], other.attrs[key]):
             problems.append(f"{key} is {db.attrs[key]!r} here and {other.attrs[key]!r} there")
     if not selected:
-        problems.append("the two have no term in common")
+        problems.append(
+            "the two have no term in common; aerodb.replace_terms(db, aerodb.terms(other)) adds "
+            "the terms of the other"
+        )
     pairs = {}
     for name in selected:
         if name not in theirs:

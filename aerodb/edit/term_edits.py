@@ -13,7 +13,7 @@ from aerodb.edit.breakpoint_edits import regrid_error as regrid_error
 from aerodb.store.schema import terms
 from aerodb.store.undo_history import add_history_line, note_suffix, record_edit, update_absent
 from aerodb.update.cautions.notices import with_notices
-from flightmech.errors import UnknownName
+from flightmech.errors import SchemaError, UnknownName
 from flightmech.flown_samples import FLOWN_SAMPLES, with_flown_samples
 from flightmech.flown_states import FLOWN_STATES
 
@@ -35,8 +35,18 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
     Raises
     ------
     SchemaError
-        A term is faulty or its name is not ``<coefficient>/<contribution>``; all faults.
+        A term is faulty or its name is not ``<coefficient>/<contribution>``; all faults.  Or `new`
+        is a database: `aerodb.terms` gives its terms.
     """
+    nodes = [new] if isinstance(new, xr.DataTree) else new.values()
+    if any(isinstance(item, xr.DataTree) for item in nodes):
+        raise SchemaError(
+            "replace_terms",
+            [
+                "a database or a node of it came as the new terms; give data sets by name: "
+                "aerodb.terms(other) has all of another database"
+            ],
+        )
     leaves = terms(db)
     changes: dict[str, list[str]] = {"replaced": [], "added": []}
     for name, leaf in new.items():

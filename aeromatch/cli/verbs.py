@@ -83,9 +83,24 @@ class ProjectToMatch(InputFile):
         return super().convert(value, param, ctx)
 
 
+def _demand_output(ctx: click.Context, param: click.Parameter, value: Path | None) -> Path:
+    """Return the folder of a match; a plan writes nothing, and checks the default folder."""
+    if value is not None:
+        return value
+    if not ctx.params.get("plan_only"):
+        raise click.MissingParameter("only --plan does without it", ctx, param)
+    return Path("out")
+
+
 @click.command("match")
 @click.argument("project", type=ProjectToMatch(path_type=Path))
-@click.option("-o", "--output", type=NewFolder(), required=True, help="Folder to write.")
+@click.option(
+    "-o",
+    "--output",
+    type=NewFolder(),
+    callback=_demand_output,
+    help="Folder to write; only --plan does without it.",
+)
 @jobs_option
 @click.option(
     "--scheduler",
@@ -128,6 +143,7 @@ class ProjectToMatch(InputFile):
     "--plan",
     "plan_only",
     is_flag=True,
+    is_eager=True,  # read before -o, which only a plan may lack
     help="Print steps, records, fits, cases, products and all problems; compute nothing.",
 )
 @fresh_option

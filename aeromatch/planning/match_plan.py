@@ -69,6 +69,9 @@ class MatchPlan:
     steps, products : list of str
     problems : list of str
         All reasons why the match cannot begin.
+    departures : list of str
+        Of the windows of cases from normal practice. The match begins with them, and its verdicts
+        state them.
     """
 
     project: Project
@@ -77,6 +80,7 @@ class MatchPlan:
     steps: list[str] = field(default_factory=list)
     products: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    departures: list[str] = field(default_factory=list)
 
     def demand(self) -> None:
         """Raise all problems, if there are any.
@@ -171,6 +175,7 @@ class MatchPlan:
             "cases": self.case_rows(),
             "products": self.products,
             "problems": self.problems,
+            "departures": self.departures,
         }
 
 
@@ -234,6 +239,7 @@ def make_plan(
         plan.looks = looks.take(_look_tasks(plan, aircraft, names), meanwhile=checks.databases)
         for look in plan.looks.values():
             problems += look.problems
+            plan.departures += look.departures
         checks.run()
     if options.samples:
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)

@@ -12,7 +12,11 @@ import pandas as pd
 import xarray as xr
 
 import flighttest
-from aeromatch.planning.sample_checks import fit_problems, submodel_problems
+from aeromatch.planning.sample_checks import (
+    fit_problems,
+    manoeuvre_problems,
+    submodel_problems,
+)
 from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import FitSection, Project
 from aeromatch.project.sections import RecordSelection
@@ -22,6 +26,7 @@ from flightmech.support.kept_stages.stages import Kept
 from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
 from pom.checking.case_check import case_problems
+from pom.judging.window_checks import window_departures
 
 START = 150
 """Samples at the start of a record that give the names of its coefficients."""
@@ -107,6 +112,8 @@ class RecordLook:
     ----------
     name : str
     problems : list of str
+    departures : list of str
+        Of the windows of cases from normal practice, which are no problem of a match.
     first, last : float
         Span of the clock of the path; NaN for a record that cannot be read. [s]
     channels : int
@@ -122,6 +129,7 @@ class RecordLook:
 
     name: str
     problems: list[str] = field(default_factory=list)
+    departures: list[str] = field(default_factory=list)
     first: float = float("nan")
     last: float = float("nan")
     channels: int = 0
@@ -148,9 +156,11 @@ def look_at(
         states = run_collecting_problems(
             look.problems, f"record {task.name}", start_states, record, task.aircraft
         )
-    spans = _find_spans(task, record, look)
+    table = _manoeuvres_of(task, record)
+    spans = _find_spans(task, table, look)
     if states is None:
         return look, None
+    look.problems += manoeuvre_problems(task.name, table, states)
     time = states["time"].values
     look.first, look.last = float(time[0]), float(time[-1])
     if task.fits or task.submodels:
@@ -160,11 +170,25 @@ def look_at(
         look.problems += problems
         if not problems:
             look.windows[case.name] = _select_window(states, case.window)
+            for text in window_departures(case, states):
+                look.departures.append(f"case {case.name}: {text}")
     return look, states
 
 
+def _manoeuvres_of(task: LookTask, record: xr.DataTree) -> pd.DataFrame:
+    """Return the manoeuvres and the flight modes of a record that identifies something."""
+    table = task.table
+    if table is None:
+        table = flighttest.records.marked_manoeuvres(record)
+    # An empty table would change the types of the columns.
+    tables = [part for part in (table, flighttest.records.flight_modes(record)) if len(part)]
+    if tables:
+        table = pd.concat(tables, ignore_index=True)
+    return table
+
+
 def _find_spans(
-    task: LookTask, record: xr.DataTree, look: RecordLook
+    task: LookTask, table: pd.DataFrame, look: RecordLook
 ) -> dict[str, list[tuple[float, float]]]:
     """Return the windows that identify something, by fit or position of a submodel."""
     users: dict[str, Sequence[RecordSelection]] = {}
@@ -173,13 +197,6 @@ def _find_spans(
     users |= task.submodels
     if not users:
         return {}
-    table = task.table
-    if table is None:
-        table = flighttest.records.marked_manoeuvres(record)
-    # An empty table would change the types of the columns.
-    tables = [part for part in (table, flighttest.records.flight_modes(record)) if len(part)]
-    if tables:
-        table = pd.concat(tables, ignore_index=True)
     spans: dict[str, list[tuple[float, float]]] = {}
     for position, selections in users.items():
         by_record = spans_of(position, selections, {task.name: table}, look.problems)

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
+import scipy
 import xarray as xr
 
 from aeromatch.planning.steps import run_collecting_problems
@@ -18,6 +20,8 @@ from aeromatch.workflow.windows import AERODYNAMIC, select_spans
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
+from flightmech.units import DEGREE
+from flighttest.flight_programme.manoeuvre_finding.finding import LEAST_SURFACE, SURFACES
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
 from flighttest.regression.equation_error.problem import LEAST_MOVEMENT, SAMPLES_PER_TERM
@@ -35,6 +39,45 @@ _CERTAIN = 0.5
 _RUNNING = ("phi", "theta", "psi", "p", "q", "r", "vn", "ve", "vd")
 
 Spans = Sequence[tuple[float, float]]
+_INPUTS = ("3211", "doublet", "pulse", "block", "sweep", "multisine")
+"""Manoeuvres in which the named control moves; in others it may hold a state, or be at rest."""
+_SMOOTH = 0.3  # [s] mean over which noise of a pick-up is not a movement
+
+
+def manoeuvre_problems(record: str, table: pd.DataFrame, states: xr.Dataset) -> list[str]:
+    """Return the rows of manoeuvres in which the named control does not move.
+
+    Parameters
+    ----------
+    record : str
+    table : DataFrame
+        Manoeuvres of the record: ``manoeuvre control start end``. [s]
+    states : Dataset (time,)
+        With the surfaces that the record has. [SI]
+    """
+    time = states["time"].values
+    width = max(1, round(_SMOOTH / float(np.median(np.diff(time)))))
+    smooth = {}
+    for name, control in SURFACES.items():
+        if name in states:
+            values = states.variables[name].values.astype(float)
+            smooth[control] = scipy.ndimage.uniform_filter1d(values, width, mode="nearest")
+    problems = []
+    for row in table.to_dict("records"):
+        inside = (time >= row["start"]) & (time <= row["end"])
+        if row["manoeuvre"] not in _INPUTS or not inside.any():
+            continue
+        moved = {control: float(np.ptp(values[inside])) for control, values in smooth.items()}
+        for control in str(row["control"]).split():
+            if control not in moved or not moved[control] < LEAST_SURFACE:
+                continue
+            sizes = [f"{name} {size / DEGREE:.2g} deg" for name, size in moved.items()]
+            problems.append(
+                f"manoeuvres: record {record}: {row['manoeuvre']} {control} from {row['start']:g} "
+                f"to {row['end']:g} s, where the {control} does not move ({', '.join(sizes)}); "
+                f"correct its times or its control"
+            )
+    return problems
 
 
 def fit_problems(where: str, fit: FitSection, states: xr.Dataset, spans: Spans) -> list[str]:

@@ -51,6 +51,8 @@ class MatchOutcome:
         All written files, relative to the output folder.
     record_errors : list of str
         Errors in the flight records, one line each.
+    left_out : list of str
+        Faulty samples that no fit uses, one line each.
     ranking : list of str
         What the ranking of the terms over all cases states, one sentence each.
     prior_model : str
@@ -66,6 +68,7 @@ class MatchOutcome:
     report: Path | None
     files: list[str]
     record_errors: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
     ranking: list[str] = field(default_factory=list)
     prior_model: str = "datcom"
 
@@ -82,6 +85,7 @@ class MatchOutcome:
             "corrected_submodels": self.corrected_submodels,
             "joint_terms": self.joint_terms,
             "record_errors": self.record_errors,
+            "left_out": self.left_out,
             "ranking": self.ranking,
             "differing": self.differing,
             "warnings": list(self.tabulation.notices),

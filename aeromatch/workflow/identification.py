@@ -43,8 +43,15 @@ from aeromatch.workflow.submodel_stages import (
     make_ground_effect,
     make_stall,
 )
-from aeromatch.workflow.windows import inputs_of, records_of, select_windows
+from aeromatch.workflow.windows import (
+    inputs_of,
+    list_faults,
+    records_of,
+    select_windows,
+    without_faults,
+)
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.errors import IdentificationError
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flighttest.reconstruction.flight_programme import reconstructed_paths
 from pom.diagnosis.corrected_model import correction_reasons
@@ -129,7 +136,7 @@ def _reconstruct(
     with step(f"read {len(result.records)} flight records"):
         records = read_records(result, stages)
         result.marks = read_marks(result, records, stages)
-        result.windows = select_windows(
+        windows = select_windows(
             result.project,
             Values(records),
             cases=result.cases,
@@ -138,8 +145,20 @@ def _reconstruct(
         )
     with step("check the flight records"):
         result.checks = check_identified_records(records, aircraft.value, jobs, stages)
+    faults = {name: check.value.faults for name, check in result.checks.items()}
+    result.windows, result.left_out = without_faults(result.project, windows, faults)
     with step(_RECONSTRUCT_STEP):
-        result.paths = reconstruct_records(result.project, records, aircraft, jobs, stages)
+        try:
+            result.paths = reconstruct_records(result.project, records, aircraft, jobs, stages)
+        except IdentificationError as error:
+            listed = "; ".join(list_faults(faults))
+            if not listed:
+                raise
+            # they are the likeliest cause
+            raise IdentificationError(
+                f"{error}. The check of the records has faulty samples: {listed}; cut the records "
+                f"there (`aeromatch flight cut`), or leave the faulty ones out"
+            ) from error
 
 
 def reconstruct_records(

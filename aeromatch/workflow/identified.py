@@ -60,6 +60,8 @@ class Identified:
         Manoeuvres by record, and the problems of the table of manoeuvres.
     checks : dict of str to Kept of RecordCheck
         Checks of the records, by name.
+    left_out : list of str
+        Faulty samples that no fit uses, a line each.
     engine, controls, ground_effect, stall, gear : Kept
         Submodels; None where there is none.
     tables : Kept of (DataTree, Tabulation)
@@ -81,6 +83,7 @@ class Identified:
     fits: list[Kept[list[Any]]] = field(default_factory=list)
     marks: Kept[Any] = field(init=False)
     checks: dict[str, Kept[RecordCheck]] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
     engine: Kept[Any] = field(default_factory=lambda: Kept(made=(None,)))
     controls: Kept[Any] = field(default_factory=lambda: Kept(made=(({}, {}, {}),)))
     ground_effect: Kept[Any] = field(default_factory=lambda: Kept(made=(None,)))

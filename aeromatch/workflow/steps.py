@@ -232,7 +232,10 @@ def _provenance(result: Identified, fmus: Mapping[str, Path], command: str) -> R
     provenance = pom.provenance(
         inputs_of(project, result.records), fmus, command, digest=result.custody.sha256
     )
-    provenance["records"] = rests_on(project, result.windows, result.cases)
+    sources = rests_on(project, result.windows, result.cases)
+    if result.left_out:
+        sources["samples left out"] = "; ".join(result.left_out)
+    provenance["records"] = sources
     errors = checks_text(Values(result.checks).values())
     if errors:
         provenance["record_errors"] = errors
@@ -347,6 +350,7 @@ def _summarise(result: Identified, replays: list[Any], folder: Path) -> MatchOut
         report=folder / REPORT / "report.html" if replays else None,
         files=_list_outputs(folder),
         record_errors=record_errors,
+        left_out=result.left_out,
     )
 
 

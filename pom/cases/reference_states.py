@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,7 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     SchemaError
         The record needs reconstruction and the case names no aircraft, or time does not rise.
     """
-    states = _window_source(case, path)
+    states = whole_states(case, path)
     time = states["time"].values.astype(float)
     if time.size < 2 or not (np.diff(time) > 0.0).all():
         raise SchemaError(f"record {case.record}", ["time does not rise from sample to sample"])
@@ -97,14 +98,17 @@ def _is_inside(window: tuple[float, float], time: np.ndarray) -> bool:
     return window[0] >= time[0] - half_step and window[1] <= time[-1] + half_step
 
 
-def window_problem(case: PomCase) -> str:
+def window_problem(case: PomCase, leaves: Sequence[xr.Dataset] | None = None) -> str:
     """Return the problem of a window outside its record, or of a record without a clock.
 
-    Empty if the window lies inside the record, or if there is no record yet.
+    Empty if the window lies inside the record, or if there is no record yet.  `leaves` are those of
+    `record_leaves`, if they are in memory.
     """
-    if not Path(case.record).is_file():
+    if leaves is None:
+        leaves = record_leaves(case)
+    if not leaves:
         return ""
-    time = _fastest_clock(case)
+    time = _fastest_clock(leaves)
     if time is None:
         return (
             f"case {case.path}: the record {case.record} has fewer than two samples on every "
@@ -119,23 +123,56 @@ def window_problem(case: PomCase) -> str:
     )
 
 
-def _fastest_clock(case: PomCase) -> np.ndarray | None:
+def record_leaves(case: PomCase) -> list[xr.Dataset]:
+    """Return the states of a reconstructed path, or the groups of channels of a raw record.
+
+    Empty if there is no record yet.
+    """
+    if not Path(case.record).is_file():
+        return []
+    states = read_path_states(case.record)
+    if states is not None:
+        return [states]
+    record = flighttest.read(case.record, names=case.names or None)
+    return [leaf.to_dataset() for leaf in record.children.values()]
+
+
+def join_channels(leaves: Sequence[xr.Dataset], names: Iterable[str]) -> xr.Dataset | None:
+    """Return channels of a record as recorded, on its fastest clock; None without a clock. [SI]
+
+    Parameters
+    ----------
+    leaves : sequence of Dataset (time,)
+        Of `record_leaves`.
+    names : iterable of str
+        Those that the record lacks, or that hold no value, are left out.
+    """
+    clock = _fastest_clock(leaves)
+    if clock is None:
+        return None
+    channels = {}
+    for name in names:
+        leaf = next((item for item in leaves if name in item), None)
+        if leaf is None or leaf[name].dims != ("time",):
+            continue
+        values = leaf[name].values.astype(float)
+        known = np.isfinite(values)
+        if known.any():
+            channels[name] = "time", np.interp(clock, leaf["time"].values[known], values[known])
+    return xr.Dataset(channels, {"time": clock})
+
+
+def _fastest_clock(leaves: Sequence[xr.Dataset]) -> np.ndarray | None:
     """Return the clock of the states of a record, or None if no clock has two samples. [s]
 
     The states of a raw record are reconstructed on its fastest clock.
     """
-    states = read_path_states(case.record)
-    if states is not None:
-        leaves = [states]
-    else:
-        record = flighttest.read(case.record, names=case.names or None)
-        leaves = [leaf.to_dataset() for leaf in record.children.values()]
     times = [leaf["time"].values.astype(float) for leaf in leaves if leaf.sizes.get("time", 0) > 1]
     return min(times, key=lambda time: float(np.median(np.diff(time))), default=None)
 
 
-def _window_source(case: PomCase, path: Any) -> xr.Dataset:
-    """Return the states of a whole record, from a path of the caller or from the record."""
+def whole_states(case: PomCase, path: Any = None) -> xr.Dataset:
+    """Return the states of the whole record of a case; parameters and errors as `flight_states`."""
     if path is None:
         return recorded_states(case)
     if isinstance(path, xr.Dataset):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from joblib import delayed
 
@@ -28,6 +30,8 @@ AIRSPEED = "scale:V"
 """Start of the name of the finding on a scale of the airspeed, or of the temperature in it."""
 SMALL = "small_scale"
 """Kind of that finding where it is a note on the record: a position error can be as large."""
+NO_FLIGHT = ("held", "missing", "outside", "gap")
+"""Kinds of faults of samples after which no reading of the flight is left."""
 MOST_CHANNELS = 40
 """Largest number of missing channels that the check of a case lists; a case needs fewer."""
 
@@ -196,6 +200,15 @@ class RecordError:
         return f"{self.title} [{self.start:g} ... {self.stop:g} s]: {self.text}"
 
 
+class SampleFault(NamedTuple):
+    """Samples of a channel, or of a group of channels at a gap, that show no flight. [s]"""
+
+    channels: tuple[str, ...]
+    kind: str
+    start: float
+    stop: float
+
+
 @dataclass(frozen=True)
 class RecordCheck:
     """Check of one flight record (`flighttest.assess`).
@@ -207,12 +220,15 @@ class RecordCheck:
     verdict : str
         The result in one line.
     errors, warnings : tuple of RecordError
+    faults : tuple of SampleFault
+        Held and missing values, and gaps of the clock.
     """
 
     record: str
     verdict: str
     errors: tuple[RecordError, ...] = ()
     warnings: tuple[RecordError, ...] = ()
+    faults: tuple[SampleFault, ...] = ()
 
     @classmethod
     def of(cls, name: str, record: xr.DataTree, aircraft: Aircraft | None) -> RecordCheck:
@@ -235,11 +251,26 @@ class RecordCheck:
                 text = _join_lines(item.text, item.remedy)
                 finding = RecordError(item.name, text, start=item.start, stop=item.stop)
                 found[severity].append(finding)
-        return cls(name, quality.verdict, tuple(found["error"]), tuple(found["warning"]))
+        faults = tuple(_sample_faults(quality.faults, record))
+        return cls(
+            name, quality.verdict, tuple(found["error"]), tuple(found["warning"]), faults=faults
+        )
 
     def lines(self) -> list[str]:
         """Return the errors, a line each."""
         return [f"record {self.record}: {error.line()}" for error in self.errors]
+
+
+def _sample_faults(table: pd.DataFrame, record: xr.DataTree) -> Iterator[SampleFault]:
+    """Yield the faults of `flighttest.assess` after which samples show no flight."""
+    for row in table.to_dict("records"):
+        if row["kind"] not in NO_FLIGHT:
+            continue
+        channels: tuple[str, ...] = (str(row["channel"]),)
+        if not row["channel"]:
+            # a gap of the clock concerns all channels of its group
+            channels = tuple(map(str, record[row["leaf"]].data_vars))
+        yield SampleFault(channels, str(row["kind"]), float(row["start"]), float(row["stop"]))
 
 
 def check_records(

@@ -80,7 +80,10 @@ def correction_reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
     reasons = {name: f"needed by {'; '.join(texts)}" for name, texts in needs.items()}
     # A joint term is not in the sequence of any case.
     for case, names in joint_terms(diagnoses).items():
-        text = f"added for {case}, which does not pass with what each case needs alone"
+        text = (
+            f"added for {case}, which does not pass with only the terms that the cases need one "
+            f"by one"
+        )
         reasons |= dict.fromkeys(names, text)
     return {name: reasons[name] for name in corrected_terms(diagnoses.values())}
 

@@ -18,7 +18,7 @@ from pom.cases.case import PomCase
 from pom.cases.case_file import SHOWN
 from pom.cases.fact_agreement import check_record_facts
 from pom.cases.job import ReplayJob, job_of
-from pom.cases.reference_states import flight_states
+from pom.cases.reference_states import flight_states, whole_states
 from pom.fmu.description import check_interface
 from pom.fmu.models import FmuModel, Models
 from pom.fmu.run_cache import KeptFlights
@@ -27,6 +27,7 @@ from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
 from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
 from pom.judging.stall_checks import reach_remarks
+from pom.judging.window_checks import WINDOW, window_departures
 from pom.probing.flight_consistency import on_wheels
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
@@ -119,7 +120,10 @@ def replay(
 
 def plan_of(case: PomCase, path: Any = None) -> ReplayPlan:
     """Return the plan for `perform_plan`; parameters and errors as `replay`."""
-    states = flight_states(case, path)
+    record = whole_states(case, path)
+    states = flight_states(case, record)
+    # of the whole record, because the input may go on after the window
+    states = states.assign_attrs({WINDOW: window_departures(case, record)})
     check_record_facts(case, states)
     job = job_of(case, states)
     return ReplayPlan(settle_case(case, job.time, sampled_channels(states)), states, job)

@@ -18,11 +18,11 @@ from pom.cases.reference_states import CALIBRATION
 from pom.judging.air_checks import air_remarks
 from pom.judging.beyond_the_bands import watch_channels, watch_track
 from pom.judging.departures import case_departures, record_departures
-from pom.judging.input_end_check import input_end_remarks
 from pom.judging.report_conditions import VALUES, report_values
 from pom.judging.row_conditions import condition_remarks
 from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
 from pom.judging.verdict import band_widths, formed_channels, judge_match, verdict_row
+from pom.judging.window_checks import input_end_remarks, window_remarks
 from pom.replaying.replay_channels import (
     Traces,
     moved_controls,
@@ -82,6 +82,7 @@ def assemble_result(
         *record_departures(case, states),
         *condition_remarks(case, flight),
         *input_end_remarks(case, flight),
+        *window_remarks(states),
         *air_remarks(case, states),
     )
     rows: list[dict[str, Any]] = []

@@ -15,6 +15,7 @@ import pytest
 import aerodb
 from aeromatch.cli.command import cli
 from flightmech import terms
+from flightmech.errors import SchemaError
 
 HEAVY = {"numpy", "scipy", "pandas", "xarray", "fmpy", "pydantic", "h5py"}
 
@@ -134,6 +135,16 @@ def test_paths_refuses_options_that_it_would_ignore(option, tmp_path):
     words = ["match", str(project), "-o", str(tmp_path / "out"), "--paths", *option]
     with pytest.raises(click.UsageError, match=f"--paths and {option[0]} exclude each other"):
         cli.main(words, standalone_mode=False)
+
+
+def test_a_folder_is_needed_for_all_but_the_plan(tmp_path):
+    project = tmp_path / "aeromatch.toml"
+    project.touch()
+    with pytest.raises(click.UsageError, match="only --plan does without it"):
+        cli.main(["match", str(project)], standalone_mode=False)
+    # the plan reads the project, which is empty
+    with pytest.raises(SchemaError):
+        cli.main(["match", str(project), "--plan"], standalone_mode=False)
 
 
 def test_help_lists_every_group():

@@ -20,7 +20,7 @@ from aeromatch.drafting.flown import held_for_proof
 from aeromatch.drafting.folder import StatedFacts, draft_project
 from aeromatch.drafting.geometry import geometry_of
 from aeromatch.drafting.name_map.column_units import unit_from_size
-from aeromatch.drafting.name_map.columns import explain_unknown, guess_quantity
+from aeromatch.drafting.name_map.columns import explain_unit, explain_unknown, guess_quantity
 from aeromatch.drafting.name_map.names import draft_names
 from aeromatch.planning.match_plan import make_plan
 from aeromatch.project.project import read_project
@@ -101,6 +101,8 @@ def drafted(recordings, tmp_path_factory):
         ("Hoehenruder_Grad", "delta_e", "deg"), ("Höhenruder [°]", "delta_e", "deg"), ("Nickrate [Grad/s]", "q", "deg/s"),
         ("Querruder links [Grad]", "delta_a_left", "deg"), ("Schub_N", "engine1.thrust", "N"), ("Steigen_m/s", "hdot", "m/s"),
         ("ELEV POSN [DEG]", "delta_e", "deg"), ("N-S VELOCITY [KT]", "vn", "kt"), ("ALTITUDE 1013.25 [FT]", "h_baro", "ft"),
+        ("SIDESLIP_VANE_DEG", "beta_vane", "deg"), ("PITCH_ATT_DEG", "theta", "deg"), ("ROLL_ATT_DEG", "phi", "deg"), ("VVI_FPM", "hdot", "ft/min"),
+        ("AIL_DEG_RRD", "delta_a", "deg"), ("ENG1_PLA_PCT", "engine1.throttle", "%"), ("ENG2_PLA_DEG", "engine2.pla", "deg"),
     ],
 )  # fmt: skip
 def test_columns_are_recognised_by_their_names(column, name, unit):
@@ -111,11 +113,27 @@ def test_columns_are_recognised_by_their_names(column, name, unit):
 @pytest.mark.parametrize("column", [
         "LATERAL VELOCITY", "Kurs_Grad",
         "spare_7", "Event", "TAT", "gs_kt", "time", "status", "MAG HDG", "CG %MAC", "ELEV_CMD", "CABIN ALT", "TQ1 [%]", "FLAP LEVER",
-        "TOTAL PRESS", "AIL TRIM",
+        "TOTAL PRESS", "AIL TRIM", "AILERON_PCT", "GEAR_DEG", "PITCH_FPM",
     ],
 )  # fmt: skip
 def test_columns_without_a_quantity_are_left_out(column):
     assert guess_quantity(column) is None
+
+
+def test_a_unit_that_contradicts_its_heading_is_the_reason():
+    text = "the unit {} of its heading contradicts {}, which is in {}"
+    assert explain_unit("AILERON_PCT") == text.format("%", "delta_a", "rad")
+    assert explain_unit("PITCH_FPM") == text.format("ft/min", "theta", "rad")
+    assert explain_unit("AIL_DEG_RRD") == explain_unit("spare_7") == ""
+    assert guess_quantity("AIL_DEG_RRD").sign == -1
+
+
+def test_a_lever_without_a_unit_is_to_be_confirmed():
+    units = unit_from_size({"engine1.pla": np.array([12.0, 85.0])})
+    assert units["engine1.pla"] == (
+        "deg",
+        "CONFIRM: degrees or percent is not stated, reaches 84.6",
+    )
 
 
 @pytest.mark.parametrize(
@@ -412,7 +430,7 @@ def test_an_unknown_column_is_found_corrected_and_kept(columns, tmp_path):
     assert mine in (folder / "names.toml.1.bak").read_text()
     assert any("elevator" in flown for flown in again.records["monday"]["manoeuvres"])
     (row,) = [row for row in again.columns if row.quantity == "delta_e"]
-    assert (row.column, row.confidence) == ("E1", "yours")
+    assert (row.column, row.confidence) == ("E1", "as you wrote it")
     assert flightmech.read_aircraft(folder / "aircraft.toml").mass == 2150.0
     before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
     draft_project(folder)
@@ -426,7 +444,7 @@ def test_a_map_outside_of_the_project_is_used_as_it_stands(recordings, drafted, 
     flight = recordings / "monday.csv"
     done = draft_project(tmp_path / "new", [CLEAN], [flight], MASS, own_map=tmp_path / "mine.toml")
     assert not (tmp_path / "new" / "names.toml").exists()
-    assert {row.confidence for row in done.columns} == {"yours", "not taken"}
+    assert {row.confidence for row in done.columns} == {"as you wrote it", "not taken"}
     project = read_project(tmp_path / "new" / "aeromatch.toml")
     assert project.names.resolve() == (tmp_path / "mine.toml").resolve()
 
@@ -576,7 +594,7 @@ def test_sources_and_an_outside_map_are_requested_once(recordings, drafted, tmp_
     again = draft_project(folder, [CLEAN])
     assert set(again.records) == {"monday"}
     assert not (folder / "names.toml").exists()
-    assert {row.confidence for row in again.columns} == {"yours", "not taken"}
+    assert {row.confidence for row in again.columns} == {"as you wrote it", "not taken"}
 
 
 def test_a_latitude_in_degrees_without_their_unit_is_refused(tmp_path):

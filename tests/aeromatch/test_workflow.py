@@ -28,15 +28,18 @@ from aeromatch.workflow.windows import (
     IdentificationWindows,
     find_copied_records,
     inputs_of,
+    list_faults,
     marks_of,
     records_of,
     rests_on,
     samples_of_copies,
     select_windows,
     spans_of,
+    without_faults,
 )
 from flightmech import terms
 from flightmech.errors import AeromatchWarning, SchemaError
+from pom.checking.case_check import SampleFault
 
 DATA = Path(__file__).parents[2] / "data" / "t37"
 MANOEUVRES = [
@@ -129,6 +132,29 @@ def test_the_rows_of_a_table_stand_in_place_of_the_marks_of_a_record(project, tm
     )
     with pytest.raises(SchemaError, match="manoeuvres: unknown record 'run1'; near it: run_1"):
         select_windows(given, records)
+
+
+def test_faulty_samples_are_cut_out_of_the_windows_of_the_fits(project):
+    windows = IdentificationWindows([{"run_1": [(1.0, 4.0), (4.0, 9.0)]}], {})
+    held = SampleFault(("q",), "held", 5.0, 6.0)
+    cut, texts = without_faults(project, windows, {"run_1": [held]})
+    # half a second about it, and the remainder of half a second before it is too short
+    assert cut.fits == [{"run_1": [(1.0, 4.0), (6.5, 9.0)]}]
+    (text,) = texts
+    assert text.endswith(
+        "record run_1: held values of q from 5 to 6 s left out with 0.5 s about them; the "
+        "reconstruction has them"
+    )
+    gaps = [SampleFault((name,), "gap", 34.0, 36.0) for name in ("q", "alpha_vane")]
+    assert list_faults({"run_1": [held, *gaps], "run_2": []}) == [
+        "run_1: held values of q from 5 to 6 s, gap in the clock from 34 to 36 s"
+    ]
+    # a gap of a group that no fit uses, and a fault outside the windows
+    others = [SampleFault(("vn", "ve"), "gap", 5.0, 6.0), SampleFault(("q",), "held", 10.0, 11.0)]
+    assert without_faults(project, windows, {"run_1": others}) == (windows, [])
+    gap = SampleFault(("p", "q"), "gap", 0.0, 20.0)
+    with pytest.raises(SchemaError, match="no sample without a fault"):
+        without_faults(project, windows, {"run_1": [gap]})
 
 
 def test_windows_by_kind_and_by_kind_and_control(project):

@@ -30,7 +30,7 @@ def summarise_match(outcome: Any) -> dict[str, Any]:
     for result in results:
         verdicts = [_verdict_cell(result, run) for run in runs]
         rows.append([result.case.id, result.case.title, *verdicts])
-    failures = list(outcome.record_errors)
+    failures = [*outcome.record_errors, *outcome.left_out]
     failures += [f"{result.case.name}: {result.failure}" for result in results if result.failure]
     return {
         "columns": ["row", "case", *runs],
@@ -71,8 +71,8 @@ def _correction_lines(outcome: Any) -> list[str]:
         lines.append(f"{submodel:>15}: {', '.join(names)}")
     for name, terms in outcome.joint_terms.items():
         lines.append(
-            f"added for {name}, which does not pass with what each case needs alone: "
-            f"{', '.join(terms)}"
+            f"added for {name}, which does not pass with only the terms that the cases need one "
+            f"by one: {', '.join(terms)}"
         )
     return [*lines, *outcome.ranking]
 

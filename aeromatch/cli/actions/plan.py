@@ -61,5 +61,7 @@ def print_plan(plan: Any) -> None:
         right=("criteria",),
     )
     click.echo("\nProducts\n" + "\n".join(plan.products))
+    if plan.departures:
+        click.echo("\nDepartures, which the verdicts state\n" + "\n".join(plan.departures))
     ending = "" if plan.problems else "; nothing was computed or written"
     click.echo(f"\n{count_text(len(plan.problems), 'problem')}{ending}")

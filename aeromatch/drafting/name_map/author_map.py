@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from aeromatch.drafting.name_map.name_rows import NameMapRow
+from aeromatch.drafting.name_map.name_rows import AS_WRITTEN, NameMapRow
 from flighttest.records.readers.name_map import Channel, Clock, Facts, NameMap
 from flighttest.records.readers.name_map_reading import read_names
 
@@ -60,7 +60,7 @@ def rows_of_map(names: NameMap) -> list[NameMapRow]:
     rows = []
     for leaf, channels in names.leaves.items():
         for name, channel in channels.items():
-            row = NameMapRow(leaf, name, channel, unit=channel.unit or "", confidence="yours")
+            row = NameMapRow(leaf, name, channel, unit=channel.unit or "", confidence=AS_WRITTEN)
             rows.append(row)
     return rows
 

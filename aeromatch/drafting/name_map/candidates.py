@@ -19,7 +19,7 @@ from flightmech.errors import UnitError
 from flightmech.names import lookup
 from flightmech.units import parse_unit
 from flighttest.records.readers.channel_correction import recorder_units
-from flighttest.records.readers.columns import unit_of_column
+from flighttest.records.readers.columns import clear_unit, column_words, unit_of_column
 from flighttest.records.readers.name_map import Clock, NameMap
 from flighttest.records.readers.opening import open_recording
 from flighttest.records.readers.recording import RecordedTable, clock_name
@@ -312,7 +312,7 @@ def _compare_columns(
         # A constant column and a text column resemble nothing.
         if np.isfinite(values).sum() < _FEWEST or np.nanstd(values) == 0.0:
             continue
-        stated = table.units.get(name) or ""
+        stated = table.units.get(name) or _unit_in_heading(name)
         if not _is_possible(quantity, stated):
             continue
         values = _prepare(values, step, reference.mean_time)
@@ -333,9 +333,17 @@ def _compare_columns(
     return found[:_MOST]
 
 
+def _unit_in_heading(column: str) -> str:
+    """Return the unit at the end of a heading, or before its last word: AIL_DEG_X; else empty."""
+    words = column_words(column)
+    return clear_unit(column) or clear_unit("_".join(words[:-1]))
+
+
 def _is_possible(quantity: str, stated: str) -> bool:
     """Return whether a column with the unit that its heading states may be a quantity."""
     try:
+        if stated == "%" and lookup(quantity).units == "rad":
+            return False
         return not stated or parse_unit(stated)[0] == parse_unit(lookup(quantity).units)[0]
     except UnitError:
         # A word in brackets that is not a unit excludes nothing.

@@ -83,7 +83,12 @@ def unit_from_size(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[str, st
     units = {}
     for name, values in columns.items():
         si_unit = lookup(name).units
-        if si_unit == "rad":
+        if name.endswith(".pla"):
+            units[name] = (
+                "deg",
+                f"CONFIRM: degrees or percent is not stated, {_reach(largest[name])}",
+            )
+        elif si_unit == "rad":
             units[name] = _angle_unit(has_degrees)
         elif is_shaft_speed(name):
             units[name] = _shaft_unit(largest[name])
@@ -117,14 +122,18 @@ def _rate_unit(size: float, has_degrees: bool, has_degree_rates: bool) -> tuple[
 
 def _shaft_unit(size: float) -> tuple[str, str]:
     if size > _LARGEST_SHAFT_SPEED:
-        return "rpm", f"reaches {size:.3g}"
+        return "rpm", _reach(size)
     return "rpm", "CONFIRM: taken as turns per minute"
 
 
 def _fraction_unit(size: float) -> tuple[str, str]:
     if size > _LARGEST_FRACTION:
-        return "%", f"reaches {size:.3g}"
+        return "%", _reach(size)
     return "1", "by size"
+
+
+def _reach(size: float) -> str:
+    return f"reaches {size:.3g}"
 
 
 def _unit_of_level(name: str, values: np.ndarray) -> tuple[str, str]:

@@ -18,6 +18,7 @@ from aeromatch.drafting.name_map.heading_words import (
 from flightmech.errors import UnitError, UnknownName, find_symbol
 from flightmech.names import COEFFICIENTS, lookup
 from flightmech.units import fitted_unit, known_unit, parse_unit
+from flighttest.records.readers.channel_correction import recorder_units
 from flighttest.records.readers.columns import split_heading, units_at_the_end, words_of
 
 _OF_ENGINES = (
@@ -99,7 +100,7 @@ def guess_quantity(column: str) -> Guess | None:
         unit = fitted_unit(stated, lookup(guess.name).units)
         if not _is_same_kind(unit, guess.name):
             return None
-    return replace(guess, name=_lever_by_unit(guess.name, unit), unit=unit)
+    return replace(guess, name=lever_by_unit(guess.name, unit), unit=unit)
 
 
 def explain_unknown(column: str) -> str:
@@ -147,10 +148,12 @@ def _is_unit(text: str) -> bool:
     return True
 
 
-def _lever_by_unit(name: str, unit: str | None) -> str:
-    """Return the angle of a power lever for a lever that is recorded as an angle."""
+def lever_by_unit(name: str, unit: str | None) -> str:
+    """Return the angle of a power lever for a lever in degrees, the fraction for one in percent."""
     if name.endswith(".throttle") and unit in _ANGLE_UNITS:
         return name.replace(".throttle", ".pla")
+    if name.endswith(".pla") and unit == "%":
+        return name.replace(".pla", ".throttle")
     return name
 
 
@@ -190,9 +193,10 @@ def _guess_words(words: list[str], name: str, column: str) -> Guess | None:
         if quantity is None:
             continue
         for unit in units_at_the_end(words[-length:]):
-            if _is_same_kind(unit, quantity[0]):
+            name_by_unit = lever_by_unit(quantity[0], unit)
+            if _is_recorded_in(unit, name_by_unit):
                 inverted = _is_load_factor(words[:-length])
-                return Guess(quantity[0], unit, quantity[1], inverted=inverted)
+                return Guess(name_by_unit, unit, quantity[1], inverted=inverted)
     quantity = _quantity_of_words(words, column.lower())
     if quantity is None:
         return None
@@ -309,6 +313,32 @@ def _implied_unit(name: str, quantity: str) -> str | None:
     if quantity in ("V", "V_cas") and re.match(r"(?i)k(ias|cas|tas)", name):
         return "kt"
     return None
+
+
+def explain_unit(column: str) -> str:
+    """Return how the unit at the end of a heading contradicts its name; empty if it does not.
+
+    Examples
+    --------
+    >>> explain_unit("AILERON_PCT")
+    'the unit % of its heading contradicts delta_a, which is in rad'
+    """
+    words = [word for word in words_of(_without_group(column)) if word not in SENSE_WORDS]
+    for length in (3, 2, 1):
+        units = units_at_the_end(words[-length:]) if length < len(words) else []
+        quantity = _quantity_of_words(words[:-length], column.lower()) if units else None
+        if quantity is not None and not any(_is_recorded_in(unit, quantity[0]) for unit in units):
+            name = quantity[0]
+            return f"the unit {units[0]} of its heading contradicts {name}, which is in {lookup(name).units}"
+    return ""
+
+
+def _is_recorded_in(unit: str, name: str) -> bool:
+    """Return whether a unit is one of a quantity; an angle is not in percent."""
+    if not _is_same_kind(unit, name):
+        return False
+    is_number = parse_unit(lookup(name).units)[0] == parse_unit("1")[0]
+    return not is_number or fitted_unit(unit, lookup(name).units) in recorder_units(name)
 
 
 def _is_same_kind(unit: str, name: str) -> bool:

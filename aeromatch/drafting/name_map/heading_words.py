@@ -11,8 +11,8 @@ _ENGLISH = {
     "p": "p ratep rollrate bodyrollrate gyrox gyrp wx",
     "q": "q rateq pitchrate bodypitchrate gyroy gyrq wy",
     "r": "r rater yawrate bodyyawrate gyroz gyrr wz",
-    "phi": "bank roll euler1 attroll",
-    "theta": "pitch attpitch pitchattitude",
+    "phi": "bank roll euler1 attroll rollatt rollattitude bankatt bankattitude",
+    "theta": "pitch attpitch pitchatt pitchattitude",
     "psi": "hdgtrue trueheading headingtrue truehdg hdgt headingt trueyaw yaw heading hdg",
     "ax_imu": (
         "ax nx accx xacc accelx axb axbody longacc longaccel longitudinalacc longitudinalaccel "
@@ -27,7 +27,10 @@ _ENGLISH = {
         "vertaccel normalacceleration verticalacceleration loadfactor normalloadfactor gload"
     ),
     "alpha_vane": "alpha aoa alfa alphavane aoavane vanealpha angleofattack incidence",
-    "beta_vane": "beta aos betavane aosvane vanebeta sideslip sideslipangle angleofsideslip ssa",
+    "beta_vane": (
+        "beta aos betavane aosvane vanebeta sideslip sideslipvane vanesideslip sideslipangle "
+        "angleofsideslip ssa"
+    ),
     "V": "tas ktas vtas vtrue trueairspeed v airspeedtrue",
     "V_cas": "cas ias vcas vias kcas kias calibratedairspeed indicatedairspeed vc vi airspeed",
     "mach": "mach machnumber ma",
@@ -62,7 +65,7 @@ _ENGLISH = {
     "vd": "vd vdown veldown gpsveld downvel velocitydown downvelocity gpsvd veld vgd downspeed",
     "hdot": (
         "hdot climbrate rateofclimb roc vsi verticalspeed verticalvelocity vertspeed vertspd "
-        "inertialverticalspeed inertialvertspeed ivv baroverticalspeed vs vspeed"
+        "inertialverticalspeed inertialvertspeed ivv baroverticalspeed vs vspeed vvi"
     ),
     "lat": "lat latitude gpslat gpslatitude",
     "lon": "lon long longitude gpslon gpslongitude",
@@ -169,7 +172,7 @@ _RIGHT_WING_DOWN = {"rwd": 1, "lwd": -1}
 _NOSE_RIGHT = {"anr": 1, "nr": 1, "anl": -1, "nl": -1}
 SENSES = {
     "delta_e": {"teu": -1, "ted": 1, "anu": -1, "nu": -1, "and": 1, "nd": 1, "up": -1, "dn": 1},
-    "delta_a": {"lwd": 1, "rwd": -1, "teu": -1, "ted": 1},
+    "delta_a": {"lwd": 1, "rwd": -1, "lrd": 1, "rrd": -1, "teu": -1, "ted": 1},
     "delta_a_left": _TRAILING_EDGE,
     "delta_a_right": _TRAILING_EDGE,
     "delta_f": _TRAILING_EDGE,

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from aeromatch.drafting.name_map.column_units import stated_unit, unit_from_size
-from aeromatch.drafting.name_map.columns import Guess, explain_unknown, guess_quantity
+from aeromatch.drafting.name_map.columns import (
+    Guess,
+    explain_unit,
+    explain_unknown,
+    guess_quantity,
+    lever_by_unit,
+)
 from flightmech.errors import UnitError
 from flightmech.names import lookup
 from flightmech.support.toml_quantities import CONFIRM
@@ -30,6 +36,8 @@ REQUIRED = ("p", "q", "r", "phi", "theta", "ax_imu", "ay_imu", "az_imu")
 """Channels without which the reconstruction is not possible."""
 # Rank of a guess above which the author has to confirm it.
 _CERTAIN_RANK = 2
+AS_WRITTEN = "as you wrote it"
+"""Confidence of a line that the author wrote."""
 # Correlation from which two columns are two readings of one quantity.
 _SAME_MOVEMENT = 0.98
 
@@ -47,7 +55,7 @@ class NameMapRow:
         Unit of the column, also where the file states it and the map does not.
     confidence : str
         ``stated`` (name and unit in heading or file), ``by size`` (unit or sign by the values),
-        ``CONFIRM``, ``by the check`` (corrected by the check of the record), or ``yours``.
+        ``CONFIRM``, ``by the check`` (corrected by the check of the record), or `AS_WRITTEN`.
     """
 
     leaf: str
@@ -142,6 +150,9 @@ def assign_columns(
             if column in excluded or used & {column, location, f"{table}/{column}"}:
                 continue
             guess = guess_quantity(f"{table}/{column}")
+            stated = content.units.get(column)
+            if guess is not None and stated:
+                guess = replace(guess, name=lever_by_unit(guess.name, known_unit(stated)))
             reason = _reason_to_leave(content, column, guess, flap)
             if guess is None or reason:
                 result.left_out.append(LeftColumn(location, reason))
@@ -177,12 +188,13 @@ def _reason_to_leave(
 ) -> str:
     """Return why a column gives no channel; an empty text if it gives one."""
     if guess is None:
-        return explain_unknown(column) or "its heading is not known"
+        return explain_unknown(column) or explain_unit(column) or "its heading is not known"
     unit = content.units.get(column)
-    if _contradicts_unit(unit, guess.name):
+    is_fraction = _is_fraction(content, column, guess)
+    if not is_fraction and _contradicts_unit(unit, guess.name):
         expected = lookup(guess.name).units
         return f"its unit {unit} contradicts {guess.name}, which is in {expected}"
-    if _is_fraction(content, column, guess) and (flap is None or guess.name != "delta_f"):
+    if is_fraction and (flap is None or guess.name != "delta_f"):
         return (
             f"a position 0 ... 1; {guess.name} = {{ column = {column!r}, "
             f'scale = "40 deg" }} with the angle at 1'
@@ -233,6 +245,9 @@ def _contradicts_unit(unit: str | None, name: str) -> bool:
         return False
     try:
         units = lookup(name).units
+        # percent has the dimension of an angle
+        if units == "rad" and known_unit(str(unit)) == "%":
+            return True
         return parse_unit(fitted_unit(str(unit), units))[0] != parse_unit(units)[0]
     except UnitError:
         return False

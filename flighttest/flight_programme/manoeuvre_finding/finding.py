@@ -39,7 +39,7 @@ _COLOURS = ("#2a6f97", "#bc6c25")
 
 SURFACES = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder"}
 # Smallest movement of a surface that counts: this angle, or this multiple of its noise.
-_LEAST = 0.6 * DEGREE
+LEAST_SURFACE = 0.6 * DEGREE
 _NOISE = 8.0
 # Clear movements are this multiple of the smallest. They are reported without a recognised input.
 _CLEAR = 3.0
@@ -285,7 +285,7 @@ def _surface_movements(signals: ResampledChannels, name: str) -> _SurfaceMovemen
     # Standard deviation of white noise. The median of its magnitude is 0.674 standard deviations,
     # and a second difference has sqrt(6) times the standard deviation: 0.674 * 2.449 = 1.65.
     noise = float(np.median(np.abs(np.diff(x, 2)))) / 1.65
-    least = max(_LEAST, _NOISE * noise)
+    least = max(LEAST_SURFACE, _NOISE * noise)
     excursions = []
     for movement in find_movements(signals.time, x, least):
         if signals.flying[np.searchsorted(signals.time, movement.middle)]:

@@ -214,6 +214,7 @@ def assess(
         as_read=as_read,
         signals=signals,
         not_checked=unchecked,
+        faults=faults,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,8 @@ class Quality(ShortText):
         As recorded, on the slow clock of the checks.
     not_checked : DataFrame
         Relations that the record cannot check: ``relation title missing reason``.
+    faults : DataFrame
+        Faulty samples and gaps of the clock: ``leaf channel kind start stop samples note``. [s]
     """
 
     facts: dict[str, Any]
@@ -80,6 +82,7 @@ class Quality(ShortText):
     as_read: dict[str, RelationCheck]
     signals: ResampledChannels
     not_checked: pd.DataFrame
+    faults: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     def count(self, severity: str) -> int:
         """Return the number of findings of one severity."""

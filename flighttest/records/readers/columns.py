@@ -37,7 +37,7 @@ _COMMA = re.compile(r"^(.*\S)\s*,\s*([^,\s][^,]*)$")
 _WORDS = re.compile(r"[A-Z]+(?![a-z])\d*|[A-Z]?[a-z]+\d*|\d+|%")
 SENSES = {
     *("teu", "ted", "tel", "ter", "lwd", "rwd", "anu", "and"),
-    *("nu", "nd", "anl", "anr", "nl", "nr"),
+    *("nu", "nd", "anl", "anr", "nl", "nr", "lrd", "rrd"),
 }
 """Words of a heading for the positive sense of a channel, such as trailing edge up."""
 # Words that are units at the end of a heading only, in lower case.

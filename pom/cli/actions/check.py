@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
-from flightmech.errors import AeromatchError, SchemaError
+from flightmech.errors import AeromatchError, AeromatchWarning, SchemaError
 from flightmech.support.console import count_text, print_json, print_table, show_progress
 from pom.cases.case import PomCase, read_case
 from pom.cases.fact_agreement import contradictions
 from pom.cases.own_table import demand_use
-from pom.cases.reference_states import window_problem
+from pom.cases.reference_states import join_channels, record_leaves, window_problem
 from pom.cli.actions.report import case_files
 from pom.fmu.description import demand_platform, read_fmu_interface
 from pom.judging.applicability import reason_not_judged
+from pom.judging.window_checks import MOTION, window_departures
 from pom.tolerances.own_tables import read_own_table
 
 
@@ -21,6 +23,7 @@ def check_cases(cases: tuple[Path, ...], tolerances_file: str | None, as_json: b
     table = read_own_table(tolerances_file) if tolerances_file else None
     checked: list[PomCase] = []
     problems: list[str] = []
+    departures: list[str] = []
     files = case_files(cases)
     with show_progress(f"read {count_text(len(files), 'case')} and their records"):
         for file in files:
@@ -30,10 +33,14 @@ def check_cases(cases: tuple[Path, ...], tolerances_file: str | None, as_json: b
                 problems.append(str(error))
                 continue
             checked.append(case)
-            problems += _case_problems(case)
+            found, departing = _check_record(case)
+            problems += found
+            departures += departing
     problems += contradictions(checked)
     if not problems:
         demand_use(table, [case.tolerances for case in checked])
+    for text in departures:
+        warnings.warn(text, AeromatchWarning, stacklevel=2)
     # one case is an object, several cases are an array
     if as_json and not problems:
         documents = [case.to_dict() for case in checked]
@@ -46,19 +53,25 @@ def check_cases(cases: tuple[Path, ...], tolerances_file: str | None, as_json: b
         raise SchemaError("cases", problems)
 
 
-def _case_problems(case: PomCase) -> list[str]:
-    """Return the problems of a valid case with its record and its control law."""
-    problems = []
-    problem = window_problem(case)
+def _check_record(case: PomCase) -> tuple[list[str], list[str]]:
+    """Return the problems of a valid case with its record and its control law, and the departures
+    of its window.
+    """
+    problems, departures = [], []
+    leaves = record_leaves(case)
+    problem = window_problem(case, leaves)
+    motion = join_channels(leaves, MOTION)
     if problem:
         problems.append(problem)
+    elif motion is not None:
+        departures += [f"case {case.name}: {text}" for text in window_departures(case, motion)]
     # a control law without a library for this machine cannot run
     if case.law:
         try:
             demand_platform(read_fmu_interface(case.law))
         except AeromatchError as error:
             problems.append(f"case {case.path}: control_law: {error}")
-    return problems
+    return problems, departures
 
 
 def _print_criteria(case: PomCase) -> None:

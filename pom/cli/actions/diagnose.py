@@ -291,8 +291,8 @@ def _print_swaps(case: PomCase, ranked: pd.DataFrame) -> None:
 def _print_joint_terms(tables: dict[str, pd.DataFrame]) -> None:
     for name, terms in joint_terms(tables).items():
         click.echo(
-            f"added for {name}, which does not pass with what each case needs alone: "
-            f"{', '.join(terms)}"
+            f"added for {name}, which does not pass with only the terms that the cases need one "
+            f"by one: {', '.join(terms)}"
         )
 
 

@@ -14,7 +14,13 @@ from pom.replaying.run_remarks import calibration, drift, pilot_activity
 from pom.report.case.remarks import run_notes, sampled_line
 from pom.report.presentation.verdict_text import reason_text
 from pom.result import PomResult
-from pom.result_notices import departure_remarks, run_notices, spread_notice, trim_remarks
+from pom.result_notices import (
+    departure_remarks,
+    run_notices,
+    spread_notice,
+    trim_remarks,
+    window_notices,
+)
 from pom.status import status_text
 
 NOTICE_INDENT = " " * 8
@@ -107,6 +113,9 @@ def result_lines(result: PomResult, verbose: bool = False) -> list[str]:
         # a failed case needs no notices to be looked at
         if result.status(run) != "fail" or verbose:
             lines += [f"{indent}notice {text}" for text in run_notices(result, run)]
+        else:
+            # but a window that starts or ends wrongly may be why it fails
+            lines += [f"{indent}notice {text}" for text in window_notices(result, run)]
         if run in result.samples:
             lines.append(f"{indent}{sampled_line(result, run)}")
             unexplained = spread_notice(result, run)

@@ -56,3 +56,10 @@ def test_swapping_a_term_there_and_back_restores_the_numbers(small):
     np.testing.assert_array_equal(
         aerodb.evaluate(back, "CL", **conditions), aerodb.evaluate(small, "CL", **conditions)
     )
+
+
+def test_a_database_as_new_terms_is_refused_in_words(small):
+    for new in (small, {"CL/basic": small["CL/basic"]}):
+        with pytest.raises(SchemaError, match=r"aerodb\.terms\(other\) has all of another"):
+            aerodb.replace_terms(small, new)
+    assert "CL/basic" in aerodb.terms(aerodb.replace_terms(small, aerodb.terms(small)))

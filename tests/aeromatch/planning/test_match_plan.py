@@ -6,15 +6,20 @@ import re
 import shutil
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
 
 from aeromatch.planning.match_plan import MatchOptions, make_plan
+from aeromatch.planning.sample_checks import manoeuvre_problems
 from aeromatch.project.files import Listings
 from aeromatch.project.project import read_project
 from aeromatch.project.sections import Controls, EngineSection, GroundEffectSection, RecordSelection
 from flightmech.errors import SchemaError
 from flightmech.support.kept_stages.stages import Stages
 from flightmech.support.kept_stages.store import StageStore
+from flightmech.units import DEGREE
 
 DATA = Path(__file__).parents[3] / "data"
 
@@ -44,6 +49,7 @@ def test_sound_project_has_no_problem_for_any_number_of_processes(tmp_path):
     project = read_project(DATA / "c182" / "aeromatch.toml")
     plan = make_plan(project, tmp_path / "out", 1)
     assert plan.problems == []
+    assert plan.departures == []
     assert make_plan(project, tmp_path / "out", 2).to_dict() == plan.to_dict()
     plan.demand()
     assert not (tmp_path / "out").exists()
@@ -73,6 +79,13 @@ FIRST = {
         lambda p: edit(p / "manoeuvres.csv", ("cruise,doublet,rudder", "cruse,doublet,rudder")),
         r"fit 'roll and yaw', record cruise: unknown manoeuvre 'doublet rudder'",
         r"manoeuvres: unknown record 'cruse'",
+    ),
+    "manoeuvre over the time of another axis": (
+        lambda p: edit(
+            p / "manoeuvres.csv",
+            ("slow,doublet,rudder,54.5,65.15", "slow,doublet,rudder,14.0,22.0"),
+        ),
+        r"manoeuvres: record slow: doublet rudder from .* s, where the rudder does not move",
     ),
     "controls of the cockpit that are not recorded, all of them": (
         lambda p: edit(
@@ -187,6 +200,27 @@ def test_planted_faults_are_all_stated_at_once(faults, copy, tmp_path):
     assert silent == [], plan.problems
     with pytest.raises(SchemaError, match="nothing was computed"):
         plan.demand()
+
+
+def test_a_row_over_the_time_of_another_axis_is_a_problem():
+    time = np.arange(0.0, 40.0, 0.02)
+    noise = 0.2 * DEGREE * np.random.default_rng(1).standard_normal(time.size)
+    elevator = np.where((time > 5.0) & (time < 8.0), 3.0 * DEGREE, 0.0) + noise
+    aileron = np.where((time > 25.0) & (time < 28.0), 8.0 * DEGREE, 0.0)
+    states = xr.Dataset(
+        {"delta_e": ("time", elevator), "delta_a": ("time", aileron)}, {"time": time}
+    )
+    rows = [
+        ("3211", "elevator", 4.0, 12.0),
+        ("3211", "elevator", 24.0, 32.0),
+        ("pull_up_push_down", "elevator", 24.0, 32.0),
+        ("doublet", "rudder", 4.0, 12.0),
+    ]
+    table = pd.DataFrame(rows, columns=["manoeuvre", "control", "start", "end"])
+    assert manoeuvre_problems("run12", table, states) == [
+        "manoeuvres: record run12: 3211 elevator from 24 to 32 s, where the elevator does not move "
+        "(elevator 0.29 deg, aileron 8 deg); correct its times or its control"
+    ]
 
 
 def few(project, *records: str, **changes):

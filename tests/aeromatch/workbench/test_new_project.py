@@ -449,7 +449,7 @@ def test_the_loop_of_init_is_replayed_into_the_same_files(tmp_path):
         assert client.act(*words)["state"] == "done"
         found = client.data("/api/new")
     row = next(row for row in found["columns"] if row["column"] == "CH7")
-    assert (row["quantity"], row["confidence"]) == ("delta_e", "yours")
+    assert (row["quantity"], row["confidence"]) == ("delta_e", "as you wrote it")
     assert found["records"]["flight"]["manoeuvres"] == ["doublet elevator"]
     log = tmp_path / "work" / "actions.jsonl"
     assert [entry.words[0] for entry in read_action_log(log)] == ["init", "set", "init"]

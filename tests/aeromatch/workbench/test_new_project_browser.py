@@ -75,7 +75,7 @@ def draft(page):
     choice.select_option("delta_e")
     expect(row.get_by_role("alert")).to_contain_text("states a unit")
     page.get_by_label("unit of CH7").select_option("deg")
-    expect(row).to_contain_text("yours")
+    expect(row).to_contain_text("as you wrote it")
     page.get_by_role("listitem").filter(has_text="no elevator (delta_e)").wait_for(state="detached")
 
 

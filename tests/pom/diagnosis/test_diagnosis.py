@@ -422,7 +422,7 @@ def test_what_one_case_takes_makes_another_need_more(compensated):
     corrected = pom.corrected_database(prior, final, joined)
     assert differing_terms(prior, corrected) == ["Cm/basic", "Cm/elevator"]
     history = aerodb.terms(corrected)["Cm/elevator"].attrs["history"]
-    assert "added for elevator, which does not pass with what each case needs alone" in history
+    assert "added for elevator, which does not pass with only the terms that the cases" in history
     assert cause_sentences(joined["elevator"]).endswith(
         "With the sequences of all cases together the corrected model is out of tolerance "
         "here; Cm/elevator, added for this case, "

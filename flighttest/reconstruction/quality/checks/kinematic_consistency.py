@@ -116,7 +116,7 @@ def lag_findings(
         if not row.bound:
             margin += _SIGMAS * row.stderr
         if not low - margin <= row.delay <= high + margin:
-            allowed = f"{origin} allows {1e3 * low:.0f} to {1e3 * high:.0f} ms"
+            allowed = f"{origin} {1e3 * low:.0f} to {1e3 * high:.0f} ms"
             findings.append(_lag_finding(row, allowed, record))
     return findings
 
@@ -142,18 +142,18 @@ def _lag_finding(row, allowed: str, record: xr.DataTree) -> Finding:
 
 
 def _allowed_delays(channel: str, specification: Instruments | None) -> tuple[float, float, str]:
-    """Return the range of delays without a finding, and its origin. [s]"""
+    """Return the range of delays without a finding [s], and the words for it."""
     if specification is not None:
         instrument = specification.of(channel)
         for prior in (instrument.delay, instrument.lag):
             if prior is not None:
                 mean, sigma = prior
                 low = min(0.0, mean - _SIGMAS * sigma) - FAST
-                return low, mean + _SIGMAS * sigma + FAST, "the aircraft file"
+                return low, mean + _SIGMAS * sigma + FAST, "the aircraft file allows"
     limit = FAST
     if channel in _SLOW_CHANNELS:
         limit = SLOW
-    return -limit, limit, "habit"
+    return -limit, limit, "the usual range is"
 
 
 def _stretch_delays(

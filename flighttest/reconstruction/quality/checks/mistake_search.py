@@ -381,7 +381,7 @@ def _possible_repairs(signals: ResampledChannels, suspects: set[str]) -> Iterato
             yield Repair("sign", channels, text, slope=-1.0)
     for first, second in _SWAPS:
         if first in signals and second in signals and suspects & {first, second}:
-            text = f"{first} and {second} stand in each other's place"
+            text = f"{first} and {second} are exchanged"
             yield Repair("axis", (first, second), text)
 
 

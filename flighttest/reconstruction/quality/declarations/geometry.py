@@ -89,7 +89,7 @@ def _likely_corrections(S: float, cbar: float, b: float, mass: float) -> list[_C
     """Return the likeliest corrections of a geometry, the best first."""
     exchanged = _Correction(
         ("cbar", "b"),
-        "cbar and b stand in each other's place",
+        "cbar and b are exchanged",
         misfit=_misfit(S, b, cbar, mass=mass) + _PER_MISTAKE,
     )
     tried = [exchanged]

@@ -78,7 +78,7 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
     elif moments["Izz"] < _YAW * max(moments["Ixx"], moments["Iyy"]):
         text = (
             f"{listed} kg m2: Izz is the largest moment of inertia of an aeroplane; two of "
-            f"them may stand in each other's place"
+            f"them may be exchanged"
         )
         findings.append(Finding("warning", "inertia", ("Izz",), text, remedy=remedy))
     # angle of the principal axes from tan(2 angle) = 2 Ixz/(Izz - Ixx)

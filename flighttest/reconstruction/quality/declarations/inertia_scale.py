@@ -17,7 +17,7 @@ from flighttest.reconstruction.quality.finding import Finding
 _SLUG = SLUG * FOOT**2
 _APART, _AGREE = 4.0, 2.0  # standard errors off the file, and around the exchanged moments
 _SHARPNESS = 0.25  # standard error over the difference of both coefficients
-_EXCHANGE_ROW = ("inertia_exchange", "Ixx and Iyy in their places")
+_EXCHANGE_ROW = ("inertia_exchange", "Ixx and Iyy not exchanged")
 _SIZE_ROW = ("inertia_size", "moments of inertia: slug ft2 or kg m2")
 
 Unchecked = list[tuple[str, str, tuple[str, ...], str]]
@@ -26,7 +26,7 @@ Unchecked = list[tuple[str, str, tuple[str, ...], str]]
 def exchange_findings(
     signals: ResampledChannels, aircraft: Aircraft
 ) -> tuple[list[Finding], Unchecked]:
-    """Return the finding on Ixx and Iyy in each other's place, and what was not checked.
+    """Return the finding on exchanged Ixx and Iyy, and what was not checked.
 
     Parameters
     ----------

@@ -1,0 +1,267 @@
+"""Checks of the window of a case against the recorded motion and the recorded controls.
+
+The model is trimmed to the start of the window, so the flight has to be steady there.  A window
+that ends inside the input leaves its return out.  Period and damping are measured from the end of
+the input on: a later instant leaves the first, largest oscillation out, an earlier one measures the
+answer to the input as a free response.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+import xarray as xr
+
+from flightmech.units import DEGREE
+from pom.cases.case import PomCase
+from pom.cases.drafting.event_detection import input_channels
+from pom.judging.condition_checks import FORCED, MOVED, SMOOTH
+from pom.judging.signals import RunSignals
+from pom.status import CASE_WINDOW
+from pom.tolerances.bands import RowRemark
+from pom.tolerances.channels import channel_value_text, plain_id, quantity_words
+
+INPUT_END = "input_end"
+_MODES = ("period", "t_half", "damping_ratio", "period_n", "overshoot_n", "overshoot_count")
+_CONTROLS = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder"}
+SHARE = 0.2
+"""Share of the largest deflection within which a control has come to rest.
+
+The pilot of a real record holds a control within some tenths of its pulse.
+"""
+LATE = (1.0, 0.1)
+"""Time that a stated end may come after the rest: [s], and share of the free response."""
+WINDOW = "window_departures"
+"""Attribute of flight states: departures of the window, which need the whole record."""
+MOTION = ("phi", "theta", "p", "q", "r", *_CONTROLS, "wheel", "F_column", "F_pedal")
+"""Channels that the checks of a window use, as far as a record has them."""
+_LIMITS = {**dict.fromkeys((*_CONTROLS, "wheel"), MOVED), **FORCED}
+_RESPONSES = ("2.b.4", "2.b.5", "2.b.6", "2.c.10", "2.c.9", "2.d.2", "2.d.3", "2.d.6", "2.d.7")
+"""Tests that start from a trim and are excited by an input, which the pilot takes back."""
+BEFORE = 0.5  # [s] of flight before the window that has to be steady
+STEADY = 1.0 * DEGREE
+"""Steady rates of attitude [rad s-1] and changes of the yaw rate in `BEFORE`.
+
+Our number: the largest at the starts of the shipped cases is 0.5 deg/s.
+"""
+OF_WINDOW = 0.1  # share of the largest in the window: turbulence before a large input is no fault
+PAUSE = 0.5  # [s] a control that passes its trim position within this time is still moved
+RETURN = 2.0  # [s] a later return belongs to this input only if the input has lasted as long
+
+
+def input_end_remarks(case: PomCase, flight: RunSignals) -> tuple[RowRemark, ...]:
+    """Return the departure of a stated end of the input; empty if it fits or nothing shows it.
+
+    Parameters
+    ----------
+    case : PomCase
+    flight : RunSignals
+        Over the window of the case. [SI]
+    """
+    stated = case.events.get(INPUT_END)
+    is_used = any(
+        item.applies and item.measure in _MODES and INPUT_END in item.bounds
+        for item in case.criteria
+    )
+    if stated is None or not is_used or case.reference != "flight":
+        return ()
+    found = _find_rest(flight)
+    if found is None:
+        return ()
+    control, rest = found
+    stop = float(flight.time[-1])
+    allowed = max(LATE[0], LATE[1] * (stop - rest))
+    if stated < rest - SMOOTH:
+        text = (
+            f"the input ends at {stated:g} s in the case, the {control} moves until {rest:.1f} s: "
+            f"what is measured is not a free response"
+        )
+    elif stated > rest + allowed:
+        text = (
+            f"the input ends at {stated:g} s in the case, the {control} is at rest from "
+            f"{rest:.1f} s on: the first part of the free response is left out"
+        )
+    else:
+        return ()
+    return (RowRemark("departure", f"departure: {text}", INPUT_END),)
+
+
+def _find_rest(flight: RunSignals) -> tuple[str, float] | None:
+    """Return the control that moves most, and when it comes to rest [s]; None if none moves."""
+    time = flight.time
+    if time.size < 2:
+        return None
+    width = max(1, round(SMOOTH / float(np.median(np.diff(time)))))
+    best: tuple[str, np.ndarray] | None = None
+    most = MOVED
+    for name, control in _CONTROLS.items():
+        if name not in flight:
+            continue
+        values = np.asarray(flight[name], float)
+        smooth = scipy.ndimage.uniform_filter1d(values, width, mode="nearest")
+        # from the position in the last part of the window
+        away = np.abs(smooth - np.median(smooth[-max(1, time.size // 4) :]))
+        if np.isfinite(away).all() and away.max() > most:
+            best, most = (control, away), float(away.max())
+    if best is None:
+        return None
+    control, away = best
+    return control, float(time[np.flatnonzero(away > SHARE * most)[-1]])
+
+
+def window_departures(case: PomCase, states: xr.Dataset) -> tuple[str, ...]:
+    """Return how the window of a case departs from normal practice; empty if it does not.
+
+    Parameters
+    ----------
+    case : PomCase
+    states : Dataset (time,)
+        Motion and controls of the whole record, those of `MOTION` that it has. [SI]
+
+    Returns
+    -------
+    tuple of str
+        The flight is not steady at the start of the window, to which the model is trimmed; or the
+        window ends before the input of a response does.  Only flights that start from a trim are
+        checked.
+    """
+    time = np.asarray(states["time"].values, float)
+    if case.reference != "flight" or case.drive.trim is not True or time.size < 2:
+        return ()
+    width = max(1, round(SMOOTH / float(np.median(np.diff(time)))))
+    channels = {}
+    for name in MOTION:
+        if name not in states or states[name].dims != ("time",):
+            continue
+        values = np.asarray(states[name].values, float)
+        if np.isfinite(values).all():
+            channels[name] = scipy.ndimage.uniform_filter1d(values, width, mode="nearest")
+    return (*_unsteady_start(case, time, channels), *_open_input(case, time, channels))
+
+
+def window_remarks(states: xr.Dataset) -> tuple[RowRemark, ...]:
+    """Return the departures in the attribute `WINDOW` of flight states as remarks."""
+    texts = states.attrs.get(WINDOW, ())
+    return tuple(RowRemark("departure", f"departure: {text}", CASE_WINDOW) for text in texts)
+
+
+def _unsteady_start(
+    case: PomCase, time: np.ndarray, channels: dict[str, np.ndarray]
+) -> tuple[str, ...]:
+    """Return the departure of a window that starts in unsteady flight."""
+    start, stop = case.window
+    rates = _attitude_rates(channels)
+    inside = (time >= start) & (time <= stop)
+    if not inside.any():
+        return ()
+    limits: dict[str, float] = {}
+    for name, rate in rates.items():
+        limits[name] = max(STEADY, OF_WINDOW * float(np.abs(rate[inside]).max()))
+    if "r" in channels:
+        limits["r"] = max(STEADY, OF_WINDOW * float(np.ptp(channels["r"][inside])))
+    for name, least in _LIMITS.items():
+        if name in channels:
+            limits[name] = max(least, OF_WINDOW * float(np.ptp(channels[name][inside])))
+
+    def movements(instant: float) -> list[str]:
+        first, last = instant - BEFORE, instant
+        if first < time[0]:
+            # a record that starts with the window shows its first samples only
+            first, last = instant, instant + SMOOTH
+        part = (time >= first - 1e-9) & (time <= last + 1e-9)
+        texts = []
+        for name, limit in limits.items():
+            if not part.any():
+                break
+            values = rates[name][part] if name in rates else channels[name][part]
+            size = float(np.abs(values).max() if name in rates else np.ptp(values))
+            if size > limit:
+                texts.append(_movement_text(name, size))
+        return texts
+
+    moving = movements(start)
+    if not moving:
+        return ()
+    steady = start
+    while steady > time[0] and movements(steady):
+        steady -= 0.1
+    # a movement begins before it is larger than its limit
+    steady -= 0.1
+    advice = "choose a record with steady flight before the input"
+    if steady > time[0]:
+        advice = f"the flight is steady until {steady:.1f} s: start there or earlier"
+    text = (
+        f"the window starts at {start:g} s in unsteady flight, to which the model is trimmed: "
+        f"{', '.join(moving)}; {advice}"
+    )
+    return (text,)
+
+
+def _attitude_rates(channels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the rates of pitch attitude and bank angle, which are zero in a steady turn."""
+    if not {"phi", "theta", "p", "q", "r"} <= channels.keys():
+        return {}
+    phi, theta = channels["phi"], channels["theta"]
+    p, q, r = (channels[name] for name in "pqr")
+    # theta' = q cos phi - r sin phi;  phi' = p + tan theta (q sin phi + r cos phi)
+    return {
+        "theta": q * np.cos(phi) - r * np.sin(phi),
+        "phi": p + np.tan(theta) * (q * np.sin(phi) + r * np.cos(phi)),
+    }
+
+
+def _movement_text(name: str, size: float) -> str:
+    """Return a movement before the start of a window in words."""
+    if name in ("theta", "phi"):
+        return f"{quantity_words(name)} changes by {size / DEGREE:.2g} deg/s"
+    if name == "r":
+        return f"the yaw rate changes by {size / DEGREE:.2g} deg/s in {BEFORE:g} s"
+    return f"{channel_value_text(name, size)} in {BEFORE:g} s"
+
+
+def _open_input(
+    case: PomCase, time: np.ndarray, channels: dict[str, np.ndarray]
+) -> tuple[str, ...]:
+    """Return the departure of a window that ends before its input does."""
+    start, stop = case.window
+    judged = [item for item in case.criteria if item.applies and item.parameter]
+    reaches_end = any(item.window[1] >= stop - SMOOTH for item in judged)
+    if not plain_id(case.id).startswith(_RESPONSES) or not reaches_end:
+        return ()
+    inside = (time >= start) & (time <= stop)
+    before = (time >= start - BEFORE) & (time <= start + 0.5 * SMOOTH)
+    for name in input_channels(case.id):
+        if name not in channels or name not in _LIMITS or not before.any():
+            continue
+        away = np.abs(channels[name] - np.median(channels[name][before]))
+        largest = float(away[inside].max())
+        if largest <= _LIMITS[name]:
+            continue
+        found = _input_around(time, away > SHARE * largest, stop)
+        if found is None:
+            continue
+        first, last = found
+        # the middle of the return, which is less blurred by the mean than its end
+        last = float(time[(away > 0.5 * largest) & (time <= last)][-1])
+        # a control that stays away for good is a step or a new trim
+        if last - stop > SMOOTH and last - stop <= max(RETURN, stop - max(first, start)):
+            control = _CONTROLS.get(name, quantity_words(name))
+            text = (
+                f"the window ends at {stop:g} s, {last - stop:.1f} s before the input of the "
+                f"{control} ends; the return is not judged"
+            )
+            return (text,)
+    return ()
+
+
+def _input_around(time: np.ndarray, away: np.ndarray, instant: float) -> tuple[float, float] | None:
+    """Return start and end of the input at an instant [s]; None without one, or without an end."""
+    samples = time[away]
+    # passages of the trim position within an input are shorter than a pause
+    breaks = np.flatnonzero(np.diff(samples) > PAUSE) + 1
+    for part in np.split(samples, breaks):
+        if part.size and part[0] <= instant <= part[-1]:
+            if part[-1] > time[-1] - PAUSE:
+                return None
+            return float(part[0]), float(part[-1])
+    return None

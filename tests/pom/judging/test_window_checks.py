@@ -1,0 +1,112 @@
+"""The window of a case, and the end of the input that it states, against the recorded flight."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from flightmech.units import DEGREE
+from pom.judging.signals import signals_of_run
+from pom.judging.window_checks import (
+    WINDOW,
+    input_end_remarks,
+    window_departures,
+    window_remarks,
+)
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+import report_fixture as fixture
+
+TIME = np.arange(0.0, 30.0, 0.02)
+
+
+def case_with(end, measure="period"):
+    case = fixture.roll_result().case
+    (criterion, *_) = case.criteria
+    row = replace(criterion, measure=measure, bounds=("input_end", ""), applies=True)
+    return replace(case, criteria=(row,), events={"input_end": end})
+
+
+def texts(case, size=5.0 * DEGREE, noise=0.0):
+    """Return the remarks for a rudder that is held from 2 to 6 s, with noise of its pick-up."""
+    rudder = np.where((TIME > 2.0) & (TIME < 6.0), size, 0.0)
+    rudder = rudder + noise * np.random.default_rng(1).standard_normal(TIME.size)
+    flight = signals_of_run(case, {"delta_r": rudder, "delta_e": 0.0 * TIME}, TIME)
+    return [item.text for item in input_end_remarks(case, flight)]
+
+
+@pytest.mark.parametrize("end", [6.0, 6.3, 7.9])
+def test_an_end_at_rest_is_right(end):
+    assert texts(case_with(end)) == []
+    assert texts(case_with(end), noise=0.3 * DEGREE) == []
+
+
+def test_an_early_end_measures_the_input():
+    (text,) = texts(case_with(3.0))
+    assert text.startswith("departure: the input ends at 3 s in the case, the rudder moves until 6")
+
+
+def test_a_late_end_leaves_the_first_part_out():
+    (text,) = texts(case_with(12.0))
+    assert "is at rest from 6" in text
+
+
+def test_rows_of_another_kind_and_small_inputs_are_not_checked():
+    assert texts(case_with(12.0, measure="trace")) == []
+    assert texts(case_with(12.0), size=0.5 * DEGREE) == []
+
+
+def departures(window, test="2.d.2", control="delta_a", hold=(3.0, 4.5), rate=0.0):
+    """Return the departures of a window for a control that is held, with the bank that follows."""
+    case = fixture.roll_result().case
+    rows = tuple(replace(row, window=window) for row in case.criteria)
+    case = replace(case, id=test, criteria=rows, window=window)
+    held = np.where((hold[0] < TIME) & (hold[1] > TIME), 8.0 * DEGREE, 0.0)
+    zero = 0.0 * TIME
+    p = np.where((hold[0] < TIME) & (hold[1] + 2.0 > TIME), 20.0 * DEGREE, rate)
+    motion = dict.fromkeys(("phi", "theta", "q", "r", "delta_e", "delta_a", "delta_r"), zero)
+    motion |= {"p": p, control: held}
+    states = {name: ("time", values) for name, values in motion.items()}
+    return window_departures(case, xr.Dataset(states, {"time": TIME}))
+
+
+def test_a_window_around_the_whole_input_is_right():
+    assert departures((1.9, 11.9)) == ()
+    # it ends at the last sample of the record, which shows no return
+    assert departures((1.9, 29.98), hold=(3.0, 31.0)) == ()
+
+
+def test_a_window_that_ends_before_the_return_departs():
+    (text,) = departures((1.9, 4.0))
+    assert text == (
+        "the window ends at 4 s, 0.5 s before the input of the aileron ends; the return is not "
+        "judged"
+    )
+    # a control that stays away much longer than it was judged is a step
+    assert departures((1.9, 4.0), hold=(3.0, 20.0)) == ()
+    # neither another axis nor a test without a free response is an open input
+    assert departures((1.9, 4.0), control="delta_e") == ()
+    assert departures((1.9, 4.0), test="2.c.1") == ()
+
+
+def test_an_unsteady_start_departs_and_names_the_last_steady_instant():
+    (text,) = departures((3.6, 13.1))
+    assert "starts at 3.6 s in unsteady flight" in text
+    assert "bank angle changes by 20 deg/s" in text
+    assert "steady until 2.7 s: start there or earlier" in text
+
+
+def test_a_small_motion_before_a_large_response_is_steady():
+    # turbulence of 1.5 deg/s before a response of 20 deg/s
+    assert departures((1.9, 11.9), rate=1.5 * DEGREE) == ()
+    (text,) = departures((1.9, 11.9), rate=3.0 * DEGREE)
+    assert "choose a record with steady flight" in text
+
+
+def test_the_departure_of_the_record_is_a_remark():
+    states = xr.Dataset(attrs={WINDOW: ("it ends early",)})
+    (remark,) = window_remarks(states)
+    assert (remark.kind, remark.text) == ("departure", "departure: it ends early")
