@@ -31,6 +31,10 @@ from flighttest.reconstruction.quality.checks.excitation import (
     excitation_findings,
     input_correlations,
 )
+from flighttest.reconstruction.quality.checks.exchanged_surfaces import (
+    answers_not_checked,
+    exchanged_findings,
+)
 from flighttest.reconstruction.quality.checks.kinematic_consistency import (
     accuracy_findings,
     find_lags,
@@ -176,7 +180,10 @@ def assess(
     delays = merge_delays(usual_delays, motion_delays(motion, positions))
     lags = lag_findings(delays, specification, record)
     on_time = _undelayed(corrected_at_cg, delays, lags)
+    exchanged = exchanged_findings(on_time, record)
+    on_time, corrected = _with_surfaces(on_time, exchanged), _with_surfaces(corrected, exchanged)
     responses = control_responses(on_time)
+    unchecked = _append_rows(unchecked, answers_not_checked(responses, on_time))
     hands = pilot_to_surface(corrected)
     excitation, correlation = axis_excitation(corrected), input_correlations(corrected)
     findings += accuracy_findings(kinematics)
@@ -188,7 +195,8 @@ def assess(
     unchecked = _append_rows(unchecked, reasons)
     findings = _without_explained(findings)
     late = _late_channels(findings)
-    findings += answer_findings(responses, hands, corrected_at_cg, record, late)
+    answers = answer_findings(responses, hands, corrected_at_cg, record, late)
+    findings += exchanged + _without_surfaces(answers, exchanged)
     purpose = str(record.attrs.get("purpose", ""))
     findings += excitation_findings(
         excitation, correlation, corrected, marked_manoeuvres(record), purpose
@@ -256,6 +264,24 @@ def _without_explained(findings: list[Finding]) -> list[Finding]:
         if finding.kind != "inconsistent" or unexplained:
             kept.append(finding)
     return kept
+
+
+def _with_surfaces(signals: ResampledChannels, exchanged: list[Finding]) -> ResampledChannels:
+    """Return the signals with the surfaces that are certainly exchanged in their own channels."""
+    for finding in exchanged:
+        if finding.severity == "error":
+            one, other = finding.channels
+            signals = signals.with_values({one: signals[other], other: signals[one]})
+    return signals
+
+
+def _without_surfaces(answers: list[Finding], exchanged: list[Finding]) -> list[Finding]:
+    """Return the findings on controls other than on surfaces that move another axis.
+
+    Their lines of the name map would be those of the other surface.
+    """
+    surfaces = {name for finding in exchanged for name in finding.channels}
+    return [finding for finding in answers if finding.channels[0] not in surfaces]
 
 
 def _late_channels(findings: list[Finding]) -> set[str]:
