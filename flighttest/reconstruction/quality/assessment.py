@@ -42,8 +42,16 @@ from flighttest.reconstruction.quality.checks.kinematic_consistency import (
     kinematic_table,
     lag_findings,
 )
+from flighttest.reconstruction.quality.checks.lost_samples import lost_samples
 from flighttest.reconstruction.quality.checks.mistake_search import find_mistakes
+from flighttest.reconstruction.quality.checks.offsets import (
+    gyro_findings,
+    gyro_offsets,
+    offset_findings,
+    without_offsets,
+)
 from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
+from flighttest.reconstruction.quality.checks.relation_sides import ground_force
 from flighttest.reconstruction.quality.checks.relations import compare_all, not_checked
 from flighttest.reconstruction.quality.checks.samples import (
     channel_findings,
@@ -58,6 +66,7 @@ from flighttest.reconstruction.quality.checks.signals import (
 )
 from flighttest.reconstruction.quality.declarations.air_temperature import (
     climb_findings,
+    explain_by_fahrenheit,
     temperature_findings,
 )
 from flighttest.reconstruction.quality.declarations.centre_of_gravity import centre_findings
@@ -65,18 +74,22 @@ from flighttest.reconstruction.quality.declarations.columns import (
     column_findings,
     pressure_height_findings,
 )
+from flighttest.reconstruction.quality.declarations.database_match import (
+    gain_findings,
+    reference_findings,
+)
 from flighttest.reconstruction.quality.declarations.engines import (
     lever_findings,
     thrust_findings,
 )
-from flighttest.reconstruction.quality.declarations.geometry import geometry_findings
+from flighttest.reconstruction.quality.declarations.geometry import geometry_findings, is_airship
 from flighttest.reconstruction.quality.declarations.headings import heading_findings, with_headings
 from flighttest.reconstruction.quality.declarations.inertia import (
     inertia_findings,
     product_findings,
 )
 from flighttest.reconstruction.quality.declarations.inertia_scale import exchange_findings
-from flighttest.reconstruction.quality.declarations.weight import weight_findings
+from flighttest.reconstruction.quality.declarations.weight import MASS_LEVEL, weight_findings
 from flighttest.reconstruction.quality.finding import Finding, by_severity, without_consequences
 from flighttest.reconstruction.quality.navigation.air_data_closure import (
     closure_findings,
@@ -88,6 +101,7 @@ from flighttest.reconstruction.quality.navigation.heading_reference import (
     heading_reference_findings,
 )
 from flighttest.reconstruction.quality.navigation.inertial_motion import MotionFits, fit_motion
+from flighttest.reconstruction.quality.navigation.lever_arm import lever_arm_findings
 from flighttest.reconstruction.quality.navigation.motion_delays import (
     Unchecked,
     delays_not_checked,
@@ -147,17 +161,22 @@ def assess(
     scale = clock_scale(record)
     record = on_seconds(record, scale)
     faults = faults_of(record)
-    signals = resample_channels(record, faults)
+    lost, lost_flags = lost_samples(record, faults)
+    signals = resample_channels(record, pd.concat([faults, lost_flags], ignore_index=True))
     channels = channel_table(record)
-    findings = clock_findings(scale) + flag_findings(faults)
+    findings = clock_findings(scale) + flag_findings(faults) + lost
     findings += channel_findings(record, channels, specification)
     # mistakes of columns, signs, units and axes
     shared, wrong = column_findings(record, signals)
-    explanations, corrected, comparisons = find_mistakes(signals.without(wrong))
+    gyros = gyro_offsets(signals.without(wrong))
+    explanations, corrected, comparisons = find_mistakes(
+        without_offsets(signals.without(wrong), gyros)
+    )
     mistaken: list[str] = []
     for explanation in explanations:
         mistaken += explanation.repair.channels
     findings += shared
+    findings += gyro_findings(gyros, record)
     findings += lever_findings(record, signals)
     findings += heading_findings(record, corrected, mistaken)
     findings += pressure_height_findings(corrected)
@@ -184,19 +203,25 @@ def assess(
     on_time, corrected = _with_surfaces(on_time, exchanged), _with_surfaces(corrected, exchanged)
     responses = control_responses(on_time)
     unchecked = _append_rows(unchecked, answers_not_checked(responses, on_time))
+    gains, no_gain = gain_findings(responses, on_time, aircraft, database)
+    unchecked = _append_rows(unchecked, no_gain)
     hands = pilot_to_surface(corrected)
     excitation, correlation = axis_excitation(corrected), input_correlations(corrected)
     findings += accuracy_findings(kinematics)
+    findings += offset_findings(kinematics, corrected_at_cg, record)
     findings += lags
+    placed, no_place = lever_arm_findings(ground_force(on_time), on_time, positions)
+    findings += placed
+    unchecked = _append_rows(unchecked, no_place)
     references, reasons = _reference_findings(
         motion, comparisons, on_time, record=record, late=_late_channels(lags), placed=positions
     )
-    findings += references
+    findings = _without_notes_of(references, findings) + references
     unchecked = _append_rows(unchecked, reasons)
     findings = _without_explained(findings)
     late = _late_channels(findings)
     answers = answer_findings(responses, hands, corrected_at_cg, record, late)
-    findings += exchanged + _without_surfaces(answers, exchanged)
+    findings += exchanged + _without_surfaces(answers, exchanged) + gains
     purpose = str(record.attrs.get("purpose", ""))
     findings += excitation_findings(
         excitation, correlation, corrected, marked_manoeuvres(record), purpose
@@ -244,6 +269,7 @@ def _reference_findings(
     airspeed, no_airspeed = airspeed_findings(motion, signals, record)
     temperature, no_temperature = climb_findings(signals)
     compass, no_compass = compass_findings(signals)
+    airspeed = explain_by_fahrenheit(airspeed, signals, record)
     findings = [*heading, *compass, *closure, *airspeed, *temperature]
     no_heading += no_compass
     unchecked = (
@@ -282,6 +308,17 @@ def _without_surfaces(answers: list[Finding], exchanged: list[Finding]) -> list[
     """
     surfaces = {name for finding in exchanged for name in finding.channels}
     return [finding for finding in answers if finding.channels[0] not in surfaces]
+
+
+def _without_notes_of(certain: list[Finding], findings: list[Finding]) -> list[Finding]:
+    """Return the findings without notes on a unit that is certainly wrong."""
+    channels = {finding.channels[0] for finding in certain if finding.kind == "unit"}
+    kept = []
+    for finding in findings:
+        doubted = finding.severity == "note" and finding.kind == "unit"
+        if not (doubted and finding.channels[0] in channels):
+            kept.append(finding)
+    return kept
 
 
 def _late_channels(findings: list[Finding]) -> set[str]:
@@ -326,9 +363,12 @@ def _aircraft_findings(
     unchecked: Unchecked = []
     if no_weight:
         unchecked.append(("weight", "mass, and lift", (), no_weight))
+    if not is_airship(aircraft):
+        unchecked.append(("mass_level", "mass, to a tenth", (), MASS_LEVEL))
     if no_product:
         unchecked.append(("Ixz", "sign of Ixz, and pitching in rolls", (), no_product))
     findings = [*geometry, *inertia_findings(aircraft), *weight, *product]
+    findings += reference_findings(aircraft, database)
     for check in (exchange_findings, centre_findings, thrust_findings):
         found, reasons = check(signals, aircraft)
         findings += found

@@ -36,6 +36,7 @@ _TITLES = {
     "inertia": "inertia against",
     "jump": "jump of",
     "lag": "delay of",
+    "lost": "samples lost of",
     "minimum_speed": "below the least speed:",
     "missing": "missing values of",
     "noise": "noise of",
@@ -66,7 +67,7 @@ _CAUSES = {
     "jump": ("held", "spike", "missing", "wrap"),
     "saturation": ("held", "unit"),
     "column_name": ("column", "axis"),
-    "inconsistent": ("column", "lag", "held", "spike", "wrap", "jump"),
+    "inconsistent": ("column", "lag", "held", "spike", "wrap", "jump", "offset", "lost"),
 }
 # Kinds of findings that concern all their channels; others concern the first one.
 _OF_ALL_CHANNELS = ("inconsistent", "scale")

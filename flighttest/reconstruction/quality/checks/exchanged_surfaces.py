@@ -176,9 +176,7 @@ def _are_exchanged(shares: dict[str, SurfaceShares], first: Equation, second: Eq
     )
 
 
-def _acts_instead(
-    shares: dict[str, SurfaceShares], rate: str, *, mapped: str, acting: str
-) -> bool:
+def _acts_instead(shares: dict[str, SurfaceShares], rate: str, *, mapped: str, acting: str) -> bool:
     if rate not in shares:
         return False
     of_rate = shares[rate]
@@ -229,9 +227,7 @@ def _exchange_finding(
     return Finding("error", "axis", (one, two), text, remedy, evidence=evidence)
 
 
-def _one_sided_finding(
-    shares: dict[str, SurfaceShares], own: Equation, other: Equation
-) -> Finding:
+def _one_sided_finding(shares: dict[str, SurfaceShares], own: Equation, other: Equation) -> Finding:
     name = own.surface
     text = (
         f"{name} moves and {_AXES[own.rate]} does not answer: it alone explains "

@@ -35,6 +35,12 @@ _MOVES = 0.2 * DEGREE  # standard deviation of the angle of attack that determin
 # lift coefficient, and share of it, by which a prior with a biased vane may be wrong
 _LEVEL, _PART = 0.15, 0.35
 _MASSES = (0.5, 2.0)  # mass of the aircraft file over the recorded one: fuel and load stay within
+# difference of both masses that is a note and a warning: moments of inertia change with them
+_OTHER_LOADING, _OTHER_MASS = 0.05, 0.075
+MASS_LEVEL = (
+    "the lift curve shows errors of a third and more, or, with a database, of a sixth and more of "
+    "the mass: compare with the loading sheet and the fuel"
+)
 _SAME_MASS = (0.75, 1.35)  # the same ratio after a change of unit that explains it
 _NEEDS = ("alpha_vane", "az_imu", "V", "p_static", "temperature")
 _UNITS = (
@@ -86,7 +92,25 @@ def weight_findings(
     # an error of the recorded mass explains the difference
     if not findings and not _MASSES[0] <= ratio <= _MASSES[1]:
         findings.append(_two_masses_finding(ratio, aircraft.mass, recorded, slope=slope))
+    elif not findings and abs(1.0 / ratio - 1.0) > _OTHER_LOADING:
+        findings.append(_loading_finding(aircraft.mass, recorded))
     return findings, reason
+
+
+def _loading_finding(mass: float, recorded: float) -> Finding:
+    """Return that the record was flown at another mass than that of the aircraft file."""
+    difference = recorded / mass - 1.0
+    severity = "warning" if abs(difference) > _OTHER_MASS else "note"
+    text = (
+        f"the record has a mass of {recorded:.5g} kg, {difference:+.1%} of the {mass:.5g} kg of the "
+        f"aircraft file, whose moments of inertia belong to its own mass"
+    )
+    remedy = (
+        "check both against the loading sheet; give mass and moments of inertia of this flight, or "
+        "record them"
+    )
+    evidence = {"ratio": mass / recorded}
+    return Finding(severity, "weight", ("mass",), text, remedy=remedy, evidence=evidence)
 
 
 def _compare_lift(
