@@ -26,14 +26,16 @@ from flighttest.reconstruction.quality.checks.control_response import (
     control_responses,
     pilot_to_surface,
 )
+from flighttest.reconstruction.quality.checks.exchanged_surfaces import (
+    answers_not_checked,
+    exchanged_findings,
+    with_surfaces,
+    without_surfaces,
+)
 from flighttest.reconstruction.quality.checks.excitation import (
     axis_excitation,
     excitation_findings,
     input_correlations,
-)
-from flighttest.reconstruction.quality.checks.exchanged_surfaces import (
-    answers_not_checked,
-    exchanged_findings,
 )
 from flighttest.reconstruction.quality.checks.kinematic_consistency import (
     accuracy_findings,
@@ -48,6 +50,7 @@ from flighttest.reconstruction.quality.checks.offsets import (
     gyro_findings,
     gyro_offsets,
     offset_findings,
+    without_constant_errors,
     without_offsets,
 )
 from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
@@ -90,7 +93,12 @@ from flighttest.reconstruction.quality.declarations.inertia import (
 )
 from flighttest.reconstruction.quality.declarations.inertia_scale import exchange_findings
 from flighttest.reconstruction.quality.declarations.weight import MASS_LEVEL, weight_findings
-from flighttest.reconstruction.quality.finding import Finding, by_severity, without_consequences
+from flighttest.reconstruction.quality.finding import (
+    Finding,
+    by_severity,
+    without_consequences,
+    without_doubts,
+)
 from flighttest.reconstruction.quality.navigation.air_data_closure import (
     closure_findings,
     level_not_checked,
@@ -185,6 +193,10 @@ def assess(
     # the aircraft file
     positions = _sensor_positions(specification, aircraft)
     corrected_at_cg = at_cg(corrected, positions)
+    kinematics = kinematic_table(corrected_at_cg)
+    constant = offset_findings(kinematics, corrected_at_cg, record)
+    corrected_at_cg = without_constant_errors(corrected_at_cg, constant)
+    findings += constant
     unchecked = not_checked(corrected)
     if aircraft is not None:
         declared, reasons = _aircraft_findings(
@@ -193,14 +205,13 @@ def assess(
         findings += declared
         unchecked = _append_rows(unchecked, reasons)
     # accuracy, delays, controls
-    kinematics = kinematic_table(corrected_at_cg)
     motion = fit_motion(corrected_at_cg)
     usual_delays = find_lags(corrected_at_cg, positions)
     delays = merge_delays(usual_delays, motion_delays(motion, positions))
     lags = lag_findings(delays, specification, record)
     on_time = _undelayed(corrected_at_cg, delays, lags)
     exchanged = exchanged_findings(on_time, record)
-    on_time, corrected = _with_surfaces(on_time, exchanged), _with_surfaces(corrected, exchanged)
+    on_time, corrected = with_surfaces(on_time, exchanged), with_surfaces(corrected, exchanged)
     responses = control_responses(on_time)
     unchecked = _append_rows(unchecked, answers_not_checked(responses, on_time))
     gains, no_gain = gain_findings(responses, on_time, aircraft, database)
@@ -208,7 +219,6 @@ def assess(
     hands = pilot_to_surface(corrected)
     excitation, correlation = axis_excitation(corrected), input_correlations(corrected)
     findings += accuracy_findings(kinematics)
-    findings += offset_findings(kinematics, corrected_at_cg, record)
     findings += lags
     placed, no_place = lever_arm_findings(ground_force(on_time), on_time, positions)
     findings += placed
@@ -216,12 +226,12 @@ def assess(
     references, reasons = _reference_findings(
         motion, comparisons, on_time, record=record, late=_late_channels(lags), placed=positions
     )
-    findings = _without_notes_of(references, findings) + references
+    findings = without_doubts(references, findings) + references
     unchecked = _append_rows(unchecked, reasons)
     findings = _without_explained(findings)
     late = _late_channels(findings)
     answers = answer_findings(responses, hands, corrected_at_cg, record, late)
-    findings += exchanged + _without_surfaces(answers, exchanged) + gains
+    findings += exchanged + without_surfaces(answers, exchanged) + gains
     purpose = str(record.attrs.get("purpose", ""))
     findings += excitation_findings(
         excitation, correlation, corrected, marked_manoeuvres(record), purpose
@@ -288,35 +298,6 @@ def _without_explained(findings: list[Finding]) -> list[Finding]:
     for finding in findings:
         unexplained = finding.evidence.get("relation") not in explained
         if finding.kind != "inconsistent" or unexplained:
-            kept.append(finding)
-    return kept
-
-
-def _with_surfaces(signals: ResampledChannels, exchanged: list[Finding]) -> ResampledChannels:
-    """Return the signals with the surfaces that are certainly exchanged in their own channels."""
-    for finding in exchanged:
-        if finding.severity == "error":
-            one, other = finding.channels
-            signals = signals.with_values({one: signals[other], other: signals[one]})
-    return signals
-
-
-def _without_surfaces(answers: list[Finding], exchanged: list[Finding]) -> list[Finding]:
-    """Return the findings on controls other than on surfaces that move another axis.
-
-    Their lines of the name map would be those of the other surface.
-    """
-    surfaces = {name for finding in exchanged for name in finding.channels}
-    return [finding for finding in answers if finding.channels[0] not in surfaces]
-
-
-def _without_notes_of(certain: list[Finding], findings: list[Finding]) -> list[Finding]:
-    """Return the findings without notes on a unit that is certainly wrong."""
-    channels = {finding.channels[0] for finding in certain if finding.kind == "unit"}
-    kept = []
-    for finding in findings:
-        doubted = finding.severity == "note" and finding.kind == "unit"
-        if not (doubted and finding.channels[0] in channels):
             kept.append(finding)
     return kept
 

@@ -64,7 +64,7 @@ _CAUSES = {
     "excitation": ("unit",),
     "scale": ("unit", "lag"),
     "range": ("unit", "axis", "definition", "spike"),
-    "jump": ("held", "spike", "missing", "wrap"),
+    "jump": ("held", "spike", "missing", "wrap", "lost"),
     "saturation": ("held", "unit"),
     "column_name": ("column", "axis"),
     "inconsistent": ("column", "lag", "held", "spike", "wrap", "jump", "offset", "lost"),
@@ -237,6 +237,17 @@ def without_consequences(findings: list[Finding]) -> list[Finding]:
         for channel in finding.channels:
             faults.add((finding.kind, channel))
     return [finding for finding in findings if not _is_consequence(finding, faults)]
+
+
+def without_doubts(certain: list[Finding], findings: list[Finding]) -> list[Finding]:
+    """Return the findings without notes on a unit that is certainly wrong."""
+    channels = {finding.channels[0] for finding in certain if finding.kind == "unit"}
+    kept = []
+    for finding in findings:
+        doubted = finding.severity == "note" and finding.kind == "unit"
+        if not (doubted and finding.channels[0] in channels):
+            kept.append(finding)
+    return kept
 
 
 def _is_consequence(finding: Finding, faults: set[tuple[str, str]]) -> bool:

@@ -109,6 +109,24 @@ def answers_not_checked(answers: pd.DataFrame, signals: ResampledChannels) -> Un
     return rows
 
 
+def with_surfaces(signals: ResampledChannels, exchanged: list[Finding]) -> ResampledChannels:
+    """Return the signals with the surfaces that are certainly exchanged in their own channels."""
+    for finding in exchanged:
+        if finding.severity == "error":
+            one, other = finding.channels
+            signals = signals.with_values({one: signals[other], other: signals[one]})
+    return signals
+
+
+def without_surfaces(answers: list[Finding], exchanged: list[Finding]) -> list[Finding]:
+    """Return the findings on controls other than on surfaces that move another axis.
+
+    Their lines of the name map would be those of the other surface.
+    """
+    surfaces = {name for finding in exchanged for name in finding.channels}
+    return [finding for finding in answers if finding.channels[0] not in surfaces]
+
+
 def surface_shares(signals: ResampledChannels) -> dict[str, SurfaceShares]:
     """Return the shares of the surfaces in each angular acceleration, by rate."""
     surfaces = []

@@ -18,7 +18,9 @@ _INERTIAL = ("phi", "theta", "psi", "vn", "ve", "vd", "h_gps", "h_baro", "hdot")
 _CHANNELS = (*_INERTIAL, "V", "V_cas", "mach", "alpha_vane", "beta_vane")
 _SIDE = 4  # samples of the straight line on either side
 _AROUND = 4.0  # s of neighbours whose scatter a jump is compared with
-_SIGNIFICANT, _TOGETHER = 7.0, 3  # multiples of the scatter, and channels that jump together
+# multiples of the scatter, and channels that jump together; two of motion suffice if they are clear
+_SIGNIFICANT, _TOGETHER = 7.0, 3
+_CLEAR, _PAIR = 12.0, 2
 _TO_SIGMA = 1.4826  # standard deviation of a normal variable over its median absolute value
 _MOST_NAMED = 5
 
@@ -39,14 +41,18 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
         Rows with the columns of `faults`, of the kind ``lost``.
     """
     findings, flags = [], []
-    for leaf, node in record.children.items():
-        data = node.to_dataset()
-        names = [name for name in _CHANNELS if name in data]
-        time = data["time"].values
+    for leaves in _leaves_by_clock(record):
+        signals = {}
+        for leaf in leaves:
+            data = record[leaf].to_dataset()
+            for name in _CHANNELS:
+                if name in data:
+                    signals[name] = data[name].values.astype(float)
+        names, time = list(signals), record[leaves[0]]["time"].values
         if len(names) < _TOGETHER or len(time) < 8 * _SIDE:
             continue
-        scores = _jump_scores(data, names)
-        known = faults[(faults["leaf"] == leaf) & (faults["kind"] != "duplicate")]
+        scores = _jump_scores(signals, time)
+        known = faults[faults["leaf"].isin(leaves) & (faults["kind"] != "duplicate")]
         places = _simultaneous(scores, names, time, known)
         if not places:
             continue
@@ -54,12 +60,13 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
             name for name, row in zip(names, scores, strict=True) if max(row[places]) > _SIGNIFICANT
         )
         parts = []
-        for i in places[:_MOST_NAMED]:
-            parts.append(f"t = {time[i]:.2f} s")
-            flags.append((leaf, "", "lost", float(time[i]), float(time[i + 1]), 0, ""))
+        for i in places:
+            parts.append(f"{time[i]:.2f} s")
+            for leaf in leaves:
+                flags.append((leaf, "", "lost", float(time[i]), float(time[i + 1]), 0, ""))
         text = (
-            f"samples lost at {', '.join(parts)}: {', '.join(channels)} jump at one instant, and the "
-            f"clock of {leaf} runs on"
+            f"samples lost at t = {', '.join(parts[:_MOST_NAMED])}: {', '.join(channels)} jump at "
+            f"one instant, and the clock runs on"
         )
         remedy = (
             "restore the clock of the recorder; else cut manoeuvres before or after the instant"
@@ -72,17 +79,30 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
     return findings, pd.DataFrame(flags, columns=faults.columns)
 
 
-def _jump_scores(data: xr.Dataset, names: list[str]) -> np.ndarray:
+def _leaves_by_clock(record: xr.DataTree) -> list[list[str]]:
+    """Return the names of the leaves, those with the same times together."""
+    groups: list[list[str]] = []
+    for leaf, node in record.children.items():
+        time = node["time"].values
+        for group in groups:
+            if np.array_equal(record[group[0]]["time"].values, time):
+                group.append(leaf)
+                break
+        else:
+            groups.append([leaf])
+    return groups
+
+
+def _jump_scores(signals: dict[str, np.ndarray], time: np.ndarray) -> np.ndarray:
     """Return the jumps after each sample over their scatter (channel, time).
 
     A jump is the distance between straight lines through the samples on both sides.
     """
-    time = data["time"].values
     step = float(np.median(np.diff(time)))
     width = 2 * round(0.5 * _AROUND / step) + 1
-    scores = np.zeros((len(names), len(time)))
-    for row, name in enumerate(names):
-        x = unwrap_angle(name, data[name].values.astype(float))
+    scores = np.zeros((len(signals), len(time)))
+    for row, (name, recorded) in enumerate(signals.items()):
+        x = unwrap_angle(name, recorded)
         jump = _line_jumps(x)
         size = pd.Series(np.abs(jump)).rolling(width, center=True, min_periods=_SIDE).median()
         moving = np.abs(np.diff(x))
@@ -116,9 +136,10 @@ def _simultaneous(
     large = scores > _SIGNIFICANT
     inertial = np.array([name in _INERTIAL for name in names])
     together = (large.sum(axis=0) >= _TOGETHER) & large[inertial].any(axis=0)
+    together |= (scores[inertial] > _CLEAR).sum(axis=0) >= _PAIR
     step = np.diff(time, append=time[-1])
     together &= step < GAP * np.median(step)
-    clear = np.sort(scores, axis=0)[-_TOGETHER]
+    clear = np.sort(scores, axis=0)[-_PAIR]
     places: list[int] = []
     for i in np.flatnonzero(together):
         at_fault = (known["start"] - 1.0 < time[i]) & (time[i] < known["stop"] + 1.0)

@@ -8,6 +8,7 @@ estimates.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -137,13 +138,27 @@ def offset_findings(
             f"ay_imu reads {abs(sideways):.2f} m/s2 too {_side(sideways)} throughout by the ground "
             f"velocity; or phi reads {abs(angle) / DEGREE:.1f} deg too {_side(angle)}"
         )
-        findings.append(_offset_finding(("ay_imu", "phi"), sideways, text, record))
+        finding = _offset_finding(("ay_imu", "phi"), sideways, text, record)
+        findings.append(
+            replace(finding, remedy=f"{finding.remedy}; or {map_entry(record, 'phi', 1.0, -angle)}")
+        )
     relation, limit = ("force_z", FORCE) if "force_z" in present else ("vertical", VERTICAL)
     downwards = offsets.get(relation, 0.0)
     if abs(downwards) > limit:
         text = f"az_imu reads {abs(downwards):.2f} m/s2 too {_side(downwards)} throughout"
         findings.append(_offset_finding(("az_imu",), downwards, text, record))
     return findings + _slip_findings(signals, record)
+
+
+def without_constant_errors(
+    signals: ResampledChannels, findings: list[Finding]
+) -> ResampledChannels:
+    """Return the signals without the constant errors of findings on their first channels."""
+    changed = {}
+    for finding in findings:
+        name = finding.channels[0]
+        changed[name] = signals[name] - finding.evidence["offset"]
+    return signals.with_values(changed)
 
 
 def _pitch_findings(

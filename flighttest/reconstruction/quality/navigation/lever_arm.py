@@ -52,7 +52,7 @@ def lever_arm_findings(
     if mask.sum() * signals.step < _SHORTEST:
         return [], [(*_ROW, (), f"less than {_SHORTEST:g} s of flight")]
     shift, stderr = _fit_lever_arm(ground_force, signals, mask)
-    large = np.abs(shift) > _LARGE + _SIGMAS * stderr
+    large = (np.abs(shift) > _LARGE + _SIGMAS * stderr) & (stderr < _KNOWN)
     if not large.any():
         unknown = [axis for axis, error in zip("xyz", stderr, strict=True) if not error < _KNOWN]
         if not unknown:
