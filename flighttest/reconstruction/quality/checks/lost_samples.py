@@ -21,6 +21,7 @@ _AROUND = 4.0  # s of neighbours whose scatter a jump is compared with
 # multiples of the scatter, and channels that jump together; two of motion suffice if they are clear
 _SIGNIFICANT, _TOGETHER = 7.0, 3
 _CLEAR, _PAIR = 12.0, 2
+_OUTSTANDING = 2.0  # times the largest neighbouring step
 _TO_SIGMA = 1.4826  # standard deviation of a normal variable over its median absolute value
 _MOST_NAMED = 5
 
@@ -111,8 +112,19 @@ def _jump_scores(signals: dict[str, np.ndarray], time: np.ndarray) -> np.ndarray
         least = float(moving.min()) if len(moving) else np.inf
         scatter = _TO_SIGMA * size.to_numpy() + 0.3 * least
         with np.errstate(invalid="ignore", divide="ignore"):
-            scores[row] = np.nan_to_num(np.abs(jump) / scatter, posinf=0.0)
+            score = np.nan_to_num(np.abs(jump) / scatter, posinf=0.0)
+        # a manoeuvre that begins bends the lines; its steps grow gradually
+        scores[row] = np.where(_stands_out(x), score, 0.0)
     return scores
+
+
+def _stands_out(x: np.ndarray) -> np.ndarray:
+    """Return whether the step after each sample is far larger than all steps next to it (time,)."""
+    size = np.abs(np.diff(x, append=x[-1]))
+    largest = np.zeros(len(x))
+    for shift in (*range(-_SIDE + 1, 0), *range(1, _SIDE)):
+        largest = np.maximum(largest, np.roll(size, shift))
+    return size > _OUTSTANDING * largest
 
 
 def _line_jumps(x: np.ndarray) -> np.ndarray:

@@ -10,10 +10,10 @@ import xarray as xr
 
 from aerodb.store.evaluation import evaluate
 from aerodb.store.schema import terms
-from flightmech.air import GAMMA, R_AIR
+from flightmech.air import GAMMA, R_AIR, pressure_altitude
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.build_up import used_coefficients
 from flightmech.errors import AeromatchError
+from flightmech.terms import list_model_variables
 from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
@@ -22,6 +22,7 @@ from flighttest.reconstruction.quality.navigation.motion_delays import Unchecked
 
 _DIFFERENCE = 0.01  # of reference quantities, and of the moment reference point in chords
 _GAIN = (0.5, 2.0)  # effect in flight over that of a database, beyond which a unit or gain is wrong
+_ZERO = ("delta_", "gear", "speedbrake")  # beginnings of the names of controls
 _ROW = ("surface_gain", "gain of the surfaces")
 
 
@@ -90,6 +91,9 @@ def gain_findings(
     for row in shown:
         expected = _expected_effect(row.surface, signals, aircraft, database)
         if not expected:
+            parts.append(
+                f"{row.surface}: the record lacks a quantity of the database, or it has none"
+            )
             continue
         ratio = row.effect / expected
         stderr = abs(row.stderr / expected)
@@ -105,9 +109,7 @@ def gain_findings(
         channels = (row.surface, row.rate)
         findings.append(Finding("warning", "scale", channels, measured, remedy, evidence=evidence))
     if not parts:
-        return findings, [] if findings else [
-            (*_ROW, (), f"{advice}; the database does not show it")
-        ]
+        return findings, []
     reason = f"{'; '.join(parts)}: as exact as the database and the moments of inertia; {advice}"
     return findings, [(*_ROW, (), reason)]
 
@@ -129,9 +131,12 @@ def _expected_effect(
     middle: dict[str, Any] = {name: float(np.median(x[mask])) for name, x in full.values.items()}
     middle["alpha"], middle["beta"] = middle["alpha_vane"], 0.0
     middle["mach"] = middle["V"] / np.sqrt(GAMMA * R_AIR * middle["temperature"])
+    middle["h"] = float(pressure_altitude(np.clip(middle["p_static"], 1e3, 1.2e5)))
+    # controls and rates without a record are zero
     for leaf in terms(database).values():
-        for name in used_coefficients(leaf):
-            middle.setdefault(name, 0.0)
+        for name in list_model_variables(leaf):
+            if name.endswith("hat") or name.startswith(_ZERO):
+                middle.setdefault(name, 0.0)
     try:
         slopes = _control_slopes(surface, middle, database)
     except AeromatchError:

@@ -15,11 +15,11 @@ import xarray as xr
 
 from aerodb.store.evaluation import evaluate
 from aerodb.store.schema import terms
-from flightmech.air import GAMMA, R_AIR
+from flightmech.air import GAMMA, R_AIR, pressure_altitude
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.axes import lift_drag
-from flightmech.build_up import used_coefficients
 from flightmech.errors import AeromatchError
+from flightmech.terms import list_model_variables
 from flightmech.units import DEGREE, FOOT, G0, POUND, SLUG
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.airship import CARRIED
@@ -196,6 +196,7 @@ def _prior_lift(
     inputs: dict[str, Any] = {name: full[name][mask] for name in full.values}
     inputs |= {"mach": mach, "alpha": full["alpha_vane"][mask]}
     inputs["beta"] = inputs.get("beta_vane", 0.0)
+    inputs["h"] = pressure_altitude(np.clip(full["p_static"][mask], 1e3, 1.2e5))
     for rate, length in (("p", aircraft.b), ("q", aircraft.cbar), ("r", aircraft.b)):
         inputs[f"{rate}hat"] = 0.0
         if rate in inputs:
@@ -207,7 +208,7 @@ def _prior_lift(
     for term, leaf in terms(database).items():
         if term.split("/")[0] not in coefficients:
             continue
-        for name in used_coefficients(leaf):
+        for name in list_model_variables(leaf):
             control = name.startswith(("delta_", "gear", "speedbrake")) or name.endswith("hat")
             if name not in inputs and control:
                 inputs[name] = 0.0
