@@ -19,8 +19,8 @@ _CHANNELS = (*_INERTIAL, "V", "V_cas", "mach", "alpha_vane", "beta_vane")
 _SIDE = 4  # samples of the straight line on either side
 _AROUND = 4.0  # s of neighbours whose scatter a jump is compared with
 # multiples of the scatter, and channels that jump together; two of motion suffice if they are clear
-_SIGNIFICANT, _TOGETHER = 7.0, 3
-_CLEAR, _PAIR = 12.0, 2
+_SIGNIFICANT, _TOGETHER = 6.0, 3
+_CLEAR, _PAIR = 8.0, 2
 _OUTSTANDING = 2.0  # times the largest neighbouring step
 _TO_SIGMA = 1.4826  # standard deviation of a normal variable over its median absolute value
 _MOST_NAMED = 5

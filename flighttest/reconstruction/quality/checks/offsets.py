@@ -30,7 +30,7 @@ GYRO, FORCE, VERTICAL, FLOW = 0.5 * DEGREE, 0.35, 0.5, 2.5 * DEGREE  # rad/s, m/
 _SIGMAS = 3.0
 _BLOCKS = 8  # of the jackknife
 _SAME = 0.35  # share of an offset within which two relations show the same one
-_LEAST_SLIP = 1.0 * DEGREE  # standard deviation of sideslip that determines its zero
+_LEAST_SLIP = 0.5 * DEGREE  # standard deviation of sideslip that determines its zero
 _SLIP_CORRELATION = 0.9
 _EULER = {"phi_rate": bank_rate, "theta_rate": pitch_rate, "psi_rate": heading_rate}
 

@@ -23,6 +23,7 @@ from flighttest.reconstruction.quality.navigation.motion_delays import Unchecked
 _DIFFERENCE = 0.01  # of reference quantities, and of the moment reference point in chords
 _GAIN = (0.5, 2.0)  # effect in flight over that of a database, beyond which a unit or gain is wrong
 _ZERO = ("delta_", "gear", "speedbrake")  # beginnings of the names of controls
+FREE_AIR = 1e3  # m over ground of a flight without radio height
 _ROW = ("surface_gain", "gain of the surfaces")
 
 
@@ -132,6 +133,7 @@ def _expected_effect(
     middle["alpha"], middle["beta"] = middle["alpha_vane"], 0.0
     middle["mach"] = middle["V"] / np.sqrt(GAMMA * R_AIR * middle["temperature"])
     middle["h"] = float(pressure_altitude(np.clip(middle["p_static"], 1e3, 1.2e5)))
+    middle["h_agl"] = middle.get("h_radio", FREE_AIR)
     # controls and rates without a record are zero
     for leaf in terms(database).values():
         for name in list_model_variables(leaf):

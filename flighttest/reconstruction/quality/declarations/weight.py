@@ -23,6 +23,7 @@ from flightmech.terms import list_model_variables
 from flightmech.units import DEGREE, FOOT, G0, POUND, SLUG
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.airship import CARRIED
+from flighttest.reconstruction.quality.declarations.database_match import FREE_AIR
 from flighttest.reconstruction.quality.declarations.geometry import is_airship
 from flighttest.reconstruction.quality.finding import Finding, map_entry
 
@@ -196,6 +197,7 @@ def _prior_lift(
     inputs: dict[str, Any] = {name: full[name][mask] for name in full.values}
     inputs |= {"mach": mach, "alpha": full["alpha_vane"][mask]}
     inputs["beta"] = inputs.get("beta_vane", 0.0)
+    inputs["h_agl"] = inputs.get("h_radio", FREE_AIR)
     inputs["h"] = pressure_altitude(np.clip(full["p_static"][mask], 1e3, 1.2e5))
     for rate, length in (("p", aircraft.b), ("q", aircraft.cbar), ("r", aircraft.b)):
         inputs[f"{rate}hat"] = 0.0
