@@ -9,6 +9,7 @@ import pytest
 import aerodb
 import flightmech
 import flighttest
+from flightmech import terms
 from flighttest.reconstruction.quality.checks.control_response import control_responses
 from flighttest.reconstruction.quality.checks.samples import faults_of
 from flighttest.reconstruction.quality.checks.signals import resample_channels
@@ -33,18 +34,16 @@ def signals():
 
 
 def database(aircraft, elevator=-1.1):
-    def term(value, **regressor):
-        return aerodb.make_term(value, {}, **regressor)
-
+    known = {"stderr": 0.05, "source": "datcom", "comment": "by hand"}
     leaves = {
-        "CL/basic": term(0.3),
-        "Cm/elevator": term(elevator, regressors=["delta_e"]),
-        "Cm/altitude": aerodb.make_term([0.0, 0.01], {"h": [0.0, 1e4]}),
+        "CL/basic": terms.make_term(0.3, **known),
+        "Cm/elevator": terms.make_term(elevator, regressors=["delta_e"], **known),
+        "Cm/altitude": terms.make_term([0.0, 0.01], {"h": [0.0, 1e4]}, **known),
     }
     reference = aircraft.reference or (0.0, 0.0, 0.0)
     return aerodb.make_database(
         leaves, title="one", aircraft="T-37", S=aircraft.S, cbar=aircraft.cbar, b=aircraft.b,
-        x_ref=reference[0], y_ref=reference[1], z_ref=reference[2], force_axes="wind",
+        x_ref=reference[0], y_ref=reference[1], z_ref=reference[2], force_axes="stability",
     )  # fmt: skip
 
 
