@@ -26,12 +26,6 @@ from flighttest.reconstruction.quality.checks.control_response import (
     control_responses,
     pilot_to_surface,
 )
-from flighttest.reconstruction.quality.checks.exchanged_surfaces import (
-    answers_not_checked,
-    exchanged_findings,
-    with_surfaces,
-    without_surfaces,
-)
 from flighttest.reconstruction.quality.checks.excitation import (
     axis_excitation,
     excitation_findings,
@@ -44,15 +38,7 @@ from flighttest.reconstruction.quality.checks.kinematic_consistency import (
     kinematic_table,
     lag_findings,
 )
-from flighttest.reconstruction.quality.checks.lost_samples import lost_samples
 from flighttest.reconstruction.quality.checks.mistake_search import find_mistakes
-from flighttest.reconstruction.quality.checks.offsets import (
-    gyro_findings,
-    gyro_offsets,
-    offset_findings,
-    without_constant_errors,
-    without_offsets,
-)
 from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
 from flighttest.reconstruction.quality.checks.relation_sides import ground_force
 from flighttest.reconstruction.quality.checks.relations import compare_all, not_checked
@@ -117,6 +103,20 @@ from flighttest.reconstruction.quality.navigation.motion_delays import (
     motion_delays,
 )
 from flighttest.reconstruction.quality.record_notes import quality_remarks
+from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
+    answers_not_checked,
+    exchanged_findings,
+    with_surfaces,
+    without_surfaces,
+)
+from flighttest.reconstruction.quality.recording.lost_samples import lost_samples
+from flighttest.reconstruction.quality.recording.offsets import (
+    gyro_findings,
+    gyro_offsets,
+    offset_findings,
+    without_constant_errors,
+    without_offsets,
+)
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import marked_manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of

@@ -18,7 +18,8 @@ from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import Finding, iterate_rows
-from flighttest.reconstruction.quality.navigation.motion_delays import Unchecked
+
+Unchecked = list[tuple[str, str, tuple[str, ...], str]]
 
 _DIFFERENCE = 0.01  # of reference quantities, and of the moment reference point in chords
 _GAIN = (0.5, 2.0)  # effect in flight over that of a database, beyond which a unit or gain is wrong

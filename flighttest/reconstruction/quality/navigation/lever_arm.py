@@ -66,10 +66,12 @@ def lever_arm_findings(
     # the other axes keep their stated place
     found = stated + np.where(large, shift, 0.0)
     parts = []
-    for axis, is_large, place, error, said in zip("xyz", large, found, stderr, stated, strict=True):
+    for axis, is_large, place, error, before in zip(
+        "xyz", large, found, stderr, stated, strict=True
+    ):
         if is_large:
             parts.append(
-                f"{axis} = {place:.2f} m (standard error {error:.2f} m), stated {said:.2f} m"
+                f"{axis} = {place:.2f} m (standard error {error:.2f} m), stated {before:.2f} m"
             )
     text = (
         f"the accelerometers are not at their stated place; rotation and ground velocity give, "

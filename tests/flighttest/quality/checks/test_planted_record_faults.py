@@ -13,17 +13,17 @@ import flightmech
 import flighttest
 from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.control_response import control_responses
-from flighttest.reconstruction.quality.checks.exchanged_surfaces import (
-    answers_not_checked,
-    exchanged_findings,
-)
 from flighttest.reconstruction.quality.checks.kinematic_consistency import kinematic_table
-from flighttest.reconstruction.quality.checks.lost_samples import lost_samples
-from flighttest.reconstruction.quality.checks.offsets import gyro_offsets, offset_findings
 from flighttest.reconstruction.quality.checks.relation_sides import ground_force
 from flighttest.reconstruction.quality.checks.samples import faults_of
 from flighttest.reconstruction.quality.checks.signals import at_cg, resample_channels
 from flighttest.reconstruction.quality.navigation.lever_arm import lever_arm_findings
+from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
+    answers_not_checked,
+    exchanged_findings,
+)
+from flighttest.reconstruction.quality.recording.lost_samples import lost_samples
+from flighttest.reconstruction.quality.recording.offsets import gyro_offsets, offset_findings
 from flighttest.records.sensors.instruments import instruments_of
 
 T37 = Path(__file__).parents[4] / "data" / "t37"

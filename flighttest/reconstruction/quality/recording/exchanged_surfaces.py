@@ -27,8 +27,9 @@ from flighttest.reconstruction.quality.checks.control_response import (
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.checks.surface_timing import regress_last_column
 from flighttest.reconstruction.quality.finding import Finding, exchange_channels, iterate_rows
-from flighttest.reconstruction.quality.navigation.motion_delays import Unchecked
 from flighttest.records.signals.differentiation import derivative
+
+Unchecked = list[tuple[str, str, tuple[str, ...], str]]
 
 # share of the variance that a surface alone must explain, and that of the mapped one over it.
 # T-37 records have 0.05 to 0.79 and less than 0.27.
