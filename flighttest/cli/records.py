@@ -29,8 +29,8 @@ from flighttest.cli.group import names_option
     "--database",
     "database_file",
     type=InputFile(),
-    help="A-priori database, netCDF, of the aircraft given with --aircraft: the weight is "
-    "compared with its lift.",
+    help="A-priori database, netCDF, of the aircraft given with --aircraft: its lift is compared "
+    "with the weight, its reference quantities and control effects with aircraft and record.",
 )
 @click.option("-o", "--output", type=NewFile(), help="Write one self-contained HTML page.")
 @json_option

@@ -40,6 +40,7 @@ from flighttest.reconstruction.quality.checks.kinematic_consistency import (
 )
 from flighttest.reconstruction.quality.checks.mistake_search import find_mistakes
 from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
+from flighttest.reconstruction.quality.checks.relation_sides import ground_force
 from flighttest.reconstruction.quality.checks.relations import compare_all, not_checked
 from flighttest.reconstruction.quality.checks.samples import (
     channel_findings,
@@ -54,6 +55,7 @@ from flighttest.reconstruction.quality.checks.signals import (
 )
 from flighttest.reconstruction.quality.declarations.air_temperature import (
     climb_findings,
+    explain_by_fahrenheit,
     temperature_findings,
 )
 from flighttest.reconstruction.quality.declarations.centre_of_gravity import centre_findings
@@ -61,19 +63,28 @@ from flighttest.reconstruction.quality.declarations.columns import (
     column_findings,
     pressure_height_findings,
 )
+from flighttest.reconstruction.quality.declarations.database_match import (
+    gain_findings,
+    reference_findings,
+)
 from flighttest.reconstruction.quality.declarations.engines import (
     lever_findings,
     thrust_findings,
 )
-from flighttest.reconstruction.quality.declarations.geometry import geometry_findings
+from flighttest.reconstruction.quality.declarations.geometry import geometry_findings, is_airship
 from flighttest.reconstruction.quality.declarations.headings import heading_findings, with_headings
 from flighttest.reconstruction.quality.declarations.inertia import (
     inertia_findings,
     product_findings,
 )
 from flighttest.reconstruction.quality.declarations.inertia_scale import exchange_findings
-from flighttest.reconstruction.quality.declarations.weight import weight_findings
-from flighttest.reconstruction.quality.finding import Finding, by_severity, without_consequences
+from flighttest.reconstruction.quality.declarations.weight import MASS_LEVEL, weight_findings
+from flighttest.reconstruction.quality.finding import (
+    Finding,
+    by_severity,
+    without_consequences,
+    without_doubts,
+)
 from flighttest.reconstruction.quality.navigation.air_data_closure import (
     closure_findings,
     level_not_checked,
@@ -84,6 +95,7 @@ from flighttest.reconstruction.quality.navigation.heading_reference import (
     heading_reference_findings,
 )
 from flighttest.reconstruction.quality.navigation.inertial_motion import MotionFits, fit_motion
+from flighttest.reconstruction.quality.navigation.lever_arm import lever_arm_findings
 from flighttest.reconstruction.quality.navigation.motion_delays import (
     Unchecked,
     delays_not_checked,
@@ -91,6 +103,20 @@ from flighttest.reconstruction.quality.navigation.motion_delays import (
     motion_delays,
 )
 from flighttest.reconstruction.quality.record_notes import quality_remarks
+from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
+    answers_not_checked,
+    exchanged_findings,
+    with_surfaces,
+    without_surfaces,
+)
+from flighttest.reconstruction.quality.recording.lost_samples import lost_samples
+from flighttest.reconstruction.quality.recording.offsets import (
+    gyro_findings,
+    gyro_offsets,
+    offset_findings,
+    without_constant_errors,
+    without_offsets,
+)
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import marked_manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
@@ -143,17 +169,22 @@ def assess(
     scale = clock_scale(record)
     record = on_seconds(record, scale)
     faults = faults_of(record)
-    signals = resample_channels(record, faults)
+    lost, lost_flags = lost_samples(record, faults)
+    signals = resample_channels(record, pd.concat([faults, lost_flags], ignore_index=True))
     channels = channel_table(record)
-    findings = clock_findings(scale) + flag_findings(faults)
+    findings = clock_findings(scale) + flag_findings(faults) + lost
     findings += channel_findings(record, channels, specification)
     # mistakes of columns, signs, units and axes
     shared, wrong = column_findings(record, signals)
-    explanations, corrected, comparisons = find_mistakes(signals.without(wrong))
+    gyros = gyro_offsets(signals.without(wrong))
+    explanations, corrected, comparisons = find_mistakes(
+        without_offsets(signals.without(wrong), gyros)
+    )
     mistaken: list[str] = []
     for explanation in explanations:
         mistaken += explanation.repair.channels
     findings += shared
+    findings += gyro_findings(gyros, record)
     findings += lever_findings(record, signals)
     findings += heading_findings(record, corrected, mistaken)
     findings += pressure_height_findings(corrected)
@@ -162,6 +193,10 @@ def assess(
     # the aircraft file
     positions = _sensor_positions(specification, aircraft)
     corrected_at_cg = at_cg(corrected, positions)
+    kinematics = kinematic_table(corrected_at_cg)
+    constant = offset_findings(kinematics, corrected_at_cg, record)
+    corrected_at_cg = without_constant_errors(corrected_at_cg, constant)
+    findings += constant
     unchecked = not_checked(corrected)
     if aircraft is not None:
         declared, reasons = _aircraft_findings(
@@ -170,25 +205,33 @@ def assess(
         findings += declared
         unchecked = _append_rows(unchecked, reasons)
     # accuracy, delays, controls
-    kinematics = kinematic_table(corrected_at_cg)
     motion = fit_motion(corrected_at_cg)
     usual_delays = find_lags(corrected_at_cg, positions)
     delays = merge_delays(usual_delays, motion_delays(motion, positions))
     lags = lag_findings(delays, specification, record)
     on_time = _undelayed(corrected_at_cg, delays, lags)
+    exchanged = exchanged_findings(on_time, record)
+    on_time, corrected = with_surfaces(on_time, exchanged), with_surfaces(corrected, exchanged)
     responses = control_responses(on_time)
+    unchecked = _append_rows(unchecked, answers_not_checked(responses, on_time))
+    gains, no_gain = gain_findings(responses, on_time, aircraft, database)
+    unchecked = _append_rows(unchecked, no_gain)
     hands = pilot_to_surface(corrected)
     excitation, correlation = axis_excitation(corrected), input_correlations(corrected)
     findings += accuracy_findings(kinematics)
     findings += lags
+    placed, no_place = lever_arm_findings(ground_force(on_time), on_time, positions)
+    findings += placed
+    unchecked = _append_rows(unchecked, no_place)
     references, reasons = _reference_findings(
         motion, comparisons, on_time, record=record, late=_late_channels(lags), placed=positions
     )
-    findings += references
+    findings = without_doubts(references, findings) + references
     unchecked = _append_rows(unchecked, reasons)
     findings = _without_explained(findings)
     late = _late_channels(findings)
-    findings += answer_findings(responses, hands, corrected_at_cg, record, late)
+    answers = answer_findings(responses, hands, corrected_at_cg, record, late)
+    findings += exchanged + without_surfaces(answers, exchanged) + gains
     purpose = str(record.attrs.get("purpose", ""))
     findings += excitation_findings(
         excitation, correlation, corrected, marked_manoeuvres(record), purpose
@@ -237,6 +280,7 @@ def _reference_findings(
     airspeed, no_airspeed = airspeed_findings(motion, signals, record)
     temperature, no_temperature = climb_findings(signals)
     compass, no_compass = compass_findings(signals)
+    airspeed = explain_by_fahrenheit(airspeed, signals, record)
     findings = [*heading, *compass, *closure, *airspeed, *temperature]
     no_heading += no_compass
     unchecked = (
@@ -301,9 +345,12 @@ def _aircraft_findings(
     unchecked: Unchecked = []
     if no_weight:
         unchecked.append(("weight", "mass, and lift", (), no_weight))
+    if not is_airship(aircraft):
+        unchecked.append(("mass_level", "mass, to a tenth", (), MASS_LEVEL))
     if no_product:
         unchecked.append(("Ixz", "sign of Ixz, and pitching in rolls", (), no_product))
     findings = [*geometry, *inertia_findings(aircraft), *weight, *product]
+    findings += reference_findings(aircraft, database)
     for check in (exchange_findings, centre_findings, thrust_findings):
         found, reasons = check(signals, aircraft)
         findings += found

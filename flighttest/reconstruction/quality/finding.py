@@ -36,6 +36,7 @@ _TITLES = {
     "inertia": "inertia against",
     "jump": "jump of",
     "lag": "delay of",
+    "lost": "samples lost of",
     "minimum_speed": "below the least speed:",
     "missing": "missing values of",
     "noise": "noise of",
@@ -63,10 +64,10 @@ _CAUSES = {
     "excitation": ("unit",),
     "scale": ("unit", "lag"),
     "range": ("unit", "axis", "definition", "spike"),
-    "jump": ("held", "spike", "missing", "wrap"),
+    "jump": ("held", "spike", "missing", "wrap", "lost"),
     "saturation": ("held", "unit"),
     "column_name": ("column", "axis"),
-    "inconsistent": ("column", "lag", "held", "spike", "wrap", "jump"),
+    "inconsistent": ("column", "lag", "held", "spike", "wrap", "jump", "offset", "lost"),
 }
 # Kinds of findings that concern all their channels; others concern the first one.
 _OF_ALL_CHANNELS = ("inconsistent", "scale")
@@ -83,8 +84,8 @@ class Finding:
     kind : str
         Kind of the finding in one word. Consistency: ``sign unit axis definition inconsistent range
         scale lag``. Name map: ``column column_name stated_unit``. Aircraft file: ``geometry inertia
-        weight``. Samples: ``gap stray duplicate reset missing outside held spike jump wrap
-        saturation stuck noise``. Inputs: ``excitation collinear``. Information: ``absent coarse
+        weight``. Samples: ``gap stray duplicate reset lost missing outside held spike
+        jump wrap saturation stuck noise``. Inputs: ``excitation collinear``. Information: ``absent coarse
         offset minimum_speed``.
     channels : tuple of str
         Canonical names of the channels; the first one is at fault.
@@ -236,6 +237,17 @@ def without_consequences(findings: list[Finding]) -> list[Finding]:
         for channel in finding.channels:
             faults.add((finding.kind, channel))
     return [finding for finding in findings if not _is_consequence(finding, faults)]
+
+
+def without_doubts(certain: list[Finding], findings: list[Finding]) -> list[Finding]:
+    """Return the findings without notes on a unit that is certainly wrong."""
+    channels = {finding.channels[0] for finding in certain if finding.kind == "unit"}
+    kept = []
+    for finding in findings:
+        doubted = finding.severity == "note" and finding.kind == "unit"
+        if not (doubted and finding.channels[0] in channels):
+            kept.append(finding)
+    return kept
 
 
 def _is_consequence(finding: Finding, faults: set[tuple[str, str]]) -> bool:

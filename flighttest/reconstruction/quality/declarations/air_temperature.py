@@ -22,6 +22,10 @@ _POSSIBLE = (-75.0, 38.0)  # K
 _RESTORED = 25.0  # K within which a change of unit must bring it
 _ENOUGH = 5.0  # s
 _ZERO, _RATIO = 273.15, 1.8
+_FAHRENHEIT = (1.0 / _RATIO, _ZERO - (_ZERO + 32.0) / _RATIO)  # factor; shift [K]
+# error of a scale of the airspeed that the unit explains; temperature above standard [K] that is
+# rare and that the unit may explain
+_SCALE_ERROR, _RARE = 0.015, 28.0
 # Barometric equation
 _BAND, _CLOCK = 0.2, 0.5  # Hz of the signals; s between samples
 _SAMPLES, _BLOCKS = 60, 12  # fewest samples; blocks of the jackknife
@@ -51,17 +55,27 @@ def temperature_findings(signals: ResampledChannels, record: xr.DataTree) -> lis
     standard = atmosphere(pressure_altitude(p_static)).temperature
     temperature = full["temperature"][mask]
     apart = float(np.median(temperature - standard))
-    if _POSSIBLE[0] <= apart <= _POSSIBLE[1]:
-        return []
     middle = float(np.median(temperature))
+    slope, shift = _FAHRENHEIT
+    converted = float(np.median(slope * temperature + shift - standard))
+    if _POSSIBLE[0] <= apart <= _POSSIBLE[1]:
+        if apart < _RARE or abs(converted) > _RESTORED:
+            return []
+        text = (
+            f"temperature is {middle - _ZERO:.0f} degC, {apart:+.0f} K off the standard atmosphere "
+            f"at the pressure of the flight: a very hot day, or degF taken as degC "
+            f"({converted:+.0f} K)"
+        )
+        line = map_entry(record, "temperature", slope, shift)
+        remedy = f"compare with the weather of the day; if it is degF: {line}"
+        evidence = {"difference": apart}
+        return [Finding("note", "unit", ("temperature",), text, remedy, evidence=evidence)]
     text = (
         f"temperature is {middle - _ZERO:.0f} degC and {apart:+.0f} K off the standard "
         f"atmosphere at the pressure of the flight "
         f"(days differ by {_POSSIBLE[0]:g} to {_POSSIBLE[1]:g} K)"
     )
-    # The temperature again, as if the recorded number were in degF.
-    slope, shift = 1.0 / _RATIO, _ZERO - (_ZERO + 32.0) / _RATIO
-    if abs(float(np.median(slope * temperature + shift - standard))) < _RESTORED:
+    if abs(converted) < _RESTORED:
         text += (
             ": it is in degF and was taken as degC; or it is the total temperature, or the "
             "height is wrong"
@@ -72,6 +86,52 @@ def temperature_findings(signals: ResampledChannels, record: xr.DataTree) -> lis
         remedy = "check the columns of temperature and height in the name map"
     evidence = {"difference": apart}
     return [Finding("warning", "unit", ("temperature",), text, remedy, evidence=evidence)]
+
+
+def explain_by_fahrenheit(
+    airspeed: list[Finding], signals: ResampledChannels, record: xr.DataTree
+) -> list[Finding]:
+    """Return the findings on the airspeed with those that degF taken as degC explains as such.
+
+    Parameters
+    ----------
+    airspeed : list of Finding
+        Scale of the airspeed. One that is formed from impact pressure or calibrated airspeed grows
+        with the square root of the temperature.
+    signals : ResampledChannels
+    record : DataTree
+    """
+    full = signals.completed(("p_static",))
+    if "V" in signals or not {"temperature", "p_static"} <= set(full.values):
+        return airspeed
+    mask = full.mask(("temperature", "p_static"))
+    if mask.sum() * full.step < _ENOUGH:
+        return airspeed
+    recorded = float(np.median(full["temperature"][mask]))
+    pressures = np.clip(full["p_static"][mask], 1e3, 1.2e5)
+    standard = float(np.median(atmosphere(pressure_altitude(pressures)).temperature))
+    slope, shift = _FAHRENHEIT
+    true = slope * recorded + shift
+    closer = abs(true - standard) < min(_RESTORED, abs(recorded - standard))
+    explained = []
+    for finding in airspeed:
+        scale, stderr = finding.evidence.get("slope", 1.0), finding.evidence.get("stderr", 0.0)
+        same = abs(scale - np.sqrt(recorded / max(true, 1.0))) < _SCALE_ERROR + 3.0 * stderr
+        if finding.kind == "scale" and closer and same:
+            text = (
+                f"temperature is in degF and was taken as degC: it reads {recorded - _ZERO:.1f} "
+                f"degC, {recorded - standard:+.0f} K off the standard atmosphere at the pressure of "
+                f"the flight ({true - _ZERO:.1f} degC, {true - standard:+.0f} K, from degF), and "
+                f"the airspeed formed from it is {scale:.3f} of that of accelerations and ground "
+                f"velocity"
+            )
+            line = map_entry(record, "temperature", slope, shift)
+            channels = ("temperature", *finding.channels)
+            finding = Finding(
+                "error", "unit", channels, text, line, evidence=dict(finding.evidence)
+            )
+        explained.append(finding)
+    return explained
 
 
 def climb_findings(

@@ -27,6 +27,7 @@ _KNOWN, _SIGMAS = 0.08, 3.0  # largest standard error of that slope, and standar
 _BLOCKS, _FEWEST = 8, 10.0  # of the jackknife; s of flight
 _UNIT = 0.12  # of the slope, within which a factor of units explains it
 _UNITS = (("lbf", "N", POUND_FORCE), ("N", "lbf", 1.0 / POUND_FORCE), ("kN", "N", 1000.0))
+_EQUAL = (0.6, 1.67)  # thrust of one engine over that of the others, of one unit
 _DEVICES = ("gear", "speedbrake", "delta_f")
 _MOVES = 0.01  # range of a device that moves
 _SIDE = 0.05  # of the thrust of both engines, by which they must differ to show their sides
@@ -98,8 +99,45 @@ def thrust_findings(
             (*_SLOPE_ROW, (), "the thrust changes too little: chop or slam the levers")
         )
     else:
-        findings += _slope_findings(*slope, tuple(names))
+        findings += _one_engine_finding(full, names, aircraft, slope=slope[0]) or _slope_findings(
+            *slope, tuple(names)
+        )
     return findings, [*unchecked, *_sides_row(signals, names, aircraft)]
+
+
+def _one_engine_finding(
+    full: ResampledChannels, names: list[str], aircraft: Aircraft, *, slope: float
+) -> list[Finding]:
+    """Return the finding that the thrust of one engine is in another unit than that of the others.
+
+    Its unit must restore both the equality of the engines and the slope of the force.
+    """
+    if _SLOPE[0] < slope < _SLOPE[1]:
+        return []
+    levels = {name: float(np.median(np.abs(full[name][full.flying]))) for name in names}
+    for name in names:
+        others = [level for other, level in levels.items() if other != name]
+        if not others or not min(others) > 0.0:
+            continue
+        usual = float(np.median(others))
+        for wrong, right, factor in _UNITS:
+            corrected = _thrust_slope(
+                full.with_values({name: factor * full[name]}), names, aircraft
+            )
+            ratio = levels[name] / usual
+            equal = _EQUAL[0] < factor * ratio < _EQUAL[1]
+            if corrected is None or not equal or _EQUAL[0] < ratio < _EQUAL[1]:
+                continue
+            if _SLOPE[0] < corrected[0] < _SLOPE[1]:
+                text = (
+                    f"{name} is in {wrong} and was taken as {right}: it is {ratio:.3g} of the "
+                    f"thrust of the other engine throughout, and with its unit corrected the force "
+                    f"along x changes by {corrected[0]:.2f} of the thrust instead of {slope:.2f}"
+                )
+                remedy = f'give {name} unit = "{wrong}" in the name map'
+                evidence = {"slope": slope, "ratio": ratio}
+                return [Finding("error", "unit", (name,), text, remedy, evidence=evidence)]
+    return []
 
 
 def _split_output(first: str, second: str, signals: ResampledChannels) -> str:

@@ -15,14 +15,15 @@ import xarray as xr
 
 from aerodb.store.evaluation import evaluate
 from aerodb.store.schema import terms
-from flightmech.air import GAMMA, R_AIR
+from flightmech.air import GAMMA, R_AIR, pressure_altitude
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.axes import lift_drag
-from flightmech.build_up import used_coefficients
 from flightmech.errors import AeromatchError
+from flightmech.terms import list_model_variables
 from flightmech.units import DEGREE, FOOT, G0, POUND, SLUG
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.airship import CARRIED
+from flighttest.reconstruction.quality.declarations.database_match import FREE_AIR
 from flighttest.reconstruction.quality.declarations.geometry import is_airship
 from flighttest.reconstruction.quality.finding import Finding, map_entry
 
@@ -35,6 +36,12 @@ _MOVES = 0.2 * DEGREE  # standard deviation of the angle of attack that determin
 # lift coefficient, and share of it, by which a prior with a biased vane may be wrong
 _LEVEL, _PART = 0.15, 0.35
 _MASSES = (0.5, 2.0)  # mass of the aircraft file over the recorded one: fuel and load stay within
+# difference of both masses that is a note and a warning: moments of inertia change with them
+_OTHER_LOADING, _OTHER_MASS = 0.05, 0.075
+MASS_LEVEL = (
+    "the lift curve shows errors of a third and more, or, with a database, of a sixth and more of "
+    "the mass: compare with the loading sheet and the fuel"
+)
 _SAME_MASS = (0.75, 1.35)  # the same ratio after a change of unit that explains it
 _NEEDS = ("alpha_vane", "az_imu", "V", "p_static", "temperature")
 _UNITS = (
@@ -86,7 +93,25 @@ def weight_findings(
     # A finding on the recorded mass explains the difference as well.
     if not findings and not _MASSES[0] <= ratio <= _MASSES[1]:
         findings.append(_two_masses_finding(ratio, aircraft.mass, recorded, slope=slope))
+    elif not findings and abs(1.0 / ratio - 1.0) > _OTHER_LOADING:
+        findings.append(_loading_finding(aircraft.mass, recorded))
     return findings, reason
+
+
+def _loading_finding(mass: float, recorded: float) -> Finding:
+    """Return that the record was flown at another mass than that of the aircraft file."""
+    difference = recorded / mass - 1.0
+    severity = "warning" if abs(difference) > _OTHER_MASS else "note"
+    text = (
+        f"the record has a mass of {recorded:.5g} kg, {difference:+.1%} of the {mass:.5g} kg of the "
+        f"aircraft file, whose moments of inertia belong to its own mass"
+    )
+    remedy = (
+        "check both against the loading sheet; give mass and moments of inertia of this flight, or "
+        "record them"
+    )
+    evidence = {"ratio": mass / recorded}
+    return Finding(severity, "weight", ("mass",), text, remedy=remedy, evidence=evidence)
 
 
 def _compare_lift(
@@ -174,6 +199,8 @@ def _prior_lift(
     inputs: dict[str, Any] = {name: full[name][mask] for name in full.values}
     inputs |= {"mach": mach, "alpha": full["alpha_vane"][mask]}
     inputs["beta"] = inputs.get("beta_vane", 0.0)
+    inputs["h_agl"] = inputs.get("h_radio", FREE_AIR)
+    inputs["h"] = pressure_altitude(np.clip(full["p_static"][mask], 1e3, 1.2e5))
     for rate, length in (("p", aircraft.b), ("q", aircraft.cbar), ("r", aircraft.b)):
         inputs[f"{rate}hat"] = 0.0
         if rate in inputs:
@@ -185,7 +212,7 @@ def _prior_lift(
     for term, leaf in terms(database).items():
         if term.split("/")[0] not in coefficients:
             continue
-        for name in used_coefficients(leaf):
+        for name in list_model_variables(leaf):
             is_control = name.startswith(("delta_", "gear", "speedbrake")) or name.endswith("hat")
             if name not in inputs and is_control:
                 inputs[name] = 0.0

@@ -76,3 +76,14 @@ def test_one_lever_for_two_engines(signals, unmapped, severity):
     (finding,) = lever_findings(record, shared)
     assert finding.severity == severity
     assert lever_findings(record, signals) == []
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(POUND_FORCE, "N"), (1.0 / POUND_FORCE, "lbf"), (1e-3, "kN")]
+)
+@pytest.mark.parametrize("name", THRUSTS)
+def test_thrust_of_one_engine_in_another_unit(signals, aircraft, name, factor, unit):
+    wrong = signals.with_values({name: factor * signals[name]})
+    (finding,), _ = thrust_findings(wrong, aircraft)
+    assert finding.name == f"unit:{name}"
+    assert f"is in {unit} " in finding.text

@@ -51,7 +51,20 @@ def test_recorded_mass(signals, record, aircraft):
 @pytest.mark.parametrize("factor", [0.75, 1.35])
 def test_a_legitimate_error_is_not_reached(factor, signals, record, aircraft):
     """DATCOM and upwash of a vane are wrong by a quarter."""
-    assert weight_findings(scaled(signals, factor), aircraft, record)[0] == []
+    both = replace(aircraft, mass=factor * aircraft.mass)
+    assert weight_findings(scaled(signals, factor), both, record)[0] == []
+
+
+@pytest.mark.parametrize(
+    ("factor", "severity"), [(0.97, ""), (1.06, "note"), (1.1, "warning"), (0.9, "warning")]
+)
+def test_flown_at_another_mass_than_that_of_the_aircraft_file(
+    factor, severity, signals, record, aircraft
+):
+    findings, _ = weight_findings(scaled(signals, factor), aircraft, record)
+    assert [finding.severity for finding in findings] == [severity] * bool(severity)
+    for finding in findings:
+        assert f"{aircraft.mass:.5g} kg of the aircraft file" in finding.text
 
 
 def test_mass_of_the_aircraft_file(signals, record, aircraft):
@@ -68,7 +81,7 @@ def test_what_the_lift_does_not_show(signals, record, aircraft):
     found, why = weight_findings(signals.without(("alpha_vane",)), aircraft, record)
     assert (found, why) == ([], "not recorded: alpha_vane")
     still = signals.with_values({"alpha_vane": np.full_like(signals.time, 0.03)})
-    found, why = weight_findings(scaled(still, 1.8), aircraft, record)
+    found, why = weight_findings(scaled(still, 1.8), replace(aircraft, mass=1900.0), record)
     assert found == []
     assert "too little" in why
 

@@ -1,0 +1,1 @@
+"""Faults of a recording: exchanged surfaces, constant errors and lost samples."""

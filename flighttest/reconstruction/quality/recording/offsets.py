@@ -1,0 +1,245 @@
+"""Constant errors of gyros, accelerometers, attitude and flow angles.
+
+Relations of kinematics compare changes; a constant error of a channel shows in the mean of their two
+sides.  Limits lie above the constant errors of ordinary instruments, which a reconstruction
+estimates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from flightmech.units import DEGREE, G0
+from flighttest.reconstruction.quality.checks.relation_sides import (
+    bank_rate,
+    heading_rate,
+    pitch_rate,
+)
+from flighttest.reconstruction.quality.checks.relations import RELATIONS
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels
+from flighttest.reconstruction.quality.finding import Finding, map_entry
+
+# offsets that are reported; T-37, C182 and Citation flights have up to 0.06 deg/s, 0.16 and
+# 0.13 m/s2 (upwash: 1.4 deg)
+GYRO, FORCE, VERTICAL, FLOW = 0.5 * DEGREE, 0.35, 0.5, 2.5 * DEGREE  # rad/s, m/s2, m/s2, rad
+_SIGMAS = 3.0
+_BLOCKS = 8  # of the jackknife
+_SAME = 0.35  # share of an offset within which two relations show the same one
+_LEAST_SLIP = 0.5 * DEGREE  # standard deviation of sideslip that determines its zero
+_SLIP_CORRELATION = 0.9
+_EULER = {"phi_rate": bank_rate, "theta_rate": pitch_rate, "psi_rate": heading_rate}
+
+
+def gyro_offsets(signals: ResampledChannels) -> dict[str, tuple[float, float]]:
+    """Return the constant errors of the gyros that are larger than ordinary ones.
+
+    Parameters
+    ----------
+    signals : ResampledChannels
+        As recorded. A relation of attitude and rates with a wrong sign, unit or axis is not used.
+
+    Returns
+    -------
+    dict of (float, float)
+        By gyro: reading less true rate, and its standard error. [rad/s]
+    """
+    relations = {relation.name: relation for relation in RELATIONS}
+    used = []
+    for name in _EULER:
+        check = relations[name].compare(signals)
+        if check is not None and check.consistent:
+            used.append(name)
+    if not used:
+        return {}
+    needs: set[str] = set()
+    for name in used:
+        needs.update(relations[name].needs)
+    mask = signals.mask(tuple(sorted(needs)))
+    sf, cf = np.sin(signals["phi"][mask]), np.cos(signals["phi"][mask])
+    tangent, cosine = np.tan(signals["theta"][mask]), np.cos(signals["theta"][mask])
+    # rate of an Euler angle less that of the gyros = - row . (bias of p, q, r)
+    zero = np.zeros_like(sf)
+    rows = {
+        "phi_rate": (zero + 1.0, sf * tangent, cf * tangent),
+        "theta_rate": (zero, cf, -sf),
+        "psi_rate": (zero, sf / cosine, cf / cosine),
+    }
+    blocks = np.array_split(np.arange(mask.sum()), _BLOCKS)
+    normal, right = np.zeros((_BLOCKS, 3, 3)), np.zeros((_BLOCKS, 3))
+    for name in used:
+        first, second = _EULER[name](signals)
+        difference = (second - first)[mask]
+        X = np.stack(rows[name], axis=1)
+        for i, block in enumerate(blocks):
+            normal[i] += X[block].T @ X[block]
+            right[i] += X[block].T @ difference[block]
+    bias = np.linalg.lstsq(normal.sum(axis=0), right.sum(axis=0), rcond=1e-4)[0]
+    left_out = []
+    for i in range(_BLOCKS):
+        matrix, vector = normal.sum(axis=0) - normal[i], right.sum(axis=0) - right[i]
+        left_out.append(np.linalg.lstsq(matrix, vector, rcond=1e-4)[0])
+    stderr = np.sqrt((_BLOCKS - 1) * np.var(left_out, axis=0))
+    offsets = {}
+    for name, value, error in zip("pqr", bias.tolist(), stderr.tolist(), strict=True):
+        if name in signals and abs(value) > GYRO + _SIGMAS * error:
+            offsets[name] = (value, error)
+    return offsets
+
+
+def without_offsets(
+    signals: ResampledChannels, offsets: Mapping[str, tuple[float, float]]
+) -> ResampledChannels:
+    """Return the signals without constant errors of channels."""
+    changed = {name: signals[name] - value for name, (value, _) in offsets.items()}
+    return signals.with_values(changed) if changed else signals
+
+
+def gyro_findings(offsets: Mapping[str, tuple[float, float]], record: xr.DataTree) -> list[Finding]:
+    """Return the findings on the constant errors of `gyro_offsets`."""
+    findings = []
+    for name, (value, error) in offsets.items():
+        text = (
+            f"{name} reads {abs(value) / DEGREE:.2f} deg/s too {_side(value)} throughout (standard "
+            f"error {error / DEGREE:.2f} deg/s), by the rates of the attitude"
+        )
+        findings.append(_offset_finding((name,), value, text, record))
+    return findings
+
+
+def offset_findings(
+    table: pd.DataFrame, signals: ResampledChannels, record: xr.DataTree
+) -> list[Finding]:
+    """Return the findings on constant errors of accelerometers, attitude and flow angles.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Result of `kinematic_table`, sensors at the c.g.
+    signals : ResampledChannels
+        As `table`.
+    record : DataTree
+    """
+    offsets = {}
+    for relation, offset, rms in zip(table["relation"], table["offset"], table["rms"], strict=True):
+        # a mean of sides that differ by more than their mean is no constant error
+        if rms < abs(offset):
+            offsets[relation] = float(offset)
+    present = set(table["relation"])
+    findings = _pitch_findings(offsets, present, record)
+    sideways = offsets.get("force_y", 0.0)
+    if abs(sideways) > FORCE:
+        angle = sideways / G0
+        text = (
+            f"ay_imu reads {abs(sideways):.2f} m/s2 too {_side(sideways)} throughout by the ground "
+            f"velocity; or phi reads {abs(angle) / DEGREE:.1f} deg too {_side(angle)}"
+        )
+        finding = _offset_finding(("ay_imu", "phi"), sideways, text, record)
+        findings.append(
+            replace(finding, remedy=f"{finding.remedy}; or {map_entry(record, 'phi', 1.0, -angle)}")
+        )
+    relation, limit = ("force_z", FORCE) if "force_z" in present else ("vertical", VERTICAL)
+    downwards = offsets.get(relation, 0.0)
+    if abs(downwards) > limit:
+        text = f"az_imu reads {abs(downwards):.2f} m/s2 too {_side(downwards)} throughout"
+        findings.append(_offset_finding(("az_imu",), downwards, text, record))
+    return findings + _slip_findings(signals, record)
+
+
+def without_constant_errors(
+    signals: ResampledChannels, findings: list[Finding]
+) -> ResampledChannels:
+    """Return the signals without the constant errors of findings on their first channels."""
+    changed = {}
+    for finding in findings:
+        name = finding.channels[0]
+        changed[name] = signals[name] - finding.evidence["offset"]
+    return signals.with_values(changed)
+
+
+def _pitch_findings(
+    offsets: Mapping[str, float], present: set[str], record: xr.DataTree
+) -> list[Finding]:
+    """Return the finding on pitch attitude, forward force and angle of attack.
+
+    A pitch attitude too large by d shifts the forward force by -g d and the vane, against attitude
+    less climb, by -d.
+    """
+    forward, flow = offsets.get("force_x", 0.0), offsets.get("vane", 0.0)
+    by_force, by_flow = -forward / G0, -flow
+    large = abs(forward) > FORCE
+    if large and "vane" in present and abs(by_force - by_flow) < _SAME * abs(by_force):
+        text = (
+            f"theta reads {abs(by_force) / DEGREE:.1f} deg too {_side(by_force)} throughout, by the "
+            f"forward force and by the alpha vane"
+        )
+        return [_offset_finding(("theta",), by_force, text, record)]
+    findings = []
+    if large:
+        text = f"ax_imu reads {abs(forward):.2f} m/s2 too {_side(forward)} throughout"
+        if "vane" not in present:
+            text += f"; or theta reads {abs(by_force) / DEGREE:.1f} deg too {_side(by_force)}"
+        findings.append(_offset_finding(("ax_imu", "theta"), forward, text, record))
+    if abs(flow) > FLOW:
+        text = (
+            f"alpha_vane reads {abs(flow) / DEGREE:.1f} deg too {_side(flow)} throughout against "
+            f"attitude less climb"
+        )
+        if "force_x" not in present:
+            text += f"; or theta reads {abs(flow) / DEGREE:.1f} deg too {_side(-flow)}"
+        findings.append(_offset_finding(("alpha_vane", "theta"), flow, text, record))
+    return findings
+
+
+def _slip_findings(signals: ResampledChannels, record: xr.DataTree) -> list[Finding]:
+    """Return the finding on a beta vane that does not read zero where the side force is zero."""
+    needs = ("beta_vane", "ay_imu")
+    if not set(needs) <= set(signals.values):
+        return []
+    others = [name for name in ("p", "r", "delta_a", "delta_r") if name in signals]
+    mask = signals.mask((*needs, *others))
+    slip = signals["beta_vane"][mask]
+    if len(slip) < 10 * _BLOCKS or not np.std(slip) > _LEAST_SLIP:
+        return []
+    force = signals["ay_imu"][mask]
+    columns = [signals[name][mask] for name in others]
+    X = np.stack([np.ones_like(slip), slip, *columns], axis=1)
+    y = force
+    zeros = []
+    for block in np.array_split(np.arange(len(y)), _BLOCKS):
+        zeros.append(_slip_at_no_force(np.delete(X, block, axis=0), np.delete(y, block)))
+    theta = np.linalg.lstsq(X, y, rcond=1e-10)[0]
+    explained = 1.0 - float(np.var(y - X @ theta) / max(np.var(y), 1e-300))
+    value = _slip_at_no_force(X, y)
+    stderr = float(np.sqrt((_BLOCKS - 1) * np.var(zeros)))
+    # side force opposes sideslip
+    if theta[1] >= 0.0 or explained < _SLIP_CORRELATION:
+        return []
+    if not abs(value) > FLOW + _SIGMAS * stderr:
+        return []
+    text = (
+        f"beta_vane reads {abs(value) / DEGREE:.1f} deg too {_side(value)} throughout (standard "
+        f"error {stderr / DEGREE:.1f} deg): that is its reading without side force"
+    )
+    return [_offset_finding(("beta_vane", "ay_imu"), value, text, record)]
+
+
+def _slip_at_no_force(X: np.ndarray, y: np.ndarray) -> float:
+    theta = np.linalg.lstsq(X, y, rcond=1e-10)[0]
+    return float(-theta[0] / theta[1]) if theta[1] else 0.0
+
+
+def _side(value: float) -> str:
+    return "high" if value > 0.0 else "low"
+
+
+def _offset_finding(
+    channels: tuple[str, ...], value: float, text: str, record: xr.DataTree
+) -> Finding:
+    name = channels[0]
+    remedy = map_entry(record, name, 1.0, -value)
+    return Finding("warning", "offset", channels, text, remedy, evidence={"offset": value})

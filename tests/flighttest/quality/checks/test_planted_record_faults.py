@@ -1,0 +1,141 @@
+"""Exchanged surfaces, constant errors, lost samples and a wrong place of the accelerometers, planted
+into a multisine of the T-37.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import flightmech
+import flighttest
+from flightmech.units import DEGREE
+from flighttest.reconstruction.quality.checks.control_response import control_responses
+from flighttest.reconstruction.quality.checks.kinematic_consistency import kinematic_table
+from flighttest.reconstruction.quality.checks.relation_sides import ground_force
+from flighttest.reconstruction.quality.checks.samples import faults_of
+from flighttest.reconstruction.quality.checks.signals import at_cg, resample_channels
+from flighttest.reconstruction.quality.navigation.lever_arm import lever_arm_findings
+from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
+    answers_not_checked,
+    exchanged_findings,
+)
+from flighttest.reconstruction.quality.recording.lost_samples import lost_samples
+from flighttest.reconstruction.quality.recording.offsets import gyro_offsets, offset_findings
+from flighttest.records.sensors.instruments import instruments_of
+
+T37 = Path(__file__).parents[4] / "data" / "t37"
+NO_FAULTS = pd.DataFrame(columns=["leaf", "channel", "kind", "start", "stop", "samples", "note"])
+
+
+@pytest.fixture(scope="module")
+def record():
+    return flighttest.read(T37 / "flight" / "t37_10_multisine_clean_5kft.nc", T37 / "names.toml")
+
+
+@pytest.fixture(scope="module")
+def signals(record):
+    return resample_channels(record, faults_of(record))
+
+
+@pytest.fixture(scope="module")
+def position(record):
+    aircraft = flightmech.read_aircraft(T37 / "aircraft.toml")
+    stated = instruments_of(aircraft, record.attrs).of("ax_imu").position
+    return np.asarray(stated, float) - np.asarray(aircraft.cg, float)
+
+
+def exchanged(signals, one, other):
+    return signals.with_values({one: signals[other], other: signals[one]})
+
+
+def test_surfaces_in_their_columns(signals, record):
+    assert exchanged_findings(signals, record) == []
+    assert answers_not_checked(control_responses(signals), signals) == []
+
+
+@pytest.mark.parametrize(
+    "pair", [("delta_e", "delta_a"), ("delta_e", "delta_r"), ("delta_a", "delta_r")]
+)
+def test_exchanged_surfaces_are_named(signals, record, pair):
+    (finding,) = exchanged_findings(exchanged(signals, *pair), record)
+    assert (finding.severity, finding.name) == ("error", f"axis:{'+'.join(pair)}")
+
+
+def test_a_surface_that_moves_another_axis_only(signals, record):
+    still = np.zeros_like(signals.time)
+    one_sided = signals.with_values({"delta_e": signals["delta_a"], "delta_a": still})
+    (finding,) = exchanged_findings(one_sided, record)
+    assert (finding.severity, finding.channels[:2]) == ("warning", ("delta_e", "delta_a"))
+    assert "pitch does not answer" in finding.text
+
+
+def test_surface_at_rest_is_not_checked(signals):
+    still = signals.with_values({"delta_r": np.zeros_like(signals.time)})
+    rows = answers_not_checked(control_responses(still), still)
+    assert [row[0] for row in rows] == ["answer_delta_r"]
+
+
+@pytest.mark.parametrize("gyro", ["p", "q", "r"])
+def test_constant_error_of_a_gyro(signals, gyro):
+    assert gyro_offsets(signals) == {}
+    biased = signals.with_values({gyro: signals[gyro] + 1.0 * DEGREE})
+    offsets = gyro_offsets(biased)
+    assert list(offsets) == [gyro]
+    assert offsets[gyro][0] == pytest.approx(1.0 * DEGREE, abs=0.06 * DEGREE)
+
+
+@pytest.mark.parametrize(
+    ("channel", "error", "named"),
+    [
+        ("theta", 3.0 * DEGREE, "theta"),
+        ("alpha_vane", 4.0 * DEGREE, "alpha_vane"),
+        ("beta_vane", 4.0 * DEGREE, "beta_vane"),
+        ("phi", 3.0 * DEGREE, "ay_imu"),
+        ("ax_imu", 0.6, "ax_imu"),
+        ("az_imu", -0.8, "az_imu"),
+    ],
+)
+def test_constant_error_of_a_channel(signals, record, position, channel, error, named):
+    places = {"ax_imu": position}
+    right = at_cg(signals, places)
+    assert offset_findings(kinematic_table(right), right, record) == []
+    wrong = at_cg(signals.with_values({channel: signals[channel] + error}), places)
+    (finding,) = offset_findings(kinematic_table(wrong), wrong, record)
+    assert finding.channels[0] == named
+    assert channel in finding.channels
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_place_of_the_accelerometers(signals, position, axis):
+    places = {"ax_imu": position}
+    right = at_cg(signals, places)
+    assert lever_arm_findings(ground_force(right), right, places) == ([], [])
+    wrong = position + 3.0 * np.eye(3)[axis]
+    moved = at_cg(signals, {"ax_imu": wrong})
+    (finding,), _ = lever_arm_findings(ground_force(moved), moved, {"ax_imu": wrong})
+    error = np.array(finding.evidence["position"]) - position
+    assert np.all(np.abs(error) < 0.8)
+    assert f"stated {wrong[axis]:.2f} m" in finding.text
+
+
+def without(record, start, seconds):
+    """Return a record that lost samples and counts its time on."""
+    leaves = {"/": xr.Dataset(attrs=record.attrs)}
+    for leaf, node in record.children.items():
+        data = node.to_dataset()
+        time = data["time"].values
+        kept = np.flatnonzero((time < start) | (time >= start + seconds))
+        leaves[f"/{leaf}"] = data.isel(time=kept).assign_coords(time=time[: len(kept)])
+    return xr.DataTree.from_dict(leaves)
+
+
+@pytest.mark.parametrize("seconds", [0.2, 1.0, 5.0])
+def test_lost_samples_are_placed(record, seconds):
+    assert lost_samples(record, NO_FAULTS)[0] == []
+    findings, flags = lost_samples(without(record, 20.0, seconds), NO_FAULTS)
+    assert findings
+    assert all(finding.start == pytest.approx(20.0, abs=0.2) for finding in findings)
+    assert set(flags["kind"]) == {"lost"}
