@@ -49,7 +49,7 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
             for name in _CHANNELS:
                 if name in data:
                     signals[name] = data[name].values.astype(float)
-        names, time = list(signals), record[leaves[0]]["time"].values
+        names, time = list(signals), _clock_of(record, leaves[0])
         if len(names) < _TOGETHER or len(time) < 8 * _SIDE:
             continue
         scores = _jump_scores(signals, time)
@@ -83,15 +83,20 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
 def _leaves_by_clock(record: xr.DataTree) -> list[list[str]]:
     """Return the names of the leaves, those with the same times together."""
     groups: list[list[str]] = []
-    for leaf, node in record.children.items():
-        time = node["time"].values
+    for leaf in record.children:
+        time = _clock_of(record, leaf)
         for group in groups:
-            if np.array_equal(record[group[0]]["time"].values, time):
+            if np.array_equal(_clock_of(record, group[0]), time):
                 group.append(leaf)
                 break
         else:
             groups.append([leaf])
     return groups
+
+
+def _clock_of(record: xr.DataTree, leaf: str) -> np.ndarray:
+    """Return the times of a leaf. [s]"""
+    return record[leaf].to_dataset()["time"].values
 
 
 def _jump_scores(signals: dict[str, np.ndarray], time: np.ndarray) -> np.ndarray:
