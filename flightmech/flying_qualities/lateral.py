@@ -197,7 +197,7 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
         start = point.trim_level(1.2 * slowest)
         failed = max(outer, key=lambda k: _control_share(start, k))
         text = (
-            f"engine {failed + 1} windmills without fuel, the others full; bank 5 deg towards "
+            f"engine {failed + 1} windmills without power, the others full; bank 5 deg towards "
             f"them; with torque, without P-factor"
         )
 

@@ -57,7 +57,7 @@ _ABOVE_RUNWAY = TrimLimits(-20.0, 50.0, 10.0)
 
 
 def stopping_values(engine: str, sim: SimModel) -> dict[str, float]:
-    """Return inputs and parameters that take the fuel from an engine that the lever drives.
+    """Return inputs and parameters that take the power from an engine that the lever drives.
 
     Parameters
     ----------
@@ -67,9 +67,10 @@ def stopping_values(engine: str, sim: SimModel) -> dict[str, float]:
     """
     if f"{engine}.cutoff" in sim.inputs:
         return {f"{engine}.cutoff": 1.0}
-    # an engine of a table alone has no fuel
+    # An engine of a table alone has no fuel, and a motor has neither: its lever is closed.
     names = [f"term.{engine}.{table}" for table in _POWER_TABLES]
-    return dict.fromkeys([name for name in names if name in sim.parameters], 0.0)
+    names = [name for name in names if name in sim.parameters]
+    return dict.fromkeys(names or [f"{engine}.throttle"], 0.0)
 
 
 class Request(NamedTuple):

@@ -37,7 +37,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import xarray as xr
 from pydantic import Field
@@ -59,6 +59,8 @@ from flighttest.maximum_likelihood.nonlinear.kernel_flights import COORDINATES
 from flighttest.maximum_likelihood.unknowns import Unknown
 
 _Number = float | str
+# Standard error and bounds of an unknown may be infinite: those are the defaults.
+_Unbounded = Annotated[float, Field(allow_inf_nan=True)] | str
 _AS_RECORDED = "init"  # parameters whose start is the first sample of the record
 
 # unit and start value of a parameter; None if the record gives the start
@@ -77,9 +79,9 @@ class ParameterTable(Strict):
     """One unknown."""
 
     start: _Number | None = None
-    sigma: _Number = math.inf
-    low: _Number = -math.inf
-    high: _Number = math.inf
+    sigma: _Unbounded = math.inf
+    low: _Unbounded = -math.inf
+    high: _Unbounded = math.inf
     own: bool = False
 
 

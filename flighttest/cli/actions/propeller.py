@@ -17,6 +17,7 @@ from flightmech.support.hdf5_seal import decoding_errors
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.records.record import read
 from flighttest.records.signals.conditioning import cut_whole
+from flighttest.remarks import is_forbidden
 from flighttest.submodels.engine.propellers.identification import identify_propeller
 from flighttest.submodels.engine.static_thrust import Polar
 
@@ -80,10 +81,11 @@ def run_propeller(
         write_aircraft(found.aircraft(aircraft), Path(output))
     if as_json:
         print_json(found.as_dict() | {"file": output})
-        return
-    click.echo(found.report())
-    if output:
-        click.echo(f"\nwritten: {output}")
+    else:
+        click.echo(found.report())
+        if output:
+            click.echo(f"\nwritten: {output}")
+    click.get_current_context().exit(1 if is_forbidden(found.remarks) else 0)
 
 
 def _read_record(path: str, names: str | None, rate: float) -> xr.Dataset:

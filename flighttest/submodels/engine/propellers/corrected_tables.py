@@ -40,11 +40,6 @@ def from_flight(
     return leaf
 
 
-def with_source_of(leaf: xr.Dataset, prior: xr.Dataset) -> xr.Dataset:
-    """Return a table with the sources of the a-priori one: judgement, if it has none."""
-    return from_flight(prior, leaf["value"], leaf["stderr"], np.zeros(leaf["value"].shape, bool))
-
-
 def replace_parts(
     engine: Engine, tables: Mapping[str, xr.Dataset], constants: Mapping[str, float]
 ) -> Engine:

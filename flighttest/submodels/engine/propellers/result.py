@@ -35,7 +35,6 @@ from flighttest.submodels.engine.propellers.corrected_tables import (
     from_flight,
     fuel_tables,
     replace_parts,
-    with_source_of,
 )
 from flighttest.submodels.engine.propellers.corrections import (
     FlownRange,
@@ -174,7 +173,7 @@ class PropellerFit(PrintedResult):
     def tables(self) -> dict[str, xr.Dataset]:
         """Return the corrected tables of propeller and engine by target, with standard errors.
 
-        Their source is the flight, unless a remark forbids their use: then it is that of the prior.
+        If a remark forbids their use, they are the a-priori tables.
         """
         tables = self._corrected_tables()
         if not is_forbidden(self.remarks):
@@ -182,7 +181,7 @@ class PropellerFit(PrintedResult):
         priors = dict(self.equations.propeller.tables)
         priors.update(self.equations.power_tables())
         priors.update(fuel_tables(self.equations.engine))
-        return {name: with_source_of(leaf, priors[name]) for name, leaf in tables.items()}
+        return {name: priors[name] for name in tables}
 
     def _corrected_tables(self) -> dict[str, xr.Dataset]:
         tables = {}
