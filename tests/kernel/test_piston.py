@@ -372,23 +372,28 @@ def test_lever_trims_from_a_flat_chart(make_aircraft, make_tree):
     assert float(again["engine1.thrust"]) == pytest.approx(float(one["engine1.thrust"]), rel=1e-4)
 
 
-def test_a_failed_engine_with_a_table_of_power_windmills(make_aircraft, make_tree):
-    """It has no fuel to cut off: its power is taken away."""
-    power = make_term([0.0, 2e5], {"throttle": [0.0, 1.0]})
-    blades = Propeller(BLADES | {"shaft_power": power}, diameter=D, inertia=2.0, rpm_high=RATED)
-    engines = tuple(Engine((1.0, y, 0.0), propeller=blades) for y in (-1.5, 1.5))
+@pytest.mark.parametrize("motor", [None, MOTOR], ids=["table", "motor"])
+def test_a_failed_engine_without_fuel_windmills(make_aircraft, make_tree, motor):
+    """It has no fuel to cut off: its power is taken away, or its lever is closed."""
+    tables = dict(BLADES)
+    if motor is None:
+        tables["shaft_power"] = make_term([0.0, 2e5], {"throttle": [0.0, 1.0]})
+    blades = Propeller(tables, diameter=D, inertia=2.0, rpm_high=RATED)
+    engines = tuple(Engine((1.0, y, 0.0), propeller=blades, motor=motor) for y in (-1.5, 1.5))
     sim = flightmech.compile(
         make_aircraft(engines=engines), make_tree({"CD/basic": make_term(0.0)})
     )
     found = flightmech.trim(
         sim,
-        {"init.V": 55.0},
+        {"init.V": 55.0, "engine1.throttle": 0.9},
         unknowns=["alpha"],
         residuals=["p_dot"],
         fixed={"engine1.failed": 1.0},
     )
-    assert float(found["engine1.torque"]) == pytest.approx(0.0, abs=1e-6)
-    assert float(found["engine1.rpm"]) > 50.0
+    assert float(found["engine1.thrust"]) < 0.0
+    if motor is None:
+        assert float(found["engine1.torque"]) == pytest.approx(0.0, abs=1e-6)
+        assert float(found["engine1.rpm"]) > 50.0
 
 
 def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, make_tree):
@@ -423,7 +428,7 @@ def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, m
         assert thrust[k] == pytest.approx(T, rel=0.03)
         assert torque[k] == pytest.approx(Q, rel=0.03, abs=1e-3)
     (row,) = minimum_control_speed(level, 30.0)
-    assert "windmills without fuel" in row.remark
+    assert "windmills without power" in row.remark
     assert 30.0 < row.value < 70.0
     assert full_loads(level)[0][0] > 0.0
 

@@ -303,7 +303,8 @@ def test_drag_of_a_feathered_propeller_comes_back():
     area, error, count = fit.drag_of_propellers()["feathered"]
     assert count == 8
     assert abs(area - 1.4 * 2.0 * 2.4**2 * 0.004) < 3.0 * error
-    ratio = fit.tables()["CT_prop"]["value"].values[1:, 2] / CT[1:, 2]
+    # the made-up torque is not that of the tables, which forbids the use of the result
+    ratio = fit._corrected_tables()["CT_prop"]["value"].values[1:, 2] / CT[1:, 2]
     np.testing.assert_allclose(ratio, 1.0 + estimate)
 
 
