@@ -11,7 +11,7 @@ fuel, or of the table of shaft power.  A blade angle that is not recorded follow
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Hashable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -124,7 +124,7 @@ def shaft_speed(columns: Mapping[str, np.ndarray], engine: Engine, number: int) 
     )
 
 
-def has_shaft_speed(names: Container[str], number: int) -> bool:
+def has_shaft_speed(names: Container[Hashable], number: int) -> bool:
     """Return whether the speed of a propeller is among the names of channels."""
     return f"engine{number}.rpm" in names or f"engine{number}.engine_rpm" in names
 

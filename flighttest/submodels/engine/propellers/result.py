@@ -179,8 +179,11 @@ class PropellerFit(PrintedResult):
         tables = self._corrected_tables()
         if not is_forbidden(self.remarks):
             return tables
-        priors = self.equations.propeller.tables | self.equations.power_tables()
-        priors |= fuel_tables(self.equations.engine)
+        priors = {
+            **self.equations.propeller.tables,
+            **self.equations.power_tables(),
+            **fuel_tables(self.equations.engine),
+        }
         return {name: with_source_of(leaf, priors[name]) for name, leaf in tables.items()}
 
     def _corrected_tables(self) -> dict[str, xr.Dataset]:
