@@ -271,7 +271,8 @@ def _share_on_one_engine(point: Point, V: float, failed: int) -> float:
     for name in ("init.gamma", "init.phi"):
         start.pop(name, None)
     flown = trim(point.sim, start, kind="engine_out", fixed=fixed)
-    if not flown.attrs["converged"] and _LATERAL_CONTROLS & set(flown.attrs["at_limit"].split()):
+    stopped = set(flown.attrs["at_limit"].split())
+    if not flown.attrs["converged"] and _LATERAL_CONTROLS & stopped and "alpha" not in stopped:
         return float("inf")
     shares = []
     for name in ("delta_a", "delta_r"):
