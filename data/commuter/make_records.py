@@ -342,7 +342,7 @@ PROGRAMME = {
     "check_one_engine_climb": (
         115.0,
         3000.0,
-        [("hold", 25.0)],
+        [("hold", 115.0)],
         {"failed": 1, "lever": 1.0, "climbs": True},
     ),
 }

@@ -18,9 +18,10 @@ from flightmech.flying_qualities.control_forces import (
     missing_for_force,
 )
 from flightmech.simulation.run import simulate
-from flightmech.steady_flight.engine_thrust import NO_THRUST, full_loads, has_thrust
+from flightmech.steady_flight.engine_thrust import NO_THRUST, full_thrust, has_thrust
 from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import Point
+from flightmech.steady_flight.trim_search import trim
 from flightmech.support.arrays import integrate_trapezoids
 from flightmech.units import DEGREE
 
@@ -41,6 +42,8 @@ _FASTEST, _SPEED_COUNT, _SPEED_TOLERANCE = 3.0, 25, 1e-4
 _LEAST_ARM = 0.01
 # Relative difference of the arms of engines that are equally far from the centre line.
 _SAME_ARM = 0.01
+# Lateral controls whose stop ends the flight with a failed propeller.
+_LATERAL_CONTROLS = {"delta_a", "delta_r", "wheel", "pedal"}
 
 
 def sideslip_rows(point: Point) -> list[Characteristic]:
@@ -170,8 +173,9 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
     """Return the minimum control speed with the critical engine inoperative, as a row.
 
     It is the lowest speed at which rudder and ailerons balance the asymmetric thrust with 5 degrees
-    of bank. Propellers: the failed one windmills, and the torque of all is balanced too; P-factor
-    and force in the disk are not, and neither are rotors.
+    of bank. With propellers each speed is a straight flight on one engine at full throttle
+    (``engine_out`` of `flightmech.trim`): the failed propeller windmills, and torque, P-factor and
+    force in the disk of all are balanced too.
 
     Parameters
     ----------
@@ -187,22 +191,20 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
         return absent_rows(ROLL, names, reason)
     farthest = float(np.max(np.abs(arms)))
     failed = int(np.argmax(np.abs(arms)))
+    outer = [k for k, arm in enumerate(arms) if abs(arm) > (1.0 - _SAME_ARM) * farthest]
+    propellers = point.aircraft.engines[0].propeller is not None
     text = (
         f"engine {failed + 1} gives no thrust, the others full; bank 5 deg towards them; "
         f"without windmilling drag"
     )
-    if point.aircraft.engines[0].propeller is not None:
-        # torque and roll make one of two propellers at equal arms the critical one
-        outer = [k for k, arm in enumerate(arms) if abs(arm) > (1.0 - _SAME_ARM) * farthest]
-        start = point.trim_level(1.2 * slowest)
-        failed = max(outer, key=lambda k: _control_share(start, k))
-        text = (
-            f"engine {failed + 1} windmills without power, the others full; bank 5 deg towards "
-            f"them; with torque, without P-factor"
-        )
+    if propellers:
+        text = "one engine windmills without power, the others full; bank 5 deg towards them"
 
     def is_controllable(V: float) -> bool:
-        return _control_share(point.trim_level(V), failed) <= 1.0
+        if not propellers:
+            return _control_share(point.trim_level(V), failed) <= 1.0
+        # torque and P-factor make one of two engines at equal arms the critical one
+        return all(_share_on_one_engine(point, V, k) <= 1.0 for k in outer)
 
     # the highest speed of a grid at which the controls are not enough, and the next speed
     highest = _FASTEST * slowest
@@ -226,6 +228,9 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
             high = middle
         else:
             low = middle
+    if propellers:
+        critical = max(outer, key=lambda k: _share_on_one_engine(point, high, k))
+        text = text.replace("one engine", f"engine {critical + 1}")
     return [Characteristic(ROLL, "minimum_control_speed", high, units="m s-1", remark=text)]
 
 
@@ -247,21 +252,48 @@ def _missing_for_control_speed(point: Point, arms: list[float]) -> str:
     return ""
 
 
+def _share_on_one_engine(point: Point, V: float, failed: int) -> float:
+    """Return the larger share of aileron and rudder travel in the flight with a failed propeller.
+
+    It is infinite if a stop of these controls is in the way. A flight that another limit makes
+    impossible (stall, elevator) has the share at which the search ended.
+    """
+    craft = point.aircraft
+    side = -1.0 if craft.engines[failed].position[1] > point.cg[1] else 1.0
+    _, highest_lever = craft.limits.get("throttle", (0.0, 1.0))
+    lever = highest_lever - point.parameter("bias.throttle")
+    fixed = {f"engine{failed + 1}.failed": 1.0, "phi": side * _BANK}
+    for k in range(len(craft.engines)):
+        if k != failed:
+            fixed[f"engine{k + 1}.throttle"] = lever
+    # the climb angle follows from the power
+    start = {**point.parameters, "init.V": V, "mode.engine": 0.0}
+    for name in ("init.gamma", "init.phi"):
+        start.pop(name, None)
+    flown = trim(point.sim, start, kind="engine_out", fixed=fixed)
+    stopped = set(flown.attrs["at_limit"].split())
+    if not flown.attrs["converged"] and _LATERAL_CONTROLS & stopped and "alpha" not in stopped:
+        return float("inf")
+    shares = []
+    for name in ("delta_a", "delta_r"):
+        shares.append(_travel_share(float(flown[f"applied.{name}"]), craft.limits[name]))
+    return max(shares)
+
+
 def _control_share(flight: Point, failed: int) -> float:
-    """Return the larger share of aileron and rudder travel that balances an engine failure.
+    """Return the larger share of aileron and rudder travel that balances a jet without thrust.
 
     It is infinite if no deflection balances the asymmetric thrust.
     """
     craft = flight.aircraft
     # the bank is towards the running engines
     side = -1.0 if craft.engines[failed].position[1] > flight.cg[1] else 1.0
-    thrusts, torques = full_loads(flight, failed)
+    thrusts = full_thrust(flight)
+    thrusts[failed] = 0.0
     moment = np.zeros(3)
-    for engine, thrust, torque in zip(craft.engines, thrusts, torques, strict=True):
-        line = np.array(engine.direction)
-        moment += np.cross(np.array(engine.position) - flight.cg, thrust * line)
-        if engine.propeller is not None:
-            moment -= engine.propeller.rotation * torque * line
+    for engine, thrust in zip(craft.engines, thrusts, strict=True):
+        arm = np.array(engine.position) - flight.cg
+        moment += np.cross(arm, thrust * np.array(engine.direction))
     power = flight.thrust_variables(thrusts)
     # side force of gravity and moments of the thrust over qbar S and qbar S b
     qS = flight["qbar"] * craft.S

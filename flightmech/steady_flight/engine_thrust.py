@@ -11,7 +11,6 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.engine import list_leaves
 from flightmech.simulation.run import constant_inputs, initialise_run
 from flightmech.steady_flight.trim_point import Point
-from flightmech.steady_flight.trim_request import stopping_values
 
 NO_THRUST = "the aircraft file gives an engine neither a thrust table nor a deck nor a propeller"
 # Tables of a deck that decide the thrust at full throttle: thrust and governed spool speeds.
@@ -65,25 +64,6 @@ def full_thrust(flight: Point) -> np.ndarray:
 
     The spools have settled.
     """
-    return full_loads(flight)[0]
-
-
-def full_loads(flight: Point, failed: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the net thrust [N] and the torque of the propeller [N m] of each engine, settled.
-
-    Parameters
-    ----------
-    flight : Point
-        Gives speed, height and attitude.
-    failed : int, optional
-        Index of an engine without fuel. Its propeller windmills; an engine without a propeller
-        gives no thrust. The others are at full throttle.
-
-    Returns
-    -------
-    thrust, torque : array (engine,)
-        Torques of engines without a propeller are zero.
-    """
     numbers = range(1, len(flight.aircraft.engines) + 1)
     # The bias of the lever is added by the kernel. It is subtracted here, so that the lever ends
     # at its limit.
@@ -93,16 +73,9 @@ def full_loads(flight: Point, failed: int | None = None) -> tuple[np.ndarray, np
     attitude = {"init.alpha": flight["alpha"], "init.beta": flight["beta"]}
     # mode.engine 0: levers drive the engines; mode.trim 0: the flight starts in the state of init.*
     values = {**flight.parameters, **attitude, **levers, "mode.engine": 0.0, "mode.trim": 0.0}
-    windmills = failed is not None and flight.aircraft.engines[failed].propeller is not None
-    if failed is not None and windmills:
-        values |= stopping_values(f"engine{failed + 1}", flight.sim)
-    run = initialise_run(flight.sim, values, constant_inputs(flight.sim, values))
-    outputs = dict(zip(flight.sim.outputs, run.outputs()))
-    thrust = np.array([outputs[f"engine{number}.thrust"] for number in numbers])
-    torque = np.array([outputs.get(f"engine{number}.torque", 0.0) for number in numbers])
-    if failed is not None and not windmills:
-        thrust[failed] = 0.0
-    return thrust, torque
+    outputs = initialise_run(flight.sim, values, constant_inputs(flight.sim, values)).outputs()
+    indices = [flight.sim.outputs.index(f"engine{number}.thrust") for number in numbers]
+    return np.array([outputs[index] for index in indices])
 
 
 def thrust_over_height(aircraft: Aircraft) -> Heights:

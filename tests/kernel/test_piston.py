@@ -14,7 +14,6 @@ from flightmech.aircraft import ElectricMotor, Engine, PistonEngine, Propeller
 from flightmech.errors import SchemaError
 from flightmech.flying_qualities.lateral import minimum_control_speed
 from flightmech.simulation.kernel import STATE, Simulation
-from flightmech.steady_flight.engine_thrust import full_loads
 from flightmech.steady_flight.trim_point import trimmed_at
 from flightmech.terms import make_term
 
@@ -397,9 +396,14 @@ def test_a_failed_engine_without_fuel_windmills(make_aircraft, make_tree, motor)
 
 
 def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, make_tree):
-    """Loads of the failed and of the full engine are those of the trim on one engine."""
+    """Moments by hand at the speed found: thrust, drag, torque and P-factor; the rudder is full."""
     power = make_term([0.0, 2e5], {"throttle": [0.0, 1.0]})
-    blades = Propeller(BLADES | {"shaft_power": power}, diameter=D, inertia=2.0, rpm_high=RATED)
+    oblique = {
+        "CN_prop": make_term([0.08, 0.08], {"J": J}),
+        "CM_prop": make_term([0.03, 0.03], {"J": J}),
+    }
+    tables = BLADES | {"shaft_power": power} | oblique
+    blades = Propeller(tables, diameter=D, inertia=2.0, rpm_high=RATED)
     engines = tuple(Engine((0.0, y, 0.0), propeller=blades) for y in (-1.5, 1.5))
     limits = dict.fromkeys(("delta_e", "delta_a", "delta_r"), (-0.4, 0.4))
     craft = make_aircraft(
@@ -417,20 +421,28 @@ def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, m
         "Cl/aileron": make_term(-0.1, regressors=["delta_a"]),
     }
     level = trimmed_at(craft, make_tree(leaves), {"V": 55.0, "h": 1000.0})
-    thrust, torque = full_loads(level, failed=0)
-    assert thrust[0] < 0.0 < thrust[1]
-    start = {"init.V": 55.0, "init.h": 1000.0, "init.alpha": level["alpha"], "mode.engine": 0.0}
-    fixed = {"engine1.failed": 1.0, "engine2.throttle": 1.0}
-    flown = flightmech.trim(level.sim, start, unknowns=["beta"], residuals=["r_dot"], fixed=fixed)
-    # the trim has a sideslip
-    for k in (0, 1):
-        T, Q = (float(flown[f"engine{k + 1}.{name}"]) for name in ("thrust", "torque"))
-        assert thrust[k] == pytest.approx(T, rel=0.03)
-        assert torque[k] == pytest.approx(Q, rel=0.03, abs=1e-3)
     (row,) = minimum_control_speed(level, 30.0)
     assert "windmills without power" in row.remark
-    assert 30.0 < row.value < 70.0
-    assert full_loads(level)[0][0] > 0.0
+    failed = int(row.remark.split()[1]) - 1
+    bank = np.radians(5.0) * (1.0 if failed == 0 else -1.0)
+    fixed = {f"engine{failed + 1}.failed": 1.0, f"engine{2 - failed}.throttle": 1.0, "phi": bank}
+    start = {"init.V": row.value, "init.h": 1000.0, "mode.engine": 0.0, "mode.earth": 0.0}
+    flown = flightmech.trim(level.sim, start, kind="engine_out", fixed=fixed)
+    y = {str(name): float(x) for name, x in flown.items() if x.ndim == 0}
+    T = [y["engine1.thrust"], y["engine2.thrust"]]
+    assert T[failed] < 0.0 < T[1 - failed]
+    assert max(abs(y["applied.delta_r"]), abs(y["applied.delta_a"])) == pytest.approx(0.4, rel=1e-3)
+    # force in the disk and P-factor of each propeller, per sine of the angle of attack [N, N m]
+    rho, climb = float(air.atmosphere(1000.0).rho), np.sin(y["alpha"]) * np.cos(y["beta"])
+    n = np.array([y["engine1.rpm"], y["engine2.rpm"]]) / (2.0 * np.pi)
+    disk, turn = 0.08 * rho * n**2 * D**4, 0.03 * rho * n**2 * D**5
+    qSb = y["qbar"] * craft.S * craft.b
+    yaw = 0.1 * y["beta"] - 0.03 * y["applied.delta_r"]
+    assert turn.sum() * climb > 0.05 * abs(qSb * yaw)
+    assert qSb * yaw == pytest.approx(1.5 * (T[1] - T[0]) + turn.sum() * climb, rel=1e-3)
+    torque = y["engine1.torque"] + y["engine2.torque"]
+    roll = -0.1 * y["beta"] - 0.1 * y["applied.delta_a"]
+    assert qSb * roll == pytest.approx(torque + 1.5 * (disk[1] - disk[0]) * climb, rel=1e-3)
 
 
 def test_speed_is_a_state_of_the_linear_model(make_aircraft, make_tree):

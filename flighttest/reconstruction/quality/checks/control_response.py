@@ -45,6 +45,7 @@ _FLOW_DELAYS = np.arange(0.1, 3.05, 0.1)  # s, of a flow angle behind which a si
 _LESS = 0.8  # share of the unexplained variance that such a delay may leave
 _MOVES = 0.05 * DEGREE  # rms of quick movement that makes an input
 _SMALLEST_SPEED = 0.3  # of the median speed, below which the dynamic pressure is limited
+_ENDS = 1.0  # s at the ends of a record, in which the filters lack what lies beyond
 _COLUMNS = (
     "surface",
     "rate",
@@ -132,7 +133,7 @@ def control_responses(signals: ResampledChannels) -> pd.DataFrame:
         - effect: angular acceleration per radian at the mean dynamic pressure of the flight, with
           the surface at the time at which it acts [s-2].
         - stderr: standard error of the effect, with coloured residuals [s-2].
-        - movement: range between 0.5 and 99.5 % [rad].
+        - movement: range between 0.5 and 99.5 % without the ends of the record [rad].
         - lead: time by which the surface is recorded before it acts [s].
         - lead_stderr: standard error of the lead, infinite at the end of the search (bound) [s].
         - gained: R2 that the lead gains; explained: R2 with that lead. Both are about the
@@ -223,6 +224,12 @@ def _prepare_regression(equation: Equation, signals: ResampledChannels) -> _Regr
     mask = signals.mask((equation.rate, *names, equation.surface))
     if mask.sum() * signals.step < SHORTEST:
         return None
+    # A movement that began before the record looks like a surface at another time: the filters
+    # take the first and the last sample for all samples beyond.
+    inner, ends = mask.copy(), round(_ENDS / signals.step)
+    inner[:ends] = inner[-ends:] = False
+    if inner.sum() * signals.step >= SHORTEST:
+        mask = inner
     deflection = signals[equation.surface][mask]
     if np.ptp(deflection) == 0.0 or np.ptp(signals[equation.rate][mask]) == 0.0:
         return None
@@ -278,7 +285,7 @@ def _flow_delay(data: _Regression, most: float) -> float:
 
 def _about_movements(surface: np.ndarray, mask: np.ndarray, step: float) -> np.ndarray:
     """Return the samples about the larger quick movements of a surface."""
-    large = np.abs(surface) > _ACTIVE * np.percentile(np.abs(surface[mask]), 99.5)
+    large = mask & (np.abs(surface) > _ACTIVE * np.percentile(np.abs(surface[mask]), 99.5))
     width = 2 * min(round(_AROUND / step), (len(large) - 1) // 2) + 1
     return np.convolve(large, np.ones(width), mode="same") > 0.5
 

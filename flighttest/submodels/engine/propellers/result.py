@@ -178,9 +178,11 @@ class PropellerFit(PrintedResult):
         tables = self._corrected_tables()
         if not is_forbidden(self.remarks):
             return tables
-        priors = dict(self.equations.propeller.tables)
-        priors.update(self.equations.power_tables())
-        priors.update(fuel_tables(self.equations.engine))
+        priors = {
+            **self.equations.propeller.tables,
+            **self.equations.power_tables(),
+            **fuel_tables(self.equations.engine),
+        }
         return {name: priors[name] for name in tables}
 
     def _corrected_tables(self) -> dict[str, xr.Dataset]:

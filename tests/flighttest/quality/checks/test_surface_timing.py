@@ -8,7 +8,21 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from flighttest.reconstruction.quality.checks.surface_timing import LONGEST, surface_timing
+from flightmech.units import DEGREE
+from flighttest.reconstruction.quality.checks.control_response import (
+    control_responses,
+    is_displaced,
+)
+from flighttest.reconstruction.quality.checks.signals import (
+    BAND,
+    ResampledChannels,
+    lowpass_if_possible,
+)
+from flighttest.reconstruction.quality.checks.surface_timing import (
+    LONGEST,
+    SurfaceTiming,
+    surface_timing,
+)
 
 STEP = 0.05
 TIME = np.arange(0.0, 20.0, STEP)
@@ -59,3 +73,39 @@ def test_a_sine_shows_either_sign_or_half_a_period():
     late = surface_timing(y[mask], [], np.sin(2.0 * np.pi * (TIME - 0.24)), TIME, mask)
     assert late.sign == 0
     assert sorted((abs(late.lead), abs(late.other))) == pytest.approx([0.24, 0.26], abs=0.02)
+
+
+def test_a_movement_from_before_the_record_has_no_time():
+    """A pilot takes the ailerons at the begin of the record. With its first second they would look
+    143 (20) ms early, with 0.05 of R2 and 1.1 deg of movement.
+    """
+    fine, aileron, p, phi = 0.0025, -0.07, 0.0135, 0.0
+    rows = []
+    for _ in range(round(30.0 / fine)):
+        wanted = -0.035 - 0.9 * (0.05 - phi) + 0.5 * p
+        aileron += np.clip(wanted - aileron, -0.7 * fine, 0.7 * fine)
+        p += fine * (-3.5 * p - 8.0 * (aileron + 0.035))
+        phi += fine * p
+        rows.append((p, aileron))
+    steps = round(STEP / fine)
+    motion = np.array(rows[steps - 1 :: steps])
+    noise = np.random.default_rng(0).standard_normal((4, len(motion))) * DEGREE
+    values = {"p": motion[:, 0] + 0.03 * noise[0], "r": 0.03 * noise[3]}
+    values["beta_vane"] = 0.08 * noise[2]
+    filtered = {name: lowpass_if_possible(x, STEP, BAND) for name, x in values.items()}
+    filtered["delta_a"] = motion[:, 1] + 0.03 * noise[1]
+    valid = np.ones(len(motion), bool)
+    signals = ResampledChannels(
+        STEP * np.arange(len(motion)),
+        filtered,
+        good=dict.fromkeys(filtered, valid),
+        flying=valid,
+        step=STEP,
+    )
+    (row,) = control_responses(signals).itertuples()
+    assert row.effect < 0.0
+    assert row.movement < 0.7 * DEGREE
+    timing = SurfaceTiming(
+        row.lead, row.lead_stderr, row.gained, row.explained, row.bound, row.sign, row.other
+    )
+    assert not is_displaced(timing, row.movement)
