@@ -22,6 +22,7 @@ from aeromatch.project.sections import (
     StallSection,
     repeated_records,
 )
+from aeromatch.workbench.fit_request import validate_request
 from aeromatch.workflow import submodels
 from aeromatch.workflow.windows import raise_problems, spans_of
 from flightmech.aircraft.aircraft import Aircraft
@@ -250,6 +251,13 @@ def test_a_part_of_a_record_is_taken_once(selections, found):
     taken = [RecordSelection(records=("a",), **one) for one in selections]
     spans_of("fit 'pitch'", taken, {"a": pd.DataFrame([row])}, problems)
     assert problems == [f"fit 'pitch', record a: {text}" for text in found]
+
+
+def test_a_fit_of_the_workbench_takes_a_window_once():
+    windows = [{"record": name, "start": 0.0, "end": 8.0} for name in ("a", "b")]
+    assert len(validate_request({"windows": windows, "model": "Cm = 1"}).windows) == 2
+    with pytest.raises(SchemaError, match=r"b: 0 \.\.\. 8 s is taken twice; take it once"):
+        validate_request({"windows": [*windows, windows[1]], "model": "Cm = 1"})
 
 
 def test_a_fit_takes_a_record_once(tmp_path):
