@@ -62,7 +62,7 @@ def write_key_command() -> None:
 @click.option(
     "--trusted-key",
     "trusted_keys",
-    type=InputFile(path_type=Path),
+    type=InputFile(path_type=Path, may_repeat=True),
     multiple=True,
     help="Public key of a known maker; the package must be signed by one of them.",
 )

@@ -287,6 +287,7 @@ class Project(Strict):
         problems: list[str] = []
         for number, fit in enumerate(self.fit):
             problems += self._record_problems(f"fit.{number}", fit)
+            problems += repeated_records({f"fit.{number}": (fit,)})
             for model in fit.models:
                 problems += find_faults(f"fit.{number}.models", RegressionModel.parse, model)
         return problems

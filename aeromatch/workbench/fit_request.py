@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from flightmech.support.toml_models import Strict, validate_content
+from flighttest.records.repeated_windows import repeated_windows
 
 
 class RecordWindow(Strict):
@@ -42,6 +43,17 @@ class FitRequest(Strict):
             raise ValueError(
                 "weights go with a fit in time; a fit in frequency weighs by its spectrum"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _take_samples_once(self) -> FitRequest:
+        problems: list[str] = []
+        for record in records_of_request(self):
+            own = [window for window in self.windows if window.record == record]
+            spans = [(window.start, window.end) for window in own]
+            problems += [f"{record}: {text}" for text in repeated_windows(spans)]
+        if problems:
+            raise ValueError("; ".join(problems))
         return self
 
 

@@ -15,6 +15,7 @@ import flighttest
 from aeromatch.project.project import Project
 from aeromatch.project.sections import RecordSelection
 from flightmech.errors import SchemaError, UnknownName
+from flighttest.records.repeated_windows import repeated_windows
 from flighttest.records.shared_samples import SharedSamples
 
 Spans = dict[str, list[tuple[float, float]]]
@@ -341,7 +342,8 @@ def spans_of(
     tables : mapping of str to DataFrame
         `flighttest.records.marked_manoeuvres` by record.
     problems : list of str
-        Gets a line for every manoeuvre that a record does not have.
+        Gets a line for every manoeuvre that a record does not have, and for every part of a record
+        that is selected twice.
     """
     spans: Spans = {}
     for selection in selections:
@@ -358,6 +360,8 @@ def spans_of(
             if not selection.manoeuvres and not selection.window:
                 parts = [(-np.inf, np.inf)]
             spans.setdefault(record, []).extend(parts)
+    for record, parts in spans.items():
+        problems += [f"{position}, record {record}: {text}" for text in repeated_windows(parts)]
     return spans
 
 

@@ -80,10 +80,14 @@ class LazyGroup(click.Group):
 
 
 class InputFile(click.Path):
-    """A file to read. If it does not exist, the error lists files of similar name."""
+    """A file to read. If it does not exist, the error lists files of similar name.
 
-    def __init__(self, path_type: type[Path] | None = None) -> None:
+    An option that takes several files takes one of them twice only with `may_repeat`.
+    """
+
+    def __init__(self, path_type: type[Path] | None = None, may_repeat: bool = False) -> None:
         super().__init__(exists=True, dir_okay=False, path_type=path_type)
+        self.may_repeat = may_repeat
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path if it is an existing regular file."""

@@ -227,7 +227,7 @@ _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to 
 @click.option(
     "--instruments",
     "instrument_files",
-    type=InputFile(),
+    type=InputFile(may_repeat=True),
     multiple=True,
     help="Path with independent errors, or simulated response, whose variables are the instruments "
     "of iv; one per path. Default: a response to the controls, simulated from the records.",

@@ -3,6 +3,7 @@ sections of a project.
 """
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import xarray as xr
 
 import aerodb
+from aeromatch.project.project import read_project
 from aeromatch.project.sections import (
     Controls,
     ControlSection,
@@ -20,6 +22,7 @@ from aeromatch.project.sections import (
     StallSection,
     repeated_records,
 )
+from aeromatch.workbench.fit_request import validate_request
 from aeromatch.workflow import submodels
 from aeromatch.workflow.windows import raise_problems, spans_of
 from flightmech.aircraft.aircraft import Aircraft
@@ -31,6 +34,7 @@ from flightmech.aircraft.separation import NEEDED, FlowSeparation
 from flightmech.errors import SchemaError
 from flightmech.terms import make_term
 
+COMMUTER = Path(__file__).parents[2] / "data" / "commuter"
 K, S = 0.45, -1.2  # of CL0 over the ground, h in metres
 GEARING, AREA, CHORD = -2.0, 1.0, 0.3
 FRICTION, HINGE = 10.0, {"1": 0.005, "alpha": -0.1, "delta_e": -0.35}
@@ -55,6 +59,9 @@ def test_windows_of_whole_records_and_of_manoeuvres():
     found = spans_of("controls.column.free", flown, {"a": table, "b": table}, problems)
     assert found == {"a": [(-np.inf, np.inf), (8.0, 12.0)], "b": [(-np.inf, np.inf)]}
     assert problems[0].startswith("controls.column.free, record a: unknown manoeuvre 'puls'")
+    assert problems[1:] == [
+        "controls.column.free, record a: 8 ... 12 s is taken twice; take it once"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -225,6 +232,46 @@ def test_a_record_is_taken_once():
     assert list(repeated_records({"stall.flown": (whole, cut)})) == []
     twice = {"stall.flown": (whole, RecordSelection(records=("b",)))}
     assert list(repeated_records(twice)) == ["stall.flown: record 'b' is taken twice; take it once"]
+
+
+@pytest.mark.parametrize(
+    ("selections", "found"),
+    [
+        ([{"manoeuvres": ["3211", "3211 elevator"]}], ["4 ... 12 s is taken twice; take it once"]),
+        ([{"window": [0, 60]}, {}], ["0 ... 60 s is taken twice; take it once"]),
+        ([{}, {}], ["the whole record is taken twice; take it once"]),
+        ([{"window": [[0, 10], [4, 30]]}], ["4 ... 10 s is taken twice; take it once"]),
+        # neighbours whose ends overlap
+        ([{"window": [[0, 10], [6, 30]]}, {"window": [30, 31]}], []),
+    ],
+)
+def test_a_part_of_a_record_is_taken_once(selections, found):
+    row = {"manoeuvre": "3211", "control": "elevator", "start": 4.0, "end": 12.0}
+    problems: list[str] = []
+    taken = [RecordSelection(records=("a",), **one) for one in selections]
+    spans_of("fit 'pitch'", taken, {"a": pd.DataFrame([row])}, problems)
+    assert problems == [f"fit 'pitch', record a: {text}" for text in found]
+
+
+def test_a_fit_of_the_workbench_takes_a_window_once():
+    windows = [{"record": name, "start": 0.0, "end": 8.0} for name in ("a", "b")]
+    assert len(validate_request({"windows": windows, "model": "Cm = 1"}).windows) == 2
+    with pytest.raises(SchemaError, match=r"b: 0 \.\.\. 8 s is taken twice; take it once"):
+        validate_request({"windows": [*windows, windows[1]], "model": "Cm = 1"})
+
+
+def test_a_fit_takes_a_record_once(tmp_path):
+    """Doubled samples have standard errors that are too small by the square root of two."""
+    text = (COMMUTER / "aeromatch.toml").read_text()
+    (tmp_path / "aeromatch.toml").write_text(text)
+    for item in COMMUTER.iterdir():
+        if item.name != "aeromatch.toml":
+            (tmp_path / item.name).symlink_to(item)
+    assert read_project(tmp_path / "aeromatch.toml").fit[0].records == ("slow", "fast")
+    doubled = text.replace('["slow", "fast"]', '["slow", "slow"]', 1)
+    (tmp_path / "aeromatch.toml").write_text(doubled)
+    with pytest.raises(SchemaError, match=r"fit\.0: record 'slow' is taken twice; take it once"):
+        read_project(tmp_path / "aeromatch.toml")
 
 
 def test_the_separation_keeps_the_buffet():

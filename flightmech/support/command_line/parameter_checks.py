@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,9 @@ def check_parameters(context: click.Context, values: Mapping[str, Any]) -> None:
     """Refuse numbers that are not finite, files that are given twice, and outputs over others.
 
     `float` and the ranges of click accept nan and inf. A record that is given twice would count
-    twice, with standard errors that are too small. An output over another one, or over one of
-    several inputs, would lose it; a single input may be replaced by its edited form.
+    twice, with standard errors that are too small. An output over another one, or over a file of
+    an argument or option that takes several, would lose it. The file of an option or argument
+    that takes one may be replaced by its edited form.
 
     Parameters
     ----------
@@ -32,19 +33,24 @@ def check_parameters(context: click.Context, values: Mapping[str, Any]) -> None:
     """
     taken: dict[str, str] = {}
     # inputs first
-    for option in sorted(context.command.params, key=lambda option: option.nargs != -1):
+    for option in sorted(context.command.params, key=lambda option: not _is_several(option)):
         value = values.get(option.name or "")
         number = _find_non_finite(value)
         if number is not None:
             text = f"{number} is not a number to compute with; give a finite one"
             raise click.BadParameter(text, context, option)
         is_file = isinstance(option.type, click.Path) and option.type.exists
-        if is_file and option.nargs == -1:
-            file = _find_repeated(value or ())
+        if is_file and _is_several(option):
+            files = tuple(value or ())
+            may_repeat = getattr(option.type, "may_repeat", False)
+            file = "" if may_repeat else _find_repeated(files, taken)
             if file:
                 text = f"{file!r} is given twice; give each file once"
                 raise click.BadParameter(text, context, option)
-            taken |= {os.path.realpath(item): f"the input {item}" for item in value or ()}
+            for item in files:
+                # the folder of an option may also be that of the result: init mine --records mine
+                if option.nargs == -1 or os.path.isfile(item):
+                    taken[os.path.realpath(item)] = f"the input {item}"
         elif isinstance(option.type, click.Path) and not option.type.exists and value:
             # an output, as `NewFile` and `NewFolder` are
             place = os.path.realpath(value) if isinstance(value, str | os.PathLike) else ""
@@ -64,9 +70,16 @@ def _find_non_finite(value: Any) -> float | None:
     return None
 
 
-def _find_repeated(files: tuple[Any, ...]) -> str:
+def _is_several(option: click.Parameter) -> bool:
+    """Return whether an argument or option takes any number of values."""
+    return option.nargs == -1 or bool(getattr(option, "multiple", False))
+
+
+def _find_repeated(files: tuple[Any, ...], taken: Iterable[str]) -> str:
     """Return the first file that was given before, also by another name, or an empty text."""
-    for k, file in enumerate(files):
-        if any(Path(file).samefile(other) for other in files[:k]):
+    given = list(taken)
+    for file in files:
+        if any(Path(file).samefile(other) for other in given):
             return str(file)
+        given.append(file)
     return ""

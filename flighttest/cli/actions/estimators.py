@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -114,6 +115,10 @@ class EstimatorOptions:
             except ValueError:
                 value = text
             noise[name] = parse_quantity(value, lookup(name).units)
+            if not math.isfinite(noise[name]):
+                raise SchemaError(
+                    "flight identify", [f"--noise {name} is {text!r}; expected a finite size"]
+                )
         return noise
 
     def _read_instruments(
@@ -131,8 +136,11 @@ class EstimatorOptions:
         if self.ridge == "auto":
             return self.ridge
         try:
-            return float(self.ridge)
+            value = float(self.ridge)
         except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
             raise SchemaError(
                 "flight identify", [f"--ridge is {self.ridge!r}; expected a number or auto"]
-            ) from None
+            )
+        return value

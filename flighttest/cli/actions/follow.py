@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import json
+import math
 import os
 import sys
 import time
@@ -115,7 +116,7 @@ def _parse_goal(term: str, limit: str) -> AccuracyGoal:
         value = float(limit.strip().removesuffix("%"))
     except ValueError:
         value = 0.0
-    if not value > 0.0:
+    if not 0.0 < value < math.inf:
         raise SchemaError(
             "flight follow",
             [f"--until {term} {limit!r}; a positive standard error or share, as 0.4 or 5%"],

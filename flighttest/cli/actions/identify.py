@@ -68,9 +68,11 @@ def run_fit(
 ) -> None:
     """Perform the command ``fit``."""
     specification = read_specification(fit_file).with_process_noise(process_noise, angle, scale)
+    kind = specification.process_noise.kind
+    _demand_gusts("--process-noise", kind, {"--angle": angle, "--scale": scale})
     if specification.process_noise.needs_angle:
         raise click.UsageError("gusts need --angle vane or --angle inertial: who measured it")
-    method = "output error" if specification.process_noise.kind == "none" else "filter error"
+    method = "output error" if kind == "none" else "filter error"
     with show_progress(f"estimate parameters by {method}"):
         done = perform_fit_job(specification)
     files: list[str] = []
@@ -95,6 +97,16 @@ def run_fit(
     ctx.exit(1 if is_forbidden([*done.fit.remarks, *done.remarks]) else 0)
 
 
+def _demand_gusts(option: str, kind: str, values: dict[str, Any]) -> None:
+    """Raise UsageError if options that only gusts use are given with another disturbance."""
+    given = [name for name, value in values.items() if value is not None]
+    if given and kind not in ("gusts", "both"):
+        raise click.UsageError(
+            f"{', '.join(given)} with {option} {kind}: only gusts use it; give {option} gusts or "
+            f"both"
+        )
+
+
 @dataclass(frozen=True)
 class DisturbanceOptions:
     """Options of the disturbance of a linear motion.
@@ -116,7 +128,11 @@ class DisturbanceOptions:
     span: float
 
     def check(self) -> None:
-        """Raise UsageError for gusts without the source of the angle, and for a wrong scale."""
+        """Raise UsageError for options that only gusts use, gusts without the source of the angle,
+        and a wrong scale.
+        """
+        given = {"--angle": self.angle, "--scale": self.scale, "--span": self.span or None}
+        _demand_gusts("--disturbance", self.disturbance, given)
         if self.disturbance in ("gusts", "both") and not self.angle:
             raise click.UsageError("gusts need --angle vane or --angle inertial: who measured it")
         if self.scale is not None and not self.scale > 0.0:
@@ -372,9 +388,12 @@ def _edges(name: str, text: str) -> list[float]:
     else:
         unit = units
     try:
-        return [float(to_si(float(word), unit, units)) for word in words]
+        edges = [float(to_si(float(word), unit, units)) for word in words]
     except ValueError:
+        edges = []
+    if not edges or not np.isfinite(edges).all():
         raise SchemaError(
             "flight partition",
-            [f"edges of {name} are {text!r}; expected numbers and a unit, as '0 5 10 deg'"],
-        ) from None
+            [f"edges of {name} are {text!r}; expected finite numbers and a unit, as '0 5 10 deg'"],
+        )
+    return edges

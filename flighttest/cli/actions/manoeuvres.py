@@ -14,6 +14,7 @@ from flighttest.maximum_likelihood.validating.used_windows import ValidationWind
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
 from flighttest.reconstruction.dynamics.saved_paths import open_path
 from flighttest.reconstruction.quality.manoeuvre_faults import report_faults
+from flighttest.records.repeated_windows import repeated_windows
 
 Window = tuple[float, float]
 
@@ -109,7 +110,8 @@ def assign_windows(
     UnknownName
         A window belongs to a path that is not given, or that is given twice.
     SchemaError
-        Some paths have a window of their own, and another path has no window.
+        Some paths have a window of their own, and another path has no window; a part of a path is
+        taken twice.
     """
     names = [Path(path).stem for path in paths]
     own: dict[str, list[Window]] = {}
@@ -130,4 +132,10 @@ def assign_windows(
         ]
         if problems:
             raise SchemaError("windows", problems)
-    return [[*windows, *own.get(name, ())] for name in names]
+    windows_by_path = [[*windows, *own.get(name, ())] for name in names]
+    problems = []
+    for name, spans in zip(names, windows_by_path, strict=True):
+        problems += [f"{name}: {text}" for text in repeated_windows(spans)]
+    if problems:
+        raise SchemaError("windows", problems)
+    return windows_by_path

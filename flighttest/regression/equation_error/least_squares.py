@@ -272,7 +272,7 @@ def ridge_penalty(
     Raises
     ------
     IdentificationError
-        A negative parameter.
+        A parameter that is negative or not finite.
     """
     # squared length of each regressor about its mean; without a constant, about zero
     centre = X.mean(axis=0) if fixed.any() else 0.0
@@ -282,9 +282,9 @@ def ridge_penalty(
         v = z - X @ theta
         s2 = float(v @ v) / (len(z) - len(theta))
         ridge = float((~fixed).sum() * s2 / (length2 * theta**2).sum())
-    if isinstance(ridge, str) or not ridge >= 0.0:
+    if isinstance(ridge, str) or not 0.0 <= ridge < np.inf:
         raise IdentificationError(
-            f"ridge is {ridge!r}; expected a number that is not negative, or 'auto'"
+            f"ridge is {ridge!r}; expected a finite number that is not negative, or 'auto'"
         )
     return ridge * length2, float(ridge)
 

@@ -4,23 +4,28 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from flightmech.support.console import InputFile, NewFile, performed_by
+from flightmech.support.console import FileOrFolder, InputFile, NewFile, performed_by
 
 
 @click.command("sum")
 @click.argument("files", nargs=-1, type=InputFile())
+@click.option("--more", type=InputFile(), multiple=True)
+@click.option("--keys", type=InputFile(may_repeat=True), multiple=True)
+@click.option("--folders", type=FileOrFolder(), multiple=True)
+@click.option("--single", type=InputFile())
 @click.option("--pair", type=float, nargs=2)
 @click.option("--share", type=click.FloatRange(0.0, min_open=True))
 @click.option("--errors", type=(str, float), multiple=True)
 @click.option("-o", "--output", type=NewFile())
 @click.option("--into", type=NewFile())
+@click.option("--folder", type=click.Path(file_okay=False))
 @performed_by(f"{__name__}:count_files")
 def sum_command() -> None:
     """Count files."""
 
 
-def count_files(files, pair, share, errors, output, into) -> None:
-    click.echo(f"{len(files)} {pair} {share} {errors}")
+def count_files(files, more, keys, pair, share, errors, **_) -> None:
+    click.echo(f"{len(files)} {pair} {share} {errors} {len(more)} {len(keys)}")
 
 
 @pytest.fixture
@@ -42,6 +47,10 @@ def run(tmp_path, monkeypatch):
         ("--errors wind 1 --errors mass nan", "'--errors': nan is not a number"),
         ("a.csv b.csv a.csv", "'a.csv' is given twice; give each file once"),
         ("a.csv link.csv", "'link.csv' is given twice"),
+        ("--more a.csv --more a.csv", "'--more': 'a.csv' is given twice; give each file once"),
+        ("a.csv --more b.csv --more link.csv", "'--more': 'link.csv' is given twice"),
+        ("--more a.csv --more b.csv -o b.csv", "b.csv is the input b.csv, too; give another name"),
+        ("a.csv --keys b.csv -o b.csv", "b.csv is the input b.csv, too; give another name"),
         ("a.csv -o link.csv", "link.csv is the input a.csv, too; give another name"),
         ("-o c.nc --into ./c.nc", "./c.nc is the output of --output, too; give another name"),
     ],
@@ -54,4 +63,18 @@ def test_a_value_that_no_command_can_use(run, words, text):
 
 def test_values_that_a_command_can_use(run):
     result = run("a.csv b.csv -o c.nc --into d.nc --pair 0 1e308 --share 1e-300 --errors wind -1")
-    assert result.output == "2 (0.0, 1e+308) 1e-300 (('wind', -1.0),)\n"
+    assert result.output == "2 (0.0, 1e+308) 1e-300 (('wind', -1.0),) 0 0\n"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "a.csv --single b.csv -o b.csv",
+        "a.csv --keys b.csv --keys b.csv --keys a.csv",
+        "--folders . --folder .",
+    ],
+)
+def test_files_that_may_be_given_twice(run, words):
+    """A single input may be replaced, and a key repeated; a folder holds inputs and results."""
+    result = run(words)
+    assert result.exit_code == 0, result.output

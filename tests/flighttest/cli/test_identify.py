@@ -305,7 +305,7 @@ def test_bins_with_their_unit(files):
     assert found["bins"][0]["beta_low"] == pytest.approx(np.radians(-3))
     assert found["bins"][1]["estimate"][1] == pytest.approx(-0.5, abs=5e-3)
     with pytest.raises(
-        SchemaError, match=r"edges of beta are 'a b deg'; expected numbers and a unit"
+        SchemaError, match=r"edges of beta are 'a b deg'; expected finite numbers and a unit"
     ):
         CliRunner().invoke(
             partition_command,

@@ -105,10 +105,10 @@ def test_a_ridge_trades_variance_for_a_bias_that_it_reports():
     auto = regress(LIFT, data, ridge="auto").estimates
     assert 0 < auto.attrs["ridge"] < 0.1
     assert "ridge" in regress(LIFT, data, ridge="auto").report()
-    with pytest.raises(
-        IdentificationError, match=r"ridge is -1.0; expected a number that is not negative"
-    ):
-        regress(LIFT, data, ridge=-1.0)
+    for wrong in (-1.0, np.inf, np.nan):
+        text = f"ridge is {wrong}; expected a finite number that is not negative"
+        with pytest.raises(IdentificationError, match=text):
+            regress(LIFT, data, ridge=wrong)
 
 
 def test_a_ridge_in_frequency_is_the_same_rule():
