@@ -41,7 +41,8 @@ def gyro_offsets(signals: ResampledChannels) -> dict[str, tuple[float, float]]:
     Parameters
     ----------
     signals : ResampledChannels
-        As recorded. A relation of attitude and rates with a wrong sign, unit or axis is not used.
+        As recorded. A wrong sign, unit or axis must be corrected first: nothing is returned while a
+        relation of attitude and rates does not hold.
 
     Returns
     -------
@@ -49,12 +50,10 @@ def gyro_offsets(signals: ResampledChannels) -> dict[str, tuple[float, float]]:
         By gyro: reading less true rate, and its standard error. [rad/s]
     """
     relations = {relation.name: relation for relation in RELATIONS}
-    used = []
-    for name in _EULER:
-        check = relations[name].compare(signals)
-        if check is not None and check.consistent:
-            used.append(name)
-    if not used:
+    checks = {name: relations[name].compare(signals) for name in _EULER}
+    used = [name for name, check in checks.items() if check is not None]
+    # a reversed rate is an offset in the mean of the other relations
+    if not used or any(check is not None and not check.consistent for check in checks.values()):
         return {}
     needs: set[str] = set()
     for name in used:
