@@ -114,6 +114,8 @@ def test_a_control_that_does_not_move_has_no_derivative():
         fit_motion([still.drop_vars("az")], "short-period")
     with pytest.raises(ValueError, match="gusts need it: vane, inertial"):
         fit_motion([short_period(1)], "short-period", "gusts")
+    with pytest.raises(ValueError, match="span is 9 m, but disturbance is 'process'; only gusts"):
+        fit_motion([short_period(1)], "short-period", "process", span=9.0)
 
 
 def test_a_change_of_speed_is_remarked():
