@@ -154,9 +154,7 @@ def rate_solution(
     return json.dumps(rows)
 
 
-def _rate_terms(
-    stream: StreamRows, found: SlopeSolution, constraints: Sequence[Constraint]
-) -> str:
+def _rate_terms(stream: StreamRows, found: SlopeSolution, constraints: Sequence[Constraint]) -> str:
     """Return the constraints with their contradiction by the terms of one solution."""
     count = len(stream.terms)
     theta, covariance = np.zeros(count), np.zeros((count, count))
