@@ -1,5 +1,5 @@
 """How often the estimates of filter error lie within two standard errors, and their rms against
-output error, in four kinds of air.
+output error, in seven kinds of air.
 
     python benchmarks/filter_error.py [RECORDS] [KIND ...] [--right] [--results FILE]
 
@@ -13,7 +13,10 @@ its angle of attack by a vane or by an inertial platform:
 - calm: noise of the instruments alone;
 - process: white noise in the rates of both states;
 - vane, inertial: vertical Dryden gusts of 1 m/s, MIL-F-8785C, scale 150 m at 100 m/s;
-- rotation: as vane, and the air rotates by the q gust of MIL-F-8785C for a span of 10 m.
+- rotation: as vane, and the air rotates by the q gust of MIL-F-8785C for a span of 10 m;
+- share: as rotation, with 30 % of the damping from M_alphadot, which acts on the rotation with the
+  other sign;
+- still: as vane, estimated with a rotation that the air does not have.
 
 Rows are output error, and filter error with white process noise, with Dryden gusts whose intensity
 and scale are estimated, and with both.
@@ -47,15 +50,17 @@ from flighttest.maximum_likelihood import (
 
 OUTPUTS, NOISE = ("alpha", "q", "nz"), np.array([2e-3, 2e-3, 0.02])
 FINE = 5  # steps of the simulation in one of the record
-KINDS = ("calm", "process", "vane", "inertial", "rotation")
-GUSTS = ("vane", "inertial", "rotation")
+KINDS = ("calm", "process", "vane", "inertial", "rotation", "share", "still")
+GUSTS = ("vane", "inertial", "rotation", "share", "still")
+# factor on the damping, (M_q - M_alphadot) / (M_q + M_alphadot), of the rotation in the record
+TURNS = {"rotation": 1.0, "share": 0.4}
 SPAN = 10.0  # of the rotating air [m]
 WHITE = {"process.alpha": 0.01, "process.q": 0.01}
 OPEN_LOOP, STIRRED, GUSTY, BOTH = "output error", "white process noise", "Dryden gusts", "both"
 TURNING = "gusts that rotate"
 METHODS = (OPEN_LOOP, STIRRED, GUSTY, BOTH)
 RIGHT = {kind: (OPEN_LOOP, GUSTY) for kind in KINDS} | {"process": (OPEN_LOOP, STIRRED)}
-RIGHT["rotation"] = (OPEN_LOOP, GUSTY, TURNING)
+RIGHT |= {kind: (OPEN_LOOP, GUSTY, TURNING) for kind in ("rotation", "share", "still")}
 
 
 def short_period() -> LinearModel:
@@ -88,7 +93,7 @@ def record(kind: str, seed: int) -> xr.Dataset:
     stirred *= kind == "process"
     # The q gust is the derivative of the gust along the path behind a lag [MIL-F-8785C, 3.7.1.2].
     lag = bilinear([1.0, 0.0], [4.0 * SPAN / (np.pi * SPEED), 1.0], 1.0 / h)
-    turn = -lfilter(*lag, gust) * float(kind == "rotation")
+    turn = -lfilter(*lag, gust) * TURNS.get(kind, 0.0)
     F = expm(A * h)
     G = np.linalg.solve(A, F - np.eye(2))
     damping = np.array([0.0, A[1, 1]])
@@ -119,6 +124,8 @@ def fit(kind: str, data: xr.Dataset, method: str) -> OutputError:
         "alpha", SPEED, 2.0 * SCALE, 0.5, air_relative=seen, inertial=other, span=span
     )
     wanted = start | {"gust.w": 0.5, "scale.w": 2.0 * SCALE}
+    if method == TURNING:
+        wanted["turn.w"] = 1.0
     if method == BOTH:
         wanted |= WHITE
     return filter_error(model, data, wanted, gusts=[gust])

@@ -284,12 +284,12 @@ class FlightFollower:
             largest=np.max([window.largest for window in windows], axis=0),
         )
         try:
-            solved = self._choose_terms(stream)
+            solved, refused = self._choose_terms(stream)
         except IdentificationError as error:
             return self._without_estimate(str(error), counts)
         stored = ""
         if self.constraints:
-            stored = rate_solution(stream, solved, self.constraints)
+            stored = rate_solution(stream, solved, self.constraints, refused)
         found = FlightEstimate(
             self._time,
             sum(window.samples for window in windows),
@@ -322,11 +322,15 @@ class FlightFollower:
         self._met = 0
         return FlightEstimate(self._time, 0, waiting=text, counts=counts)
 
-    def _choose_terms(self, stream: StreamRows) -> SlopeSolution:
-        """Return the estimates of the terms of the model and of the candidates with evidence."""
+    def _choose_terms(self, stream: StreamRows) -> tuple[SlopeSolution, list[SlopeSolution]]:
+        """Return the estimates of the terms of the model and of the candidates with evidence.
+
+        The second result are the trials of the candidates that an active limit holds.
+        """
         used = list(range(len(self.always)))
         solved = solve_slopes(stream, used, self.constraints)
         remaining = list(range(len(self.always), len(self.terms)))
+        refused: list[SlopeSolution] = []
         while remaining:
             best = most_explaining(stream, remaining, solved)
             remaining.remove(best)
@@ -334,12 +338,18 @@ class FlightFollower:
                 tried = solve_slopes(stream, [*solved.used, best], self.constraints)
             except IdentificationError:
                 continue
+            if tried.factor[-1] == 0.0:
+                # A candidate that a limit holds has no evidence of its own; the next one may.
+                refused.append(tried)
+                continue
             # Rise of the criterion by one term: t^2 - ln n, with the independent equations n.
             count = _independent_equations(stream.parts)
             if tried.t_of_last**2 - math.log(count) < STRONG:
                 break
-            solved = tried
-        return solved
+            # With another term in the model the limits may not hold the refused ones any more.
+            remaining += [trial.used[-1] for trial in refused]
+            solved, refused = tried, []
+        return solved, refused
 
 
 def _independent_equations(parts: Sequence[TransformedStretch]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -129,9 +130,32 @@ def solve_slopes(
 
 
 def rate_solution(
-    stream: StreamRows, found: SlopeSolution, constraints: Sequence[Constraint]
+    stream: StreamRows,
+    found: SlopeSolution,
+    constraints: Sequence[Constraint],
+    refused: Sequence[SlopeSolution] = (),
 ) -> str:
-    """Return the constraints with their contradiction by the stream, as `rate_constraints`."""
+    """Return the constraints with their contradiction by the stream, as `rate_constraints`.
+
+    Parameters
+    ----------
+    stream : StreamRows
+    found : SlopeSolution
+    constraints : sequence of Constraint
+    refused : sequence of SlopeSolution
+        Trials of further terms that a limit holds out of the model. A constraint that `found` does
+        not test is rated by the first of them that does.
+    """
+    rows = json.loads(_rate_terms(stream, found, constraints))
+    for trial in refused:
+        for row, tried in zip(rows, json.loads(_rate_terms(stream, trial, constraints))):
+            if row["t"] is None and tried["active"]:
+                row.update(tried)
+    return json.dumps(rows)
+
+
+def _rate_terms(stream: StreamRows, found: SlopeSolution, constraints: Sequence[Constraint]) -> str:
+    """Return the constraints with their contradiction by the terms of one solution."""
     count = len(stream.terms)
     theta, covariance = np.zeros(count), np.zeros((count, count))
     used = found.used

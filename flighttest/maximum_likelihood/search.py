@@ -201,13 +201,7 @@ class _Search:
 
     def _undamped_step(self) -> tuple[np.ndarray, float]:
         """Return the step without damping, and its largest element in standard errors."""
-        free = ~self.active
-        covariance = invert_information(self.M, free)
-        step = np.where(free, covariance @ np.where(free, self.g, 0.0), 0.0)
-        # A bound that the step would pass is as far as it can go.
-        step = np.clip(self.theta + step, self.layout.low, self.layout.high) - self.theta
-        stderr = np.where(free, np.sqrt(np.diag(covariance)), np.inf)
-        return step, float(np.max(np.abs(step) / stderr, initial=0.0))
+        return _undamped_step(self.layout, self.theta, M=self.M, g=self.g, free=~self.active)
 
     def result(self) -> LikelihoodMaximum:
         """Return the maximum, after a check that the records determine all free unknowns."""
@@ -228,6 +222,39 @@ class _Search:
             stop=self.stop,
             remaining=self.remaining,
         )
+
+
+def full_step(likelihood: Target, end: LikelihoodMaximum) -> tuple[np.ndarray, np.ndarray]:
+    """Return the step without damping from the end of a search with other bounds.
+
+    Parameters
+    ----------
+    likelihood : Target
+        The same likelihood inside its own bounds.
+    end : LikelihoodMaximum
+
+    Returns
+    -------
+    step : array (unknown,)
+    active : array of bool (unknown,)
+        Unknowns at a bound against which the likelihood pushes.
+    """
+    M, g = likelihood.normal(end.theta, end.residuals, end.slopes)
+    active = _active_bounds(end.theta, g, likelihood.layout)
+    step, _ = _undamped_step(likelihood.layout, end.theta, M=M, g=g, free=~active)
+    return step, active
+
+
+def _undamped_step(
+    layout: UnknownVector, theta: np.ndarray, M: np.ndarray, g: np.ndarray, free: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Return the step M^-1 g of the free unknowns, and its largest element in standard errors."""
+    covariance = invert_information(M, free)
+    step = np.where(free, covariance @ np.where(free, g, 0.0), 0.0)
+    # A bound that the step would pass is as far as it can go.
+    step = np.clip(theta + step, layout.low, layout.high) - theta
+    stderr = np.where(free, np.sqrt(np.diag(covariance)), np.inf)
+    return step, float(np.max(np.abs(step) / stderr, initial=0.0))
 
 
 def _damped_trials(

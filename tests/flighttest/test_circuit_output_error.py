@@ -4,14 +4,15 @@ whose motion is simulated here.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flighttest.maximum_likelihood.unknowns import UnknownVector
+from flighttest.maximum_likelihood.likelihood import EXHAUSTED, STALLED
+from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.submodels.control_loading import simulation
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
@@ -176,23 +177,43 @@ def test_regressions_replace_an_output_error_that_did_not_converge(columns, monk
         assert stderr == pytest.approx(np.hypot(regression.value(name)[1], difference), rel=1e-6)
 
 
-def test_starts_of_windows_that_do_not_settle_are_held():
-    names = ("mass", "start.travel@1", "start.surface@1", "start.travel@2", "start.surface@2")
-    wide = np.full(5, np.inf)
-    layout = UnknownVector(names, (), (), np.zeros(5), sigma=wide, low=-wide, high=wide)
-    end = SimpleNamespace(
-        converged=False,
-        information=np.eye(5),
-        active=np.zeros(5, bool),
-        remaining=np.array([1.0, 0.01, 0.2, 0.01, -0.01]),
-        theta=np.arange(5.0),
-    )
-    held = circuit_fit._hold_starts(layout, end)
-    # Both ends of the first window move on by more than a twentieth of a standard error.
-    np.testing.assert_array_equal(held.low, [-np.inf, 1.0, 2.0, -np.inf, -np.inf])
-    np.testing.assert_array_equal(held.high, [np.inf, 1.0, 2.0, np.inf, np.inf])
-    end.converged = True
-    assert circuit_fit._hold_starts(layout, end) is None
+@pytest.mark.parametrize(
+    ("first", "stop", "searches", "is_proven"),
+    [(2, EXHAUSTED, 1, False), (2, STALLED, 2, False), (4, STALLED, 2, True)],
+)
+def test_held_starts_are_proven_with_free_ones(
+    columns, monkeypatch, first, stop, searches, is_proven
+):
+    """Starts are held after a stall only. The first search is cut short, and in two cases its end is
+    named a stall: after two iterations the starts are too far off for the constants.
+    """
+    loading, driven, free = columns
+    ends = []
+
+    def search(likelihood, iterations, start):
+        end = maximise_likelihood(likelihood, iterations, start)
+        if not ends:
+            end = replace(end, stop=stop)
+        ends.append((end, likelihood))
+        return end
+
+    monkeypatch.setattr(circuit_fit, "maximise_likelihood", search)
+    monkeypatch.setattr(circuit_fit, "_ITERATIONS", first)
+    fit = identify_control_loading(loading, driven, free[::2], order=2)
+    assert len(ends) == searches
+    assert fit.has_converged == is_proven
+    notes = [one.text for one in fit.remarks if one.kind == "held starts"]
+    assert len(notes) == int(is_proven)
+    if stop == EXHAUSTED:
+        return
+    # The search with held starts has converged in both cases.
+    layout, begin = ends[1][1].layout, ends[0][0].theta
+    assert ends[1][0].converged
+    held = layout.low == layout.high
+    assert held.any()
+    np.testing.assert_array_equal(ends[1][0].theta[held], begin[held])
+    if is_proven:
+        assert "the starts of 1 of 2 windows of free motion are held" in notes[0]
 
 
 def test_windows_end_before_a_stop_and_methods_are_named(columns):

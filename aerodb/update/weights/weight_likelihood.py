@@ -199,7 +199,8 @@ def plain_probabilities(
     Returns
     -------
     array (tables,)
-        Zero for a table whose parts the estimates cannot distinguish, such as one number.
+        Zero for a table whose parts the estimates cannot distinguish, such as one number, or whose
+        covariance without these parts is singular.
     """
     tables = (len(parts) - 1) // len(PARTS)
     mean, spread = a_priori_logarithms(tables)
@@ -220,7 +221,11 @@ def plain_probabilities(
             continue
         kept = used.copy()
         kept[of_shape] = False
-        gain = evidence(kept, _STEPS_WITHOUT) - with_all
+        try:
+            gain = evidence(kept, _STEPS_WITHOUT) - with_all
+        except np.linalg.LinAlgError:
+            # The covariance without a shape is singular for fits almost without noise.
+            continue
         odds = (
             share[table]
             / (1.0 - share[table])

@@ -30,7 +30,7 @@ _CHANCE = 0.05  # probability that a disturbance that does not exist seems to be
 # Fall of the cost below that of the filter from which on the filter is not at its maximum: output
 # error is the filter without disturbances, and both searches end within about a tenth. [nats]
 _STUCK = 0.1
-_GUST_KINDS = ("gust", "scale")
+_GUST_KINDS = ("gust", "scale", "turn")
 _INTENSITIES = ("process", "gust")
 _FILTER_KINDS = ("process", "noise", *_GUST_KINDS)
 
@@ -50,7 +50,7 @@ def prefer_calm(
     The cost of output error without its constant and that of the filter without a disturbance
     differ by half the number of readings. The limit of twice the fall of the cost is the value of
     chi-squared that 5 % exceed, with as many degrees of freedom as there are unknown intensities,
-    scales and gusts, whose first value is an unknown too. Chi-squared is approximate here: an
+    scales, factors of rotation and gusts, whose first value is an unknown too. Chi-squared is approximate here: an
     intensity cannot fall below zero, and a scale has no effect without one.
 
     Parameters

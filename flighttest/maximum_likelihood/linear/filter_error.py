@@ -92,7 +92,7 @@ def filter_error(
         output, with a start from the record by default; ``init.alpha``, a state at the first
         sample, default zero; ``drift.alpha``, a constant in its rate; ``sensor.alpha``, a constant
         added to an output; ``gust.w`` and ``scale.w``, intensity and scale of a gust, which are as
-        given otherwise. [SI]
+        given otherwise; ``turn.w``, factor on the rotation of a gust with a span, 1 otherwise. [SI]
     gusts : sequence of DrydenGust
         Gusts that drive the model besides ``process.*``. The gust at the first sample of each
         manoeuvre, ``init.gust_w``, is an unknown, in intensities. [SI]
@@ -130,7 +130,8 @@ def filter_error(
     states, outputs = model.states, model.outputs
     extra = {"process": states, "init": states, "drift": states, "noise": outputs}
     names = tuple(gust.name for gust in gusts)
-    extra |= {"gust": names, "scale": names}
+    turning = tuple(gust.name for gust in gusts if gust.span)
+    extra |= {"gust": names, "scale": names, "turn": turning}
     extra["init"] = (*states, *(f"gust_{gust.name}" for gust in gusts))
     demand_known(model, list(parameters), {**extra, "sensor": outputs})
 

@@ -14,8 +14,13 @@ A gust that is not the same at nose and tail rotates the air. The rotation has n
 
     c' = (w / V - c) / tau,   rate = (w / V - c) / tau,   tau = 4 b / (pi V) of w, 3 b / (pi V) of v
 
-and adds to r, or subtracts from q, where the moments of damping act. Rolling of the air has a noise
-of its own, and is not modelled.
+and adds to r, or subtracts from q, where the moments of damping act. The damping of a short period
+is M_q + M_alphadot. The air turns against its own alphadot: its moment is (M_alphadot - M_q)
+alphadot_g. The factor on the damping, ``turn.w``, is therefore an unknown,
+
+    (M_q - M_alphadot) / (M_q + M_alphadot)
+
+and 1 without M_alphadot. Rolling of the air has a noise of its own, and is not modelled.
 
 The angle w / V adds to the angle of the inertial motion wherever the *air* acts: in the rates, in
 the forces that accelerometers feel, and in the reading of a vane. The angle of an inertial platform
@@ -68,8 +73,8 @@ class DrydenGust:
     inertial : tuple of str
         Outputs of the inertial motion alone, such as the angle of a platform.
     name : str
-        Name of the gust in parameters: ``gust.w``, ``scale.w`` and ``init.gust_w``, the last one
-        in intensities.
+        Name of the gust in parameters: ``gust.w``, ``scale.w``, ``init.gust_w``, in intensities,
+        and with a span ``turn.w``, the factor on the rotation.
     span : float
         Span of the wing, by which the air also rotates: q with gusts of alpha, r with those of
         beta. 0: it does not. [m]
@@ -98,19 +103,30 @@ class DrydenGust:
         """Return T. [s]"""
         return values.get(f"scale.{self.name}", self.scale) / self.speed
 
+    @property
+    def turning_time(self) -> float:
+        """Return tau of the rotation. [s]"""
+        return _ROTATIONS[self.state][2] * self.span / self.speed
+
     def filter_values(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return intensity and start of the two lags, as ``process.*`` and ``init.*``."""
+        """Return intensity and start of the lags, as ``process.*`` and ``init.*``."""
         lead, lag = self.states
-        sigma = values.get(f"gust.{self.name}", self.intensity)
+        sigma, time = values.get(f"gust.{self.name}", self.intensity), self.time(values)
         # In intensities: where the air is calm, the first gust is none either. A free one would be
         # an unknown offset of the angle.
         first = values.get(f"init.gust_{self.name}", 0.0) * sigma / self.speed * _EXPECTED
-        return {
-            f"process.{lead}": sigma / self.speed / np.sqrt(self.time(values)),
+        found = {
+            f"process.{lead}": sigma / self.speed / np.sqrt(time),
             f"init.{lead}": float(first[0]),
             f"init.{lag}": float(first[1]),
-            f"init.{self.turn}": float(READ @ first),
         }
+        if self.span:
+            # E c w / E w^2 of the stationary gust: c is the mean of the earlier w by the weight
+            # exp(-t / tau) / tau, and E w(0) w(t) / E w^2 is (1 - t / (2 T)) exp(-t / T).
+            x = self.turning_time / time
+            share = 1.0 / (1.0 + x) - x / (2.0 * (1.0 + x) ** 2)
+            found[f"init.{self.turn}"] = float(share * READ @ first)
+        return found
 
 
 def gust_starts(gusts: Sequence[DrydenGust]) -> dict[str, Unknown]:
@@ -214,10 +230,11 @@ def _add_gust(model: LinearModel, gust: DrydenGust) -> LinearModel:
         whole[n : n + 2, n : n + 2] = np.array([[-1.0, 0.0], [1.0, -1.0]]) / T
         seen[:, n : n + 2] = np.outer(felt * C[:, position], READ)
         if gust.span:
-            rate, sign, lag = _ROTATIONS[gust.state]
-            turned = np.append(READ, -1.0) * gust.speed / (lag * gust.span)
+            rate, sign, _ = _ROTATIONS[gust.state]
+            turned = np.append(READ, -1.0) / gust.turning_time
             damping = moments * A[:, model.states.index(rate)]
-            whole[:n, n:] += sign * np.outer(damping, turned)
+            factor = sign * values.get(f"turn.{gust.name}", 1.0)
+            whole[:n, n:] += factor * np.outer(damping, turned)
             whole[-1, n:] = turned
         return [whole, np.vstack([B, np.zeros((len(names), B.shape[1]))]), seen, D]
 

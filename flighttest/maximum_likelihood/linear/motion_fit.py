@@ -111,12 +111,14 @@ def fit_motion(
     constraints : sequence of str
         Linear constraints among the derivatives, as of `linear_output_error`.
     span : float
-        Span of the wing, by which the air of the gusts rotates; 0: it does not. [m]
+        Span of the wing, by which the air of the gusts rotates; 0: it does not. The factor on its
+        rotation is then an unknown, ``turn.w`` or ``turn.v``. [m]
 
     Raises
     ------
     ValueError
-        An unknown motion or disturbance, or gusts without the source of the angle.
+        An unknown motion or disturbance, gusts without the source of the angle, or a span without
+        gusts.
     UnknownName
         A signal that a record does not have.
     SchemaError, IdentificationError
@@ -129,6 +131,11 @@ def fit_motion(
     if has_gusts and angle not in ANGLES:
         raise ValueError(
             f"the source of {kind.angle} is {angle!r}; gusts need it: {', '.join(ANGLES)}"
+        )
+    if span and not has_gusts:
+        raise ValueError(
+            f"span is {span:g} m, but disturbance is {disturbance!r}; only gusts rotate: give "
+            f"disturbance 'gusts' or 'both', or no span"
         )
     demand_signals(records, ("V", "alpha", "theta", *kind.states, kind.force, *kind.controls))
     moving = []
@@ -151,12 +158,14 @@ def fit_motion(
         wanted[f"gust.{gusts[0].name}"] = Unknown(_INTENSITY)
         if scale is None:
             wanted[f"scale.{gusts[0].name}"] = Unknown(_SCALE)
+        if span:
+            wanted[f"turn.{gusts[0].name}"] = Unknown(1.0)
     if disturbance == "none":
         fit = linear_output_error(model, records, wanted, constraints=constraints)
     else:
         fit = filter_error(model, records, wanted, gusts=gusts, constraints=constraints)
     # A prediction of another record needs the motion and its condition with the derivatives.
-    about = {"motion": motion, **steady._asdict()}
+    about = {"motion": motion, "span": span, **steady._asdict()}
     fit = replace(fit, estimates=fit.estimates.assign_attrs(about))
     held = tuple(name for name in kind.controls if name not in moving)
     notes = tuple(_list_notes(records, steady, kind.angle))

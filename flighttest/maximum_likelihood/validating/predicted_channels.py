@@ -30,7 +30,7 @@ class PredictedChannel(NamedTuple):
 def count_parameters(model: Fit | OutputError) -> int:
     """Return the number of parameters that a prediction holds, without constants of records."""
     if isinstance(model, OutputError):
-        fixed = ("init.", "drift.", "sensor.", "process.", "gust.", "scale.", "noise.")
+        fixed = ("init.", "drift.", "sensor.", "process.", "gust.", "scale.", "turn.", "noise.")
         return sum(not name.startswith(fixed) for name in model.parameters)
     terms = [str(term) for term in model.estimates["term"].values]
     return sum(not term.startswith("1[") for term in terms)

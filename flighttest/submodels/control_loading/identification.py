@@ -246,6 +246,7 @@ def _fit_responses(
             rms=fit.rms,
             hand_damping=fit.value(HAND),
             widths={name: fit.value(name) for name in WIDTHS if name in fit.names},
+            held=tuple(f"{number} ({windows[number - 1].span})" for number in fit.held),
         ),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -13,6 +14,7 @@ from flightmech.errors import IdentificationError, UnknownName
 from flightmech.units import G0
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.reconstruction.flight_path import FlightPath
+from flighttest.remarks import Remark
 from flighttest.submodels.landing_gear.explicit import ROLLING
 from flighttest.submodels.landing_gear.output_error import fly_gear, has_angle
 from flighttest.submodels.landing_gear.reconstructed_loads import (
@@ -105,11 +107,13 @@ def identify_landing_gear(
     if not records:
         raise IdentificationError("no records; give ground runs or landings")
     fit = regress_gear(records, aircraft, database=database, errors=budget, cutoff=cutoff)
+    found = _with_curve_error(_constants(fit, budget), aircraft, fit)
     identified = IdentifiedGear(
         groups=wheel_groups(aircraft),
-        constants=_with_curve_error(_constants(fit, budget), aircraft, fit),
-        undetermined={**fit.undetermined, **_undetermined_steering(records)},
+        constants=found.constants,
+        undetermined={**fit.undetermined, **found.reasons, **_undetermined_steering(records)},
         loads=fit,
+        notes=found.notes,
     )
     if not flown or database is None:
         return identified
@@ -119,13 +123,21 @@ def identify_landing_gear(
         return identified
     # Estimates of the output error replace those of the regression.
     determined, failures = _flown_constants(result)
-    determined = _with_curve_error(determined, aircraft, fit)
-    constants = {**identified.constants, **determined}
+    found = _with_curve_error(determined, aircraft, fit)
+    constants = {**identified.constants, **found.constants}
     undetermined = dict(identified.undetermined)
-    for name, reason in failures.items():
+    for name, reason in {**failures, **found.reasons}.items():
         if name not in constants:
             undetermined[name] = reason
-    return replace(identified, constants=constants, undetermined=undetermined, flown=result)
+    # A stiffness of the output error replaces that of the wheel loads, with its remark.
+    notes = [note for note in identified.notes if note.term not in found.constants]
+    return replace(
+        identified,
+        constants=constants,
+        undetermined=undetermined,
+        flown=result,
+        notes=(*notes, *found.notes),
+    )
 
 
 def _undetermined_steering(records: Sequence) -> dict[str, str]:
@@ -138,20 +150,42 @@ def _undetermined_steering(records: Sequence) -> dict[str, str]:
     }
 
 
+class _CurvedTyres(NamedTuple):
+    """Constants with the error of the tyre curve, why others are undetermined, and remarks."""
+
+    constants: dict[str, GearConstant]
+    reasons: dict[str, str]
+    notes: tuple[Remark, ...]
+
+
 def _with_curve_error(
     constants: Mapping[str, GearConstant], aircraft: Aircraft, fit: LoadFit
-) -> dict[str, GearConstant]:
+) -> _CurvedTyres:
     """Return constants whose cornering stiffness has the error of the form of the tyre curve."""
     widened = dict(constants)
+    reasons: dict[str, str] = {}
+    notes: list[Remark] = []
     values = {**fit.held, **fit.fit.parameters}
     values |= {name: constant.value for name, constant in constants.items()}
     for group in wheel_groups(aircraft):
         name = group.parameter("cornering")
         if name in constants:
             value, stderr, _ = constants[name]
-            error = value * curve_error(values, group, fit.loads)
+            curve = curve_error(values, group, fit.loads)
+            if curve is None:
+                reasons[name] = "no wheel of the group rolls with a slip angle"
+                del widened[name]
+                continue
+            error = value * curve.relative
             widened[name] = constants[name]._replace(stderr=float(np.hypot(stderr, error)))
-    return widened
+            if curve.is_least:
+                text = (
+                    f"{name}: another tyre curve gives a stiffness that differs by "
+                    f"{curve.relative:.0%} or more, the limit of the search: the wheels slide; add "
+                    f"turns with slip angles below 6 deg"
+                )
+                notes.append(Remark("tyre curve", text, name, value=curve.relative))
+    return _CurvedTyres(widened, reasons, tuple(notes))
 
 
 def _flown_constants(fit: OutputError) -> tuple[dict[str, GearConstant], dict[str, str]]:

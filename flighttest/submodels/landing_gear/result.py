@@ -101,6 +101,8 @@ class IdentifiedGear(PrintedResult):
         Regression on the wheel loads.
     flown : OutputError or None
         Output error on the gear of the kernel.
+    notes : tuple of Remark
+        On the form of the tyre curve.
     """
 
     groups: tuple[WheelGroup, ...]
@@ -108,6 +110,7 @@ class IdentifiedGear(PrintedResult):
     undetermined: Mapping[str, str]
     loads: LoadFit
     flown: OutputError | None = None
+    notes: tuple[Remark, ...] = ()
 
     def value(self, name: str) -> tuple[float, float]:
         """Return a constant and its standard error.
@@ -123,10 +126,11 @@ class IdentifiedGear(PrintedResult):
 
     @property
     def remarks(self) -> list[Remark]:
-        """Remarks on fits that did not converge."""
-        if self.flown is None:
-            return self.loads.remarks
-        return [*self.loads.remarks, *convergence_remarks(self.flown, "output error")]
+        """Remarks on fits that did not converge, and on the tyre curve."""
+        remarks = [*self.loads.remarks, *self.notes]
+        if self.flown is not None:
+            remarks += convergence_remarks(self.flown, "output error")
+        return remarks
 
     def aircraft(self, known: Aircraft) -> Aircraft:
         """Return an aircraft with these constants; other constants do not change.

@@ -14,6 +14,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -25,12 +26,29 @@ from flighttest.submodels.landing_gear.wheel_positions import WheelGroup
 # shape c and curvature e of JSBSim's FGLGear
 _SHAPE, _CURVATURE = 2.8, 1.03
 _LARGEST = 3.0  # factor between two stiffnesses, at most
+_AT_LIMIT = 0.01  # relative distance to a limit below which the factor is at it
+_NO_SLIP = 1e-6  # tangent of the slip angle below which a wheel has no side force
+
+
+class CurveError(NamedTuple):
+    """Error of a cornering stiffness by the form of the tyre curve.
+
+    Attributes
+    ----------
+    relative : float
+        Error over the stiffness. [1]
+    is_least : bool
+        Whether the stiffnesses differ by the largest factor that is tried: the error is larger.
+    """
+
+    relative: float
+    is_least: bool
 
 
 def curve_error(
     constants: Mapping[str, float], group: WheelGroup, loads: Sequence[xr.Dataset]
-) -> float:
-    """Return the error of the cornering stiffness of a group over its value. [1]
+) -> CurveError | None:
+    """Return the error of the cornering stiffness of a group, or None if no wheel of it slips.
 
     The magic formula is fitted to the side forces of the brush at the recorded loads and slip
     angles, with the same friction; the result is the relative difference of both stiffnesses.
@@ -53,6 +71,8 @@ def curve_error(
         loads_of.append(N[rolls])
         tangents.append(across[rolls] / along[rolls])
     N, tangent = np.concatenate(loads_of), np.concatenate(tangents)
+    if not (np.abs(tangent) > _NO_SLIP).any():
+        return None
     bend = constants.get(group.parameter("bend"), 0.0)
     C = constants[group.parameter("cornering")] * N / (1.0 + bend * (N / LOAD) ** 2)
     force = brush_side_force(N, tangent, C, friction, np.zeros_like(N))
@@ -62,7 +82,9 @@ def curve_error(
 
     limits = (1.0 / _LARGEST, _LARGEST)
     found = scipy.optimize.minimize_scalar(misfit, bounds=limits, method="bounded")
-    return abs(float(found.x) - 1.0)
+    factor = float(found.x)
+    is_least = min(abs(factor / limit - 1.0) for limit in limits) < _AT_LIMIT
+    return CurveError(abs(factor - 1.0), is_least)
 
 
 def magic_side_force(load, tangent, C, mu) -> np.ndarray:

@@ -53,6 +53,14 @@ def test_the_shape_of_the_error_decides(kind):
     assert probability(moved, parts)[0] == pytest.approx(plain, rel=1e-6, abs=1e-12)
 
 
+@pytest.mark.parametrize(("noise", "expected"), [(1e-7, 1.0), (1e-9, 0.0)])
+def test_a_covariance_that_is_singular_without_a_shape_keeps_it(noise, expected):
+    """Fits almost without noise: `level` alone has rank one, and no Cholesky factor at 1e-9."""
+    parts = np.concatenate([table_parts(ALPHA), noise**2 * np.eye(len(ALPHA))[None]])
+    y = ERRORS["level"] + noise * np.random.default_rng(1).standard_normal(len(ALPHA))
+    assert probability(y, parts)[0] == pytest.approx([expected], abs=1e-6)
+
+
 def test_each_table_has_its_own_probability_and_one_node_has_no_shape():
     """Three tables, seen by fits of their own: level, wave, and one number."""
     blocks = [table_parts(ALPHA), table_parts(ALPHA), table_parts(ALPHA[:1])]

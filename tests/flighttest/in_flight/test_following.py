@@ -508,6 +508,19 @@ def test_constraints_are_those_of_the_batch():
         assert row["t"] == pytest.approx(expected["t"], rel=1e-6)
 
 
+def test_a_candidate_that_a_limit_holds_does_not_end_the_choice():
+    data = record(np.random.default_rng(5), duration=30.0, noise=0.002)
+    extra = -50.0 * data["alpha"] ** 2 + 1200.0 * data["alpha"] * data["qhat"]
+    options = {"candidates": ["alpha**2", "alpha*qhat"], "constraints": ["alpha**2 > 0"]}
+    found = follow(text_of(data.assign(CL=data["CL"] + extra)), **options)[0][-1]
+    assert found.terms == ("alpha", "qhat", "delta_e", "alpha*qhat")
+    # The limit that keeps the candidate out is stated with its contradiction.
+    (row,) = found.as_dict()["constraints"]
+    assert row["active"]
+    assert row["t"] < -30.0
+    assert "contradicts alpha**2 > 0 by" in found.line()
+
+
 def test_candidates_of_an_equality_are_in_the_model(tmp_path):
     data = record(np.random.default_rng(22), duration=12.0)
     tie = ["alpha**2 = 0.02*alpha*qhat"]

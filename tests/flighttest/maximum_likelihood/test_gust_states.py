@@ -202,6 +202,7 @@ def test_the_rotation_of_the_air_is_that_of_the_specification(states, sign, fact
     model = linear_model(xr.Dataset(blocks, names))
     whole = add_gusts(model, [made]).at({})
     still = add_gusts(model, [gust(state=states[0], air_relative=("V",), inertial=())]).at({})
+    less = add_gusts(model, [made]).at({"turn.w": 0.4})
     assert whole.A.shape == (n + 3, n + 3)
     turned = whole.A[:n, n:] - np.pad(still.A[:n, n:], ((0, 0), (0, 1)))
     tau = factor * span / (np.pi * SPEED)
@@ -212,6 +213,25 @@ def test_the_rotation_of_the_air_is_that_of_the_specification(states, sign, fact
         expected = np.zeros(n, complex)
         expected[list(acted)] = sign * A[list(acted), -1] * jw / (1.0 + tau * jw) * angle
         np.testing.assert_allclose(turned @ lags, expected, rtol=1e-9, atol=1e-12)
+        # (M_q - M_alphadot) / (M_q + M_alphadot) of the damping acts, here with a share of 0.3.
+        changed = (less.A - whole.A)[:n, n:] @ lags
+        np.testing.assert_allclose(changed, -0.6 * expected, rtol=1e-9, atol=1e-12)
+
+
+def test_the_lag_of_the_rotation_starts_at_its_expected_value(model):
+    made = gust(span=12.0)
+    whole = add_gusts(model, [made]).at({"scale.w": 40.0})
+    values = made.filter_values({"init.gust_w": 2.0 / SIGMA, "scale.w": 40.0})
+    Q = np.diag([values["process.gust_w_lead"] ** 2, 0.0, 0.0])
+    P = scipy.linalg.solve_continuous_lyapunov(whole.A[2:, 2:], -Q)
+    read = whole.C[0, 2:]
+    expected = P @ read / (read @ P @ read) * 2.0 / SPEED
+    found = [values[f"init.{name}"] for name in (*made.states, made.turn)]
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    # A gust without rotation has no third lag, and no factor on it.
+    assert "init.gust_w_turn" not in gust().filter_values({})
+    with pytest.raises(UnknownName, match=r"unknown parameter 'turn\.w'"):
+        filter_error(model, gusty_flight(2), {**TRUTH, "turn.w": 1.0}, gusts=[gust()])
 
 
 def test_a_rotation_needs_the_rate_of_its_angle(model):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
-from scipy.signal import lsim
+from scipy.signal import lfilter, lsim
 
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.units import G0
@@ -114,6 +114,8 @@ def test_a_control_that_does_not_move_has_no_derivative():
         fit_motion([still.drop_vars("az")], "short-period")
     with pytest.raises(ValueError, match="gusts need it: vane, inertial"):
         fit_motion([short_period(1)], "short-period", "gusts")
+    with pytest.raises(ValueError, match="span is 9 m, but disturbance is 'process'; only gusts"):
+        fit_motion([short_period(1)], "short-period", "process", span=9.0)
 
 
 def test_a_change_of_speed_is_remarked():
@@ -133,6 +135,20 @@ def test_gusts_that_are_not_there_leave_the_derivatives():
     assert texts[0].startswith("no process noise is identified")
     calm = fit_motion([short_period(1)], "short-period").fit
     xr.testing.assert_equal(done.fit.estimates["estimate"], calm.estimates["estimate"])
+
+
+@pytest.mark.nightly
+def test_the_factor_on_the_rotation_of_gusts_is_an_unknown():
+    record, rng = short_period(1).isel(time=slice(0, 200)), np.random.default_rng(3)
+    gust = lfilter([4e-3], [1.0, -0.97], rng.standard_normal(200))
+    moved = {"alpha": record["alpha"] + gust, "az": record["az"] + V * SHORT["Z_alpha"] * gust}
+    done = fit_motion(
+        [record.assign(moved)], "short-period", "gusts", angle="vane", scale=100.0, span=10.0
+    )
+    assert done.fit.estimates.attrs["converged"]
+    assert done.fit.estimates.attrs["span"] == 10.0
+    assert {"gust.w", "turn.w"} < set(done.fit.parameters)
+    assert np.isfinite(done.fit.estimates["stderr"].sel(parameter="turn.w"))
 
 
 @pytest.mark.nightly

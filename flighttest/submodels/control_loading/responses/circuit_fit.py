@@ -29,7 +29,12 @@ from flightmech.errors import IdentificationError
 from flightmech.simulation.estimation.circuit_response import MOST_UNKNOWNS
 from flighttest.maximum_likelihood.likelihood import Likelihood, LikelihoodMaximum
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
-from flighttest.maximum_likelihood.search import PROVEN, invert_information, maximise_likelihood
+from flighttest.maximum_likelihood.search import (
+    PROVEN,
+    ROUNDED,
+    invert_information,
+    maximise_likelihood,
+)
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, lay_out
 from flighttest.remarks import Convergence
 from flighttest.submodels.control_loading.loading import ControlLoading
@@ -37,9 +42,12 @@ from flighttest.submodels.control_loading.responses.driven_rows import DrivenPie
 from flighttest.submodels.control_loading.responses.free_response import (
     EDGE,
     ERROR,
-    SURFACE,
-    TRAVEL,
     FreeWindow,
+)
+from flighttest.submodels.control_loading.responses.held_starts import (
+    hold_starts,
+    release_starts,
+    steps_in_errors,
 )
 from flighttest.submodels.control_loading.responses.window_response import (
     FRICTION_RATE,
@@ -51,7 +59,7 @@ from flighttest.submodels.control_loading.responses.window_response import (
 )
 
 # Iterations of the search with free starts of the windows, and of that with held ones.
-_ITERATIONS, _HELD_ITERATIONS = 30, 60
+_ITERATIONS, _HELD_ITERATIONS = 60, 60
 # First and smallest width of friction and preload, over the largest rate and the range of the
 # travel in the records, and a-priori standard error of the logarithm of a width.
 _WIDE, _LEAST, _WIDTH_ERROR = 3e-3, 1e-4, 3.0
@@ -88,6 +96,11 @@ class CircuitFit:
         With the colour of the residuals and the scatter between the records.
     rms : dict of str to float
         Residual of each output over the white noise of its pick-up.
+    maximum : LikelihoodMaximum
+        With the remaining step and the bounds of free starts.
+    likelihood : CircuitLikelihood
+    held : tuple of int
+        Numbers of the windows of free motion, from 1, whose starts were held.
     """
 
     names: tuple[str, ...]
@@ -96,6 +109,7 @@ class CircuitFit:
     rms: dict[str, float]
     maximum: LikelihoodMaximum
     likelihood: CircuitLikelihood
+    held: tuple[int, ...] = ()
 
     def value(self, name: str) -> tuple[float, float]:
         """Return an estimate and its standard error; a width in place of its logarithm."""
@@ -107,12 +121,16 @@ class CircuitFit:
 
     @property
     def convergence(self) -> Convergence:
-        """End of the search; the change is the remaining step in standard errors."""
-        maximum = self.maximum
-        stderr = np.sqrt(np.diag(invert_information(maximum.information, ~maximum.active)))
-        moves = stderr > 0.0
-        step = float(np.max(np.abs(maximum.remaining[moves]) / stderr[moves], initial=0.0))
-        return Convergence(maximum.converged, maximum.iterations, step / PROVEN)
+        """End of the search; the change is the remaining step in standard errors.
+
+        With held starts it is that of the constants, which must be below `ROUNDED`.
+        """
+        maximum, count = self.maximum, len(self.maximum.theta)
+        tolerance = PROVEN
+        if self.held:
+            count, tolerance = len(self.names), ROUNDED
+        step = float(steps_in_errors(maximum)[:count].max(initial=0.0))
+        return Convergence(maximum.converged, maximum.iterations, step / tolerance)
 
     def change(self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]) -> np.ndarray:
         """Return the change of the estimates (names,) if the records were these, to first order."""
@@ -165,35 +183,13 @@ def fit_circuit(
             begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
     likelihood = CircuitLikelihood(loading, windows, rows, layout, start)
     maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
-    held = _hold_starts(layout, maximum)
-    if held is not None:
-        likelihood = CircuitLikelihood(loading, windows, rows, held, start)
-        maximum = maximise_likelihood(likelihood, _HELD_ITERATIONS, maximum.theta)
-    return _fit_of(maximum, likelihood, tuple(unknowns))
-
-
-def _hold_starts(layout: UnknownVector, maximum: LikelihoodMaximum) -> UnknownVector | None:
-    """Return the unknowns with the starts of windows held that a search did not settle.
-
-    Friction holds a control at rest: the likelihood of its start has a kink where one end begins to
-    slide, and no gradient vanishes there. The other unknowns can then be proven to be at their
-    maximum. None if the search converged. The standard errors are those with free starts.
-    """
-    if maximum.converged:
-        return None
-    stderr = np.sqrt(np.diag(invert_information(maximum.information, ~maximum.active)))
-    moves = np.abs(maximum.remaining) > PROVEN * stderr
-    windows = set()
-    for name, is_moving in zip(layout.names, moves):
-        kind, _, window = name.partition("@")
-        if is_moving and kind in (TRAVEL, SURFACE):
-            windows.add(window)
-    low, high = layout.low.copy(), layout.high.copy()
-    for k, name in enumerate(layout.names):
-        kind, _, window = name.partition("@")
-        if window in windows and kind in (TRAVEL, SURFACE):
-            low[k] = high[k] = maximum.theta[k]
-    return replace(layout, low=low, high=high)
+    held, windows_held = hold_starts(layout, maximum)
+    if windows_held:
+        kept = CircuitLikelihood(loading, windows, rows, held, start)
+        end = maximise_likelihood(kept, _HELD_ITERATIONS, maximum.theta)
+        end = replace(end, iterations=maximum.iterations + end.iterations)
+        maximum = release_starts(end, likelihood, len(unknowns))
+    return _fit_of(maximum, likelihood, tuple(unknowns), windows_held)
 
 
 def _demand_room(windows: Sequence[FreeWindow], layout: UnknownVector, common: int) -> None:
@@ -228,7 +224,10 @@ def _with_widths(start: Mapping[str, float], windows: Sequence[FreeWindow]) -> d
 
 
 def _fit_of(
-    maximum: LikelihoodMaximum, likelihood: CircuitLikelihood, names: tuple[str, ...]
+    maximum: LikelihoodMaximum,
+    likelihood: CircuitLikelihood,
+    names: tuple[str, ...],
+    held: tuple[int, ...],
 ) -> CircuitFit:
     """Return estimates and standard errors at the end of a search."""
     count = len(names)
@@ -243,6 +242,7 @@ def _fit_of(
         rms=_output_rms(maximum, len(likelihood.windows)),
         maximum=maximum,
         likelihood=likelihood,
+        held=held,
     )
 
 

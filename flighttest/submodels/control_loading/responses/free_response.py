@@ -84,6 +84,11 @@ class FreeWindow:
     is_driven: bool
 
     @property
+    def span(self) -> str:
+        """First and last time as a text."""
+        return f"{self.time[0]:.2f}-{self.time[-1]:.2f} s"
+
+    @property
     def step(self) -> float:
         """Sampling interval. [s]"""
         return float(np.median(np.diff(self.time)))

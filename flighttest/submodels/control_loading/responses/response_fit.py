@@ -28,6 +28,8 @@ class ResponseFit:
     widths : dict of str to (float, float)
         Rate at which friction is developed to 76 %, and travel at which the preload is, with their
         standard errors. [m/s and m, of the wheel rad/s and rad]
+    held : tuple of str
+        Windows of free motion whose starts were held, by number and time.
     """
 
     convergence: Convergence
@@ -35,6 +37,7 @@ class ResponseFit:
     rms: Mapping[str, float]
     hand_damping: tuple[float, float]
     widths: Mapping[str, tuple[float, float]]
+    held: tuple[str, ...] = ()
 
     @property
     def remarks(self) -> list[Remark]:
@@ -44,6 +47,15 @@ class ResponseFit:
             "the likelihood still rises; give records with more motion, fewer terms, or drawings",
             severity="warning",
         )
+        if self.held:
+            text = (
+                f"the starts of {len(self.held)} of {self.windows} windows of free motion are held, "
+                f"where friction stops their search: {', '.join(self.held)}; the constants are at "
+                f"their maximum with free starts too, within 0.3 standard errors"
+            )
+            if not self.convergence.converged:
+                text = text.partition(";")[0]
+            remarks.append(Remark("held starts", text, severity="note"))
         value, stderr = self.hand_damping
         if abs(value) > _CERTAIN * stderr:
             text = (

@@ -1,0 +1,63 @@
+"""Starts of windows of free motion that a search does not settle, and proof of its end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flighttest.maximum_likelihood.likelihood import (
+    CONVERGED,
+    STALLED,
+    LikelihoodMaximum,
+    Target,
+)
+from flighttest.maximum_likelihood.search import PROVEN, ROUNDED, full_step, invert_information
+from flighttest.maximum_likelihood.unknowns import UnknownVector
+from flighttest.submodels.control_loading.responses.free_response import SURFACE, TRAVEL
+
+
+def hold_starts(
+    layout: UnknownVector, maximum: LikelihoodMaximum
+) -> tuple[UnknownVector, tuple[int, ...]]:
+    """Return the unknowns with the starts of windows held where a search stalled, and the windows.
+
+    Friction holds a control at rest: the likelihood of its start has a kink where one end begins to
+    slide, and no gradient vanishes there. The other unknowns may then still reach their maximum.
+    No window is held if the search converged, or had too few iterations. The standard errors are
+    those with free starts.
+    """
+    if maximum.stop != STALLED:
+        return layout, ()
+    moves = steps_in_errors(maximum) > PROVEN
+    windows = set()
+    for name, is_moving in zip(layout.names, moves):
+        kind, _, window = name.partition("@")
+        if is_moving and kind in (TRAVEL, SURFACE):
+            windows.add(int(window))
+    low, high = layout.low.copy(), layout.high.copy()
+    for k, name in enumerate(layout.names):
+        kind, _, window = name.partition("@")
+        if kind in (TRAVEL, SURFACE) and int(window) in windows:
+            low[k] = high[k] = maximum.theta[k]
+    return replace(layout, low=low, high=high), tuple(sorted(windows))
+
+
+def release_starts(end: LikelihoodMaximum, likelihood: Target, constants: int) -> LikelihoodMaximum:
+    """Return the end of a search with held starts, as one with free starts.
+
+    A start that is held away from its maximum moves the constants. The search has converged only
+    if the step without damping of all unknowns moves no constant by more than `ROUNDED`.
+    """
+    step, active = full_step(likelihood, end)
+    released = replace(end, remaining=step, active=active)
+    share = steps_in_errors(released)[:constants].max(initial=0.0)
+    is_proven = end.converged and share < ROUNDED
+    return replace(released, stop=CONVERGED if is_proven else STALLED)
+
+
+def steps_in_errors(maximum: LikelihoodMaximum) -> np.ndarray:
+    """Return the remaining step of each unknown in standard errors; zero at a bound."""
+    stderr = np.sqrt(np.diag(invert_information(maximum.information, ~maximum.active)))
+    moves = stderr > 0.0
+    return np.where(moves, np.abs(maximum.remaining) / np.where(moves, stderr, 1.0), 0.0)
