@@ -169,7 +169,7 @@ class LoadingOptions:
         Variable and nodes of the tables of the hinge moment.
     order : {"2", "4"}
         Order of the mechanism.
-    method : {"regression", "output error"}
+    method : {"best", "regression", "output error"}
     prior : float or None
         Relative standard error of the circuit of the aircraft, which is joined as a prior.
     """
