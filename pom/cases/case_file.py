@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any, Literal
 
-from pydantic import Field, StrictBool, field_validator
+from pydantic import ConfigDict, Field, StrictBool, field_validator
 
 from flightmech.aircraft.controls import DEVICE
 from flightmech.aircraft.facts import FactsTable
@@ -64,6 +64,9 @@ def _free_table(text: str, **example: Any) -> Any:
 
 class CaseTable(Strict):
     """What is tested, on which record, over which window."""
+
+    # nan and inf are answered with the name of the quantity when the file is resolved
+    model_config = ConfigDict(allow_inf_nan=True)
 
     id: str = Field(description="Test of the tolerance table, such as 2.c.10.")
     standard: str = Field(default=rows.STANDARD, description="Standard of the tolerance table.")
@@ -174,6 +177,9 @@ class LoopTable(Strict):
     model, no larger than limit.
     """
 
+    # nan and inf are answered with the name of the quantity when the file is resolved
+    model_config = ConfigDict(allow_inf_nan=True)
+
     control: str = Field(
         description="Control that the loop moves: delta_a, wheel, F_column, throttle ..."
     )
@@ -192,6 +198,9 @@ class LoopTable(Strict):
 
 class DriveTable(Strict):
     """What drives the model."""
+
+    # nan and inf are answered with the name of the quantity when the file is resolved
+    model_config = ConfigDict(allow_inf_nan=True)
 
     surfaces: Literal["recorded", "cockpit", "force", "pilot"] = Field(
         default="recorded",
@@ -265,6 +274,9 @@ class ControlLawTable(Strict):
     moves controls of the model.
     """
 
+    # nan and inf are answered with the name of the quantity when the file is resolved
+    model_config = ConfigDict(allow_inf_nan=True)
+
     fmu: str = Field(
         description="FMU of the control law, FMI 1.0 to 3.0. Relative to this file.",
         examples=["yaw_damper.fmu"],
@@ -287,6 +299,9 @@ class CaseFile(Strict):
     """A case of `aeromatch pom`: one row of the tolerance table, one window of one flight record,
     and how the model is driven.
     """
+
+    # nan and inf are answered with the name of the quantity when the file is resolved
+    model_config = ConfigDict(allow_inf_nan=True)
 
     case: CaseTable
     drive: DriveTable = DriveTable()

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from flightmech.errors import OutOfRange, UnitError, UnknownName
 from flightmech.names import lookup
@@ -24,6 +24,9 @@ _NUMBER = re.compile(r"^\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)?$")
 
 class ToleranceOverride(Strict):
     """One entry of the table, written out."""
+
+    # nan and inf are answered with the name of the quantity when the file is resolved
+    model_config = ConfigDict(allow_inf_nan=True)
 
     abs: float | str | None = Field(
         default=None,

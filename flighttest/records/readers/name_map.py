@@ -48,7 +48,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
@@ -64,6 +64,9 @@ TOP = ("extends", "optional", "time", "record", "constants", "instruments", "utc
 
 class _Table(Strict):
     """A table of a name map."""
+
+    # nan and inf are answered with the name of the quantity when the file is resolved
+    model_config = ConfigDict(allow_inf_nan=True)
 
     def changed(self, **values: Any) -> Self:
         """Return a copy with other values, which are validated."""

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import aerodb
 from flightmech import read_aircraft, write_aircraft
 from flightmech.errors import IdentificationError
-from flighttest.cli.actions import submodels
+from flighttest.cli.actions.submodels import airframe as submodels
 from flighttest.cli.group import flight
 
 T37 = Path(__file__).parents[3] / "data" / "t37" / "aircraft.toml"
