@@ -48,6 +48,7 @@ _COST_ROUNDING = 1e-12  # change of the cost, relative to it, that is rounding
 _STEPS_WITHOUT = 2  # steps of the other logarithms after a table has lost its shape
 _MOST_EVIDENCE = 50.0  # logarithm of a ratio of evidences that is certain
 _SAME_PART = 1e-9  # relative difference of parts that the estimates cannot distinguish
+_SINGULAR = 1e-14  # eigenvalue of a correlation matrix that rounding can make negative
 
 
 @dataclass(frozen=True)
@@ -182,6 +183,12 @@ def plain_shares(leaves: Iterable[xr.Dataset]) -> np.ndarray:
     return np.array([PLAIN if terms.list_regressors(leaf) else 0.0 for leaf in leaves])
 
 
+def _is_singular(covariance: np.ndarray) -> bool:
+    """Return whether rounding decides about the Cholesky factor of a covariance."""
+    scale = np.sqrt(np.diag(covariance))
+    return bool(np.linalg.eigvalsh(covariance / np.outer(scale, scale))[0] < _SINGULAR)
+
+
 def plain_probabilities(
     y: np.ndarray, parts: np.ndarray, fixed: np.ndarray, u: np.ndarray, share: np.ndarray
 ) -> np.ndarray:
@@ -221,11 +228,10 @@ def plain_probabilities(
             continue
         kept = used.copy()
         kept[of_shape] = False
-        try:
-            gain = evidence(kept, _STEPS_WITHOUT) - with_all
-        except np.linalg.LinAlgError:
-            # The covariance without a shape is singular for fits almost without noise.
+        # The covariance without a shape is singular for fits almost without noise.
+        if _is_singular(np.einsum("k,kij->ij", np.exp(u[kept]), parts[kept]) + fixed):
             continue
+        gain = evidence(kept, _STEPS_WITHOUT) - with_all
         odds = (
             share[table]
             / (1.0 - share[table])
