@@ -518,8 +518,8 @@ def count_named(
     Parameters
     ----------
     trials : sequence of tuple
-        Name; function that returns the statuses and the text of the report; pattern of the line that
-        names the deception.
+        Name; function that returns the statuses and the text of the report; pattern of the line
+        that names the deception.
     only : str
         Parts of the names of those to run, by commas.
     """

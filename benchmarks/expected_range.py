@@ -6,8 +6,8 @@
 The fits of a project give which nodes were flown and with what errors; the estimates themselves are
 not used for the prediction.  Per coefficient: the probability of chi-squared of `tabulate`, the
 share of flown nodes within 20 % of the expectation and of the median over the draws, and the share
-inside the range of 90 %.  Projects: the T-37 and the C182 of ``data``, or simulated T-37 programmes of other
-seeds, which ``table_coverage.py FOLDER --make`` has flown.
+inside the range of 90 %.  Projects: the T-37 and the C182 of ``data``, or simulated T-37
+programmes of other seeds, which ``table_coverage.py FOLDER --make`` has flown.
 """
 
 from __future__ import annotations

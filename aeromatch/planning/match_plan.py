@@ -70,8 +70,8 @@ class MatchPlan:
     problems : list of str
         All reasons why the match cannot begin.
     departures : list of str
-        Of the windows of cases from normal practice. The match begins with them, and its verdicts
-        state them.
+        Departures of the windows of cases from normal practice. The match runs with them, and its
+        verdicts state them.
     """
 
     project: Project

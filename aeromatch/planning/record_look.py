@@ -113,7 +113,7 @@ class RecordLook:
     name : str
     problems : list of str
     departures : list of str
-        Of the windows of cases from normal practice, which are no problem of a match.
+        Departures of the windows of cases from normal practice. The match runs with them.
     first, last : float
         Span of the clock of the path; NaN for a record that cannot be read. [s]
     channels : int

@@ -182,7 +182,7 @@ def _file_state(file: str) -> tuple[int, ...]:
 
 
 def _matching(pattern: str) -> list[str]:
-    """Return the files of a pattern, none for a text that is no pattern of a project."""
+    """Return the files of a pattern, or none if a project would not match the text."""
     with suppress(OSError):
         return match_files(pattern)
     return []

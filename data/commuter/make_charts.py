@@ -3,8 +3,8 @@
     python make_charts.py [FOLDER]
 
 Test-stand runs of the aeroplane of `aeroplane.py` at nodes of our own, with errors of 2 % in the
-level, 1 % in the slope over the advance ratio, and 1 % of the largest value per node: what a maker's
-chart has.
+level, 1 % in the slope over the advance ratio, and 1 % of the largest value per node: what a
+maker's chart has.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ _LEAST_ESTIMATE, _LEAST_PART = 0.03, 0.1
 _LARGEST_SMALL = 0.1  # CLB from which it is not compared with the estimate [1/rad]
 _FIN_SLOPE = 2.0  # of the lift of a fin [1/rad]
 _MOST_CYP = 0.6  # part of |CLP| + |CYB|
-_LARGEST_CLP, _LARGEST_CYB = 3.0, 5.0  # beyond them they are no measure [1/rad]
+_LARGEST_CLP, _LARGEST_CYB = 3.0, 5.0  # larger values are not compared [1/rad]
 # Slope of CNP over CL that rises, change of CL that shows it, and wings on which it falls: aspect
 # ratio, and lift slope by the area of the wing.
 _RISING, _LEAST_LIFT, _SLENDER, _LEAST_SLOPE = 0.01, 0.1, 4.0, 3.0

@@ -137,8 +137,8 @@ def estimate_supersonic_shares(deck: Deck, mach: float, has_tail: bool) -> dict[
         slope = 0.5 * math.pi * surface.aspect_ratio
         if mach > 1.0:
             slope = min(slope, 4.0 / math.sqrt(mach**2 - 1.0))
-        # A strip at x behind the moment centre sees the incidence x q / V. Its lift is proportional to
-        # x, its moment to x^2; both are integrated over the chord in closed form.
+        # A strip at x behind the moment centre sees the incidence x q / V. Its lift is
+        # proportional to x, its moment to x^2; both are integrated over the chord in closed form.
         front, rear = lead - x_cg, lead + chord - x_cg
         total += slope * 2.0 * float(np.trapezoid((rear**3 - front**3) / 3.0, stations))
         first_moment = 2.0 * float(np.trapezoid((rear**2 - front**2) / 2.0, stations))

@@ -185,7 +185,8 @@ def unpack_envelope(data: bytes, variables: Sequence[str]) -> Envelope | None:
     (count, _), place = struct.unpack_from("<2I", data), 8
     tables = []
     for _ in range(count):
-        # Per table: rank, (variable, number of edges) per axis, edges, cells; each part fills 8 bytes.
+        # Per table: rank, (variable, number of edges) per axis, edges, cells; each part fills 8
+        # bytes.
         (rank,) = struct.unpack_from("<I", data, place)
         pairs = [struct.unpack_from("<2I", data, place + 4 + 8 * k) for k in range(rank)]
         place += -(-(4 + 8 * rank) // 8) * 8

@@ -86,7 +86,8 @@ def trim(
         Fixed quantities: the same names, an acceleration ``u_dot ... r_dot``, or any output (``nz
         hdot V_cas mach`` ...), which becomes a residual.  ``engine1.failed`` 1 removes the thrust
         of an engine, or cuts off its fuel; with ``mode.engine`` 3 to 5 its drive must be given,
-        because the drag of its propeller depends on it.  A fixed quantity is not unknown, and its partner in the table is. [SI]
+        because the drag of its propeller depends on it.  A fixed quantity is not unknown, and its
+        partner in the table is. [SI]
     residuals : sequence of str, optional
         Residuals in place of those of the kind: ``u_dot ... r_dot`` and any output.
     **quantities : float or str

@@ -101,7 +101,7 @@ def _is_inside(window: tuple[float, float], time: np.ndarray) -> bool:
 def window_problem(case: PomCase, leaves: Sequence[xr.Dataset] | None = None) -> str:
     """Return the problem of a window outside its record, or of a record without a clock.
 
-    Empty if the window lies inside the record, or if there is no record yet.  `leaves` are those of
+    Empty if the window lies inside the record, or if the record does not exist yet.  `leaves` are those of
     `record_leaves`, if they are in memory.
     """
     if leaves is None:
@@ -126,7 +126,7 @@ def window_problem(case: PomCase, leaves: Sequence[xr.Dataset] | None = None) ->
 def record_leaves(case: PomCase) -> list[xr.Dataset]:
     """Return the states of a reconstructed path, or the groups of channels of a raw record.
 
-    Empty if there is no record yet.
+    Empty if the record does not exist yet.
     """
     if not Path(case.record).is_file():
         return []

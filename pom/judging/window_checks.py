@@ -44,7 +44,7 @@ STEADY = 1.0 * DEGREE
 
 Our number: the largest at the starts of the shipped cases is 0.5 deg/s.
 """
-OF_WINDOW = 0.1  # share of the largest in the window: turbulence before a large input is no fault
+OF_WINDOW = 0.1  # share of the largest in the window: turbulence before a large input is allowed
 PAUSE = 0.5  # [s] a control that passes its trim position within this time is still moved
 RETURN = 2.0  # [s] a later return belongs to this input only if the input has lasted as long
 

@@ -103,7 +103,8 @@ def _events_of(
     for row in table.rows_of_test(wanted.row, standard, edition):
         if missing_claims(row["condition"], wanted.features):
             continue
-        # A row from one event to another needs both; without a statement they are the ends of the flight.
+        # A row from one event to another needs both; without a statement they are the ends of the
+        # flight.
         for bound, time in ((row["applies_from"], start), (row["applies_to"], end)):
             event = table.event_of(bound)
             if event and event not in given:

@@ -184,8 +184,8 @@ def test_regressions_replace_an_output_error_that_did_not_converge(columns, monk
 def test_held_starts_are_proven_with_free_ones(
     columns, monkeypatch, first, stop, searches, is_proven
 ):
-    """Starts are held after a stall only. The first search is cut short, and in two cases its end is
-    named a stall: after two iterations the starts are too far off for the constants.
+    """Starts are held after a stall only. The first search is cut short, and in two cases its end
+    is named a stall: after two iterations the starts are too far off for the constants.
     """
     loading, driven, free = columns
     ends = []

@@ -271,8 +271,8 @@ def _reference(file: Path, lines: list[_LogLine], blocks: list[_TrimBlock]) -> E
             f"{', '.join(moving)} that moves" if moving else "no CoG_x, CoG_y, CoG_z",
             "one centre of gravity for all conditions: the derivatives are about it",
         )
-    # The log prints dimensional and reduced derivatives side by side. Their ratios hold the reference
-    # lengths: Zw / CLa = rho V S / 2, and Mq / Cmq = rho V S cbar^2 / 4.
+    # The log prints dimensional and reduced derivatives side by side. Their ratios hold the
+    # reference lengths: Zw / CLa = rho V S / 2, and Mq / Cmq = rho V S cbar^2 / 4.
     zw, lift_slope = blocks[0].pairs["CLa"][1], blocks[0].pairs["CLa"][0]
     mq, damping, line = blocks[0].pairs["Cmq"][1], *blocks[0].pairs["Cmq"][::2]
     lv, dihedral = blocks[0].pairs["Clb"][1], blocks[0].pairs["Clb"][0]

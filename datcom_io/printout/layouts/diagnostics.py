@@ -118,7 +118,8 @@ def _read_extrapolation(lines: list[Line], opening: int) -> tuple[list[Printed],
 
 def _look_up_cells(text: str) -> list[tuple[str, str]]:
     """Return label and text of the cells of one line of the summary, none for any other line."""
-    # First line of a chart: carriage control 0, overlay, figure, type of extrapolation per variable.
+    # First line of a chart: carriage control 0, overlay, figure, type of extrapolation per
+    # variable.
     if text[0] == "0" and not text[1:].lstrip().startswith("*"):
         cells = [("OVERLAY", text[3:5]), ("FIGURE NUMBER", text[10:30])]
         for k, side in enumerate(_sides()):

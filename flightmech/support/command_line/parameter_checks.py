@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 import click
@@ -77,9 +76,16 @@ def _is_several(option: click.Parameter) -> bool:
 
 def _find_repeated(files: tuple[Any, ...], taken: Iterable[str]) -> str:
     """Return the first file that was given before, also by another name, or an empty text."""
-    given = list(taken)
+    given = {_identity(file) for file in taken}
     for file in files:
-        if any(Path(file).samefile(other) for other in given):
+        identity = _identity(file)
+        if identity in given:
             return str(file)
-        given.append(file)
+        given.add(identity)
     return ""
+
+
+def _identity(file: str | os.PathLike[str]) -> tuple[int, int]:
+    """Return device and number of a file, which all its names share."""
+    status = os.stat(file)
+    return status.st_dev, status.st_ino

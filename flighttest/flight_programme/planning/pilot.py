@@ -297,7 +297,8 @@ class _Law:
         self, since: float, y: Mapping[str, float], deflections: xr.Dataset, *, share: float
     ) -> dict[str, float]:
         """Return fixed controls with a share of the attitude gains, plus the test input."""
-        # A share of the gains of the attitude keeps the aeroplane near the trim without hiding the input.
+        # A share of the gains of the attitude keeps the aeroplane near the trim without hiding the
+        # input.
         pitch = self._angular(y["theta"] - self.base["theta"], y["q"], _PITCH)
         roll = self._angular(y["phi"] - self.first["phi"], y["p"], _ROLL)
         controls = {
@@ -365,7 +366,8 @@ class _Law:
         way = way_to_height(m, self.start, span=self.span)
         change = m.height * self.span - self.first["h_agl"]
         moving = way - _SETTLE
-        # Descent, level pass, and climb back, as a polygon over time; each way ends with time to settle.
+        # Descent, level pass, and climb back, as a polygon over time; each way ends with time to
+        # settle.
         corners = [0.0, moving, way + m.duration, way + m.duration + moving]
         height = self.first["h"] + float(np.interp(since, corners, [0.0, change, change, 0.0]))
         climb = 0.0

@@ -50,8 +50,8 @@ def prefer_calm(
     The cost of output error without its constant and that of the filter without a disturbance
     differ by half the number of readings. The limit of twice the fall of the cost is the value of
     chi-squared that 5 % exceed, with as many degrees of freedom as there are unknown intensities,
-    scales, factors of rotation and gusts, whose first value is an unknown too. Chi-squared is approximate here: an
-    intensity cannot fall below zero, and a scale has no effect without one.
+    scales, factors of rotation and gusts, whose first value is an unknown too. Chi-squared is
+    approximate here: an intensity cannot fall below zero, and a scale has no effect without one.
 
     Parameters
     ----------

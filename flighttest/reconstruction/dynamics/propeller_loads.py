@@ -47,8 +47,8 @@ from flighttest.reconstruction.dynamics.shaft_condition import (
 from flighttest.records.signals.differentiation import derivative, derivative_window
 
 _SLOWEST = 1.0  # of the shaft [rad s-1], and of the air [m s-1]
-# Acceleration of the shaft: frequency [Hz] at which the moving polynomial has the given gain, and its
-# order. A lag of shaft and governor of 0.3 s or more ends below it.
+# Acceleration of the shaft: frequency [Hz] at which the moving polynomial has the given gain, and
+# its order. A lag of shaft and governor of 0.3 s or more ends below it.
 _SHAFT_BAND, _GAIN, _ORDER = 1.0, 0.9, 2
 _UNIFORM = 0.01  # relative range of the steps of a clock that counts as uniform
 
@@ -207,7 +207,8 @@ def propeller_load(
     Parameters
     ----------
     columns : dict of str to array (time,)
-        As `with_propeller_channels` returns them, with ``p q r alpha``, and ``beta`` where it exists.
+        As `with_propeller_channels` returns them, with ``p q r alpha``, and ``beta`` where it
+        exists.
     engine : Engine
     number : int
     cg : array (time, 3) or (3,)

@@ -33,7 +33,7 @@ def demand_attached(alpha: float | str) -> float:
     Raises
     ------
     UnitError
-        It is no angle, or not between 0 and 60 deg.
+        It is not an angle, or not between 0 and 60 deg.
     """
     value = parse_quantity(alpha, "rad")
     if not 0.0 < value < _STEEPEST:

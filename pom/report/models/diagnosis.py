@@ -152,7 +152,7 @@ def cause_sentences(table: pd.DataFrame) -> str:
     level = ""
     if stages["single"]:
         level = _describe_small_gap(stages["prior"], stages["final"])
-    # Within tolerance there is no cause to name, but the size of the gap counts.
+    # Within tolerance the cause is not named, but the size of the gap counts.
     if verdict in MATCHED:
         sentence = (
             "The a-priori model is within tolerance; no term has to be taken from the final model."

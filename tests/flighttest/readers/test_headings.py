@@ -172,7 +172,7 @@ ENDS = [  # heading, quantity of the map, its unit, and the unit that is certain
     ("flap_1", "delta_f", None, ""),
     ("az_m_s2", "az_imu", "m/s2", "m/s2"),
     ("XN_kN_M0.2", "engine1.thrust", None, ""),
-    # a share of the travel is no angle, a frequency no rate, degrees no share
+    # a share of the travel is not an angle, a frequency is not a rate, degrees are not a share
     ("Elevator pct", "delta_e", None, "%"),
     ("throttle deg", "engine1.throttle", None, "deg"),
     ("Pitch Rate Hz", "q", None, "Hz"),

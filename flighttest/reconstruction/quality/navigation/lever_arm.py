@@ -1,8 +1,8 @@
 """Place of the accelerometers, from the ground velocity.
 
 Accelerometers at r from the c.g. measure the specific force of the c.g. plus
-omega_dot x r + omega x (omega x r).  The rest of the measured force after the stated place, less the
-acceleration of the ground velocity, is regressed on these terms.
+omega_dot x r + omega x (omega x r).  The rest of the measured force after the stated place, less
+the acceleration of the ground velocity, is regressed on these terms.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ _NEEDS = ("phi", "theta", "psi", "vn", "ve", "vd", "p", "q", "r", *_AXES)
 _BAND = 1.0  # Hz
 _SHORTEST = 10.0  # s of flight
 _BLOCKS = 10  # of the jackknife
-# m: error of a place that is reported, beyond 3 standard errors (the antenna of the receiver has its
-# own place), and standard error up to which it counts as checked
+# m: error of a place that is reported, beyond 3 standard errors (the antenna of the receiver has
+# its own place), and standard error up to which it counts as checked
 _LARGE, _SIGMAS, _KNOWN = 0.8, 3.0, 0.5
 _ROW = ("imu_position", "place of the accelerometers")
 

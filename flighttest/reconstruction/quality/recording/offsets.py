@@ -1,7 +1,7 @@
 """Constant errors of gyros, accelerometers, attitude and flow angles.
 
-Relations of kinematics compare changes; a constant error of a channel shows in the mean of their two
-sides.  Limits lie above the constant errors of ordinary instruments, which a reconstruction
+Relations of kinematics compare changes; a constant error of a channel shows in the mean of their
+two sides.  Limits lie above the constant errors of ordinary instruments, which a reconstruction
 estimates.
 """
 
@@ -125,7 +125,7 @@ def offset_findings(
     """
     offsets = {}
     for relation, offset, rms in zip(table["relation"], table["offset"], table["rms"], strict=True):
-        # a mean of sides that differ by more than their mean is no constant error
+        # sides that differ by more than their mean have no constant error
         if rms < abs(offset):
             offsets[relation] = float(offset)
     present = set(table["relation"])

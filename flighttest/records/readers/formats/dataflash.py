@@ -176,7 +176,8 @@ def _read_formats(
     lengths[_FMT] = _FMT_LENGTH
     notes: list[str] = []
     for start in starts:
-        # FMT: number and length of a message, its name, a letter per field, and the names of the fields.
+        # FMT: number and length of a message, its name, a letter per field, and the names of the
+        # fields.
         kind, length, *texts = struct.unpack(
             "<BB4s16s64s", raw[start + _HEAD : start + _FMT_LENGTH].tobytes()
         )

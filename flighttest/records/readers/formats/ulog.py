@@ -138,7 +138,8 @@ def quaternion_to_euler(w, x, y, z) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     The scalar part is `w`.  The heading is between 0 and 2 pi.
     """
     w, x, y, z = (np.asarray(part, float) for part in (w, x, y, z))
-    # Elements of the rotation matrix of the quaternion. The clip covers rounding at +-90 deg of pitch.
+    # Elements of the rotation matrix of the quaternion. The clip covers rounding at +-90 deg of
+    # pitch.
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
     yaw = np.mod(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)), 2.0 * np.pi)

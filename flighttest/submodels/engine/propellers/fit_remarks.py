@@ -21,9 +21,9 @@ from flighttest.submodels.engine.propellers.estimate import (
 _DETERMINED = 0.9
 # Residual over its noise above which a point is remarked.
 _OUTLIER = 4.0
-# Noise of the residuals above which the records do not belong to the tables: of the force [m/s2], and
-# of the equations that are relative to the largest power or fuel flow. Rough air makes 0.1 m/s2 in
-# means over 6 s, instruments 1 to 2 % (our judgement).
+# Noise of the residuals above which the records do not belong to the tables: of the force [m/s2],
+# and of the equations that are relative to the largest power or fuel flow. Rough air makes 0.1
+# m/s2 in means over 6 s, instruments 1 to 2 % (our judgement).
 _MOST_FORCE, _MOST_RELATIVE = 0.3, 0.05
 # Distance of an unknown from its a-priori value that is remarked, in a-priori standard errors.
 _FAR = 2.0

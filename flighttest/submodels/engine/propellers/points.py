@@ -80,8 +80,9 @@ def propeller_points(
     -------
     Dataset (point,)
         Means of the channels, ``f`` and ``lift_force`` (specific forces along and across the path)
-        [m/s2], ``engineN.rpm_dot`` of the propeller [rad/s2], ``run``, the number of the record, and ``time``. The
-        attribute ``force`` is ``accelerometer`` or ``energy``; ``left_out`` states what was omitted.
+        [m/s2], ``engineN.rpm_dot`` of the propeller [rad/s2], ``run``, the number of the record,
+        and ``time``. The attribute ``force`` is ``accelerometer`` or ``energy``; ``left_out``
+        states what was omitted.
 
     Raises
     ------

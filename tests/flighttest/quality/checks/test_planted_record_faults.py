@@ -1,5 +1,5 @@
-"""Exchanged surfaces, constant errors, lost samples and a wrong place of the accelerometers, planted
-into a multisine of the T-37.
+"""Exchanged surfaces, constant errors, lost samples and a wrong place of the accelerometers,
+planted into a multisine of the T-37.
 """
 
 from pathlib import Path
