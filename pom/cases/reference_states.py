@@ -101,8 +101,8 @@ def _is_inside(window: tuple[float, float], time: np.ndarray) -> bool:
 def window_problem(case: PomCase, leaves: Sequence[xr.Dataset] | None = None) -> str:
     """Return the problem of a window outside its record, or of a record without a clock.
 
-    Empty if the window lies inside the record, or if the record does not exist yet.  `leaves` are those of
-    `record_leaves`, if they are in memory.
+    Empty if the window lies inside the record, or if the record does not exist yet.  `leaves` are
+    those of `record_leaves`, if they are in memory.
     """
     if leaves is None:
         leaves = record_leaves(case)
