@@ -226,11 +226,10 @@ def trimmed_outputs(sim: SimModel, parameters: Mapping[str, float]) -> np.ndarra
 def default_trim_mode(sim: SimModel, parameters: Mapping[str, float]) -> float:
     """Return the default of ``mode.trim``: 2 if levers drive engines with a deck, else 1.
 
-    The trim of mode 2 computes the throttle, that of mode 1 the thrust. A propeller is trimmed by
-    thrust: its speed and blade angle settle with time, and the kernel does not search for them.
+    The trim of mode 2 computes the throttle, that of mode 1 the thrust. Slipstream, normal force
+    and torque of a propeller depend on its power, so that its thrust must come from the lever.
     """
     has_deck = any(name.startswith("engine1/") for name in sim.terms)
-    has_deck &= "engine1/CT_prop" not in sim.terms
     default = next(row.value for row in sim.entries(PARAMETER) if row.name == "mode.engine")
     if has_deck and parameters.get("mode.engine", default) == 0.0:
         return 2.0

@@ -354,6 +354,16 @@ def test_lever_trims_from_a_flat_chart(make_aircraft, make_tree):
     start = {"init.V": 55.0, "init.h": 1000.0, "mode.engine": 0.0}
     both = flightmech.trim(sim, start, kind="level")
     assert both.attrs["converged"]
+    # The trim at the start of a run finds the same lever, and shaft and propeller balance.
+    first = flightmech.trim(sim, start)
+    lever = dict(zip(both["unknown"].values, both["found"].values, strict=True))["throttle"]
+    assert abs(float(first["trim.u_dot"])) < 3e-4 and float(first["trim.thrust"]) == 0.0
+    assert float(first["trim.throttle"]) == pytest.approx(lever, rel=1e-3)
+    n, rho = float(first["engine1.rpm"]) / (2.0 * np.pi), float(first["rho"])
+    absorbed = float(first["engine1.CP_prop"]) * rho * n**3 * D**5
+    assert float(first["engine1.torque"]) * 2.0 * np.pi * n == pytest.approx(absorbed, rel=1e-9)
+    pull = float(first["engine1.CT_prop"]) * rho * n**2 * D**4
+    assert float(first["engine1.thrust"]) == pytest.approx(pull, rel=1e-9)
     # the Earth turns, so that both differ a little
     assert float(both["engine1.thrust"]) == pytest.approx(float(both["engine2.thrust"]), rel=1e-5)
     one = flightmech.trim(sim, start, kind="level", fixed={"engine1.failed": 1.0})

@@ -24,6 +24,7 @@ enum { Z_ALPHA, Z_BETA, Z_DELTA, Z_AILERON = Z_DELTA + 1, Z_RUDDER, Z_POWER, Z_P
 
 #define ALPHA_LIMIT 0.6 /* [rad] */
 #define BETA_LIMIT 0.35 /* [rad] */
+#define TRIMMED 1e-7    /* sum of the squared residuals of a trimmed flight [m2 s-4] */
 
 typedef struct {
     am_sim *sim;
@@ -92,6 +93,23 @@ static double solve_with_bank(system_t *s, double *z, double *par) {
     return left;
 }
 
+/* A lever at its stop can have no effect: a piston engine without air stands, and a little more air
+ * does not turn it.  An untrimmed flight is therefore tried again from the middle of the travel. */
+static double solve_with_lever(system_t *s, double *z, double *par, bool lever) {
+    const double phi = par[P_PHI];
+    double middle[UNKNOWNS];
+    memcpy(middle, z, sizeof middle);
+    const double left = solve_with_bank(s, z, par);
+    if (!lever || left < TRIMMED) return left;
+    par[P_PHI] = phi;
+    middle[Z_POWER] = 0.5 * (s->low[Z_POWER] + s->high[Z_POWER]);
+    s->nearest = false;
+    const double again = solve_with_bank(s, middle, par);
+    if (!(again < TRIMMED)) return left;
+    memcpy(z, middle, sizeof middle);
+    return again;
+}
+
 static int trim_biases(am_sim *sim, int mode) {
     if (mode == 2 && sim->drive != LEVER_DRIVEN) {
         return fail(
@@ -109,7 +127,7 @@ static int trim_biases(am_sim *sim, int mode) {
     double z[UNKNOWNS] = {clamp(sim->par[P_ALPHA], -ALPHA_LIMIT, ALPHA_LIMIT),
                           clamp(sim->par[P_BETA], -BETA_LIMIT, BETA_LIMIT)};
     const double phi = sim->par[P_PHI];
-    const double left = solve_with_bank(&system, z, sim->par);
+    const double left = solve_with_lever(&system, z, sim->par, mode == 2);
     start_with(&task, z, sim->trim.residual);
     sim->par[P_PHI] = phi;
     sim->fresh = false;
