@@ -15,6 +15,9 @@ from hypothesis import settings
 ROOT = Path(__file__).parents[1]
 START = Path.cwd()
 sys.path.insert(0, str(ROOT / "tests"))  # for modules that tests of several packages share
+
+from short_demo import make_short_project  # noqa: E402
+
 os.environ["AEROMATCH_STORE"] = (
     "off"  # no test reads what another one, or the user, left; those of the store name their own
 )
@@ -173,22 +176,48 @@ def shared_folder(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def demo(shared_folder):
-    """Return the folder of one demo run and the finished process; for tests marked slow only.
+    """Return the folder of one run of the short demo and the finished process.
 
-    All test processes of one session share the run.  The first process makes it under a file lock,
-    which takes about a minute. Its stages are kept in ``store`` of the shared folder; the pages of
-    the documentation take them from there.
+    For tests marked slow only. See `short_demo`; `whole_demo` is for nightly tests.
     """
-    shared = shared_folder
+    return _perform_once(shared_folder, "demo", _match_short_project)
+
+
+@pytest.fixture(scope="session")
+def whole_demo(shared_folder):
+    """Return the folder of one run of the demo and the finished process; for nightly tests."""
+    return _perform_once(shared_folder, "whole_demo", lambda _: ["demo"])
+
+
+def _match_short_project(folder):
+    return ["match", str(make_short_project(folder / "t37"))]
+
+
+def _perform_once(shared, name, words_for):
+    """Return folder and process of a run that all test processes of one session share.
+
+    The first process makes it under a file lock, which takes a minute or more. Its stages are kept
+    in ``store`` of the shared folder; the pages of the documentation take them from there.
+
+    Parameters
+    ----------
+    shared : Path
+        As of `shared_folder`.
+    name : str
+        Name of the run.
+    words_for : callable
+        From a folder for its inputs to the words of the command.
+    """
     # as deep as its copies in test_docs: reports name inputs relatively, and the folders of a test
     # process are one level deeper
     levels = ("run", "fresh") if os.environ.get("PYTEST_XDIST_WORKER") else ("fresh",)
-    folder = shared.joinpath("demo", *levels, "out", "t37")
-    protocol = shared / "demo" / "run.json"
-    with FileLock(shared / "demo.lock"):
+    folder = shared.joinpath(name, *levels, "out", "t37")
+    protocol = shared / name / "run.json"
+    with FileLock(shared / f"{name}.lock"):
         if not protocol.exists():
             folder.parent.mkdir(parents=True)
-            command = [sys.executable, "-m", "aeromatch", "demo", "--json", "-o", str(folder)]
+            words = [*words_for(shared / name), "--json", "-o", str(folder)]
+            command = [sys.executable, "-m", "aeromatch", *words]
             run = subprocess.run(
                 command,
                 capture_output=True,

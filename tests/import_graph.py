@@ -47,13 +47,24 @@ def imported(file: Path, known: dict[str, Path], root: Path = ROOT) -> set[str]:
     return found - {"", own}
 
 
+# fields of a statement that hold statements, or handlers and cases with statements
+BLOCKS = ("body", "orelse", "handlers", "finalbody", "cases")
+
+
 @functools.cache  # the tests and the page of folders read the same files
 def import_statements(file: Path) -> list[ast.Import | ast.ImportFrom]:
     """Return all import statements of a file, empty when there is no such file."""
     if not file.is_file():
         return []
-    nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-    return [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
+    found, statements = [], list(ast.parse(file.read_text(encoding="utf-8")).body)
+    # only statements hold imports: expressions, most of a tree, are not visited
+    while statements:
+        node = statements.pop()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            found.append(node)
+        for block in BLOCKS:
+            statements += getattr(node, block, [])
+    return found
 
 
 def nearest(name: str, known: dict[str, Path]) -> str:

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import short_demo
 
 import aerodb
 import flightmech
@@ -33,18 +34,27 @@ EXPECTED = {
 }
 """Status of the final model: pilot forces are not recorded in three cases, seven depart from their
 rows (configuration, length of the record, weight, brakes, track, one direction)."""
+SHORT = {name: EXPECTED[name] for name in short_demo.CASES}
+
+
+@pytest.fixture(params=["short", pytest.param("whole", marks=pytest.mark.nightly)])
+def either(request):
+    """Return folder, process and expected status of the short and of the whole demo."""
+    if request.param == "short":
+        return *request.getfixturevalue("demo"), SHORT
+    return *request.getfixturevalue("whole_demo"), EXPECTED
 
 
 @pytest.mark.slow
-def test_the_final_model_has_the_status_that_an_evaluator_gives(demo):
-    _, run = demo
+def test_the_final_model_has_the_status_that_an_evaluator_gives(either):
+    _, run, expected = either
     cases = json.loads(run.stdout)["cases"]
-    assert {case["name"]: case["status"]["final"] for case in cases} == EXPECTED
+    assert {case["name"]: case["status"]["final"] for case in cases} == expected
 
 
 @pytest.mark.slow
-def test_the_demo_writes_what_it_promises(demo):
-    folder, run = demo
+def test_the_demo_writes_what_it_promises(either):
+    folder, run, expected = either
     assert run.returncode == 0, run.stderr
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     models = {
@@ -53,7 +63,7 @@ def test_the_demo_writes_what_it_promises(demo):
         for kind in (".nc", ".fmu", ".toml", "_engine1.nc")
     }
     results = json.loads((folder / "report" / "results.json").read_text())["results"]
-    assert len(results) == 19
+    assert len(results) == len(expected)
     report = {
         "report.html",
         "report.pdf",
@@ -70,8 +80,8 @@ def test_the_demo_writes_what_it_promises(demo):
 
 
 @pytest.mark.slow
-def test_flight_makes_the_model_better(demo):
-    _, run = demo
+def test_flight_makes_the_model_better(either):
+    _, run, _ = either
     outcome = json.loads(run.stdout)
     passes = {
         name: sum(case["status"][name] in MATCHED for case in outcome["cases"])
@@ -94,8 +104,8 @@ def test_flight_makes_the_model_better(demo):
 
 
 @pytest.mark.slow
-def test_the_demo_ranks_the_wrong_terms_over_all_cases(demo):
-    folder, run = demo
+def test_the_demo_ranks_the_wrong_terms_over_all_cases(either):
+    folder, run, _ = either
     ranking = json.loads(run.stdout)["ranking"]
     assert ranking[0].startswith("Over all cases the a-priori model is most likely wrong in C")
     chapters = restore_chapters(pom.read_archive(folder / "report").chapters)
@@ -109,12 +119,12 @@ def test_the_demo_ranks_the_wrong_terms_over_all_cases(demo):
     assert float(last[-2]) < float(first[-2])
 
 
-@pytest.mark.slow
-def test_the_final_model_flies_by_force(demo):
+@pytest.mark.nightly
+def test_the_final_model_flies_by_force(whole_demo):
     """What only the identified control loading can give: the column force of a turn, the motion
     after a pulse of force.
     """
-    folder, run = demo
+    folder, run = whole_demo
     cases = {case["name"]: case["status"] for case in json.loads(run.stdout)["cases"]}
     for name in (
         "stick_free_short_period",
@@ -138,9 +148,9 @@ def test_the_final_model_flies_by_force(demo):
     )
 
 
-@pytest.mark.slow
-def test_the_final_model_brakes_and_turns_on_the_runway(demo):
-    folder, run = demo
+@pytest.mark.nightly
+def test_the_final_model_brakes_and_turns_on_the_runway(whole_demo):
+    folder, run = whole_demo
     cases = {case["name"]: case["status"] for case in json.loads(run.stdout)["cases"]}
     # it stops where the flight does, and off the flown track
     assert cases["brake_stop"]["final"] == "pass_with_departures"
@@ -157,8 +167,9 @@ def test_the_final_model_brakes_and_turns_on_the_runway(demo):
 
 
 @pytest.mark.slow
-def test_every_step_is_reported_on_its_own_line(demo):
-    _, run = demo
+def test_every_step_is_reported_on_its_own_line(either):
+    _, run, expected = either
     steps = [line for line in run.stderr.splitlines() if " ... " in line]
-    assert len(steps) == 14
+    # the whole demo also identifies control loading, ground effect and landing gear
+    assert len(steps) == (14 if expected is EXPECTED else 11)
     assert all(line.endswith(" s") for line in steps)
