@@ -76,6 +76,7 @@ NIGHTLY_PAGES = (
     "batch-on-a-cluster.md",
     "diagnosis.md",
     "edit-a-database.md",
+    "report-pdf.md",  # verifies the report of the whole demo
     "reconstruct-a-flight.md",  # the tutorial runs the verbs of this page and of the next
     "fit-a-manoeuvre.md",
     "plan-a-programme.md",
@@ -363,7 +364,8 @@ def verbs_of(page: Path) -> set[str]:
 def test_all_commands_run(page, reader, request):
     provide(page, reader.folder)
     if "./run demo" in needs(page):
-        written, run = request.getfixturevalue("demo")
+        nightly = request.node.get_closest_marker("nightly")
+        written, run = request.getfixturevalue("whole_demo" if nightly else "demo")
         assert run.returncode == 0, run.stderr
         shutil.copytree(written, reader.folder / "out" / "t37")
     reader.follow(page, slow=True)

@@ -83,12 +83,12 @@ def mode(frame, name):
 @pytest.mark.parametrize(
     ("motion", "period", "ratio"), [("phugoid", 0.04, 0.02), ("Dutch roll", 0.02, 0.005)]
 )
-def test_identified_modes_are_those_of_the_records(motion, period, ratio, aircraft, demo):
+def test_identified_modes_are_those_of_the_records(motion, period, ratio, aircraft, whole_demo):
     """Phugoid: 1.5 cycles of a large motion with a height that changes; Dutch roll: 7 cycles, speed
     read 1 % wrong by the instruments.
     """
     fit, condition = flown(motion)
-    folder, _ = demo
+    folder, _ = whole_demo
     sim = flightmech.compile(aircraft, aerodb.open(folder / "final.nc"))
     states = ("V", "alpha", "q", "theta", "h", "beta", "p", "r", "phi")
     ours = mode(
@@ -217,7 +217,7 @@ def test_performance_against_the_published_aeroplane(aircraft, prior):
 
 
 @pytest.mark.nightly
-def test_performance_of_the_identified_aeroplane(aircraft, demo):
+def test_performance_of_the_identified_aeroplane(aircraft, whole_demo):
     """At sea level, 2994 kg, against the aerodynamics that were flown, those of the package jsbsim,
     with the same engines.
 
@@ -235,7 +235,7 @@ def test_performance_of_the_identified_aeroplane(aircraft, demo):
     condition = {"V": 110.0, "h": 0.0, "mass": 2994.0}
     final, truth = (
         flightmech.characteristics(aircraft, db, condition).table["value"]
-        for db in (aerodb.open(demo[0] / "final.nc"), flown)
+        for db in (aerodb.open(whole_demo[0] / "final.nc"), flown)
     )
     # the fastest speed lies at the end of the Mach numbers that were flown; found 1.1 % below, 2.8
     # and 2.5 % above

@@ -330,11 +330,11 @@ def least_eigenvalues(db):
 
 @pytest.mark.nightly
 @pytest.mark.slow
-def test_every_covariance_of_the_demo_is_positive_semidefinite(demo):
+def test_every_covariance_of_the_demo_is_positive_semidefinite(whole_demo):
     """Terms of the drag near the ground have standard errors and no posterior of their own; they
     stand next to terms that have.
     """
-    db = aerodb.open(demo[0] / "final.nc")
+    db = aerodb.open(whole_demo[0] / "final.nc")
     leaves = aerodb.terms(db)
     assert "stderr" in leaves["CD/ground_basic"]
     assert joint_mark(leaves["CD/ground_basic"]) is None

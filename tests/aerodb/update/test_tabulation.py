@@ -144,7 +144,7 @@ def test_nodes_from_flight_are_covered_and_better_than_the_prior(study):
     assert np.std(np.concatenate(after)) < 0.2 * np.std(np.concatenate(before))  # 0.08 measured
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_only_flown_nodes_change_their_source(study):
     leaves, found = study
     _, new = found[0]
@@ -179,7 +179,7 @@ def test_a_prior_that_was_overconfident_is_inflated_everywhere():
     assert float(after["stderr"].sel(mach=0.6)) > float(leaves["CL/qhat"]["stderr"].sel(mach=0.6))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_new_tables_fit_the_flown_samples_down_to_the_noise(study):
     _, found = study
     points = pd.concat([new.points for _, new in found])
@@ -190,7 +190,7 @@ def test_the_new_tables_fit_the_flown_samples_down_to_the_noise(study):
     assert not points["suspect"].any()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_compatibility_statistic_is_chi_squared(study):
     """Fits against a prior that is true, 30 estimates: the mean of 20 values scatters by
     sqrt(60/20) = 1.7; standard errors of single records are 10 to 15 % small (coverage 91 %), which

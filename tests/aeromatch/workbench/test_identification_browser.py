@@ -152,6 +152,7 @@ def test_a_fit_in_frequency_and_with_a_ridge(page, client):
     )
 
 
+@pytest.mark.nightly
 def test_by_keyboard(page):
     """A chip is switched, and a row of the estimates chosen, without a mouse."""
     page.get_by_role("img", name="Partial regression").wait_for()

@@ -125,6 +125,7 @@ def test_models_and_databases_that_can_be_flown(opened):
     ]
 
 
+@pytest.mark.nightly
 def test_a_report_is_read_again_when_it_has_changed(opened):
     first = matching.show_match(opened, {"report": TRIAL}, None)["cases"]
     (result,) = pom.read_archive(opened.work / TRIAL).results

@@ -95,7 +95,7 @@ def test_limits_that_were_reached_are_found_and_the_spectra_contradict(limited):
     assert any(remark.kind == "scatter" and remark.term == "Ka/Ma" for remark in limited.remarks)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_record_of_the_command_gets_the_position_within_the_limits_found(limited, tmp_path):
     """A fixed-wing log has the command alone: the entry of its name map holds rate limit and stops,
     and the position follows the truth.

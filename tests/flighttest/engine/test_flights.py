@@ -227,7 +227,7 @@ def test_delay_and_time_constant_with_limits(fit):
     assert stderr < 0.02
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_responses_are_those_of_the_model(fit):
     for one in fit.spools.responses:
         for name in ("n1", "n2"):

@@ -364,7 +364,7 @@ def test_no_scheduler_is_stated_plainly(cases, paths, toy, monkeypatch):
         replay_all(cases[:1], {"toy": toy()}, paths, scheduler="tcp://127.0.0.1:9")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.serial
 def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(
     cases, paths, toy, tmp_path, monkeypatch

@@ -17,8 +17,8 @@ CASES = Path(__file__).parents[3] / "data" / "t37" / "cases"
 
 @pytest.mark.nightly
 @pytest.mark.slow
-def test_spoilt_terms_are_tuned_back(demo, tmp_path, monkeypatch, capsys):
-    folder, _ = demo
+def test_spoilt_terms_are_tuned_back(whole_demo, tmp_path, monkeypatch, capsys):
+    folder, _ = whole_demo
     final = aerodb.open(folder / "final.nc")
     leaves = aerodb.terms(final)
     factors = {"Cm/elevator": 0.5, "Cm/qhat": 0.3}
