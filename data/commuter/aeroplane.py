@@ -78,6 +78,11 @@ def engine_power(ng: float, mach: float, density: float) -> float:
     return RATINGS * (density / 1.225) ** 0.85 * (1.0 + 0.25 * mach) * (0.04 + 0.96 * share**1.5)
 
 
+def geometric_height(h: np.ndarray) -> np.ndarray:
+    """Return the height of a pressure altitude in the warmer air, by dz = dh T / T_standard. [m]"""
+    return h + WARMER / 0.0065 * np.log(T0 / (T0 - 0.0065 * h))
+
+
 def air(h: float) -> tuple[float, float, float, float]:
     """Return pressure, temperature, density and speed of sound at a pressure altitude."""
     standard = T0 - 0.0065 * h
@@ -167,8 +172,10 @@ def derivatives(x: list[float], controls: dict[str, float]) -> tuple[list[float]
     north = u * ct * cs + v * (sp * st * cs - cp * ss) + w * (cp * st * cs + sp * ss)
     east = u * ct * ss + v * (sp * st * ss + cp * cs) + w * (cp * st * ss - sp * cs)
     climb = u * st - v * sp * ct - w * cp * ct
+    # dp = -rho g dz in the warmer air, and dp = -rho_standard g dh
+    h_dot = climb * (T0 - 0.0065 * h) / temperature
     euler = [p + (q * sp + r * cp) * st / ct, q * cp - r * sp, (q * sp + r * cp) / ct]
-    rate = [ud, vd, wd, pd, qd, rd, *euler, north, east, climb, *rates]
+    rate = [ud, vd, wd, pd, qd, rd, *euler, north, east, h_dot, *rates]
     seen |= {"ax": ax, "ay": ay, "az": az, "p_dot": pd, "q_dot": qd, "r_dot": rd, "V": V}
     seen |= {
         "vn": north,

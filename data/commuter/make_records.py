@@ -243,7 +243,7 @@ def measured(motion: pd.DataFrame, wind: np.ndarray, seed: int) -> pd.DataFrame:
         "ny": force[:, 1] / G0,
         "nz": -force[:, 2] / G0,
         "vs": -m["vd"] / FT * 60,
-        "gps": m["h"] / FT,
+        "gps": aeroplane.geometric_height(m["h"]) / FT,
         "cut1": m["cut1"],
         "cut2": m["cut2"],
     }
