@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +15,12 @@ from flightmech.aircraft import Engine, PistonEngine, Propeller
 from flightmech.errors import AeromatchWarning, IdentificationError
 from flightmech.terms import make_term
 from flighttest.reconstruction.dynamics.loads import engine_loads
-from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+from flighttest.reconstruction.dynamics.propeller_loads import (
+    propeller_channels,
+    with_propeller_channels,
+)
 from flighttest.reconstruction.dynamics.reduced_rates import read_columns
+from flighttest.reconstruction.dynamics.shaft_condition import shaft_condition
 
 J = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 ANGLES = np.array([0.2, 0.7])
@@ -258,3 +263,8 @@ def test_without_power_the_rotor_stays_and_the_torque_is_named():
     # -omega x (rotation I w d) along y, less the thrust times its arm
     assert M[0, 1] + 0.1 * 1100.0 == pytest.approx(-0.3 * -1 * 2.0 * 230.0)
     assert M[0, 0] == 0.0
+
+
+@pytest.mark.parametrize("function", [shaft_condition, propeller_channels])
+def test_the_center_of_gravity_is_given(function):
+    assert inspect.signature(function).parameters["cg"].default is inspect.Parameter.empty
