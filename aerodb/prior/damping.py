@@ -23,6 +23,7 @@ from aerodb.prior.sources import Source, drop_empty_tables, warn_user
 from aerodb.store.effects import Effect, join_sentences
 from datcom_io.reading.damping import estimate_supersonic_damping, estimate_tail_share
 from datcom_io.reading.wing_damping import estimate_wing_share
+from datcom_io.reading.wing_scales import scale_by_wing
 from flightmech.units import DEGREE
 
 _SUSPECT = datcom_io.FLAGS.index("suspect")
@@ -115,7 +116,12 @@ def _estimate_pitch_rate(
         derivatives = {
             key: row[key].transpose("alpha").values for key in ("CL_alphadothat", "Cm_alphadothat")
         }
-        tail = estimate_tail_share(derivatives, alpha, slope.sel(mach=mach).values, mach)
+        scales = None
+        if clean.decks:
+            scales = scale_by_wing(clean.decks[0])
+        tail = estimate_tail_share(
+            derivatives, alpha, slope.sel(mach=mach).values, mach, scales=scales
+        )
         estimates.append(tail.get(name, np.nan) + wing.get(name, 0.0))
     values = xr.DataArray(estimates, {"mach": grid["mach"].values}, "mach")
     return values.broadcast_like(grid[name])

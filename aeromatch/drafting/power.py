@@ -88,7 +88,8 @@ def _gives_thrust(columns: Mapping[str, np.ndarray], engine: Engine, number: int
     if engine.propeller is None:
         return False
     try:
-        propeller_channels(dict(columns), engine, number)
+        # without a rotation the position of the c.g. does not matter
+        propeller_channels(dict(columns), engine, number, cg=engine.position)
     except AeromatchError:
         # Its speed, its power or a variable of its tables is not recorded.
         return False

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,7 @@ from datcom_io.reading.wing_damping import (
     estimate_supersonic_shares,
     estimate_wing_share,
 )
+from datcom_io.reading.wing_scales import scale_by_wing
 
 # Range in which the signs of attached flow hold. [deg]
 _LINEAR = 6.0
@@ -64,7 +65,7 @@ _STRIPS_AMOUNT, _STRIPS_MEDIAN = 0.5, 0.7
 _LIFTING, _TAIL_CLR = 0.2, 0.2
 # A fin at height z and arm l adds -CNR z / l to CLR, and a part of it to CNP. Parts of |CNR|.
 _FIN_CLR, _FIN_CNP = 0.5, 0.25
-# Largest sizes of a derivative of an aeroplane; beyond them its reference length is wrong. [1/rad]
+# Largest sizes of a derivative of an aeroplane by the quantities of its main wing. [1/rad]
 LARGEST = {
     "CL_qhat": 50.0,
     "Cm_qhat": 150.0,
@@ -100,7 +101,11 @@ Derivatives = Mapping[str, np.ndarray]
 
 
 def estimate_tail_share(
-    derivatives: Derivatives, alpha: np.ndarray, downwash_slope: np.ndarray, mach: float
+    derivatives: Derivatives,
+    alpha: np.ndarray,
+    downwash_slope: np.ndarray,
+    mach: float,
+    scales: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
     """Return CLQ and CMQ of the tail from CLAD and CMAD and the downwash.
 
@@ -114,6 +119,8 @@ def estimate_tail_share(
         d epsilon / d alpha, NaN where it is not printed.
     mach : float
         Mach number of the page.
+    scales : mapping of str to float, optional
+        `scale_by_wing` of the deck; by default the derivatives are by the quantities of the wing.
 
     Returns
     -------
@@ -127,9 +134,10 @@ def estimate_tail_share(
     is_usable = (np.abs(alpha) <= _LINEAR) & (downwash_slope > _LEAST_SLOPE)
     for name in ("CL", "Cm"):
         lag = derivatives[f"{name}_alphadothat"]
+        scale = (scales or {}).get(f"{name}_alphadothat", 1.0)
         # A lag of the wrong sign or size states nothing about the tail; NaN compares false.
         is_sound = _SIGNS[f"{name}_alphadothat"] * lag > 0.0
-        rows = is_usable & is_sound & (np.abs(lag) <= LARGEST[f"{name}_alphadothat"])
+        rows = is_usable & is_sound & (np.abs(scale * lag) <= LARGEST[f"{name}_alphadothat"])
         if rows.any():
             shares[f"{name}_qhat"] = float(np.median(lag[rows] / downwash_slope[rows]))
     return shares
@@ -147,6 +155,8 @@ def find_inconsistent(
     moment_slope: float = math.nan,
 ) -> dict[str, np.ndarray]:
     """Return masks of the numbers that contradict their sign, their size or each other.
+
+    All numbers are by area, span and mean chord of the main wing (`scale_by_wing`).
 
     Parameters
     ----------
@@ -269,7 +279,10 @@ def estimate_supersonic_damping(deck: Deck, mach: float, has_tail: bool) -> floa
 
 @dataclass(frozen=True)
 class _DynamicPage:
-    """Numbers of a page with dynamic derivatives, as `find_inconsistent` takes them."""
+    """Numbers of a page with dynamic derivatives by the quantities of the deck.
+
+    Times `scales` they are by those of the main wing, as `find_inconsistent` takes them.
+    """
 
     derivatives: Derivatives
     alpha: np.ndarray
@@ -280,6 +293,29 @@ class _DynamicPage:
     has_tail: bool
     strips: Mapping[str, float]
     moment_slope: float
+    scales: Mapping[str, float]
+
+    def by_wing(self) -> _DynamicPage:
+        """Return the numbers by area, span and mean chord of the main wing."""
+        scales = self.scales
+        chord = scales["Cm_alpha"] / scales["CL"]
+        strips = {}
+        for name, value in self.strips.items():
+            if name == "arm":
+                strips[name] = value * chord
+            elif name in ("surfaces", "body", "wing"):
+                strips[name] = value * scales["Cm_qhat"]
+            else:
+                strips[name] = value * scales["CL_qhat"]
+        return replace(
+            self,
+            derivatives={name: scales[name] * x for name, x in self.derivatives.items()},
+            lift=scales["CL"] * self.lift,
+            wing={name: scales[name] * x for name, x in self.wing.items()},
+            strips=strips,
+            moment_slope=scales["Cm_alpha"] * self.moment_slope,
+            scales=dict.fromkeys(scales, 1.0),
+        )
 
     def find_inconsistent(self) -> dict[str, np.ndarray]:
         """Return masks of the inconsistent numbers by derivative."""
@@ -311,7 +347,7 @@ def flag_damping(case: Case) -> None:
             continue
         static = static_pages.get((page.configuration, printed_condition(page)))
         numbers = _read_dynamic_page(case.deck, page, table, static)
-        wrong = numbers.find_inconsistent()
+        wrong = numbers.by_wing().find_inconsistent()
         for name, mask in wrong.items():
             page = with_suspects(page, "dynamic", (name,), mask)
             line = table.lines[int(np.argmax(mask))]
@@ -353,6 +389,7 @@ def _read_dynamic_page(
         has_tail=has_tail,
         strips=estimate_supersonic_shares(deck, mach, has_tail),
         moment_slope=moment_slope,
+        scales=scale_by_wing(deck),
     )
 
 
@@ -362,7 +399,11 @@ def _describe_number(numbers: _DynamicPage, name: str, wrong: Mapping[str, np.nd
     value, alpha = numbers.derivatives[name][row], numbers.alpha[row]
     text = f"{value:.4g} per radian at alpha {alpha:g} deg"
     shares = estimate_tail_share(
-        numbers.derivatives, numbers.alpha, numbers.downwash_slope, numbers.mach
+        numbers.derivatives,
+        numbers.alpha,
+        numbers.downwash_slope,
+        numbers.mach,
+        scales=numbers.scales,
     )
     if name in shares:
         text += ", where the derivatives of alpha-dot and the downwash of the page give "
@@ -376,9 +417,10 @@ def _describe_number(numbers: _DynamicPage, name: str, wrong: Mapping[str, np.nd
     if name == "CL_qhat" and numbers.mach >= _SUPERSONIC:
         none_wrong = np.zeros(numbers.alpha.size, bool)
         is_wrong = wrong.get("Cm_qhat", none_wrong)
-        damping = _first_sound(numbers.derivatives["Cm_qhat"], is_wrong)
-        low, high = bound_supersonic_lift(
-            numbers.mach, numbers.strips, damping, numbers.moment_slope
-        )
+        # the bounds have amounts that hold by the main wing
+        own, scale = numbers.by_wing(), numbers.scales["CL_qhat"]
+        damping = _first_sound(own.derivatives["Cm_qhat"], is_wrong)
+        bounds = bound_supersonic_lift(own.mach, own.strips, damping, own.moment_slope)
+        low, high = (bound / scale for bound in bounds)
         text += f", where strips of the planforms, CMQ and CMA allow {low:.4g} to {high:.4g}"
     return text

@@ -7,7 +7,8 @@ CLB of a wing with dihedral G and of a fin at height z is about [strip theory; D
 
 On 544 pages of listings where this is -0.03 per radian or more, and no part is above zero, the
 print reaches 0.22 of it at some angle of attack up to 6 deg. In the same range no print exceeds
-0.8 (0.25 + 0.6 |CL|) per radian. A CLB off by 57.3 is outside of one of the two.
+0.8 (0.25 + 0.6 |CL|) per radian. A CLB off by 57.3 is outside of one of the two. All limits hold for
+numbers by the area and span of the main wing, whatever SREF and BLREF are.
 
 At subsonic speed CYP of sound pages is at most 0.4 of |CLP| + |CYB|. CNP of a wing is
 about -CL / 8 and CNP of the fin is constant, so that CNP falls with CL [DATCOM 7.1.2.3]. It rises
@@ -22,7 +23,7 @@ supersonic speed; CLB of a wing without dihedral and fin that is too small.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,6 +35,7 @@ from datcom_io.decks.planforms import measure_wing, planform_nodes, sample_chord
 from datcom_io.listing import Case
 from datcom_io.printout.content import ListingMessage, Page
 from datcom_io.reading.suspects import column_of_page, columns_of, with_suspects
+from datcom_io.reading.wing_scales import scale_by_wing
 
 _LINEAR = 6.0  # attached flow [deg]
 # Largest CLB: constant part, and part of CL. [1/rad]
@@ -58,8 +60,6 @@ class _LateralPlanform:
     ----------
     aspect_ratio, sweep : float
         Of the wing; the sweep of its quarter-chord line. [1, rad]
-    area : float
-        Reference area over that of the wing. [1]
     dihedral : float
         CLB by dihedral over the lift slope of the wing, negative. [1]
     fin : float
@@ -68,7 +68,6 @@ class _LateralPlanform:
 
     aspect_ratio: float
     sweep: float
-    area: float
     dihedral: float
     fin: float
 
@@ -86,7 +85,8 @@ def flag_lateral_derivatives(case: Case) -> None:
     if not places:
         return
     planform = _measure_planform(case.deck)
-    findings = _judge_sideslip(planform, [case.pages[i] for i in places], per_radian)
+    scales = scale_by_wing(case.deck)
+    findings = _judge_sideslip(planform, [case.pages[i] for i in places], per_radian, scales)
     for number, finding in findings:
         i = places[number]
         case.pages[i] = with_suspects(case.pages[i], "static", (finding.name,), finding.rows)
@@ -99,7 +99,7 @@ def flag_lateral_derivatives(case: Case) -> None:
         static = static_pages.get((page.configuration, printed_condition(page)))
         if static is None or page.table("dynamic") is None:
             continue
-        for finding in _judge_rates(planform, static, page, per_radian):
+        for finding in _judge_rates(planform, static, page, per_radian, scales):
             case.pages[i] = with_suspects(case.pages[i], "dynamic", (finding.name,), finding.rows)
             found.append((i, finding))
     _report(case, found)
@@ -153,7 +153,6 @@ def _measure_planform(deck: Deck) -> _LateralPlanform | None:
     return _LateralPlanform(
         aspect_ratio=wing.aspect_ratio,
         sweep=wing.sweep,
-        area=S / wing.area,
         dihedral=dihedral,
         fin=fin,
     )
@@ -169,7 +168,10 @@ def _estimate_CLB(planform: _LateralPlanform, mach: float, has_fin: bool) -> flo
 
 
 def _judge_sideslip(
-    planform: _LateralPlanform | None, pages: list[Page], per_radian: float
+    planform: _LateralPlanform | None,
+    pages: list[Page],
+    per_radian: float,
+    scales: Mapping[str, float],
 ) -> list[tuple[int, _Finding]]:
     """Return each page whose CLB is too large or too small, by its number."""
     # All rows of the case at once: a listing may have thousands of tables.
@@ -178,9 +180,11 @@ def _judge_sideslip(
     values = dict(zip(names, np.concatenate([table.values for table in tables]).T))
     counts = [len(table.rows) for table in tables]
     ends = np.cumsum(np.array(counts, dtype=np.intp))
-    CLB, alpha = per_radian * values["Cl_beta"], values["alpha"]
+    CLB, alpha, scale = per_radian * values["Cl_beta"], values["alpha"], scales["Cl_beta"]
     is_judged = np.isfinite(CLB) & (np.abs(alpha) <= _LINEAR)
-    largest = _MOST_CLB + _MOST_CLB_LIFT * np.abs(np.nan_to_num(values["CL"]))
+    # limits by the main wing, divided by the scale to those of the print
+    lift = scales["CL"] * np.abs(np.nan_to_num(values["CL"]))
+    largest = (_MOST_CLB + _MOST_CLB_LIFT * lift) / scale
     is_large = is_judged & (np.abs(CLB) > largest)
     found = []
     for number in np.unique(np.searchsorted(ends, np.flatnonzero(is_large), side="right")):
@@ -193,11 +197,11 @@ def _judge_sideslip(
         return found
     sizes = np.where(is_judged, np.abs(CLB), -np.inf)
     most = np.maximum.reduceat(sizes, ends - counts)
-    for number in np.flatnonzero((most >= 0.0) & (most < _LARGEST_SMALL)):
+    for number in np.flatnonzero((most >= 0.0) & (most < _LARGEST_SMALL / scale)):
         page = pages[number]
         has_fin = "VERTICAL TAIL" in page.configuration
         estimate = _estimate_CLB(planform, page.condition("mach"), has_fin)
-        if estimate < -_LEAST_ESTIMATE and most[number] < -_LEAST_PART * estimate:
+        if estimate < -_LEAST_ESTIMATE / scale and most[number] < -_LEAST_PART * estimate:
             rows = np.isfinite(CLB[ends[number] - counts[number] : ends[number]])
             text = f"at most {most[number]:.2g} per radian up to {_LINEAR:g} deg, where dihedral "
             text += f"and fin of the cards give about {estimate:.2g}"
@@ -213,7 +217,11 @@ def _spread(is_wrong: np.ndarray, is_judged: np.ndarray, is_printed: np.ndarray)
 
 
 def _judge_rates(
-    planform: _LateralPlanform | None, static: Page, dynamic: Page, per_radian: float
+    planform: _LateralPlanform | None,
+    static: Page,
+    dynamic: Page,
+    per_radian: float,
+    scales: Mapping[str, float],
 ) -> Iterator[_Finding]:
     """Yield CYP if it is too large, and CNP if it has the wrong sign."""
     table = dynamic.table("dynamic")
@@ -223,27 +231,31 @@ def _judge_rates(
     columns = columns_of(table)
     alpha = columns["alpha"]
     is_linear = np.abs(alpha) <= _LINEAR
-    CYP, CLP = per_radian * columns["CY_phat"], per_radian * columns["Cl_phat"]
-    CYB = per_radian * np.abs(column_of_page(static, "static", "CY_beta", alpha))
+    # by area and span of the main wing
+    CYP = per_radian * scales["CY_phat"] * columns["CY_phat"]
+    CLP = per_radian * scales["Cl_phat"] * columns["Cl_phat"]
+    CYB = column_of_page(static, "static", "CY_beta", alpha)
+    CYB = per_radian * scales["CY_beta"] * np.abs(CYB)
     known = CLP[is_linear & np.isfinite(CLP)]
     if known.size:
         roll, side = float(np.abs(np.median(known))), float(np.nanmax(CYB, initial=0.0))
-        is_large = is_linear & (np.abs(CYP) > _MOST_CYP * (roll + side))
+        largest = _MOST_CYP * (roll + side)
+        is_large = is_linear & (np.abs(CYP) > largest)
         if is_large.any() and roll <= _LARGEST_CLP and side <= _LARGEST_CYB:
-            k = int(np.argmax(is_large))
-            text = f"{CYP[k]:.4g} per radian at alpha {alpha[k]:g} deg, where CLP and CYB of the "
-            text += f"page allow {_MOST_CYP * (roll + side):.2g}"
+            k, scale = int(np.argmax(is_large)), scales["CY_phat"]
+            text = f"{CYP[k] / scale:.4g} per radian at alpha {alpha[k]:g} deg, where CLP and CYB "
+            text += f"of the page allow {largest / scale:.2g}"
             is_printed = np.isfinite(CYP)
             rows = _spread(is_large, is_linear & is_printed, is_printed)
             yield _Finding("CY_phat", rows, text)
-    lift = column_of_page(static, "static", "CL", alpha)
-    CNP = per_radian * columns["Cn_phat"]
+    lift = scales["CL"] * column_of_page(static, "static", "CL", alpha)
+    CNP = per_radian * scales["Cn_phat"] * columns["Cn_phat"]
     rows = is_linear & np.isfinite(CNP + lift)
     if planform is None or planform.aspect_ratio < _SLENDER or rows.sum() < 2:
         return
     if np.ptp(lift[rows]) < _LEAST_LIFT:
         return
-    lift_slope = planform.area * float(np.polyfit(np.radians(alpha[rows]), lift[rows], 1)[0])
+    lift_slope = float(np.polyfit(np.radians(alpha[rows]), lift[rows], 1)[0])
     slope = float(np.polyfit(lift[rows], CNP[rows], 1)[0])
     if slope > _RISING and lift_slope > _LEAST_SLOPE:
         text = f"it rises by {slope:.2g} per radian for each unit of CL, and falls on all wings of "

@@ -8,6 +8,8 @@ References
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy
 import xarray as xr
@@ -200,11 +202,24 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
     if propellers:
         text = "one engine windmills without power, the others full; bank 5 deg towards them"
 
+    # what prevents the flight at a speed at which rudder and ailerons do not
+    untrimmed: dict[float, str] = {}
+
     def is_controllable(V: float) -> bool:
-        if not propellers:
-            return _control_share(point.trim_level(V), failed) <= 1.0
+        obstacles = []
         # torque and P-factor make one of two engines at equal arms the critical one
-        return all(_share_on_one_engine(point, V, k) <= 1.0 for k in outer)
+        for k in outer if propellers else [failed]:
+            if propellers:
+                share, obstacle = _fly_on_one_engine(point, V, k)
+            else:
+                share, obstacle = _balance_level_flight(point.trim_level(V), k)
+            if share > 1.0:
+                return False
+            if obstacle:
+                obstacles.append(obstacle)
+        if obstacles:
+            untrimmed[V] = obstacles[0]
+        return True
 
     # the highest speed of a grid at which the controls are not enough, and the next speed
     highest = _FASTEST * slowest
@@ -217,6 +232,11 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
             f"below the stall, {slowest:.4g} m/s: the controls are enough at all speeds "
             f"above it ({text})"
         )
+        if untrimmed:
+            reason = (
+                f"the controls are enough at all speeds at which the flight trims ({text})"
+                f"{_describe_untrimmed(untrimmed)}"
+            )
         return absent_rows(ROLL, names, reason)
     if speeds[-1] >= highest:
         reason = f"above {speeds[-1]:.4g} m/s: the controls are not enough there ({text})"
@@ -229,9 +249,33 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
         else:
             low = middle
     if propellers:
-        critical = max(outer, key=lambda k: _share_on_one_engine(point, high, k))
+        critical = max(outer, key=lambda k: _fly_on_one_engine(point, high, k).share)
         text = text.replace("one engine", f"engine {critical + 1}")
+    text += _describe_untrimmed({V: obstacle for V, obstacle in untrimmed.items() if low < V})
     return [Characteristic(ROLL, "minimum_control_speed", high, units="m s-1", remark=text)]
+
+
+class _EngineOut(NamedTuple):
+    """Flight with an engine inoperative.
+
+    Attributes
+    ----------
+    share : float
+        Larger share of aileron and rudder travel, infinite if they do not balance the moments. [1]
+    obstacle : str
+        What else prevents the flight, "" if it trims. The share is then where the search ended.
+    """
+
+    share: float
+    obstacle: str
+
+
+def _describe_untrimmed(untrimmed: dict[float, str]) -> str:
+    """Return in words up to which speed the flight does not trim, or ""."""
+    if not untrimmed:
+        return ""
+    V = max(untrimmed)
+    return f"; not trimmed up to {V:.4g} m/s: {untrimmed[V]}"
 
 
 def _missing_for_control_speed(point: Point, arms: list[float]) -> str:
@@ -252,11 +296,10 @@ def _missing_for_control_speed(point: Point, arms: list[float]) -> str:
     return ""
 
 
-def _share_on_one_engine(point: Point, V: float, failed: int) -> float:
-    """Return the larger share of aileron and rudder travel in the flight with a failed propeller.
+def _fly_on_one_engine(point: Point, V: float, failed: int) -> _EngineOut:
+    """Return the flight with a failed propeller.
 
-    It is infinite if a stop of these controls is in the way. A flight that another limit makes
-    impossible (stall, elevator) has the share at which the search ended.
+    A flight that does not trim with aileron or rudder at the stop has an infinite share.
     """
     craft = point.aircraft
     side = -1.0 if craft.engines[failed].position[1] > point.cg[1] else 1.0
@@ -272,19 +315,21 @@ def _share_on_one_engine(point: Point, V: float, failed: int) -> float:
         start.pop(name, None)
     flown = trim(point.sim, start, kind="engine_out", fixed=fixed)
     stopped = set(flown.attrs["at_limit"].split())
-    if not flown.attrs["converged"] and _LATERAL_CONTROLS & stopped and "alpha" not in stopped:
-        return float("inf")
+    obstacle = ""
+    if not flown.attrs["converged"]:
+        if _LATERAL_CONTROLS & stopped:
+            return _EngineOut(float("inf"), "")
+        obstacle = "no unknown is at its limit"
+        if stopped:
+            obstacle = f"{', '.join(sorted(stopped))} at the limit"
     shares = []
     for name in ("delta_a", "delta_r"):
         shares.append(_travel_share(float(flown[f"applied.{name}"]), craft.limits[name]))
-    return max(shares)
+    return _EngineOut(max(shares), obstacle)
 
 
-def _control_share(flight: Point, failed: int) -> float:
-    """Return the larger share of aileron and rudder travel that balances a jet without thrust.
-
-    It is infinite if no deflection balances the asymmetric thrust.
-    """
+def _balance_level_flight(flight: Point, failed: int) -> _EngineOut:
+    """Return the flight whose aileron and rudder balance a jet without thrust."""
     craft = flight.aircraft
     # the bank is towards the running engines
     side = -1.0 if craft.engines[failed].position[1] > flight.cg[1] else 1.0
@@ -307,10 +352,11 @@ def _control_share(flight: Point, failed: int) -> float:
 
     search = scipy.optimize.least_squares(residual, np.zeros(3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
     if np.abs(search.fun).max() > _SMALL:
-        return float("inf")
+        return _EngineOut(float("inf"), "")
     _, delta_a, delta_r = search.x
     aileron = _travel_share(delta_a, craft.limits["delta_a"])
-    return max(aileron, _travel_share(delta_r, craft.limits["delta_r"]))
+    share = max(aileron, _travel_share(delta_r, craft.limits["delta_r"]))
+    return _EngineOut(share, "" if flight.is_trimmed else "level flight without failure")
 
 
 def _travel_share(angle: float, limits: tuple[float, float]) -> float:

@@ -12,9 +12,9 @@ import flightmech
 from flightmech import air
 from flightmech.aircraft import ElectricMotor, Engine, PistonEngine, Propeller
 from flightmech.errors import SchemaError
-from flightmech.flying_qualities.lateral import minimum_control_speed
+from flightmech.flying_qualities import lateral
 from flightmech.simulation.kernel import STATE, Simulation
-from flightmech.steady_flight.trim_point import trimmed_at
+from flightmech.steady_flight.trim_point import Point, trimmed_at
 from flightmech.terms import make_term
 
 D, RATED = 1.9, 280.0
@@ -406,8 +406,8 @@ def test_a_failed_engine_without_fuel_windmills(make_aircraft, make_tree, motor)
         assert float(found["engine1.rpm"]) > 50.0
 
 
-def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, make_tree):
-    """Moments by hand at the speed found: thrust, drag, torque and P-factor; the rudder is full."""
+def make_twin(make_aircraft, make_tree, **limits: tuple[float, float]) -> Point:
+    """Return level flight of an aircraft with two propellers at 1.5 m from the centre line."""
     power = make_term([0.0, 2e5], {"throttle": [0.0, 1.0]})
     oblique = {
         "CN_prop": make_term([0.08, 0.08], {"J": J}),
@@ -416,7 +416,7 @@ def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, m
     tables = BLADES | {"shaft_power": power} | oblique
     blades = Propeller(tables, diameter=D, inertia=2.0, rpm_high=RATED)
     engines = tuple(Engine((0.0, y, 0.0), propeller=blades) for y in (-1.5, 1.5))
-    limits = dict.fromkeys(("delta_e", "delta_a", "delta_r"), (-0.4, 0.4))
+    limits = dict.fromkeys(("delta_e", "delta_a", "delta_r"), (-0.4, 0.4)) | limits
     craft = make_aircraft(
         engines=engines, mass=1800.0, limits=limits, cg=(0.0, 0.0, 0.0), Ixy=0.0, Ixz=0.0, Iyz=0.0
     )
@@ -431,8 +431,14 @@ def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, m
         "Cl/beta": make_term(-0.1, regressors=["beta"]),
         "Cl/aileron": make_term(-0.1, regressors=["delta_a"]),
     }
-    level = trimmed_at(craft, make_tree(leaves), {"V": 55.0, "h": 1000.0})
-    (row,) = minimum_control_speed(level, 30.0)
+    return trimmed_at(craft, make_tree(leaves), {"V": 55.0, "h": 1000.0})
+
+
+def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, make_tree):
+    """Moments by hand at the speed found: thrust, drag, torque and P-factor; the rudder is full."""
+    level = make_twin(make_aircraft, make_tree)
+    craft = level.aircraft
+    (row,) = lateral.minimum_control_speed(level, 30.0)
     assert "windmills without power" in row.remark
     failed = int(row.remark.split()[1]) - 1
     bank = np.radians(5.0) * (1.0 if failed == 0 else -1.0)
@@ -454,6 +460,31 @@ def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, m
     torque = y["engine1.torque"] + y["engine2.torque"]
     roll = -0.1 * y["beta"] - 0.1 * y["applied.delta_a"]
     assert qSb * roll == pytest.approx(torque + 1.5 * (disk[1] - disk[0]) * climb, rel=1e-3)
+
+
+def test_speeds_without_trim_are_stated(make_aircraft, make_tree):
+    """An elevator of 4 deg does not carry the aircraft below 47 m/s, the rudder is enough."""
+    limits = {"delta_e": (-0.07, 0.4), "delta_r": (-1.05, 1.05)}
+    level = make_twin(make_aircraft, make_tree, **limits)
+    flown = [lateral._fly_on_one_engine(level, V, 0) for V in (35.0, 44.0, 50.0)]
+    assert flown[0] == (np.inf, "")  # both elevator and rudder at the stop
+    assert flown[1].obstacle == "delta_e at the limit"
+    assert flown[1].share == pytest.approx(0.49, abs=0.01)
+    assert flown[2] == (pytest.approx(0.308, abs=0.005), "")
+    (row,) = lateral.minimum_control_speed(level, 44.0)
+    assert "at all speeds at which the flight trims" in row.absent
+    assert "; not trimmed up to 46.06 m/s: delta_e at the limit" in row.absent
+
+
+@pytest.mark.parametrize("stopped", ["alpha delta_r", "delta_r", "delta_a delta_e"])
+def test_a_flight_that_does_not_trim_with_a_full_rudder_is_not_controllable(
+    make_aircraft, make_tree, monkeypatch, stopped
+):
+    level = make_twin(make_aircraft, make_tree)
+    applied = {"applied.delta_a": 0.1, "applied.delta_r": 0.4}
+    ended = xr.Dataset(applied, attrs={"converged": 0, "at_limit": stopped})
+    monkeypatch.setattr(lateral, "trim", lambda *args, **kwargs: ended)
+    assert lateral._fly_on_one_engine(level, 44.0, 0).share == np.inf
 
 
 def test_speed_is_a_state_of_the_linear_model(make_aircraft, make_tree):

@@ -51,6 +51,8 @@ _SLOWEST = 1.0  # of the shaft [rad s-1], and of the air [m s-1]
 # its order. A lag of shaft and governor of 0.3 s or more ends below it.
 _SHAFT_BAND, _GAIN, _ORDER = 1.0, 0.9, 2
 _UNIFORM = 0.01  # relative range of the steps of a clock that counts as uniform
+# Longest step over which the speed of the shaft is interpolated, in periods of the band.
+_LONGEST_STEP = 0.5
 
 
 def with_propeller_channels(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
@@ -108,10 +110,7 @@ def _with_air(columns: Columns) -> Columns:
 
 
 def propeller_channels(
-    columns: Columns,
-    engine: Engine,
-    number: int,
-    cg: np.ndarray | tuple[float, ...] = (0.0, 0.0, 0.0),
+    columns: Columns, engine: Engine, number: int, cg: np.ndarray | tuple[float, ...]
 ) -> dict[str, np.ndarray]:
     """Return thrust, torque and coefficients of one engine with a propeller, by their last word.
 
@@ -179,14 +178,41 @@ def _warn_of_torque(number: int) -> None:
 
 
 def _shaft_acceleration(speed: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Return the derivative of a speed (time,), on a uniform clock that of `_SHAFT_BAND`. [rad/s2]"""
+    """Return the derivative of a speed (time,) up to `_SHAFT_BAND`. [rad/s2]
+
+    Times that were rounded or jitter are resampled. Below ten samples per second the derivative is
+    that of successive samples.
+
+    Raises
+    ------
+    IdentificationError
+        The clock does not increase, or has a gap.
+    """
     steps = np.diff(time)
     step = float(np.median(steps))
-    # a period of the band is ten samples or more
-    if np.ptp(steps) > _UNIFORM * step or 10.0 * step * _SHAFT_BAND > 1.0:
+    # A period of the band is ten samples or more; a clock of 10 Hz has rounding errors.
+    if 10.0 * step * _SHAFT_BAND > 1.0 + 1e-6:
         return np.gradient(speed, time)
+    if np.ptp(steps) <= _UNIFORM * step:
+        return _derivative_in_band(speed, step, time)
+    if not steps.min() > 0.0 or steps.max() * _SHAFT_BAND > _LONGEST_STEP:
+        raise IdentificationError(
+            f"the time of the speed of the propeller steps by {steps.min():.4g} ... "
+            f"{steps.max():.4g} s, where more than 0 and at most {_LONGEST_STEP / _SHAFT_BAND:g} s "
+            f"are possible; cut and resample first"
+        )
+    # The median of rounded steps drifts from the clock over the record; their mean does not.
+    clock = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
+    step = float(clock[1] - clock[0])
+    return np.interp(time, clock, _derivative_in_band(np.interp(clock, time, speed), step, clock))
+
+
+def _derivative_in_band(speed: np.ndarray, step: float, time: np.ndarray) -> np.ndarray:
+    """Return the derivative of a speed on a uniform clock up to `_SHAFT_BAND`. [rad/s2]"""
     window = derivative_window(_SHAFT_BAND, step, _ORDER, _GAIN)
-    if len(speed) < window:
+    # a record that is shorter than the window is one polynomial
+    window = min(window, len(speed) - 1 + len(speed) % 2)
+    if window <= _ORDER:
         return np.gradient(speed, time)
     return derivative(speed, step, window, _ORDER)
 

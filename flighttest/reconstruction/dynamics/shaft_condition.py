@@ -162,7 +162,7 @@ def shaft_condition(
     columns: Mapping[str, np.ndarray],
     engine: Engine,
     number: int,
-    cg: np.ndarray | tuple[float, ...] = (0.0, 0.0, 0.0),
+    cg: np.ndarray | tuple[float, ...],
 ) -> Condition:
     """Return the variables that tables of one engine may depend on, from its recorded channels.
 

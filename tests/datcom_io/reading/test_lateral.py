@@ -76,6 +76,27 @@ def test_columns_of_a_possible_size(tmp_path: Path, text: str, factor: float) ->
     assert read(tmp_path, changed) == ({}, [])
 
 
+def restate(text: str, length: float) -> str:
+    """Return a print whose lateral derivatives are by another BLREF, 35.8 ft in the deck."""
+    changed = text.replace("BLREF=35.8", f"BLREF={length:.1f}")
+    assert changed != text
+    changed = scale_CLB(changed, 35.8 / length)
+    for column, power in enumerate((2, 1, 2, 2, 2)):
+        changed = scale_rate(changed, column, (35.8 / length) ** power)
+    return changed
+
+
+@pytest.mark.parametrize("length", [1.0, 100.0])
+def test_limits_do_not_depend_on_the_reference_length(
+    tmp_path: Path, text: str, length: float
+) -> None:
+    assert read(tmp_path, restate(text, length)) == ({}, [])
+    suspect, texts = read(tmp_path, restate(scale_CLB(text, 57.3), length))
+    assert suspect == {("static", "CLB"): 48}
+    (most,) = re.findall(r"at most (\S+) is possible", texts[0])
+    assert float(most) == pytest.approx(0.522 * 35.8 / length, rel=0.02)
+
+
 def test_a_wing_of_small_aspect_ratio_may_have_a_rising_CNP(tmp_path: Path, text: str) -> None:
     """The same wing with three times the chord: its aspect ratio is 2.5."""
     broad = text.replace("CHRDR=5.56,CHRDTP=4.16", "CHRDR=16.7,CHRDTP=12.5")

@@ -13,6 +13,7 @@ from datcom_io.reading.wing_damping import (
     estimate_supersonic_shares,
     estimate_wing_share,
 )
+from datcom_io.reading.wing_scales import scale_by_wing
 
 T37 = Path(__file__).parents[3] / "data" / "t37" / "datcom"
 # A transport of aspect ratio 15 whose centre of gravity lies ahead of the wing, in feet. The
@@ -199,3 +200,28 @@ def test_a_wrong_damping_does_not_make_the_lift_due_to_pitch_rate_suspect() -> N
     more = {"has_tail": True, "strips": strips, "moment_slope": -1.41}
     found = find_inconsistent(derivatives, alpha, lift, np.full(3, 0.35), 1.6, **more)
     assert list(found) == ["Cm_qhat"]
+
+
+def test_factors_to_the_quantities_of_the_wing() -> None:
+    """A rectangular wing of 10 m2, chord 1 m and span 10 m."""
+    wing = " $WGPLNF CHRDR=1.0,CHRDTP=1.0,SSPN=5.0,SSPNE=5.0,SAVSI=0.0,CHSTAT=0.0,TYPE=1.0$\n"
+    scales = scale_by_wing(deck(" $OPTINS SREF=20.0,CBARR=0.5,BLREF=1.0$\n" + wing))
+    expected = {"CL": 2.0, "CL_qhat": 1.0, "Cm_qhat": 0.5, "Cl_beta": 0.2, "Cl_phat": 0.02}
+    assert {name: scales[name] for name in expected} == pytest.approx(expected)
+    assert set(scale_by_wing(deck(wing)).values()) == {1.0}
+    # of a canard configuration the main wing is the larger surface
+    tail = wing.replace("WGPLNF", "HTPLNF").replace("=5.0", "=10.0")
+    assert scale_by_wing(deck(" $OPTINS SREF=20.0$\n" + wing + tail))["CL"] == pytest.approx(1.0)
+
+
+def test_limits_of_size_do_not_depend_on_the_mean_chord() -> None:
+    """With a tenth of the chord CMQ and CMAD are a hundred times as large, CLQ and CLAD ten times."""
+    case = deck(FORWARD.replace("CBARR=16.3", "CBARR=1.63"))
+    powers = {"CL_qhat": 1, "CL_alphadothat": 1, "Cm_qhat": 2, "Cm_alphadothat": 2}
+    printed = {name: x * 10.0 ** powers.get(name, 0) for name, x in page(-20.67).items()}
+    alpha, slope = np.array([-2.0, 0.0, 2.0]), np.full(3, 0.35)
+    assert estimate_tail_share(printed, alpha, slope, 0.2) == {
+        "CL_qhat": pytest.approx(10.0 * TAIL["CL_qhat"])
+    }
+    shares = estimate_tail_share(printed, alpha, slope, 0.2, scales=scale_by_wing(case))
+    assert shares["Cm_qhat"] == pytest.approx(100.0 * TAIL["Cm_qhat"])

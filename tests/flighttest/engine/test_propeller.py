@@ -5,6 +5,7 @@ equations, files.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import propeller_flights as flights
@@ -23,6 +24,7 @@ from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
+from flighttest.remarks import Convergence
 from flighttest.submodels.engine.propellers.engine_type import check_one_type
 from flighttest.submodels.engine.propellers.equations import PropulsionEquations
 from flighttest.submodels.engine.propellers.estimate import estimate_points
@@ -30,7 +32,11 @@ from flighttest.submodels.engine.propellers.identification import identify_prope
 from flighttest.submodels.engine.propellers.instruments import instrument_shares, remove_errors
 from flighttest.submodels.engine.propellers.points import propeller_points
 from flighttest.submodels.engine.propellers.result import PropellerFit
-from flighttest.submodels.engine.propellers.shaft_dynamics import compile_shaft, identify_shaft
+from flighttest.submodels.engine.propellers.shaft_dynamics import (
+    ShaftDynamics,
+    compile_shaft,
+    identify_shaft,
+)
 from flighttest.submodels.engine.static_thrust import Polar
 
 SEED = 2
@@ -306,6 +312,47 @@ def test_drag_of_a_feathered_propeller_comes_back():
     # the made-up torque is not that of the tables, which forbids the use of the result
     ratio = fit._corrected_tables()["CT_prop"]["value"].values[1:, 2] / CT[1:, 2]
     np.testing.assert_allclose(ratio, 1.0 + estimate)
+
+
+class _TwoEquations:
+    """Two relative equations of one unknown whose means differ by twice 0.98 of their noise."""
+
+    unknowns = {"scale": None}
+
+    def first(self) -> np.ndarray:
+        return np.array([0.3])
+
+    def prior_errors(self) -> np.ndarray:
+        return np.array([100.0])
+
+    def runs(self) -> dict[str, np.ndarray]:
+        return {name: np.arange(40) for name in ("shaft power", "fuel flow")}
+
+    def residuals(self, u: np.ndarray) -> dict[str, np.ndarray]:
+        noise = np.tile([-1.0, 1.0], 20)
+        return {"shaft power": 0.98 + noise - u[0], "fuel flow": -0.98 + noise - u[0]}
+
+
+def test_small_steps_do_not_end_the_search_before_the_solution():
+    """By symmetry the solution is 0; after 40 steps 0.35 standard errors are left."""
+    found = estimate_points(_TwoEquations())
+    assert found.convergence.converged
+    assert found.convergence.iterations > 80
+    assert abs(found.value[0]) < 0.05 * found.covariance[0, 0] ** 0.5
+    assert found.noise["shaft power"] == pytest.approx(found.noise["fuel flow"], rel=0.01)
+
+
+def test_a_forbidden_result_changes_neither_tables_nor_constants(flown, fit):
+    craft, _ = flown
+    prior = flights.prior_aircraft(craft, SEED)
+    values = {"inertia": (2.4, 0.1)}
+    dynamics = ShaftDynamics(values, {"inertia": True}, SimpleNamespace(remarks=[]))
+    good = replace(fit, dynamics=dynamics)
+    assert good.aircraft(prior).engines[0].propeller.inertia == 2.4
+    stopped = replace(fit.estimate, convergence=Convergence(False, 600, 3.0))
+    with pytest.warns(AeromatchWarning, match="keeps all tables and constants: propulsion: not"):
+        kept = replace(good, estimate=stopped).aircraft(prior)
+    assert kept is prior
 
 
 def test_engines_share_the_errors_of_equal_instruments():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +15,12 @@ from flightmech.aircraft import Engine, PistonEngine, Propeller
 from flightmech.errors import AeromatchWarning, IdentificationError
 from flightmech.terms import make_term
 from flighttest.reconstruction.dynamics.loads import engine_loads
-from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+from flighttest.reconstruction.dynamics.propeller_loads import (
+    propeller_channels,
+    with_propeller_channels,
+)
 from flighttest.reconstruction.dynamics.reduced_rates import read_columns
+from flighttest.reconstruction.dynamics.shaft_condition import shaft_condition
 
 J = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 ANGLES = np.array([0.2, 0.7])
@@ -200,6 +205,52 @@ def test_noise_of_the_tachometer_makes_no_torque():
     assert scatter < 0.01 * mean
 
 
+def torque_of_shaft(time: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """Return the torque that accelerates a shaft of 2 kg m2 with a propeller of fixed pitch."""
+    columns = {"V": 50.0, "alpha": 0.05, "h": 1000.0}
+    states = xr.Dataset({name: ("time", np.full(time.size, x)) for name, x in columns.items()})
+    states = states.assign({"engine1.rpm": ("time", speed)}).assign_coords(time=time)
+    tables = {name: leaf.isel(blade_angle=0) for name, leaf in (("CT_prop", CT), ("CP_prop", CP))}
+    torques = []
+    for inertia in (1.0, 3.0):
+        propeller = Propeller(tables, diameter=2.0, inertia=inertia, rpm_high=270.0)
+        craft = trainer(propeller=propeller)
+        torques.append(with_propeller_channels(states, craft)["engine1.torque"].values)
+    return torques[1] - torques[0]
+
+
+def test_rounded_times_do_not_make_a_torque_of_the_noise():
+    """64 Hz, times rounded to 1 ms: steps of 15 and 16 ms."""
+    exact = np.arange(640) / 64.0
+    noise = 0.3 * np.random.default_rng(4).standard_normal(exact.size)
+    speed = 240.0 + 10.0 * np.sin(2.0 * np.pi * 0.3 * exact)
+    wanted = 2.0 * 10.0 * 2.0 * np.pi * 0.3 * np.cos(2.0 * np.pi * 0.3 * exact)
+    middle = slice(20, -20)
+    errors = []
+    for time in (exact, np.round(exact, 3)):
+        found = torque_of_shaft(time, speed + noise)
+        errors.append(float(np.sqrt(np.mean((found - wanted)[middle] ** 2))))
+    # differences of successive samples: 27 N m
+    assert errors == pytest.approx([1.55, 1.44], abs=0.01)
+
+
+def test_rounding_of_a_clock_of_ten_hertz_does_not_change_the_derivative():
+    speed = 240.0 + 0.3 * np.random.default_rng(4).standard_normal(200)
+    time = np.arange(200) / 10.0
+    next_day = torque_of_shaft(86400.0 + time, speed)
+    np.testing.assert_allclose(torque_of_shaft(time, speed), next_day, atol=1e-6)
+
+
+def test_a_clock_with_a_gap_is_an_error():
+    time = np.delete(np.arange(400) / 50.0, slice(100, 130))
+    with pytest.raises(
+        IdentificationError, match=r"steps by 0\.02 \.\.\. 0\.62 s, .* resample first"
+    ):
+        torque_of_shaft(time, 240.0 + time)
+    time = np.delete(np.arange(400) / 50.0, slice(100, 110))
+    np.testing.assert_allclose(torque_of_shaft(time, 240.0 + time), 2.0, rtol=1e-6)
+
+
 def test_without_power_the_rotor_stays_and_the_torque_is_named():
     time = np.arange(5.0)
     columns = {"V": 50.0, "alpha": 0.1, "qbar": 1390.0, "h": 1000.0, "p": 0.0, "q": 0.0, "r": 0.3}
@@ -212,3 +263,8 @@ def test_without_power_the_rotor_stays_and_the_torque_is_named():
     # -omega x (rotation I w d) along y, less the thrust times its arm
     assert M[0, 1] + 0.1 * 1100.0 == pytest.approx(-0.3 * -1 * 2.0 * 230.0)
     assert M[0, 0] == 0.0
+
+
+@pytest.mark.parametrize("function", [shaft_condition, propeller_channels])
+def test_the_center_of_gravity_is_given(function):
+    assert inspect.signature(function).parameters["cg"].default is inspect.Parameter.empty

@@ -252,9 +252,14 @@ class PropulsionEquations:
         """Return the channels without the common errors of their instruments, and the air."""
         return remove_errors(self.columns, value, self.numbers, self.accelerometer)
 
+    def _condition(self, number: int, columns: Condition) -> Condition:
+        """Return the variables of the tables of one engine."""
+        aircraft = self.aircraft
+        return shaft_condition(columns, aircraft.engines[number - 1], number, aircraft.cg)
+
     def _prior_state(self, number: int, columns: Condition) -> _ShaftState:
         """Return condition, a-priori coefficients and power of one engine at recorded values."""
-        at = shaft_condition(columns, self.aircraft.engines[number - 1], number)
+        at = self._condition(number, columns)
         power = power_of(self.engine, at)
         shaft = self._shaft_power(at, power, {})
         return self._state(at, power, shaft, scale=1.0)
@@ -324,7 +329,7 @@ class PropulsionEquations:
         states = []
         scale = 1.0 + value.get("CP_prop scale", 0.0)
         for number in self.numbers:
-            at = shaft_condition(columns, self.aircraft.engines[number - 1], number)
+            at = self._condition(number, columns)
             power = power_of(self.engine, at) if self.charted else None
             states.append(self._state(at, power, self._shaft_power(at, power, value), scale))
         return states

@@ -38,8 +38,12 @@ from flighttest.submodels.engine.propellers.equations import PropulsionEquations
 
 # Correlation of thrust and drag up to which they are separable whatever the standard errors.
 SEPARABLE = 0.95
-# Largest number of steps, and of passes over the noise.
-_STEPS = 40
+# Largest number of steps, which are passes over the noise too. Where two equations disagree about an
+# unknown by about their noise, the noise passes from one to the other in hundreds of small steps: a
+# small step does not show that the end is near.
+_STEPS = 600
+# Steps after which one that reverses the last is halved, and after which a large one ends the search.
+_FULL_STEPS, _LARGE_STEPS = 20, 40
 # Step over the a-priori standard error, and relative change of the noise, at convergence.
 _SAME, _SAME_NOISE = 1e-5, 1e-4
 # Difference for a slope, in a-priori standard errors: wide, so that kinks of the tables at their
@@ -111,6 +115,7 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
     runs = equations.runs()
     convergence, moved = Convergence(False, 0, np.inf), np.inf
     jacobian: dict[str, np.ndarray] = {}
+    previous = np.zeros(free.size)
     for count in range(1, _STEPS + 1):
         residuals = equations.residuals(u)
         for name, v in residuals.items():
@@ -136,7 +141,9 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
         D = np.linalg.inv(M)
         step = D @ b
         # Tables have kinks at their nodes; half steps end a cycle about one of them.
-        u[free] += step if count < _STEPS // 2 else 0.5 * step
+        is_reversed = float((step / sigma[free] ** 2) @ previous) < 0.0
+        u[free] += 0.5 * step if count >= _FULL_STEPS and is_reversed else step
+        previous = step
         new, inflation = _new_noise(
             equations, u, jacobian, D=D, free=free, old=(noise, inflation), runs=runs
         )
@@ -145,7 +152,7 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
         change = max(change, moved / _SAME)
         noise = new
         convergence = Convergence(bool(change <= 1.0), count, float(change))
-        if convergence.converged:
+        if convergence.converged or (count >= _LARGE_STEPS and moved > _MOVED):
             break
     C = np.zeros((len(u), len(u)))
     C[np.ix_(free, free)] = D

@@ -253,12 +253,17 @@ class PropellerFit(PrintedResult):
     def aircraft(self, aircraft: Aircraft) -> Aircraft:
         """Return an aircraft whose engines have the identified tables and constants.
 
+        If a remark forbids their use, it is `aircraft` itself.
+
         Warns
         -----
         AeromatchWarning
-            A remark forbids the use of the tables.
+            A remark forbids the use of the tables and constants.
         """
-        warn_forbidden(self.remarks, "propeller and engine")
+        subject = "propeller and engine, of which the aircraft keeps all tables and constants"
+        warn_forbidden(self.remarks, subject)
+        if is_forbidden(self.remarks):
+            return aircraft
         tables = self.tables()
         constants = self.dynamics.constants() if self.dynamics else {}
         engines = tuple(replace_parts(engine, tables, constants) for engine in aircraft.engines)
