@@ -36,9 +36,8 @@ _FAULT_WORDS = {
     "held": "held values of",
     "missing": "missing values of",
     "outside": "values outside the calibration of",
+    "lost": "samples lost in",
 }
-# They concern all groups of channels of a recorder.
-_CLOCK_WORDS = {"gap": "gap in the clock", "lost": "samples lost"}
 _MARGIN = 0.5  # [s] reach of the filters and derivatives behind the coefficients
 
 
@@ -169,8 +168,9 @@ def _fault_words(fault: SampleFault) -> str:
 def _fault_text(fault: SampleFault, channels: Iterable[str]) -> str:
     """Return kind, channels and time of a fault in words."""
     place = f"from {fault.start:g} to {fault.stop:g} s"
-    if fault.kind in _CLOCK_WORDS:
-        return f"{_CLOCK_WORDS[fault.kind]} {place}"
+    # a gap concerns all groups of channels of a recorder
+    if fault.kind == "gap":
+        return f"gap in the clock {place}"
     return f"{_FAULT_WORDS[fault.kind]} {', '.join(sorted(channels))} {place}"
 
 
