@@ -52,7 +52,7 @@ class MatchOutcome:
     record_errors : list of str
         Errors in the flight records, one line each.
     left_out : list of str
-        Faulty samples that no fit uses, one line each.
+        Faulty samples in the windows, left out or not, one line each.
     ranking : list of str
         What the ranking of the terms over all cases states, one sentence each.
     prior_model : str

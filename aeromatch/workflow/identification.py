@@ -18,6 +18,7 @@ from aeromatch.workflow.aerodynamics import (
     identifying_records,
     prior_step,
 )
+from aeromatch.workflow.faulty_samples import list_faults, without_faults
 from aeromatch.workflow.identified import (
     Identified,
     check_identified_records,
@@ -45,10 +46,8 @@ from aeromatch.workflow.submodel_stages import (
 )
 from aeromatch.workflow.windows import (
     inputs_of,
-    list_faults,
     records_of,
     select_windows,
-    without_faults,
 )
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError

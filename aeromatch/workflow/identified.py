@@ -61,7 +61,7 @@ class Identified:
     checks : dict of str to Kept of RecordCheck
         Checks of the records, by name.
     left_out : list of str
-        Faulty samples that no fit uses, a line each.
+        Faulty samples in the windows, left out or not, a line each.
     engine, controls, ground_effect, stall, gear : Kept
         Submodels; None where there is none.
     tables : Kept of (DataTree, Tabulation)

@@ -234,7 +234,7 @@ def _provenance(result: Identified, fmus: Mapping[str, Path], command: str) -> R
     )
     sources = rests_on(project, result.windows, result.cases)
     if result.left_out:
-        sources["samples left out"] = "; ".join(result.left_out)
+        sources["faulty samples"] = "; ".join(result.left_out)
     provenance["records"] = sources
     errors = checks_text(Values(result.checks).values())
     if errors:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,23 +26,8 @@ SharedByRecord = dict[str, dict[str, SharedSamples]]
 
 AERODYNAMIC = ("ground_effect", "stall")
 """Sections that are identified from coefficients, as the fits are."""
-
-
-_INFORMING = frozenset(
-    {
-        *("p", "q", "r", "ax_imu", "ay_imu", "az_imu", "alpha_vane", "beta_vane"),
-        *("V", "V_cas", "mach", "q_c", "qbar", "p_static"),
-        *("delta_e", "delta_a", "delta_a_left", "delta_a_right", "delta_r", "delta_f"),
-    }
-)
-"""Channels whose faults do not inform a fit: motion, flow and surfaces."""
-_FAULT_WORDS = {
-    "held": "held values of",
-    "missing": "missing values of",
-    "outside": "values outside the calibration of",
-}
-_MARGIN = 0.5  # [s] reach of the filters and derivatives behind the coefficients
-_SHORTEST = 1.0  # [s] a shorter part of a window holds no response
+SHORTEST = 1.0
+"""Shortest part of a window that a cut leaves; a shorter one holds no response. [s]"""
 
 
 @dataclass(frozen=True)
@@ -214,90 +199,6 @@ def select_windows(
     overlaps += find_copied_records(named, copies, cases)
     raise_problems(project, [*problems, *overlaps])
     return windows
-
-
-def without_faults(
-    project: Project,
-    windows: IdentificationWindows,
-    faults: Mapping[str, Sequence[Any]],
-) -> tuple[IdentificationWindows, list[str]]:
-    """Return windows whose fits leave faulty samples out, and a line for each fault.
-
-    A held value, a missing one, or a line through a gap informs a fit as a measured value does.
-
-    Parameters
-    ----------
-    project : Project
-    windows : IdentificationWindows
-    faults : mapping of str to sequence of SampleFault
-        By record. Faults of channels outside `_INFORMING` are ignored.
-
-    Raises
-    ------
-    SchemaError
-        A fit has no time left in a record.
-    """
-    fits: list[Spans] = []
-    texts: dict[str, None] = {}
-    problems = []
-    for fit, spans_by_record in zip(project.fit, windows.fits, strict=True):
-        kept: Spans = {}
-        for record, spans in spans_by_record.items():
-            parts = list(spans)
-            for fault in faults.get(record, ()):
-                cut = _cut_out(parts, fault.start - _MARGIN, fault.stop + _MARGIN)
-                words = _fault_words(fault)
-                if not words or cut == parts:
-                    continue
-                parts = cut
-                text = (
-                    f"fit {fit.name!r}, record {record}: {words} left out with {_MARGIN:g} s about "
-                    f"them; the reconstruction has them"
-                )
-                texts[text] = None
-            if spans and not parts:
-                problems.append(f"fit {fit.name!r}, record {record}: no sample without a fault")
-            kept[record] = parts
-        fits.append(kept)
-    raise_problems(project, problems)
-    return replace(windows, fits=fits), list(texts)
-
-
-def list_faults(faults: Mapping[str, Sequence[Any]]) -> list[str]:
-    """Return a line for each record with faulty samples; the parameter is as `without_faults`."""
-    lines = []
-    for record, items in faults.items():
-        words = dict.fromkeys(map(_fault_words, items))
-        listed = ", ".join(filter(None, words))
-        if listed:
-            lines.append(f"{record}: {listed}")
-    return lines
-
-
-def _fault_words(fault: Any) -> str:
-    """Return a fault in words; empty for channels that inform no fit."""
-    channels = sorted(_INFORMING.intersection(fault.channels))
-    if not channels:
-        return ""
-    place = f"from {fault.start:g} to {fault.stop:g} s"
-    # a gap concerns all groups of channels of a recorder
-    if fault.kind == "gap":
-        return f"gap in the clock {place}"
-    return f"{_FAULT_WORDS[fault.kind]} {', '.join(channels)} {place}"
-
-
-def _cut_out(
-    spans: Sequence[tuple[float, float]], start: float, stop: float
-) -> list[tuple[float, float]]:
-    """Return the parts of windows outside an interval, as far as they are long enough. [s]"""
-    parts: list[tuple[float, float]] = []
-    for first, last in spans:
-        if stop <= first or last <= start:
-            parts.append((first, last))
-            continue
-        sides = (first, start), (stop, last)
-        parts += [side for side in sides if side[1] - side[0] >= _SHORTEST]
-    return parts
 
 
 def rests_on(
@@ -481,6 +382,29 @@ def find_copied_records(
 def select_spans(data: xr.Dataset, spans: Iterable[tuple[float, float]]) -> list[xr.Dataset]:
     """Return the parts of a record between the start and the end of each window."""
     return [data.sel(time=slice(start, end)) for start, end in spans]
+
+
+def parts_of(
+    data: Mapping[str, xr.Dataset], spans_by_record: Spans
+) -> tuple[list[xr.Dataset], list[str]]:
+    """Return the parts of all records inside their spans, and the record of each."""
+    parts: list[xr.Dataset] = []
+    names: list[str] = []
+    for record, spans in spans_by_record.items():
+        pieces = select_spans(data[record], spans)
+        for span, piece in zip(spans, pieces, strict=True):
+            # What a cut leaves at an end of a whole record may be empty.
+            if np.isinf(span).sum() == 1 and _duration(piece) < SHORTEST:
+                continue
+            parts.append(piece)
+            names.append(record)
+    return parts, names
+
+
+def _duration(data: xr.Dataset) -> float:
+    """Return the time from the first to the last sample. [s]"""
+    time = data["time"].values
+    return float(time[-1] - time[0]) if len(time) else 0.0
 
 
 def raise_problems(project: Project, problems: Sequence[str]) -> None:

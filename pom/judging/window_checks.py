@@ -8,10 +8,13 @@ answer to the input as a free response.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy
 import xarray as xr
 
+from flightmech.support.arrays import true_runs
 from flightmech.units import DEGREE
 from pom.cases.case import PomCase
 from pom.cases.drafting.event_detection import input_channels
@@ -33,7 +36,11 @@ LATE = (1.0, 0.1)
 """Time that a stated end may come after the rest: [s], and share of the free response."""
 WINDOW = "window_departures"
 """Attribute of flight states: departures of the window, which need the whole record."""
-MOTION = ("phi", "theta", "p", "q", "r", *_CONTROLS, "wheel", "F_column", "F_pedal")
+WINDOW_UNCHECKED = "window_unchecked"
+"""Attribute of flight states: what the record does not show of the window."""
+_ATTITUDE = ("phi", "theta", "p", "q", "r")
+_FORCES = ("F_column", "F_wheel", "F_rim", "F_pedal")
+MOTION = (*_ATTITUDE, *_CONTROLS, "wheel", *_FORCES)
 """Channels that the checks of a window use, as far as a record has them."""
 _LIMITS = {**dict.fromkeys((*_CONTROLS, "wheel"), MOVED), **FORCED}
 _RESPONSES = ("2.b.4", "2.b.5", "2.b.6", "2.c.10", "2.c.9", "2.d.2", "2.d.3", "2.d.6", "2.d.7")
@@ -109,8 +116,48 @@ def _find_rest(flight: RunSignals) -> tuple[str, float] | None:
     return control, float(time[np.flatnonzero(away > SHARE * most)[-1]])
 
 
-def window_departures(case: PomCase, states: xr.Dataset) -> tuple[str, ...]:
-    """Return how the window of a case departs from normal practice; empty if it does not.
+@dataclass(frozen=True)
+class WindowCheck:
+    """What a flight record shows of the window of a case.
+
+    Attributes
+    ----------
+    departures : tuple of str
+        Departures from normal practice.
+    unchecked : tuple of str
+        What the record does not show, with the reason.
+    """
+
+    departures: tuple[str, ...] = ()
+    unchecked: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Motion and controls of a record.
+
+    Attributes
+    ----------
+    time : array (time,)
+        [s]
+    channels : dict of str to array (time,)
+        Means over `SMOOTH`, interpolated where samples are missing. [SI]
+    missing : dict of str to array of bool (time,)
+        Samples in a hole longer than `SMOOTH`.
+    """
+
+    time: np.ndarray
+    channels: dict[str, np.ndarray]
+    missing: dict[str, np.ndarray]
+
+    def known(self, name: str, start: float, stop: float) -> bool:
+        """Return whether a channel has samples throughout a time."""
+        part = (self.time >= start - 1e-9) & (self.time <= stop + 1e-9)
+        return name in self.channels and not self.missing[name][part].any()
+
+
+def check_window(case: PomCase, states: xr.Dataset) -> WindowCheck:
+    """Return whether a window starts in steady flight and ends after the input of a response.
 
     Parameters
     ----------
@@ -120,40 +167,77 @@ def window_departures(case: PomCase, states: xr.Dataset) -> tuple[str, ...]:
 
     Returns
     -------
-    tuple of str
-        The flight is not steady at the start of the window, to which the model is trimmed; or the
-        window ends before the input of a response does.  Only flights that start from a trim are
-        checked.
+    WindowCheck
+        The model is trimmed to the start of the window, so that only flights that start from a
+        trim are checked.
     """
     time = np.asarray(states["time"].values, float)
     if case.reference != "flight" or case.drive.trim is not True or time.size < 2:
-        return ()
-    width = max(1, round(SMOOTH / float(np.median(np.diff(time)))))
-    channels = {}
-    for name in MOTION:
-        if name not in states or states[name].dims != ("time",):
-            continue
-        values = np.asarray(states[name].values, float)
-        if np.isfinite(values).all():
-            channels[name] = scipy.ndimage.uniform_filter1d(values, width, mode="nearest")
-    return (*_unsteady_start(case, time, channels), *_open_input(case, time, channels))
+        return WindowCheck()
+    motion = _read_motion(case, states)
+    departures, unchecked = [], []
+    for check in (_unsteady_start, _open_input):
+        found = check(case, motion)
+        departures += found.departures
+        unchecked += found.unchecked
+    return WindowCheck(tuple(departures), tuple(unchecked))
+
+
+def window_departures(case: PomCase, states: xr.Dataset) -> tuple[str, ...]:
+    """Return the departures of `check_window`."""
+    return check_window(case, states).departures
+
+
+def with_window_check(states: xr.Dataset, case: PomCase, record: xr.Dataset) -> xr.Dataset:
+    """Return flight states with the check of the window against the whole record as attributes."""
+    check = check_window(case, record)
+    return states.assign_attrs({WINDOW: check.departures, WINDOW_UNCHECKED: check.unchecked})
 
 
 def window_remarks(states: xr.Dataset) -> tuple[RowRemark, ...]:
-    """Return the departures in the attribute `WINDOW` of flight states as remarks."""
-    texts = states.attrs.get(WINDOW, ())
-    return tuple(RowRemark("departure", f"departure: {text}", CASE_WINDOW) for text in texts)
+    """Return the attributes of `with_window_check` as remarks."""
+    remarks = []
+    for text in states.attrs.get(WINDOW, ()):
+        remarks.append(RowRemark("departure", f"departure: {text}", CASE_WINDOW))
+    for text in states.attrs.get(WINDOW_UNCHECKED, ()):
+        remarks.append(RowRemark("not_checked", f"not checked: {text}", CASE_WINDOW))
+    return tuple(remarks)
 
 
-def _unsteady_start(
-    case: PomCase, time: np.ndarray, channels: dict[str, np.ndarray]
-) -> tuple[str, ...]:
-    """Return the departure of a window that starts in unsteady flight."""
+def _read_motion(case: PomCase, states: xr.Dataset) -> _Motion:
+    """Return the channels of `MOTION` that a record has, with the wheel force at the rim."""
+    time = np.asarray(states["time"].values, float)
+    width = max(1, round(SMOOTH / float(np.median(np.diff(time)))))
+    recorded = {}
+    for name in MOTION:
+        if name in states and states[name].dims == ("time",):
+            recorded[name] = np.asarray(states[name].values, float)
+    # the limits are forces, which a torque gives with the radius of the wheel
+    torque, radius = recorded.pop("F_wheel", None), case.conditions.get("wheel_radius")
+    if torque is not None and radius:
+        recorded.setdefault("F_rim", torque / radius)
+    channels, missing = {}, {}
+    for name, values in recorded.items():
+        finite = np.isfinite(values)
+        if not finite.any():
+            continue
+        filled = np.interp(time, time[finite], values[finite])
+        channels[name] = scipy.ndimage.uniform_filter1d(filled, width, mode="nearest")
+        missing[name] = np.zeros(len(time), bool)
+        for first, end in true_runs(~finite):
+            # the mean bridges a shorter hole
+            missing[name][first:end] = end - first > width
+    return _Motion(time, channels, missing)
+
+
+def _unsteady_start(case: PomCase, motion: _Motion) -> WindowCheck:
+    """Return whether a window starts in unsteady flight."""
     start, stop = case.window
+    time, channels = motion.time, motion.channels
     rates = _attitude_rates(channels)
     inside = (time >= start) & (time <= stop)
     if not inside.any():
-        return ()
+        return WindowCheck()
     limits: dict[str, float] = {}
     for name, rate in rates.items():
         limits[name] = max(STEADY, OF_WINDOW * float(np.abs(rate[inside]).max()))
@@ -164,10 +248,7 @@ def _unsteady_start(
             limits[name] = max(least, OF_WINDOW * float(np.ptp(channels[name][inside])))
 
     def movements(instant: float) -> list[str]:
-        first, last = instant - BEFORE, instant
-        if first < time[0]:
-            # a record that starts with the window shows its first samples only
-            first, last = instant, instant + SMOOTH
+        first, last = _time_before(instant, motion)
         part = (time >= first - 1e-9) & (time <= last + 1e-9)
         texts = []
         for name, limit in limits.items():
@@ -179,22 +260,74 @@ def _unsteady_start(
                 texts.append(_movement_text(name, size))
         return texts
 
+    def is_steady(instant: float) -> bool:
+        # a line through missing samples looks steady
+        known = all(motion.known(name, *_time_before(instant, motion)) for name in channels)
+        return known and not movements(instant)
+
+    unknown = [name for name in _ATTITUDE if not motion.known(name, *_time_before(start, motion))]
+    unchecked: tuple[str, ...] = ()
+    if unknown:
+        unchecked = (
+            f"whether the flight is steady at {start:g} s, where the window starts: the record has "
+            f"no {', '.join(unknown)} there; only the other channels are checked",
+        )
     moving = movements(start)
     if not moving:
-        return ()
-    steady = start
-    while steady > time[0] and movements(steady):
-        steady -= 0.1
-    # a movement begins before it is larger than its limit
-    steady -= 0.1
-    advice = "choose a record with steady flight before the input"
-    if steady > time[0]:
-        advice = f"the flight is steady until {steady:.1f} s: start there or earlier"
+        return WindowCheck((), unchecked)
     text = (
         f"the window starts at {start:g} s in unsteady flight, to which the model is trimmed: "
-        f"{', '.join(moving)}; {advice}"
+        f"{', '.join(moving)}; "
     )
-    return (text,)
+    before, after = start, start
+    while before > time[0] and not is_steady(before):
+        before -= 0.1
+    # a movement begins before it is larger than its limit
+    before -= 0.1
+    while after < stop and not is_steady(after):
+        after += 0.1
+    is_later = after < stop and _holds_input(case, motion, after)
+    if before > time[0] and is_later:
+        text += f"the flight is steady until {before:.1f} s, and from {after:.1f} s on"
+    elif before > time[0]:
+        text += f"the flight is steady until {before:.1f} s: start there or earlier"
+    elif is_later:
+        text += f"the flight is steady from {after:.1f} s on: start there or later"
+    else:
+        text += "choose a record with steady flight before the input"
+    return WindowCheck((text,), unchecked)
+
+
+def _time_before(instant: float, motion: _Motion) -> tuple[float, float]:
+    """Return start and end of the flight that shows whether an instant is steady. [s]"""
+    if instant - BEFORE < motion.time[0]:
+        # a record that starts with the window shows its first samples only
+        return instant, instant + SMOOTH
+    return instant - BEFORE, instant
+
+
+def _holds_input(case: PomCase, motion: _Motion, start: float) -> bool:
+    """Return whether a window that starts later still has the input of its response."""
+    if not plain_id(case.id).startswith(_RESPONSES):
+        return True
+    time = motion.time
+    earlier = (time >= case.window[0] - BEFORE) & (time <= case.window[1])
+    later = (time >= start) & (time <= case.window[1])
+    for name in _input_names(case):
+        if name not in motion.channels or not later.any():
+            continue
+        values = motion.channels[name]
+        # more than half of the movement of the control is still to come
+        size = float(np.ptp(values[later]))
+        if size > max(_LIMITS[name], 0.5 * float(np.ptp(values[earlier]))):
+            return True
+    return False
+
+
+def _input_names(case: PomCase) -> list[str]:
+    """Return the controls that may be the input of a test and have a limit."""
+    names = ["F_rim" if name == "F_wheel" else name for name in input_channels(case.id)]
+    return [name for name in names if name in _LIMITS]
 
 
 def _attitude_rates(channels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -219,19 +352,26 @@ def _movement_text(name: str, size: float) -> str:
     return f"{channel_value_text(name, size)} in {BEFORE:g} s"
 
 
-def _open_input(
-    case: PomCase, time: np.ndarray, channels: dict[str, np.ndarray]
-) -> tuple[str, ...]:
-    """Return the departure of a window that ends before its input does."""
+def _open_input(case: PomCase, motion: _Motion) -> WindowCheck:
+    """Return whether a window ends before its input does."""
     start, stop = case.window
+    time, channels = motion.time, motion.channels
     judged = [item for item in case.criteria if item.applies and item.parameter]
     reaches_end = any(item.window[1] >= stop - SMOOTH for item in judged)
     if not plain_id(case.id).startswith(_RESPONSES) or not reaches_end:
-        return ()
+        return WindowCheck()
     inside = (time >= start) & (time <= stop)
     before = (time >= start - BEFORE) & (time <= start + 0.5 * SMOOTH)
-    for name in input_channels(case.id):
-        if name not in channels or name not in _LIMITS or not before.any():
+    names = _input_names(case)
+    known = [name for name in names if motion.known(name, start - BEFORE, stop + RETURN)]
+    unchecked: tuple[str, ...] = ()
+    if not known:
+        unchecked = (
+            f"whether the window ends before the input does: the record has none of "
+            f"{', '.join(names)} from {start - BEFORE:g} to {stop + RETURN:g} s throughout",
+        )
+    for name in known:
+        if not before.any():
             continue
         away = np.abs(channels[name] - np.median(channels[name][before]))
         largest = float(away[inside].max())
@@ -250,8 +390,8 @@ def _open_input(
                 f"the window ends at {stop:g} s, {last - stop:.1f} s before the input of the "
                 f"{control} ends; the return is not judged"
             )
-            return (text,)
-    return ()
+            return WindowCheck((text,), unchecked)
+    return WindowCheck((), unchecked)
 
 
 def _input_around(time: np.ndarray, away: np.ndarray, instant: float) -> tuple[float, float] | None:

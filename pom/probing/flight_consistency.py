@@ -25,6 +25,7 @@ from aerodb.store.overview import FREE_AIR
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import Simulation
 from flightmech.support.arrays import rms
+from flighttest.regression.uncertainty.jackknife import block_jackknife
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import SLOWEST
 from pom.probing.input_probe import SCALE, SIZES
@@ -257,10 +258,10 @@ def _lift_slope(measured: np.ndarray, expected: np.ndarray) -> tuple[float, floa
         x, y = x - x.mean(), y - y.mean()
         return float(x @ y / max(x @ x, 1e-30))
 
-    left_out = []
-    for block in np.array_split(np.arange(measured.size), _BLOCKS):
-        left_out.append(fit(np.delete(expected, block), np.delete(measured, block)))
-    return fit(expected, measured), float(np.sqrt((_BLOCKS - 1) * np.var(left_out)))
+    stderr = block_jackknife(
+        lambda kept: fit(expected[kept], measured[kept]), measured.size, _BLOCKS
+    )
+    return fit(expected, measured), float(stderr)
 
 
 def _lift_not_checked(reason: str) -> tuple[RowRemark, ...]:

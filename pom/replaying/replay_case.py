@@ -27,7 +27,7 @@ from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
 from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
 from pom.judging.stall_checks import reach_remarks
-from pom.judging.window_checks import WINDOW, window_departures
+from pom.judging.window_checks import with_window_check
 from pom.probing.flight_consistency import on_wheels
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
@@ -123,7 +123,7 @@ def plan_of(case: PomCase, path: Any = None) -> ReplayPlan:
     record = whole_states(case, path)
     states = flight_states(case, record)
     # of the whole record, because the input may go on after the window
-    states = states.assign_attrs({WINDOW: window_departures(case, record)})
+    states = with_window_check(states, case, record)
     check_record_facts(case, states)
     job = job_of(case, states)
     return ReplayPlan(settle_case(case, job.time, sampled_channels(states)), states, job)

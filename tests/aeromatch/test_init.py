@@ -128,6 +128,30 @@ def test_a_unit_that_contradicts_its_heading_is_the_reason():
     assert guess_quantity("AIL_DEG_RRD").sign == -1
 
 
+def test_a_sense_of_one_recorder_is_to_be_confirmed(tmp_path):
+    time = np.arange(200) / 10.0
+    angle = np.rad2deg(0.1) * np.sin(time)
+    table = pd.DataFrame({"time": time, "AIL_DEG_RRD": angle, "ELEV_DEG_TEU": angle})
+    table.to_csv(tmp_path / "run.csv", index=False)
+    rows = {row.name: row for row in draft_names([tmp_path / "run.csv"]).rows}
+    assert (rows["delta_a"].channel.sign, rows["delta_a"].confidence) == (-1, "CONFIRM")
+    assert rows["delta_a"].reason == (
+        "CONFIRM: taken as the aileron that rolls right, may be the right aileron trailing edge "
+        "down: the other sign; the heading states the opposite positive sense"
+    )
+    assert (rows["delta_e"].channel.sign, rows["delta_e"].confidence) == (-1, "stated")
+    assert guess_quantity("AIL_DEG_LRD").doubt.endswith(
+        "left aileron trailing edge down: the other sign"
+    )
+
+
+def test_shaft_speeds_are_in_turns_per_minute():
+    units = unit_from_size({"engine1.rpm": np.array([900.0, 2400.0])})
+    assert units["engine1.rpm"] == ("rpm", "reaches 2.39e+03")
+    units = unit_from_size({"engine1.rpm": np.array([90.0, 240.0])})
+    assert units["engine1.rpm"] == ("rpm", "CONFIRM: taken as turns per minute")
+
+
 def test_a_lever_without_a_unit_is_to_be_confirmed():
     units = unit_from_size({"engine1.pla": np.array([12.0, 85.0])})
     assert units["engine1.pla"] == (

@@ -24,18 +24,18 @@ from aeromatch.workflow.aerodynamics import (
     reconstruct_records,
     samples_of,
 )
+from aeromatch.workflow.faulty_samples import list_faults, without_faults
 from aeromatch.workflow.windows import (
     IdentificationWindows,
     find_copied_records,
     inputs_of,
-    list_faults,
     marks_of,
+    parts_of,
     records_of,
     rests_on,
     samples_of_copies,
     select_windows,
     spans_of,
-    without_faults,
 )
 from flightmech import terms
 from flightmech.errors import AeromatchWarning, SchemaError
@@ -142,8 +142,8 @@ def test_faulty_samples_are_cut_out_of_the_windows_of_the_fits(project):
     assert cut.fits == [{"run_1": [(1.0, 4.0), (6.5, 9.0)]}]
     (text,) = texts
     assert text.endswith(
-        "record run_1: held values of q from 5 to 6 s left out with 0.5 s about them; the "
-        "reconstruction has them"
+        "record run_1: held values of q from 5 to 6 s left out, with 0.5 s on both sides; the "
+        "reconstruction of the states still uses them"
     )
     gaps = [SampleFault((name,), "gap", 34.0, 36.0) for name in ("q", "alpha_vane")]
     assert list_faults({"run_1": [held, *gaps], "run_2": []}) == [
@@ -153,8 +153,47 @@ def test_faulty_samples_are_cut_out_of_the_windows_of_the_fits(project):
     others = [SampleFault(("vn", "ve"), "gap", 5.0, 6.0), SampleFault(("q",), "held", 10.0, 11.0)]
     assert without_faults(project, windows, {"run_1": others}) == (windows, [])
     gap = SampleFault(("p", "q"), "gap", 0.0, 20.0)
-    with pytest.raises(SchemaError, match="no sample without a fault"):
+    with pytest.raises(SchemaError, match="run_1: its windows hold faulty samples throughout"):
         without_faults(project, windows, {"run_1": [gap]})
+
+
+def test_faulty_samples_are_cut_out_of_ground_effect_and_stall(project):
+    spans = {"run_1": [(-np.inf, np.inf)]}
+    names = ("ground_effect.flown", "stall.flown", "engine.flown", "gear.flown")
+    windows = IdentificationWindows([], dict.fromkeys(names, spans))
+    faults = [
+        SampleFault(("alpha_vane",), "held", 2.0, 3.0),
+        SampleFault(("engine1.thrust",), "held", 5.0, 6.0),
+        SampleFault(("vn",), "missing", 7.0, 8.0),
+    ]
+    cut, texts = without_faults(project.with_changes(fit=()), windows, {"run_1": faults})
+    parts = {"run_1": [(-np.inf, 1.5), (3.5, np.inf)]}
+    assert cut.submodels == {
+        "ground_effect.flown": parts,
+        "stall.flown": parts,
+        # transients, which a cut would take apart
+        "engine.flown": spans,
+        "gear.flown": spans,
+    }
+    thrust = "record run_1: held values of engine1.thrust from 5 to 6 s not left out"
+    assert [text.partition(";")[0] for text in texts if "thrust" in text] == [
+        f"{name}, {thrust}" for name in names
+    ]
+    # the reconstruction replaces the ground velocity, which no coefficient reads
+    assert [text.partition(",")[0] for text in texts if "vn" in text] == list(names[2:])
+    missing = [SampleFault(("q",), "missing", 0.0, 10.0)]
+    windows = IdentificationWindows([], {"stall.flown": {"run_1": [(2.0, 9.0)]}})
+    with pytest.raises(SchemaError, match=r"stall\.flown, record run_1: its windows hold faulty"):
+        without_faults(project.with_changes(fit=()), windows, {"run_1": missing})
+
+
+def test_an_empty_part_at_the_end_of_a_whole_record_is_no_record():
+    data = {"run_1": xr.Dataset({"q": ("time", np.zeros(100))}, {"time": 0.1 * np.arange(100)})}
+    # faults from 0.2 to 1.3 s and from 9.6 s on
+    spans = {"run_1": [(-np.inf, -0.3), (1.8, 9.1), (10.1, np.inf)]}
+    (part,), names = parts_of(data, spans)
+    assert (part["time"].values[0], part["time"].values[-1]) == pytest.approx((1.8, 9.1))
+    assert names == ["run_1"]
 
 
 def test_windows_by_kind_and_by_kind_and_control(project):

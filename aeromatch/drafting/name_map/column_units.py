@@ -121,9 +121,9 @@ def _rate_unit(size: float, has_degrees: bool, has_degree_rates: bool) -> tuple[
 
 
 def _shaft_unit(size: float) -> tuple[str, str]:
-    if size > _LARGEST_SHAFT_SPEED:
-        return "rpm", _reach(size)
-    return "rpm", "CONFIRM: taken as turns per minute"
+    # a smaller value may be rad/s as well
+    is_clear = size > _LARGEST_SHAFT_SPEED
+    return "rpm", _reach(size) if is_clear else "CONFIRM: taken as turns per minute"
 
 
 def _fraction_unit(size: float) -> tuple[str, str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from aeromatch.drafting.name_map.heading_words import (
     DECORATION,
+    DOUBTFUL_SENSES,
     NAME_QUANTITY,
     OTHER_SUBJECT,
     QUALIFIERS,
@@ -53,6 +54,8 @@ class Guess:
     sign : int
         -1 if the name states the opposite of the positive sense of the quantity, such as TEU for
         an elevator.
+    doubt : str
+        What else the sense in the name may mean.
     """
 
     name: str
@@ -60,6 +63,7 @@ class Guess:
     rank: int
     inverted: bool = False
     sign: int = 1
+    doubt: str = ""
 
 
 def guess_quantity(column: str) -> Guess | None:
@@ -180,7 +184,7 @@ def _guess_with_sense(words: list[str], sense: str, name: str, column: str) -> G
     sign = SENSES.get(guess.name, {}).get(sense)
     if sign is None:
         return None
-    return replace(guess, sign=sign)
+    return replace(guess, sign=sign, doubt=DOUBTFUL_SENSES.get(sense, ""))
 
 
 def _guess_words(words: list[str], name: str, column: str) -> Guess | None:

@@ -186,6 +186,12 @@ SENSES = {
     "psi": _NOSE_RIGHT,
     "r": _NOSE_RIGHT,
 }
+# Senses whose meaning one recorder alone shows, and what else they may mean.
+_RRD = "taken as the aileron that rolls {}, may be the {} aileron trailing edge down: {}"
+DOUBTFUL_SENSES = {
+    "rrd": _RRD.format("right", "right", "the other sign"),
+    "lrd": _RRD.format("left", "left", "the other sign"),
+}
 # Number of an engine or of a surface by the word for its side.
 SIDES = {
     "l": 1,

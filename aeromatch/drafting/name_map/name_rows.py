@@ -305,6 +305,8 @@ def make_rows(
             others = ", ".join(columns.rivals[name])
             rival = f"{others} may be {name} as well and has other values: take the right one"
             reason = f"{CONFIRM}: {rival}{'; ' + reason if reason else ''}"
+        elif guess.doubt:
+            reason = f"{CONFIRM}: {guess.doubt}{'; ' + reason if reason else ''}"
         elif guess.rank > _CERTAIN_RANK:
             reason = f"; {reason}" if reason else ""
             reason = f"{CONFIRM}: by a part of its name{reason}"

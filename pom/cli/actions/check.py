@@ -14,7 +14,7 @@ from pom.cases.reference_states import join_channels, record_leaves, window_prob
 from pom.cli.actions.report import case_files
 from pom.fmu.description import demand_platform, read_fmu_interface
 from pom.judging.applicability import reason_not_judged
-from pom.judging.window_checks import MOTION, window_departures
+from pom.judging.window_checks import MOTION, check_window
 from pom.tolerances.own_tables import read_own_table
 
 
@@ -64,7 +64,9 @@ def _check_record(case: PomCase) -> tuple[list[str], list[str]]:
     if problem:
         problems.append(problem)
     elif motion is not None:
-        departures += [f"case {case.name}: {text}" for text in window_departures(case, motion)]
+        found = check_window(case, motion)
+        departures += [f"case {case.name}: {text}" for text in found.departures]
+        departures += [f"case {case.name}: not checked: {text}" for text in found.unchecked]
     # a control law without a library for this machine cannot run
     if case.law:
         try:

@@ -12,6 +12,8 @@ from flightmech.units import DEGREE
 from pom.judging.signals import signals_of_run
 from pom.judging.window_checks import (
     WINDOW,
+    WINDOW_UNCHECKED,
+    check_window,
     input_end_remarks,
     window_departures,
     window_remarks,
@@ -57,6 +59,104 @@ def test_a_late_end_leaves_the_first_part_out():
 def test_rows_of_another_kind_and_small_inputs_are_not_checked():
     assert texts(case_with(12.0, measure="trace")) == []
     assert texts(case_with(12.0), size=0.5 * DEGREE) == []
+
+
+@pytest.fixture(scope="module")
+def case():
+    return fixture.roll_result().case
+
+
+def check(
+    case, window, test="2.d.2", control="delta_a", size=8.0 * DEGREE, hold=(3.0, 4.5), **changes
+):
+    """Return the check of a window for a control that is held, without motion.
+
+    A change of a channel to None takes it away.
+    """
+    rows = tuple(replace(row, window=window) for row in case.criteria)
+    case = replace(case, id=test, criteria=rows, window=window)
+    zero = 0.0 * TIME
+    names = ("phi", "theta", "p", "q", "r", "delta_e", "delta_a", "delta_r")
+    motion = {**dict.fromkeys(names, zero), control: held(hold, size), **changes}
+    states = {name: ("time", y) for name, y in motion.items() if y is not None}
+    return check_window(case, xr.Dataset(states, {"time": TIME}))
+
+
+def held(hold, size):
+    return np.where((hold[0] < TIME) & (hold[1] > TIME), size, 0.0)
+
+
+def with_hole(values, start, stop):
+    return np.where((start <= TIME) & (stop >= TIME), np.nan, values)
+
+
+def test_missing_samples_elsewhere_do_not_end_the_check(case):
+    pulse = held((3.0, 4.5), 8.0 * DEGREE)
+    open_end = check(case, (1.9, 4.0))
+    (text,) = open_end.departures
+    assert "0.5 s before the input of the aileron ends" in text
+    # 26 s behind the window, and for a tenth of a second inside it
+    for hole in ((29.9, 30.0), (2.0, 2.1)):
+        assert check(case, (1.9, 4.0), delta_a=with_hole(pulse, *hole)) == open_end
+    # at the end of the input nothing shows it
+    found = check(case, (1.9, 4.0), delta_a=with_hole(pulse, 4.2, 5.0))
+    assert found.departures == ()
+    (text,) = found.unchecked
+    assert text == (
+        "whether the window ends before the input does: the record has none of delta_a, wheel, "
+        "F_rim from 1.4 to 6 s throughout"
+    )
+
+
+def test_a_start_without_rates_is_not_checked(case):
+    found = check(case, (1.9, 11.9), p=None, q=with_hole(0.0 * TIME, 1.0, 1.8))
+    assert found.departures == ()
+    (text,) = found.unchecked
+    assert text == (
+        "whether the flight is steady at 1.9 s, where the window starts: the record has no p, q "
+        "there; only the other channels are checked"
+    )
+    # the controls still are
+    (text,) = check(case, (3.2, 13.1), p=None).departures
+    assert "aileron deflection" in text
+    states = xr.Dataset(attrs={WINDOW_UNCHECKED: ("why",)})
+    (remark,) = window_remarks(states)
+    assert (remark.kind, remark.text) == ("not_checked", "not checked: why")
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "control"),
+    [("F_rim", 1.0, "pilot force at the rim of the wheel"), ("F_wheel", 0.2, "pilot force at")],
+)
+def test_a_force_on_the_wheel_departs_as_one_on_the_column(case, channel, factor, control):
+    case = replace(case, conditions={**case.conditions, "wheel_radius": 0.2})
+    size = 50.0 * factor  # 50 N at the rim are 10 N m
+    (text,) = check(case, (1.9, 4.0), control=channel, size=size).departures
+    assert f"before the input of the {control}" in text
+    (text,) = check(case, (3.2, 13.1), control=channel, size=size).departures
+    assert "pilot force at the rim of the wheel 11.24 lbf in 0.5 s" in text
+    assert check(case, (3.2, 13.1), control=channel, size=0.2 * size).departures == ()
+    (text,) = check(case, (1.9, 4.0), "2.c.10", control="F_column", size=50.0).departures
+    assert "pilot force on the column" in text
+
+
+def test_a_later_start_is_named_where_it_is_the_right_one(case):
+    # a spiral is entered by a roll, after which the controls rest
+    roll = held((3.0, 5.0), 10.0 * DEGREE)
+    (text,) = check(case, (4.0, 24.0), "2.d.4", p=roll).departures
+    assert text.endswith("the flight is steady until 2.7 s, and from 5.7 s on")
+    # of a response only as long as its input is still to come
+    early = held((1.0, 2.0), 10.0 * DEGREE)
+    still_to_come = check(case, (1.5, 11.5), hold=(4.0, 5.0), p=early)
+    (text,) = still_to_come.departures
+    assert text.endswith("the flight is steady until 0.7 s, and from 2.7 s on")
+    (text,) = check(case, (4.0, 14.0), hold=(3.0, 5.0), p=roll).departures
+    assert text.endswith("the flight is steady until 2.7 s: start there or earlier")
+    # a hole is no steady flight
+    (text,) = check(
+        case, (4.0, 24.0), "2.d.4", p=roll, q=with_hole(0.0 * TIME, 0.0, 2.9)
+    ).departures
+    assert text.endswith("the flight is steady from 5.7 s on: start there or later")
 
 
 def departures(window, test="2.d.2", control="delta_a", hold=(3.0, 4.5), rate=0.0):

@@ -17,6 +17,7 @@ from flightmech.air import R_AIR, atmosphere, pressure_altitude
 from flightmech.units import G0
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels, lowpass_if_possible
 from flighttest.reconstruction.quality.finding import Finding, map_entry
+from flighttest.regression.uncertainty.jackknife import block_jackknife
 
 _POSSIBLE = (-75.0, 38.0)  # K
 _RESTORED = 25.0  # K within which a change of unit must bring it
@@ -207,11 +208,12 @@ def _barometric_slope(full: ResampledChannels) -> tuple[float, float] | None:
     size = np.abs(columns[0]).max()
     if not size > 0.0 or not np.linalg.cond(X) < 1e8:
         return None
-    blocks = np.array_split(np.arange(len(samples)), _BLOCKS)
-    left_out = [_first_coefficient(np.delete(X, b, axis=0), np.delete(y, b)) for b in blocks]
-    stderr = float(np.sqrt((_BLOCKS - 1) * np.var(left_out)))
-    return _first_coefficient(X, y) / size, stderr / size
+    stderr = block_jackknife(
+        lambda kept: first_coefficient(X[kept], y[kept]), len(samples), _BLOCKS
+    )
+    return first_coefficient(X, y) / size, float(stderr) / size
 
 
-def _first_coefficient(X: np.ndarray, y: np.ndarray) -> float:
+def first_coefficient(X: np.ndarray, y: np.ndarray) -> float:
+    """Return the least-squares coefficient of the first column of X."""
     return float(np.linalg.lstsq(X, y, rcond=None)[0][0])

@@ -17,7 +17,9 @@ from flightmech.air import R_AIR
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.units import POUND_FORCE
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
+from flighttest.reconstruction.quality.declarations.air_temperature import first_coefficient
 from flighttest.reconstruction.quality.finding import Finding
+from flighttest.regression.uncertainty.jackknife import block_jackknife
 
 _LEVER_WORDS = re.compile(r"throttle|lever|thrust.?cmd|\bpla\b|\btla\b|power.?set", re.IGNORECASE)
 _OUTPUTS = ("thrust", "n1", "fuel_flow", "n2", "torque", "rpm")
@@ -225,14 +227,10 @@ def _thrust_slope(
     X, y = np.stack(columns, axis=1)[mask], (mass * full["ax_imu"] / force)[mask]
     if not np.std(X[:, 0]) > 0.0:
         return None
-    blocks = np.array_split(np.arange(len(y)), _BLOCKS)
-    left_out = [
-        np.linalg.lstsq(np.delete(X, b, axis=0), np.delete(y, b), rcond=None)[0][0] for b in blocks
-    ]
-    slope = float(np.linalg.lstsq(X, y, rcond=None)[0][0])
+    slope = first_coefficient(X, y)
+    error = block_jackknife(lambda kept: first_coefficient(X[kept], y[kept]), len(y), _BLOCKS)
     # a slope of a thrust in another unit has an error of the same proportion
-    stderr = float(np.sqrt((_BLOCKS - 1) * np.var(left_out))) / max(abs(slope), 1.0)
-    return slope, stderr
+    return slope, float(error) / max(abs(slope), 1.0)
 
 
 def _slope_findings(slope: float, stderr: float, names: tuple[str, ...]) -> list[Finding]:

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.store.evaluation import evaluate
+from aerodb.store.overview import FREE_AIR
 from aerodb.store.schema import terms
 from flightmech.air import GAMMA, R_AIR, pressure_altitude
 from flightmech.aircraft.aircraft import Aircraft
@@ -23,7 +24,6 @@ from flightmech.terms import list_model_variables
 from flightmech.units import DEGREE, FOOT, G0, POUND, SLUG
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.airship import CARRIED
-from flighttest.reconstruction.quality.declarations.database_match import FREE_AIR
 from flighttest.reconstruction.quality.declarations.geometry import is_airship
 from flighttest.reconstruction.quality.finding import Finding, map_entry
 

@@ -19,6 +19,7 @@ from flighttest.reconstruction.quality.navigation.inertial_motion import (
     velocity_axes,
 )
 from flighttest.reconstruction.quality.navigation.motion_delays import Unchecked, is_determined
+from flighttest.regression.uncertainty.jackknife import block_jackknife
 
 # deviations from one that are a note and a warning: position errors reach 2 % of the airspeed
 _NOTE, _WARNING, _SIGMAS = 0.01, 0.025, 3.0
@@ -172,13 +173,8 @@ def _wind_triangle(signals: ResampledChannels) -> tuple[float, float] | None:
     y = np.stack([vn, ve])
     if not np.linalg.cond(np.concatenate(X)) < 1e4:
         return None
-    # Standard error by leaving out one block of time after the other (jackknife).
-    blocks = np.array_split(np.arange(len(samples)), _BLOCKS)
-    left_out = [
-        _factor(np.delete(X, block, axis=1), np.delete(y, block, axis=1)) for block in blocks
-    ]
-    stderr = float(np.sqrt((_BLOCKS - 1) * np.var(left_out)))
-    return 1.0 / _factor(X, y), stderr
+    stderr = block_jackknife(lambda kept: _factor(X[:, kept], y[:, kept]), len(samples), _BLOCKS)
+    return 1.0 / _factor(X, y), float(stderr)
 
 
 def _factor(X: np.ndarray, y: np.ndarray) -> float:

@@ -17,6 +17,7 @@ import scipy
 
 from flightmech.support.arrays import true_runs
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
+from flighttest.regression.uncertainty.jackknife import block_jackknife
 
 _MOST_STRETCHES = 16
 _SEARCH_SHARE = 0.2  # largest delay over the length of a stretch
@@ -139,9 +140,14 @@ def _fit_stretches(
     index = round(shift)
     bound = index in (0, len(shifts) - 1)
     stderr, errors = _coloured_errors(pieces, index, scales, step=step)
+
+    def without_one(kept: np.ndarray) -> np.ndarray:
+        shift, scales, _ = _minimize(normal[kept], cross[kept], power[kept])
+        return np.array([shift, *scales])
+
     # The larger of two standard errors: of coloured residuals, and of the scatter of the stretches.
     if len(pieces) >= _JACKKNIFE:
-        by_stretch = _jackknife(normal, cross, power)
+        by_stretch = block_jackknife(without_one, len(pieces), len(pieces))
         stderr = max(stderr, float(by_stretch[0]) * step * (shifts[1] - shifts[0]))
         errors = np.maximum(errors, by_stretch[1:])
     if bound:
@@ -220,19 +226,6 @@ def _minimize(
             fraction = 0.5 * (before - after) / curvature
     explained = 1.0 - cost[best] / max(total[best], np.finfo(float).tiny)
     return best + fraction, scales[best], float(explained)
-
-
-def _jackknife(normal: np.ndarray, cross: np.ndarray, power: np.ndarray) -> np.ndarray:
-    """Return the standard errors of shift (of the grid) and coefficients by leaving out
-    stretches.
-    """
-    estimates = []
-    count = len(normal)
-    for left_out in range(count):
-        kept = np.arange(count) != left_out
-        shift, scales, _ = _minimize(normal[kept], cross[kept], power[kept])
-        estimates.append([shift, *scales])
-    return np.sqrt(np.var(np.array(estimates), axis=0) * (count - 1))
 
 
 def _coloured_errors(
