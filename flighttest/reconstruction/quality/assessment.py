@@ -40,7 +40,6 @@ from flighttest.reconstruction.quality.checks.kinematic_consistency import (
 )
 from flighttest.reconstruction.quality.checks.mistake_search import find_mistakes
 from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
-from flighttest.reconstruction.quality.checks.relation_sides import ground_force
 from flighttest.reconstruction.quality.checks.relations import compare_all, not_checked
 from flighttest.reconstruction.quality.checks.samples import (
     channel_findings,
@@ -220,7 +219,7 @@ def assess(
     excitation, correlation = axis_excitation(corrected), input_correlations(corrected)
     findings += accuracy_findings(kinematics)
     findings += lags
-    placed, no_place = lever_arm_findings(ground_force(on_time), on_time, positions)
+    placed, no_place = lever_arm_findings(on_time, positions)
     findings += placed
     unchecked = _append_rows(unchecked, no_place)
     references, reasons = _reference_findings(

@@ -14,10 +14,13 @@ import flighttest
 from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.control_response import control_responses
 from flighttest.reconstruction.quality.checks.kinematic_consistency import kinematic_table
-from flighttest.reconstruction.quality.checks.relation_sides import ground_force
 from flighttest.reconstruction.quality.checks.samples import faults_of
 from flighttest.reconstruction.quality.checks.signals import at_cg, resample_channels
-from flighttest.reconstruction.quality.navigation.lever_arm import lever_arm_findings
+from flighttest.reconstruction.quality.navigation.lever_arm import (
+    _NEEDS,
+    _fit_lever_arm,
+    lever_arm_findings,
+)
 from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
     answers_not_checked,
     exchanged_findings,
@@ -112,13 +115,36 @@ def test_constant_error_of_a_channel(signals, record, position, channel, error, 
 def test_place_of_the_accelerometers(signals, position, axis):
     places = {"ax_imu": position}
     right = at_cg(signals, places)
-    assert lever_arm_findings(ground_force(right), right, places) == ([], [])
-    wrong = position + 3.0 * np.eye(3)[axis]
+    findings, ((_, _, _, reason),) = lever_arm_findings(right, places)
+    assert findings == []
+    assert "above x 1.6 m, y 1.1 m, z 1.4 m" in reason
+    wrong = position + 2.0 * np.eye(3)[axis]
     moved = at_cg(signals, {"ax_imu": wrong})
-    (finding,), _ = lever_arm_findings(ground_force(moved), moved, {"ax_imu": wrong})
+    (finding,), ((_, _, _, reason),) = lever_arm_findings(moved, {"ax_imu": wrong})
     error = np.array(finding.evidence["position"]) - position
-    assert np.all(np.abs(error) < 0.8)
+    assert np.all(np.abs(error) < 0.2)
     assert f"stated {wrong[axis]:.2f} m" in finding.text
+    # the other axes remain as uncertain as before
+    assert [f"{name} 1." in reason for name in "xyz"] == [i != axis for i in range(3)]
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4])
+def test_late_ground_velocity_does_not_move_the_accelerometers(signals, position, delay):
+    """In body axes the 0.15 s of this receiver are -0.56 m in x and 0.28 m in z."""
+    late = {}
+    for name in ("vn", "ve", "vd"):
+        late[name] = np.interp(signals.time - delay, signals.time, signals[name])
+    right = at_cg(signals.with_values(late), {"ax_imu": position})
+    shift, stderr = _fit_lever_arm(right, right.mask(_NEEDS))
+    assert np.all(np.abs(shift) < 0.15)
+    assert np.all(np.abs(shift) < 2.0 * stderr)
+
+
+def test_rates_at_rest_show_no_place(signals, position):
+    still = signals.with_values(dict.fromkeys("pqr", np.zeros_like(signals.time)))
+    findings, ((name, _, _, reason),) = lever_arm_findings(still, {"ax_imu": position})
+    assert (findings, name) == ([], "imu_position")
+    assert "does not show x and y and z to 0.5 m" in reason
 
 
 def without(record, start, seconds):
