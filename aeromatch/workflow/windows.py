@@ -40,6 +40,7 @@ _FAULT_WORDS = {
     "held": "held values of",
     "missing": "missing values of",
     "outside": "values outside the calibration of",
+    "lost": "samples lost in",
 }
 _MARGIN = 0.5  # [s] reach of the filters and derivatives behind the coefficients
 _SHORTEST = 1.0  # [s] a shorter part of a window holds no response

@@ -108,7 +108,10 @@ from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
     with_surfaces,
     without_surfaces,
 )
-from flighttest.reconstruction.quality.recording.lost_samples import lost_samples
+from flighttest.reconstruction.quality.recording.lost_samples import (
+    lost_not_checked,
+    lost_samples,
+)
 from flighttest.reconstruction.quality.recording.offsets import (
     gyro_findings,
     gyro_offsets,
@@ -168,10 +171,12 @@ def assess(
     scale = clock_scale(record)
     record = on_seconds(record, scale)
     faults = faults_of(record)
+    sample_findings = flag_findings(faults)
     lost, lost_flags = lost_samples(record, faults)
-    signals = resample_channels(record, pd.concat([faults, lost_flags], ignore_index=True))
+    faults = pd.concat([faults, lost_flags], ignore_index=True)
+    signals = resample_channels(record, faults)
     channels = channel_table(record)
-    findings = clock_findings(scale) + flag_findings(faults) + lost
+    findings = clock_findings(scale) + sample_findings + lost
     findings += channel_findings(record, channels, specification)
     # mistakes of columns, signs, units and axes
     shared, wrong = column_findings(record, signals)
@@ -196,7 +201,7 @@ def assess(
     constant = offset_findings(kinematics, corrected_at_cg, record)
     corrected_at_cg = without_constant_errors(corrected_at_cg, constant)
     findings += constant
-    unchecked = not_checked(corrected)
+    unchecked = _append_rows(not_checked(corrected), lost_not_checked(record))
     if aircraft is not None:
         declared, reasons = _aircraft_findings(
             corrected_at_cg, aircraft, record=record, database=database

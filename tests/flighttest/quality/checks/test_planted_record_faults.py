@@ -25,7 +25,10 @@ from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
     answers_not_checked,
     exchanged_findings,
 )
-from flighttest.reconstruction.quality.recording.lost_samples import lost_samples
+from flighttest.reconstruction.quality.recording.lost_samples import (
+    lost_not_checked,
+    lost_samples,
+)
 from flighttest.reconstruction.quality.recording.offsets import gyro_offsets, offset_findings
 from flighttest.records.sensors.instruments import instruments_of
 
@@ -164,4 +167,59 @@ def test_lost_samples_are_placed(record, seconds):
     findings, flags = lost_samples(without(record, 20.0, seconds), NO_FAULTS)
     assert findings
     assert all(finding.start == pytest.approx(20.0, abs=0.2) for finding in findings)
+    assert {(finding.severity, finding.kind) for finding in findings} == {("error", "lost")}
     assert set(flags["kind"]) == {"lost"}
+
+
+def with_channels(record, leaf, change):
+    """Return a record with channels of a leaf changed: change(data) returns arrays by name."""
+    leaves = {"/": xr.Dataset(attrs=record.attrs)}
+    for name, node in record.children.items():
+        data = node.to_dataset().copy()
+        if name == leaf:
+            for channel, values in change(data).items():
+                data[channel] = ("time", values)
+        leaves[f"/{name}"] = data
+    return xr.DataTree.from_dict(leaves)
+
+
+def after(data, instant):
+    return (data["time"].values >= instant).astype(float)
+
+
+def test_attitude_that_repeats_its_samples_loses_none(record):
+    """An attitude of 5 Hz in a table of 50 Hz jumps at each new value."""
+
+    def hold(data):
+        latest = np.arange(data.sizes["time"]) // 10 * 10
+        return {name: data[name].values[latest] for name in ("phi", "theta", "psi")}
+
+    held = with_channels(record, "imu", hold)
+    assert lost_samples(held, NO_FAULTS)[0] == []
+    assert "phi, theta, psi cannot jump" in lost_not_checked(held)[0][3]
+    assert "cannot jump" not in lost_not_checked(record)[0][3]
+
+
+def test_a_correction_is_not_a_loss(record):
+    """Lost samples move attitude and trajectory; a correction moves one of them."""
+
+    def correct(data):
+        shift = after(data, 20.0) * DEGREE
+        return {"phi": data["phi"].values + shift, "theta": data["theta"].values + 0.5 * shift}
+
+    (finding,), flags = lost_samples(with_channels(record, "imu", correct), NO_FAULTS)
+    assert (finding.severity, finding.name) == ("warning", "correction:phi+theta")
+    assert finding.text.endswith("height and speed do not: a correction of the navigation unit")
+    assert set(flags["kind"]) == {"correction"}
+
+    def locate(data):
+        satellite = record["gps"].to_dataset()
+        speed = {}
+        for name, shift in (("vn", 1.0), ("ve", -1.0)):
+            speed[name] = np.interp(data["time"], satellite["time"], satellite[name])
+            speed[name] += shift * after(data, 20.0)
+        return speed
+
+    (finding,), _ = lost_samples(with_channels(record, "air_data", locate), NO_FAULTS)
+    assert (finding.severity, finding.name) == ("warning", "correction:vn+ve")
+    assert "vn, ve jump at t = 19.98 s, and the attitude does not" in finding.text
