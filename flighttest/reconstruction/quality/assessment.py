@@ -199,12 +199,13 @@ def assess(
     corrected_at_cg = at_cg(corrected, positions)
     kinematics = kinematic_table(corrected_at_cg)
     constant = offset_findings(kinematics, corrected_at_cg, record)
-    corrected_at_cg = without_constant_errors(corrected_at_cg, constant)
+    recorded_at_cg = corrected_at_cg
+    corrected_at_cg = without_constant_errors(recorded_at_cg, constant)
     findings += constant
     unchecked = _append_rows(not_checked(corrected), lost_not_checked(record))
     if aircraft is not None:
         declared, reasons = _aircraft_findings(
-            corrected_at_cg, aircraft, record=record, database=database
+            corrected_at_cg, aircraft, record=record, database=database, recorded=recorded_at_cg
         )
         findings += declared
         unchecked = _append_rows(unchecked, reasons)
@@ -338,9 +339,16 @@ def _aircraft_findings(
     aircraft: Aircraft,
     record: xr.DataTree,
     database: xr.DataTree | None,
+    recorded: ResampledChannels,
 ) -> tuple[list[Finding], Unchecked]:
-    """Return findings on the aircraft file, and the checks of it that are not possible."""
+    """Return findings on the aircraft file, and the checks of it that are not possible.
+
+    The lift of `recorded`, with its constant errors, must agree with the mass too: one of them may
+    be an error of scale.
+    """
     weight, no_weight = weight_findings(signals, aircraft, record, database)
+    if not weight and recorded is not signals:
+        weight, _ = weight_findings(recorded, aircraft, record, database)
     product, no_product = product_findings(signals, aircraft)
     geometry = geometry_findings(aircraft)
     # The checks of the weight use S and b, which may be wrong.

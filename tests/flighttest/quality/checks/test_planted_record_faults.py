@@ -12,7 +12,7 @@ import xarray as xr
 import flightmech
 import flighttest
 from flightmech.units import DEGREE
-from flighttest.reconstruction.quality.checks.control_response import control_responses
+from flighttest.reconstruction.quality.checks.control_response import EQUATIONS, control_responses
 from flighttest.reconstruction.quality.checks.kinematic_consistency import kinematic_table
 from flighttest.reconstruction.quality.checks.samples import faults_of
 from flighttest.reconstruction.quality.checks.signals import at_cg, resample_channels
@@ -22,6 +22,8 @@ from flighttest.reconstruction.quality.navigation.lever_arm import (
     lever_arm_findings,
 )
 from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
+    SurfaceShares,
+    _moves_other_axis,
     answers_not_checked,
     exchanged_findings,
 )
@@ -29,7 +31,11 @@ from flighttest.reconstruction.quality.recording.lost_samples import (
     lost_not_checked,
     lost_samples,
 )
-from flighttest.reconstruction.quality.recording.offsets import gyro_offsets, offset_findings
+from flighttest.reconstruction.quality.recording.offsets import (
+    _slip_findings,
+    gyro_offsets,
+    offset_findings,
+)
 from flighttest.records.sensors.instruments import instruments_of
 
 T37 = Path(__file__).parents[4] / "data" / "t37"
@@ -96,6 +102,7 @@ def test_constant_error_of_a_gyro(signals, gyro):
 @pytest.mark.parametrize(
     ("channel", "error", "named"),
     [
+        ("ay_imu", 1.5, "ay_imu"),
         ("theta", 3.0 * DEGREE, "theta"),
         ("alpha_vane", 4.0 * DEGREE, "alpha_vane"),
         ("beta_vane", 4.0 * DEGREE, "beta_vane"),
@@ -112,6 +119,36 @@ def test_constant_error_of_a_channel(signals, record, position, channel, error, 
     (finding,) = offset_findings(kinematic_table(wrong), wrong, record)
     assert finding.channels[0] == named
     assert channel in finding.channels
+
+
+def test_small_error_of_the_side_force_does_not_blame_the_vane(signals, record):
+    """An error of ay below the limit moves the sideslip without force by more than 2.5 deg."""
+    slow = signals.with_values({"ay_imu": 0.3 * signals["ay_imu"] + 0.3})
+    assert _slip_findings(slow, record, 0.0)
+    assert _slip_findings(slow, record, 0.3) == []
+
+
+def test_scale_of_the_vertical_force_is_named_too(signals, record, position):
+    wrong = at_cg(signals.with_values({"az_imu": 1.05 * signals["az_imu"]}), {"ax_imu": position})
+    (finding,) = offset_findings(kinematic_table(wrong), wrong, record)
+    assert "too low throughout, or 1.044 times the true value" in finding.text
+    assert finding.remedy.count("az_imu = {") == 2
+
+
+def test_surface_whose_axis_the_others_explain(signals):
+    """A rudder that coordinates turns goes with the pitch rate."""
+    shares = {
+        "q": SurfaceShares({"delta_r": 0.3, "delta_e": 0.0}, {"delta_r": 20.0}, 0.93),
+        "r": SurfaceShares({"delta_r": 0.0, "delta_e": 0.0}, {"delta_r": 0.0}, 0.5),
+    }
+    rudder, elevator = (next(e for e in EQUATIONS if e.rate == rate) for rate in "rq")
+    assert _moves_other_axis(shares, rudder, elevator, signals)
+    explained = {**shares, "r": SurfaceShares({"delta_r": 0.0}, {"delta_r": 0.0}, 0.99)}
+    assert not _moves_other_axis(explained, rudder, elevator, signals)
+    little = signals.with_values(
+        {"delta_r": signals["delta_r"] * 1.14 * DEGREE / np.ptp(signals["delta_r"])}
+    )
+    assert not _moves_other_axis(shares, rudder, elevator, little)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
