@@ -30,7 +30,7 @@ AIRSPEED = "scale:V"
 """Start of the name of the finding on a scale of the airspeed, or of the temperature in it."""
 SMALL = "small_scale"
 """Kind of that finding where it is a note on the record: a position error can be as large."""
-NO_FLIGHT = ("held", "missing", "outside", "gap")
+NO_FLIGHT = ("held", "missing", "outside", "gap", "lost")
 """Kinds of faults of samples after which no reading of the flight is left."""
 MOST_CHANNELS = 40
 """Largest number of missing channels that the check of a case lists; a case needs fewer."""
@@ -221,7 +221,7 @@ class RecordCheck:
         The result in one line.
     errors, warnings : tuple of RecordError
     faults : tuple of SampleFault
-        Held and missing values, and gaps of the clock.
+        Held, missing and lost values, and gaps of the clock.
     """
 
     record: str

@@ -149,6 +149,11 @@ def test_faulty_samples_are_cut_out_of_the_windows_of_the_fits(project):
     assert list_faults({"run_1": [held, *gaps], "run_2": []}) == [
         "run_1: held values of q from 5 to 6 s, gap in the clock from 34 to 36 s"
     ]
+    lost = SampleFault(("p", "phi", "q"), "lost", 7.0, 7.02)
+    assert list_faults({"run_1": [lost]}) == ["run_1: samples lost in p, q from 7 to 7.02 s"]
+    assert without_faults(project, windows, {"run_1": [lost]})[0].fits == [
+        {"run_1": [(1.0, 4.0), (4.0, 6.5), (7.52, 9.0)]}
+    ]
     # a gap of a group that no fit uses, and a fault outside the windows
     others = [SampleFault(("vn", "ve"), "gap", 5.0, 6.0), SampleFault(("q",), "held", 10.0, 11.0)]
     assert without_faults(project, windows, {"run_1": others}) == (windows, [])

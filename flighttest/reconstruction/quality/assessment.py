@@ -40,7 +40,6 @@ from flighttest.reconstruction.quality.checks.kinematic_consistency import (
 )
 from flighttest.reconstruction.quality.checks.mistake_search import find_mistakes
 from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
-from flighttest.reconstruction.quality.checks.relation_sides import ground_force
 from flighttest.reconstruction.quality.checks.relations import compare_all, not_checked
 from flighttest.reconstruction.quality.checks.samples import (
     channel_findings,
@@ -109,7 +108,10 @@ from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
     with_surfaces,
     without_surfaces,
 )
-from flighttest.reconstruction.quality.recording.lost_samples import lost_samples
+from flighttest.reconstruction.quality.recording.lost_samples import (
+    lost_not_checked,
+    lost_samples,
+)
 from flighttest.reconstruction.quality.recording.offsets import (
     gyro_findings,
     gyro_offsets,
@@ -169,10 +171,12 @@ def assess(
     scale = clock_scale(record)
     record = on_seconds(record, scale)
     faults = faults_of(record)
+    sample_findings = flag_findings(faults)
     lost, lost_flags = lost_samples(record, faults)
-    signals = resample_channels(record, pd.concat([faults, lost_flags], ignore_index=True))
+    faults = pd.concat([faults, lost_flags], ignore_index=True)
+    signals = resample_channels(record, faults)
     channels = channel_table(record)
-    findings = clock_findings(scale) + flag_findings(faults) + lost
+    findings = clock_findings(scale) + sample_findings + lost
     findings += channel_findings(record, channels, specification)
     # mistakes of columns, signs, units and axes
     shared, wrong = column_findings(record, signals)
@@ -195,12 +199,13 @@ def assess(
     corrected_at_cg = at_cg(corrected, positions)
     kinematics = kinematic_table(corrected_at_cg)
     constant = offset_findings(kinematics, corrected_at_cg, record)
-    corrected_at_cg = without_constant_errors(corrected_at_cg, constant)
+    recorded_at_cg = corrected_at_cg
+    corrected_at_cg = without_constant_errors(recorded_at_cg, constant)
     findings += constant
-    unchecked = not_checked(corrected)
+    unchecked = _append_rows(not_checked(corrected), lost_not_checked(record))
     if aircraft is not None:
         declared, reasons = _aircraft_findings(
-            corrected_at_cg, aircraft, record=record, database=database
+            corrected_at_cg, aircraft, record=record, database=database, recorded=recorded_at_cg
         )
         findings += declared
         unchecked = _append_rows(unchecked, reasons)
@@ -220,7 +225,7 @@ def assess(
     excitation, correlation = axis_excitation(corrected), input_correlations(corrected)
     findings += accuracy_findings(kinematics)
     findings += lags
-    placed, no_place = lever_arm_findings(ground_force(on_time), on_time, positions)
+    placed, no_place = lever_arm_findings(on_time, positions)
     findings += placed
     unchecked = _append_rows(unchecked, no_place)
     references, reasons = _reference_findings(
@@ -334,9 +339,16 @@ def _aircraft_findings(
     aircraft: Aircraft,
     record: xr.DataTree,
     database: xr.DataTree | None,
+    recorded: ResampledChannels,
 ) -> tuple[list[Finding], Unchecked]:
-    """Return findings on the aircraft file, and the checks of it that are not possible."""
+    """Return findings on the aircraft file, and the checks of it that are not possible.
+
+    The lift of `recorded`, with its constant errors, must agree with the mass too: one of them may
+    be an error of scale.
+    """
     weight, no_weight = weight_findings(signals, aircraft, record, database)
+    if not weight and recorded is not signals:
+        weight, _ = weight_findings(recorded, aircraft, record, database)
     product, no_product = product_findings(signals, aircraft)
     geometry = geometry_findings(aircraft)
     # The checks of the weight use S and b, which may be wrong.

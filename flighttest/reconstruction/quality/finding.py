@@ -26,6 +26,7 @@ _TITLES = {
     "collinear": "moved together:",
     "column": "column of",
     "column_name": "name of the column of",
+    "correction": "correction of",
     "definition": "definition of",
     "duplicate": "repeated times of",
     "excitation": "little movement of",
@@ -36,7 +37,7 @@ _TITLES = {
     "inertia": "inertia against",
     "jump": "jump of",
     "lag": "delay of",
-    "lost": "samples lost of",
+    "lost": "samples lost in",
     "minimum_speed": "below the least speed:",
     "missing": "missing values of",
     "noise": "noise of",
@@ -64,10 +65,20 @@ _CAUSES = {
     "excitation": ("unit",),
     "scale": ("unit", "lag"),
     "range": ("unit", "axis", "definition", "spike"),
-    "jump": ("held", "spike", "missing", "wrap", "lost"),
+    "jump": ("held", "spike", "missing", "wrap", "lost", "correction"),
     "saturation": ("held", "unit"),
     "column_name": ("column", "axis"),
-    "inconsistent": ("column", "lag", "held", "spike", "wrap", "jump", "offset", "lost"),
+    "inconsistent": (
+        "column",
+        "lag",
+        "held",
+        "spike",
+        "wrap",
+        "jump",
+        "offset",
+        "lost",
+        "correction",
+    ),
 }
 # Kinds of findings that concern all their channels; others concern the first one.
 _OF_ALL_CHANNELS = ("inconsistent", "scale")
@@ -84,7 +95,7 @@ class Finding:
     kind : str
         Kind of the finding in one word. Consistency: ``sign unit axis definition inconsistent range
         scale lag``. Name map: ``column column_name stated_unit``. Aircraft file: ``geometry inertia
-        weight``. Samples: ``gap stray duplicate reset lost missing outside held spike
+        weight``. Samples: ``gap stray duplicate reset lost correction missing outside held spike
         jump wrap saturation stuck noise``. Inputs: ``excitation collinear``. Information: ``absent
         coarse offset minimum_speed``.
     channels : tuple of str

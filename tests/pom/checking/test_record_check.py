@@ -8,7 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
+import xarray as xr
 
 import flighttest
 from flightmech.aircraft.aircraft_file import read_aircraft
@@ -32,6 +34,7 @@ from pom.status import status_text
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
 
+T37 = Path(__file__).parents[3] / "data" / "t37"
 C182 = Path(__file__).parents[3] / "data" / "c182"
 SIGN = RecordError(
     "sign:delta_a+p", "delta_a has the wrong sign; delta_a = { column = 'Aileron', sign = -1 }"
@@ -148,6 +151,22 @@ def test_checks_of_records_are_those_of_the_assessment(spoilt):
     assert (
         checks["bad"].lines()[0].startswith(f"record bad: {SIGN_TITLE}: delta_a has the wrong sign")
     )
+
+
+def test_lost_samples_are_faults_of_the_record():
+    """A line through lost samples is no flight, and must not inform a fit."""
+    record = flighttest.read(T37 / "flight" / "t37_10_multisine_clean_5kft.nc", T37 / "names.toml")
+    leaves = {"/": xr.Dataset(attrs=record.attrs)}
+    for leaf, node in record.children.items():
+        data = node.to_dataset()
+        time = data["time"].values
+        kept = np.flatnonzero((time < 20.0) | (time >= 21.0))
+        leaves[f"/{leaf}"] = data.isel(time=kept).assign_coords(time=time[: len(kept)])
+    check = RecordCheck.of("short", xr.DataTree.from_dict(leaves), None)
+    assert any(error.title.startswith("samples lost in phi") for error in check.errors)
+    lost = [fault for fault in check.faults if fault.kind == "lost"]
+    assert {"p", "q", "alpha_vane"} <= {name for fault in lost for name in fault.channels}
+    assert all(fault.start == pytest.approx(20.0, abs=0.2) for fault in lost)
 
 
 @pytest.mark.nightly

@@ -70,16 +70,6 @@ def inertial_force(axis: int, channel: str) -> Callable[[ResampledChannels], Sid
     return sides
 
 
-def ground_force(s: ResampledChannels) -> np.ndarray | None:
-    """Return the specific force that ground velocity and attitude give, body axes (3, time).
-
-    The result is None if a channel is missing. [m s-2]
-    """
-    if not {"vn", "ve", "vd", "phi", "theta", "psi"} <= set(s.values):
-        return None
-    return _force_of_ground_velocity(s)
-
-
 def vertical_acceleration(s: ResampledChannels) -> Sides:
     """Return the acceleration of pressure height, and of the accelerometers. [m s-2]"""
     sf, cf, st, ct = _attitude_functions(s)

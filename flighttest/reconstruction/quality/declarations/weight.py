@@ -36,8 +36,10 @@ _MOVES = 0.2 * DEGREE  # standard deviation of the angle of attack that determin
 # lift coefficient, and share of it, by which a prior with a biased vane may be wrong
 _LEVEL, _PART = 0.15, 0.35
 _MASSES = (0.5, 2.0)  # mass of the aircraft file over the recorded one: fuel and load stay within
-# difference of both masses that is a note and a warning: moments of inertia change with them
-_OTHER_LOADING, _OTHER_MASS = 0.05, 0.075
+# difference of both masses that is a note, and a warning unless burnt fuel explains it: fuel and load
+# move the mass of one aeroplane by a fifth, and its moments of inertia with it
+_OTHER_LOADING, _OTHER_MASS = 0.05, 0.2
+_INERTIAS = ("Ixx", "Iyy", "Izz")
 MASS_LEVEL = (
     "the lift curve shows errors of a third and more, or, with a database, of a sixth and more of "
     "the mass: compare with the loading sheet and the fuel"
@@ -94,22 +96,25 @@ def weight_findings(
     if not findings and not _MASSES[0] <= ratio <= _MASSES[1]:
         findings.append(_two_masses_finding(ratio, aircraft.mass, recorded, slope=slope))
     elif not findings and abs(1.0 / ratio - 1.0) > _OTHER_LOADING:
-        findings.append(_loading_finding(aircraft.mass, recorded))
+        findings.append(_loading_finding(aircraft, recorded, set(_INERTIAS) <= set(signals.values)))
     return findings, reason
 
 
-def _loading_finding(mass: float, recorded: float) -> Finding:
+def _loading_finding(aircraft: Aircraft, recorded: float, has_inertias: bool) -> Finding:
     """Return that the record was flown at another mass than that of the aircraft file."""
+    mass = aircraft.mass
     difference = recorded / mass - 1.0
-    severity = "warning" if abs(difference) > _OTHER_MASS else "note"
+    burnt = aircraft.fuel.mass / mass if aircraft.fuel else 0.0
+    usual = -max(burnt, _OTHER_MASS) <= difference <= _OTHER_MASS
     text = (
-        f"the record has a mass of {recorded:.5g} kg, {difference:+.1%} of the {mass:.5g} kg of the "
-        f"aircraft file, whose moments of inertia belong to its own mass"
+        f"the record has a mass of {recorded:.5g} kg, which differs by {difference:+.1%} from the "
+        f"{mass:.5g} kg of the aircraft file"
     )
-    remedy = (
-        "check both against the loading sheet; give mass and moments of inertia of this flight, or "
-        "record them"
-    )
+    remedy = "check both against the loading sheet"
+    if not has_inertias:
+        text += "; the moments of inertia of the file belong to its own mass"
+        remedy += "; give mass and moments of inertia of this flight, or record them"
+    severity = "note" if usual else "warning"
     evidence = {"ratio": mass / recorded}
     return Finding(severity, "weight", ("mass",), text, remedy=remedy, evidence=evidence)
 

@@ -36,6 +36,9 @@ Unchecked = list[tuple[str, str, tuple[str, ...], str]]
 _SHARE, _LESS = 0.03, 0.35
 # the same of one surface without its counterpart; the axis that it moves must be explained
 _LARGE_SHARE, _NONE, _EXPLAINED = 0.1, 0.02, 0.4
+# least movement of that surface, and share of its own axis that the other columns must leave: a
+# rudder that coordinates a turn goes with the pitch rate, and sideslip and roll explain its yaw
+_WIDELY, _ALL = 2.0 * MOVED, 0.95
 _LOWEST_R2 = 0.15
 _AXES = {"q": "pitch", "p": "roll", "r": "yaw"}
 
@@ -213,7 +216,7 @@ def _moves_other_axis(
     if own.rate not in shares or other.rate not in shares or name not in signals:
         return False
     of_own, of_other = shares[own.rate], shares[other.rate]
-    if name not in of_other.alone or np.ptp(signals[name]) < MOVED:
+    if name not in of_other.alone or np.ptp(signals[name]) < _WIDELY or of_own.explained > _ALL:
         return False
     answers = of_other.alone[name] > _LARGE_SHARE and of_other.explained > _EXPLAINED
     certain = abs(of_other.ratio[name]) >= 2.0 * SIGNIFICANT

@@ -6,16 +6,24 @@ it, those that move jump at one instant.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from flighttest.reconstruction.quality.checks.signals import unwrap_angle
 from flighttest.reconstruction.quality.finding import Finding
+from flighttest.reconstruction.quality.navigation.motion_delays import Unchecked
 from flighttest.records.signals.resampling import GAP
 
-_INERTIAL = ("phi", "theta", "psi", "vn", "ve", "vd", "h_gps", "h_baro", "hdot")
-_CHANNELS = (*_INERTIAL, "V", "V_cas", "mach", "alpha_vane", "beta_vane")
+_ATTITUDE = ("phi", "theta", "psi")
+_NAVIGATED = ("vn", "ve", "vd", "h_gps", "hdot")
+_INERTIAL = (*_ATTITUDE, *_NAVIGATED, "h_baro")
+_CONTINUOUS = (*_INERTIAL, "V", "V_cas", "mach", "alpha_vane", "beta_vane")
+# No correction moves these.  A shock does, so that alone they show no loss.
+_MOTION = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
+_CHANNELS = (*_CONTINUOUS, *_MOTION)
 _SIDE = 4  # samples of the straight line on either side
 _AROUND = 4.0  # s of neighbours whose scatter a jump is compared with
 # multiples of the scatter, and channels that jump together; two of motion suffice if they are clear
@@ -23,11 +31,47 @@ _SIGNIFICANT, _TOGETHER = 6.0, 3
 _CLEAR, _PAIR = 8.0, 2
 _OUTSTANDING = 2.0  # times the largest neighbouring step
 _TO_SIGMA = 1.4826  # standard deviation of a normal variable over its median absolute value
+_NEAR = 2.0  # samples between jumps of one instant
+_MOST_REPEATED = 0.5  # share of samples of a channel that repeat the one before
 _MOST_NAMED = 5
 
 
+@dataclass(frozen=True)
+class ClockJumps:
+    """Jumps of the channels of one clock.
+
+    Attributes
+    ----------
+    leaves : list of str
+    names : list of str
+        Channels that can show a jump.
+    time : array (time,)
+        [s]
+    scores : array (channel, time)
+        Jumps after each sample over their scatter.
+    """
+
+    leaves: list[str]
+    names: list[str]
+    time: np.ndarray
+    scores: np.ndarray
+
+    def jumping(self, time: float) -> list[str]:
+        """Return the channels that jump within a few samples of an instant. [s]"""
+        reach = 1.5 * _NEAR * float(np.median(np.diff(self.time)))
+        near = np.abs(self.time - time) < reach
+        if not near.any():
+            return []
+        largest = self.scores[:, near].max(axis=1)
+        pairs = zip(self.names, largest.tolist(), strict=True)
+        return [name for name, score in pairs if score > _SIGNIFICANT]
+
+
 def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Finding], pd.DataFrame]:
-    """Return the finding on lost samples of each clock, and flags of their instants.
+    """Return the findings on lost samples and on corrections, and flags of their instants.
+
+    Lost samples move attitude, trajectory, and rates or specific force. A jump of the attitude
+    alone, or of the trajectory alone, is a correction of the unit that measures it.
 
     Parameters
     ----------
@@ -38,46 +82,119 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
     Returns
     -------
     findings : list of Finding
+        An error for each clock with lost samples, a warning for corrections.
     flags : DataFrame
-        Rows with the columns of `faults`, of the kind ``lost``.
+        Rows with the columns of `faults`, of the kind ``lost`` or ``correction``.
     """
-    findings, flags = [], []
+    clocks = []
     for leaves in _leaves_by_clock(record):
-        signals = {}
-        for leaf in leaves:
-            data = record[leaf].to_dataset()
-            for name in _CHANNELS:
-                if name in data:
-                    signals[name] = data[name].values.astype(float)
-        names, time = list(signals), _clock_of(record, leaves[0])
-        if len(names) < _TOGETHER or len(time) < 8 * _SIDE:
-            continue
-        scores = _jump_scores(signals, time)
-        known = faults[faults["leaf"].isin(leaves) & (faults["kind"] != "duplicate")]
-        places = _simultaneous(scores, names, time, known)
-        if not places:
-            continue
-        channels = tuple(
-            name for name, row in zip(names, scores, strict=True) if max(row[places]) > _SIGNIFICANT
-        )
-        parts = []
-        for i in places:
-            parts.append(f"{time[i]:.2f} s")
-            for leaf in leaves:
-                flags.append((leaf, "", "lost", float(time[i]), float(time[i + 1]), 0, ""))
-        text = (
-            f"samples lost at t = {', '.join(parts[:_MOST_NAMED])}: {', '.join(channels)} jump at "
-            f"one instant, and the clock runs on"
-        )
-        remedy = (
-            "restore the clock of the recorder; else cut manoeuvres before or after the instant"
-        )
-        start, stop = float(time[places[0]]), float(time[places[-1] + 1])
-        evidence = {"places": len(places)}
-        findings.append(
-            Finding("error", "lost", channels, text, remedy, start, stop, evidence=evidence)
-        )
+        signals = _moving_channels(record, leaves)
+        time = _clock_of(record, leaves[0])
+        if signals and len(time) >= 8 * _SIDE:
+            clocks.append(ClockJumps(leaves, list(signals), time, _jump_scores(signals, time)))
+    attitude_recorded = any(name in _ATTITUDE for clock in clocks for name in clock.names)
+    findings, flags = [], []
+    for clock in clocks:
+        known = faults[faults["leaf"].isin(clock.leaves) & (faults["kind"] != "duplicate")]
+        jumps: dict[str, list[tuple[int, list[str]]]] = {}
+        for i in _simultaneous(clock.scores, clock.names, clock.time, known):
+            instant = float(clock.time[i])
+            # the channels of a recorder may have several clocks
+            names = [name for other in clocks for name in other.jumping(instant)]
+            kind = _kind_of_jump(names)
+            jumps.setdefault(kind, []).append((i, names))
+            flag = "lost" if kind == "lost" else "correction"
+            stop = float(clock.time[i + 1])
+            for leaf in clock.leaves:
+                flags.append((leaf, "", flag, instant, stop, 0, ""))
+        for kind, places in jumps.items():
+            findings.append(_jump_finding(kind, places, clock.time, attitude_recorded))
     return findings, pd.DataFrame(flags, columns=faults.columns)
+
+
+def lost_not_checked(record: xr.DataTree) -> Unchecked:
+    """Return the row on lost samples that no jump shows."""
+    held = []
+    for leaf, node in record.children.items():
+        for name in _CONTINUOUS:
+            if name in node.data_vars and _is_held(record[leaf][name].values):
+                held.append(name)
+    reason = "attitude, height and speed do not jump there: compare the length with another clock"
+    if held:
+        reason += f"; {', '.join(held)} cannot jump, since they repeat most of their samples"
+    return [("lost_samples", "samples lost in steady flight", (), reason)]
+
+
+def _moving_channels(record: xr.DataTree, leaves: list[str]) -> dict[str, np.ndarray]:
+    """Return the channels of leaves that can show a jump.
+
+    A channel that repeats most of its samples jumps at each new one.
+    """
+    signals = {}
+    for leaf in leaves:
+        data = record[leaf].to_dataset()
+        for name in _CHANNELS:
+            if name in data and not _is_held(data[name].values):
+                signals[name] = data[name].values.astype(float)
+    return signals
+
+
+def _is_held(recorded: np.ndarray) -> bool:
+    """Return whether most samples of a channel repeat the one before."""
+    return bool(np.mean(np.diff(recorded.astype(float)) == 0.0) > _MOST_REPEATED)
+
+
+def _kind_of_jump(names: list[str]) -> str:
+    """Return ``lost``, or what was corrected: ``attitude``, ``navigation`` or ``air``."""
+    attitude = any(name in _ATTITUDE for name in names)
+    trajectory = any(name in _CONTINUOUS and name not in _ATTITUDE for name in names)
+    motion = any(name in _MOTION for name in names)
+    if attitude + trajectory + motion >= 2:
+        return "lost"
+    if attitude:
+        return "attitude"
+    return "navigation" if any(name in _NAVIGATED for name in names) else "air"
+
+
+def _jump_finding(
+    kind: str, places: list[tuple[int, list[str]]], time: np.ndarray, attitude_recorded: bool
+) -> Finding:
+    """Return the finding on jumps of one kind after samples of a clock."""
+    indices = [i for i, _ in places]
+    channels = tuple(dict.fromkeys(name for _, names in places for name in names))
+    listed = ", ".join(f"{time[i]:.2f} s" for i in indices[:_MOST_NAMED])
+    if len(indices) > _MOST_NAMED:
+        listed += f" and {len(indices) - _MOST_NAMED} more"
+    subject = ", ".join(channels)
+    remedy = "cut manoeuvres before or after the instant"
+    if kind == "lost":
+        severity, name = "error", "lost"
+        text = f"samples lost at t = {listed}: {subject} jump at one instant, and the clock runs on"
+        remedy = f"restore the clock of the recorder; else {remedy}"
+    else:
+        severity, name = "warning", "correction"
+        cause = (
+            "a fault of the air data" if kind == "air" else "a correction of the navigation unit"
+        )
+        other = "height and speed do not" if kind == "attitude" else "the attitude does not"
+        if kind != "attitude" and not attitude_recorded:
+            cause, other = f"{cause}, or lost samples", "no attitude shows which it is"
+        text = f"{subject} jump at t = {listed}, and {other}: {cause}"
+        steady = "height and speed" if kind == "attitude" else "attitude"
+        remedy += (
+            f"; samples lost at steady {steady} look the same, so compare the length of the record "
+            f"with another clock"
+        )
+    return Finding(
+        severity,
+        name,
+        channels,
+        text,
+        remedy,
+        float(time[indices[0]]),
+        float(time[indices[-1] + 1]),
+        evidence={"places": len(indices)},
+    )
 
 
 def _leaves_by_clock(record: xr.DataTree) -> list[list[str]]:
@@ -150,6 +267,10 @@ def _simultaneous(
     scores: np.ndarray, names: list[str], time: np.ndarray, known: pd.DataFrame
 ) -> list[int]:
     """Return the samples after which enough channels jump, the clearest one of neighbours."""
+    rows = [i for i, name in enumerate(names) if name in _CONTINUOUS]
+    if len(rows) < _TOGETHER:
+        return []
+    scores, names = scores[rows], [names[i] for i in rows]
     large = scores > _SIGNIFICANT
     inertial = np.array([name in _INERTIAL for name in names])
     together = (large.sum(axis=0) >= _TOGETHER) & large[inertial].any(axis=0)

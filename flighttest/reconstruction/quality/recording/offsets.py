@@ -144,9 +144,12 @@ def offset_findings(
     relation, limit = ("force_z", FORCE) if "force_z" in present else ("vertical", VERTICAL)
     downwards = offsets.get(relation, 0.0)
     if abs(downwards) > limit:
-        text = f"az_imu reads {abs(downwards):.2f} m/s2 too {_side(downwards)} throughout"
-        findings.append(_offset_finding(("az_imu",), downwards, text, record))
-    return findings + _slip_findings(signals, record)
+        findings.append(_vertical_finding(downwards, signals, record))
+    # an error of ay moves the sideslip at which it reads zero
+    if abs(sideways) > FORCE:
+        return findings
+    by_relation = dict(zip(table["relation"], table["offset"], strict=True))
+    return findings + _slip_findings(signals, record, abs(by_relation.get("force_y", FORCE)))
 
 
 def without_constant_errors(
@@ -194,8 +197,29 @@ def _pitch_findings(
     return findings
 
 
-def _slip_findings(signals: ResampledChannels, record: xr.DataTree) -> list[Finding]:
-    """Return the finding on a beta vane that does not read zero where the side force is zero."""
+def _vertical_finding(offset: float, signals: ResampledChannels, record: xr.DataTree) -> Finding:
+    """Return the finding on az; in 1 g a constant error and an error of scale are the same."""
+    level = float(np.mean(signals["az_imu"][signals.mask(("az_imu",))]))
+    scale = level / (level - offset)
+    text = (
+        f"az_imu reads {abs(offset):.2f} m/s2 too {_side(offset)} throughout, or {scale:.3f} times "
+        f"the true value: in 1 g a constant error and an error of scale are the same"
+    )
+    finding = _offset_finding(("az_imu",), offset, text, record)
+    other = map_entry(record, "az_imu", 1.0 / scale)
+    return replace(finding, remedy=f"{finding.remedy}; or {other}")
+
+
+def _slip_findings(signals: ResampledChannels, record: xr.DataTree, doubt: float) -> list[Finding]:
+    """Return the finding on a beta vane that does not read zero where the side force is zero.
+
+    Parameters
+    ----------
+    signals : ResampledChannels
+    record : DataTree
+    doubt : float
+        Constant error that the side force may have. [m s-2]
+    """
     needs = ("beta_vane", "ay_imu")
     if not set(needs) <= set(signals.values):
         return []
@@ -218,7 +242,7 @@ def _slip_findings(signals: ResampledChannels, record: xr.DataTree) -> list[Find
     # side force opposes sideslip
     if theta[1] >= 0.0 or explained < _SLIP_CORRELATION:
         return []
-    if not abs(value) > FLOW + _SIGMAS * stderr:
+    if not abs(value) > FLOW + _SIGMAS * stderr + doubt / abs(theta[1]):
         return []
     text = (
         f"beta_vane reads {abs(value) / DEGREE:.1f} deg too {_side(value)} throughout (standard "

@@ -12,18 +12,30 @@ import xarray as xr
 import flightmech
 import flighttest
 from flightmech.units import DEGREE
-from flighttest.reconstruction.quality.checks.control_response import control_responses
+from flighttest.reconstruction.quality.checks.control_response import EQUATIONS, control_responses
 from flighttest.reconstruction.quality.checks.kinematic_consistency import kinematic_table
-from flighttest.reconstruction.quality.checks.relation_sides import ground_force
 from flighttest.reconstruction.quality.checks.samples import faults_of
 from flighttest.reconstruction.quality.checks.signals import at_cg, resample_channels
-from flighttest.reconstruction.quality.navigation.lever_arm import lever_arm_findings
+from flighttest.reconstruction.quality.navigation.lever_arm import (
+    _NEEDS,
+    _fit_lever_arm,
+    lever_arm_findings,
+)
 from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
+    SurfaceShares,
+    _moves_other_axis,
     answers_not_checked,
     exchanged_findings,
 )
-from flighttest.reconstruction.quality.recording.lost_samples import lost_samples
-from flighttest.reconstruction.quality.recording.offsets import gyro_offsets, offset_findings
+from flighttest.reconstruction.quality.recording.lost_samples import (
+    lost_not_checked,
+    lost_samples,
+)
+from flighttest.reconstruction.quality.recording.offsets import (
+    _slip_findings,
+    gyro_offsets,
+    offset_findings,
+)
 from flighttest.records.sensors.instruments import instruments_of
 
 T37 = Path(__file__).parents[4] / "data" / "t37"
@@ -90,6 +102,7 @@ def test_constant_error_of_a_gyro(signals, gyro):
 @pytest.mark.parametrize(
     ("channel", "error", "named"),
     [
+        ("ay_imu", 1.5, "ay_imu"),
         ("theta", 3.0 * DEGREE, "theta"),
         ("alpha_vane", 4.0 * DEGREE, "alpha_vane"),
         ("beta_vane", 4.0 * DEGREE, "beta_vane"),
@@ -108,17 +121,70 @@ def test_constant_error_of_a_channel(signals, record, position, channel, error, 
     assert channel in finding.channels
 
 
+def test_small_error_of_the_side_force_does_not_blame_the_vane(signals, record):
+    """An error of ay below the limit moves the sideslip without force by more than 2.5 deg."""
+    slow = signals.with_values({"ay_imu": 0.3 * signals["ay_imu"] + 0.3})
+    assert _slip_findings(slow, record, 0.0)
+    assert _slip_findings(slow, record, 0.3) == []
+
+
+def test_scale_of_the_vertical_force_is_named_too(signals, record, position):
+    wrong = at_cg(signals.with_values({"az_imu": 1.05 * signals["az_imu"]}), {"ax_imu": position})
+    (finding,) = offset_findings(kinematic_table(wrong), wrong, record)
+    assert "too low throughout, or 1.044 times the true value" in finding.text
+    assert finding.remedy.count("az_imu = {") == 2
+
+
+def test_surface_whose_axis_the_others_explain(signals):
+    """A rudder that coordinates turns goes with the pitch rate."""
+    shares = {
+        "q": SurfaceShares({"delta_r": 0.3, "delta_e": 0.0}, {"delta_r": 20.0}, 0.93),
+        "r": SurfaceShares({"delta_r": 0.0, "delta_e": 0.0}, {"delta_r": 0.0}, 0.5),
+    }
+    rudder, elevator = (next(e for e in EQUATIONS if e.rate == rate) for rate in "rq")
+    assert _moves_other_axis(shares, rudder, elevator, signals)
+    explained = {**shares, "r": SurfaceShares({"delta_r": 0.0}, {"delta_r": 0.0}, 0.99)}
+    assert not _moves_other_axis(explained, rudder, elevator, signals)
+    little = signals.with_values(
+        {"delta_r": signals["delta_r"] * 1.14 * DEGREE / np.ptp(signals["delta_r"])}
+    )
+    assert not _moves_other_axis(shares, rudder, elevator, little)
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_place_of_the_accelerometers(signals, position, axis):
     places = {"ax_imu": position}
     right = at_cg(signals, places)
-    assert lever_arm_findings(ground_force(right), right, places) == ([], [])
-    wrong = position + 3.0 * np.eye(3)[axis]
+    findings, ((_, _, _, reason),) = lever_arm_findings(right, places)
+    assert findings == []
+    assert "above x 1.6 m, y 1.1 m, z 1.4 m" in reason
+    wrong = position + 2.0 * np.eye(3)[axis]
     moved = at_cg(signals, {"ax_imu": wrong})
-    (finding,), _ = lever_arm_findings(ground_force(moved), moved, {"ax_imu": wrong})
+    (finding,), ((_, _, _, reason),) = lever_arm_findings(moved, {"ax_imu": wrong})
     error = np.array(finding.evidence["position"]) - position
-    assert np.all(np.abs(error) < 0.8)
+    assert np.all(np.abs(error) < 0.2)
     assert f"stated {wrong[axis]:.2f} m" in finding.text
+    # the other axes remain as uncertain as before
+    assert [f"{name} 1." in reason for name in "xyz"] == [i != axis for i in range(3)]
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4])
+def test_late_ground_velocity_does_not_move_the_accelerometers(signals, position, delay):
+    """In body axes the 0.15 s of this receiver are -0.56 m in x and 0.28 m in z."""
+    late = {}
+    for name in ("vn", "ve", "vd"):
+        late[name] = np.interp(signals.time - delay, signals.time, signals[name])
+    right = at_cg(signals.with_values(late), {"ax_imu": position})
+    shift, stderr = _fit_lever_arm(right, right.mask(_NEEDS))
+    assert np.all(np.abs(shift) < 0.15)
+    assert np.all(np.abs(shift) < 2.0 * stderr)
+
+
+def test_rates_at_rest_show_no_place(signals, position):
+    still = signals.with_values(dict.fromkeys("pqr", np.zeros_like(signals.time)))
+    findings, ((name, _, _, reason),) = lever_arm_findings(still, {"ax_imu": position})
+    assert (findings, name) == ([], "imu_position")
+    assert "does not show x and y and z to 0.5 m" in reason
 
 
 def without(record, start, seconds):
@@ -138,4 +204,59 @@ def test_lost_samples_are_placed(record, seconds):
     findings, flags = lost_samples(without(record, 20.0, seconds), NO_FAULTS)
     assert findings
     assert all(finding.start == pytest.approx(20.0, abs=0.2) for finding in findings)
+    assert {(finding.severity, finding.kind) for finding in findings} == {("error", "lost")}
     assert set(flags["kind"]) == {"lost"}
+
+
+def with_channels(record, leaf, change):
+    """Return a record with channels of a leaf changed: change(data) returns arrays by name."""
+    leaves = {"/": xr.Dataset(attrs=record.attrs)}
+    for name, node in record.children.items():
+        data = node.to_dataset().copy()
+        if name == leaf:
+            for channel, values in change(data).items():
+                data[channel] = ("time", values)
+        leaves[f"/{name}"] = data
+    return xr.DataTree.from_dict(leaves)
+
+
+def after(data, instant):
+    return (data["time"].values >= instant).astype(float)
+
+
+def test_attitude_that_repeats_its_samples_loses_none(record):
+    """An attitude of 5 Hz in a table of 50 Hz jumps at each new value."""
+
+    def hold(data):
+        latest = np.arange(data.sizes["time"]) // 10 * 10
+        return {name: data[name].values[latest] for name in ("phi", "theta", "psi")}
+
+    held = with_channels(record, "imu", hold)
+    assert lost_samples(held, NO_FAULTS)[0] == []
+    assert "phi, theta, psi cannot jump" in lost_not_checked(held)[0][3]
+    assert "cannot jump" not in lost_not_checked(record)[0][3]
+
+
+def test_a_correction_is_not_a_loss(record):
+    """Lost samples move attitude and trajectory; a correction moves one of them."""
+
+    def correct(data):
+        shift = after(data, 20.0) * DEGREE
+        return {"phi": data["phi"].values + shift, "theta": data["theta"].values + 0.5 * shift}
+
+    (finding,), flags = lost_samples(with_channels(record, "imu", correct), NO_FAULTS)
+    assert (finding.severity, finding.name) == ("warning", "correction:phi+theta")
+    assert finding.text.endswith("height and speed do not: a correction of the navigation unit")
+    assert set(flags["kind"]) == {"correction"}
+
+    def locate(data):
+        satellite = record["gps"].to_dataset()
+        speed = {}
+        for name, shift in (("vn", 1.0), ("ve", -1.0)):
+            speed[name] = np.interp(data["time"], satellite["time"], satellite[name])
+            speed[name] += shift * after(data, 20.0)
+        return speed
+
+    (finding,), _ = lost_samples(with_channels(record, "air_data", locate), NO_FAULTS)
+    assert (finding.severity, finding.name) == ("warning", "correction:vn+ve")
+    assert "vn, ve jump at t = 19.98 s, and the attitude does not" in finding.text

@@ -11,11 +11,13 @@ import aerodb
 import flightmech
 import flighttest
 from flightmech import terms
+from flightmech.aircraft.fuel import Fuel
 from flightmech.units import POUND
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels, resample_channels
 from flighttest.reconstruction.quality.declarations.weight import weight_findings
 
 C182 = Path(__file__).parents[4] / "data" / "c182"
+INERTIAS = ("Ixx", "Iyy", "Izz")
 NOTHING = pd.DataFrame(columns=["leaf", "channel", "kind", "start", "stop"])
 
 
@@ -56,7 +58,8 @@ def test_a_legitimate_error_is_not_reached(factor, signals, record, aircraft):
 
 
 @pytest.mark.parametrize(
-    ("factor", "severity"), [(0.97, ""), (1.06, "note"), (1.1, "warning"), (0.9, "warning")]
+    ("factor", "severity"),
+    [(0.97, ""), (1.06, "note"), (0.85, "note"), (1.3, "warning"), (0.75, "warning")],
 )
 def test_flown_at_another_mass_than_that_of_the_aircraft_file(
     factor, severity, signals, record, aircraft
@@ -65,6 +68,21 @@ def test_flown_at_another_mass_than_that_of_the_aircraft_file(
     assert [finding.severity for finding in findings] == [severity] * bool(severity)
     for finding in findings:
         assert f"{aircraft.mass:.5g} kg of the aircraft file" in finding.text
+        assert "record them" in finding.remedy
+
+
+def test_burnt_fuel_and_recorded_inertias(signals, record, aircraft):
+    """A third of the mass may be fuel; recorded moments of inertia belong to the recorded mass."""
+    light = scaled(signals, 0.7)
+    ((finding,), _) = weight_findings(light, aircraft, record)
+    assert finding.severity == "warning"
+    fuelled = replace(aircraft, fuel=Fuel(0.35 * aircraft.mass))
+    ((finding,), _) = weight_findings(light, fuelled, record)
+    assert finding.severity == "note"
+    inertias = {name: np.full_like(light.time, getattr(aircraft, name)) for name in INERTIAS}
+    ((finding,), _) = weight_findings(light.with_values(inertias), fuelled, record)
+    assert finding.remedy == "check both against the loading sheet"
+    assert "moments of inertia" not in finding.text
 
 
 def test_mass_of_the_aircraft_file(signals, record, aircraft):
