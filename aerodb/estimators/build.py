@@ -33,6 +33,7 @@ from aerodb.store.effects import (
     rotate_rolling_to_body,
     transfer_moments,
     with_added,
+    without_partial_sums,
 )
 from aerodb.store.overview import ORIGIN
 from aerodb.store.schema import make_prior_database
@@ -308,6 +309,7 @@ def _refer_to_aircraft(
     if np.hypot(d[0], d[2]) <= NEAR * aircraft.cbar:
         return by_name
     lengths = {"cbar": aircraft.cbar, "b": aircraft.b}
+    given = {name: set(effect.tables) for name, effect in by_name.items()}
     for name, effect in by_name.items():
         by_name[name] = transfer_moments(effect, d, **lengths, alpha=alpha)
     # Flow angles at the new point change with the rates.
@@ -316,7 +318,7 @@ def _refer_to_aircraft(
         for name, tables in changes.items():
             if name in by_name:
                 by_name[name] = with_added(by_name[name], tables)
-    return by_name
+    return {name: without_partial_sums(effect, given[name]) for name, effect in by_name.items()}
 
 
 def _make_tree(

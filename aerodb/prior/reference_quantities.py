@@ -21,6 +21,7 @@ from aerodb.store.effects import (
     rotate_rolling_to_body,
     transfer_moments,
     with_added,
+    without_partial_sums,
 )
 from datcom_io.arrays.conditions import LENGTH_UNITS
 from datcom_io.decks.deck import Deck
@@ -62,6 +63,8 @@ def refer_to_aircraft(
             effects[name] = rotate_rolling_to_body(effects[name], alpha)
     if "phat" in effects:
         effects["phat"], effects["rhat"] = rates_to_body(effects["phat"], effects["rhat"])
+    # A derivative without a number stays absent: the change by a move would be all of it.
+    given = {name: set(effect.tables) for name, effect in effects.items()}
     # Moments about the reference point of the aircraft.
     lengths = {"cbar": aircraft.cbar, "b": aircraft.b}
     for name, effect in effects.items():
@@ -75,7 +78,7 @@ def refer_to_aircraft(
         for name, tables in changes.items():
             if name in effects and effects[name].tables:
                 effects[name] = with_added(effects[name], tables)
-    return effects
+    return {name: without_partial_sums(effect, given[name]) for name, effect in effects.items()}
 
 
 def _warn_of_other_quantities(

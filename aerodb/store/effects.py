@@ -13,18 +13,22 @@ the plane of symmetry.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
 
 from aerodb.store.templates import HINGE
+from flightmech.errors import AeromatchWarning
 from flightmech.names import REDUCED_RATES
 
 _ZERO = xr.DataArray(0.0)
 # Reference length of each moment, and of each reduced rate x l / 2V.
 _LENGTH = {"Cl": "b", "Cm": "cbar", "Cn": "b"}
+# Forces that programs seldom compute and that are small but for the move of the reference point.
+_OF_THE_MOVE_ALONE = {"qhat": ("CD",), "rhat": ("CY",)}
 _RATE_LENGTH = {name: length for name, (_, length) in REDUCED_RATES.items()}
 
 
@@ -232,6 +236,11 @@ def rate_shift(
     dict of str to dict of str to DataArray
         Added tables by effect name and coefficient.
 
+    Warns
+    -----
+    AeromatchWarning
+        With one angle of attack: there is no slope over alpha, and its share is left out.
+
     Notes
     -----
     In a rotation about the new point, the flow angles and the airspeed at the old point differ,
@@ -250,9 +259,16 @@ def rate_shift(
     speed_change = 2.0 / cbar * (dz * cos - dx * sin)
     # Stability axes turn with alpha: lift gains the drag, drag loses the lift.
     tilt = {"CL": basic.tables.get("CD", _ZERO), "CD": -basic.tables.get("CL", _ZERO)}
+    if sin.size == 1:
+        warnings.warn(
+            "one angle of attack: the terms over qhat are moved to the reference point without "
+            "the slopes of CL, CD and Cm over alpha; give several angles",
+            AeromatchWarning,
+            stacklevel=3,
+        )
     qhat = {}
     for name, table in basic.tables.items():
-        slope = table.differentiate("alpha") + tilt.get(name, _ZERO)
+        slope = _slope_over_alpha(table) + tilt.get(name, _ZERO)
         qhat[name] = slope * alpha_change + 2.0 * table * speed_change
     phat, rhat = {}, {}
     for name, table in beta.tables.items():
@@ -271,12 +287,37 @@ def with_added(effect: Effect, more: Mapping[str, xr.DataArray]) -> Effect:
     return effect.with_tables(tables)
 
 
+def without_partial_sums(effect: Effect, given: Collection[str]) -> Effect:
+    """Return an effect without the coefficients that a move of the reference point added.
+
+    A derivative that was not known about the old point is not known about the new one: the part
+    that the move adds is not all of it.
+
+    Parameters
+    ----------
+    effect : Effect
+        About the new point.
+    given : collection of str
+        Coefficients that it had about the old point.
+    """
+    allowed = {*given, *_OF_THE_MOVE_ALONE.get(effect.name, ())}
+    tables = {name: table for name, table in effect.tables.items() if name in allowed}
+    return effect.with_tables(tables)
+
+
 def _alpha_of_effect(effect: Effect, default: xr.DataArray) -> xr.DataArray:
     """Return the alpha axis of the tables of an effect, or the default if they have none."""
     for table in effect.tables.values():
         if "alpha" in table.dims:
             return table["alpha"]
     return default
+
+
+def _slope_over_alpha(table: xr.DataArray) -> xr.DataArray:
+    """Return the derivative of a table with respect to alpha, zero with one angle."""
+    if table.sizes["alpha"] == 1:
+        return xr.zeros_like(table)
+    return table.differentiate("alpha")
 
 
 def _sin_cos(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:

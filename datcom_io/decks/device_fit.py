@@ -141,8 +141,8 @@ def weigh_device_on_tail(deck: Deck) -> DeviceDoubt:
     if wing.start < _AT_WING and tail.start > _FROM_TAIL:
         weight += 1 + (tail.start > _FAR_FROM_TAIL)
         clauses.append(
-            f"SPANFI={inner:g} is {wing.start:.0%} of the semispan from the body at the wing, and "
-            f"{tail.start:.0%} of that of the tail from the body there"
+            f"SPANFI={inner:g} is {wing.start:z.0%} of the semispan from the body at the wing, and "
+            f"{tail.start:z.0%} of that of the tail from the body there"
         )
     if tail.end < _LEAST_END:
         weight += 1
@@ -162,7 +162,7 @@ def weigh_device_on_tail(deck: Deck) -> DeviceDoubt:
         # A body as wide at the tail as at the wing: the cards do not separate both.
         weight = MAY_BE_FLAP
         clauses.append(
-            f"it fits the wing as well: from {wing.start:.0%} of the semispan outside the body, "
+            f"it fits the wing as well: from {wing.start:z.0%} of the semispan outside the body, "
             f"with {wing.chords[0]:.0%} and {wing.chords[1]:.0%} of the chord"
         )
     return DeviceDoubt(weight, tuple(clauses))

@@ -11,6 +11,8 @@ _SECTIONS = ("WGSCHR", "HTSCHR", "VTSCHR", "VFSCHR")
 # Step of the mean line at the nose over the half height of the second station. Sound decks have at
 # most 0.05.
 _NOSE_STEP = 0.15
+# Thicker than the sections of any wing, and twice 2 pi per radian at Mach 0.85.
+_THICKEST, _STEEPEST = 0.4, 0.42
 _CRANKED = 3.0  # TYPE of WGPLNF
 _NEARLY_UNSWEPT = 1.0  # deg
 
@@ -51,19 +53,24 @@ def check_nose_height(deck: Deck) -> Iterator[DeckFinding]:
 
 
 def check_section_numbers(deck: Deck) -> Iterator[DeckFinding]:
-    """Yield a thickness ratio or a section slope of 1, which are numbers of no section."""
+    """Yield thickness ratios and slopes of a section that are in per cent or per radian."""
     for name in _SECTIONS:
-        if deck.value(name, "TOVC") == 1.0:
-            text = (
-                f"${name}: TOVC=1 is a section as thick as its chord; give a fraction such as 0.12"
-            )
-            yield DeckFinding(deck.line_of(name, "TOVC"), WARNING, text)
-        if deck.value(name, "CLAMO") == 1.0:
-            text = (
-                f"${name}: CLAMO=1 per degree is ten times the slope of a thin section; give it "
-                f"per degree, such as 0.105"
-            )
-            yield DeckFinding(deck.line_of(name, "CLAMO"), WARNING, text)
+        for variable in ("TOVC", "TOVCO"):
+            thickness = deck.value(name, variable) or 0.0
+            if thickness > _THICKEST:
+                text = (
+                    f"${name}: {variable}={thickness:g} is a section as thick as {thickness:.0%} "
+                    f"of its chord; give a fraction such as 0.12"
+                )
+                yield DeckFinding(deck.line_of(name, variable), WARNING, text)
+        for variable in ("CLAMO", "CLALPA"):
+            steepest = max(deck.values(name, variable), default=0.0)
+            if steepest > _STEEPEST:
+                text = (
+                    f"${name}: {variable}={steepest:g} per degree is {steepest / 0.11:.2g} times "
+                    f"the slope of a thin section; give it per degree, such as 0.105"
+                )
+                yield DeckFinding(deck.line_of(name, variable), WARNING, text)
 
 
 def check_inlet_units(deck: Deck) -> Iterator[DeckFinding]:

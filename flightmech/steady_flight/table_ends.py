@@ -91,6 +91,32 @@ def describe_limits_beyond_tables(sim: SimModel) -> list[str]:
     return [text for text in texts if text]
 
 
+def describe_inputs_beyond_limits(sim: SimModel, start: Mapping[str, float]) -> list[str]:
+    """Return a text for each input of a start that is beyond its limits.
+
+    The model flies with the value; the control of the aircraft does not reach it.
+
+    Parameters
+    ----------
+    sim : SimModel
+        The model.
+    start : mapping of str to float
+        Parameters and inputs of a trimmed flight. [SI]
+    """
+    texts = []
+    for row in sim.entries(INPUT):
+        value = start.get(row.name, 0.0)
+        slack = _ROUNDING * (row.high - row.low) if np.isfinite(row.high - row.low) else 0.0
+        if row.low - slack <= value <= row.high + slack:
+            continue
+        limit = row.low if value < row.low else row.high
+        texts.append(
+            f"{row.name} {_show(value, row.display_units)} is beyond its limit of "
+            f"{_show(limit, row.display_units)}"
+        )
+    return texts
+
+
 def _describe_beyond(name: str, value: float, ends: TableEnds, slack: float) -> str:
     """Return ``delta_e -27 deg is beyond its table, which ends at -25 deg``; empty if it is not."""
     margin = slack * (ends.high - ends.low)

@@ -14,6 +14,7 @@ from flightmech.simulation.run import constant_inputs, initialise_run
 from flightmech.steady_flight.table_ends import (
     alpha_grid,
     describe_greatest_lift,
+    describe_inputs_beyond_limits,
     describe_tables_left,
 )
 from flightmech.steady_flight.trim_kinds import CLIMB, ON_GROUND
@@ -104,6 +105,7 @@ class TrimResult:
             if names:
                 verdict.append(f"{text}: {', '.join(names)}")
         verdict += tables_left.values()
+        verdict += describe_inputs_beyond_limits(sim, self._start_values(sim, run))
         if not converged:
             verdict += self._describe_lift(sim, run, state)
         return {

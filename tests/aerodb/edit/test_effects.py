@@ -11,7 +11,10 @@ from aerodb.store.effects import (
     rates_to_body,
     rotate_rolling_to_body,
     transfer_moments,
+    with_added,
+    without_partial_sums,
 )
+from flightmech.errors import AeromatchWarning
 
 ALPHA = xr.DataArray(np.radians([-5.0, 0.0, 10.0, 20.0]), dims="alpha").pipe(
     lambda a: a.assign_coords(alpha=a)
@@ -160,3 +163,26 @@ def test_rates_about_another_point_are_those_of_the_moved_flow():
     # beta at the old point is (r dx - p dz) / V higher
     np.testing.assert_allclose(change["phat"]["CY"], -0.6 * -dz / V / (span / (2.0 * V)))
     np.testing.assert_allclose(change["rhat"]["CY"], -0.6 * dx / V / (span / (2.0 * V)))
+
+
+def test_one_angle_of_attack_has_no_slope():
+    """Only the tilt of the axes and the airspeed are left of the change, by hand at 4 deg."""
+    angle = np.radians([4.0])
+    tables = {"CL": 0.55, "CD": 0.02, "Cm": -0.01}
+    basic = {
+        name: xr.DataArray([value], {"alpha": angle}, "alpha") for name, value in tables.items()
+    }
+    with pytest.warns(AeromatchWarning, match="one angle of attack: .* without the slopes"):
+        change = rate_shift(Effect("basic", basic), Effect("beta", {}), (0.0, 0.0, -0.1), 1.6, 10.0)
+    tilt, speed = 0.125 * np.sin(angle), -0.125 * np.cos(angle)
+    np.testing.assert_allclose(change["qhat"]["CL"], 0.02 * tilt + 2.0 * 0.55 * speed)
+    np.testing.assert_allclose(change["qhat"]["Cm"], 2.0 * -0.01 * speed)
+
+
+def test_a_move_of_the_reference_point_makes_no_derivative_of_its_own():
+    """Cm_qhat is unknown about every point if it is unknown about one; CD_qhat has no method."""
+    effect = Effect("qhat", {"CL": 8.0 + 0.0 * ALPHA}, "qhat")
+    moved = transfer_moments(effect, (0.4, 0.0, 0.3), 2.0, 10.0, ALPHA)
+    moved = with_added(moved, {"CL": 0.1 + 0.0 * ALPHA, "CD": 0.2 + 0.0 * ALPHA})
+    assert set(moved.tables) == {"CL", "CD", "Cm"}
+    assert set(without_partial_sums(moved, effect.tables).tables) == {"CL", "CD"}

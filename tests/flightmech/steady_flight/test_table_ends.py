@@ -11,7 +11,10 @@ import flightmech
 from flightmech.aircraft.engine import Engine
 from flightmech.cli.group import fmu
 from flightmech.errors import SimulationError
-from flightmech.steady_flight.table_ends import describe_limits_beyond_tables
+from flightmech.steady_flight.table_ends import (
+    describe_inputs_beyond_limits,
+    describe_limits_beyond_tables,
+)
 from flightmech.terms import make_term
 
 DEG = np.pi / 180.0
@@ -84,6 +87,19 @@ def test_limits_inside_the_table_keep_the_trim_inside():
     found = trim_level(Cm_0=-0.5, low=-25.0)
     assert found.attrs["tables_left"] == ""
     assert "delta_e at its lower limit" in found.attrs["verdict"]
+
+
+def test_a_fixed_input_beyond_its_limit_is_named():
+    """The model flies with a gear of 3, which the aircraft does not reach."""
+    sim = flightmech.compile(make_aircraft(), make_database())
+    start = {**START, "init.V": 60.0, "mode.engine": 2}
+    found = flightmech.trim(sim, start, "level", fixed={"gear": 3.0})
+    assert "gear 3 is beyond its limit of 1" in found.attrs["verdict"]
+    down = flightmech.trim(sim, start, "level", fixed={"gear": 1.0})
+    assert down.attrs["verdict"] == "trimmed"
+    assert describe_inputs_beyond_limits(sim, {"delta_e": np.radians(-40.0)}) == [
+        "delta_e -40 deg is beyond its limit of -28 deg"
+    ]
 
 
 def test_a_trim_at_the_greatest_lift_states_it():
