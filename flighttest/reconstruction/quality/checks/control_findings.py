@@ -106,6 +106,8 @@ def _surface_findings(row, record: xr.DataTree, punctual: bool) -> list[Finding]
     moved = row.movement > MOVED
     if row.effect > 0.0 and row.flow_late > 0.0 and moved:
         return [_late_flow_finding(row, record, measured)]
+    if row.effect > 0.0 and row.sign > 0 and not moved:
+        return [_small_movement_finding(row, measured)]
     if row.effect > 0.0 and row.sign > 0:
         text = (
             f"{name} has the wrong sign: positive {name} {_WORDS[name]}; {measured}; "
@@ -121,6 +123,25 @@ def _surface_findings(row, record: xr.DataTree, punctual: bool) -> list[Finding]
         )
         return [_wrong_entry(row, "unit", text, map_entry(record, name, 1.0 / DEGREE))]
     return []
+
+
+def _small_movement_finding(row, measured: str) -> Finding:
+    """Return the finding that a surface moves too little for its sign to be certain.
+
+    The rudder of a real flight with a movement of 0.06 deg follows the yaw rate (float, yaw damper,
+    stretch of the cables): the motion moves it, and its slope has the wrong sign.
+    """
+    text = (
+        f"{row.surface} may have the wrong sign, or the motion moves it: {measured}, but it moves "
+        f"by {row.movement / DEGREE:.2g} deg in all"
+    )
+    remedy = (
+        f"check the sign of {row.surface} on a record in which it moves by more than "
+        f"{MOVED / DEGREE:g} deg"
+    )
+    channels = (row.surface, row.rate)
+    evidence = _effect_evidence(row)
+    return Finding("warning", "undecided", channels, text, remedy=remedy, evidence=evidence)
 
 
 def _effect_evidence(row) -> dict[str, float]:

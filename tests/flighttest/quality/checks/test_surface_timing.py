@@ -3,12 +3,15 @@ late and reversed.
 """
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.signal import lsim
 
 from flightmech.units import DEGREE
+from flighttest.reconstruction.quality.checks.control_findings import _surface_findings
 from flighttest.reconstruction.quality.checks.control_response import (
     control_responses,
     is_displaced,
@@ -109,3 +112,19 @@ def test_a_movement_from_before_the_record_has_no_time():
         row.lead, row.lead_stderr, row.gained, row.explained, row.bound, row.sign, row.other
     )
     assert not is_displaced(timing, row.movement)
+
+
+@pytest.mark.parametrize(
+    ("movement", "severity", "kind"), [(0.06, "warning", "undecided"), (2.0, "error", "sign")]
+)
+def test_a_surface_that_hardly_moves_shows_no_sign(movement, severity, kind):
+    """Rudder of a real flight between the manoeuvres, 0.06 deg in all: +26.4 1/s2, 7 standard
+    errors.
+    """
+    record = xr.DataTree.from_dict({"/a": xr.Dataset({"delta_r": ("time", [0.0, 0.0])})})
+    row = SimpleNamespace(
+        **{"surface": "delta_r", "rate": "r", "effect": 26.4, "stderr": 3.7, "ratio": 7.2},
+        **{"R2": 0.55, "movement": movement * DEGREE, "sign": 1, "flow_late": 0.0},
+    )
+    (finding,) = _surface_findings(row, record, True)
+    assert (finding.severity, finding.kind) == (severity, kind)
