@@ -22,7 +22,7 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
-from flightmech.units import parse_quantity
+from flightmech.units import number_or_text, parse_quantity
 
 
 def run_compare(
@@ -127,11 +127,7 @@ def _read_fixed(text: str) -> tuple[str, float]:
     name, sign, value = (part.strip() for part in text.partition("="))
     if not (name and sign and value):
         raise SchemaError("--at", [f"found {text!r}; give NAME=VALUE, such as delta_f='40 deg'"])
-    try:
-        number: float | str = float(value)
-    except ValueError:
-        number = value
-    return name, parse_quantity(number, lookup(name).units)
+    return name, parse_quantity(number_or_text(value), lookup(name).units)
 
 
 def _print(frame: pd.DataFrame) -> None:
