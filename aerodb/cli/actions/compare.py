@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pandas as pd
 
 from aerodb.comparison.comparison import compare as compared
@@ -272,11 +273,11 @@ def _read_boundary(path: Path) -> pd.DataFrame:
             str(error),
             "a table with the columns mach and CL, numbers separated by commas",
         ) from None
-    if table.isna().any(axis=None) or len(table) < 2:
+    if not np.isfinite(table).all(axis=None) or len(table) < 2:
         raise ParseError(
             str(path),
             1,
-            "missing numbers, or fewer than two points",
+            "missing or infinite numbers, or fewer than two points",
             "two or more rows with a number for mach and for CL",
         )
     return table.sort_values("mach", ignore_index=True)

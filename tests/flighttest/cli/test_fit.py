@@ -279,6 +279,8 @@ def test_mistakes_of_the_file_are_reported(folder):
         call(changed("500 m", "500 deg"))
     with pytest.raises(SchemaError, match=r"no file .*three.nc; names are relative to the fit"):
         call(changed("two.nc", "three.nc"))
+    with pytest.raises(SchemaError, match=r"record one.nc: .* is taken twice; take it once"):
+        call(changed("two.nc", "one.nc"))
     with pytest.raises(SchemaError, match=r"unknown parameter 'term.Cm.rhat'; near it: term.Cm."):
         call(changed("term.Cm.qhat", "term.Cm.rhat"))
     with pytest.raises(UnknownName, match=r"unknown output 'alfa'"):
