@@ -348,9 +348,9 @@ VERBS = {
         "ge.nc",
     ),
     "controls": Verb(
-        f"flight controls forces/{FORCES[0]}.nc forces/{FORCES[1]}.nc --records {T37}/flight "
-        f"--free-manoeuvre release_column --aircraft {T37}/aircraft.toml -o circuit.toml "
-        "--database few.nc --into hinge.nc",
+        f"flight controls forces/{FORCES[0]}.nc forces/{FORCES[1]}.nc --constant offset "
+        "--constant bob_weight --constant friction --constant damping "
+        f"--aircraft {T37}/aircraft.toml -o circuit.toml --database few.nc --into hinge.nc",
         "forces few.nc",
         "circuit.toml hinge.nc",
     ),
