@@ -12,6 +12,7 @@ from pathlib import Path
 import click
 import pytest
 
+from aeromatch.cli import command as command_line
 from aeromatch.cli.command import cli
 
 
@@ -92,3 +93,15 @@ def test_numbers_in_texts_of_the_command_line_are_finite():
         found += [f"{file}:{line}" for line in unguarded_floats(file.read_text())]
     assert len(list(root.glob("*/cli/**/*.py"))) > 50
     assert found == []
+
+
+def test_a_lack_of_memory_is_one_line(monkeypatch, capsys):
+    def allocate(**_):
+        raise MemoryError("Unable to allocate 927. GiB for an array")
+
+    monkeypatch.setattr(command_line, "cli", allocate)
+    with pytest.raises(SystemExit) as end:
+        command_line.main()
+    assert end.value.code == 2
+    text = "error: not enough memory (Unable to allocate 927. GiB for an array); give less data, or"
+    assert capsys.readouterr().err.startswith(text)
