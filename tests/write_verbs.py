@@ -357,7 +357,7 @@ VERBS = {
         "--constant bob_weight --constant friction --constant damping "
         f"--aircraft {T37}/aircraft.toml -o circuit.toml --database few.nc --into hinge.nc",
         "forces few.nc",
-        "circuit.toml hinge.nc",
+        "circuit.toml circuit_engine1.nc hinge.nc",
     ),
     "stall": Verb(
         "flight stall slow.nc fast.nc --aircraft jet.toml --database jet.nc --coefficient CL "
