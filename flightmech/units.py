@@ -375,10 +375,18 @@ def from_si(value: Any, unit: str) -> Any:
 _QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 
 
+def finite_number(text: str) -> float:
+    """Return the number of a text; ValueError for any other text, also for nan, inf and 1e999."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value
+
+
 def number_or_text(text: str) -> float | str:
     """Return a bare number as one, which is SI for `parse_quantity`; a text with a unit stays."""
     try:
-        return float(text)
+        return finite_number(text)
     except ValueError:
         return text
 

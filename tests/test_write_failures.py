@@ -168,7 +168,7 @@ class Trials:
         again, output, _ = self.run()
         if again not in (0, 1):
             faults.append(f"the next run ends with {again}: {output[-300:]}")
-        left = [path.name for path in self.work.rglob("*.part")]
+        left = [path.name for path in self.work.rglob("*.part*")]
         return faults + [f"{name} is left after the next run" for name in left]
 
 

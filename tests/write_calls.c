@@ -61,7 +61,8 @@ static int count_file(int file) {
     ssize_t length = readlink(link, path, sizeof path - 1);
     if (length < 0) return 0;
     path[length] = 0;
-    return count_path(path);
+    /* pipes and sockets, "pipe:[7]", are in no folder */
+    return path[0] == '/' ? count_path(path) : 0;
 }
 
 /* Each wrapper counts the call and passes it on to the function of the C library, or fails. */

@@ -26,6 +26,11 @@ FORCES = ("t37_42_forces_clean_low_speed_5kft", "t37_44_forces_clean_high_speed_
 CONDITION = """
 title = "T-37, pitch"
 margin = 0.8
+held = [
+  "CL/altitude", "CL/flap", "CL/flap_slope", "CL/elevator", "CL/qhat", "CL/alphadothat",
+  "CL/ground", "CL/ground_flap", "Cm/altitude", "Cm/flap", "Cm/elevator", "Cm/alphadothat",
+  "Cm/ground", "Cm/ground_flap",
+]
 [limits]
 alpha = ["-6 deg", "14 deg"]
 nz = [0.0, 2.5]
@@ -296,8 +301,8 @@ VERBS = {
         "pom run cases/dutch_roll.toml --model m=m.fmu --junit j.xml -j1", "m.fmu", "j.xml"
     ),
     "tune": Verb(
-        "pom tune cases/dutch_roll.toml --database out/final.nc --aircraft out/final.toml -o tuned "
-        "--log tuning.json --fmu -j1",
+        "pom tune cases/short_period.toml --database out/datcom.nc --aircraft out/datcom.toml "
+        "-o tuned --log tuning.json --fmu -j1",
         "out",
         "tuned tuning.json",
     ),
@@ -339,7 +344,7 @@ VERBS = {
         f"flight gear ground/{GROUND[0]}.nc ground/{GROUND[1]}.nc --aircraft {T37}/apriori.toml "
         "--no-flown -o gear.toml",
         "ground",
-        "gear.toml",
+        "gear.toml gear_engine1.nc",
     ),
     "ground-effect": Verb(
         f"flight ground-effect passes/{PASSES[0]}.nc passes/{PASSES[1]}.nc "
@@ -348,11 +353,11 @@ VERBS = {
         "ge.nc",
     ),
     "controls": Verb(
-        f"flight controls forces/{FORCES[0]}.nc forces/{FORCES[1]}.nc --records {T37}/flight "
-        f"--free-manoeuvre release_column --aircraft {T37}/aircraft.toml -o circuit.toml "
-        "--database few.nc --into hinge.nc",
+        f"flight controls forces/{FORCES[0]}.nc forces/{FORCES[1]}.nc --constant offset "
+        "--constant bob_weight --constant friction --constant damping "
+        f"--aircraft {T37}/aircraft.toml -o circuit.toml --database few.nc --into hinge.nc",
         "forces few.nc",
-        "circuit.toml hinge.nc",
+        "circuit.toml circuit_engine1.nc hinge.nc",
     ),
     "stall": Verb(
         "flight stall slow.nc fast.nc --aircraft jet.toml --database jet.nc --coefficient CL "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from typing import Any
@@ -22,6 +23,14 @@ _FILE = InputFile()
 _note = click.option("--note", default="", help="Reason for the change; stored in the history.")
 _output = click.option(
     "-o", "--output", required=True, type=NewFile(), help="The new database, netCDF-4."
+)
+# of commands whose own argument is the database; `edit` has it before their name
+_edited = click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=NewFile(may_replace=True),
+    help="The new database, netCDF-4.",
 )
 _source = click.option(
     "--source",
@@ -281,7 +290,7 @@ def history_command() -> None:
     "--steps", type=click.IntRange(1), default=1, show_default=True, help="Edits to undo."
 )
 @click.option("--edit", "number", type=int, help="Undo this edit and all later ones instead.")
-@_output
+@_edited
 @performed_by("aerodb.cli.actions.edit:run_previous")
 def previous_command() -> None:
     """Write the database as it was before its last edits."""
@@ -289,7 +298,7 @@ def previous_command() -> None:
 
 @click.command("forget")
 @click.argument("file", type=_FILE)
-@_output
+@_edited
 @performed_by("aerodb.cli.actions.edit:run_forget")
 def forget_command() -> None:
     """Write the database without its undo history, for a release."""
@@ -303,7 +312,10 @@ def _numbers(text: str, units: str) -> list[float]:
             f"found {text!r}; expected numbers and a unit such as '0 4 8 deg', or numbers in "
             f"{units}"
         )
-    return [
+    numbers = [
         float(to_si(float(word), match.group(2) or units, units))
         for word in re.split(r"[\s,]+", match.group(1))
     ]
+    if not all(map(math.isfinite, numbers)):
+        raise UnitError(f"found {text!r}, which is infinite; give finite numbers")
+    return numbers

@@ -139,6 +139,10 @@ def main() -> None:
         if isinstance(error, AeromatchError | OSError):
             click.echo(f"error: {escape_control_characters(_text(error))}", err=True)
             _fail(type(error).__name__, _text(error), 2, getattr(error, "problems", ()))
+        if isinstance(error, MemoryError):
+            text = f"not enough memory ({_text(error)}); give less data, or a lower rate"
+            click.echo(f"error: {escape_control_characters(text)}", err=True)
+            _fail("MemoryError", text, 2)
         traceback.print_exc()
         click.echo(
             "internal fault: please report the lines above with the command and its input", err=True

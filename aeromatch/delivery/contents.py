@@ -51,6 +51,7 @@ from flightmech.names import lookup
 from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 from flightmech.support.figures import make_template_environment
 from flightmech.support.input_files import file_sha256
+from flightmech.support.temporary_names import remove_leftovers, temporary_name
 from flightmech.terms import power_factor
 
 # Greatest height of the tables that replace formulas of the ground effect. [m]
@@ -127,7 +128,9 @@ def write_package(
         with folder_written_atomically(target, lambda name: True) as new:
             return _fill(new, project, match, wishes=wishes, step=step)
     with written_atomically(target) as part:
-        folder = part.with_name(part.name + ".d")
+        # that of a process that was killed here is removed
+        remove_leftovers(part.parent, f".{target.name}", "part.d")
+        folder = part.with_name(temporary_name(f".{target.name}", "part.d"))
         try:
             folder.mkdir()
             refused = _fill(folder, project, match, wishes=wishes, step=step)

@@ -17,7 +17,7 @@ from aeromatch.project.schemas import schema_lines
 from flightmech.aircraft.controls import CONTROLS
 from flightmech.names import lookup
 from flightmech.support.toml_quantities import UNFILLED
-from flightmech.units import DEGREE
+from flightmech.units import DEGREE, finite_number
 
 # What makes a thrust of the recorded speed of a propeller, for an author who knows its charts.
 _PROPELLER = (
@@ -150,7 +150,7 @@ def _mass_lines(known: StatedFacts, gaps: list[AircraftGap]) -> list[str]:
 def _value(text: str) -> str:
     """Return a number unchanged and a text with a unit in quotes."""
     try:
-        return repr(float(text))
+        return repr(finite_number(text))
     except ValueError:
         return json.dumps(text)
 

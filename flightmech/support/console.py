@@ -140,10 +140,14 @@ def _suggest_files(path: Path, with_folders: bool = False) -> str:
 
 
 class NewFile(click.Path):
-    """A file to write. The check that it can be written comes before the work."""
+    """A file to write. The check that it can be written comes before the work.
 
-    def __init__(self) -> None:
+    With `may_replace` it may be the only input of the command, of which it is the edited form.
+    """
+
+    def __init__(self, may_replace: bool = False) -> None:
         super().__init__(dir_okay=False)
+        self.may_replace = may_replace
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path if its folder exists and it is not a read-only file."""

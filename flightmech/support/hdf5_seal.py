@@ -24,6 +24,7 @@ import h5py
 from h5py import h5a, h5d, h5ds, h5g, h5l, h5o, h5t
 
 from flightmech.errors import AeromatchError, ParseError
+from flightmech.support.input_files import demand_regular
 
 if TYPE_CHECKING:
     from hashlib import _Hash
@@ -235,8 +236,9 @@ def demand_self_contained(path: str | os.PathLike[str]) -> None:
     ParseError
         An external or symbolic link, external storage, a virtual dataset, a circle of groups,
         more than `MOST_GROUPS` groups, false attributes of dimension scales, or a heap of texts
-        whose objects do not fill it.
+        whose objects do not fill it. A named pipe or a device, on which HDF5 would wait.
     """
+    demand_regular(path, "an HDF5 or netCDF-4 file")
     fault = find_false_heap(Path(path))
     try:
         # in the same mode as all readers: HDF5 cannot open a file in two modes at once

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
 from flightmech.errors import SchemaError, near_names
 from flightmech.support.file_kinds import foreign_kind
@@ -21,7 +21,9 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class Strict(BaseModel):
-    """Base of all models of files. Objects are immutable; unknown keys, nan and inf are errors."""
+    """Base of all models of files. Objects are immutable; unknown keys, nan and inf are errors, and
+    so are true and false in the place of a number.
+    """
 
     # A command uses few of the models, so a validator is built on first use of its model.
     model_config = ConfigDict(
@@ -31,6 +33,32 @@ class Strict(BaseModel):
         defer_build=True,
         allow_inf_nan=False,
     )
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _refuse_truth_values(cls, value: Any, info: ValidationInfo) -> Any:
+        # pydantic takes true for 1.0; its strict mode would also refuse 3 for 3.0
+        if _has_truth_value(value):
+            annotation = cls.model_fields[str(info.field_name)].annotation
+            if not _may_be_true(annotation):
+                raise ValueError(f"found {value!r}; expected numbers or texts, not true or false")
+        return value
+
+
+def _has_truth_value(value: Any) -> bool:
+    """Return whether a value of TOML is true or false, or an array or table that has one."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list):
+        return any(map(_has_truth_value, value))
+    return isinstance(value, bool)
+
+
+def _may_be_true(annotation: Any) -> bool:
+    """Return whether an annotation has truth values, or has parts whose own validators decide."""
+    if annotation in (bool, Any) or _is_model(annotation):
+        return True
+    return any(map(_may_be_true, getattr(annotation, "__args__", ())))
 
 
 def fixed_array(items: list[dict[str, Any]]) -> dict[str, Any]:

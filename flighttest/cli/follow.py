@@ -43,7 +43,7 @@ from flighttest.cli.identify import constraint_option
 )
 @click.option(
     "--rate",
-    type=click.FloatRange(0.0, min_open=True),
+    type=click.FloatRange(0.0, 10_000.0, min_open=True),
     help="Samples per second of the stream [Hz]; stamps that show another rate within 5 % have "
     "precedence. Default: that of its first stamps.",
 )

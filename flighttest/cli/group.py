@@ -109,7 +109,7 @@ def show_record_command() -> None:
 @_NAMES
 @click.option(
     "--rate",
-    type=click.FloatRange(0.0, min_open=True),
+    type=click.FloatRange(0.0, 10_000.0, min_open=True),
     default=50.0,
     show_default=True,
     help="Samples per second [Hz].",
@@ -136,7 +136,7 @@ def cut_command() -> None:
 )
 @click.option(
     "--rate",
-    type=click.FloatRange(0.0, min_open=True),
+    type=click.FloatRange(0.0, 10_000.0, min_open=True),
     default=50.0,
     show_default=True,
     help="Samples per second [Hz].",

@@ -241,7 +241,7 @@ def controls_command() -> None:
 )
 @click.option(
     "--rate",
-    type=click.FloatRange(0.0, min_open=True),
+    type=click.FloatRange(0.0, 10_000.0, min_open=True),
     default=25.0,
     show_default=True,
     help="Samples of the records per second.",

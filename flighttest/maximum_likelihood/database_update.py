@@ -13,6 +13,7 @@ from aerodb.store.identified_terms import stamp_identified
 from aerodb.store.schema import terms
 from flightmech.errors import UnknownName
 from flightmech.names import COEFFICIENTS
+from flightmech.terms import make_term
 from flighttest.maximum_likelihood.result import OutputError
 
 _PART = re.compile(r"^(term|table|offset|node)\.(\w+)\.(\w+)(?:\[([\d,\s]+)\])?$")
@@ -33,7 +34,8 @@ def updated_database(db: xr.DataTree, fit: OutputError) -> tuple[xr.DataTree, li
     """Return a database with the estimates of a fit, and the parameters that it cannot contain.
 
     ``term.*`` and ``table.*`` multiply a table, ``offset.*`` is added to it, ``node.*`` replaces a
-    node, and ``bias.CL`` ... is added to the basic term of its coefficient. A scaled table has the
+    node, and ``bias.CL`` ... is added to the basic term of its coefficient, or is this term where
+    the database has none. A scaled table has the
     errors of the estimates alone, because its a-priori error is part of the scale.
 
     Parameters
@@ -66,9 +68,12 @@ def updated_database(db: xr.DataTree, fit: OutputError) -> tuple[xr.DataTree, li
             unplaced.append(name)
             continue
         term = parameter.term
-        if term not in tables:
+        leaf = leaves.get(term, tables.get(term))
+        if leaf is None and parameter.kind == "bias":
+            # the kernel has a bias of every coefficient; a coefficient may have no basic term
+            leaf = make_term(0.0, stderr=0.0, source="flight")
+        if leaf is None:
             raise UnknownName(term, tables, "term")
-        leaf = leaves.get(term, tables[term])
         if parameter.kind in ("table", "term") and term not in leaves:
             # The a-priori error of the table is part of the scale.
             leaf = leaf.drop_vars("stderr", errors="ignore")

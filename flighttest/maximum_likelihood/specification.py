@@ -35,6 +35,7 @@ own = false                         # whether every record has a separate value
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -57,6 +58,7 @@ from flighttest.maximum_likelihood.nonlinear.disturbances import (
 )
 from flighttest.maximum_likelihood.nonlinear.kernel_flights import COORDINATES
 from flighttest.maximum_likelihood.unknowns import Unknown
+from flighttest.records.repeated_windows import repeated_windows
 
 _Number = float | str
 # Standard error and bounds of an unknown may be infinite: those are the defaults.
@@ -239,7 +241,7 @@ def read_specification(path: str | Path) -> Specification:
     ParseError
         A file that is not TOML.
     SchemaError
-        Every unknown key, missing value and missing file.
+        Every unknown key, missing value and missing file; a part of a record that is taken twice.
     """
     path = Path(path)
     content = _resolve_files(read_toml(path), path.parent)
@@ -252,7 +254,21 @@ def read_specification(path: str | Path) -> Specification:
             missing.append(f"no file {file}; names are relative to the fit")
     if missing:
         raise SchemaError(f"fit {path}", missing)
+    if repeated := _repeated_records(specification.record):
+        raise SchemaError(f"fit {path}", repeated)
     return specification
+
+
+def _repeated_records(tables: Sequence[RecordTable]) -> list[str]:
+    """Return a line for each part of a record that is taken twice, also by another name."""
+    spans: dict[str, list[tuple[float, float]]] = {}
+    for table in tables:
+        window = table.window or (-math.inf, math.inf)
+        spans.setdefault(os.path.realpath(table.file), []).append(window)
+    problems = []
+    for file, windows in spans.items():
+        problems += [f"record {Path(file).name}: {text}" for text in repeated_windows(windows)]
+    return problems
 
 
 def _resolve_files(content: dict[str, Any], folder: Path) -> dict[str, Any]:

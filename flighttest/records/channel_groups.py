@@ -38,6 +38,8 @@ from flighttest.records.signals.sample_flags import (
 _Result = TypeVar("_Result")
 # Values of a record from which on threads save time, and the largest number of threads.
 _LARGE, _MOST_THREADS = 2_000_000, 4
+# No sensor has larger numbers, in any unit; powers of damaged ones, such as 1e308, are infinite.
+_LARGEST = 1e30
 
 
 class ChannelSamples(NamedTuple):
@@ -213,8 +215,9 @@ def _convert_channel(
     """Return a channel in SI without delay and lag, and the flags of its samples."""
     column = source[1]
     unit = unit_of_column(table, column, name)
-    faults = flag_runs(clock.time, np.isinf(raw), name, "outside")
-    raw = np.where(np.isinf(raw), np.nan, raw)
+    is_beyond = np.abs(raw) > _LARGEST
+    faults = flag_runs(clock.time, is_beyond, name, "outside")
+    raw = np.where(is_beyond, np.nan, raw)
     x = np.asarray(channel.convert(raw, unit, name), float)
     if channel.table is not None:
         # The calibration table gives NaN beyond its rows.

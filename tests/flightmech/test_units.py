@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 from flightmech.errors import UnitError
 from flightmech.units import (
     _BASE,
+    finite_number,
     fitted_unit,
     from_si,
     known_unit,
+    number_or_text,
     parse_quantity,
     parse_unit,
     to_si,
@@ -179,3 +181,16 @@ def test_electric_units_have_the_ampere_in_their_dimension():
     for unit, expected in (("A", "1"), ("V", "W"), ("W", "V"), ("Ah", "s")):
         with pytest.raises(UnitError, match="cannot be converted"):
             to_si(1.0, unit, expected)
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e999", "much", ""])
+def test_texts_that_are_no_finite_number(text):
+    with pytest.raises(ValueError):
+        finite_number(text)
+    with pytest.raises(UnitError, match="expected a number and a unit"):
+        parse_quantity(number_or_text(text), "m")
+
+
+def test_texts_that_are_a_finite_number():
+    assert finite_number("-1.5e3") == number_or_text("-1.5e3") == -1500.0
+    assert number_or_text("3 ft") == "3 ft"

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pandas as pd
 
 from aerodb.comparison.comparison import compare as compared
@@ -22,7 +23,7 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
-from flightmech.units import parse_quantity
+from flightmech.units import number_or_text, parse_quantity
 
 
 def run_compare(
@@ -127,11 +128,7 @@ def _read_fixed(text: str) -> tuple[str, float]:
     name, sign, value = (part.strip() for part in text.partition("="))
     if not (name and sign and value):
         raise SchemaError("--at", [f"found {text!r}; give NAME=VALUE, such as delta_f='40 deg'"])
-    try:
-        number: float | str = float(value)
-    except ValueError:
-        number = value
-    return name, parse_quantity(number, lookup(name).units)
+    return name, parse_quantity(number_or_text(value), lookup(name).units)
 
 
 def _print(frame: pd.DataFrame) -> None:
@@ -276,11 +273,11 @@ def _read_boundary(path: Path) -> pd.DataFrame:
             str(error),
             "a table with the columns mach and CL, numbers separated by commas",
         ) from None
-    if table.isna().any(axis=None) or len(table) < 2:
+    if not np.isfinite(table).all(axis=None) or len(table) < 2:
         raise ParseError(
             str(path),
             1,
-            "missing numbers, or fewer than two points",
+            "missing or infinite numbers, or fewer than two points",
             "two or more rows with a number for mach and for CL",
         )
     return table.sort_values("mach", ignore_index=True)

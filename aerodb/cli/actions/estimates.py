@@ -26,7 +26,7 @@ from flightmech.support.console import (
     print_remark,
     print_table,
 )
-from flightmech.units import DEGREE, parse_quantity
+from flightmech.units import DEGREE, finite_number, parse_quantity
 
 
 def print_coefficients(
@@ -226,7 +226,7 @@ def _read_rudder(text: str | None) -> tuple[float, float, float] | None:
     if text is None:
         return None
     try:
-        numbers = [float(word) for word in text.split(",")]
+        numbers = [finite_number(word) for word in text.split(",")]
     except ValueError:
         numbers = []
     if len(numbers) == 1:

@@ -30,7 +30,7 @@ from flightmech.errors import AeromatchWarning, UnknownName
 from flightmech.names import lookup
 from flightmech.support.console import print_json, print_remark
 from flightmech.terms import power_factor
-from flightmech.units import parse_quantity
+from flightmech.units import finite_number, parse_quantity
 
 
 def reader_options(
@@ -350,8 +350,8 @@ def _pair(text: str, option: str, example: str) -> tuple[str, str]:
 
 def _number(text: str) -> float:
     try:
-        return float(text)
+        return finite_number(text)
     except ValueError:
         raise click.UsageError(
-            f"--at has {text!r}; write a number in the unit of the file, such as CG_PCT_MAC=25"
+            f"--at has {text!r}; write a finite number in the unit of the file, such as CG_PCT_MAC=25"
         ) from None

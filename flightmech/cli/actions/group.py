@@ -29,7 +29,7 @@ from flightmech.support.console import (
     show_progress,
 )
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
-from flightmech.units import from_si, parse_quantity, to_si
+from flightmech.units import finite_number, from_si, parse_quantity, to_si
 
 _DIGITS = 9  # behind the point: less than that is rounding
 
@@ -96,7 +96,7 @@ def si_value(name: str, text: str, units: Mapping[str, str]) -> float:
     """
 
     try:
-        return float(text)
+        return finite_number(text)
     except ValueError:
         if name not in units:
             raise UnknownName(name, units, "name") from None

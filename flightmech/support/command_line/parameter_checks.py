@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import click
@@ -14,9 +14,9 @@ def check_parameters(context: click.Context, values: Mapping[str, Any]) -> None:
     """Refuse numbers that are not finite, files that are given twice, and outputs over others.
 
     `float` and the ranges of click accept nan and inf. A record that is given twice would count
-    twice, with standard errors that are too small. An output over another one, or over a file of
-    an argument or option that takes several, would lose it. The file of an option or argument
-    that takes one may be replaced by its edited form.
+    twice, with standard errors that are too small. An output over another one or over an input,
+    also over the file of ``NAME=FILE`` or ``FILE:CASE``, would lose it. Only a `NewFile` with `may_replace` may be
+    the single input of its command, which it then replaces by its edited form.
 
     Parameters
     ----------
@@ -31,15 +31,21 @@ def check_parameters(context: click.Context, values: Mapping[str, Any]) -> None:
         The parameter, what came, and what to do.
     """
     taken: dict[str, str] = {}
-    # inputs first
-    for option in sorted(context.command.params, key=lambda option: not _is_several(option)):
+    own: dict[str, str] = {}  # inputs that some outputs may replace
+    for option in sorted(context.command.params, key=_is_output):  # inputs first
         value = values.get(option.name or "")
         number = _find_non_finite(value)
         if number is not None:
             text = f"{number} is not a number to compute with; give a finite one"
             raise click.BadParameter(text, context, option)
         is_file = isinstance(option.type, click.Path) and option.type.exists
-        if is_file and _is_several(option):
+        if _is_several(option) and not isinstance(option.type, click.Path):
+            for file in _named_files(value or ()):
+                taken[os.path.realpath(file)] = f"the input {file}"
+        elif is_file and not _is_several(option):
+            if value and os.path.isfile(value):
+                own[os.path.realpath(value)] = f"the input {value!s}"
+        elif is_file:
             files = tuple(value or ())
             may_repeat = getattr(option.type, "may_repeat", False)
             file = "" if may_repeat else _find_repeated(files, taken)
@@ -50,11 +56,11 @@ def check_parameters(context: click.Context, values: Mapping[str, Any]) -> None:
                 # the folder of an option may also be that of the result: init mine --records mine
                 if option.nargs == -1 or os.path.isfile(item):
                     taken[os.path.realpath(item)] = f"the input {item}"
-        elif isinstance(option.type, click.Path) and not option.type.exists and value:
-            # an output, as `NewFile` and `NewFolder` are
+        elif _is_output(option) and value:
             place = os.path.realpath(value) if isinstance(value, str | os.PathLike) else ""
-            if place in taken:
-                text = f"{value!s} is {taken[place]}, too; give another name"
+            others = taken if getattr(option.type, "may_replace", False) else own | taken
+            if place in others:
+                text = f"{value!s} is {others[place]}, too; give another name"
                 raise click.BadParameter(text, context, option)
             taken |= {place: f"the output of {option.opts[-1]}"} if place else {}
 
@@ -67,6 +73,20 @@ def _find_non_finite(value: Any) -> float | None:
     if isinstance(value, float) and not math.isfinite(value):
         return value
     return None
+
+
+def _is_output(option: click.Parameter) -> bool:
+    """Return whether an option is a file or folder to write, as `NewFile` and `NewFolder` are."""
+    return isinstance(option.type, click.Path) and not option.type.exists
+
+
+def _named_files(values: Iterable[Any]) -> Iterator[str]:
+    """Yield the files that texts name: ``FILE``, ``NAME=FILE`` or ``FILE:CASE``."""
+    for value in values:
+        text = str(value[0] if isinstance(value, tuple) else value)
+        for part in (text, text.partition("=")[2], text.rpartition(":")[0]):
+            if os.path.isfile(part):
+                yield part
 
 
 def _is_several(option: click.Parameter) -> bool:

@@ -11,7 +11,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
-from flightmech.units import parse_quantity
+from flightmech.units import finite_number, parse_quantity
 from flighttest.cli.actions.manoeuvres import CutManoeuvres
 from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from flighttest.reconstruction.dynamics.saved_paths import open_states
@@ -136,11 +136,8 @@ class EstimatorOptions:
         if self.ridge == "auto":
             return self.ridge
         try:
-            value = float(self.ridge)
+            return finite_number(self.ridge)
         except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
             raise SchemaError(
                 "flight identify", [f"--ridge is {self.ridge!r}; expected a number or auto"]
-            )
-        return value
+            ) from None

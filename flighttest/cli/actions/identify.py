@@ -355,9 +355,9 @@ def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_js
     """Perform the command ``inertia``."""
     parsed = {model.coefficient: model for model in map(RegressionModel.parse, models)}
     parts = []
-    for path in paths:
+    for path, spans in zip(paths, assign_windows(paths, windows), strict=True):
         states = open_states(path)
-        parts += [select_time(states, *window) for window in windows] or [states]
+        parts += [select_time(states, *window) for window in spans] or [states]
     with show_progress("estimate moments of inertia"):
         moments = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
     if as_json:

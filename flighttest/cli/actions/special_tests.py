@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import AeromatchWarning, SchemaError
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 from flightmech.support.console import (
     collect_options,
     print_json,
@@ -139,11 +140,18 @@ def _average_fits(fits: Sequence[Any], spectral: Sequence[Any]) -> list[Any]:
     return [pool_fits(pair, "inverse_sigma") for pair in zip(fits, spectral)]
 
 
-def _save_fits(fits: Sequence[Any], folder: str | Path) -> None:
+@contextmanager
+def _written_folder(folder: str | Path) -> Iterator[Path]:
+    """Yield a folder whose files come together into `folder`, which keeps its other files."""
+    Path(folder).parent.mkdir(parents=True, exist_ok=True)
+    with folder_written_atomically(folder, lambda name: False) as new:
+        yield new
+
+
+def _save_fits(fits: Sequence[Any], folder: Path) -> None:
     """Write a file per coefficient."""
-    Path(folder).mkdir(parents=True, exist_ok=True)
     for fit in fits:
-        save_fit(fit, Path(folder) / f"{fit.model.coefficient}.nc")
+        save_fit(fit, folder / f"{fit.model.coefficient}.nc")
 
 
 def _rows_of_fits(fits: Sequence[Any], averages: Sequence[Any]) -> dict[str, Any]:
@@ -270,7 +278,8 @@ def run_balance(
     if figure:
         draw_surfaces(fits, figure)
     if output:
-        _save_fits(fits, output)
+        with _written_folder(output) as folder:
+            _save_fits(fits, folder)
     averages = _average_fits(fits, spectral)
     if as_json:
         print_json({**_rows_of_fits(fits, averages), "folder": output})
@@ -324,10 +333,10 @@ def run_multibody(
     if figure and fits:
         draw_wing_models(fits, data[predict or recordings[-1]], figure)
     if output:
-        Path(output).mkdir(parents=True, exist_ok=True)
-        for path, loads in data.items():
-            _save_motion(loads, Path(output) / Path(path).stem, vehicle)
-        _save_fits(fits, output)
+        with _written_folder(output) as folder:
+            for path, loads in data.items():
+                _save_motion(loads, folder / Path(path).stem, vehicle)
+            _save_fits(fits, folder)
     facts = {Path(path).stem: _record_facts(loads) for path, loads in data.items()}
     if as_json:
         print_json(

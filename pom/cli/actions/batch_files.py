@@ -10,6 +10,7 @@ from typing import Any
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.console import InputFile, count_text, show_progress
 from flightmech.support.kept_stages.sharing import demand_scheduler
+from flightmech.units import finite_number
 from pom.archive.archive import Custody
 from pom.archive.recordings import (
     RecordingFiles,
@@ -147,7 +148,7 @@ def _parse_starts(words: Sequence[str], runs: Mapping[str, Path]) -> dict[str, f
     for word in words:
         name, _, text = word.partition("=")
         try:
-            starts[name] = float(text)
+            starts[name] = finite_number(text)
         except ValueError:
             problems.append(f"{word!r}: write NAME=SECONDS, such as device=0")
             continue

@@ -5,16 +5,19 @@ import json
 import os
 import shutil
 import zipfile
+from contextlib import nullcontext
 
 import pytest
 
-from aeromatch.delivery import package_opening, verification
+from aeromatch.delivery import contents, package_opening, verification
 from aeromatch.delivery.package_files import check_hashes, check_structure
 from aeromatch.delivery.package_opening import unpack_package
 from aeromatch.delivery.places import CONTENT, FORMATS
 from aeromatch.delivery.signing import check_signature, make_key, read_private_key, signature_text
+from aeromatch.workflow.steps import REPORT
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.support.input_files import file_sha256
+from flightmech.support.temporary_names import temporary_name
 
 FILES = (
     "aircraft/final.toml",
@@ -329,3 +332,21 @@ def test_a_file_that_grows_while_it_is_copied_has_an_end(delivery, monkeypatch):
         stream.truncate(2_000_000)
     with pytest.raises(SchemaError, match="more than 3e\\+06 bytes"), unpack_package(delivery):
         pass
+
+
+def test_a_zip_whose_process_was_killed_leaves_nothing_behind_the_next(tmp_path, monkeypatch):
+    for name in ("final.nc", "final.toml", "final.fmu", f"{REPORT}/manifest.json"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    monkeypatch.setattr(os, "getpid", lambda: 2**30)  # a process that is not running
+    left = tmp_path / temporary_name(".p.zip", "part.d")
+    monkeypatch.undo()
+    left.mkdir()
+    (left / "final.mat").touch()
+    monkeypatch.setattr(
+        contents, "_fill", lambda folder, *_, **__: {"a": str(list(folder.iterdir()))}
+    )
+    wishes = contents.PackageOptions()
+    done = contents.write_package(None, tmp_path, tmp_path / "p.zip", wishes, nullcontext)
+    assert done == {"a": "[]"}
+    assert [path.name for path in tmp_path.glob("*p.zip*")] == ["p.zip"]

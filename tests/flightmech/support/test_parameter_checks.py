@@ -18,6 +18,8 @@ from flightmech.support.console import FileOrFolder, InputFile, NewFile, perform
 @click.option("--errors", type=(str, float), multiple=True)
 @click.option("-o", "--output", type=NewFile())
 @click.option("--into", type=NewFile())
+@click.option("--edited", type=NewFile(may_replace=True))
+@click.option("--model", multiple=True)
 @click.option("--folder", type=click.Path(file_okay=False))
 @performed_by(f"{__name__}:count_files")
 def sum_command() -> None:
@@ -51,6 +53,10 @@ def run(tmp_path, monkeypatch):
         ("a.csv --more b.csv --more link.csv", "'--more': 'link.csv' is given twice"),
         ("--more a.csv --more b.csv -o b.csv", "b.csv is the input b.csv, too; give another name"),
         ("a.csv --keys b.csv -o b.csv", "b.csv is the input b.csv, too; give another name"),
+        ("a.csv --single b.csv -o b.csv", "b.csv is the input b.csv, too; give another name"),
+        ("a.csv --edited a.csv", "a.csv is the input a.csv, too; give another name"),
+        ("--model m=a.csv -o a.csv", "a.csv is the input a.csv, too; give another name"),
+        ("--model a.csv:clean -o a.csv", "a.csv is the input a.csv, too; give another name"),
         ("a.csv -o link.csv", "link.csv is the input a.csv, too; give another name"),
         ("-o c.nc --into ./c.nc", "./c.nc is the output of --output, too; give another name"),
     ],
@@ -69,12 +75,13 @@ def test_values_that_a_command_can_use(run):
 @pytest.mark.parametrize(
     "words",
     [
-        "a.csv --single b.csv -o b.csv",
+        "a.csv --single b.csv --edited b.csv",
+        "--model m=none.csv -o none.csv",
         "a.csv --keys b.csv --keys b.csv --keys a.csv",
         "--folders . --folder .",
     ],
 )
 def test_files_that_may_be_given_twice(run, words):
-    """A single input may be replaced, and a key repeated; a folder holds inputs and results."""
+    """A file may be edited in place and a key repeated; a folder holds inputs and results."""
     result = run(words)
     assert result.exit_code == 0, result.output

@@ -1,5 +1,6 @@
 """Files whose numbers lie in other files are refused before a number is read."""
 
+import os
 import re
 
 import h5py
@@ -135,3 +136,11 @@ def test_a_heap_of_texts_without_an_end_is_refused(tmp_path):
 def test_readers_refuse_them(made, read):
     with pytest.raises(ParseError, match="keeps its numbers in another file"):
         read(made(external_storage))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="a named pipe of POSIX")
+def test_a_named_pipe_is_refused(tmp_path):
+    """HDF5 would wait for its writer."""
+    os.mkfifo(tmp_path / "deck.nc")
+    with pytest.raises(ParseError, match="found a named pipe or a device"):
+        demand_self_contained(tmp_path / "deck.nc")

@@ -279,6 +279,8 @@ def test_mistakes_of_the_file_are_reported(folder):
         call(changed("500 m", "500 deg"))
     with pytest.raises(SchemaError, match=r"no file .*three.nc; names are relative to the fit"):
         call(changed("two.nc", "three.nc"))
+    with pytest.raises(SchemaError, match=r"record one.nc: .* is taken twice; take it once"):
+        call(changed("two.nc", "one.nc"))
     with pytest.raises(SchemaError, match=r"unknown parameter 'term.Cm.rhat'; near it: term.Cm."):
         call(changed("term.Cm.qhat", "term.Cm.rhat"))
     with pytest.raises(UnknownName, match=r"unknown output 'alfa'"):
@@ -315,26 +317,29 @@ def test_estimates_in_a_database_fly_as_the_parameters_do(model):
         "offset.CL.basic": 0.03,
         "node.Cm.basic[1]": 0.05,
         "bias.CD": 0.01,
+        "bias.Cn": 1e-6,  # without a basic term in the database
         "table.Cm.elevator": 0.9,
     }
     names = list(values)
     columns = {
         "estimate": ("parameter", list(values.values())),
-        "stderr": ("parameter", np.full(5, 0.01)),
+        "stderr": ("parameter", np.full(6, 0.01)),
     }
     estimates = xr.Dataset(columns, {"parameter": names}, {"method": "test", "manoeuvres": 1})
     fit = flighttest.OutputError(estimates, (), xr.Dataset())
     db = aerodb.open(folder / "prior.nc")
     corrected, left = flighttest.maximum_likelihood.updated_database(db, fit)
     assert left == []
+    assert aerodb.terms(corrected)["Cn/basic"]["stderr"].item() == 0.01
     record = flown(sim, 1)[["delta_e"]]
     start = {"mode.earth": 0.0, "init.h": 500.0, "init.V": 40.0, "init.alpha": 0.03}
     craft = flightmech.Aircraft(name="glider", **CRAFT)
-    one = flightmech.simulate(sim, record, {**start, **values}, outputs=["q", "V"], step=0.04)
+    one = flightmech.simulate(sim, record, {**start, **values}, outputs=["q", "V", "r"], step=0.04)
     two = flightmech.simulate(
-        flightmech.compile(craft, corrected), record, start, outputs=["q", "V"], step=0.04
+        flightmech.compile(craft, corrected), record, start, outputs=["q", "V", "r"], step=0.04
     )
-    for name in ("q", "V"):
+    assert abs(one["r"].values).max() > 1e-6
+    for name in ("q", "V", "r"):
         np.testing.assert_allclose(two[name], one[name], rtol=1e-9, atol=1e-12)
     with pytest.raises(UnknownName, match=r"unknown term 'Cm/rudder'"):
         flighttest.maximum_likelihood.updated_database(

@@ -9,6 +9,7 @@ from flightmech.errors import SchemaError
 from flighttest.cli.actions.estimators import EstimatorOptions
 from flighttest.cli.actions.identify import DisturbanceOptions
 from flighttest.cli.actions.manoeuvres import assign_windows
+from flighttest.cli.actions.submodels.controls import _table_nodes
 from flighttest.cli.group import flight
 
 
@@ -77,6 +78,18 @@ def test_a_size_of_noise_is_finite():
     assert replace(OPTIONS, noises=(("alpha", "0.01"),))._noise_in_si() == {"alpha": 0.01}
     with pytest.raises(SchemaError, match="--noise alpha is 'inf'; expected a finite size"):
         replace(OPTIONS, noises=(("alpha", "inf"),))._noise_in_si()
+
+
+def test_nodes_of_a_table_are_finite():
+    assert _table_nodes("mach 0.2, 0.5") == ("mach", (0.2, 0.5))
+    with pytest.raises(SchemaError, match="--over is 'mach inf'; give a variable and its nodes"):
+        _table_nodes("mach inf")
+
+
+def test_a_window_of_inertia_is_taken_once(refusal):
+    words = ("p.nc", "--aircraft", "p.nc", "--model", "Cm = 1", *2 * ("--window", "0", "8"))
+    text = refusal("inertia", *words)
+    assert "p: 0 ... 8 s is taken twice; take it once" in text
 
 
 def test_a_part_of_a_path_is_taken_once():

@@ -11,6 +11,7 @@ import pom
 from aeromatch.cli.command import main
 from flightmech.errors import OutOfRange, SchemaError
 from pom.archive.masters import read_masters
+from pom.cli.actions.batch_files import _parse_starts
 from pom.replaying.recorded_runs import RecordedRun, read_recording, resample_run
 
 DEGREE = np.pi / 180.0
@@ -216,6 +217,8 @@ def test_options_of_recordings_are_checked(aeromatch, case, record, tmp_path):
     assert done.returncode == 2
     assert "near it: device" in done.stderr
     assert aeromatch(*words(case, "--start", "device=now")).returncode == 2
+    with pytest.raises(SchemaError, match="'device=inf': write NAME=SECONDS, such as device=0"):
+        _parse_starts(["device=inf"], {"device": record})
     done = aeromatch(*words(case, "--master", "other=host.csv"))
     assert "unknown model 'other'" in done.stderr
     done = aeromatch(*words(case, "--recurrent-share", "0.2"))

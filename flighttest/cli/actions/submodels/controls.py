@@ -16,6 +16,7 @@ from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError
 from flightmech.support.console import collect_options, count_text, print_json, show_progress
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
+from flightmech.units import finite_number
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.records.record import marked_manoeuvres
 from flighttest.records.sensors.instruments import pick_up_errors
@@ -245,7 +246,7 @@ def _table_nodes(text: str) -> tuple[str, tuple[float, ...]] | None:
         return None
     name, *numbers = text.replace(",", " ").split()
     try:
-        return name, tuple(map(float, numbers))
+        return name, tuple(map(finite_number, numbers))
     except ValueError:
         problem = f"--over is {text!r}; give a variable and its nodes, such as 'mach 0.2 0.5'"
         raise SchemaError("flight controls", [problem]) from None
