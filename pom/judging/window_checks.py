@@ -175,7 +175,8 @@ def check_window(case: PomCase, states: xr.Dataset) -> WindowCheck:
     if case.reference != "flight" or case.drive.trim is not True or time.size < 2:
         return WindowCheck()
     motion = _read_motion(case, states)
-    departures, unchecked = [], []
+    departures: list[str] = []
+    unchecked: list[str] = []
     for check in (_unsteady_start, _open_input):
         found = check(case, motion)
         departures += found.departures

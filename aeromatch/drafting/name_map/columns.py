@@ -78,7 +78,7 @@ def guess_quantity(column: str) -> Guess | None:
     Examples
     --------
     >>> guess_quantity("Elevator_Pos_deg")
-    Guess(name='delta_e', unit='deg', rank=2, inverted=False, sign=1)
+    Guess(name='delta_e', unit='deg', rank=2, inverted=False, sign=1, doubt='')
     >>> guess_quantity("KIAS").name, guess_quantity("KIAS").unit
     ('V_cas', 'kt')
     >>> guess_quantity("thrust_left_lbf").name

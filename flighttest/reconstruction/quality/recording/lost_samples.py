@@ -115,9 +115,10 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
 def lost_not_checked(record: xr.DataTree) -> Unchecked:
     """Return the row on lost samples that no jump shows."""
     held = []
-    for leaf, node in record.children.items():
+    for node in record.children.values():
+        channels = node.to_dataset()
         for name in _CONTINUOUS:
-            if name in node.data_vars and _is_held(record[leaf][name].values):
+            if name in channels and _is_held(channels[name].values):
                 held.append(name)
     reason = "attitude, height and speed do not jump there: compare the length with another clock"
     if held:
