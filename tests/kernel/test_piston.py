@@ -406,7 +406,7 @@ def test_a_failed_engine_without_fuel_windmills(make_aircraft, make_tree, motor)
         assert float(found["engine1.rpm"]) > 50.0
 
 
-def make_twin(make_aircraft, make_tree, **limits: tuple[float, float]) -> Point:
+def make_two_engined(make_aircraft, make_tree, **limits: tuple[float, float]) -> Point:
     """Return level flight of an aircraft with two propellers at 1.5 m from the centre line."""
     power = make_term([0.0, 2e5], {"throttle": [0.0, 1.0]})
     oblique = {
@@ -436,7 +436,7 @@ def make_twin(make_aircraft, make_tree, **limits: tuple[float, float]) -> Point:
 
 def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, make_tree):
     """Moments by hand at the speed found: thrust, drag, torque and P-factor; the rudder is full."""
-    level = make_twin(make_aircraft, make_tree)
+    level = make_two_engined(make_aircraft, make_tree)
     craft = level.aircraft
     (row,) = lateral.minimum_control_speed(level, 30.0)
     assert "windmills without power" in row.remark
@@ -465,7 +465,7 @@ def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, m
 def test_speeds_without_trim_are_stated(make_aircraft, make_tree):
     """An elevator of 4 deg does not carry the aircraft below 47 m/s, the rudder is enough."""
     limits = {"delta_e": (-0.07, 0.4), "delta_r": (-1.05, 1.05)}
-    level = make_twin(make_aircraft, make_tree, **limits)
+    level = make_two_engined(make_aircraft, make_tree, **limits)
     flown = [lateral._fly_on_one_engine(level, V, 0) for V in (35.0, 44.0, 50.0)]
     assert flown[0] == (np.inf, "")  # both elevator and rudder at the stop
     assert flown[1].obstacle == "delta_e at the limit"
@@ -480,7 +480,7 @@ def test_speeds_without_trim_are_stated(make_aircraft, make_tree):
 def test_a_flight_that_does_not_trim_with_a_full_rudder_is_not_controllable(
     make_aircraft, make_tree, monkeypatch, stopped
 ):
-    level = make_twin(make_aircraft, make_tree)
+    level = make_two_engined(make_aircraft, make_tree)
     applied = {"applied.delta_a": 0.1, "applied.delta_r": 0.4}
     ended = xr.Dataset(applied, attrs={"converged": 0, "at_limit": stopped})
     monkeypatch.setattr(lateral, "trim", lambda *args, **kwargs: ended)
