@@ -365,6 +365,12 @@ def test_lever_trims_from_a_flat_chart(make_aircraft, make_tree):
     assert float(first["engine1.torque"]) * 2.0 * np.pi * n == pytest.approx(absorbed, rel=1e-9)
     pull = float(first["engine1.CT_prop"]) * rho * n**2 * D**4
     assert float(first["engine1.thrust"]) == pytest.approx(pull, rel=1e-9)
+    # Without a rudder the torque of one propeller leaves a side acceleration, whatever the lever.
+    del leaves["Cn/rudder"]
+    single = replace(craft, engines=(replace(engines[0], position=(1.0, 0.0, 0.0)),))
+    left = flightmech.trim(flightmech.compile(single, make_tree(leaves)), start)
+    assert abs(float(left["trim.u_dot"])) < 3e-4
+    assert abs(float(left["trim.v_dot"])) > 3e-4
     # the Earth turns, so that both differ a little
     assert float(both["engine1.thrust"]) == pytest.approx(float(both["engine2.thrust"]), rel=1e-5)
     one = flightmech.trim(sim, start, kind="level", fixed={"engine1.failed": 1.0})

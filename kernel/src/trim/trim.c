@@ -25,6 +25,7 @@ enum { Z_ALPHA, Z_BETA, Z_DELTA, Z_AILERON = Z_DELTA + 1, Z_RUDDER, Z_POWER, Z_P
 #define ALPHA_LIMIT 0.6 /* [rad] */
 #define BETA_LIMIT 0.35 /* [rad] */
 #define TRIMMED 1e-7    /* sum of the squared residuals of a trimmed flight [m2 s-4] */
+#define BETTER 0.1      /* share of it that a second search must leave at most */
 
 typedef struct {
     am_sim *sim;
@@ -94,7 +95,8 @@ static double solve_with_bank(system_t *s, double *z, double *par) {
 }
 
 /* A lever at its stop can have no effect: a piston engine without air stands, and a little more air
- * does not turn it.  An untrimmed flight is therefore tried again from the middle of the travel. */
+ * does not turn it.  An untrimmed flight is therefore tried again from the middle of the travel.
+ * Without a rudder a little side acceleration remains either way. */
 static double solve_with_lever(system_t *s, double *z, double *par, bool lever) {
     const double phi = par[P_PHI];
     double middle[UNKNOWNS];
@@ -105,7 +107,7 @@ static double solve_with_lever(system_t *s, double *z, double *par, bool lever) 
     middle[Z_POWER] = 0.5 * (s->low[Z_POWER] + s->high[Z_POWER]);
     s->nearest = false;
     const double again = solve_with_bank(s, middle, par);
-    if (!(again < TRIMMED)) return left;
+    if (!(again < BETTER * left)) return left;
     memcpy(z, middle, sizeof middle);
     return again;
 }
