@@ -20,6 +20,7 @@ from aeromatch.planning.record_look import LookTask, RecordLook
 from aeromatch.planning.record_looks import RecordLooks
 from aeromatch.planning.steps import products_of, run_collecting_problems, steps_of
 from aeromatch.project.project import Project
+from aeromatch.rebuilding.match_options import MatchOptions
 from aeromatch.workflow.aerodynamics import a_priori, add_missing_terms, before_flight
 from aeromatch.workflow.devices import read_devices
 from aeromatch.workflow.identified import databases_before
@@ -31,28 +32,6 @@ from flightmech.support.kept_stages.sharing import demand_scheduler
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases.case import PomCase
 from pom.cases.fact_agreement import contradictions
-
-
-@dataclass(frozen=True)
-class MatchOptions:
-    """Options of a match that its plan depends on.
-
-    Attributes
-    ----------
-    scheduler : str or None
-        Address of a dask.distributed cluster.
-    resume : Path or None
-        Folder with stored flights.
-    samples : int
-        Draws of the final model.
-    compare : bool
-        Whether the tables are made by all methods.
-    """
-
-    scheduler: str | None = None
-    resume: str | Path | None = None
-    samples: int = 0
-    compare: bool = False
 
 
 @dataclass
@@ -245,8 +224,8 @@ def make_plan(
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)
     # Two checks may report one problem.
     plan.problems = list(dict.fromkeys(problems))
-    plan.steps = steps_of(project, names, len(plan.cases), options.compare)
-    plan.products = products_of(project, plan.cases, options.compare)
+    plan.steps = steps_of(project, names, len(plan.cases), options.compare_tables)
+    plan.products = products_of(project, plan.cases, options.compare_tables)
     return plan
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import aerodb
 import pom
 from aerodb.figures.lr743_set.flown import FLOWN
 from aeromatch.project.project import Project
+from aeromatch.rebuilding.match_options import MatchOptions
 from aeromatch.rebuilding.products import (
     MatchOutcome,
     add_model_samples,
@@ -49,35 +49,13 @@ _OUTPUT_NAMES = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class ReplaySettings:
-    """Settings of the replay of the cases.
-
-    Attributes
-    ----------
-    scheduler : str or None
-        Address of a cluster (`pom.replay_all`), whose workers reconstruct, form coefficients, fit,
-        diagnose, replay, sample and draw.
-    resume : path or None
-        Folder of the stored flights of `pom.replay_all`.
-    samples, seed : int
-        Number and seed of the draws of the final model (`pom.replay_sampled`).
-    """
-
-    scheduler: str | None = None
-    resume: str | Path | None = None
-    samples: int = 0
-    seed: int = 0
-
-
 def perform_match(
     project: Project,
     folder: str | Path,
     jobs: int,
     step: Step,
     command: str = "",
-    replay: ReplaySettings | None = None,
-    compare: bool = False,
+    options: MatchOptions | None = None,
     stages: Stages | None = None,
 ) -> MatchOutcome:
     """Do the whole job of a project and write databases, FMUs and report into a folder.
@@ -99,11 +77,8 @@ def perform_match(
         ``with step("text"):`` surrounds every step, for progress.
     command : str
         Command line, for the report.
-    replay : ReplaySettings, optional
-        Cluster, stored flights and draws. The default is none of them.
-    compare : bool
-        Whether the tables are made by all `WAYS` and compared node by node, in
-        ``tables_compared.csv``.
+    options : MatchOptions, optional
+        Cluster, stored flights, draws and comparison of the tables. The default is none of them.
     stages : Stages, optional
         Storage of the results of stages. Without it no result is stored. The files have the same
         bytes in both cases.
@@ -125,10 +100,12 @@ def perform_match(
         # An error of the folder is raised before the long computations.
         resolve_folder(folder)
     stages = stages or Stages()
-    replay = replay or ReplaySettings()
-    cluster = open_cluster(replay.scheduler) if replay.scheduler else nullcontext(stages.workers)
+    options = options or MatchOptions()
+    cluster = open_cluster(options.scheduler) if options.scheduler else nullcontext(stages.workers)
     with cluster as stages.workers:
-        result = run_identification(project, jobs, step=step, stages=stages, compare=compare)
+        result = run_identification(
+            project, jobs, step=step, stages=stages, compare=options.compare_tables
+        )
         folder.parent.mkdir(parents=True, exist_ok=True)
         with folder_written_atomically(folder, _is_output) as new:
             with step("write three databases, aircraft and FMUs"):
@@ -136,7 +113,9 @@ def perform_match(
             # The report states the hashes of the FMUs that the replay reads.
             result.custody.take(fmus.values())
             with step(replay_step(len(result.cases), len(fmus), len(project.devices))):
-                replays = _replay_cases(result, fmus, new, jobs=jobs, replay=replay, stages=stages)
+                replays = _replay_cases(
+                    result, fmus, new, jobs=jobs, options=options, stages=stages
+                )
             # No file may have changed between its identification and its replay.
             result.custody.check()
             replays = with_report_checks(with_record_checks(replays, Values(result.checks)))
@@ -176,7 +155,7 @@ def _replay_cases(
     folder: Path,
     *,
     jobs: int,
-    replay: ReplaySettings,
+    options: MatchOptions,
     stages: Stages,
 ) -> list[Any]:
     """Return the results of the cases, with the samples of the final model if requested."""
@@ -193,9 +172,9 @@ def _replay_cases(
         recorded=recorded,
     )
     # Without cases the final database need not be in memory.
-    options: dict[str, Any] = {}
+    judged_by: dict[str, Any] = {}
     if result.cases:
-        options = {"names": project.tables, "evidence": final.value, "recorded": recorded}
+        judged_by = {"names": project.tables, "evidence": final.value, "recorded": recorded}
     replays = replay_cases(
         stages,
         inputs,
@@ -203,11 +182,11 @@ def _replay_cases(
         fmus=fmus,
         paths=result.paths,
         jobs=jobs,
-        scheduler=replay.scheduler,
-        resume=replay.resume,
-        **options,
+        scheduler=options.scheduler,
+        resume=options.resume,
+        **judged_by,
     )
-    if not replay.samples:
+    if not options.samples:
         return replays
     return add_model_samples(
         stages,
@@ -217,8 +196,8 @@ def _replay_cases(
         databases={"final": folder / "final.nc"},
         paths=result.paths,
         options={
-            "count": replay.samples,
-            "seed": replay.seed,
+            "count": options.samples,
+            "seed": options.seed,
             "errors": project.errors,
             "names": project.tables,
         },

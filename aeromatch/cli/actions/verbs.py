@@ -19,6 +19,7 @@ from aeromatch.cli.actions.examples import example_folder
 from aeromatch.cli.actions.match_summary import print_summary, summarise_match
 from aeromatch.cli.actions.plan import print_plan
 from aeromatch.rebuilding.finished import Finished, Watched
+from aeromatch.rebuilding.match_options import MatchOptions
 from flightmech.errors import AeromatchWarning
 from flightmech.support.console import (
     collect_options,
@@ -65,43 +66,16 @@ class MatchRequest:
     as_json: bool
 
 
-@dataclass(frozen=True)
-class MatchReplay:
-    """Replay of the cases of a match, and comparison of its tables.
-
-    Attributes
-    ----------
-    scheduler : str or None
-        Address of a dask.distributed cluster.
-    resume : Path or None
-        Folder of stored flights.
-    samples, seed : int
-        Number and seed of the draws of the final model.
-    compare_tables : bool
-        Whether the tables are made by all methods.
-    """
-
-    scheduler: str | None = None
-    resume: Path | None = None
-    samples: int = 0
-    seed: int = 0
-    compare_tables: bool = False
-
-    def decisive(self) -> dict[str, Any]:
-        """Return the options that change the bytes of the output."""
-        return {"samples": self.samples, "seed": self.seed, "compare": self.compare_tables}
-
-
 def run_demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> None:
     """Perform the command ``demo``."""
     project = example_folder("t37") / "aeromatch.toml"
-    _match(MatchRequest(project, output, jobs, None, fresh, explain, as_json), MatchReplay())
+    _match(MatchRequest(project, output, jobs, None, fresh, explain, as_json), MatchOptions())
 
 
-@collect_options(request=MatchRequest, replay=MatchReplay)
+@collect_options(request=MatchRequest, options=MatchOptions)
 def run_match(
     request: MatchRequest,
-    replay: MatchReplay,
+    options: MatchOptions,
     actions: Path | None,
     paths_only: bool,
     plan_only: bool,
@@ -112,10 +86,10 @@ def run_match(
             raise click.UsageError(
                 "--plan and --actions exclude each other; a plan carries out no action"
             )
-        _print_match_plan(request, replay)
+        _print_match_plan(request, options)
         return
     if paths_only:
-        _demand_paths_alone(request, replay, actions)
+        _demand_paths_alone(request, options, actions)
         _write_paths(request)
         return
     if actions is not None:
@@ -123,18 +97,18 @@ def run_match(
             return
         # With a log, the output is the working folder of the workbench.
         request = replace(request, output=request.output / "match")
-    _match(request, replay)
+    _match(request, options)
 
 
-def _demand_paths_alone(request: MatchRequest, replay: MatchReplay, actions: Path | None) -> None:
+def _demand_paths_alone(request: MatchRequest, options: MatchOptions, actions: Path | None) -> None:
     """Raise for options that ``--paths`` would ignore."""
     ignored = {
         "--actions": actions is not None,
-        "--scheduler": replay.scheduler is not None,
-        "--resume": replay.resume is not None,
-        "--compare-tables": replay.compare_tables,
+        "--scheduler": options.scheduler is not None,
+        "--resume": options.resume is not None,
+        "--compare-tables": options.compare_tables,
         "--unplaced": request.unplaced is not None,
-        "--samples": replay.samples > 0,
+        "--samples": options.samples > 0,
     }
     given = [option for option, is_given in ignored.items() if is_given]
     if given:
@@ -191,7 +165,7 @@ def _carry_out_actions(project: Path, output: Path, log: Path) -> bool:
     return last is not None
 
 
-def _match(request: MatchRequest, replay: MatchReplay) -> None:
+def _match(request: MatchRequest, options: MatchOptions) -> None:
     """Perform a match, unless nothing changed since the last one, and print its outcome."""
     store, command = _open_store(), command_line(without=BUILD_FLAGS)
     # All inputs are hashed before the match reads them.
@@ -200,7 +174,7 @@ def _match(request: MatchRequest, replay: MatchReplay) -> None:
         "command": command,
         "project": str(request.project.resolve()),
         "unplaced": request.unplaced,
-        **replay.decisive(),
+        **options.decisive(),
     }
     finished = Finished(store.folder, request.output) if store is not None else None
     summary = None
@@ -216,7 +190,7 @@ def _match(request: MatchRequest, replay: MatchReplay) -> None:
     else:
         if finished is not None:
             finished.forget()
-        summary = _perform_match(request, replay, store=store, command=command)
+        summary = _perform_match(request, options, store=store, command=command)
         # The outcome does not belong to inputs that changed during the match.
         if finished is not None and watched.unchanged():
             files = [request.output.resolve() / name for name in summary["files"]]
@@ -230,17 +204,17 @@ def _match(request: MatchRequest, replay: MatchReplay) -> None:
 
 
 def _perform_match(
-    request: MatchRequest, replay: MatchReplay, *, store: Any, command: str
+    request: MatchRequest, options: MatchOptions, *, store: Any, command: str
 ) -> dict[str, Any]:
     """Perform a match, and return its summary as plain data."""
-    from aeromatch.workflow.steps import ReplaySettings, perform_match
+    from aeromatch.workflow.steps import perform_match
 
     project = _read_project(request)
     with _open_stages(store, request) as stages:
         # The match itself computes what is not stored, and then gives the warnings.
         with timed_step("check the project, its records and its cases"), warnings.catch_warnings():
             warnings.simplefilter("ignore", AeromatchWarning)
-            plan = _make_plan(project, request, replay, stages=stages, keep_records=True)
+            plan = _make_plan(project, request, options, stages=stages, keep_records=True)
         plan.demand()
         for text in dict.fromkeys(stages.remarks if store is not None else ()):
             warnings.warn(text, AeromatchWarning, stacklevel=2)
@@ -250,8 +224,7 @@ def _perform_match(
             request.jobs,
             timed_step,
             command=command,
-            replay=ReplaySettings(replay.scheduler, replay.resume, replay.samples, replay.seed),
-            compare=replay.compare_tables,
+            options=options,
             stages=stages,
         )
     return to_json_types(
@@ -263,11 +236,11 @@ def _perform_match(
     )
 
 
-def _print_match_plan(request: MatchRequest, replay: MatchReplay) -> None:
+def _print_match_plan(request: MatchRequest, options: MatchOptions) -> None:
     """Print the plan of a match; raise its problems."""
     # The plan stores small checks only. The next match shortens the store.
     with _open_stages(_open_store(), request) as stages:
-        plan = _make_plan(_read_project(request), request, replay, stages=stages)
+        plan = _make_plan(_read_project(request), request, options, stages=stages)
     if request.as_json and not plan.problems:
         print_json(plan.to_dict())
         return
@@ -289,15 +262,14 @@ def _read_project(request: MatchRequest) -> Any:
 def _make_plan(
     project: Any,
     request: MatchRequest,
-    replay: MatchReplay,
+    options: MatchOptions,
     *,
     stages: Any,
     keep_records: bool = False,
 ) -> Any:
     """Return the plan of a match."""
-    from aeromatch.planning.match_plan import MatchOptions, make_plan
+    from aeromatch.planning.match_plan import make_plan
 
-    options = MatchOptions(replay.scheduler, replay.resume, replay.samples, replay.compare_tables)
     return make_plan(
         project,
         request.output,

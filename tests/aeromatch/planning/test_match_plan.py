@@ -11,11 +11,12 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from aeromatch.planning.match_plan import MatchOptions, make_plan
+from aeromatch.planning.match_plan import make_plan
 from aeromatch.planning.sample_checks import manoeuvre_problems
 from aeromatch.project.files import Listings
 from aeromatch.project.project import read_project
 from aeromatch.project.sections import Controls, EngineSection, GroundEffectSection, RecordSelection
+from aeromatch.rebuilding.match_options import MatchOptions
 from flightmech.errors import SchemaError
 from flightmech.support.kept_stages.stages import Stages
 from flightmech.support.kept_stages.store import StageStore

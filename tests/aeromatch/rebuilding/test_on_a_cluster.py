@@ -12,7 +12,8 @@ import pytest
 
 from aeromatch.cli.actions.examples import example_folder
 from aeromatch.project.project import read_project
-from aeromatch.workflow.steps import ReplaySettings, perform_match
+from aeromatch.rebuilding.match_options import MatchOptions
+from aeromatch.workflow.steps import perform_match
 from flightmech.support.kept_stages.sharing import Cluster
 
 pytestmark = [pytest.mark.slow, pytest.mark.serial, pytest.mark.nightly]
@@ -56,7 +57,7 @@ def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothin
         "distributed", reason="dask.distributed is not installed (extra `cluster`)"
     )
     options = {"jobs": 1, "step": lambda text: nullcontext(), "command": "match"}
-    perform_match(project, tmp_path / "here", replay=ReplaySettings(samples=2), **options)
+    perform_match(project, tmp_path / "here", options=MatchOptions(samples=2), **options)
     sent, victims = Counter(), []
     submit, unordered = Cluster._submit, Cluster.unordered
 
@@ -83,8 +84,8 @@ def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothin
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as local:
-        replay = ReplaySettings(local.scheduler_address, samples=2)
-        perform_match(project, tmp_path / "there", replay=replay, **options)
+        replay = MatchOptions(local.scheduler_address, samples=2)
+        perform_match(project, tmp_path / "there", options=replay, **options)
     assert len(victims) == 3
     stages = {
         "_solve_alone",
