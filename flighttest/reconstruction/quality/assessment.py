@@ -343,12 +343,14 @@ def _aircraft_findings(
 ) -> tuple[list[Finding], Unchecked]:
     """Return findings on the aircraft file, and the checks of it that are not possible.
 
-    The lift of `recorded`, with its constant errors, must agree with the mass too: one of them may
-    be an error of scale.
+    The lift of the `recorded` vertical acceleration must agree with the mass too: its constant
+    error may be an error of scale.
     """
     weight, no_weight = weight_findings(signals, aircraft, record, database)
-    if not weight and recorded is not signals:
-        weight, _ = weight_findings(recorded, aircraft, record, database)
+    if not weight and "az_imu" in recorded:
+        # the flow angles stay corrected: an offset of theirs changes the lift coefficient
+        other = signals.with_values({"az_imu": recorded["az_imu"]})
+        weight, _ = weight_findings(other, aircraft, record, database)
     product, no_product = product_findings(signals, aircraft)
     geometry = geometry_findings(aircraft)
     # The checks of the weight use S and b, which may be wrong.

@@ -36,6 +36,7 @@ from flighttest.reconstruction.quality.finding import (
 )
 
 _LOWEST_R2 = 0.15  # of an equation whose signs count
+_CERTAIN = 3.0 * SIGNIFICANT  # the same for a surface that hardly moves
 _SMALL = 0.6 * DEGREE  # total movement below which an effect must not be large
 _LEAST_SLIP = 0.5 * DEGREE  # standard deviation of sideslip that determines the side force
 # 1/s2 per radian at the mean speed of the record: larger effects are angles in the wrong unit
@@ -106,8 +107,14 @@ def _surface_findings(row, record: xr.DataTree, punctual: bool) -> list[Finding]
     moved = row.movement > MOVED
     if row.effect > 0.0 and row.flow_late > 0.0 and moved:
         return [_late_flow_finding(row, record, measured)]
-    if row.effect > 0.0 and row.sign > 0 and not moved:
+    if row.effect > 0.0 and row.sign > 0 and not moved and row.ratio < _CERTAIN:
         return [_small_movement_finding(row, measured)]
+    if row.effect > _STRONGEST[name] and row.sign > 0 and row.movement < _SMALL:
+        text = (
+            f"{name} has the wrong sign, and is in rad and was taken as deg: it moves by "
+            f"{row.movement / DEGREE:.2g} deg in all, and {measured}"
+        )
+        return [_wrong_entry(row, "unit", text, map_entry(record, name, -1.0 / DEGREE))]
     if row.effect > 0.0 and row.sign > 0:
         text = (
             f"{name} has the wrong sign: positive {name} {_WORDS[name]}; {measured}; "

@@ -115,16 +115,22 @@ def test_a_movement_from_before_the_record_has_no_time():
 
 
 @pytest.mark.parametrize(
-    ("movement", "severity", "kind"), [(0.06, "warning", "undecided"), (2.0, "error", "sign")]
+    ("movement", "effect", "ratio", "severity", "kind"),
+    [
+        (0.06, 26.4, 7.2, "warning", "undecided"),
+        (2.0, 26.4, 7.2, "error", "sign"),
+        (0.8, 5.0, 127.0, "error", "sign"),
+        (0.05, 97.5, 127.0, "error", "unit"),
+    ],
 )
-def test_a_surface_that_hardly_moves_shows_no_sign(movement, severity, kind):
-    """Rudder of a real flight between the manoeuvres, 0.06 deg in all: +26.4 1/s2, 7 standard
-    errors.
+def test_a_surface_that_hardly_moves_shows_no_sign(movement, effect, ratio, severity, kind):
+    """First row: rudder of a real flight between the manoeuvres. Last row: rudder of a multisine,
+    reversed, and in rad for deg.
     """
     record = xr.DataTree.from_dict({"/a": xr.Dataset({"delta_r": ("time", [0.0, 0.0])})})
     row = SimpleNamespace(
-        **{"surface": "delta_r", "rate": "r", "effect": 26.4, "stderr": 3.7, "ratio": 7.2},
-        **{"R2": 0.55, "movement": movement * DEGREE, "sign": 1, "flow_late": 0.0},
+        **{"surface": "delta_r", "rate": "r", "effect": effect, "stderr": effect / ratio},
+        **{"ratio": ratio, "R2": 0.55, "movement": movement * DEGREE, "sign": 1, "flow_late": 0.0},
     )
     (finding,) = _surface_findings(row, record, True)
     assert (finding.severity, finding.kind) == (severity, kind)
