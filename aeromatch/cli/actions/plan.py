@@ -65,3 +65,7 @@ def print_plan(plan: Any) -> None:
         click.echo("\nDepartures, which the verdicts state\n" + "\n".join(plan.departures))
     ending = "" if plan.problems else "; nothing was computed or written"
     click.echo(f"\n{count_text(len(plan.problems), 'problem')}{ending}")
+    click.echo(
+        "not checked here: signs, units, delays and gaps of the records, and the aircraft file "
+        "against them; the match checks them, and aeromatch flight check does so now"
+    )

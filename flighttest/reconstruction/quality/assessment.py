@@ -68,6 +68,7 @@ from flighttest.reconstruction.quality.declarations.database_match import (
 )
 from flighttest.reconstruction.quality.declarations.engines import (
     lever_findings,
+    shaft_findings,
     thrust_findings,
 )
 from flighttest.reconstruction.quality.declarations.geometry import geometry_findings, is_airship
@@ -365,7 +366,7 @@ def _aircraft_findings(
         unchecked.append(("Ixz", "sign of Ixz, and pitching in rolls", (), no_product))
     findings = [*geometry, *inertia_findings(aircraft), *weight, *product]
     findings += reference_findings(aircraft, database)
-    for check in (exchange_findings, centre_findings, thrust_findings):
+    for check in (exchange_findings, centre_findings, thrust_findings, shaft_findings):
         found, reasons = check(signals, aircraft)
         findings += found
         unchecked += reasons

@@ -15,6 +15,7 @@ import xarray as xr
 
 from flightmech.air import R_AIR
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.units import POUND_FORCE
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.air_temperature import first_coefficient
@@ -30,6 +31,9 @@ _BLOCKS, _FEWEST = 8, 10.0  # of the jackknife; s of flight
 _UNIT = 0.12  # of the slope, within which a factor of units explains it
 _UNITS = (("lbf", "N", POUND_FORCE), ("N", "lbf", 1.0 / POUND_FORCE), ("kN", "N", 1000.0))
 _EQUAL = (0.6, 1.67)  # thrust of one engine over that of the others, of one unit
+_OFTEN = 95.0  # percentile of a speed that is not a spike
+_OVERSPEED = 1.35  # of the rated speed: a fixed-pitch propeller in a dive stays below
+_SHAFT_OUTPUTS = (".torque", ".fuel_flow")
 _DEVICES = ("gear", "speedbrake", "delta_f")
 _MOVES = 0.01  # range of a device that moves
 _SIDE = 0.05  # of the thrust of both engines, by which they must differ to show their sides
@@ -105,6 +109,54 @@ def thrust_findings(
             *slope, tuple(names)
         )
     return findings, [*unchecked, *_sides_row(signals, names, aircraft)]
+
+
+def shaft_findings(
+    signals: ResampledChannels, aircraft: Aircraft
+) -> tuple[list[Finding], Unchecked]:
+    """Return the findings on the speed of the propellers, and what was not checked.
+
+    Parameters
+    ----------
+    signals : ResampledChannels
+        Without mistakes.
+    aircraft : Aircraft
+        Its propellers have ``rpm_high`` [rad s-1] and ``gear_ratio``.
+    """
+    findings: list[Finding] = []
+    for number, engine in enumerate(aircraft.engines, 1):
+        name = f"engine{number}.rpm"
+        if engine.propeller is None or name not in signals.values:
+            continue
+        speed = signals[name][np.isfinite(signals[name])]
+        fastest = float(np.percentile(speed, _OFTEN)) if speed.size else 0.0
+        ratio = fastest / engine.propeller.rpm_high
+        if ratio > _OVERSPEED:
+            findings.append(_overspeed_finding(name, fastest, engine.propeller))
+    unchecked: Unchecked = []
+    if any(engine.propeller is not None for engine in aircraft.engines):
+        names = [name for name in signals.values if name.endswith(_SHAFT_OUTPUTS)]
+        if names:
+            reason = "no relation of the record shows them: flight engine compares them with charts"
+            unchecked.append(("shaft", "torque and fuel flow", tuple(sorted(names)), reason))
+    return findings, unchecked
+
+
+def _overspeed_finding(name: str, fastest: float, propeller: Propeller) -> Finding:
+    """Return the error of a propeller that turns faster than it can."""
+    ratio = fastest / propeller.rpm_high
+    tip = 0.5 * propeller.diameter * fastest
+    text = (
+        f"{name} reaches {fastest:.4g} rad/s, {ratio:.2f} times rpm_high of the propeller, "
+        f"{propeller.rpm_high:.4g} rad/s, with a tip speed of {tip:.0f} m/s: it is the speed of "
+        f"the crankshaft or turbine, in another unit, or another quantity"
+    )
+    remedy = (
+        "map the speed of the propeller, or give the column a scale: one over the ratio of the "
+        "gearbox, or that of the unit; else correct rpm_high"
+    )
+    evidence = {"ratio": ratio, "tip_speed": tip}
+    return Finding("error", "unit", (name,), text, remedy=remedy, evidence=evidence)
 
 
 def _one_engine_finding(

@@ -12,7 +12,11 @@ import flighttest
 from flightmech.units import POUND_FORCE
 from flighttest.reconstruction.quality.checks.samples import faults_of
 from flighttest.reconstruction.quality.checks.signals import resample_channels
-from flighttest.reconstruction.quality.declarations.engines import lever_findings, thrust_findings
+from flighttest.reconstruction.quality.declarations.engines import (
+    lever_findings,
+    shaft_findings,
+    thrust_findings,
+)
 
 T37 = Path(__file__).parents[4] / "data" / "t37"
 THRUSTS = ("engine1.thrust", "engine2.thrust")
@@ -87,3 +91,17 @@ def test_thrust_of_one_engine_in_another_unit(signals, aircraft, name, factor, u
     (finding,), _ = thrust_findings(wrong, aircraft)
     assert finding.name == f"unit:{name}"
     assert f"is in {unit} " in finding.text
+
+
+@pytest.mark.parametrize(("factor", "errors"), [(1.0, 0), (2.2, 2), (60.0 / (2.0 * np.pi), 2)])
+def test_a_propeller_that_turns_faster_than_it_can(factor, errors):
+    """Crankshaft or turbine for propeller, and rpm read as rad/s, of the twin turboprop."""
+    folder = T37.parent / "commuter"
+    record = flighttest.read(folder / "flight" / "check_dutch_roll.csv", folder / "names.toml")
+    signals = resample_channels(record, faults_of(record))
+    fast = {name: factor * signals[name] for name in ("engine1.rpm", "engine2.rpm")}
+    found, unchecked = shaft_findings(
+        signals.with_values(fast), flightmech.read_aircraft(folder / "aircraft.toml")
+    )
+    assert [finding.name for finding in found] == [f"unit:{name}" for name in fast][:errors]
+    assert [row[2] for row in unchecked] == [("engine1.torque", "engine2.torque")]
