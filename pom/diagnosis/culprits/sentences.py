@@ -53,7 +53,7 @@ def describe_culprits(
         first,
         f"With the {len(steps)} terms of this ranking corrected, which the corrected model need not "
         f"have, {steps[-1]['matched']} of {end['cases']} cases are within "
-        f"tolerance (a priori {start['matched']}, final model {end['matched']}) and the mismatch "
+        f"the tolerances that could be judged (a priori {start['matched']}, final model {end['matched']}) and the mismatch "
         f"over all cases is {steps[-1]['mismatch']:.2f} half widths (a priori "
         f"{start['mismatch']:.2f}, final model {end['mismatch']:.2f}).",
     ]
