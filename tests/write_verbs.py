@@ -282,8 +282,8 @@ VERBS = {
         "flight markers cameras.csv --setup markers.toml -o body.nc", "cameras", "body.nc"
     ),
     "diagnose": Verb(
-        "pom diagnose cases/dutch_roll.toml --prior e.nc --final db.nc --replays 8 -j1 -o c.nc "
-        "--aircraft-output c.toml",
+        "pom diagnose cases/dutch_roll.toml --prior e.nc --final db.nc --apriori aircraft.toml "
+        "--replays 8 -j1 -o c.nc --aircraft-output c.toml",
         "db.nc e.nc",
         "c.nc c.toml",
     ),
