@@ -41,7 +41,10 @@ def write_stalls(folder: Path) -> None:
     rng = np.random.default_rng(11)
     S, mass = 17.0, 2000.0
     lengths = f"S = {S}\ncbar = {stall_records.CBAR}\nb = {stall_records.SPAN}\nmass = {mass}\n"
-    (folder / "jet.toml").write_text(f'name = "jet"\n{lengths}Ixx = 9e3\nIyy = 8e3\nIzz = 15e3\n')
+    inertia = "Ixx = 9e3\nIyy = 8e3\nIzz = 15e3\n"
+    # for the export to JSBSim
+    limits = '[limits]\ndelta_e = ["-25 deg", "15 deg"]\ndelta_f = ["0 deg", "40 deg"]\n'
+    (folder / "jet.toml").write_text(f'name = "jet"\n{lengths}{inertia}{limits}')
     aerodb.save(stall_records.attached_database(), folder / "jet.nc")
     for name, kind in (("slow", "quasi-steady"), ("fast", "accelerated")):
         one = stall_records.stall_record(rng, kind)

@@ -205,8 +205,9 @@ VERBS = {
     "previous": Verb("db previous e.nc -o old.nc", "e.nc", "old.nc"),
     "forget": Verb("db forget e.nc -o e.nc", "e.nc", "e.nc"),
     "rescale": Verb(
-        "db rescale db.nc aircraft.toml --length-ratio 1.2 -o big.nc --aircraft-output big.toml",
-        "db.nc",
+        # the laws of similarity do not scale the propeller of the C182
+        "db rescale jet.nc jet.toml --length-ratio 1.2 -o big.nc --aircraft-output big.toml",
+        "stalls",
         "big.nc big.toml",
     ),
     "plot a term": Verb("db plot db.nc --term CL/basic -o f.png", "db.nc", "f.png"),
@@ -219,7 +220,10 @@ VERBS = {
     "export a folder": Verb("db export db.nc -o tables --to csv", "db.nc", "tables"),
     "export daveml": Verb("db export db.nc -o db.dml --to daveml", "db.nc", "db.dml"),
     "export jsbsim": Verb(
-        "db export db.nc -o model.xml --to jsbsim --aircraft aircraft.toml", "db.nc", "model.xml"
+        # JSBSim has no chart of power, as the engine of the C182 has
+        "db export jet.nc -o model.xml --to jsbsim --aircraft jet.toml",
+        "stalls",
+        "model.xml",
     ),
     "export matlab": Verb("db export db.nc -o db.mat --to matlab", "db.nc", "db.mat"),
     "fmu": Verb("fmu write aircraft.toml db.nc -o m.fmu", "db.nc", "m.fmu"),
@@ -282,8 +286,8 @@ VERBS = {
         "flight markers cameras.csv --setup markers.toml -o body.nc", "cameras", "body.nc"
     ),
     "diagnose": Verb(
-        "pom diagnose cases/dutch_roll.toml --prior e.nc --final db.nc --replays 8 -j1 -o c.nc "
-        "--aircraft-output c.toml",
+        "pom diagnose cases/dutch_roll.toml --prior e.nc --final db.nc --apriori aircraft.toml "
+        "--replays 8 -j1 -o c.nc --aircraft-output c.toml",
         "db.nc e.nc",
         "c.nc c.toml",
     ),

@@ -1,4 +1,4 @@
 """Public names of `aerodb.comparison`."""
 
 from .comparison import compare as compare
-from .conditions import read_conditions as read_conditions
+from .record_conditions import read_conditions as read_conditions

@@ -10,6 +10,7 @@ from pathlib import Path
 from datcom_io.reading.reader import listings_in
 from flightmech.errors import SchemaError
 from flightmech.support.file_kinds import packed_kind
+from flightmech.support.input_files import regular_files
 
 FILES = ("aircraft.toml", "names.toml", "manoeuvres.csv", "aeromatch.toml")
 RECORD_SUFFIXES = (
@@ -135,7 +136,7 @@ def source_folders(folder: Path) -> tuple[Path, ...]:
 
 def _files_of(path: Path) -> list[Path]:
     if path.is_dir():
-        return sorted(file for file in path.iterdir() if file.is_file())
+        return regular_files(sorted(path.iterdir()), "an input")
     return [path]
 
 

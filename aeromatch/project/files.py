@@ -13,7 +13,7 @@ from pydantic import Field, ValidationInfo
 from pydantic_core import core_schema
 
 from datcom_io.reading.reader import ListingCase, place_of
-from flightmech.errors import near_names
+from flightmech.errors import ParseError, near_names
 from flightmech.support.input_files import match_files
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import UNFILLED, InUnits
@@ -61,6 +61,9 @@ class ProjectFolder:
         except OSError as error:
             self.problems.append(f"{key}: {error}; name the folder of the files")
             return []
+        except ParseError as error:
+            self.problems.append(f"{key}: {error}")
+            return []
         if not names:
             self.problems.append(f"{key}: {self._explain_no_match(pattern)}")
         return [Path(name) for name in names]
@@ -96,7 +99,7 @@ class ProjectFolder:
 
     def _has_match(self, pattern: str) -> bool:
         """Return whether a file matches; a pattern that is refused is reported by `matching`."""
-        with suppress(OSError):
+        with suppress(OSError, ParseError):
             return bool(match_files(str(self.folder / pattern)))
         return False
 

@@ -16,6 +16,7 @@ from glob import has_magic
 from pathlib import Path
 from typing import Any
 
+from flightmech.errors import ParseError
 from flightmech.support.input_files import file_sha256, match_files
 from flightmech.support.kept_stages.checked_files import read_checked, write_checked
 from flightmech.support.kept_stages.program import hash_arithmetic, hash_installation
@@ -183,7 +184,7 @@ def _file_state(file: str) -> tuple[int, ...]:
 
 def _matching(pattern: str) -> list[str]:
     """Return the files of a pattern, or none if a project would not match the text."""
-    with suppress(OSError):
+    with suppress(OSError, ParseError):
         return match_files(pattern)
     return []
 

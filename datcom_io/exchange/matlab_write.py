@@ -25,6 +25,8 @@ from datcom_io.exchange.matlab_scalars import MachAltitudeGrid, case_scalars, sy
 from datcom_io.listing import Case, Listing
 from flightmech.support.atomic_write import written_atomically
 
+_HEADER = b"MATLAB 5.0 MAT-file, written by aeromatch"
+_HEADER_SIZE = 116  # bytes of the text in the header
 _UPRIGHT = frozenset(("fin", "panels"))
 _NUMBER = (OK, FILLED, SUSPECT)
 _NOT_PRINTED = (ABSENT, BLANK)
@@ -84,8 +86,10 @@ def write_matlab(
         long_field_names=True,
         oned_as="row",
     )
+    # SciPy's text holds the time, so that equal listings would give unequal files
+    data = _HEADER.ljust(_HEADER_SIZE) + content.getvalue()[_HEADER_SIZE:]
     with written_atomically(path) as part:
-        part.write_bytes(content.getvalue())
+        part.write_bytes(data)
     return left_out
 
 

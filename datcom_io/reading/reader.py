@@ -15,6 +15,7 @@ from datcom_io.reading.lines import ControlColumn, line_blocks
 from datcom_io.reading.scanner import Scanner
 from flightmech.errors import ParseError
 from flightmech.support.file_kinds import MISSILE_FILE, file_kind
+from flightmech.support.input_files import regular_files
 
 Source = str | os.PathLike[str] | Iterable[str]
 
@@ -208,11 +209,13 @@ def listings_in(folder: str | os.PathLike[str]) -> list[Path]:
     ------
     FileNotFoundError
         There is none.
+    ParseError
+        The folder holds a named pipe or a device.
     """
     files = []
-    for path in sorted(Path(folder).iterdir()):
+    for path in regular_files(sorted(Path(folder).iterdir()), "a listing of Digital DATCOM"):
         # Without zero bytes the sign is found in UTF-16 too.
-        if path.is_file() and _SIGN in path.read_bytes().replace(b"\0", b""):
+        if _SIGN in path.read_bytes().replace(b"\0", b""):
             files.append(path)
     if not files:
         raise FileNotFoundError(

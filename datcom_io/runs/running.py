@@ -33,7 +33,7 @@ from flightmech.support.foreign_code.process import (
     sandbox_for,
 )
 from flightmech.support.foreign_code.sandbox import read_sandbox_mode
-from flightmech.support.input_files import marked_encoding
+from flightmech.support.input_files import marked_encoding, regular_files
 
 _DECK_NAME = "for005.dat"
 # Print file (unit 6) and plot files by the names of known builds, best first.
@@ -203,8 +203,8 @@ def run_folder(
     """
     folder = Path(folder)
     decks = []
-    for path in sorted(folder.iterdir()):
-        if path.is_file() and file_kind(path).startswith("an input deck"):
+    for path in regular_files(sorted(folder.iterdir()), "an input deck"):
+        if file_kind(path).startswith("an input deck"):
             decks.append(path)
     problems = []
     for stem, count in Counter(path.stem for path in decks).items():

@@ -9,13 +9,15 @@ import io
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from glob import glob, iglob
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from flightmech.errors import ParseError
+
+P = TypeVar("P", str, Path)
 
 MOST_PLACES = 50_000
 """Greatest number of files and folders that a pattern with ``**`` looks through."""
@@ -56,6 +58,29 @@ def demand_regular(path: str | os.PathLike[str], expected: str) -> None:
     if path.exists() and not path.is_file() and not path.is_dir():
         expected = f"{expected} in a regular file; write it to one first"
         raise ParseError(str(path), 0, "a named pipe or a device", expected)
+
+
+def regular_files(paths: Iterable[P], expected: str) -> list[P]:
+    """Return the regular files among the content of a folder, in the same order, without folders.
+
+    A file that is left out would be missing from a result without a word.
+
+    Raises
+    ------
+    ParseError
+        A named pipe, a device or a socket, or a link to a file that does not exist.
+    """
+    files = []
+    for path in paths:
+        demand_regular(path, expected)
+        if os.path.isfile(path):
+            files.append(path)
+        # editors lock a file by a hidden link of this kind
+        elif not os.path.exists(path) and not Path(path).name.startswith("."):
+            fault = "a link to a file that does not exist"
+            expected = f"{expected} in a regular file; delete the link or write its file"
+            raise ParseError(str(path), 0, fault, expected)
+    return files
 
 
 def demand_size(path: str | os.PathLike[str], most: int, expected: str) -> None:
@@ -254,6 +279,8 @@ def match_files(pattern: str) -> list[str]:
 
     Raises
     ------
+    ParseError
+        The pattern also matches a named pipe, a device, a socket, or a link without its file.
     OSError
         ``**`` meets more than `MOST_PLACES` files and folders: a pattern of others may begin at the
         root of the file system, or in a folder whose links lead back to it.
@@ -262,7 +289,7 @@ def match_files(pattern: str) -> list[str]:
         places = iglob(pattern[: part.end()], recursive=True)
         if next(islice(places, MOST_PLACES, None), None) is not None:
             raise OSError(f"{pattern!r} looks through more than {MOST_PLACES} files and folders")
-    return sorted(name for name in glob(pattern, recursive=True) if os.path.isfile(name))
+    return regular_files(sorted(glob(pattern, recursive=True)), "an input")
 
 
 def name_and_sha256(path: Path) -> dict[str, str]:

@@ -25,10 +25,11 @@ from typing import Any
 import numpy as np
 
 import aerodb
-from aerodb.comparison.conditions import fill_missing_devices
+from aerodb.comparison.record_conditions import fill_missing_devices
 from flightmech import terms as _terms
 from flightmech.errors import UnknownName
 from flightmech.support.arrays import rms
+from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from pom.diagnosis.swap_judgement import Judged
 from pom.diagnosis.swap_runs import SwapBench
@@ -146,7 +147,8 @@ def _swap_sizes(bench: SwapBench) -> dict[str, float]:
     prior_terms, final_terms = aerodb.terms(prior), aerodb.terms(final)
     every = max(1, bench.states.sizes["time"] // SAMPLES)
     try:
-        states = reduced_rates(bench.states, bench.models.aircraft[1])
+        aircraft = bench.models.aircraft[1]
+        states = with_propeller_channels(reduced_rates(bench.states, aircraft), aircraft)
         states = states.isel(time=slice(None, None, every))
         complete, _ = fill_missing_devices(states, prior, final)
     except UnknownName:

@@ -18,7 +18,8 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from aerodb.comparison.conditions import fill_missing_devices, select_covered_samples
+from aerodb.comparison.conditions import select_covered_samples
+from aerodb.comparison.record_conditions import fill_missing_devices
 from aerodb.store.identified_terms import is_changed
 from aerodb.store.schema import HINGE, terms
 from aerodb.update.standard_errors import standard_errors
@@ -86,8 +87,7 @@ class Evidence:
                 leaves[name] = leaf
         # every n-th state, so that at least SAMPLES remain of a longer record
         step = max(1, states.sizes["time"] // SAMPLES)
-        thinned = _with_thrust_coefficient(states.isel(time=slice(None, None, step)), database)
-        thinned, _ = fill_missing_devices(thinned, database)
+        thinned, _ = fill_missing_devices(states.isel(time=slice(None, None, step)), database)
         self.samples: dict[str, np.ndarray] = {}
         if leaves:
             self.samples, *_ = select_covered_samples(thinned, leaves.values())
@@ -146,16 +146,6 @@ class Evidence:
             columns[:, k] = self.samples.get(name, 0.0)
         parts = Simulation(model.model).evaluate(columns)[1]
         return {name: parts[:, k] for k, name in enumerate(model.terms)}
-
-
-def _with_thrust_coefficient(states: xr.Dataset, database: xr.DataTree) -> xr.Dataset:
-    """Return states with CT, from the thrust of the record, for terms of the slipstream."""
-    engines = [name for name in map(str, states.data_vars) if name.endswith(".thrust")]
-    if "CT" in states or not engines or "qbar" not in states or "S" not in database.attrs:
-        return states
-    # CT = net thrust of all engines / (qbar S)
-    thrust = sum(states[name] for name in engines)
-    return states.assign(CT=thrust / (states["qbar"] * float(database.attrs["S"])))
 
 
 def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ...]:

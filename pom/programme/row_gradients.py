@@ -89,7 +89,7 @@ def differentiate_row(
         raise _no_criterion_error(wanted, notes)
     leaves = uncertain_terms(database, hinges=plan.case.drive.level != "recorded")
     values = table_values(sim, {name: leaf["value"].shape for name, leaf in leaves.items()})
-    samples = flown_conditions(database, leaves, plan.states)
+    samples = flown_conditions(database, leaves, plan.states, aircraft)
     moves = _nodes_of_flight(leaves, samples)
 
     def differ(name: str, node: tuple[int, ...]) -> np.ndarray:

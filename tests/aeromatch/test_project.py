@@ -1,9 +1,11 @@
+import os
 from copy import copy
 from functools import partial
 from types import SimpleNamespace
 
 import pytest
 
+from aeromatch.project.files import ProjectFolder
 from aeromatch.project.project import NewTerm, read_project
 from aeromatch.rebuilding.products import of_cases
 from aeromatch.workflow.aerodynamics import prior_step
@@ -507,3 +509,14 @@ def test_a_faulty_file_of_ice_is_a_problem_of_the_project(write):
     found = problems(path)
     assert {line.partition(":")[0] for line in found} == {"ice"}
     assert any("title" in line for line in found)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_a_case_file_that_is_a_pipe_is_a_problem(tmp_path):
+    (tmp_path / "a.toml").write_text("")
+    os.mkfifo(tmp_path / "b.toml")
+    folder = ProjectFolder(tmp_path / "aeromatch.toml")
+    assert folder.matching("*.toml", "cases") == []
+    (problem,) = folder.problems
+    assert problem.startswith("cases: ")
+    assert "b.toml: found a named pipe or a device" in problem

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from aerodb.comparison.comparison import compare as compared
-from aerodb.comparison.conditions import read_conditions
+from aerodb.comparison.record_conditions import read_conditions
 from aerodb.figures.lr743_set.flown import FLOWN, read_flown
 from aerodb.store.files import open as open_database
 from flightmech.aircraft.aircraft_file import read_aircraft

@@ -87,7 +87,7 @@ def replay_draws(
         if any(np.isfinite(run.signed(criterion.name)) for run in runs):
             names.append(criterion.name)
     hinges = plan.case.drive.level != "recorded"
-    changes = contribution_changes(models.database, models.nodes, plan.states, hinges)
+    changes = contribution_changes(models.database, models.nodes, plan.states, hinges, aircraft)
     regressors = regressors_of_draws(
         changes, dict(zip(instruments.names, errors_by_draw.T, strict=True))
     )

@@ -12,7 +12,6 @@ regressors [Li2010]_, which holds for correlated errors too.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -20,9 +19,12 @@ import pandas as pd
 import xarray as xr
 
 import aerodb
-from aerodb.comparison.conditions import fill_missing_devices, select_covered_samples
+from aerodb.comparison.conditions import select_covered_samples
+from aerodb.comparison.record_conditions import fill_missing_devices
 from aerodb.store.schema import HINGE
 from flightmech import terms as _terms
+from flightmech.aircraft.aircraft import Aircraft
+from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 
 LEAST = 0.01  # of the variance of a coefficient by all terms: smaller components are left out
 COMPONENTS = 3  # of one term
@@ -33,7 +35,11 @@ _LENGTHS = {"p": "b", "q": "cbar", "r": "b", "alpha_dot": "cbar", "beta_dot": "b
 
 
 def contribution_changes(
-    db: xr.DataTree, nodes: Mapping[str, np.ndarray], states: xr.Dataset, hinges: bool
+    db: xr.DataTree,
+    nodes: Mapping[str, np.ndarray],
+    states: xr.Dataset,
+    hinges: bool,
+    aircraft: Aircraft | None = None,
 ) -> dict[str, np.ndarray]:
     """Return the change of the contribution of every term along a flight, by the draws.
 
@@ -46,6 +52,8 @@ def contribution_changes(
         The flight. [SI]
     hinges : bool
         Whether hinge moments matter in the case.
+    aircraft : Aircraft or None
+        For the thrust of propellers that the record lacks.
 
     Returns
     -------
@@ -57,7 +65,7 @@ def contribution_changes(
             leaves[name] = leaf
     if not leaves:
         return {}
-    samples = flown_conditions(db, leaves, states)
+    samples = flown_conditions(db, leaves, states, aircraft)
     changes = {}
     for name, leaf in leaves.items():
         # The change of the contribution is B dg, with the interpolation weights B of the nodes.
@@ -67,9 +75,18 @@ def contribution_changes(
 
 
 def flown_conditions(
-    db: xr.DataTree, leaves: Mapping[str, xr.Dataset], states: xr.Dataset
+    db: xr.DataTree,
+    leaves: Mapping[str, xr.Dataset],
+    states: xr.Dataset,
+    aircraft: Aircraft | None = None,
 ) -> dict[str, np.ndarray]:
-    """Return the variables of terms along a flight, at about 200 of its samples. [SI]"""
+    """Return the variables of terms along a flight, at about 200 of its samples. [SI]
+
+    The propellers of `aircraft` give what terms of the slipstream need from a record without
+    thrust.
+    """
+    if aircraft is not None:
+        states = with_propeller_channels(states, aircraft)
     every = max(1, states.sizes["time"] // _SAMPLES)
     selected = _add_reduced_rates(states, db).isel(time=slice(None, None, every))
     complete, _ = fill_missing_devices(selected, db)
@@ -77,7 +94,7 @@ def flown_conditions(
 
 
 def _add_reduced_rates(states: xr.Dataset, db: xr.DataTree) -> xr.Dataset:
-    """Return states with reduced rates and thrust coefficient, by lengths of the database."""
+    """Return states with reduced rates, by lengths of the database."""
     half, time = 1.0 / (2.0 * np.maximum(states["V"].values, 1.0)), states["time"].values
     rates = {name: states[name].values for name in _LENGTHS if name in states}
     for name in ("alpha", "beta"):
@@ -88,10 +105,6 @@ def _add_reduced_rates(states: xr.Dataset, db: xr.DataTree) -> xr.Dataset:
     for name, rate in rates.items():
         length = float(db.attrs[_LENGTHS[name]])
         reduced[f"{name.replace('_', '')}hat"] = rate * length * half
-    engines = [str(name) for name in states if re.fullmatch(r"engine\d+\.thrust", str(name))]
-    if engines and "qbar" in states:
-        thrust = sum(states[name].values for name in engines)
-        reduced["CT"] = thrust / (np.maximum(states["qbar"].values, 1.0) * float(db.attrs["S"]))
     # Reduced rates of the record have priority.
     new = {}
     for name, rate in reduced.items():

@@ -3,7 +3,7 @@ import pytest
 import xarray as xr
 
 import aerodb
-from aerodb.comparison.conditions import fill_missing_devices
+from aerodb.comparison.record_conditions import fill_missing_devices
 from flightmech import terms
 from flightmech.errors import ParseError, UnknownName
 

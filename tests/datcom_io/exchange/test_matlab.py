@@ -275,3 +275,15 @@ def test_faults(tmp_path):
     path.write_bytes(b"no mat file")
     with pytest.raises(ParseError, match="no MAT file"):
         datcom_io.exchange.read_matlab(path)
+
+
+def test_a_file_does_not_depend_on_the_time(tmp_path, monkeypatch):
+    deck = Path(__file__).parents[3] / "data" / "c182" / "datcom" / "clean.out"
+    listing = datcom_io.read(deck)
+    files = []
+    for number in (1, 2):
+        monkeypatch.setattr("time.asctime", lambda *_, number=number: f"time {number}")
+        files.append(tmp_path / f"{number}.mat")
+        datcom_io.exchange.write_matlab(listing, files[-1])
+    assert files[0].read_bytes() == files[1].read_bytes()
+    assert "aero" in loadmat(files[0])

@@ -239,3 +239,22 @@ def test_a_file_that_is_too_large_is_refused_before_it_is_read(tmp_path):
         read_text(file, "a text")
     with pytest.raises(ParseError, match=r"a file of 3000 MiB.*of at most 64 MiB; divide it"):
         read_estimate(file)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_a_pattern_leaves_no_pipe_and_no_broken_link_out(tmp_path):
+    (tmp_path / "a.toml").write_text("")
+    (tmp_path / "folder.toml").mkdir()
+    pattern = f"{tmp_path}/*.toml"
+    assert texts.match_files(pattern) == [f"{tmp_path}/a.toml"]
+    os.mkfifo(tmp_path / "b.toml")
+    with pytest.raises(ParseError, match=r"b\.toml.*a named pipe or a device"):
+        texts.match_files(pattern)
+    (tmp_path / "b.toml").unlink()
+    (tmp_path / "b.toml").symlink_to("missing.toml")
+    with pytest.raises(ParseError, match=r"b\.toml.*a link to a file that does not exist"):
+        texts.match_files(pattern)
+    (tmp_path / "b.toml").unlink()
+    # as editors lock a file
+    (tmp_path / ".#a.toml").symlink_to("user@host")
+    assert texts.regular_files(sorted(tmp_path.iterdir()), "an input") == [tmp_path / "a.toml"]
