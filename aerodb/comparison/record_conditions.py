@@ -125,7 +125,8 @@ def _thrust_coefficient(
         return None
     # CT = net thrust of all engines / (qbar S)
     thrust = sum(conditions[name] for name in engines)
-    CT = thrust / (np.maximum(conditions["qbar"], _LEAST_QBAR) * areas[0])
+    qbar = conditions["qbar"].clip(min=_LEAST_QBAR)
+    CT: xr.DataArray = thrust / (qbar * areas[0])
     return CT.assign_attrs(quantity_attributes("CT"))
 
 

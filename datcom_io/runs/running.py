@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -392,9 +393,11 @@ def _list_messages(listing: Listing, deck: DeckFile) -> Iterator[ListingMessage]
 def _write_files(outputs: dict[str, bytes], folder: Path, stem: str) -> dict[str, Path]:
     """Write print and plot files under the name of the deck."""
     files = {}
-    for key, content in outputs.items():
-        files[key] = folder / f"{stem}.{key}"
-        with written_atomically(files[key]) as part:
+    # All contents are on disk before the first file gets its name.
+    with ExitStack() as stack:
+        for key, content in outputs.items():
+            files[key] = folder / f"{stem}.{key}"
+            part = stack.enter_context(written_atomically(files[key]))
             part.write_bytes(content)
     return files
 
