@@ -8,6 +8,7 @@ answer to the input as a free response.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -155,6 +156,12 @@ class _Motion:
         part = (self.time >= start - 1e-9) & (self.time <= stop + 1e-9)
         return name in self.channels and not self.missing[name][part].any()
 
+    def recorded(self, name: str) -> np.ndarray:
+        """Return the samples (time,) with a channel; an attitude rate has all that give it."""
+        if name in ("theta", "phi"):
+            return ~np.logical_or.reduce([self.missing[x] for x in _ATTITUDE])
+        return ~self.missing[name]
+
 
 def check_window(case: PomCase, states: xr.Dataset) -> WindowCheck:
     """Return whether a window starts in steady flight and ends after the input of a response.
@@ -253,26 +260,25 @@ def _unsteady_start(case: PomCase, motion: _Motion) -> WindowCheck:
         part = (time >= first - 1e-9) & (time <= last + 1e-9)
         texts = []
         for name, limit in limits.items():
-            if not part.any():
-                break
-            values = rates[name][part] if name in rates else channels[name][part]
+            # a line through missing samples is no movement
+            shown = part & motion.recorded(name)
+            if not shown.any():
+                continue
+            values = rates[name][shown] if name in rates else channels[name][shown]
             size = float(np.abs(values).max() if name in rates else np.ptp(values))
             if size > limit:
                 texts.append(_movement_text(name, size))
         return texts
 
     def is_steady(instant: float) -> bool:
-        # a line through missing samples looks steady
-        known = all(motion.known(name, *_time_before(instant, motion)) for name in channels)
+        # The attitude shows whether the flight is steady.  A hole in a control only leaves this
+        # control unchecked.
+        needed = [name for name in _ATTITUDE if name in channels]
+        known = all(motion.known(name, *_time_before(instant, motion)) for name in needed)
         return known and not movements(instant)
 
-    unknown = [name for name in _ATTITUDE if not motion.known(name, *_time_before(start, motion))]
-    unchecked: tuple[str, ...] = ()
-    if unknown:
-        unchecked = (
-            f"whether the flight is steady at {start:g} s, where the window starts: the record has "
-            f"no {', '.join(unknown)} there; only the other channels are checked",
-        )
+    names = [*_ATTITUDE, *(name for name in _LIMITS if name in channels)]
+    unchecked = _missing_at(start, f"{start:g} s, where the window starts", names, motion)
     moving = movements(start)
     if not moving:
         return WindowCheck((), unchecked)
@@ -288,6 +294,12 @@ def _unsteady_start(case: PomCase, motion: _Motion) -> WindowCheck:
     while after < stop and not is_steady(after):
         after += 0.1
     is_later = after < stop and _holds_input(case, motion, after)
+    # channels that the record never has are already listed for the start of the window
+    names = list(channels)
+    if before > time[0]:
+        unchecked += _missing_at(before, f"{before:.1f} s, the earlier start", names, motion)
+    if is_later:
+        unchecked += _missing_at(after, f"{after:.1f} s, the later start", names, motion)
     if before > time[0] and is_later:
         text += f"the flight is steady until {before:.1f} s, and from {after:.1f} s on"
     elif before > time[0]:
@@ -297,6 +309,20 @@ def _unsteady_start(case: PomCase, motion: _Motion) -> WindowCheck:
     else:
         text += "choose a record with steady flight before the input"
     return WindowCheck((text,), unchecked)
+
+
+def _missing_at(
+    instant: float, place: str, names: Collection[str], motion: _Motion
+) -> tuple[str, ...]:
+    """Return what missing samples of some channels leave unchecked at an instant; empty if none."""
+    unknown = [name for name in names if not motion.known(name, *_time_before(instant, motion))]
+    if not unknown:
+        return ()
+    text = (
+        f"whether the flight is steady at {place}: the record has no {', '.join(unknown)} there; "
+        f"only the other channels are checked"
+    )
+    return (text,)
 
 
 def _time_before(instant: float, motion: _Motion) -> tuple[float, float]:

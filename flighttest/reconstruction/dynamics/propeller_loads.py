@@ -180,27 +180,50 @@ def _warn_of_torque(number: int) -> None:
 def _shaft_acceleration(speed: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Return the derivative of a speed (time,) up to `_SHAFT_BAND`. [rad/s2]
 
-    Times that were rounded or jitter are resampled. Below ten samples per second the derivative is
-    that of successive samples.
+    Below ten samples per second the derivative is that of successive samples.  Above, each stretch
+    between gaps is differentiated on its own.  A sample between two gaps, and one without a speed,
+    have NaN.
 
     Raises
     ------
     IdentificationError
-        The clock does not increase, or has a gap.
+        The clock does not increase.
     """
+    acceleration = np.full(len(time), np.nan)
+    # missing samples are a gap in the clock: a NaN would spread over the window
+    known = np.flatnonzero(np.isfinite(speed))
+    steps = np.diff(time[known])
+    if not steps.size:
+        return acceleration
+    if not steps.min() > 0.0:
+        raise IdentificationError(
+            f"the time of the speed of the propeller steps by {steps.min():.4g} s, where more than "
+            f"0 s is possible; resample on an increasing clock first"
+        )
+    # the speed between the samples of a gap is unknown
+    gaps = np.flatnonzero(steps * _SHAFT_BAND > _LONGEST_STEP) + 1
+    if _is_slow(float(np.median(steps))):
+        gaps = gaps[:0]
+    for part in np.split(known, gaps):
+        if len(part) > 1:
+            acceleration[part] = _stretch_acceleration(speed[part], time[part])
+    return acceleration
+
+
+def _is_slow(step: float) -> bool:
+    """Return whether a period of the band has fewer than ten samples."""
+    # a clock of 10 Hz has rounding errors
+    return 10.0 * step * _SHAFT_BAND > 1.0 + 1e-6
+
+
+def _stretch_acceleration(speed: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return `_shaft_acceleration` of a stretch without a gap; times that jitter are resampled."""
     steps = np.diff(time)
     step = float(np.median(steps))
-    # A period of the band is ten samples or more; a clock of 10 Hz has rounding errors.
-    if 10.0 * step * _SHAFT_BAND > 1.0 + 1e-6:
+    if _is_slow(step):
         return np.gradient(speed, time)
     if np.ptp(steps) <= _UNIFORM * step:
         return _derivative_in_band(speed, step, time)
-    if not steps.min() > 0.0 or steps.max() * _SHAFT_BAND > _LONGEST_STEP:
-        raise IdentificationError(
-            f"the time of the speed of the propeller steps by {steps.min():.4g} ... "
-            f"{steps.max():.4g} s, where more than 0 and at most {_LONGEST_STEP / _SHAFT_BAND:g} s "
-            f"are possible; cut and resample first"
-        )
     # The median of rounded steps drifts from the clock over the record; their mean does not.
     clock = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
     step = float(clock[1] - clock[0])

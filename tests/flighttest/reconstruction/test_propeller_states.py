@@ -241,14 +241,47 @@ def test_rounding_of_a_clock_of_ten_hertz_does_not_change_the_derivative():
     np.testing.assert_allclose(torque_of_shaft(time, speed), next_day, atol=1e-6)
 
 
-def test_a_clock_with_a_gap_is_an_error():
-    time = np.delete(np.arange(400) / 50.0, slice(100, 130))
-    with pytest.raises(
-        IdentificationError, match=r"steps by 0\.02 \.\.\. 0\.62 s, .* resample first"
-    ):
-        torque_of_shaft(time, 240.0 + time)
-    time = np.delete(np.arange(400) / 50.0, slice(100, 110))
-    np.testing.assert_allclose(torque_of_shaft(time, 240.0 + time), 2.0, rtol=1e-6)
+def test_stretches_between_gaps_have_their_own_derivative():
+    clock = np.arange(400) / 20.0
+
+    def shaft(time):
+        # the speed jumps by 50 rad/s in the gap, which no acceleration shows
+        return 240.0 + time + np.where(time > 10.2, 50.0, 0.0)
+
+    # gaps of 0.6 s, of 0.2 s without the jump, and one sample between two gaps
+    time = np.delete(clock, slice(200, 211))
+    np.testing.assert_allclose(torque_of_shaft(time, shaft(time)), 2.0, rtol=1e-6)
+    short = np.delete(clock, slice(100, 103))
+    np.testing.assert_allclose(torque_of_shaft(short, 240.0 + short), 2.0, rtol=1e-6)
+    time = np.delete(clock, [*range(190, 201), *range(202, 213)])
+    torque = torque_of_shaft(time, shaft(time))
+    assert np.flatnonzero(np.isnan(torque)).tolist() == [190]
+    np.testing.assert_allclose(np.delete(torque, 190), 2.0, rtol=1e-6)
+    # samples without a speed, in the middle and at both ends
+    speed = shaft(clock)
+    missing = [0, 1, *range(200, 211), 399]
+    speed[missing] = np.nan
+    torque = torque_of_shaft(clock, speed)
+    assert np.flatnonzero(np.isnan(torque)).tolist() == missing
+    np.testing.assert_allclose(np.delete(torque, missing), 2.0, rtol=1e-6)
+    with pytest.raises(IdentificationError, match=r"steps by 0 s, .* increasing clock first"):
+        torque_of_shaft(np.sort([*clock, clock[50]]), np.full(401, 240.0))
+
+
+@pytest.mark.parametrize("power", ["engine1.torque", "engine1.manifold_pressure"])
+def test_missing_samples_of_the_speed_leave_the_other_coefficients(flown, power):
+    names = ("p", "q", "r", "ax", "ay", "az", "p_dot", "q_dot", "r_dot", "engine1.rpm", power)
+    states = states_of(flown, *names)
+    whole = flighttest.coefficients(states, trainer())
+    gap = np.zeros(TIME.size, bool)
+    gap[300:335] = True
+    cut = flighttest.coefficients(states.isel(time=~gap), trainer())
+    speed = states["engine1.rpm"].where(~xr.DataArray(gap, dims="time"))
+    holed = flighttest.coefficients(states.assign({"engine1.rpm": speed}), trainer())
+    for name in ("CL", "CD", "Cl", "Cm"):
+        np.testing.assert_array_equal(np.isnan(holed[name]), gap)
+        np.testing.assert_allclose(holed[name].values[~gap], cut[name].values, atol=1e-12)
+        np.testing.assert_allclose(cut[name].values, whole[name].values[~gap], atol=3e-4)
 
 
 def test_without_power_the_rotor_stays_and_the_torque_is_named():

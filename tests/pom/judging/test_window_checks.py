@@ -159,6 +159,38 @@ def test_a_later_start_is_named_where_it_is_the_right_one(case):
     assert text.endswith("the flight is steady from 5.7 s on: start there or later")
 
 
+def test_a_hole_in_a_control_leaves_the_advice(case):
+    roll = held((3.0, 5.0), 10.0 * DEGREE)
+    whole = check(case, (4.0, 24.0), "2.d.4", p=roll)
+    assert whole.unchecked == ()
+    zero = 0.0 * TIME
+    places = ("4 s, where the window starts", "2.7 s, the earlier start", "5.7 s, the later start")
+    for name, stop in (("F_pedal", 28.0), ("F_column", 6.0)):
+        found = check(case, (4.0, 24.0), "2.d.4", p=roll, **{name: with_hole(zero, 0.0, stop)})
+        assert found.departures == whole.departures
+        assert found.unchecked == tuple(
+            f"whether the flight is steady at {place}: the record has no {name} there; only the "
+            f"other channels are checked"
+            for place in places
+        )
+    # a control that is missing at the earlier start alone
+    found = check(case, (4.0, 24.0), "2.d.4", p=roll, F_pedal=with_hole(zero, 0.0, 3.0))
+    (text,) = found.unchecked
+    assert "at 2.7 s, the earlier start: the record has no F_pedal there" in text
+
+
+def test_a_line_through_missing_samples_is_no_movement(case):
+    # the aileron moves somewhere between 2.5 and 3.4 s
+    aileron = with_hole(held((3.0, 4.5), 8.0 * DEGREE), 2.5, 3.4)
+    found = check(case, (3.2, 13.1), delta_a=aileron)
+    assert found.departures == ()
+    assert "the record has no delta_a there" in found.unchecked[0]
+    # samples before the hole show a movement
+    wheel = with_hole(held((2.8, 4.5), 8.0 * DEGREE), 3.0, 3.4)
+    (text,) = check(case, (3.2, 13.1), delta_a=wheel).departures
+    assert "aileron deflection" in text
+
+
 def departures(window, test="2.d.2", control="delta_a", hold=(3.0, 4.5), rate=0.0):
     """Return the departures of a window for a control that is held, with the bank that follows."""
     case = fixture.roll_result().case

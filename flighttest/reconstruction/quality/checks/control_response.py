@@ -173,7 +173,9 @@ def control_responses(signals: ResampledChannels) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(_COLUMNS))
 
 
-def effect_in(acceleration: np.ndarray, surface: str, signals: ResampledChannels) -> float | None:
+def effect_in(
+    acceleration: np.ndarray, surface: str, signals: ResampledChannels, known: np.ndarray
+) -> float | None:
     """Return the effect of a surface in a given angular acceleration, as `control_responses`.
 
     The filters of `control_responses` attenuate quick motion: a quarter of it at 2 Hz.  They do the
@@ -185,6 +187,8 @@ def effect_in(acceleration: np.ndarray, surface: str, signals: ResampledChannels
         Rate of change of p, q or r, after the low-pass of `resample_channels`. [rad s-2]
     surface : str
     signals : ResampledChannels
+    known : array of bool (time,)
+        Samples at which the acceleration rests on recorded values; only these are used.
 
     Returns
     -------
@@ -198,13 +202,16 @@ def effect_in(acceleration: np.ndarray, surface: str, signals: ResampledChannels
     data = _prepare_regression(equation, signals)
     if data is None:
         return None
+    used = data.mask & known
+    if used.sum() * signals.step < SHORTEST:
+        return None
     # The rate of the model goes through the filters of a recorded rate.  Its constant acceleration
     # would only make it large.  A trapezoidal rule would lose 3 % at 2 Hz.
-    changing = acceleration - acceleration[data.mask].mean()
+    changing = acceleration - acceleration[used].mean()
     rate = make_interp_spline(signals.time, changing, k=3).antiderivative()(signals.time)
     y = _filtered_acceleration(rate, signals, data.mask)
-    columns = [column[data.mask] for column in (*data.columns, data.surface)]
-    fit = regress_last_column(y[data.mask], columns, mask=data.mask, step=signals.step)
+    columns = [column[used] for column in (*data.columns, data.surface)]
+    fit = regress_last_column(y[used], columns, mask=used, step=signals.step)
     return fit[0] if fit else None
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 
@@ -11,7 +13,7 @@ from aerodb.store.schema import terms
 from flightmech.air import GAMMA, R_AIR, pressure_altitude
 from flightmech.aircraft.aircraft import Aircraft, inertia_tensor
 from flightmech.axes import stability_to_body, transfer_moment
-from flightmech.errors import UnknownName
+from flightmech.errors import IdentificationError
 from flightmech.names import ATTACHED_FLOW
 from flightmech.terms import list_model_variables
 from flighttest.reconstruction.dynamics.reduced_rates import Columns, missing_reduced_rates
@@ -40,6 +42,46 @@ def has_effect(database: xr.DataTree, surface: str) -> bool:
     return surface in variables
 
 
+def recorded_air(signals: ResampledChannels) -> ResampledChannels:
+    """Return a record with airspeed, air and angle of attack at every sample.
+
+    Parameters
+    ----------
+    signals : ResampledChannels
+
+    Returns
+    -------
+    ResampledChannels
+        Channels without a valid sample are left out, or formed from others.  Values that are not
+        valid are interpolated between valid ones.  `flying` has the samples in flight at which all
+        of ``V p_static temperature alpha_vane`` are valid.
+
+    Raises
+    ------
+    IdentificationError
+        One of these quantities, or a time with all of them, is missing.
+    """
+    # a column without a valid sample holds zeros
+    dead = [name for name, good in signals.good.items() if not good.any()]
+    full = signals.without(dead).completed(_NEEDS)
+    missing = [name for name in _NEEDS if name not in full]
+    if missing:
+        raise IdentificationError(
+            f"the record has no valid sample of {', '.join(missing)}; record or map these channels"
+        )
+    known = full.mask(_NEEDS)
+    if not known.any():
+        raise IdentificationError(
+            f"the record has no time in flight with valid samples of all of {', '.join(_NEEDS)}; "
+            f"cut the record to a time with all of them"
+        )
+    bridged = {}
+    for name in _NEEDS:
+        good = full.good[name]
+        bridged[name] = np.interp(full.time, full.time[good], full[name][good])
+    return replace(full.with_values(bridged), flying=known)
+
+
 def database_accelerations(
     signals: ResampledChannels, aircraft: Aircraft, database: xr.DataTree
 ) -> dict[str, np.ndarray]:
@@ -48,7 +90,7 @@ def database_accelerations(
     Parameters
     ----------
     signals : ResampledChannels
-        Flow angles at the c.g.
+        As of `recorded_air`, with flow angles at the c.g.
     aircraft : Aircraft
         Mass properties, c.g. and reference quantities.
     database : DataTree
@@ -63,9 +105,7 @@ def database_accelerations(
 
     Raises
     ------
-    UnknownName
-        The record lacks a quantity of the database.
-    OutOfRange, SchemaError
+    OutOfRange, SchemaError, UnknownName
         As of `aerodb.evaluate`.
     """
     state = _database_state(signals, aircraft, database)
@@ -95,12 +135,8 @@ def _database_state(
     signals: ResampledChannels, aircraft: Aircraft, database: xr.DataTree
 ) -> Columns:
     """Return every variable of a database along the record. [SI]"""
-    full = signals.completed(_NEEDS)
-    missing = [name for name in _NEEDS if name not in full]
-    if missing:
-        raise UnknownName(missing[0], full.values, "channel of the record")
     state: Columns = {}
-    for name, values in full.values.items():
+    for name, values in signals.values.items():
         state[name] = values
         if is_control(name):
             state[name] = lowpass_if_possible(values, signals.step, BAND)

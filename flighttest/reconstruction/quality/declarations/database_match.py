@@ -13,6 +13,7 @@ from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.database_acceleration import (
     database_accelerations,
     has_effect,
+    recorded_air,
 )
 from flighttest.reconstruction.quality.finding import Finding, iterate_rows
 
@@ -91,16 +92,21 @@ def gain_findings(
     if aircraft is None or database is None:
         return [], [(*_ROW, (), f"{advice}, or give --aircraft and --database")]
     try:
-        accelerations = database_accelerations(signals, aircraft, database)
+        full = recorded_air(signals)
+        accelerations = database_accelerations(full, aircraft, database)
     except AeromatchError as error:
         return [], [(*_ROW, (), f"the database cannot be evaluated: {error}; {advice}")]
     findings, parts = [], []
     for row in shown:
-        expected = None
-        if has_effect(database, row.surface):
-            expected = effect_in(accelerations[row.rate], row.surface, signals)
-        if not expected:
+        if not has_effect(database, row.surface):
             parts.append(f"{row.surface}: the database has no effect of it")
+            continue
+        expected = effect_in(accelerations[row.rate], row.surface, signals, full.flying)
+        if not expected:
+            parts.append(
+                f"{row.surface}: the samples with airspeed, air and angle of attack do not give its "
+                f"effect in the database"
+            )
             continue
         ratio = row.effect / expected
         stderr = float(np.hypot(row.stderr / expected, _METHOD))

@@ -31,6 +31,7 @@ SLOPES = {  # 1/rad; the effect of each surface on its axis, and what reaches it
     "Cm": {"alpha": -0.9, "qhat": -12.0, "delta_e": -1.1},
     "Cn": {"beta": 0.12, "rhat": -0.15, "delta_a": 0.012, "delta_r": -0.08},
 }
+SURFACES = ("delta_e", "delta_a", "delta_r")
 T37 = Path(__file__).parents[4] / "data" / "t37"
 
 
@@ -171,3 +172,46 @@ def test_gain_of_a_surface(signals, aircraft):
     assert unseen == []
     assert "--database" in row[3]
     assert gain_findings(pd.DataFrame(columns=answers.columns), signals, aircraft, None) == ([], [])
+
+
+@pytest.mark.parametrize("name", ["p_static", "temperature", "alpha_vane"])
+def test_a_channel_without_a_valid_sample_is_as_one_that_is_not_recorded(aircraft, name):
+    aircraft = replace(aircraft, cg=CG, Ixz=3000.0)
+    record = simulated_flight(aircraft)
+    record["air"][name].values[:] = np.nan
+    signals = resample_channels(record, faults_of(record))
+    findings, (row,) = gain_findings(
+        control_responses(signals), signals, aircraft, linear_database(aircraft)
+    )
+    assert findings == []
+    if name == "temperature":
+        # that of the standard atmosphere; the zeros of the column were read as 100 K: a gain of 0.36
+        assert ratios_in(row[3]) == pytest.approx(dict.fromkeys(SURFACES, 1.0), abs=0.02)
+    else:
+        assert f"no valid sample of {name}" in row[3]
+        assert ratios_in(row[3]) == {}
+
+
+def test_only_valid_samples_give_the_gain(aircraft):
+    aircraft = replace(aircraft, cg=CG, Ixz=3000.0)
+    record = simulated_flight(aircraft)
+    signals = resample_channels(record, faults_of(record))
+    answers = control_responses(signals)
+    db = linear_database(aircraft)
+    right = dict.fromkeys(SURFACES, 1.0)
+
+    def invalid(part):
+        # the value of a failed sensor, marked as not valid
+        values = {**signals.values, "temperature": np.where(part, 100.0, signals["temperature"])}
+        return replace(signals, values=values, good={**signals.good, "temperature": ~part})
+
+    findings, (row,) = gain_findings(answers, invalid(signals.time > 25.0), aircraft, db)
+    assert findings == []
+    assert ratios_in(row[3]) == pytest.approx(right, abs=0.02)
+    # two seconds show no effect
+    findings, (row,) = gain_findings(answers, invalid(signals.time > 2.0), aircraft, db)
+    assert findings == []
+    assert "delta_e: the samples with airspeed, air and angle of attack do not give" in row[3]
+    outside = {**signals.good, "V": signals.time < 2.0, "temperature": signals.time > 3.0}
+    _, (row,) = gain_findings(answers, replace(signals, good=outside), aircraft, db)
+    assert "no time in flight with valid samples of all of V, p_static, temperature" in row[3]
