@@ -208,6 +208,24 @@ def test_lost_samples_are_placed(record, seconds):
     assert set(flags["kind"]) == {"lost"}
 
 
+@pytest.mark.parametrize(
+    ("leaves", "every", "start"), [(("gps",), 1, 15.0), (("air_data", "vanes"), 2, 12.5)]
+)
+def test_a_recorder_on_a_clock_of_its_own_loses_samples_alone(record, leaves, every, start):
+    """The attitude of another clock does not jump at the loss, which therefore is no evidence."""
+    parts = {"/": xr.Dataset(attrs=record.attrs)}
+    short = without(record, start, 3.0)
+    for leaf, node in record.children.items():
+        source = short[leaf] if leaf in leaves else node
+        data = source.to_dataset()
+        parts[f"/{leaf}"] = data.isel(time=slice(None, None, every)) if leaf in leaves else data
+    findings, flags = lost_samples(xr.DataTree.from_dict(parts), NO_FAULTS)
+    assert [(finding.severity, finding.kind) for finding in findings] == [("error", "lost")]
+    assert findings[0].start == pytest.approx(start, abs=0.3)
+    assert "or their unit was corrected" in findings[0].text
+    assert set(flags["kind"]) == {"lost"}
+
+
 def with_channels(record, leaf, change):
     """Return a record with channels of a leaf changed: change(data) returns arrays by name."""
     leaves = {"/": xr.Dataset(attrs=record.attrs)}
