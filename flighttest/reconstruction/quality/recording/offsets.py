@@ -8,7 +8,7 @@ estimates.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,7 @@ from flighttest.reconstruction.quality.checks.relation_sides import (
 from flighttest.reconstruction.quality.checks.relations import RELATIONS
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import Finding, map_entry
+from flighttest.reconstruction.quality.navigation.motion_delays import Unchecked
 
 # offsets that are reported; T-37, C182 and Citation flights have up to 0.06 deg/s, 0.16 and
 # 0.13 m/s2 (upwash: 1.4 deg)
@@ -148,8 +149,42 @@ def offset_findings(
     # an error of ay moves the sideslip at which it reads zero
     if abs(sideways) > FORCE:
         return findings
-    by_relation = dict(zip(table["relation"], table["offset"], strict=True))
-    return findings + _slip_findings(signals, record, abs(by_relation.get("force_y", FORCE)))
+    return findings + _slip_findings(signals, record, _side_force_error(table))
+
+
+def slip_not_checked(table: pd.DataFrame, signals: ResampledChannels) -> Unchecked:
+    """Return the row on a beta vane whose zero an error of the side force hides.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As in `offset_findings`.
+    signals : ResampledChannels
+        As `table`.
+    """
+    zero, error = _fit_slip(signals), _side_force_error(table)
+    if zero is None or error is None:
+        return []
+    hidden = abs(error / zero.slope)
+    if abs(error) > FORCE:
+        limit = "no constant error of the vane is reported"
+    elif zero.least < abs(zero.value) <= zero.least + hidden:
+        limit = (
+            f"a constant error of the vane below {(zero.least + hidden) / DEGREE:.1f} deg is not "
+            f"reported"
+        )
+    else:
+        return []
+    reason = (
+        f"ay_imu reads {abs(error):.2f} m/s2 too {_side(error)} by the ground velocity, which looks "
+        f"like {hidden / DEGREE:.1f} deg of the vane: {limit} before ay_imu or phi is corrected"
+    )
+    return [("zero_of_beta_vane", "zero of the beta vane", (), reason)]
+
+
+def _side_force_error(table: pd.DataFrame) -> float | None:
+    """Return the mean of ay less the force of the ground velocity; None without it. [m s-2]"""
+    return dict(zip(table["relation"], table["offset"], strict=True)).get("force_y")
 
 
 def without_constant_errors(
@@ -210,45 +245,82 @@ def _vertical_finding(offset: float, signals: ResampledChannels, record: xr.Data
     return replace(finding, remedy=f"{finding.remedy}; or {other}")
 
 
-def _slip_findings(signals: ResampledChannels, record: xr.DataTree, doubt: float) -> list[Finding]:
+@dataclass(frozen=True)
+class _SlipZero:
+    """Reading of the beta vane without side force.
+
+    `value` and `stderr` are in rad, `force` is the side force at zero reading [m s-2], `slope` the
+    side force per reading [m s-2 rad-1].
+    """
+
+    value: float
+    stderr: float
+    force: float
+    slope: float
+
+    @property
+    def least(self) -> float:
+        """Reading that is reported if the side force has no constant error. [rad]"""
+        return FLOW + _SIGMAS * self.stderr
+
+
+def _slip_findings(
+    signals: ResampledChannels, record: xr.DataTree, force_error: float | None
+) -> list[Finding]:
     """Return the finding on a beta vane that does not read zero where the side force is zero.
 
     Parameters
     ----------
     signals : ResampledChannels
     record : DataTree
-    doubt : float
-        Constant error that the side force may have. [m s-2]
+    force_error : float or None
+        Constant error of the side force by the ground velocity; None without ground velocity, where
+        vane and accelerometer are both named. [m s-2]
     """
+    zero = _fit_slip(signals)
+    if zero is None:
+        return []
+    if not abs(zero.value) > zero.least + abs((force_error or 0.0) / zero.slope):
+        return []
+    text = (
+        f"beta_vane reads {abs(zero.value) / DEGREE:.1f} deg too {_side(zero.value)} throughout "
+        f"(standard error {zero.stderr / DEGREE:.1f} deg)"
+    )
+    if force_error is not None:
+        text += ": that is its reading without side force"
+        return [_offset_finding(("beta_vane", "ay_imu"), zero.value, text, record)]
+    text += (
+        f", or ay_imu {abs(zero.force):.2f} m/s2 too {_side(zero.force)}: the vane does not read zero "
+        f"without side force, and no ground velocity shows which of them is wrong"
+    )
+    finding = _offset_finding(("beta_vane", "ay_imu"), zero.value, text, record)
+    other = map_entry(record, "ay_imu", 1.0, -zero.force)
+    return [replace(finding, remedy=f"{finding.remedy}; or {other}")]
+
+
+def _fit_slip(signals: ResampledChannels) -> _SlipZero | None:
+    """Return the reading of the beta vane without side force; None if it is not determined."""
     needs = ("beta_vane", "ay_imu")
     if not set(needs) <= set(signals.values):
-        return []
+        return None
     others = [name for name in ("p", "r", "delta_a", "delta_r") if name in signals]
     mask = signals.mask((*needs, *others))
     slip = signals["beta_vane"][mask]
     if len(slip) < 10 * _BLOCKS or not np.std(slip) > _LEAST_SLIP:
-        return []
-    force = signals["ay_imu"][mask]
+        return None
+    y = signals["ay_imu"][mask]
     columns = [signals[name][mask] for name in others]
     X = np.stack([np.ones_like(slip), slip, *columns], axis=1)
-    y = force
     zeros = []
     for block in np.array_split(np.arange(len(y)), _BLOCKS):
         zeros.append(_slip_at_no_force(np.delete(X, block, axis=0), np.delete(y, block)))
     theta = np.linalg.lstsq(X, y, rcond=1e-10)[0]
     explained = 1.0 - float(np.var(y - X @ theta) / max(np.var(y), 1e-300))
-    value = _slip_at_no_force(X, y)
-    stderr = float(np.sqrt((_BLOCKS - 1) * np.var(zeros)))
     # side force opposes sideslip
     if theta[1] >= 0.0 or explained < _SLIP_CORRELATION:
-        return []
-    if not abs(value) > FLOW + _SIGMAS * stderr + doubt / abs(theta[1]):
-        return []
-    text = (
-        f"beta_vane reads {abs(value) / DEGREE:.1f} deg too {_side(value)} throughout (standard "
-        f"error {stderr / DEGREE:.1f} deg): that is its reading without side force"
-    )
-    return [_offset_finding(("beta_vane", "ay_imu"), value, text, record)]
+        return None
+    stderr = float(np.sqrt((_BLOCKS - 1) * np.var(zeros)))
+    return _SlipZero(_slip_at_no_force(X, y), stderr, float(theta[0]), float(theta[1]))
 
 
 def _slip_at_no_force(X: np.ndarray, y: np.ndarray) -> float:

@@ -35,6 +35,7 @@ from flighttest.reconstruction.quality.recording.offsets import (
     _slip_findings,
     gyro_offsets,
     offset_findings,
+    slip_not_checked,
 )
 from flighttest.records.sensors.instruments import instruments_of
 
@@ -126,6 +127,41 @@ def test_small_error_of_the_side_force_does_not_blame_the_vane(signals, record):
     slow = signals.with_values({"ay_imu": 0.3 * signals["ay_imu"] + 0.3})
     assert _slip_findings(slow, record, 0.0)
     assert _slip_findings(slow, record, 0.3) == []
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_zero_of_the_vane_without_ground_velocity(signals, record, share):
+    """Vane and side force are both named, also where little side force comes with sideslip."""
+    alone = signals.without(("vn", "ve", "vd"))
+    changes = {"ay_imu": share * alone["ay_imu"], "beta_vane": alone["beta_vane"]}
+    right = alone.with_values(changes)
+    assert offset_findings(kinematic_table(right), right, record) == []
+    wrong = alone.with_values({**changes, "beta_vane": alone["beta_vane"] + 4.0 * DEGREE})
+    (finding,) = offset_findings(kinematic_table(wrong), wrong, record)
+    assert (finding.severity, finding.channels) == ("warning", ("beta_vane", "ay_imu"))
+    assert finding.evidence["offset"] == pytest.approx(4.0 * DEGREE, abs=0.5 * DEGREE)
+    assert "deg too high throughout" in finding.text
+    assert ", or ay_imu" in finding.text
+    assert "beta_vane = {" in finding.remedy
+    assert "; or ay_imu = {" in finding.remedy
+
+
+def test_error_of_the_side_force_hides_the_zero_of_the_vane(signals, record, position):
+    places = {"ax_imu": position}
+    right = at_cg(signals, places)
+    assert slip_not_checked(kinematic_table(right), right) == []
+    both = {
+        "ay_imu": signals["ay_imu"] + 0.6,
+        "beta_vane": signals["beta_vane"] + 6.0 * DEGREE,
+    }
+    wrong = at_cg(signals.with_values(both), places)
+    table = kinematic_table(wrong)
+    (finding,) = offset_findings(table, wrong, record)
+    assert finding.channels == ("ay_imu", "phi")
+    ((name, _, _, reason),) = slip_not_checked(table, wrong)
+    assert name == "zero_of_beta_vane"
+    assert "ay_imu reads 0.63 m/s2 too high" in reason
+    assert "deg of the vane: no constant error of the vane is reported" in reason
 
 
 def test_scale_of_the_vertical_force_is_named_too(signals, record, position):
