@@ -33,6 +33,9 @@ _BLOCKS = 8  # of the jackknife
 _SAME = 0.35  # share of an offset within which two relations show the same one
 _LEAST_SLIP = 0.5 * DEGREE  # standard deviation of sideslip that determines its zero
 _SLIP_CORRELATION = 0.9
+# standard error of the slope of az up to which it shows the cause, and difference that is none:
+# T-37 and C182 flights have slopes of 0.97 to 1.01
+_KNOWN_SLOPE, _LEAST_SLOPE = 0.05, 0.015
 _EULER = {"phi_rate": bank_rate, "theta_rate": pitch_rate, "psi_rate": heading_rate}
 
 
@@ -145,7 +148,7 @@ def offset_findings(
     relation, limit = ("force_z", FORCE) if "force_z" in present else ("vertical", VERTICAL)
     downwards = offsets.get(relation, 0.0)
     if abs(downwards) > limit:
-        findings.append(_vertical_finding(downwards, signals, record))
+        findings.append(_vertical_finding(downwards, table, signals, record))
     # an error of ay moves the sideslip at which it reads zero
     if abs(sideways) > FORCE:
         return findings
@@ -190,11 +193,14 @@ def _side_force_error(table: pd.DataFrame) -> float | None:
 def without_constant_errors(
     signals: ResampledChannels, findings: list[Finding]
 ) -> ResampledChannels:
-    """Return the signals without the constant errors of findings on their first channels."""
+    """Return the signals without the errors of findings on their first channels."""
     changed = {}
     for finding in findings:
         name = finding.channels[0]
-        changed[name] = signals[name] - finding.evidence["offset"]
+        if "scale" in finding.evidence:
+            changed[name] = signals[name] / finding.evidence["scale"]
+        else:
+            changed[name] = signals[name] - finding.evidence["offset"]
     return signals.with_values(changed)
 
 
@@ -232,17 +238,52 @@ def _pitch_findings(
     return findings
 
 
-def _vertical_finding(offset: float, signals: ResampledChannels, record: xr.DataTree) -> Finding:
-    """Return the finding on az; in 1 g a constant error and an error of scale are the same."""
+def _vertical_finding(
+    offset: float, table: pd.DataFrame, signals: ResampledChannels, record: xr.DataTree
+) -> Finding:
+    """Return the finding on az: a constant error, an error of scale, or either.
+
+    `offset` is the mean of az less the reference. [m s-2]
+    """
     level = float(np.mean(signals["az_imu"][signals.mask(("az_imu",))]))
     scale = level / (level - offset)
-    text = (
-        f"az_imu reads {abs(offset):.2f} m/s2 too {_side(offset)} throughout, or {scale:.3f} times "
-        f"the true value: in 1 g a constant error and an error of scale are the same"
+    constant = f"az_imu reads {abs(offset):.2f} m/s2 too {_side(offset)} throughout"
+    scaled = f"{scale:.3f} times the true value"
+    finding = _offset_finding(("az_imu",), offset, constant, record)
+    rescale = map_entry(record, "az_imu", 1.0 / scale)
+    cause, reason = _cause_of_vertical(scale, table)
+    if cause == "constant":
+        return replace(finding, text=f"{constant}: {reason}, so that the scale is right")
+    if cause == "scale":
+        evidence = {"offset": offset, "scale": scale}
+        text = f"az_imu reads {scaled}: {reason}, so that the error is one of scale"
+        return replace(finding, text=text, remedy=rescale, evidence=evidence)
+    text = f"{constant}, or {scaled}: {reason}"
+    return replace(finding, text=text, remedy=f"{finding.remedy}; or {rescale}")
+
+
+def _cause_of_vertical(scale: float, table: pd.DataFrame) -> tuple[str, str]:
+    """Return ``constant``, ``scale`` or ``either``, and the reason in words.
+
+    The slope of az over the force of the ground velocity is 1 with a constant error, and `scale`
+    with an error of scale.  The acceleration of pressure height has too much noise for a slope.
+    """
+    rows = table[table["relation"] == "force_z"]
+    if rows.empty:
+        return "either", "no ground velocity shows which of them"
+    slope, stderr = float(rows["slope"].iloc[0]), float(rows["slope_stderr"].iloc[0])
+    if not stderr < _KNOWN_SLOPE:
+        return "either", "in 1 g a constant error and an error of scale are the same"
+    measured = (
+        f"its slope over the force of the ground velocity is {slope:.3f} (standard error "
+        f"{stderr:.3f})"
     )
-    finding = _offset_finding(("az_imu",), offset, text, record)
-    other = map_entry(record, "az_imu", 1.0 / scale)
-    return replace(finding, remedy=f"{finding.remedy}; or {other}")
+    within = max(_SIGMAS * stderr, _LEAST_SLOPE)
+    is_constant, is_scaled = abs(slope - 1.0) < within, abs(slope - scale) < within
+    if is_constant != is_scaled:
+        return "constant" if is_constant else "scale", measured
+    share = "agrees with both" if is_constant else "agrees with neither alone"
+    return "either", f"{measured}, which {share}"
 
 
 @dataclass(frozen=True)

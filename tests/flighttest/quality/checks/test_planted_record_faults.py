@@ -36,6 +36,7 @@ from flighttest.reconstruction.quality.recording.offsets import (
     gyro_offsets,
     offset_findings,
     slip_not_checked,
+    without_constant_errors,
 )
 from flighttest.records.sensors.instruments import instruments_of
 
@@ -164,11 +165,46 @@ def test_error_of_the_side_force_hides_the_zero_of_the_vane(signals, record, pos
     assert "deg of the vane: no constant error of the vane is reported" in reason
 
 
-def test_scale_of_the_vertical_force_is_named_too(signals, record, position):
-    wrong = at_cg(signals.with_values({"az_imu": 1.05 * signals["az_imu"]}), {"ax_imu": position})
-    (finding,) = offset_findings(kinematic_table(wrong), wrong, record)
-    assert "too low throughout, or 1.044 times the true value" in finding.text
+def test_slope_shows_a_constant_error_or_a_scale_of_the_vertical_force(signals, record, position):
+    def only_finding(az, **others):
+        changes = {**others, "az_imu": az}
+        wrong = at_cg(signals.with_values(changes), {"ax_imu": position})
+        (finding,) = offset_findings(kinematic_table(wrong), wrong, record)
+        return finding, without_constant_errors(wrong, [finding])["az_imu"]
+
+    right = at_cg(signals, {"ax_imu": position})["az_imu"]
+    scaled, corrected = only_finding(1.05 * signals["az_imu"])
+    assert "az_imu reads 1.044 times the true value: its slope" in scaled.text
+    assert "too low" not in scaled.text
+    assert scaled.remedy.count("az_imu = {") == 1
+    assert np.abs(corrected - right).max() < 0.1
+    constant, corrected = only_finding(signals["az_imu"] + 1.0)
+    assert "az_imu reads 1.06 m/s2 too high throughout: its slope" in constant.text
+    assert "times the true value" not in constant.text
+    assert constant.remedy.count("az_imu = {") == 1
+    assert np.abs(corrected - right).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("slope", "stderr", "reason"),
+    [
+        (1.0, 0.04, "which agrees with both"),
+        (1.3, 0.04, "which agrees with neither alone"),
+        (1.0, 0.06, "in 1 g a constant error and an error of scale are the same"),
+        (None, None, "no ground velocity shows which of them"),
+    ],
+)
+def test_vertical_force_whose_slope_shows_no_cause(
+    signals, record, position, slope, stderr, reason
+):
+    wrong = at_cg(signals.with_values({"az_imu": signals["az_imu"] + 1.0}), {"ax_imu": position})
+    table = kinematic_table(wrong).assign(slope=slope, slope_stderr=stderr)
+    if slope is None:
+        table = table[table["relation"] != "force_z"]
+    (finding,) = offset_findings(table, wrong, record)
+    assert "m/s2 too high throughout, or 0.8" in finding.text
     assert finding.remedy.count("az_imu = {") == 2
+    assert finding.text.endswith(reason)
 
 
 def test_surface_whose_axis_the_others_explain(signals):
