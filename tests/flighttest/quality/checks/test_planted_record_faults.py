@@ -2,6 +2,7 @@
 planted into a multisine of the T-37.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -229,7 +230,12 @@ def test_place_of_the_accelerometers(signals, position, axis):
     right = at_cg(signals, places)
     findings, ((_, _, _, reason),) = lever_arm_findings(right, places)
     assert findings == []
-    assert "above x 1.6 m, y 1.1 m, z 1.4 m" in reason
+    limits = [float(limit) for limit in re.findall(r"[xyz] ([\d.]+) m", reason)]
+    assert limits == pytest.approx([2.3, 1.3, 1.9])
+    # an error of the stated size is reported in both directions
+    for shift in (-limits[axis] * np.eye(3)[axis], limits[axis] * np.eye(3)[axis]):
+        moved = at_cg(signals, {"ax_imu": position + shift})
+        assert lever_arm_findings(moved, {"ax_imu": position + shift})[0]
     wrong = position + 2.0 * np.eye(3)[axis]
     moved = at_cg(signals, {"ax_imu": wrong})
     (finding,), ((_, _, _, reason),) = lever_arm_findings(moved, {"ax_imu": wrong})
@@ -237,7 +243,8 @@ def test_place_of_the_accelerometers(signals, position, axis):
     assert np.all(np.abs(error) < 0.2)
     assert f"stated {wrong[axis]:.2f} m" in finding.text
     # the other axes remain as uncertain as before
-    assert [f"{name} 1." in reason for name in "xyz"] == [i != axis for i in range(3)]
+    uncertain = re.findall(r"([xyz]) [\d.]+ m", reason)
+    assert uncertain == [name for i, name in enumerate("xyz") if i != axis]
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.4])
