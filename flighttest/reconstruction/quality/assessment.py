@@ -117,6 +117,7 @@ from flighttest.reconstruction.quality.recording.offsets import (
     gyro_findings,
     gyro_offsets,
     offset_findings,
+    slip_not_checked,
     without_constant_errors,
     without_offsets,
 )
@@ -203,7 +204,8 @@ def assess(
     recorded_at_cg = corrected_at_cg
     corrected_at_cg = without_constant_errors(recorded_at_cg, constant)
     findings += constant
-    unchecked = _append_rows(not_checked(corrected), lost_not_checked(record))
+    unseen = lost_not_checked(record) + slip_not_checked(kinematics, recorded_at_cg)
+    unchecked = _append_rows(not_checked(corrected), unseen)
     if aircraft is not None:
         declared, reasons = _aircraft_findings(
             corrected_at_cg, aircraft, record=record, database=database, recorded=recorded_at_cg

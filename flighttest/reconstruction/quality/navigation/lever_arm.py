@@ -8,6 +8,7 @@ in Earth axes.  In body axes the same delay would look like another place: 0.15 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -30,6 +31,9 @@ _CONVERGED, _LONGEST = 0.01, 2.0  # s: last step, and delay
 # m: error of a place that is reported, beyond 3 standard errors (the antenna of the receiver has
 # its own place), and standard error up to which it counts as checked
 _LARGE, _SIGMAS, _KNOWN = 0.8, 3.0, 0.5
+# standard errors of the stated limit: an error of 0.8 m and 3 of them is reported in half of the
+# cases, one of 0.8 m and 5 of them in 98 of 100
+_CERTAIN_SIGMAS = 5.0
 _INDEPENDENT = 1e-6  # share of a column that the others do not explain
 _ROW = ("imu_position", "place of the accelerometers")
 
@@ -100,10 +104,12 @@ def _unseen_errors(stderr: np.ndarray, large: np.ndarray) -> list[str]:
         if not error < _KNOWN:
             hidden.append(axis)
         elif not is_large:
-            limits.append(f"{axis} {_LARGE + _SIGMAS * error:.1f} m")
+            # rounded upwards
+            limit = math.ceil(10.0 * (_LARGE + _CERTAIN_SIGMAS * error)) / 10.0
+            limits.append(f"{axis} {limit:.1f} m")
     reasons = []
     if limits:
-        reasons.append(f"an error is reported above {', '.join(limits)}, a smaller one is not")
+        reasons.append(f"an error above {', '.join(limits)} is reported, a smaller one may not be")
     if hidden:
         reasons.append(
             f"the motion does not show {' and '.join(hidden)} to {_KNOWN:g} m (standard error): "

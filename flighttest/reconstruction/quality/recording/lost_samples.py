@@ -71,7 +71,8 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
     """Return the findings on lost samples and on corrections, and flags of their instants.
 
     Lost samples move attitude, trajectory, and rates or specific force. A jump of the attitude
-    alone, or of the trajectory alone, is a correction of the unit that measures it.
+    alone, or of the trajectory alone, is a correction of the unit that measures it, if the others
+    have the same clock. A recorder on a clock of its own loses its samples alone.
 
     Parameters
     ----------
@@ -92,7 +93,6 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
         time = _clock_of(record, leaves[0])
         if signals and len(time) >= 8 * _SIDE:
             clocks.append(ClockJumps(leaves, list(signals), time, _jump_scores(signals, time)))
-    attitude_recorded = any(name in _ATTITUDE for clock in clocks for name in clock.names)
     findings, flags = [], []
     for clock in clocks:
         known = faults[faults["leaf"].isin(clock.leaves) & (faults["kind"] != "duplicate")]
@@ -101,14 +101,14 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
             instant = float(clock.time[i])
             # the channels of a recorder may have several clocks
             names = [name for other in clocks for name in other.jumping(instant)]
-            kind = _kind_of_jump(names)
+            kind = _kind_of_jump(names, clock.names)
             jumps.setdefault(kind, []).append((i, names))
             flag = "lost" if kind == "lost" else "correction"
             stop = float(clock.time[i + 1])
             for leaf in clock.leaves:
                 flags.append((leaf, "", flag, instant, stop, 0, ""))
         for kind, places in jumps.items():
-            findings.append(_jump_finding(kind, places, clock.time, attitude_recorded))
+            findings.append(_jump_finding(kind, places, clock))
     return findings, pd.DataFrame(flags, columns=faults.columns)
 
 
@@ -145,22 +145,39 @@ def _is_held(recorded: np.ndarray) -> bool:
     return bool(np.mean(np.diff(recorded.astype(float)) == 0.0) > _MOST_REPEATED)
 
 
-def _kind_of_jump(names: list[str]) -> str:
-    """Return ``lost``, or what was corrected: ``attitude``, ``navigation`` or ``air``."""
-    attitude = any(name in _ATTITUDE for name in names)
-    trajectory = any(name in _CONTINUOUS and name not in _ATTITUDE for name in names)
-    motion = any(name in _MOTION for name in names)
-    if attitude + trajectory + motion >= 2:
+def _groups_of(names: list[str]) -> set[str]:
+    """Return which of ``attitude``, ``trajectory`` and ``motion`` channels belong to."""
+    groups = set()
+    for name in names:
+        if name in _ATTITUDE:
+            groups.add("attitude")
+        else:
+            groups.add("motion" if name in _MOTION else "trajectory")
+    return groups
+
+
+def _kind_of_jump(names: list[str], recorded: list[str]) -> str:
+    """Return ``lost``, or what was corrected: ``attitude``, ``navigation`` or ``air``.
+
+    Parameters
+    ----------
+    names : list of str
+        Channels that jump.
+    recorded : list of str
+        Channels of the clock. A channel of another clock does not lose the same samples, so that
+        its rest shows nothing.
+    """
+    jumping = _groups_of(names)
+    if len(jumping) >= 2 or _groups_of(recorded) <= jumping:
         return "lost"
-    if attitude:
+    if "attitude" in jumping:
         return "attitude"
     return "navigation" if any(name in _NAVIGATED for name in names) else "air"
 
 
-def _jump_finding(
-    kind: str, places: list[tuple[int, list[str]]], time: np.ndarray, attitude_recorded: bool
-) -> Finding:
+def _jump_finding(kind: str, places: list[tuple[int, list[str]]], clock: ClockJumps) -> Finding:
     """Return the finding on jumps of one kind after samples of a clock."""
+    time, groups = clock.time, _groups_of(clock.names)
     indices = [i for i, _ in places]
     channels = tuple(dict.fromkeys(name for _, names in places for name in names))
     listed = ", ".join(f"{time[i]:.2f} s" for i in indices[:_MOST_NAMED])
@@ -171,17 +188,22 @@ def _jump_finding(
     if kind == "lost":
         severity, name = "error", "lost"
         text = f"samples lost at t = {listed}: {subject} jump at one instant, and the clock runs on"
+        if len(groups) == 1 and groups == _groups_of(list(channels)):
+            text += "; or their unit was corrected: the clock has no other channels that show it"
         remedy = f"restore the clock of the recorder; else {remedy}"
     else:
         severity, name = "warning", "correction"
         cause = (
             "a fault of the air data" if kind == "air" else "a correction of the navigation unit"
         )
-        other = "height and speed do not" if kind == "attitude" else "the attitude does not"
-        if kind != "attitude" and not attitude_recorded:
-            cause, other = f"{cause}, or lost samples", "no attitude shows which it is"
-        text = f"{subject} jump at t = {listed}, and {other}: {cause}"
+        witness = "trajectory" if kind == "attitude" else "attitude"
         steady = "height and speed" if kind == "attitude" else "attitude"
+        other = f"{'height and speed do' if kind == 'attitude' else 'the attitude does'} not"
+        if witness not in groups:
+            # rates alone do not jump where samples are lost in a steady turn
+            cause = f"{cause}, or lost samples"
+            other = f"no {steady} of this clock shows which it is"
+        text = f"{subject} jump at t = {listed}, and {other}: {cause}"
         remedy += (
             f"; samples lost at steady {steady} look the same, so compare the length of the record "
             f"with another clock"

@@ -8,7 +8,7 @@ estimates.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,7 @@ from flighttest.reconstruction.quality.checks.relation_sides import (
 from flighttest.reconstruction.quality.checks.relations import RELATIONS
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import Finding, map_entry
+from flighttest.reconstruction.quality.navigation.motion_delays import Unchecked
 
 # offsets that are reported; T-37, C182 and Citation flights have up to 0.06 deg/s, 0.16 and
 # 0.13 m/s2 (upwash: 1.4 deg)
@@ -32,6 +33,9 @@ _BLOCKS = 8  # of the jackknife
 _SAME = 0.35  # share of an offset within which two relations show the same one
 _LEAST_SLIP = 0.5 * DEGREE  # standard deviation of sideslip that determines its zero
 _SLIP_CORRELATION = 0.9
+# standard error of the slope of az up to which it shows the cause, and difference that is none:
+# T-37 and C182 flights have slopes of 0.97 to 1.01
+_KNOWN_SLOPE, _LEAST_SLOPE = 0.05, 0.015
 _EULER = {"phi_rate": bank_rate, "theta_rate": pitch_rate, "psi_rate": heading_rate}
 
 
@@ -144,22 +148,59 @@ def offset_findings(
     relation, limit = ("force_z", FORCE) if "force_z" in present else ("vertical", VERTICAL)
     downwards = offsets.get(relation, 0.0)
     if abs(downwards) > limit:
-        findings.append(_vertical_finding(downwards, signals, record))
+        findings.append(_vertical_finding(downwards, table, signals, record))
     # an error of ay moves the sideslip at which it reads zero
     if abs(sideways) > FORCE:
         return findings
-    by_relation = dict(zip(table["relation"], table["offset"], strict=True))
-    return findings + _slip_findings(signals, record, abs(by_relation.get("force_y", FORCE)))
+    return findings + _slip_findings(signals, record, _side_force_error(table))
+
+
+def slip_not_checked(table: pd.DataFrame, signals: ResampledChannels) -> Unchecked:
+    """Return the row on a beta vane whose zero an error of the side force hides.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As in `offset_findings`.
+    signals : ResampledChannels
+        As `table`.
+    """
+    zero, error = _fit_slip(signals), _side_force_error(table)
+    if zero is None or error is None:
+        return []
+    hidden = abs(error / zero.slope)
+    if abs(error) > FORCE:
+        limit = "no constant error of the vane is reported"
+    elif zero.least < abs(zero.value) <= zero.least + hidden:
+        limit = (
+            f"a constant error of the vane below {(zero.least + hidden) / DEGREE:.1f} deg is not "
+            f"reported"
+        )
+    else:
+        return []
+    reason = (
+        f"ay_imu reads {abs(error):.2f} m/s2 too {_side(error)} by the ground velocity, which looks "
+        f"like {hidden / DEGREE:.1f} deg of the vane: {limit} before ay_imu or phi is corrected"
+    )
+    return [("zero_of_beta_vane", "zero of the beta vane", (), reason)]
+
+
+def _side_force_error(table: pd.DataFrame) -> float | None:
+    """Return the mean of ay less the force of the ground velocity; None without it. [m s-2]"""
+    return dict(zip(table["relation"], table["offset"], strict=True)).get("force_y")
 
 
 def without_constant_errors(
     signals: ResampledChannels, findings: list[Finding]
 ) -> ResampledChannels:
-    """Return the signals without the constant errors of findings on their first channels."""
+    """Return the signals without the errors of findings on their first channels."""
     changed = {}
     for finding in findings:
         name = finding.channels[0]
-        changed[name] = signals[name] - finding.evidence["offset"]
+        if "scale" in finding.evidence:
+            changed[name] = signals[name] / finding.evidence["scale"]
+        else:
+            changed[name] = signals[name] - finding.evidence["offset"]
     return signals.with_values(changed)
 
 
@@ -197,58 +238,130 @@ def _pitch_findings(
     return findings
 
 
-def _vertical_finding(offset: float, signals: ResampledChannels, record: xr.DataTree) -> Finding:
-    """Return the finding on az; in 1 g a constant error and an error of scale are the same."""
+def _vertical_finding(
+    offset: float, table: pd.DataFrame, signals: ResampledChannels, record: xr.DataTree
+) -> Finding:
+    """Return the finding on az: a constant error, an error of scale, or either.
+
+    `offset` is the mean of az less the reference. [m s-2]
+    """
     level = float(np.mean(signals["az_imu"][signals.mask(("az_imu",))]))
     scale = level / (level - offset)
-    text = (
-        f"az_imu reads {abs(offset):.2f} m/s2 too {_side(offset)} throughout, or {scale:.3f} times "
-        f"the true value: in 1 g a constant error and an error of scale are the same"
+    constant = f"az_imu reads {abs(offset):.2f} m/s2 too {_side(offset)} throughout"
+    scaled = f"{scale:.3f} times the true value"
+    finding = _offset_finding(("az_imu",), offset, constant, record)
+    rescale = map_entry(record, "az_imu", 1.0 / scale)
+    cause, reason = _cause_of_vertical(scale, table)
+    if cause == "constant":
+        return replace(finding, text=f"{constant}: {reason}, so that the scale is right")
+    if cause == "scale":
+        evidence = {"offset": offset, "scale": scale}
+        text = f"az_imu reads {scaled}: {reason}, so that the error is one of scale"
+        return replace(finding, text=text, remedy=rescale, evidence=evidence)
+    text = f"{constant}, or {scaled}: {reason}"
+    return replace(finding, text=text, remedy=f"{finding.remedy}; or {rescale}")
+
+
+def _cause_of_vertical(scale: float, table: pd.DataFrame) -> tuple[str, str]:
+    """Return ``constant``, ``scale`` or ``either``, and the reason in words.
+
+    The slope of az over the force of the ground velocity is 1 with a constant error, and `scale`
+    with an error of scale.  The acceleration of pressure height has too much noise for a slope.
+    """
+    rows = table[table["relation"] == "force_z"]
+    if rows.empty:
+        return "either", "no ground velocity shows which of them"
+    slope, stderr = float(rows["slope"].iloc[0]), float(rows["slope_stderr"].iloc[0])
+    if not stderr < _KNOWN_SLOPE:
+        return "either", "in 1 g a constant error and an error of scale are the same"
+    measured = (
+        f"its slope over the force of the ground velocity is {slope:.3f} (standard error "
+        f"{stderr:.3f})"
     )
-    finding = _offset_finding(("az_imu",), offset, text, record)
-    other = map_entry(record, "az_imu", 1.0 / scale)
-    return replace(finding, remedy=f"{finding.remedy}; or {other}")
+    within = max(_SIGMAS * stderr, _LEAST_SLOPE)
+    is_constant, is_scaled = abs(slope - 1.0) < within, abs(slope - scale) < within
+    if is_constant != is_scaled:
+        return "constant" if is_constant else "scale", measured
+    share = "agrees with both" if is_constant else "agrees with neither alone"
+    return "either", f"{measured}, which {share}"
 
 
-def _slip_findings(signals: ResampledChannels, record: xr.DataTree, doubt: float) -> list[Finding]:
+@dataclass(frozen=True)
+class _SlipZero:
+    """Reading of the beta vane without side force.
+
+    `value` and `stderr` are in rad, `force` is the side force at zero reading [m s-2], `slope` the
+    side force per reading [m s-2 rad-1].
+    """
+
+    value: float
+    stderr: float
+    force: float
+    slope: float
+
+    @property
+    def least(self) -> float:
+        """Reading that is reported if the side force has no constant error. [rad]"""
+        return FLOW + _SIGMAS * self.stderr
+
+
+def _slip_findings(
+    signals: ResampledChannels, record: xr.DataTree, force_error: float | None
+) -> list[Finding]:
     """Return the finding on a beta vane that does not read zero where the side force is zero.
 
     Parameters
     ----------
     signals : ResampledChannels
     record : DataTree
-    doubt : float
-        Constant error that the side force may have. [m s-2]
+    force_error : float or None
+        Constant error of the side force by the ground velocity; None without ground velocity, where
+        vane and accelerometer are both named. [m s-2]
     """
+    zero = _fit_slip(signals)
+    if zero is None:
+        return []
+    if not abs(zero.value) > zero.least + abs((force_error or 0.0) / zero.slope):
+        return []
+    text = (
+        f"beta_vane reads {abs(zero.value) / DEGREE:.1f} deg too {_side(zero.value)} throughout "
+        f"(standard error {zero.stderr / DEGREE:.1f} deg)"
+    )
+    if force_error is not None:
+        text += ": that is its reading without side force"
+        return [_offset_finding(("beta_vane", "ay_imu"), zero.value, text, record)]
+    text += (
+        f", or ay_imu {abs(zero.force):.2f} m/s2 too {_side(zero.force)}: the vane does not read zero "
+        f"without side force, and no ground velocity shows which of them is wrong"
+    )
+    finding = _offset_finding(("beta_vane", "ay_imu"), zero.value, text, record)
+    other = map_entry(record, "ay_imu", 1.0, -zero.force)
+    return [replace(finding, remedy=f"{finding.remedy}; or {other}")]
+
+
+def _fit_slip(signals: ResampledChannels) -> _SlipZero | None:
+    """Return the reading of the beta vane without side force; None if it is not determined."""
     needs = ("beta_vane", "ay_imu")
     if not set(needs) <= set(signals.values):
-        return []
+        return None
     others = [name for name in ("p", "r", "delta_a", "delta_r") if name in signals]
     mask = signals.mask((*needs, *others))
     slip = signals["beta_vane"][mask]
     if len(slip) < 10 * _BLOCKS or not np.std(slip) > _LEAST_SLIP:
-        return []
-    force = signals["ay_imu"][mask]
+        return None
+    y = signals["ay_imu"][mask]
     columns = [signals[name][mask] for name in others]
     X = np.stack([np.ones_like(slip), slip, *columns], axis=1)
-    y = force
     zeros = []
     for block in np.array_split(np.arange(len(y)), _BLOCKS):
         zeros.append(_slip_at_no_force(np.delete(X, block, axis=0), np.delete(y, block)))
     theta = np.linalg.lstsq(X, y, rcond=1e-10)[0]
     explained = 1.0 - float(np.var(y - X @ theta) / max(np.var(y), 1e-300))
-    value = _slip_at_no_force(X, y)
-    stderr = float(np.sqrt((_BLOCKS - 1) * np.var(zeros)))
     # side force opposes sideslip
     if theta[1] >= 0.0 or explained < _SLIP_CORRELATION:
-        return []
-    if not abs(value) > FLOW + _SIGMAS * stderr + doubt / abs(theta[1]):
-        return []
-    text = (
-        f"beta_vane reads {abs(value) / DEGREE:.1f} deg too {_side(value)} throughout (standard "
-        f"error {stderr / DEGREE:.1f} deg): that is its reading without side force"
-    )
-    return [_offset_finding(("beta_vane", "ay_imu"), value, text, record)]
+        return None
+    stderr = float(np.sqrt((_BLOCKS - 1) * np.var(zeros)))
+    return _SlipZero(_slip_at_no_force(X, y), stderr, float(theta[0]), float(theta[1]))
 
 
 def _slip_at_no_force(X: np.ndarray, y: np.ndarray) -> float:

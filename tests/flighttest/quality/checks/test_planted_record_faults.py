@@ -2,6 +2,7 @@
 planted into a multisine of the T-37.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,8 @@ from flighttest.reconstruction.quality.recording.offsets import (
     _slip_findings,
     gyro_offsets,
     offset_findings,
+    slip_not_checked,
+    without_constant_errors,
 )
 from flighttest.records.sensors.instruments import instruments_of
 
@@ -128,11 +131,81 @@ def test_small_error_of_the_side_force_does_not_blame_the_vane(signals, record):
     assert _slip_findings(slow, record, 0.3) == []
 
 
-def test_scale_of_the_vertical_force_is_named_too(signals, record, position):
-    wrong = at_cg(signals.with_values({"az_imu": 1.05 * signals["az_imu"]}), {"ax_imu": position})
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_zero_of_the_vane_without_ground_velocity(signals, record, share):
+    """Vane and side force are both named, also where little side force comes with sideslip."""
+    alone = signals.without(("vn", "ve", "vd"))
+    changes = {"ay_imu": share * alone["ay_imu"], "beta_vane": alone["beta_vane"]}
+    right = alone.with_values(changes)
+    assert offset_findings(kinematic_table(right), right, record) == []
+    wrong = alone.with_values({**changes, "beta_vane": alone["beta_vane"] + 4.0 * DEGREE})
     (finding,) = offset_findings(kinematic_table(wrong), wrong, record)
-    assert "too low throughout, or 1.044 times the true value" in finding.text
+    assert (finding.severity, finding.channels) == ("warning", ("beta_vane", "ay_imu"))
+    assert finding.evidence["offset"] == pytest.approx(4.0 * DEGREE, abs=0.5 * DEGREE)
+    assert "deg too high throughout" in finding.text
+    assert ", or ay_imu" in finding.text
+    assert "beta_vane = {" in finding.remedy
+    assert "; or ay_imu = {" in finding.remedy
+
+
+def test_error_of_the_side_force_hides_the_zero_of_the_vane(signals, record, position):
+    places = {"ax_imu": position}
+    right = at_cg(signals, places)
+    assert slip_not_checked(kinematic_table(right), right) == []
+    both = {
+        "ay_imu": signals["ay_imu"] + 0.6,
+        "beta_vane": signals["beta_vane"] + 6.0 * DEGREE,
+    }
+    wrong = at_cg(signals.with_values(both), places)
+    table = kinematic_table(wrong)
+    (finding,) = offset_findings(table, wrong, record)
+    assert finding.channels == ("ay_imu", "phi")
+    ((name, _, _, reason),) = slip_not_checked(table, wrong)
+    assert name == "zero_of_beta_vane"
+    assert "ay_imu reads 0.63 m/s2 too high" in reason
+    assert "deg of the vane: no constant error of the vane is reported" in reason
+
+
+def test_slope_shows_a_constant_error_or_a_scale_of_the_vertical_force(signals, record, position):
+    def only_finding(az, **others):
+        changes = {**others, "az_imu": az}
+        wrong = at_cg(signals.with_values(changes), {"ax_imu": position})
+        (finding,) = offset_findings(kinematic_table(wrong), wrong, record)
+        return finding, without_constant_errors(wrong, [finding])["az_imu"]
+
+    right = at_cg(signals, {"ax_imu": position})["az_imu"]
+    scaled, corrected = only_finding(1.05 * signals["az_imu"])
+    assert "az_imu reads 1.044 times the true value: its slope" in scaled.text
+    assert "too low" not in scaled.text
+    assert scaled.remedy.count("az_imu = {") == 1
+    assert np.abs(corrected - right).max() < 0.1
+    constant, corrected = only_finding(signals["az_imu"] + 1.0)
+    assert "az_imu reads 1.06 m/s2 too high throughout: its slope" in constant.text
+    assert "times the true value" not in constant.text
+    assert constant.remedy.count("az_imu = {") == 1
+    assert np.abs(corrected - right).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("slope", "stderr", "reason"),
+    [
+        (1.0, 0.04, "which agrees with both"),
+        (1.3, 0.04, "which agrees with neither alone"),
+        (1.0, 0.06, "in 1 g a constant error and an error of scale are the same"),
+        (None, None, "no ground velocity shows which of them"),
+    ],
+)
+def test_vertical_force_whose_slope_shows_no_cause(
+    signals, record, position, slope, stderr, reason
+):
+    wrong = at_cg(signals.with_values({"az_imu": signals["az_imu"] + 1.0}), {"ax_imu": position})
+    table = kinematic_table(wrong).assign(slope=slope, slope_stderr=stderr)
+    if slope is None:
+        table = table[table["relation"] != "force_z"]
+    (finding,) = offset_findings(table, wrong, record)
+    assert "m/s2 too high throughout, or 0.8" in finding.text
     assert finding.remedy.count("az_imu = {") == 2
+    assert finding.text.endswith(reason)
 
 
 def test_surface_whose_axis_the_others_explain(signals):
@@ -157,7 +230,12 @@ def test_place_of_the_accelerometers(signals, position, axis):
     right = at_cg(signals, places)
     findings, ((_, _, _, reason),) = lever_arm_findings(right, places)
     assert findings == []
-    assert "above x 1.6 m, y 1.1 m, z 1.4 m" in reason
+    limits = [float(limit) for limit in re.findall(r"[xyz] ([\d.]+) m", reason)]
+    assert limits == pytest.approx([2.3, 1.3, 1.9])
+    # an error of the stated size is reported in both directions
+    for shift in (-limits[axis] * np.eye(3)[axis], limits[axis] * np.eye(3)[axis]):
+        moved = at_cg(signals, {"ax_imu": position + shift})
+        assert lever_arm_findings(moved, {"ax_imu": position + shift})[0]
     wrong = position + 2.0 * np.eye(3)[axis]
     moved = at_cg(signals, {"ax_imu": wrong})
     (finding,), ((_, _, _, reason),) = lever_arm_findings(moved, {"ax_imu": wrong})
@@ -165,7 +243,8 @@ def test_place_of_the_accelerometers(signals, position, axis):
     assert np.all(np.abs(error) < 0.2)
     assert f"stated {wrong[axis]:.2f} m" in finding.text
     # the other axes remain as uncertain as before
-    assert [f"{name} 1." in reason for name in "xyz"] == [i != axis for i in range(3)]
+    uncertain = re.findall(r"([xyz]) [\d.]+ m", reason)
+    assert uncertain == [name for i, name in enumerate("xyz") if i != axis]
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.4])
@@ -205,6 +284,24 @@ def test_lost_samples_are_placed(record, seconds):
     assert findings
     assert all(finding.start == pytest.approx(20.0, abs=0.2) for finding in findings)
     assert {(finding.severity, finding.kind) for finding in findings} == {("error", "lost")}
+    assert set(flags["kind"]) == {"lost"}
+
+
+@pytest.mark.parametrize(
+    ("leaves", "every", "start"), [(("gps",), 1, 15.0), (("air_data", "vanes"), 2, 12.5)]
+)
+def test_a_recorder_on_a_clock_of_its_own_loses_samples_alone(record, leaves, every, start):
+    """The attitude of another clock does not jump at the loss, which therefore is no evidence."""
+    parts = {"/": xr.Dataset(attrs=record.attrs)}
+    short = without(record, start, 3.0)
+    for leaf, node in record.children.items():
+        source = short[leaf] if leaf in leaves else node
+        data = source.to_dataset()
+        parts[f"/{leaf}"] = data.isel(time=slice(None, None, every)) if leaf in leaves else data
+    findings, flags = lost_samples(xr.DataTree.from_dict(parts), NO_FAULTS)
+    assert [(finding.severity, finding.kind) for finding in findings] == [("error", "lost")]
+    assert findings[0].start == pytest.approx(start, abs=0.3)
+    assert "or their unit was corrected" in findings[0].text
     assert set(flags["kind"]) == {"lost"}
 
 
