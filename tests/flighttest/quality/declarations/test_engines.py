@@ -95,7 +95,7 @@ def test_thrust_of_one_engine_in_another_unit(signals, aircraft, name, factor, u
 
 @pytest.mark.parametrize(("factor", "errors"), [(1.0, 0), (2.2, 2), (60.0 / (2.0 * np.pi), 2)])
 def test_a_propeller_that_turns_faster_than_it_can(factor, errors):
-    """Crankshaft or turbine for propeller, and rpm read as rad/s, of the twin turboprop."""
+    """Crankshaft or turbine for propeller, and rpm read as rad/s, of an aeroplane with two turboprops."""
     folder = T37.parent / "commuter"
     record = flighttest.read(folder / "flight" / "check_dutch_roll.csv", folder / "names.toml")
     signals = resample_channels(record, faults_of(record))
