@@ -70,6 +70,7 @@ def schemas() -> dict[str, Any]:
     return {kind: make() for kind, make in SCHEMAS.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "file"), FILES, ids=[str(file.relative_to(ROOT)) for _, file in FILES]
 )
@@ -77,6 +78,7 @@ def test_shipped_files_fit_the_schema(schemas, kind, file):
     jsonschema.Draft202012Validator(schemas[kind]).validate(plain(file))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SCHEMAS)
 def test_the_schema_is_one_and_every_key_is_explained(schemas, kind):
     jsonschema.Draft202012Validator.check_schema(schemas[kind])

@@ -216,6 +216,7 @@ def test_every_text_stands_on_its_line(one):
         assert text in one.lines[number - 1]
 
 
+@pytest.mark.slow
 def test_every_line_is_understood(one):
     assert one.listing.unread == []
     assert [(page.kind, page.first) for page in one.listing.unparsed] == []

@@ -159,6 +159,7 @@ def test_output_error_finds_the_circuit_that_was_simulated(columns):
     assert fit.remarks == []
 
 
+@pytest.mark.slow
 def test_regressions_replace_an_output_error_that_did_not_converge(columns, monkeypatch):
     loading, driven, free = columns
     monkeypatch.setattr(circuit_fit, "_ITERATIONS", 1)
@@ -177,6 +178,7 @@ def test_regressions_replace_an_output_error_that_did_not_converge(columns, monk
         assert stderr == pytest.approx(np.hypot(regression.value(name)[1], difference), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("first", "stop", "searches", "is_proven"),
     [(2, EXHAUSTED, 1, False), (2, STALLED, 2, False), (4, STALLED, 2, True)],

@@ -198,6 +198,7 @@ BOUND = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not EXTENDED, reason="long double is no longer than double here: no reference")
 @pytest.mark.parametrize("name", BOUND)
 def test_within_one_unit_in_the_last_place(library, name):

@@ -440,6 +440,7 @@ def make_two_engined(make_aircraft, make_tree, **limits: tuple[float, float]) ->
     return trimmed_at(craft, make_tree(leaves), {"V": 55.0, "h": 1000.0})
 
 
+@pytest.mark.slow
 def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, make_tree):
     """Moments by hand at the speed found: thrust, drag, torque and P-factor; the rudder is full."""
     level = make_two_engined(make_aircraft, make_tree)
@@ -468,6 +469,7 @@ def test_minimum_control_speed_counts_the_windmilling_propeller(make_aircraft, m
     assert qSb * roll == pytest.approx(torque + 1.5 * (disk[1] - disk[0]) * climb, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_speeds_without_trim_are_stated(make_aircraft, make_tree):
     """An elevator of 4 deg does not carry the aircraft below 47 m/s, the rudder is enough."""
     limits = {"delta_e": (-0.07, 0.4), "delta_r": (-1.05, 1.05)}

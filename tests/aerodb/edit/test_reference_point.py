@@ -102,6 +102,7 @@ def moved(trainer):
     return aerodb.transform.move_reference(trainer, NEW, note="new datum")
 
 
+@pytest.mark.slow
 def test_every_effect_is_transferred_as_the_builder_does_it(trainer, moved):
     """At the breakpoints, against the cross product of `aerodb.store.effects`."""
     before, after = aerodb.terms(trainer), aerodb.terms(moved)

@@ -43,6 +43,7 @@ def of_avl():
     return from_estimate(aircraft(), sweep("st"), controls=CONTROLS, **MORE)
 
 
+@pytest.mark.slow
 @needs_outputs
 def test_totals_and_derivatives_are_those_of_the_print(of_avl):
     assert value(of_avl, "CL/basic") == pytest.approx(0.48675, abs=1e-9)

@@ -246,6 +246,7 @@ def test_a_coefficient_in_a_term_is_that_of_the_conditions(rich):
     np.testing.assert_allclose(value, 0.05 * ((0.2 + lift) ** 2 - 0.04) + 0.3 * lift)
 
 
+@pytest.mark.slow
 def test_figures_1_and_2_set_databases_over_each_other(rich, flown):
     steeper = aerodb.replace_terms(
         rich,

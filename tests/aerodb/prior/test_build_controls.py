@@ -72,6 +72,7 @@ def flown(jet):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mach", "Cl", "Cn"), [(0.3, 1.3049e-2, 3.408e-3), (1.6, 5.0671e-3, 3.132e-3)]
 )

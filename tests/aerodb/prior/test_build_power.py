@@ -33,6 +33,7 @@ def table(db, name, mach, alpha):
     return float(db[name]["value"].sel(mach=mach, alpha=alpha, method="nearest", tolerance=1e-6))
 
 
+@pytest.mark.slow
 def test_the_thrust_itself_is_taken_off(powered, pages, jet):
     """ce500_jet.out, Mach 0.2, alpha 8: CL 1.022, CM -0.1314; exit at 0.65, moment centre at -0.15
     m.

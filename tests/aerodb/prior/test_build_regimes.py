@@ -87,6 +87,7 @@ def test_supersonic_rates_are_not_made_from_the_downwash(fighter):
     )
 
 
+@pytest.mark.slow
 def test_conditions_along_a_climb_go_over_mach_alone(fighter_db):
     db, messages = fighter_db
     assert (

@@ -153,6 +153,7 @@ def test_a_whole_listing_in_one_role_is_refused_with_the_way_out(read, light):
         aerodb.from_datcom(light, clean=read("multi")[0], elevator=read("multi"))
 
 
+@pytest.mark.slow
 def test_of_equal_conditions_the_shortest_flap_run_is_taken(t37):
     names = (
         "elevator",

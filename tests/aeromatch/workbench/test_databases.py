@@ -72,6 +72,7 @@ def test_terms_and_history_of_a_database(opened):
     assert again["history"][-1] == {"edit": 1, "text": "scale: CL/flap by 1.1 (why)"}
 
 
+@pytest.mark.slow
 def test_a_database_that_is_none_of_the_working_folder_is_refused(opened):
     with pytest.raises(UnknownName, match=r"match/other\.nc"):
         databases.show_database(opened, {"file": "{work}/match/other.nc"}, None)
@@ -180,12 +181,14 @@ def test_a_term_that_one_database_lacks(opened):
         term(opened, "CL/slat", FINAL)
 
 
+@pytest.mark.slow
 def test_tables_that_are_too_large_together_are_refused(opened, monkeypatch):
     monkeypatch.setattr(databases, "_MOST_NODES", 27)
     with pytest.raises(SchemaError, match="have 28 nodes, at most 27 are drawn"):
         term(opened, "CL/basic", FINAL, DATCOM)
 
 
+@pytest.mark.slow
 def test_comparison_is_that_of_the_library_and_made_once(opened, monkeypatch):
     found = databases.compare_databases(opened, {"a": DATCOM, "b": FINAL}, None)
     frame = aerodb.compare(

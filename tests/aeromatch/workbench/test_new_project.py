@@ -205,6 +205,7 @@ def test_the_address_of_files_is_guarded(tmp_path):
 # ---- columns ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_column_without_a_unit_waits_for_one(drafted):
     query = {"column": "CH7", "quantity": "delta_e", "unit": "", "sign": "-"}
     answer = edit_column(drafted, query, None)

@@ -95,6 +95,7 @@ def test_finer_numbers_round_to_the_printed_ones(name, printed, plots):
     assert count == COUNTED[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_flags_are_those_of_the_print(name, printed, plots):
     for leaf in ("static", "symflp"):

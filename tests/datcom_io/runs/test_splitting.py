@@ -49,6 +49,7 @@ def test_every_flap_setting_over_ground_is_a_run_of_its_own(planned):
         assert {**ours.meaning(), "caseid": ""} == {**case.meaning(), "caseid": ""}
 
 
+@pytest.mark.slow
 def test_without_a_plan_every_condition_and_deflection_is_a_run_of_its_own(unplanned):
     """The nine decks of a condition are those of one shipped deck in all but the deflection."""
     shipped = datcom_io.read_deck(T37 / "t37_elevator_one_by_one.inp")

@@ -110,6 +110,7 @@ def without_rudder(files, plain_tree) -> tuple[str, str]:
     return files
 
 
+@pytest.mark.slow
 def test_level_flight_without_a_rudder_term_is_trimmed(without_rudder):
     """Over the rotating Earth the Coriolis acceleration is left, 1e-4 of what gravity does; a bank
     takes it.

@@ -62,6 +62,7 @@ def stepped(fmus, condition):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_cvode_flies_the_trajectory_of_co_simulation(fmus, condition, stepped, version):
     found = fly(fmus[version], condition, fmi_type="ModelExchange", output_interval=0.02)

@@ -56,6 +56,7 @@ def call(*arguments):
     return CliRunner().invoke(flight, list(map(str, arguments)), catch_exceptions=False)
 
 
+@pytest.mark.slow
 def test_show_lists_channels(files):
     done = call("show", files / "run_0.nc")
     assert done.exit_code == 0

@@ -187,6 +187,7 @@ def test_the_document_and_windows(files):
     assert found["remarks"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("more", "error"),
     [

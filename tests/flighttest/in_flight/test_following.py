@@ -508,6 +508,7 @@ def test_constraints_are_those_of_the_batch():
         assert row["t"] == pytest.approx(expected["t"], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_candidate_that_a_limit_holds_does_not_end_the_choice():
     data = record(np.random.default_rng(5), duration=30.0, noise=0.002)
     extra = -50.0 * data["alpha"] ** 2 + 1200.0 * data["alpha"] * data["qhat"]

@@ -276,6 +276,7 @@ def test_what_is_no_report_is_refused(tmp_path):
         pom.verify(tmp_path)
 
 
+@pytest.mark.slow
 def test_verify_on_the_command_line(aeromatch, made):
     done = aeromatch("pom", "verify", made / "report")
     first, sign, not_covered = done.stdout.strip().splitlines()

@@ -145,6 +145,7 @@ def test_twenty_fields_with_the_hashes_put_right(folder):
     assert missed == []
 
 
+@pytest.mark.slow
 def test_a_number_in_place_of_none_is_found(folder):
     """A criterion of the whole window has no first exit if it passes."""
     document = json.loads((folder / "report" / "results.json").read_text(encoding="utf-8"))

@@ -43,11 +43,13 @@ def test_an_editor_knows_the_words_of_the_tolerance_table():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", sorted(T37.rglob("*.toml")), ids=lambda file: file.stem)
 def test_shipped_cases_fit(file):
     jsonschema.validate(json.loads(json.dumps(read_toml(file))), case_schema())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "more"),
     [

@@ -137,6 +137,7 @@ def test_a_group_needs_a_name_and_members(aeromatch, write_case, group):
     assert "expected NAME=TERM,TERM" in done.output
 
 
+@pytest.mark.slow
 def test_problems_of_several_cases_are_reported_at_once(aeromatch, files, tmp_path):
     from flightmech.errors import SchemaError
 

@@ -40,6 +40,7 @@ def models(trainer, tmp_path_factory):
     return sim, {version: folder / f"{version}.fmu" for version in ("2.0", "3.0")}
 
 
+@pytest.mark.slow
 def test_the_truth_is_matched_by_every_way_of_replay(write_case, truth, models, trainer):
     sim, runs = models
     case = read_case(write_case())

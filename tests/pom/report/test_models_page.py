@@ -14,6 +14,7 @@ from pom.report.models import database_comparison, identification, term_figures
 from pom.report.presentation import quantities, traces
 
 
+@pytest.mark.slow
 def test_models_page_shows_what_differs_and_names_the_rest(report):
     html, _ = report
     drawn = dict(

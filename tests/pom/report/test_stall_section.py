@@ -22,6 +22,7 @@ def section():
     return made
 
 
+@pytest.mark.slow
 def test_parameters_and_terms(section):
     separation, terms = section.grids
     assert "at 2.58 m from the plane of symmetry" in separation.caption

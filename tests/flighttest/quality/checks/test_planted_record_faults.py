@@ -102,6 +102,7 @@ def test_constant_error_of_a_gyro(signals, gyro):
     assert offsets[gyro][0] == pytest.approx(1.0 * DEGREE, abs=0.06 * DEGREE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("channel", "error", "named"),
     [
@@ -224,6 +225,7 @@ def test_surface_whose_axis_the_others_explain(signals):
     assert not _moves_other_axis(shares, rudder, elevator, little)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_place_of_the_accelerometers(signals, position, axis):
     places = {"ax_imu": position}

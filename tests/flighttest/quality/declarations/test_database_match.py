@@ -115,6 +115,7 @@ def linear_database(aircraft):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_right_database_has_the_effect_of_every_surface(aircraft):
     # c.g. away from the reference point, and a large product of inertia
     aircraft = replace(aircraft, cg=CG, Ixz=3000.0)
@@ -174,6 +175,7 @@ def test_gain_of_a_surface(signals, aircraft):
     assert gain_findings(pd.DataFrame(columns=answers.columns), signals, aircraft, None) == ([], [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["p_static", "temperature", "alpha_vane"])
 def test_a_channel_without_a_valid_sample_is_as_one_that_is_not_recorded(aircraft, name):
     aircraft = replace(aircraft, cg=CG, Ixz=3000.0)

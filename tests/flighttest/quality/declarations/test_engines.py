@@ -93,6 +93,7 @@ def test_thrust_of_one_engine_in_another_unit(signals, aircraft, name, factor, u
     assert f"is in {unit} " in finding.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "errors"), [(1.0, 0), (2.2, 2), (60.0 / (2.0 * np.pi), 2)])
 def test_a_propeller_that_turns_faster_than_it_can(factor, errors):
     """Crankshaft or turbine for propeller, and rpm read as rad/s, of an aeroplane with two turboprops."""
