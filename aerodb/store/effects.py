@@ -239,7 +239,7 @@ def rate_shift(
     Warns
     -----
     AeromatchWarning
-        With one angle of attack: there is no slope over alpha, and its share is left out.
+        With one angle of attack the slope over alpha is unknown, and its share is left out.
 
     Notes
     -----

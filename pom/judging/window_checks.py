@@ -260,7 +260,7 @@ def _unsteady_start(case: PomCase, motion: _Motion) -> WindowCheck:
         part = (time >= first - 1e-9) & (time <= last + 1e-9)
         texts = []
         for name, limit in limits.items():
-            # a line through missing samples is no movement
+            # the line through missing samples does not show the movement
             shown = part & motion.recorded(name)
             if not shown.any():
                 continue

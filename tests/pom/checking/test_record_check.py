@@ -155,7 +155,7 @@ def test_checks_of_records_are_those_of_the_assessment(spoilt):
 
 @pytest.mark.slow
 def test_lost_samples_are_faults_of_the_record():
-    """A line through lost samples is no flight, and must not inform a fit."""
+    """The line through lost samples was not flown, and must not inform a fit."""
     record = flighttest.read(T37 / "flight" / "t37_10_multisine_clean_5kft.nc", T37 / "names.toml")
     leaves = {"/": xr.Dataset(attrs=record.attrs)}
     for leaf, node in record.children.items():

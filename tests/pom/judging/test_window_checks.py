@@ -152,7 +152,7 @@ def test_a_later_start_is_named_where_it_is_the_right_one(case):
     assert text.endswith("the flight is steady until 0.7 s, and from 2.7 s on")
     (text,) = check(case, (4.0, 14.0), hold=(3.0, 5.0), p=roll).departures
     assert text.endswith("the flight is steady until 2.7 s: start there or earlier")
-    # a hole is no steady flight
+    # a hole does not show steady flight
     (text,) = check(
         case, (4.0, 24.0), "2.d.4", p=roll, q=with_hole(0.0 * TIME, 0.0, 2.9)
     ).departures

@@ -181,8 +181,10 @@ def _speed_of(part: xr.Dataset, aircraft: Aircraft, number: int) -> np.ndarray:
 
 
 def _mean(part: xr.Dataset, name: str) -> float:
-    """Return the mean of a channel, without the overhead of xarray."""
-    return float(np.nanmean(part[name].values))
+    """Return the mean of the known samples of a channel; NaN without one."""
+    values = part[name].values
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if known.size else np.nan
 
 
 def _smooth_range(x: np.ndarray) -> float:

@@ -293,7 +293,7 @@ def test_lost_samples_are_placed(record, seconds):
     ("leaves", "every", "start"), [(("gps",), 1, 15.0), (("air_data", "vanes"), 2, 12.5)]
 )
 def test_a_recorder_on_a_clock_of_its_own_loses_samples_alone(record, leaves, every, start):
-    """The attitude of another clock does not jump at the loss, which therefore is no evidence."""
+    """The attitude of another clock does not jump at the loss; this does not show a correction."""
     parts = {"/": xr.Dataset(attrs=record.attrs)}
     short = without(record, start, 3.0)
     for leaf, node in record.children.items():
