@@ -5,6 +5,7 @@ message, never a crash.
 from __future__ import annotations
 
 import ctypes
+import gc
 import hashlib
 import struct
 import subprocess
@@ -187,11 +188,18 @@ def test_memory_does_not_grow_with_runs(instance):
             )  # freeInstance of FMPy would unload the library, too
             slave.open()
 
+    def growth() -> int:
+        """Return the growth over 100 rounds, without what the collector of Python has not freed."""
+        gc.collect()
+        before = resident()
+        rounds(100)
+        gc.collect()
+        return resident() - before
+
     rounds(20)
-    before = resident()
-    rounds(100)
-    # one instance holds more than 60 kB: a leak of one per round would be 6 MB
-    assert resident() - before < 3_000_000
+    # One instance holds more than 60 kB: a leak of one per round would be 6 MB each time.  The
+    # memory of the process may grow once for other reasons.
+    assert min(growth() for _ in range(3)) < 3_000_000
 
 
 def test_null_pointers_of_an_absent_instance_are_errors(fmus):
