@@ -27,7 +27,7 @@ from aeromatch.drafting.name_map.names import NamesDraft, draft_names, own_names
 from aeromatch.drafting.sources import Sources
 from flightmech.air import atmosphere
 from flightmech.errors import SchemaError
-from flightmech.units import number_or_text, parse_quantity
+from flightmech.quantities import number_or_text, parse_quantity
 from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres, named_by_response
 
 # Facts of a name map that the author may state, with their units.

@@ -19,7 +19,7 @@ from aeromatch.project.sections import EngineSection
 from aeromatch.workflow.windows import Spans, parts_of, select_spans
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.build_up import required_coefficients
-from flightmech.units import parse_quantity
+from flightmech.quantities import parse_quantity
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.engine.propellers.identification import identify_propeller

@@ -71,15 +71,10 @@ from flightmech.aircraft.propulsion.engine_deck import DeckFiles
 from flightmech.aircraft.separation import StallSection, separation_of
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.support.toml_files import read_toml
-from flightmech.support.toml_models import (
-    Strict,
-    file_schema,
-    fixed_array,
-    validate_content,
-)
+from flightmech.support.toml_models import Strict, file_schema, fixed_array, validate_content
 from flightmech.support.toml_quantities import InUnits, quantity_schema
-from flightmech.units import parse_quantity
 
 
 def read_aircraft(path: str | Path) -> Aircraft:

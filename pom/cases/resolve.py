@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import is_quantity, lookup
-from flightmech.units import parse_quantity
+from flightmech.quantities import parse_quantity
 from pom.cases.case_file import CONDITIONS, ENGINE_LEVER, FORCES, CaseFile
 from pom.tolerances import rows as table
 from pom.tolerances.conditions import missing_claims

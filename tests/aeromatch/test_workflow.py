@@ -11,8 +11,9 @@ import flightmech
 import flighttest
 import pom
 from aeromatch.project.files import Listings
+from aeromatch.project.model_sections import NewTerm
 from aeromatch.project.priors import PriorSection
-from aeromatch.project.project import NewTerm, read_project
+from aeromatch.project.project import read_project
 from aeromatch.project.sections import Controls, GroundEffectSection, RecordSelection
 from aeromatch.workflow.aerodynamics import (
     WAYS,

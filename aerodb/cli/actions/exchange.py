@@ -28,9 +28,9 @@ from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import AeromatchWarning, UnknownName
 from flightmech.names import lookup
+from flightmech.quantities import finite_number, parse_quantity
 from flightmech.support.console import print_json, print_remark
 from flightmech.terms import power_factor
-from flightmech.units import finite_number, parse_quantity
 
 
 def reader_options(
