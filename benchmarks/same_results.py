@@ -16,6 +16,7 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -29,6 +30,8 @@ PAGES = {"report.html", "report.pdf", "manifest.json"}
 LEFT_OUT = {"command", "inputs", "aircraft", "names", "path", "record", "models"}
 # Libraries of an FMU, and its identifier, which follows from the description.
 LIBRARIES = (".so", ".dll", ".dylib")
+# Axes without a name are numbered in the order of the file.
+open_tree = partial(xr.open_datatree, engine="h5netcdf", phony_dims="sort")
 _WORDS = re.compile(r"\b[0-9a-f]{12,}\b|\{?[0-9a-fA-F-]{36}\}?|(?:[\w.-]*/)+[\w.-]*")
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
@@ -63,8 +66,8 @@ def compare_files(one: Path, other: Path) -> tuple[str, list[str]]:
         details = list(tree_differences(one, other))
         return "numbers" if details else "words", details
     if one.suffix == ".json":
-        documents = [json.loads(file.read_text(encoding="utf-8")) for file in (one, other)]
-        details = list(json_differences(*documents, place=one.name))
+        first, second = (json.loads(file.read_text(encoding="utf-8")) for file in (one, other))
+        details = list(json_differences(first, second, place=one.name))
         return "numbers" if details else "words", details
     return compare_texts(one.read_bytes(), other.read_bytes()), []
 
@@ -99,22 +102,24 @@ def compare_texts(one: bytes, other: bytes) -> str:
 
 def tree_differences(one: Path, other: Path) -> Iterator[str]:
     """Yield the variables of two netCDF files whose numbers differ."""
-    with xr.open_datatree(one) as before, xr.open_datatree(other) as after:
+    with open_tree(one) as before, open_tree(other) as after:
         trees = [
             {node.path: node.to_dataset() for node in tree.subtree} for tree in (before, after)
         ]
         for path in sorted(trees[0].keys() | trees[1].keys()):
-            datasets = [tree.get(path, xr.Dataset()) for tree in trees]
-            for name in sorted(
-                {*map(str, datasets[0].variables), *map(str, datasets[1].variables)}
-            ):
-                if not all(name in dataset.variables for dataset in datasets):
+            first, second = (tree.get(path, xr.Dataset()) for tree in trees)
+            for name in sorted({*map(str, first.variables), *map(str, second.variables)}):
+                if name not in first.variables or name not in second.variables:
                     yield f"{path}/{name}: in one file only"
-                    continue
-                values = [np.asarray(dataset[name].values) for dataset in datasets]
-                is_number = all(np.issubdtype(array.dtype, np.number) for array in values)
-                if is_number and not np.array_equal(*values, equal_nan=True):
+                elif _have_other_numbers(first[name].values, second[name].values):
                     yield f"{path}/{name}"
+
+
+def _have_other_numbers(one: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether two arrays of numbers differ; texts have none."""
+    if not all(np.issubdtype(array.dtype, np.number) for array in (one, other)):
+        return False
+    return not np.array_equal(one, other, equal_nan=True)
 
 
 def json_differences(one: Any, other: Any, place: str) -> Iterator[str]:
@@ -124,7 +129,7 @@ def json_differences(one: Any, other: Any, place: str) -> Iterator[str]:
             yield from json_differences(one.get(key), other.get(key), f"{place}/{key}")
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         for index, pair in enumerate(zip(one, other, strict=True)):
-            yield from json_differences(*pair, f"{place}[{index}]")
+            yield from json_differences(pair[0], pair[1], f"{place}[{index}]")
     elif isinstance(one, str) and isinstance(other, str):
         if compare_texts(one.encode(), other.encode()) == "numbers":
             yield f"{place}: {one[:60]} and {other[:60]}"

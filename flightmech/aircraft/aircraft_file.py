@@ -162,21 +162,11 @@ def _engines_of(
 Reason = Annotated[
     str, StringConstraints(strip_whitespace=True, min_length=15, pattern=r"[^\W_]\W+[^\W_]")
 ]
-
-
 _Length = Annotated[float, InUnits("m")]
-
-
 _Vector = tuple[_Length, _Length, _Length]
-
-
 # JSON schema of a quantity whose unit depends on the control
 _OF_CONTROL = quantity_schema("of the control")
-
-
 _DEVICES = r"^device\.\w+\.(deflection|setting)$"
-
-
 _LIMITS = {
     "type": "object",
     "propertyNames": {"anyOf": [{"enum": list(CONTROLS)}, {"pattern": _DEVICES}]},

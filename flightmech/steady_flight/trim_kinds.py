@@ -106,8 +106,6 @@ KINDS = {
         path=ON_GROUND,
     ),
 }
-
-
 _ANGLE, _RATE = 1.5, 3.0  # limits of attitude and climb angle [rad], of rates [rad s-1]
 
 

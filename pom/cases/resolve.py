@@ -27,8 +27,6 @@ from pom.tolerances.overrides import apply_override, replaced_rows
 from pom.tolerances.own_tables import needs_mode_channel
 
 T = TypeVar("T")
-
-
 BIASES = ("delta_e", "delta_a", "delta_r", "thrust", "throttle", *FORCES)
 REMAINDERS = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
 LIMIT_UNITS = (

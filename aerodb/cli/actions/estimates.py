@@ -68,6 +68,7 @@ def _print_set(one: CoefficientSet) -> None:
         f"forces in {one.force_axes} axes, moments and rates in {one.moment_axes} axes, controls "
         f"{' '.join(one.controls) or 'none'}"
     )
+    # One row per condition and coefficient: the total, then its derivatives by variable.
     numbers = one.numbers
     variables = [name for name in numbers["variable"].unique() if name]
     rows = []

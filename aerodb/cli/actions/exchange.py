@@ -111,8 +111,6 @@ def print_sampled(tree: xr.DataTree) -> None:
 
 
 _TABLES_ONLY = ("jsbsim", "daveml")
-
-
 _HIGHEST = "1000 m"  # there a ground effect h^-1.5 has fallen to a thousandth of what it is at 10 m
 
 

@@ -29,8 +29,6 @@ from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flightmech.units import from_si, to_si
 
 _DIGITS = 9  # behind the point: less than that is rounding
-
-
 _SHOWN = (
     "V",
     "V_cas",

@@ -35,7 +35,7 @@ from flighttest.submodels.control_loading.responses.free_response import (
 from flighttest.submodels.control_loading.responses.response_fit import ResponseFit
 from flighttest.submodels.control_loading.responses.window_response import WIDTHS
 from flighttest.submodels.control_loading.result import DRAWINGS_ERROR, SHARED, IdentifiedLoading
-from flighttest.submodels.control_loading.table_coverage import table_samples
+from flighttest.submodels.control_loading.table_coverage import hinge_table_samples
 from flighttest.submodels.control_loading.windows import (
     PreparedRecord,
     driven_stretches,
@@ -142,7 +142,7 @@ def identify_control_loading(
         cable=stretch,
         estimates=fit.estimates(),
         iterations=iterations,
-        sampled=table_samples(loading, [*slow, *quick]),
+        sampled=hinge_table_samples(loading, [*slow, *quick]),
     )
     sources = _error_sources(loading, [*driven, *free], errors or {})
     stops = None if drawings is None else drawings.stops
