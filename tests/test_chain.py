@@ -21,6 +21,7 @@ ORDER = {
         "short_text",
         "errors",
         "units",
+        "quantities",
         "names",
         "plugins",
         "axes",

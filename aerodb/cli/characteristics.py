@@ -1,4 +1,4 @@
-"""The verbs ``characteristics`` and ``rescale`` of ``aeromatch db``."""
+"""The verbs ``characteristics``, ``rescale`` and ``scheme`` of ``aeromatch db``."""
 
 from __future__ import annotations
 
@@ -6,18 +6,13 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import (
-    InputFile,
-    NewFile,
-    json_option,
-    performed_by,
-)
+from flightmech.support.console import InputFile, NewFile, json_option, performed_by
 
 _FILE = InputFile()
 
 
 class Pairs(click.ParamType):  # type: ignore[type-arg]
-    """NAME=VALUE."""
+    """An option of the form NAME=VALUE, as the pair of name and text of the value."""
 
     name = "NAME=VALUE"
 

@@ -38,8 +38,6 @@ grid_option = click.option(
     help="Samples of an axis: a range such as alpha='-10 30 deg'; for daveml also the breakpoints "
     "themselves.",
 )
-
-
 names_option = click.option(
     "--names",
     multiple=True,

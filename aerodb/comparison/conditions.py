@@ -19,7 +19,7 @@ from flightmech.names import (
 )
 from flightmech.units import DEGREE, from_si
 
-TABLES = ("value", "K1", "K2")
+TABLES = ("value", "K1", "K2")  # variables of a leaf that are tables over axes
 # Values of a variable that multiplies tables and is not an axis of any: the range of brisk
 # manoeuvres of a trainer or business jet. [SI]
 REACH: dict[str, tuple[float, ...]] = {
@@ -46,6 +46,7 @@ REACH: dict[str, tuple[float, ...]] = {
     ),
     **dict.fromkeys(("delta_f", "delta_s"), (0.0, 40 * DEGREE)),
 }
+# Variables whose breakpoints form a grid. The others are varied in turn over it.
 _IN_FULL = ("mach", "alpha")
 
 Place = Callable[[int], str]

@@ -43,11 +43,11 @@ from pydantic import Field, model_validator
 
 from flightmech.errors import ParseError, SchemaError, UnitError
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.support.input_files import demand_regular
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
-from flightmech.units import parse_quantity
 
 _NUMBERS = ("factor", "factor_stderr", "offset", "offset_stderr")
 _LINE = re.compile(r"#\s*(\w+)\s*:\s*(.*)")

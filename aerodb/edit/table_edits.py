@@ -36,8 +36,6 @@ from flightmech.errors import AeromatchWarning, OutOfRange, SchemaError
 
 # Difference from a breakpoint, relative to the axis, that is rounding of degrees or feet.
 _POINT_ROUNDING = 1e-6
-
-
 # From a leaf and a table on one grid: new value and stderr, and the factor on the old nodes.
 _EditedNodes = tuple[np.ndarray, np.ndarray | None, np.ndarray | float]
 _NodeEdit = Callable[[xr.Dataset, xr.Dataset], _EditedNodes]

@@ -37,16 +37,12 @@ from aerodb.store.plausible_ranges import CANARD, REAR_WING, SUSPECT_NUMBERS, TA
 from aerodb.store.schema import make_prior_database
 from aerodb.update.cautions.notices import note_plausibility
 from datcom_io.decks.aircraft_rules import ROUNDED_SPAN
-from datcom_io.decks.device_fit import (
-    advise_on_misfit,
-    describe_misfit,
-    weigh_device_on_tail,
-)
+from datcom_io.decks.device_fit import advise_on_misfit, describe_misfit, weigh_device_on_tail
 from datcom_io.decks.planforms import measure_main_wing, measure_wing
 from datcom_io.decks.rules_reference import describe_reference_quantities
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.units import value_in_si
+from flightmech.quantities import value_in_si
 
 _PARTS = ("WING-BODY", "WING ALONE", "DATCOM BODY ALONE", "BODY ALONE")
 _ROLL_CONTROLS = {

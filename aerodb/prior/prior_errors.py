@@ -131,8 +131,6 @@ _CLASS = {
     **dict.fromkeys(("ground", "ground_flap", "ground_elevator"), "ground"),
     "power": "power",
 }
-
-
 # Term whose estimate follows the local lift slope: share of the loss by a predicted stall that
 # enters its standard error (j), and the range of incidence in which the loss is looked for, with
 # allowance for rounding. [rad]

@@ -14,8 +14,8 @@ from flightmech.axes import lift_drag
 from flightmech.build_up import evaluation_levels, used_coefficients
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import ATTACHED_FLOW, lookup, quantity_attributes
+from flightmech.quantities import value_in_si
 from flightmech.support.array_files.netcdf_trees import CHECKS
-from flightmech.units import value_in_si
 
 _OF_ANY_AXES = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 _HIGH = 1000.0  # height above ground without ground effect, where no table ends [m]

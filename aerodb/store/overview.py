@@ -48,8 +48,6 @@ Files contain these rows.  Raise the number whenever the rules of the rows chang
 """
 _FEW = 12  # absent terms that are listed one by one
 HEAD = ("term", "axes", "times", "values", "stderr", "source")
-
-
 ORIGIN = "origin"
 """Attribute of a term: the programs of its a-priori value, such as ``Digital DATCOM, AVL``."""
 

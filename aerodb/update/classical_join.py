@@ -34,12 +34,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import scipy
 import xarray as xr
 
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
@@ -51,6 +49,7 @@ from aerodb.update.observations import (
     observed_nodes,
     sampled_weights,
 )
+from aerodb.update.stage_solution import StageEquations, solve_stage
 from aerodb.update.tabulation import FLOWN, slices_of
 from aerodb.update.tabulation_report import (
     Tabulation,
@@ -63,7 +62,6 @@ from aerodb.update.tabulation_report import (
     term_row,
 )
 from aerodb.update.term_decisions import add_decisions
-from aerodb.update.weights.weight_learning import SCATTER, estimate_mixed, estimate_scatter
 from flightmech import terms as _terms
 from flightmech.aircraft.controls import ICE
 from flightmech.errors import IdentificationError
@@ -76,8 +74,6 @@ _HISTORY = "join_submodels: joined with {} fits"
 _CLEAN = 0.3
 _FADE = 2.0  # of the correlation with the flown region, per correlation length
 _BEND = 0.5  # a-priori size of the parameters of incidence and Mach number, over that of the level
-_HUBER = 2.5  # distance of a fit, in its standard errors, from which on it loses weight
-_ROUNDS = 16  # of factors and weights; the scatter is estimated in the second half
 _LEAST_HALF_SPAN = 1e-6  # of a flown range: a single flown value must not divide by zero
 
 
@@ -322,34 +318,6 @@ def _make_regression(
     return _TermRegression(nodes, F[:, np.abs(F).max(axis=0) > 0], rough)
 
 
-@dataclass(frozen=True)
-class _StageEquations:
-    """Linear equations of one stage, y = A (factors a) + H r + D s + e.
-
-    Parameters of all tables stand side by side; column j of A belongs to the table owner[j].
-    """
-
-    y: np.ndarray  # (estimates,): estimates less their expectation with the values before
-    A: np.ndarray  # (estimates, parameters)
-    D: np.ndarray  # (estimates, common errors)
-    owner: np.ndarray  # (parameters,)
-    rough: np.ndarray  # (tables, estimates, estimates): a-priori covariance H r r' H'
-
-
-@dataclass(frozen=True)
-class _StageSolution:
-    """Solution of the equations of one stage; arrays by parameter, estimate, fit or table."""
-
-    a: np.ndarray
-    covariance: np.ndarray  # of a
-    size: np.ndarray  # (parameters,): factor on the a-priori error of the table of each
-    factors: np.ndarray
-    scatter: float
-    weight: np.ndarray
-    distance: np.ndarray
-    chi2: float
-
-
 def _fit_stage(
     observed: Sequence[Observation],
     tables: Sequence[_TermRegression],
@@ -363,14 +331,14 @@ def _fit_stage(
     H = np.vstack([fit.H for fit in observed])
     D = np.vstack([fit.D for fit in observed])
     parameters = [table.F.shape[1] for table in tables]
-    equations = _StageEquations(
+    equations = StageEquations(
         y=np.concatenate([fit.theta for fit in observed]) - H @ value,
         A=np.hstack([H[:, table.nodes] @ table.F for table in tables]),
         D=np.hstack([D, *(H @ root for root in earlier_roots)]),
         owner=np.repeat(np.arange(len(tables)), parameters),
         rough=np.stack([H[:, table.nodes] @ table.rough @ H[:, table.nodes].T for table in tables]),
     )
-    solution = _solve_stage(equations, observed)
+    solution = solve_stage(equations, observed)
     eigenvalues, vectors = np.linalg.eigh(solution.covariance)
     covariance_root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
     change, root = np.zeros(len(value)), np.zeros((len(value), len(solution.a)))
@@ -391,61 +359,3 @@ def _fit_stage(
         factors=solution.factors,
         chi2=solution.chi2,
     )
-
-
-def _solve_stage(equations: _StageEquations, observed: Sequence[Observation]) -> _StageSolution:
-    """Return the parameters of a stage after iterating factors, scatter and weights of the fits."""
-    y, A, D, owner = equations.y, equations.A, equations.D, equations.owner
-    ends = np.cumsum([0, *(len(fit.theta) for fit in observed)]).tolist()
-    rows_of_fits = [slice(first, end) for first, end in pairwise(ends)]
-    factors, weight = np.ones(len(equations.rough)), np.ones(len(observed))
-    scatter = SCATTER[0]
-    for turn in range(_ROUNDS):
-        measured = [fit.C / w for fit, w in zip(observed, weight)]
-        common = [D[rows] @ D[rows].T / w for rows, w in zip(rows_of_fits, weight)]
-        noise, own_errors = scipy.linalg.block_diag(*measured), scipy.linalg.block_diag(*common)
-        deviation = np.einsum("k,kij->ij", factors**2, equations.rough)
-        size = factors[owner]
-        # In the first half the factors converge.  A misfit that a larger a-priori error explains is
-        # not scatter.
-        if 2 * turn >= _ROUNDS:
-            without_scatter = (A * size) @ (A * size).T + noise + own_errors
-            scatter = estimate_scatter(y, without_scatter, deviation)
-        S = noise + own_errors + scatter * deviation
-        M, gain = estimate_mixed(A * size, S)
-        a = gain @ y
-        distance = _rms_by_fit(y - A @ (size * a), S, rows_of_fits)
-        weight = np.minimum(1.0, (_HUBER / np.maximum(distance, 1e-12)) ** 2)
-        factors = _inflate_priors(a, M, size, owner, tables=len(factors))
-    # Prior (M M), noise and scatter through the gain, and the common errors if all fits share them.
-    covariance = M @ M + gain @ (noise + scatter * deviation) @ gain.T + (gain @ D) @ (gain @ D).T
-    without_scatter = (A * size) @ (A * size).T + noise + own_errors
-    return _StageSolution(
-        a=a,
-        covariance=covariance,
-        size=size,
-        factors=factors,
-        scatter=scatter,
-        weight=weight,
-        distance=distance,
-        chi2=float(y @ np.linalg.solve(without_scatter, y)),
-    )
-
-
-def _inflate_priors(
-    a: np.ndarray, M: np.ndarray, size: np.ndarray, owner: np.ndarray, tables: int
-) -> np.ndarray:
-    """Return the factor on the a-priori error of each table, 1 or more, (tables,)."""
-    # Expected square of each parameter: the square of its estimate, and its variance.
-    power = (size * a) ** 2 + size**2 * np.diag(M)
-    factors = np.ones(tables)
-    for k in range(tables):
-        # `max` and not `np.maximum`: the mean of a table without parameters is NaN, its factor 1.
-        factors[k] = max(1.0, np.sqrt(power[owner == k].mean()))
-    return factors
-
-
-def _rms_by_fit(v: np.ndarray, S: np.ndarray, rows_of_fits: Sequence[slice]) -> np.ndarray:
-    """Return the rms residual of each fit in its standard errors, (fits,)."""
-    chi2 = [v[rows] @ np.linalg.solve(S[rows, rows], v[rows]) for rows in rows_of_fits]
-    return np.sqrt(np.array(chi2) / [len(v[rows]) for rows in rows_of_fits])

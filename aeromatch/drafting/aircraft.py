@@ -16,8 +16,9 @@ from aeromatch.drafting.instruments import instrument_lines
 from aeromatch.project.schemas import schema_lines
 from flightmech.aircraft.controls import CONTROLS
 from flightmech.names import lookup
+from flightmech.quantities import finite_number
 from flightmech.support.toml_quantities import UNFILLED
-from flightmech.units import DEGREE, finite_number
+from flightmech.units import DEGREE
 
 # What makes a thrust of the recorded speed of a propeller, for an author who knows its charts.
 _PROPELLER = (

@@ -59,8 +59,8 @@ from aeromatch.drafting.sources import (
 )
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
+from flightmech.quantities import number_or_text, parse_quantity
 from flightmech.support.toml_quantities import UNFILLED
-from flightmech.units import number_or_text, parse_quantity
 from flighttest.records.manoeuvre_table import read_manoeuvres, write_manoeuvres
 from flighttest.records.readers.name_map import latitude_problem
 

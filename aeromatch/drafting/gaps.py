@@ -12,8 +12,8 @@ import xarray as xr
 
 from aeromatch.drafting.name_map.name_rows import REQUIRED
 from flightmech.errors import UnitError
+from flightmech.quantities import parse_quantity
 from flightmech.support.toml_quantities import CONFIRM, UNFILLED
-from flightmech.units import parse_quantity
 
 # Alternative channels, their common name, and the consequence if all of them are absent.
 _NEEDED = (

@@ -61,7 +61,7 @@ def recorded_power(aircraft: Path, records: Mapping[str, xr.DataTree]) -> Record
     drives = engine_drives(engines)
     no_thrust, undriven = [], []
     for name, record in records.items():
-        if has_thrust(record, engines):
+        if is_thrust_known(record, engines):
             continue
         no_thrust.append(name)
         if not _is_driven(channel_names([record]), drives):
@@ -69,7 +69,7 @@ def recorded_power(aircraft: Path, records: Mapping[str, xr.DataTree]) -> Record
     return RecordedPower(drives, tuple(no_thrust), tuple(undriven))
 
 
-def has_thrust(record: xr.DataTree, engines: Sequence[Engine]) -> bool:
+def is_thrust_known(record: xr.DataTree, engines: Sequence[Engine]) -> bool:
     """Return whether the thrust of every engine is recorded, or follows from its propeller."""
     channels: dict[str, np.ndarray] = {}
     for node in record.children.values():

@@ -23,11 +23,11 @@ from aeromatch.drafting.name_map.author_map import AuthorMap
 from aeromatch.drafting.name_map.candidates import candidates_of
 from aeromatch.drafting.name_map.column_table import ColumnRow, describe_columns
 from aeromatch.drafting.name_map.name_repair import check_draft
-from aeromatch.drafting.name_map.names import NamesDraft, draft_names, own_names
+from aeromatch.drafting.name_map.names import NamesDraft, draft_names, read_own_names
 from aeromatch.drafting.sources import Sources
 from flightmech.air import atmosphere
 from flightmech.errors import SchemaError
-from flightmech.units import number_or_text, parse_quantity
+from flightmech.quantities import number_or_text, parse_quantity
 from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres, named_by_response
 
 # Facts of a name map that the author may state, with their units.
@@ -92,7 +92,7 @@ def read_flights(
         Lines of the author in the name map of the project.
     """
     if own_map is not None:
-        draft = own_names(own_map)
+        draft = read_own_names(own_map)
     else:
         draft = draft_names(sources.records, flap, author)
     names, records, findings = check_draft(_add_facts(draft, known), sources.records)

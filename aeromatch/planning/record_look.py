@@ -12,13 +12,10 @@ import pandas as pd
 import xarray as xr
 
 import flighttest
-from aeromatch.planning.sample_checks import (
-    fit_problems,
-    manoeuvre_problems,
-    submodel_problems,
-)
+from aeromatch.planning.sample_checks import fit_problems, manoeuvre_problems, submodel_problems
 from aeromatch.planning.steps import run_collecting_problems
-from aeromatch.project.project import FitSection, Project
+from aeromatch.project.model_sections import FitSection
+from aeromatch.project.project import Project
 from aeromatch.project.sections import RecordSelection
 from aeromatch.workflow.windows import find_case_overlaps, spans_of
 from flightmech.aircraft.aircraft import Aircraft

@@ -14,7 +14,7 @@ import scipy
 import xarray as xr
 
 from aeromatch.planning.steps import run_collecting_problems
-from aeromatch.project.project import FitSection
+from aeromatch.project.model_sections import FitSection
 from aeromatch.workflow.submodels import thin_samples
 from aeromatch.workflow.windows import AERODYNAMIC, select_spans
 from flightmech.aircraft.aircraft import Aircraft

@@ -12,9 +12,9 @@ from aerodb.estimators.coefficient_set import EstimateReference
 from aerodb.estimators.column_map import read_column_map
 from aeromatch.project.files import OptionalFile, PathPatterns
 from aeromatch.project.sections import find_faults
+from flightmech.quantities import parse_quantity
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
-from flightmech.units import parse_quantity
 
 _NETCDF = ".nc"
 _REFERENCE = ("S", "cbar", "b", "x_ref")

@@ -6,8 +6,6 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
-import xarray as xr
 from pydantic import (
     ConfigDict,
     Field,
@@ -28,6 +26,7 @@ from aeromatch.project.files import (
     OptionalFile,
     ProjectFolder,
 )
+from aeromatch.project.model_sections import FitSection, NewTerm, ThirdPartyModel
 from aeromatch.project.priors import PriorSection
 from aeromatch.project.sections import (
     Controls,
@@ -40,13 +39,10 @@ from aeromatch.project.sections import (
     repeated_records,
     section_selections,
 )
-from flightmech import terms
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, file_schema, validate_content
 from flightmech.support.toml_quantities import InUnits
-from flightmech.units import parse_quantity
 from flighttest.reconstruction.dynamics.coefficient_errors import ERRORS
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.engine.tables import read_structure
@@ -54,89 +50,6 @@ from pom.cases.signatures import Role, Signature
 
 OWN_MODELS = ("datcom", "prior", "corrected", "final")
 """Names of the models that a project makes; ``prior`` replaces ``datcom`` with `[[prior]]`."""
-
-
-class NewTerm(Strict):
-    """A term that the listings cannot give, for the flights to identify.
-
-    It is zero at first and has a wide standard error.
-    """
-
-    axes: dict[str, tuple[float | str, ...]] = Field(
-        default={},
-        description="Breakpoints by axis, SI or with units; without them one number.",
-        examples=[{"delta_f": ["0 deg", "40 deg"]}],
-    )
-    regressors: tuple[str, ...] = Field(
-        default=(), description="What the table is multiplied by.", examples=[["gear"]]
-    )
-    stderr: float | tuple[float, ...] = Field(
-        description="Standard error of the zero it starts from: one for all nodes, or one each.",
-        examples=[0.05],
-    )
-    comment: str = Field(
-        default="", description="Why the term is there.", examples=["drag of the gear"]
-    )
-
-    def leaf(self) -> xr.Dataset:
-        """Return the term, zero at every node.
-
-        Raises
-        ------
-        SchemaError
-            The number of standard errors is not 1 and not the number of nodes.
-        """
-        axes: dict[str, list[float]] = {}
-        for name, points in self.axes.items():
-            units = lookup(name).units
-            axes[name] = [parse_quantity(point, units) for point in points]
-        value = np.zeros(tuple(len(points) for points in axes.values()))
-        if np.ndim(self.stderr) and np.shape(self.stderr) != value.shape:
-            problem = (
-                f"stderr has {np.size(self.stderr)} values for {value.size} nodes; give "
-                f"one for all, or one per node"
-            )
-            raise SchemaError("term", [problem])
-        return terms.make_term(
-            value,
-            axes,
-            self.regressors,
-            stderr=self.stderr,
-            source="judgement",
-            comment=self.comment,
-        )
-
-
-class FitSection(RecordSelection):
-    """Manoeuvres or windows of records, which each of some models fits together."""
-
-    name: str = Field(description="Name of the fit, for the report.")
-    models: tuple[str, ...] = Field(
-        description="Models to fit, one for each coefficient: terms of the right-hand side are "
-        "regressors."
-    )
-
-    @model_validator(mode="after")
-    def _require_samples(self) -> FitSection:
-        if not self.manoeuvres and not self.window:
-            raise ValueError(
-                "neither manoeuvres nor window; give one of them, as window = [start, end] "
-                "in seconds of the record"
-            )
-        return self
-
-
-class ThirdPartyModel(Strict):
-    """A model from elsewhere that is replayed too, and its table of names (`pom.replay`)."""
-
-    fmu: str = Field(
-        description="The FMU, relative to this file.", examples=["other/simulator.fmu"]
-    )
-    names: str = Field(
-        default="",
-        description="Its table of names, when names, units or signs are not the canonical ones.",
-        examples=["other/names.toml"],
-    )
 
 
 class Project(Strict):

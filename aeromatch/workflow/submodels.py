@@ -16,10 +16,10 @@ import aerodb
 import flighttest
 from aeromatch.project.project import Project
 from aeromatch.project.sections import EngineSection
-from aeromatch.workflow.windows import Spans, parts_of, select_spans
+from aeromatch.workflow.windows import Spans, parts_in_spans, select_spans
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.build_up import required_coefficients
-from flightmech.units import parse_quantity
+from flightmech.quantities import parse_quantity
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.engine.propellers.identification import identify_propeller
@@ -308,7 +308,7 @@ def identified_ground_effect(
     if section is None:
         return None
     changed = _terms_by_coefficient(section.ground)
-    parts, names = parts_of(data, spans["ground_effect.flown"])
+    parts, names = parts_in_spans(data, spans["ground_effect.flown"])
     models = [flighttest.RegressionModel.parse(text) for text in section.models]
     return flighttest.identify_ground_effect(
         models, parts, changed, database=database, hold=section.free_air == "held", names=names
@@ -339,7 +339,7 @@ def identified_stall(
     section = project.stall
     if section is None:
         return None
-    parts, _ = parts_of(data, spans["stall.flown"])
+    parts, _ = parts_in_spans(data, spans["stall.flown"])
     database = attached_database(project, database, parts)
     station = parse_quantity(section.station, "m") if section.station else 0.25 * aircraft.b
     return identify_stall(

@@ -384,7 +384,7 @@ def select_spans(data: xr.Dataset, spans: Iterable[tuple[float, float]]) -> list
     return [data.sel(time=slice(start, end)) for start, end in spans]
 
 
-def parts_of(
+def parts_in_spans(
     data: Mapping[str, xr.Dataset], spans_by_record: Spans
 ) -> tuple[list[xr.Dataset], list[str]]:
     """Return the parts of all records inside their spans, and the record of each."""

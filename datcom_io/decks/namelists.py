@@ -132,8 +132,6 @@ DIMENSIONS = ("FT", "IN", "M", "CM")
 CARD_COLUMNS = 80
 CASEID_COLUMNS = 74
 MOST_NAMELISTS = 299  # the program refuses the three-hundredth of a series of SAVE cases
-
-
 Value = float | bool
 DIGITS = 9  # significant digits that identify any number of single precision
 _LARGEST_INTEGER = 2**31 - 1

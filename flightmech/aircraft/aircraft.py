@@ -32,8 +32,6 @@ class DefaultNumber(float):
 
 
 X_REF_MAC = DefaultNumber(0.25)
-
-
 # units of the fields of an aircraft that are one number, and of all fields
 _SCALAR_UNITS = {"S": "m2", "cbar": "m", "b": "m", "mass": "kg"} | dict.fromkeys(
     ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg m2"

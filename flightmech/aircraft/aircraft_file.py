@@ -71,15 +71,10 @@ from flightmech.aircraft.propulsion.engine_deck import DeckFiles
 from flightmech.aircraft.separation import StallSection, separation_of
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.support.toml_files import read_toml
-from flightmech.support.toml_models import (
-    Strict,
-    file_schema,
-    fixed_array,
-    validate_content,
-)
+from flightmech.support.toml_models import Strict, file_schema, fixed_array, validate_content
 from flightmech.support.toml_quantities import InUnits, quantity_schema
-from flightmech.units import parse_quantity
 
 
 def read_aircraft(path: str | Path) -> Aircraft:
@@ -167,21 +162,11 @@ def _engines_of(
 Reason = Annotated[
     str, StringConstraints(strip_whitespace=True, min_length=15, pattern=r"[^\W_]\W+[^\W_]")
 ]
-
-
 _Length = Annotated[float, InUnits("m")]
-
-
 _Vector = tuple[_Length, _Length, _Length]
-
-
 # JSON schema of a quantity whose unit depends on the control
 _OF_CONTROL = quantity_schema("of the control")
-
-
 _DEVICES = r"^device\.\w+\.(deflection|setting)$"
-
-
 _LIMITS = {
     "type": "object",
     "propertyNames": {"anyOf": [{"enum": list(CONTROLS)}, {"pattern": _DEVICES}]},

@@ -26,10 +26,10 @@ from typing import Annotated, Any
 from pydantic import Field, StrictBool, StrictInt, field_validator, model_validator
 
 from flightmech.errors import UnitError
+from flightmech.quantities import parse_quantity
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
-from flightmech.units import parse_quantity
 
 
 @dataclass(frozen=True)

@@ -37,10 +37,11 @@ from flightmech.aircraft.landing_gear import (
     wet_friction,
 )
 from flightmech.errors import SchemaError, UnitError
+from flightmech.quantities import parse_quantity
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import make_term
-from flightmech.units import parse_quantity, to_si
+from flightmech.units import to_si
 
 if TYPE_CHECKING:
     import xarray as xr

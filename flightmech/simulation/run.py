@@ -10,9 +10,9 @@ import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import is_quantity, lookup
+from flightmech.quantities import value_in_si
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
-from flightmech.units import value_in_si
 
 RUNWAY = "env.runway_elevation"  # parameter [m]
 _CONTRIBUTION = {"long_name": "contribution of each term to its coefficient"}

@@ -38,7 +38,7 @@ from flightmech.steady_flight.linear_plant import (
     submodel_states,
     trim_plant,
 )
-from flightmech.steady_flight.trim_request import DRIVES
+from flightmech.steady_flight.trim_kinds import DRIVES
 from flightmech.units import G0
 
 STATES = ("V", "alpha", "q", "theta", "beta", "p", "r", "phi")

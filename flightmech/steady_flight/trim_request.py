@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flightmech.air import P_SEA
 from flightmech.aircraft.controls import MOVES
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.simulation.compiler import SimModel
@@ -18,42 +17,22 @@ from flightmech.steady_flight.trim_kinds import (
     BY_GAMMA,
     BY_THETA,
     CLIMB,
+    DRIVES,
     KINDS,
-    LIMITS,
     ON_GROUND,
-    TrimLimits,
+    SHAFT_DRIVES,
+    UNKNOWN_FOR,
+    SearchRanges,
 )
-from flightmech.units import G0
 
-# Unknown that brings about the value of an output, in any kind.
-UNKNOWN_FOR = {"V_cas": "V", "mach": "V", "qbar": "V", "hdot": "gamma", "h_agl": "h"}
 # Tables of thrust or power of an engine that has no fuel to cut off.
 _POWER_TABLES = ("thrust", "shaft_power", "corrected_shaft_power")
-# Input that drives an engine, by mode.engine.
-DRIVES = {
-    0.0: "throttle",
-    1.0: "n1_drive",
-    2.0: "thrust_drive",
-    3.0: "torque_drive",
-    4.0: "rpm_drive",
-    5.0: "manifold_pressure_drive",
-}
 POSITIONS, FORCES = 1.0, 2.0  # mode.controls
 RIGID = 13  # states of the rigid body in the kernel, which come first
 _START = ("V", "alpha", "beta", "gamma", "theta", "phi", "psi", "h", "p", "q", "r", "psi_dot")
 # Tab that trims out the force of a control circuit.
 _TABS = {"column": "delta_t", "wheel": "delta_ta", "pedal": "delta_tr"}
 _ENGINE_OUTPUTS = ("thrust", "n1", "n2", "rpm", "torque", "manifold_pressure")
-_PILOT_FORCE = 100.0  # size of a pilot force [N]
-# Inputs that drive a propeller or its engine. The search starts at this part of their size, and
-# ends at this multiple of it.
-_SHAFT_DRIVES = (".torque_drive", ".rpm_drive", ".manifold_pressure_drive")
-_GUESS = 0.7
-_MOST_DRIVE = 3.0
-_CLIMB = 5.0  # [m/s]
-_TYRE = 0.2  # largest deflection of a tyre along the ground [m]
-# Height of the reference point on the ground, from the runway: lower and upper limit, size. [m]
-_ABOVE_RUNWAY = TrimLimits(-20.0, 50.0, 10.0)
 
 
 def stopping_values(engine: str, sim: SimModel) -> dict[str, float]:
@@ -158,14 +137,16 @@ class _RequestResolver:
         goals = self._choose_goals(residuals or self.kind.residuals, path)
         goals |= self._force_goals(solve_for)
         self._check(solve_for, goals)
-        self._guess_turn(solve_for)
-
+        ranges = SearchRanges(
+            self.sim, self.rows, states=self.states, values=self.values, path=path
+        )
+        self.values |= ranges.turn_start(solve_for, self.fixed)
         movers, limits, guesses = [], [], []
         for name in solve_for:
             items = self._find_movers(name)
             movers.append(items)
-            limits.append(self._limits(name, items[0], path))
-            guesses.append(self._first_guess(name, items[0], path))
+            limits.append(ranges.limits(name, items[0]))
+            guesses.append(ranges.first_guess(name, items[0]))
         # low, high and size (unknown, 3)
         bounds = np.array(limits)
         outputs = []
@@ -283,7 +264,7 @@ class _RequestResolver:
         if self.drive == "thrust_drive":
             return {f"{engine}.thrust_drive": 0.0}
         recorded = DRIVES.get(self._value("mode.engine"), self.drive)
-        if f".{recorded}" in _SHAFT_DRIVES:
+        if f".{recorded}" in SHAFT_DRIVES:
             # The drive decides whether the propeller windmills, turns without friction, or stops.
             name = f"{engine}.{recorded}"
             if name not in self.values and name not in self.fixed:
@@ -457,71 +438,6 @@ class _RequestResolver:
                 "an output cannot be moved, it can be fixed",
             )
         return items
-
-    def _guess_turn(self, solve_for: Sequence[str]) -> None:
-        """Set start values at which turn rate, bank and load factor agree for small angles."""
-        V, g = max(self._value("init.V"), 1.0), G0
-        phi, turn = self._value("init.phi"), self._value("init.psi_dot")
-        load = self.fixed.get("nz", 1.0)
-        # coordinated turn: tan(phi) = V psi_dot / g, cos(phi) = 1 / n; pull-up: q = (n - 1) g / V
-        if "phi" in solve_for and "psi_dot" in self.fixed:
-            self.values["init.phi"] = float(np.arctan(V * turn / g))
-        elif "phi" in solve_for and "psi_dot" in solve_for:
-            phi = float(np.arccos(min(1.0, 1.0 / max(load, 1.0))))
-            self.values["init.phi"] = phi
-        if "psi_dot" in solve_for:
-            self.values["init.psi_dot"] = g * float(np.tan(phi)) / V
-        if "q" in solve_for:
-            self.values["init.q"] = (load - 1.0) * g / V
-
-    def _first_guess(self, name: str, item: str, path: int) -> float:
-        if path == ON_GROUND and name in ("h", "theta"):
-            return np.nan  # the kernel computes height and attitude of the aircraft at rest
-        if item.endswith(_SHAFT_DRIVES) and item not in self.values:
-            return _GUESS * self._shaft_size(item)
-        has_propeller = f"{item.partition('.')[0]}.rpm" in self.sim.outputs
-        if item.endswith(".throttle") and has_propeller and item not in self.values:
-            # a chart of power that ends above idle is flat there: the search starts half-way
-            row = self.rows[item]
-            return 0.5 * (max(row.low, 0.0) + min(row.high, 1.0))
-        return 0.0 if item in self.states else self._value(item)
-
-    def _shaft_size(self, item: str) -> float:
-        """Return the size of an input that drives a propeller."""
-        engine, _, drive = item.rpartition(".")
-        if drive == "manifold_pressure_drive":
-            return P_SEA
-        speed = self._value(f"{engine}.rpm_high")
-        if drive == "rpm_drive":
-            return speed
-        # torque of a power that carries the weight at a few metres per second
-        return _CLIMB * self._value("mass.mass") * G0 / speed
-
-    def _limits(self, name: str, item: str, path: int) -> TrimLimits:
-        """Return the limits of an unknown; `item` is the first entry that it moves."""
-        if name == "h" and path == ON_GROUND:
-            runway = self._value("env.runway_elevation")
-            low, high, size = _ABOVE_RUNWAY
-            return TrimLimits(runway + low, runway + high, size)
-        if name in LIMITS:
-            return LIMITS[name]
-        if item in self.states:
-            row = self.states[item]
-            if ".tyre_" in item:
-                return TrimLimits(-_TYRE, _TYRE, 0.05 * _TYRE)
-            return TrimLimits(row.low, row.high, 1.0)
-        entry, weight = self.rows[item], self._value("mass.mass") * G0
-        if item.endswith(".thrust_drive"):
-            return TrimLimits(max(entry.low, -weight), min(entry.high, weight), weight)
-        if item.endswith(_SHAFT_DRIVES):
-            size = self._shaft_size(item)
-            return TrimLimits(entry.low, min(entry.high, _MOST_DRIVE * size), size)
-        size = 1.0
-        if item.startswith("F_"):
-            size = _PILOT_FORCE
-        elif item in self.sim.parameters:
-            size = max(abs(self._value(item)), 1.0)
-        return TrimLimits(entry.low, entry.high, size)
 
 
 def _join_choices(names: Iterable[str]) -> str:

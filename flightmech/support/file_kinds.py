@@ -15,8 +15,6 @@ from flightmech.support.toml_text import toml_content
 
 # Bytes for the recognition of a file. A listing names its program on the first page.
 _HEAD = 65536
-
-
 # by first bytes
 _STARTS = {
     b"ULog": "a PX4 log (`aeromatch flight info` reads it)",
@@ -24,8 +22,6 @@ _STARTS = {
     b"MATLAB": "a MATLAB file",
     b"<?xml": "an XML file",
 }
-
-
 # archives, by first bytes
 _PACKED = {
     b"\x1f\x8b": "a gzip archive",
@@ -35,8 +31,6 @@ _PACKED = {
     b"\xfd7zXZ\x00": "an xz archive",
     b"\x28\xb5\x2f\xfd": "a zstd archive",
 }
-
-
 # tables of other programs and the remedy, by first bytes
 _OTHER_TABLES = {
     b"\xd0\xcf\x11\xe0": "an Excel workbook of the old form (xls); save the sheet as CSV",
@@ -47,41 +41,23 @@ _OTHER_TABLES = {
     b"SQLite format 3": "an SQLite database; write its table as CSV",
     b"TDSm": "a LabVIEW TDMS file; write it as CSV or HDF5, for instance with npTDMS",
 }
-
-
 # position of the name of the format in a tar archive
 _TAR = 257
-
-
 # greatest number of members of an archive in an error
 _MOST_MEMBERS = 4
-
-
 # its print begins as one of Digital DATCOM does
 MISSILE_FILE = (
     "a file of Missile DATCOM, another program than Digital DATCOM, which aeromatch does not read"
 )
-
-
 _MISSILE = re.compile(rb"MISSILE DATCOM", re.I)
-
-
 # namelists of its decks that Digital DATCOM does not have
 _MISSILE_DECK = re.compile(rb"^ ?\$ *(?:REFQ|AXIBOD|ELLBOD|FINSET\d|DEFLCT)\b", re.I | re.M)
-
-
 _LISTING = re.compile(
     rb"STABILITY AND CONTROL +(?:METHODS|DIGITAL DATCOM)|CONFIGURATION AUXILIARY|INPUT DATA CARDS"
 )
-
-
 # all TOML files with content have a table or a key
 _KEY = re.compile(r"^[ \t]*\[|=", re.MULTILINE)
-
-
 _DECK = re.compile(rb"\$FLTCON", re.I)
-
-
 # kinds of TOML files, by keys that only this kind has, and the option or command for them
 TOML = {
     "an aircraft file": ({"S", "cbar"}, "goes with --aircraft or the key aircraft"),

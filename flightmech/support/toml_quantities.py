@@ -14,7 +14,7 @@ from pydantic_core.core_schema import (
 )
 
 from flightmech.errors import UnitError
-from flightmech.units import parse_quantity
+from flightmech.quantities import parse_quantity
 
 UNFILLED = "?"
 """Placeholder in a drafted file for a value that the user must give."""

@@ -47,8 +47,6 @@ names_option = click.option(
     help="Name map: a TOML file, or a shipped one (px4, ardupilot); not needed for canonical "
     "names.",
 )
-
-
 _RECORD = click.argument("record_file", metavar="RECORD", type=InputFile())
 _NAMES = names_option
 _ELSEWHERE = {
@@ -83,8 +81,6 @@ _ELSEWHERE = {
     "markers": "special_tests",
     "multibody": "special_tests",
 }  # verb: module
-
-
 _SPELLINGS = {"maneuvers": "manoeuvres", "maneuver": "manoeuvres", "manoeuvre": "manoeuvres"}
 
 

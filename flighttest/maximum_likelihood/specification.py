@@ -44,11 +44,11 @@ import xarray as xr
 from pydantic import Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
+from flightmech.quantities import parse_quantity
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, Simulation
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
-from flightmech.units import parse_quantity
 from flighttest.maximum_likelihood.nonlinear.disturbances import (
     GUST_NAMES,
     START_INTENSITY,

@@ -17,18 +17,14 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flightmech.units import value_in_si
+from flightmech.quantities import value_in_si
 from flighttest.reconstruction.channel_signals import channel_signals
 from flighttest.reconstruction.flight_path import FlightPath, fit_row
 from flighttest.reconstruction.path_quantities import solution_states
 from flighttest.reconstruction.problem.assembly import Setup, assemble_problem
 from flighttest.reconstruction.problem.problem import PathProblem
 from flighttest.reconstruction.problem.readings import sensor_residuals
-from flighttest.reconstruction.problem.trajectory import (
-    Solution,
-    estimate_trajectory,
-    with_gusts,
-)
+from flighttest.reconstruction.problem.trajectory import Solution, estimate_trajectory, with_gusts
 from flighttest.reconstruction.state_errors import state_errors
 from flighttest.reconstruction.turbulence import (
     GUST_LENGTH,

@@ -20,10 +20,10 @@ import xarray as xr
 from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import SchemaError, UnitError
+from flightmech.quantities import parse_quantity
 from flightmech.support.atomic_write import ContentAsRead, write_text
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
-from flightmech.units import parse_quantity
 from flighttest.records.text_tables import read_text_table
 
 COLUMNS = ("record", "kind", "control", "start", "end", "confidence", "note")

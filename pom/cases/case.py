@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,20 +12,16 @@ from flightmech.errors import SchemaError
 from flightmech.short_text import ShortText
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import validate_content
-from pom.cases import pilot_loops
 from pom.cases import resolve as parts
 from pom.cases.case_checks import check_case_names, check_table_names, loose_problems
 from pom.cases.case_facts import resolve_facts
-from pom.cases.case_file import FORCES, INPUTS, LEVERS, SHOWN, TRAVEL, CaseFile
+from pom.cases.case_file import INPUTS, LEVERS, SHOWN, CaseFile
+from pom.cases.case_inputs import PRIMARY, CaseInputs, resolve_drive
 from pom.cases.own_table import find_own_table, table_excerpt
-from pom.cases.pilot import PilotLoop
 from pom.cases.signatures import plain_signatures
 from pom.tolerances import rows
 from pom.tolerances.criteria import Criterion
 from pom.tolerances.own_tables import OwnTable
-
-PRIMARY = {"recorded": ("delta_e", "delta_a", "delta_r"), "cockpit": TRAVEL, "force": FORCES}
-"""By level of drive: the recorded controls that drive pitch, roll and yaw."""
 
 _POWER = {
     "thrust": ("thrust",),
@@ -40,78 +36,6 @@ _POWER = {
 _MOST_ENGINES = 8
 # fields of a case that only its page prints
 _TEXTS = ("title", "description", "objective", "procedure", "manual", "evaluation", "notes")
-
-
-@dataclass(frozen=True)
-class CaseInputs:
-    """Drive of the model.
-
-    Attributes
-    ----------
-    surfaces : str
-        ``recorded``: recorded surface positions; ``cockpit``: recorded travel of column, wheel and
-        pedals; ``force``: recorded pilot forces; ``pilot``: the recorded controls plus what the
-        loops of the math pilot add.
-    engine : str
-        ``thrust``: recorded thrust drives; ``n1``: the recorded fan speed; ``throttle``: the
-        recorded lever drives the engine model (``lever`` of a case file); ``torque``: that of the
-        propeller shaft; ``map``: the manifold pressure; ``rpm``: the speed of the propeller, which
-        a governor holds at the power of the lever.
-    propeller : str
-        What the governor holds when ``torque`` or ``map`` drives: ``lever``, the speed of the
-        recorded propeller lever, or ``rpm``, the recorded speed.
-    trim : bool or "ground"
-        Trim the model to the flight condition at the start of the window; its biases are reported.
-        ``ground``: the model stands or rolls on its wheels.  The trim solves for height and
-        attitude, and the surfaces stay as recorded.
-    limits : dict of str to float
-        Limits of the case file for the biases of the trim and for its residual accelerations:
-        ``delta_e``, ``thrust``, ``F_column``, ``u_dot`` ...  A run beyond one is invalid. [SI]
-    pilot : tuple of PilotLoop
-        Loops of the math pilot; only with ``surfaces = "pilot"``.
-    held_by : {"force", "friction"}
-        Balance of the controls at the start of a run with recorded forces.  ``force``: the recorded
-        force and a bias.  ``friction``: dry friction up to its limit, then a bias.
-    trim_surfaces : tuple of str
-        Trim surfaces that the trim solves for, so that the recorded forces hold the controls at the
-        start.
-    runway : str
-        ``dry``, ``wet``, ``icy``; empty for the state in the aircraft file.
-    """
-
-    surfaces: str = "recorded"
-    engine: str = "thrust"
-    propeller: str = "lever"
-    trim: bool | str = True
-    limits: dict[str, float] = field(default_factory=dict)
-    pilot: tuple[PilotLoop, ...] = ()
-    held_by: str = "force"
-    trim_surfaces: tuple[str, ...] = ()
-    runway: str = ""
-
-    @property
-    def level(self) -> str:
-        """Level of drive of pitch, roll and yaw, a key of `PRIMARY`.
-
-        With a math pilot it is the level of the controls that the pilot moves.
-        """
-        if self.surfaces != "pilot":
-            return self.surfaces
-        # `resolve_pilot_loops` allows the controls of one level only
-        for loop in self.pilot:
-            level = pilot_loops.drive_level(loop.control)
-            if level:
-                return level
-        return "recorded"
-
-    @classmethod
-    def from_dict(cls, item: Mapping[str, Any]) -> CaseInputs:
-        """Rebuild a drive from ``dataclasses.asdict``."""
-        # an older report has neither loops nor trim surfaces
-        fields = dict(item)
-        fields["pilot"] = tuple(PilotLoop(**loop) for loop in item.get("pilot", ()))
-        fields["trim_surfaces"] = tuple(item.get("trim_surfaces", ()))
-        return cls(**fields)
 
 
 @dataclass(frozen=True)
@@ -197,7 +121,7 @@ class PomCase(ShortText):
     aircraft: str = ""
     tolerances: str = ""
     table: dict[str, Any] = field(default_factory=dict)
-    drive: CaseInputs = CaseInputs()
+    drive: CaseInputs = field(default_factory=CaseInputs)
     conditions: dict[str, float] = field(default_factory=dict)
     events: dict[str, float] = field(default_factory=dict)
     features: tuple[str, ...] = ()
@@ -359,7 +283,7 @@ def _resolve_case(path: Path, file: CaseFile, table: OwnTable | None) -> tuple[P
     criteria = parts.resolve_criteria(file, problems, equipment=missing, own_rows=own_rows)
     check_table_names(file, criteria, problems)
     largest, fraction = parts.resolve_ranges(file.ranges, problems), parts.tolerance_fraction(file)
-    drive = _resolve_drive(file, criteria, problems)
+    drive = resolve_drive(file, criteria, problems)
     case = PomCase(
         **{key: getattr(file.case, key) for key in _AS_WRITTEN},
         **files,
@@ -430,50 +354,3 @@ _AS_WRITTEN = (
     "notes",
 )
 """Keys of ``[case]`` that are fields of the case without a change."""
-
-
-def _resolve_drive(
-    file: CaseFile, criteria: Sequence[Criterion], problems: list[str]
-) -> CaseInputs:
-    table = file.drive
-    engine = "throttle" if table.engine == "lever" else table.engine
-    loops = pilot_loops.resolve_pilot_loops(file, problems)
-    # a footprint has no verdict, so a loop may hold any channel
-    if file.case.reference != "footprint":
-        pilot_loops.forbid_judged(loops, criteria, problems)
-    if any(loop.control == "throttle" for loop in loops) and engine != "throttle":
-        problems.append(
-            f'drive.pilot: a loop moves the throttle, but drive.engine is "{table.engine}"; '
-            f'drive the engines by "throttle"'
-        )
-    if table.propeller == "rpm" and engine not in ("torque", "map"):
-        problems.append(
-            f'drive.propeller: "rpm" holds the recorded speed of a propeller that torque or '
-            f'manifold pressure drives, but drive.engine is "{table.engine}"; write drive.engine = '
-            f'"torque" or "map", or "rpm" for the recorded speed at the power of the lever'
-        )
-    drive = CaseInputs(
-        surfaces=table.surfaces,
-        engine=engine,
-        propeller=table.propeller,
-        trim=table.trim,
-        limits=parts.resolve_trim_limits(table.limits, problems),
-        pilot=loops,
-        held_by=table.held_by,
-        trim_surfaces=table.trim_surfaces,
-        runway=table.runway,
-    )
-    # Only recorded forces leave a surface free for the trim: the surface replaces the bias.
-    is_held_by_force = drive.level == "force" and drive.trim is True and drive.held_by == "force"
-    if drive.trim_surfaces and not is_held_by_force:
-        problems.append(
-            "drive.trim_surfaces: a trim surface is solved for where recorded forces hold the "
-            'controls at the start; give surfaces = "force", trim = true and held_by = "force", '
-            "or leave it out"
-        )
-    if drive.held_by == "friction" and drive.level != "force":
-        problems.append(
-            f'drive.held_by: "friction" holds controls that forces drive; drive.surfaces is '
-            f'"{table.surfaces}", make it "force"'
-        )
-    return drive

@@ -13,7 +13,7 @@ from typing import Any
 
 from flightmech.aircraft.facts import MASS_ROUNDING, FactsTable, FileFacts, read_facts
 from flightmech.errors import AeromatchError, SchemaError, UnitError
-from flightmech.units import parse_quantity
+from flightmech.quantities import parse_quantity
 from pom.cases.case_file import CaseFile
 
 REVERSIBLE = "reversible_controls"

@@ -12,9 +12,10 @@ import xarray as xr
 from flightmech.aircraft.controls import DEVICE, ICE
 from flightmech.errors import OutOfRange, UnknownName
 from flightmech.units import DEGREE
-from pom.cases.case import PRIMARY, PomCase
+from pom.cases.case import PomCase
 from pom.cases.case_facts import file_facts
 from pom.cases.case_file import BRAKES, FORCES, INPUTS, LEVERS, TRAVEL, WIND
+from pom.cases.case_inputs import PRIMARY
 from pom.cases.pilot import PilotLoop
 from pom.cases.start_conditions import initial_state, line_at_start, mass_and_air
 

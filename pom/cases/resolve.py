@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import is_quantity, lookup
-from flightmech.units import parse_quantity
+from flightmech.quantities import parse_quantity
 from pom.cases.case_file import CONDITIONS, ENGINE_LEVER, FORCES, CaseFile
 from pom.tolerances import rows as table
 from pom.tolerances.conditions import missing_claims
@@ -27,8 +27,6 @@ from pom.tolerances.overrides import apply_override, replaced_rows
 from pom.tolerances.own_tables import needs_mode_channel
 
 T = TypeVar("T")
-
-
 BIASES = ("delta_e", "delta_a", "delta_r", "thrust", "throttle", *FORCES)
 REMAINDERS = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
 LIMIT_UNITS = (

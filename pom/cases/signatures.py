@@ -11,8 +11,6 @@ from pydantic import Field, field_validator
 from flightmech.support.toml_models import Strict
 
 Role = Literal["prepared", "checked", "approved", "authority"]
-
-
 ROLES: tuple[Role, ...] = get_args(Role)
 """Roles in the order of the rows of the signature block."""
 

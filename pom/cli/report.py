@@ -19,13 +19,9 @@ from flightmech.support.console import (
 )
 
 _FILE = InputFile(path_type=Path)
-
-
 cases_argument = click.argument(
     "cases", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path)
 )
-
-
 tolerances_option = click.option(
     "--tolerances",
     "tolerances_file",
@@ -34,8 +30,6 @@ tolerances_option = click.option(
     help="Tolerance table with the columns of the shipped one, for the cases whose standard and "
     "edition it holds.",
 )
-
-
 biases_option = click.option(
     "--biases",
     "biases_file",

@@ -27,7 +27,7 @@ from flightmech.support.foreign_code.process import ForeignProcess, module_comma
 from flightmech.support.temporary_names import remove_leftovers, temporary_name
 from pom.fmu.limits import WorkerLimits, read_worker_limits, sandboxed
 from pom.fmu.run_cache import FileState
-from pom.fmu.worker.messages import moved_controls, read_reply
+from pom.fmu.worker.messages import list_moved_controls, read_reply
 
 KEPT = max(8, 4 * (os.cpu_count() or 1))  # most children that wait for work at the same time
 # Another program killed the child, such as a system that lacks memory. The job is repeated once.
@@ -101,7 +101,7 @@ class Child:
         if columns is None:
             return Reply(nan, error)
         # The columns of the moved controls follow those of the outputs.
-        controls = {name: columns[:, count + i] for i, name in enumerate(moved_controls(job))}
+        controls = {name: columns[:, count + i] for i, name in enumerate(list_moved_controls(job))}
         return Reply(columns[:, :count], error, moved=controls)
 
     def _send_job(
@@ -115,7 +115,7 @@ class Child:
             job = {**job, "law": {**job["law"], "fmu": path}}
         self._number += 1
         number = self._number
-        shape = (len(job["time"]), len(job["outputs"]) + len(moved_controls(job)))
+        shape = (len(job["time"]), len(job["outputs"]) + len(list_moved_controls(job)))
         answers: list[tuple[str, np.ndarray | None]] = []
         sent: list[int] = []
 

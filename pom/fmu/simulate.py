@@ -24,7 +24,7 @@ from pom.fmu.models import FmuModel
 from pom.fmu.process import hire_worker
 from pom.fmu.run_cache import FileState, KeptFlights
 from pom.fmu.variable_map import Fmu, Links
-from pom.fmu.worker.messages import moved_controls
+from pom.fmu.worker.messages import list_moved_controls
 
 Outputs = dict[str, np.ndarray]
 
@@ -67,7 +67,7 @@ def fly_job(
     key, columns, failure = "", None, ""
     if store:
         key = content_hash(_program_text(), model.fmu.sha256, task)
-        columns = store.read(key, (len(time), len(outputs) + len(moved_controls(task))))
+        columns = store.read(key, (len(time), len(outputs) + len(list_moved_controls(task))))
     if columns is None:
         columns, failure = _run_worker(model, task, timeout)
         if store and not failure:
@@ -316,7 +316,7 @@ def _make_pilot_task(
 def _moved_columns(task: Mapping[str, Any], moved: Mapping[str, np.ndarray]) -> list[np.ndarray]:
     """Return the corrections of the moved controls; NaN for a control without any."""
     nan = np.full(len(task["time"]), np.nan)
-    return [moved.get(name, nan) for name in moved_controls(task)]
+    return [moved.get(name, nan) for name in list_moved_controls(task)]
 
 
 def _read_columns(
@@ -337,7 +337,7 @@ def _read_columns(
             traces[name] = _at_samples(name, traces[name], time, samples=job.time)
     # A correction is in force from its communication point to the next one.
     last_point = np.clip(np.searchsorted(time, job.time + 1e-9, side="right") - 1, 0, len(time) - 1)
-    for i, name in enumerate(moved_controls(task)):
+    for i, name in enumerate(list_moved_controls(task)):
         traces[name] = job.inputs[name] + columns[last_point, len(outputs) + i]
     return traces
 

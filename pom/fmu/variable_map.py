@@ -11,10 +11,11 @@ from pydantic import BeforeValidator, Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.support.input_files import file_sha256
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
-from flightmech.units import parse_quantity, parse_unit
+from flightmech.units import parse_unit
 from pom.fmu.run_cache import FileState
 
 

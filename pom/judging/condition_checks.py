@@ -14,7 +14,8 @@ import scipy
 
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
-from flightmech.units import DEGREE, FOOT, KNOT, POUND_FORCE, parse_quantity
+from flightmech.quantities import parse_quantity
+from flightmech.units import DEGREE, FOOT, KNOT, POUND_FORCE
 from pom.cases.case import PomCase
 from pom.cases.case_facts import file_facts
 from pom.judging.signals import RunSignals

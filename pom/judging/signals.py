@@ -143,8 +143,6 @@ _RECIPES: dict[str, Callable[[RunSignals], np.ndarray]] = {
     "fuel_used": lambda s: _integral(np.sum(list(s.fuel_flow.values()), axis=0), s.time),
     "F_rim": lambda s: s["F_wheel"] / s.wheel_radius,
 }
-
-
 WHO = ("flight", "the model")
 
 

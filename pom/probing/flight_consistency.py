@@ -81,8 +81,6 @@ LEAST_LIFT = 0.1  # coefficient below which the ratio of two lifts has no meanin
 LEAST_SAMPLES = 50
 
 Traces = Mapping[str, np.ndarray]
-
-
 # Largest change of the inputs [1], a reversed sign included, and largest delay [s] of a pick-up.
 # Beyond them the fit explains another difference: a taxi circle had -19 times and 68 s.
 _MOST_GAIN, _MOST_DELAY = 2.5, 1.0

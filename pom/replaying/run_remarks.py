@@ -182,8 +182,6 @@ def _describe_error(
 
 # of the range: so little beyond a table, its value at the end is as good as an extrapolation
 NEGLIGIBLE = 1e-3
-
-
 FLOW = ("alpha", "beta")  # angles without a meaning on an aeroplane at rest
 
 

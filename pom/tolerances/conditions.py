@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flightmech.units import parse_quantity
+from flightmech.quantities import parse_quantity
 from pom.tolerances.bands import NotJudged
 from pom.tolerances.criteria import PARTS
 

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from aeromatch.project.files import ProjectFolder
-from aeromatch.project.project import NewTerm, read_project
+from aeromatch.project.model_sections import NewTerm
+from aeromatch.project.project import read_project
 from aeromatch.rebuilding.products import of_cases
 from aeromatch.workflow.aerodynamics import prior_step
 from aeromatch.workflow.devices import read_devices

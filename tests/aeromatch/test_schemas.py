@@ -20,9 +20,10 @@ from aeromatch.project.project import read_project
 from aeromatch.project.schemas import SCHEMAS
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import VOCABULARY
+from flightmech.quantities import parse_quantity
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_quantities import UNIT
-from flightmech.units import parse_quantity, parse_unit
+from flightmech.units import parse_unit
 from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.sensors.instruments import parse_instruments
 from flighttest.submodels.engine.tables import read_structure

@@ -11,8 +11,9 @@ import flightmech
 import flighttest
 import pom
 from aeromatch.project.files import Listings
+from aeromatch.project.model_sections import NewTerm
 from aeromatch.project.priors import PriorSection
-from aeromatch.project.project import NewTerm, read_project
+from aeromatch.project.project import read_project
 from aeromatch.project.sections import Controls, GroundEffectSection, RecordSelection
 from aeromatch.workflow.aerodynamics import (
     WAYS,
@@ -30,7 +31,7 @@ from aeromatch.workflow.windows import (
     find_copied_records,
     inputs_of,
     marks_of,
-    parts_of,
+    parts_in_spans,
     records_of,
     rests_on,
     samples_of_copies,
@@ -196,7 +197,7 @@ def test_an_empty_part_at_the_end_of_a_whole_record_is_no_record():
     data = {"run_1": xr.Dataset({"q": ("time", np.zeros(100))}, {"time": 0.1 * np.arange(100)})}
     # faults from 0.2 to 1.3 s and from 9.6 s on
     spans = {"run_1": [(-np.inf, -0.3), (1.8, 9.1), (10.1, np.inf)]}
-    (part,), names = parts_of(data, spans)
+    (part,), names = parts_in_spans(data, spans)
     assert (part["time"].values[0], part["time"].values[-1]) == pytest.approx((1.8, 9.1))
     assert names == ["run_1"]
 

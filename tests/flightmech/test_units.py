@@ -9,17 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flightmech.errors import UnitError
-from flightmech.units import (
-    _BASE,
-    finite_number,
-    fitted_unit,
-    from_si,
-    known_unit,
-    number_or_text,
-    parse_quantity,
-    parse_unit,
-    to_si,
-)
+from flightmech.quantities import finite_number, number_or_text, parse_quantity
+from flightmech.units import _BASE, fitted_unit, from_si, known_unit, parse_unit, to_si
 
 
 @pytest.mark.parametrize(

@@ -266,7 +266,8 @@ def trainer():
 @pytest.fixture
 def judged():
     """Judge the rows of a test on signals made by hand; returns the verdict rows by criterion."""
-    from pom.cases.case import CaseInputs, PomCase
+    from pom.cases.case import PomCase
+    from pom.cases.case_inputs import CaseInputs
     from pom.judging.applicability import settle_case
     from pom.judging.verdict import judge_criterion, verdict_row
     from pom.tolerances import rows as table

@@ -17,12 +17,8 @@ from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import UnknownName
 from flightmech.flying_qualities.evaluation import characteristics as compute
 from flightmech.names import VOCABULARY
-from flightmech.support.console import (
-    print_json,
-    print_table,
-    show_progress,
-)
-from flightmech.units import number_or_text, parse_quantity
+from flightmech.quantities import number_or_text, parse_quantity
+from flightmech.support.console import print_json, print_table, show_progress
 
 
 def run_characteristics(

@@ -17,13 +17,8 @@ from aerodb.store.files import open as open_database
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.console import (
-    print_json,
-    print_remark,
-    print_table,
-    show_progress,
-)
-from flightmech.units import number_or_text, parse_quantity
+from flightmech.quantities import number_or_text, parse_quantity
+from flightmech.support.console import print_json, print_remark, print_table, show_progress
 
 
 def run_compare(

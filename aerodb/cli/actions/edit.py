@@ -25,11 +25,8 @@ from aerodb.store.schema import terms
 from aerodb.store.undo_history import drop_undo_history as forgotten
 from aerodb.store.undo_history import undo_edits as before
 from flightmech.errors import AeromatchWarning
-from flightmech.support.console import (
-    print_remark,
-    print_table,
-)
-from flightmech.units import number_or_text, parse_quantity
+from flightmech.quantities import number_or_text, parse_quantity
+from flightmech.support.console import print_remark, print_table
 
 
 def run_scale(

@@ -19,14 +19,10 @@ from aerodb.store.files import save
 from aerodb.store.overview import describe_database, summary
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchWarning
+from flightmech.quantities import finite_number, parse_quantity
 from flightmech.support.atomic_write import write_text
-from flightmech.support.console import (
-    collect_options,
-    print_json,
-    print_remark,
-    print_table,
-)
-from flightmech.units import DEGREE, finite_number, parse_quantity
+from flightmech.support.console import collect_options, print_json, print_remark, print_table
+from flightmech.units import DEGREE
 
 
 def print_coefficients(
@@ -72,6 +68,7 @@ def _print_set(one: CoefficientSet) -> None:
         f"forces in {one.force_axes} axes, moments and rates in {one.moment_axes} axes, controls "
         f"{' '.join(one.controls) or 'none'}"
     )
+    # One row per condition and coefficient: the total, then its derivatives by variable.
     numbers = one.numbers
     variables = [name for name in numbers["variable"].unique() if name]
     rows = []

@@ -28,9 +28,9 @@ from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import AeromatchWarning, UnknownName
 from flightmech.names import lookup
+from flightmech.quantities import finite_number, parse_quantity
 from flightmech.support.console import print_json, print_remark
 from flightmech.terms import power_factor
-from flightmech.units import finite_number, parse_quantity
 
 
 def reader_options(
@@ -111,8 +111,6 @@ def print_sampled(tree: xr.DataTree) -> None:
 
 
 _TABLES_ONLY = ("jsbsim", "daveml")
-
-
 _HIGHEST = "1000 m"  # there a ground effect h^-1.5 has fallen to a thousandth of what it is at 10 m
 
 

@@ -26,6 +26,7 @@ from datcom_io.reading.reader import ListingCase, listings_in, read, read_place
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchWarning
+from flightmech.quantities import parse_quantity
 from flightmech.support.console import (
     collect_options,
     print_json,
@@ -34,7 +35,6 @@ from flightmech.support.console import (
     show_progress,
 )
 from flightmech.support.hdf5_seal import SIGNATURE
-from flightmech.units import parse_quantity
 
 
 def aircraft_and_places(aircraft: str, places: tuple[str, ...]) -> tuple[Path, tuple[str, ...]]:

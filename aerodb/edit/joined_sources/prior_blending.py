@@ -98,8 +98,7 @@ def blend_sources(
     SchemaError
         Less than two databases, one that is not a-priori or is a blend, one twice, force axes other
         than stability axes, regressors of a term that differ, or sources with opposite signs far
-        beyond their errors; all
-        faults.
+        beyond their errors; all faults.
     UnknownName
         An unknown term or source in `take`.
 

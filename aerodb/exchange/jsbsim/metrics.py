@@ -9,12 +9,8 @@ from aerodb.exchange.xml_reader import Element, read_xml
 from flightmech.units import DEGREE, FOOT, INCH
 
 LENGTH_UNITS = {"FT": FOOT, "M": 1.0, "IN": INCH}
-
-
 _AREA_UNITS = {"FT2": FOOT**2, "M2": 1.0}
 _ANGLE_UNITS = {"RAD": 1.0, "DEG": DEGREE}
-
-
 # Element of <metrics>: its property.
 _TAIL = {
     "htailarea": "metrics/Sh-sqft",

@@ -25,8 +25,8 @@ from aerodb.figures.lr743_set.flown import (
 from aerodb.figures.lr743_set.lift_curves import (
     MOST_CURVES,
     Databases,
-    alpha_range,
     chart_over_alpha,
+    covered_alphas,
     fixed_text,
     flap_settings,
     half_chord,
@@ -98,7 +98,7 @@ def flap_increment(databases: Databases, flown: FlightData | None, stem: str, fi
 
     def curves(db: xr.DataTree) -> tuple[list[ChartLine], str]:
         # Increment = CL(flap) - CL(clean) at the same condition.
-        mach, alpha = middle_mach(db, "delta_f"), alpha_range(db)
+        mach, alpha = middle_mach(db, "delta_f"), covered_alphas(db)
         condition = {"alpha": alpha, **mach}
         lines = []
         # The first setting is the retracted flap, whose increment is zero.
@@ -176,7 +176,7 @@ def lift_by_mach(databases: Databases, flown: FlightData | None) -> Chart:
     """Return Fig. 12: lift coefficient of the clean aeroplane over alpha, by Mach number."""
 
     def curves(db: xr.DataTree) -> tuple[list[ChartLine], str]:
-        alpha = alpha_range(db)
+        alpha = covered_alphas(db)
         lines = []
         for i, mach in enumerate(thin_breakpoints(points_of(db, "CL", "mach"), MOST_CURVES)):
             values = combine_coefficients(db, "CL", (1.0, {"alpha": alpha, "mach": mach}))
@@ -243,7 +243,7 @@ def _derivative_by_flap(
     together with the variable.
     """
     # Central difference: (CL(span) - CL(-span)) / (2 span)
-    alpha, weight = alpha_range(db), 0.5 / span
+    alpha, weight = covered_alphas(db), 0.5 / span
     names = (name, *along)
     upper = {"alpha": alpha, **fixed, **dict.fromkeys(names, span)}
     lower = {"alpha": alpha, **fixed, **dict.fromkeys(names, -span)}

@@ -18,8 +18,8 @@ from aerodb.figures.lr743_set.combinations import (
 from aerodb.figures.lr743_set.flown import FlightData, is_free
 from aerodb.figures.lr743_set.lift_curves import (
     Databases,
-    alpha_range,
     chart_over_alpha,
+    covered_alphas,
     fixed_text,
     panels_of_databases,
 )
@@ -51,7 +51,7 @@ def near_the_ground(databases: Databases, flown: FlightData | None) -> Chart:
         points.append(_sample_points(mean, alpha, samples["CL"].to_numpy(), member=i))
 
     def curves(db: xr.DataTree) -> tuple[list[ChartLine], str]:
-        alpha = _alpha_around(points, alpha_range(db))
+        alpha = _alpha_around(points, covered_alphas(db))
         lines = []
         for i, (h, condition) in enumerate(_heights(db, "CL", passes, flap=flap)):
             y, stderr = combine_coefficients(

@@ -86,7 +86,7 @@ def flap_settings(db: xr.DataTree) -> tuple[float, ...]:
     return thin_breakpoints(points_of(db, "CL", "delta_f"), MOST_CURVES)
 
 
-def alpha_range(db: xr.DataTree) -> np.ndarray:
+def covered_alphas(db: xr.DataTree) -> np.ndarray:
     """Return angles of attack over the range that all tables of lift cover. [rad]"""
     low, high = span_of(db, "CL", "alpha")
     points = points_of(db, "CL", "alpha")

@@ -68,8 +68,6 @@ _LISTINGS = {
     "delta_s": "spoiler",
     "h_agl": "ground",
 }
-
-
 Covariance = Callable[[xr.Dataset, np.ndarray, np.ndarray], np.ndarray]
 
 

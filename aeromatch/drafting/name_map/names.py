@@ -108,7 +108,7 @@ class NamesDraft:
         return [*self.rows, *own]
 
 
-def own_names(names: str | Path) -> NamesDraft:
+def read_own_names(names: str | Path) -> NamesDraft:
     """Return the author's name map as a draft that is not changed.
 
     Parameters

@@ -16,8 +16,8 @@ from aeromatch.drafting.previous import DRAFT_FOLDER, read_answers
 from aeromatch.workbench.allowed_actions import PROJECT, ActionError
 from aeromatch.workbench.opened import OpenProject
 from flightmech.errors import UnitError
+from flightmech.quantities import number_or_text, parse_quantity
 from flightmech.support.toml_quantities import CONFIRM, UNFILLED
-from flightmech.units import number_or_text, parse_quantity
 from flighttest.records.readers.name_map import latitude_problem
 
 _FILE = "aircraft.toml"

@@ -29,7 +29,7 @@ from datcom_io.exchange.plot_files.plot_schedule import (
     MOST_ANGLES,
     ScheduledCondition,
     ground_heights,
-    is_missing,
+    is_number_missing,
     run_schedule,
 )
 from flightmech.errors import ParseError
@@ -217,7 +217,7 @@ def _possible_switches(case: PlotCase, parts: Sequence[_Part]) -> Iterator[_Swit
 
 def _written_parts(case: PlotCase, condition: ScheduledCondition, switches: _Switches) -> list[str]:
     """Return the parts of a condition as letters, one text for each regime it may be in."""
-    has_ground, heights = not is_missing(case.flight, 63), len(ground_heights(case.flight))
+    has_ground, heights = not is_number_missing(case.flight, 63), len(ground_heights(case.flight))
     page = "P"
     if condition.is_first:
         page = "HP"

@@ -44,7 +44,7 @@ class ScheduledCondition:
     regimes: tuple[str, ...]
 
 
-def is_missing(record: PlotRecord, index: int) -> bool:
+def is_number_missing(record: PlotRecord, index: int) -> bool:
     """Return whether a number, counted from 1, has the code that no card gives it."""
     return int(record.numbers(index, index)[1][0]) != OK
 
@@ -68,7 +68,7 @@ def _condition(flight: PlotRecord, i: int, k: int) -> ScheduledCondition:
     """Return the condition of Mach number `i` and altitude `k`, both counted from 0."""
     # FLC: 3 MACH(20), 97 ALT(20), 117 TINF(20), 137 VINF(20).
     mach = flight.number(3 + i)
-    is_exact = not is_missing(flight, 3)
+    is_exact = not is_number_missing(flight, 3)
     if not is_exact:
         # The program computes it when it comes to the condition, after it wrote FLC.
         mach = flight.number(137 + i) / (_SOUND * np.sqrt(flight.number(117 + k)))

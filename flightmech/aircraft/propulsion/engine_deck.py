@@ -31,6 +31,7 @@ from pydantic import ConfigDict, Field
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.short_text import ShortText
 from flightmech.support.array_files.netcdf_trees import read_netcdf_tree
 from flightmech.support.array_files.netcdf_writing import write_netcdf
@@ -38,7 +39,6 @@ from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import check_term, make_term
-from flightmech.units import parse_quantity
 
 Vector = tuple[float, float, float]
 _SPOOLS = ("n1", "n2")

@@ -14,6 +14,7 @@ import xarray as xr
 from flightmech.errors import ParseError, UnitError, UnknownName
 from flightmech.fmu_export.fmu_file import write_fmu
 from flightmech.names import lookup
+from flightmech.quantities import finite_number, parse_quantity
 from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
 from flightmech.simulation.run import simulate as fly
@@ -23,17 +24,11 @@ from flightmech.steady_flight.trim_search import start_of
 from flightmech.steady_flight.trim_search import trim as search
 from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
-from flightmech.support.console import (
-    print_json,
-    print_table,
-    show_progress,
-)
+from flightmech.support.console import print_json, print_table, show_progress
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
-from flightmech.units import finite_number, from_si, parse_quantity, to_si
+from flightmech.units import from_si, to_si
 
 _DIGITS = 9  # behind the point: less than that is rounding
-
-
 _SHOWN = (
     "V",
     "V_cas",

@@ -11,7 +11,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
-from flightmech.units import finite_number, parse_quantity
+from flightmech.quantities import finite_number, parse_quantity
 from flighttest.cli.actions.manoeuvres import CutManoeuvres
 from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from flighttest.reconstruction.dynamics.saved_paths import open_states

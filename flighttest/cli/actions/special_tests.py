@@ -15,6 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import AeromatchWarning, SchemaError
+from flightmech.quantities import parse_quantity
 from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 from flightmech.support.console import (
     collect_options,
@@ -23,7 +24,6 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
-from flightmech.units import parse_quantity
 from flighttest.records.files import save_record
 from flighttest.regression.combining.pooling import pool_fits
 from flighttest.regression.equation_error.fit_file import save_fit

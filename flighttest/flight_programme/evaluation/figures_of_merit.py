@@ -20,8 +20,9 @@ from flightmech.errors import (
     UnknownName,
 )
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.support.arrays import rms
-from flightmech.units import G0, from_si, parse_quantity
+from flightmech.units import G0, from_si
 from flighttest.flight_programme.evaluation.plan import (
     Bound,
     EvaluationPlan,

@@ -44,10 +44,10 @@ from pydantic import Field, field_validator, model_validator
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
-from flightmech.units import parse_quantity
 from flighttest.flight_programme.input_design.input_shapes import (
     PATTERNS,
     in_sequence,

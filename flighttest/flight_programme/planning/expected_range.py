@@ -17,18 +17,16 @@ from typing import Any
 
 import numpy as np
 import scipy
+import xarray as xr
 
+from aerodb.store.schema import terms
 from aerodb.update.correlation import PARTS, SHARES, prior_parts
 from aerodb.update.expectation import Expectation, align_errors
 from aerodb.update.observations import coefficient_of, observed_nodes, sampled_weights
 from aerodb.update.weights.weight_learning import weigh_fits
-from aerodb.update.weights.weight_likelihood import (
-    PLAIN,
-    SHAPE,
-    a_priori_logarithms,
-    plain_shares,
-)
+from aerodb.update.weights.weight_likelihood import PLAIN, SHAPE, a_priori_logarithms, plain_shares
 from flightmech.errors import IdentificationError
+from flighttest.flight_programme.planning.selection import Goal
 
 
 def draw_stderr(
@@ -127,3 +125,50 @@ class _CoefficientDraws:
         scale = np.sqrt(np.diag(S))
         root = np.linalg.cholesky(S / np.outer(scale, scale))
         return scale * (root @ rng.standard_normal(len(S)))
+
+
+# Range of the standard errors over the draws.
+RANGE_COLUMNS = ["low", "median", "high"]
+_QUANTILES = (0.05, 0.5, 0.95)
+# Fewest draws of a range: of fewer than 20 draws 5 % is less than one.
+_FEWEST_DRAWS = 20
+
+
+def draw_ranges(
+    goal: Goal, fits: Sequence[Any], draws: int
+) -> tuple[dict[str, xr.Dataset], list[str]]:
+    """Return the ranges of the standard errors over draws, and notes on draws that failed."""
+    if not draws or not fits:
+        return {}, []
+    leaves, ranges, has_range = terms(goal.expectation.prior), {}, False
+    by_text: dict[str, list[str]] = {}
+    drawn = draw_stderr(goal.expectation, fits, draws, seed=goal.prediction.catalogue.seed)
+    for name, values in drawn.items():
+        # A draw whose weights do not converge is NaN at all nodes.
+        usable = int(np.isfinite(values.reshape(draws, -1)).any(axis=1).sum())
+        if text := _describe_draws(usable, draws):
+            by_text.setdefault(text, []).append(name)
+        dims = leaves[name]["value"].dims
+        quantiles = np.full((len(_QUANTILES), *values.shape[1:]), np.nan)
+        if usable >= _FEWEST_DRAWS:
+            has_range = True
+            quantiles = np.nanquantile(values, _QUANTILES, axis=0)
+        ranges[name] = xr.Dataset(
+            {key: (dims, table) for key, table in zip(RANGE_COLUMNS, quantiles, strict=True)}
+        )
+    notes = [f"range of {', '.join(names)}: {text}" for text, names in by_text.items()]
+    return ranges if has_range else {}, notes
+
+
+def _describe_draws(usable: int, draws: int) -> str:
+    """Return what is to be noted on the draws of a term; empty without failures."""
+    texts = []
+    if usable < draws:
+        texts.append(
+            f"{draws - usable} of {draws} draws failed because their weights do not converge; the "
+            f"range is that of the others and may be too narrow"
+        )
+    if usable < _FEWEST_DRAWS:
+        texts = [text.partition(";")[0] for text in texts]
+        texts.append(f"no range, {usable} draws are less than {_FEWEST_DRAWS}; give more draws")
+    return "; ".join(texts)

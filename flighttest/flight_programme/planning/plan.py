@@ -16,13 +16,9 @@ from flightmech.names import value_text
 from flightmech.short_text import ShortText
 from flightmech.simulation.compiler import SimModel
 from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedFit
-from flighttest.flight_programme.planning.expected_range import draw_stderr
+from flighttest.flight_programme.planning.expected_range import RANGE_COLUMNS, draw_ranges
 from flighttest.flight_programme.planning.prediction import Item, Prediction, predict
-from flighttest.flight_programme.planning.selection import (
-    Goal,
-    select_manoeuvres,
-    time_of,
-)
+from flighttest.flight_programme.planning.selection import Goal, select_manoeuvres, time_of
 from flighttest.flight_programme.planning.wanted_rows import RowGradients, shares_of_row
 
 # Last columns of the table of nodes, after the axes of the terms.
@@ -32,11 +28,6 @@ _ROW_COLUMNS = ["row", "condition", "manoeuvre", "before", "expected", "bound"]
 _ROW_COLUMNS += ["criterion", "state", "rests_on", "ground"]
 # Ratio of standard errors above which the ground effect counts as not flown.
 _NOT_LOWERED = 0.9
-# Range of the standard errors over the draws.
-RANGE_COLUMNS = ["low", "median", "high"]
-_QUANTILES = (0.05, 0.5, 0.95)
-# Fewest draws of a range: of fewer than 20 draws 5 % is less than one.
-_FEWEST_DRAWS = 20
 _STATES = ("reached", "missed", "unreachable")
 
 
@@ -167,7 +158,7 @@ def plan_predicted_flights(
     items = [item for item in prediction.candidates if item in chosen]
     fits = [*flown, *prediction.fits(items)]
     undetermined = [f"{name}: {fit.name}" for name, fit in _find_undetermined(prediction, items)]
-    ranges, range_notes = _ranges_of(goal, fits, draws)
+    ranges, range_notes = draw_ranges(goal, fits, draws)
     return ProgrammePlan(
         prediction,
         items,
@@ -179,46 +170,6 @@ def plan_predicted_flights(
         notes=[*_note_rows(goal), *range_notes],
         ranges=ranges,
     )
-
-
-def _ranges_of(
-    goal: Goal, fits: Sequence[Any], draws: int
-) -> tuple[dict[str, xr.Dataset], list[str]]:
-    """Return the ranges of the standard errors over draws, and notes on draws that failed."""
-    if not draws or not fits:
-        return {}, []
-    leaves, ranges, has_range = terms(goal.expectation.prior), {}, False
-    by_text: dict[str, list[str]] = {}
-    drawn = draw_stderr(goal.expectation, fits, draws, seed=goal.prediction.catalogue.seed)
-    for name, values in drawn.items():
-        # A draw whose weights do not converge is NaN at all nodes.
-        usable = int(np.isfinite(values.reshape(draws, -1)).any(axis=1).sum())
-        if text := _describe_draws(usable, draws):
-            by_text.setdefault(text, []).append(name)
-        dims = leaves[name]["value"].dims
-        quantiles = np.full((len(_QUANTILES), *values.shape[1:]), np.nan)
-        if usable >= _FEWEST_DRAWS:
-            has_range = True
-            quantiles = np.nanquantile(values, _QUANTILES, axis=0)
-        ranges[name] = xr.Dataset(
-            {key: (dims, table) for key, table in zip(RANGE_COLUMNS, quantiles, strict=True)}
-        )
-    notes = [f"range of {', '.join(names)}: {text}" for text, names in by_text.items()]
-    return ranges if has_range else {}, notes
-
-
-def _describe_draws(usable: int, draws: int) -> str:
-    """Return what is to be noted on the draws of a term; empty without failures."""
-    texts = []
-    if usable < draws:
-        texts.append(
-            f"{draws - usable} of {draws} draws failed because their weights do not converge; the "
-            f"range is that of the others and may be too narrow"
-        )
-    if usable < _FEWEST_DRAWS:
-        texts = [text.partition(";")[0] for text in texts]
-        texts.append(f"no range, {usable} draws are less than {_FEWEST_DRAWS}; give more draws")
-    return "; ".join(texts)
 
 
 def _with_ranges(

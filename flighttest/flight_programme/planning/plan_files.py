@@ -16,7 +16,8 @@ from flightmech.support.atomic_write import folder_written_atomically, write_tex
 from flighttest.flight_programme.input_design.input_signals import axes_of
 from flighttest.flight_programme.input_design.timetable import save_csv, save_timetable
 from flighttest.flight_programme.planning.cards import card_page
-from flighttest.flight_programme.planning.plan import RANGE_COLUMNS, ProgrammePlan
+from flighttest.flight_programme.planning.expected_range import RANGE_COLUMNS
+from flighttest.flight_programme.planning.plan import ProgrammePlan
 from flighttest.flight_programme.planning.prediction import Item
 from flighttest.records.text_tables import read_text_table
 

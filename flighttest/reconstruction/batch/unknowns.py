@@ -11,8 +11,8 @@ import numpy as np
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.simulation.driven_path import DrivenPath
 from flighttest.reconstruction.problem.assembly import Setup
+from flighttest.reconstruction.problem.driving import driven_path, driving_constants
 from flighttest.reconstruction.problem.problem import PER_RUN, PathProblem, invert_covariance
-from flighttest.reconstruction.problem.trajectory import driven_path, driving_constants
 
 # Relative difference up to which two priors are the same, for rounding.
 _SAME_PRIOR = 1e-9

@@ -20,7 +20,8 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import OutOfRange
 from flightmech.names import quantity_attributes
-from flightmech.units import G0, value_in_si
+from flightmech.quantities import value_in_si
+from flightmech.units import G0
 from flighttest.reconstruction.dynamics.coefficient_errors import (
     MOVED,
     Changes,

@@ -82,8 +82,10 @@ from flighttest.reconstruction.quality.declarations.weight import MASS_LEVEL, we
 from flighttest.reconstruction.quality.finding import (
     Finding,
     by_severity,
+    late_channels,
     without_consequences,
     without_doubts,
+    without_explained,
 )
 from flighttest.reconstruction.quality.navigation.air_data_closure import (
     closure_findings,
@@ -109,10 +111,7 @@ from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
     with_surfaces,
     without_surfaces,
 )
-from flighttest.reconstruction.quality.recording.lost_samples import (
-    lost_not_checked,
-    lost_samples,
-)
+from flighttest.reconstruction.quality.recording.lost_samples import lost_not_checked, lost_samples
 from flighttest.reconstruction.quality.recording.offsets import (
     gyro_findings,
     gyro_offsets,
@@ -232,12 +231,12 @@ def assess(
     findings += placed
     unchecked = _append_rows(unchecked, no_place)
     references, reasons = _reference_findings(
-        motion, comparisons, on_time, record=record, late=_late_channels(lags), placed=positions
+        motion, comparisons, on_time, record=record, late=late_channels(lags), placed=positions
     )
     findings = without_doubts(references, findings) + references
     unchecked = _append_rows(unchecked, reasons)
-    findings = _without_explained(findings)
-    late = _late_channels(findings)
+    findings = without_explained(findings)
+    late = late_channels(findings)
     answers = answer_findings(responses, hands, corrected_at_cg, record, late)
     findings += exchanged + without_surfaces(answers, exchanged) + gains
     purpose = str(record.attrs.get("purpose", ""))
@@ -297,29 +296,6 @@ def _reference_findings(
     return findings, unchecked + level_not_checked(comparisons, signals)
 
 
-def _without_explained(findings: list[Finding]) -> list[Finding]:
-    """Return the findings without relations that the unit of another finding explains."""
-    explained = set()
-    for finding in findings:
-        if finding.kind == "unit" and "relation" in finding.evidence:
-            explained.add(finding.evidence["relation"])
-    kept = []
-    for finding in findings:
-        unexplained = finding.evidence.get("relation") not in explained
-        if finding.kind != "inconsistent" or unexplained:
-            kept.append(finding)
-    return kept
-
-
-def _late_channels(findings: list[Finding]) -> set[str]:
-    """Return the channels with a finding on their delay."""
-    channels: set[str] = set()
-    for finding in findings:
-        if finding.kind == "lag":
-            channels.update(finding.channels)
-    return channels
-
-
 def _undelayed(
     signals: ResampledChannels, delays: pd.DataFrame, lags: list[Finding]
 ) -> ResampledChannels:
@@ -329,7 +305,7 @@ def _undelayed(
     """
     delay_of = delays.set_index("channel")["delay"]
     shifted = {}
-    for name in _late_channels(lags):
+    for name in late_channels(lags):
         if name in delay_of and name in signals.values:
             # the first of several delays of a channel
             delay = float(np.ravel(delay_of[name])[0])

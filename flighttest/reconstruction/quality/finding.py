@@ -273,3 +273,26 @@ def _is_consequence(finding: Finding, faults: set[tuple[str, str]]) -> bool:
 def by_severity(findings: list[Finding]) -> list[Finding]:
     """Return errors first and notes last. The order within a severity does not change."""
     return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
+
+
+def without_explained(findings: list[Finding]) -> list[Finding]:
+    """Return the findings without relations that the unit of another finding explains."""
+    explained = set()
+    for finding in findings:
+        if finding.kind == "unit" and "relation" in finding.evidence:
+            explained.add(finding.evidence["relation"])
+    kept = []
+    for finding in findings:
+        unexplained = finding.evidence.get("relation") not in explained
+        if finding.kind != "inconsistent" or unexplained:
+            kept.append(finding)
+    return kept
+
+
+def late_channels(findings: list[Finding]) -> set[str]:
+    """Return the channels with a finding on their delay."""
+    channels: set[str] = set()
+    for finding in findings:
+        if finding.kind == "lag":
+            channels.update(finding.channels)
+    return channels

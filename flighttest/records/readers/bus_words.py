@@ -66,8 +66,6 @@ from flightmech.support.toml_models import Strict
 from flightmech.units import parse_unit
 
 WordCode = Literal["unsigned", "twos", "offset", "magnitude", "float"]
-
-
 # Limits of the keys of an ARINC 429 parameter.
 _ARINC429_LIMITS = {"bits": (1, 20), "digits": (1, 5), "bit": (9, 29)}
 _ARINC429_KEYS = {

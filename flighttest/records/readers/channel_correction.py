@@ -6,7 +6,8 @@ import json
 from typing import Any
 
 from flightmech.names import lookup
-from flightmech.units import G0, known_unit, parse_quantity, parse_unit, to_si
+from flightmech.quantities import parse_quantity
+from flightmech.units import G0, known_unit, parse_unit, to_si
 from flighttest.records.readers.name_map import Channel
 
 # Units of recorders.  Of each quantity the SI unit of the vocabulary comes first.

@@ -52,10 +52,11 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.short_text import ShortText
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import Above, InUnits
-from flightmech.units import fitted_unit, parse_quantity, parse_unit, to_si
+from flightmech.units import fitted_unit, parse_unit, to_si
 from flighttest.records.readers.bus_words import Arinc429, Decode
 from flighttest.records.sensors.instruments import Instrument
 

@@ -11,11 +11,12 @@ from typing import Any, TypeVar
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.support.file_kinds import foreign_kind
 from flightmech.support.input_files import WESTERN, read_text
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
-from flightmech.units import fitted_unit, parse_quantity, parse_unit
+from flightmech.units import fitted_unit, parse_unit
 from flighttest.records.readers.bus_words import KINDS, Decode
 from flighttest.records.readers.name_map import TOP, Channel, Clock, Facts, NameMap, Utc
 from flighttest.records.sensors.instruments import Instrument

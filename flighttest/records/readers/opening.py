@@ -42,8 +42,6 @@ _SIGNATURES = {
     b"\xa3\x95": "dataflash",
     b"\x25\xeb": "chapter10",
 }
-
-
 # Bytes at the start of a file that decide on its format.
 _HEAD_SIZE = 4096
 _GZIP = b"\x1f\x8b"

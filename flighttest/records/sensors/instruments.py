@@ -52,10 +52,11 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.support.input_files import json_content
 from flightmech.support.toml_models import Strict, fixed_array, validate_content
 from flightmech.support.toml_quantities import InUnits, quantity_schema
-from flightmech.units import DEGREE, parse_quantity
+from flightmech.units import DEGREE
 
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
 # Without a recorded impact pressure an airspeed is a measured channel itself.

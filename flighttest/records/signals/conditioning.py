@@ -9,7 +9,7 @@ import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import WRAPPED, quantity_attributes
-from flightmech.units import value_in_si
+from flightmech.quantities import value_in_si
 from flighttest.records.signals.resampling import (
     GAP,
     SMOOTHING,

@@ -24,8 +24,6 @@ _CONTROLS = (
     *("column", "wheel", "pedal", "F_", "wow_"),
     "setting",  # of a device
 )
-
-
 SMOOTHING = 6.0
 """Cut-off of `smooth`, two to three times the fastest mode of a small aeroplane. [Hz]
 

@@ -25,8 +25,8 @@ import xarray as xr
 
 from flightmech.errors import ParseError, UnknownName
 from flightmech.names import COEFFICIENTS, lookup
+from flightmech.quantities import parse_quantity
 from flightmech.support.arrays import columns_with_count
-from flightmech.units import parse_quantity
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 
 MEASURED = (*COEFFICIENTS, "CX", "CZ")

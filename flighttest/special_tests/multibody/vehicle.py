@@ -65,10 +65,11 @@ import xarray as xr
 from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import SchemaError
+from flightmech.quantities import parse_quantity
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
-from flightmech.units import parse_quantity, to_si
+from flightmech.units import to_si
 from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.opening import open_recording

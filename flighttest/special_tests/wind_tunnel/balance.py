@@ -38,10 +38,10 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
-from flightmech.units import parse_quantity
 
 # Forces and moments of the balance, states, and coefficients
 FORCES, MOMENTS = ("Fx", "Fy", "Fz"), ("Mx", "My", "Mz")

@@ -13,8 +13,6 @@ from flighttest.submodels.actuators.response import simulate_actuator
 from flighttest.submodels.actuators.result import IdentifiedActuator
 
 _RECORDED, _MODEL, _RESIDUAL = "black", "#bc6c25", "#2a6f97"
-
-
 # The spectra end at this multiple of the upper edge of the excited band.
 _BEYOND = 1.5
 

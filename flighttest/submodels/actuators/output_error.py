@@ -20,13 +20,11 @@ from flighttest.submodels.actuators.response import (
     actuator_responses,
 )
 
+# Largest number of iterations of the search.
 ITERATIONS = 60
-
-
 # Lower bounds of the parameters in the search.
 _LOWEST = {"Ma": 1e-12, "Ka": 0.0, "Ka/Ma": 0.0, "delay": 0.0, "rate_limit": 1e-9}
-
-
+# Outputs of a simulated actuator, in the order of `actuator_responses`.
 _MOTION = ("position", "rate")
 
 
@@ -82,8 +80,9 @@ def _torque_noise_covariance(
     """
     D = invert_information(maximum.information, ~maximum.active)
     total = np.zeros_like(maximum.information)
+    # Without a torque cell no coefficient is absolute, and there is no noise to add.
     if not structure.absolute:
-        return D @ total @ D
+        return total
     for run, log, S, noise, column in zip(runs, logs, maximum.slopes, maximum.noise, columns):
         deviation = float(log["torque"].attrs.get("noise", 0.0))
         if not deviation:
@@ -117,7 +116,21 @@ def _likelihood(
 
 
 class _SimulatedLog:
-    """One log and its simulated response."""
+    """One log and its simulated response.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Parameters of the log in the order of the unknowns; `_likelihood` sets them.
+    outputs : tuple of str
+        ``position`` and ``rate`` that are recorded and that the structure determines.
+    measured : array (time, output)
+        NaN is a missing reading.
+    first : dict of str to float
+        First values of ``init.position`` and ``init.rate``.
+    reach, speed : float
+        Range of the first output, and the largest rate that it allows.
+    """
 
     names: tuple[str, ...]
 
@@ -132,7 +145,6 @@ class _SimulatedLog:
         for name, column in zip(self.outputs, self.measured.T):
             self.first[f"init.{name}"] = float(column[np.isfinite(column)][0])
         self.first.setdefault("init.rate", 0.0)
-        # Range of the first output, and the largest rate that it allows.
         self.reach = float(np.nanmax(self.measured[:, 0]) - np.nanmin(self.measured[:, 0]))
         self.speed = self.reach if self.outputs[0] == "rate" else self.reach / self.step
 

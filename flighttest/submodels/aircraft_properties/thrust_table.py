@@ -23,7 +23,7 @@ from scipy.signal import lfilter
 
 from flightmech.errors import AeromatchWarning, IdentificationError, UnknownName
 from flightmech.terms import basis, make_term
-from flighttest.reconstruction.problem.trajectory import lag_weights
+from flighttest.records.signals.delays import lag_weights
 
 # Rate to which records are reduced; thrust contains no higher frequencies. [Hz]
 _RATE = 5.0

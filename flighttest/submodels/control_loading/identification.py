@@ -20,6 +20,7 @@ from flightmech.errors import AeromatchWarning, IdentificationError
 from flighttest.regression.equation_error import least_squares
 from flighttest.remarks import Convergence
 from flighttest.submodels.control_loading.cable import NAMES, CableFit, cable_fit
+from flighttest.submodels.control_loading.drawn_values import DrawnValues, drawn_constants
 from flighttest.submodels.control_loading.joint_fit import JointFit, estimates_convergence
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import CUTOFF, loading_channels
@@ -33,12 +34,8 @@ from flighttest.submodels.control_loading.responses.free_response import (
 )
 from flighttest.submodels.control_loading.responses.response_fit import ResponseFit
 from flighttest.submodels.control_loading.responses.window_response import WIDTHS
-from flighttest.submodels.control_loading.result import (
-    DRAWINGS_ERROR,
-    SHARED,
-    IdentifiedLoading,
-)
-from flighttest.submodels.control_loading.table_coverage import table_samples
+from flighttest.submodels.control_loading.result import DRAWINGS_ERROR, SHARED, IdentifiedLoading
+from flighttest.submodels.control_loading.table_coverage import hinge_table_samples
 from flighttest.submodels.control_loading.windows import (
     PreparedRecord,
     driven_stretches,
@@ -131,7 +128,7 @@ def identify_control_loading(
             f"order is {order}; allowed: 2, 4 (two ailerons on two cables move as one of order 4)"
         )
     slow, quick = driven_stretches(loading, driven, cutoff), free_stretches(loading, free)
-    drawn = _Drawn.of_circuit(loading, drawings, 2.0 * drawings_error)
+    drawn = DrawnValues.of_circuit(loading, drawings, 2.0 * drawings_error)
     if order == 2:
         slid, force = sliding_fit(loading, slow, quick, cutoff=cutoff, aft={}, known=drawn.mass)
         fit = _Regressions(slid, force, cable=None, shares={})
@@ -145,7 +142,7 @@ def identify_control_loading(
         cable=stretch,
         estimates=fit.estimates(),
         iterations=iterations,
-        sampled=table_samples(loading, [*slow, *quick]),
+        sampled=hinge_table_samples(loading, [*slow, *quick]),
     )
     sources = _error_sources(loading, [*driven, *free], errors or {})
     stops = None if drawings is None else drawings.stops
@@ -192,15 +189,6 @@ class _Records(NamedTuple):
         return windows, driven_rows(loading, driven, self.cutoff, has_cable)
 
 
-def _drawn_constants(
-    identified: IdentifiedLoading, drawings: Circuit | None, error: float
-) -> dict[str, tuple[float, float]]:
-    """Return positive constants of the drawings with their standard errors."""
-    if drawings is None:
-        return {}
-    return {name: (value, error * value) for name, value in identified.drawn(drawings).items()}
-
-
 def _fit_responses(
     started: IdentifiedLoading,
     records: _Records,
@@ -216,7 +204,7 @@ def _fit_responses(
     start = {name: joined.value(name)[0] for name in names}
     # Nuisances that are not part of the result.
     start = {**start, HAND: 0.0} if has_cable else {**start, "rigging": 0.0, HAND: 0.0}
-    prior = _drawn_constants(started, drawings, error)
+    prior = drawn_constants(started, drawings, error)
     windows, rows = records.pieces(loading, has_cable, None)
     fit = fit_circuit(loading, windows, rows, start, prior)
     covariance = fit.covariance
@@ -251,41 +239,12 @@ def _fit_responses(
     )
 
 
-class _Drawn(NamedTuple):
-    """Values of the drawings for the regressions.
-
-    Attributes
-    ----------
-    mass : dict of str to (float, float)
-        Mass of both ends and its standard error.
-    shares : dict of str to float
-        First values of the shares of the surface in friction, damping and mass.
-    cable : (float, float, float) or None
-        Inertia of the surface, stiffness of the cables, and the error of the inertia.
-    """
-
-    mass: dict[str, tuple[float, float]]
-    shares: dict[str, float]
-    cable: tuple[float, float, float] | None
-
-    @classmethod
-    def of_circuit(cls, loading: ControlLoading, drawings: Circuit | None, error: float) -> _Drawn:
-        """Return the values of a circuit with the relative error of its constants."""
-        if drawings is None:
-            return cls({}, {}, None)
-        return cls(
-            _drawn_mass(loading, drawings, error),
-            _drawn_shares(loading, drawings),
-            _drawn_cable(loading, drawings, error),
-        )
-
-
 def _fit_with_cable(
     loading: ControlLoading,
     slow: Sequence[PreparedRecord],
     quick: Sequence[PreparedRecord],
     cutoff: float,
-    drawn: _Drawn,
+    drawn: DrawnValues,
 ) -> tuple[_Regressions, dict[str, Convergence]]:
     """Fit force and stretch in turn, each corrected by the other; return the ends of all passes."""
     shares = drawn.shares
@@ -389,39 +348,6 @@ def _passes_convergence(passes: Sequence[xr.Dataset]) -> Convergence:
     return estimates_convergence(
         change, last["estimate"].values, stderr=last["stderr"].values, iterations=len(passes)
     )
-
-
-def _drawn_mass(
-    loading: ControlLoading, drawings: Circuit, error: float
-) -> dict[str, tuple[float, float]]:
-    """Return the mass of both ends by the drawings, and its standard error."""
-    total = drawings.mass + drawings.inertia * loading.gearing**2
-    return {"mass": (total, error * total)} if total > 0.0 else {}
-
-
-def _drawn_shares(loading: ControlLoading, drawings: Circuit) -> dict[str, float]:
-    """Return first values of the shares of the surface in friction, damping and mass."""
-    shares = {}
-    for total, (aft, power) in SHARED.items():
-        cockpit = getattr(drawings, total)
-        surface = getattr(drawings, aft) * abs(loading.gearing) ** power
-        if cockpit + surface > 0.0 and total in loading.names:
-            shares[total] = surface / (cockpit + surface)
-    return shares
-
-
-def _drawn_cable(
-    loading: ControlLoading, drawings: Circuit, error: float
-) -> tuple[float, float, float] | None:
-    """Return inertia of the surface, stiffness of the cables, and the error of the inertia.
-
-    The drawings give the values. They are reduced to the travel.
-    """
-    if not (drawings.inertia > 0.0 and drawings.cable_stiffness > 0.0):
-        return None
-    # Order 6 has two cables side by side.
-    cables = 2.0 if drawings.order == 6 else 1.0
-    return drawings.inertia * loading.gearing**2, drawings.cable_stiffness * cables, error
 
 
 def _error_sources(

@@ -84,7 +84,9 @@ def list_coverage_remarks(
     return remarks
 
 
-def table_samples(loading: ControlLoading, records: Sequence[PreparedRecord]) -> np.ndarray | None:
+def hinge_table_samples(
+    loading: ControlLoading, records: Sequence[PreparedRecord]
+) -> np.ndarray | None:
     """Return the variable of the tables of hinge moments in the samples of records."""
     if loading.over is None:
         return None

@@ -22,54 +22,54 @@ from flighttest.submodels.engine.schedule import (
 )
 from flighttest.submodels.engine.tables import FINE, EngineCurve, EngineTable2D
 
-# Ranges of the search: time constants [s], rate limits [1/s], transport delay [s].
-QUICKEST, SLOWEST = 0.02, 30.0
-
-
-LEAST_RATE, MOST_RATE = 1e-3, 10.0
-
-
-LONGEST = 2.0
-
-
+# Ranges of the search.
+QUICKEST, SLOWEST = 0.02, 30.0  # time constants [s]
+LEAST_RATE, MOST_RATE = 1e-3, 10.0  # rate limits [1/s]
+LONGEST = 2.0  # transport delay [s]
 # Standard errors from zero above which the ratio of the time constants depends on speed (1 %).
 SIGNIFICANT = 2.6
-
-
 # Internal step [s] and iterations of the first, rough search.
 ROUGH, FEW = 0.1, 8
-
-
 # Residual over the noise of the readings above which the model lacks an effect.
 NOISY = 3.0
-
-
 # First time constant where rate limits govern. [s]
 QUICK = 0.1
-
-
 # Standard error over its a-priori value above which the records do not determine an unknown.
 SEEN = 0.9
-
-
 # Nodes that the kernel changes in one simulation, less a few.
 MOST_NODES = 250
-
-
 # A-priori standard error of the logarithm of a time constant or limit. It keeps an unknown that no
 # record determines.
 _VAGUE = 2.0
-
-
 # A-priori standard error of a change with the flight condition.
 _CHANGE = {"command": 0.1, "time": 1.0, "limit": 1.0}
 
 
-class _Spool:
-    """Unknowns of a spool that the lever governs.
+class GovernedSpool:
+    """Unknowns of a spool that the lever governs, with `search`, which estimates them.
 
-    Their order is: delay (unless it is fixed), schedule, ln tau, then ln f and its slope or the
-    limits.
+    The order of the unknowns is: delay (unless it is fixed), schedule, ln tau, then ln f and its
+    slope or the limits.
+
+    Parameters
+    ----------
+    name : str
+        ``n1`` or ``n2``.
+    lever, speed : array (knot,)
+        Knots of the schedule [1], and of the dynamics over n2 [1].
+    over : mapping of str to sequence of float
+        Flight condition with which the tables change, and its breakpoints. [SI]
+    limits : bool
+        Rate limits over n2; without them the time constants differ by direction.
+    delay : float, optional
+        Transport delay of the lever [s]; an unknown unless given.
+    fixed : mapping of str to Dataset, optional
+        Tables of the other spool, which are not estimated.
+
+    Raises
+    ------
+    IdentificationError
+        The tables have more nodes than the kernel changes in one simulation.
     """
 
     def __init__(
@@ -233,10 +233,14 @@ class _Spool:
             coarse=["lever_delay"] if self.limits else [],
         )
 
-    def result(self, fit: OutputError, lever_error: np.ndarray):
-        """Return tables, constants and changes of a fit.
+    def result(
+        self, fit: OutputError, lever_error: np.ndarray
+    ) -> tuple[
+        dict[str, EngineCurve], dict[str, tuple[float, float]], dict[str, tuple[float, float]]
+    ]:
+        """Return the tables, and the constants and changes with their standard errors, of a fit.
 
-        `lever_error` (knot,) is the standard error of the lever positions.
+        `lever_error` (knot,) is the standard error of the lever positions. [1]
         """
         theta, C = bench.theta_and_covariance(fit)
         theta = theta.copy()

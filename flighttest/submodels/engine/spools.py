@@ -37,7 +37,7 @@ from flighttest.submodels.engine.schedule import (
     settled_speeds,
     speed_knots,
 )
-from flighttest.submodels.engine.spool_search import QUICKEST, SIGNIFICANT, SLOWEST, _Spool
+from flighttest.submodels.engine.spool_search import QUICKEST, SIGNIFICANT, SLOWEST, GovernedSpool
 from flighttest.submodels.engine.tables import EngineCurve, EngineTable2D
 
 Fan = Literal["n2", "lever"]
@@ -170,7 +170,7 @@ def identify_spools(
     records = [remove_lever_noise(record) for record in records]
     requested = np.array(speed_knots(records) if n2 is None else n2, float)
     speed = cover_settled_range(requested, settled_speeds(records, "n2"))
-    spool = _Spool("n2", lever, speed=speed, over=over or {}, limits=limits)
+    spool = GovernedSpool("n2", lever, speed=speed, over=over or {}, limits=limits)
     fit = spool.search(records)
     tables, constants, changes = spool.result(fit, lever_error)
     remarks = [] if n2 is None else _knot_remarks(requested, speed)
@@ -189,7 +189,7 @@ def identify_spools(
     if fan == "n2":
         return _with_following_fan(core, records, speed)
     # The fan has the delay of the core and its tables, which are fixed.
-    shaft = _Spool(
+    shaft = GovernedSpool(
         "n1",
         lever,
         speed=speed,
@@ -217,7 +217,7 @@ def _with_following_fan(
 
 
 def _with_governed_fan(
-    core: SpoolFit, shaft: _Spool, records: Sequence[xr.Dataset], lever_error: np.ndarray
+    core: SpoolFit, shaft: GovernedSpool, records: Sequence[xr.Dataset], lever_error: np.ndarray
 ) -> SpoolFit:
     """Return the fit with a fan that follows the lever, with tables of its own."""
     fan_fit = shaft.search(records)

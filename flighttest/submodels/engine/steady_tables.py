@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -31,6 +30,7 @@ from flightmech.errors import IdentificationError, UnknownName
 from flightmech.short_text import ShortText
 from flightmech.terms import SOURCES, basis, make_term
 from flighttest.remarks import Convergence, Remark, remark_lines
+from flighttest.submodels.engine.node_smoothing import SAME_NOISE, TableSamples, smooth_nodes
 from flighttest.submodels.engine.schedule import (
     cover_settled_range,
     find_lever_rest,
@@ -39,22 +39,12 @@ from flighttest.submodels.engine.schedule import (
 from flighttest.submodels.engine.steady_points import temperature_pressure_ratios
 
 AXES = (*OWN, "mach", "h")
-# Durations of the means that give noise and slow disturbance. [s]
-BLOCK, LONG = 1.0, 20.0
-# Candidates of a correlation length, in widths of an axis.
-LENGTHS = (0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)
 # Candidates of the factor on an a-priori standard error that is not given.
 SPREADS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 # Default of the a-priori standard error, as part of the largest a-priori value.
 VAGUE = 0.1
-# Largest number of passes over lengths and noise.
-PASSES = 8
-# Relative change of the noise at which it has converged.
-SAME_NOISE = 1e-3
 # Change of the noise over its tolerance up to which alternating lengths are harmless: 5 % of it.
 ALTERNATING = 0.05 / SAME_NOISE
-# Added to the diagonal of a correlation matrix before its inversion.
-JITTER = 1e-8
 # Distance beyond an axis, in widths of the axis, from which on a sample is outside.
 EDGE = 0.02
 # Time for which the lever must be at rest before a sample is steady. [s]
@@ -175,7 +165,7 @@ def steady_table(
     spreads: tuple[float, ...] = SPREADS
     if prior is not None and "stderr" in prior:
         spreads = (1.0,)
-    fit = _smooth(differences, sigma, grid=list(grid.values()), spreads=spreads)
+    fit = smooth_nodes(differences, sigma, grid=list(grid.values()), spreads=spreads)
     residual = np.concatenate([block.values - block.weights @ fit.nodes for block in differences])
     value, variance = first + fit.nodes, np.diag(fit.covariance)
     leaf = _make_leaf(value, np.sqrt(variance + (scale * value) ** 2), target=target, grid=grid)
@@ -212,7 +202,7 @@ def _cover_flights(
 
 def _collect_samples(
     flights: Sequence[xr.Dataset], target: str, grid: Mapping[str, np.ndarray]
-) -> list[_Samples]:
+) -> list[TableSamples]:
     """Return the samples of each flight that has some inside the axes."""
     blocks = []
     for flight in flights:
@@ -240,34 +230,6 @@ def _make_leaf(
     )
 
 
-class _Samples(NamedTuple):
-    """Samples of a flight.
-
-    Attributes
-    ----------
-    weights : array (sample, node)
-        Weights of the nodes of the table.
-    values : array (sample,)
-        Samples of the table.
-    step : float
-        Sampling interval, 0 for points. [s]
-    """
-
-    weights: np.ndarray
-    values: np.ndarray
-    step: float
-
-
-class _SmoothNodes(NamedTuple):
-    """Nodes (node,) with covariance, lengths along the axes, factor on sigma, and convergence."""
-
-    nodes: np.ndarray
-    covariance: np.ndarray
-    lengths: list[float]
-    spread: float
-    convergence: Convergence
-
-
 def _speeds_at_rest(flights: Sequence[xr.Dataset], axis: str) -> np.ndarray:
     """Return the speeds at rest along an axis; empty if the axis is not a speed."""
     name = axis.removeprefix("corrected_")
@@ -288,7 +250,7 @@ def _range(grid: Mapping[str, np.ndarray]) -> str:
     return ", ".join(f"{name} {points[0]:.4g} to {points[-1]:.4g}" for name, points in grid.items())
 
 
-def _samples(flight: xr.Dataset, target: str, grid: Mapping[str, np.ndarray]) -> _Samples:
+def _samples(flight: xr.Dataset, target: str, grid: Mapping[str, np.ndarray]) -> TableSamples:
     """Return the samples of a flight inside the axes."""
     theta, delta = temperature_pressure_ratios(flight)
     channels = {str(name): flight[name].values for name in flight.data_vars}
@@ -319,11 +281,11 @@ def _samples(flight: xr.Dataset, target: str, grid: Mapping[str, np.ndarray]) ->
     if timed and target.endswith(("_command", "_driven")):
         used &= find_lever_rest(flight, SETTLED)
     if not used.any():
-        return _Samples(np.empty((0, 0)), np.empty(0), 0.0)
+        return TableSamples(np.empty((0, 0)), np.empty(0), 0.0)
     leaf = make_term(np.zeros([len(points) for points in grid.values()]), grid)
     B = basis(leaf, {name: channels[name][used] for name in grid}, outside="clamp").toarray()
     step = float(np.median(np.diff(flight["time"].values))) if timed else 0.0
-    return _Samples(B, value[used], step)
+    return TableSamples(B, value[used], step)
 
 
 def _prior(
@@ -355,97 +317,3 @@ def _prior(
         source = prior["source"].values.ravel()[weights.argmax(axis=1)].astype(int)
     # A standard error of zero would make the prior singular.
     return first, np.where(sigma > 0.0, sigma, 1e-9 * np.abs(first).max()), source
-
-
-def _block_means(x: np.ndarray, count: int) -> np.ndarray:
-    """Return the means of successive blocks of `count` rows."""
-    used = len(x) // count * count
-    return x[:used].reshape(-1, count, *x.shape[1:]).mean(axis=1)
-
-
-def _second_means(blocks: Sequence[_Samples]) -> list[_Samples]:
-    """Return the samples averaged over `BLOCK`; the sampling interval does not change."""
-    means = []
-    for block in blocks:
-        count = max(round(BLOCK / block.step), 1) if block.step else 1
-        if len(block.values) >= count:
-            weights = _block_means(block.weights, count)
-            means.append(_Samples(weights, _block_means(block.values, count), block.step))
-    return means
-
-
-def _smooth(
-    blocks: Sequence[_Samples],
-    sigma: np.ndarray,
-    grid: Sequence[np.ndarray],
-    spreads: Sequence[float],
-) -> _SmoothNodes:
-    """Return the nodes with the most likely lengths, factor on sigma and noise."""
-    means = _second_means(blocks)
-    X = np.concatenate([block.weights for block in means])
-    y = np.concatenate([block.values for block in means])
-    XX, Xy, yy = X.T @ X, X.T @ y, float(y @ y)
-    # Candidates of each length, then of the factor; a choice is an index into each of them.
-    options = [*(LENGTHS for _ in grid), tuple(spreads)]
-    choice = [len(values) // 2 for values in options]
-    noise = float(np.var(y))
-
-    def precision(chosen: Sequence[int]) -> np.ndarray:
-        # The correlation is a product over the axes, so its inverse is a Kronecker product.
-        *lengths, spread = (values[k] for values, k in zip(options, chosen))
-        inverse: np.ndarray = np.eye(1)
-        for x, length in zip(grid, lengths):
-            inverse = np.kron(inverse, np.linalg.inv(_correlation(x, length * np.ptp(x))))
-        return inverse / np.outer(spread * sigma, spread * sigma)
-
-    def cost(chosen: Sequence[int]) -> float:
-        # Twice the negative logarithm of the marginal likelihood [Rasmussen2006], up to terms
-        # that do not depend on the choice.
-        Q = precision(chosen)
-        M, b = XX / noise + Q, Xy / noise
-        return float(np.linalg.slogdet(M)[1] - np.linalg.slogdet(Q)[1] - b @ np.linalg.solve(M, b))
-
-    # Minimise over one option after the other, then estimate nodes and noise.
-    for count in range(1, PASSES + 1):
-        before, noise_before = list(choice), noise
-        for axis, values in enumerate(options):
-            candidates = [[*choice[:axis], k, *choice[axis + 1 :]] for k in range(len(values))]
-            choice = min(candidates, key=cost)
-        C = np.linalg.inv(XX / noise + precision(choice))
-        d = C @ Xy / noise
-        noise = max(_long_term_variance(means, d), 1e-12 * yy / len(y))
-        change = abs(noise - noise_before)
-        moves = max(abs(k - last) for k, last in zip(choice, before))
-        convergence = Convergence(
-            converged=moves == 0 and change < SAME_NOISE * noise,
-            iterations=count,
-            change=max(change / (SAME_NOISE * noise), float(moves)),
-        )
-        if convergence.converged:
-            break
-    *lengths, spread = (float(values[k]) for values, k in zip(options, choice))
-    # Lengths in units of their axis.
-    scaled = [length * float(np.ptp(x)) for length, x in zip(lengths, grid)]
-    return _SmoothNodes(d, C, scaled, spread=spread, convergence=convergence)
-
-
-def _correlation(x: np.ndarray, length: float) -> np.ndarray:
-    """Return the Matern 3/2 correlation of nodes along an axis."""
-    r = np.sqrt(3.0) * np.abs(x[:, None] - x) / (length if length > 0.0 else 1.0)
-    return (1.0 + r) * np.exp(-r) + JITTER * np.eye(len(x))
-
-
-def _long_term_variance(blocks: Sequence[_Samples], nodes: np.ndarray) -> float:
-    """Return the variance of a sample from which means over `LONG` have their observed scatter."""
-    count = round(LONG / BLOCK)
-    residuals, means = [], []
-    for block in blocks:
-        v = block.values - block.weights @ nodes
-        residuals.append(v)
-        # Points have no order in time.
-        if block.step and len(v) >= count:
-            means.append(_block_means(v, count))
-    slow = 0.0
-    if means:
-        slow = count * float(np.mean(np.concatenate(means) ** 2))
-    return max(float(np.mean(np.concatenate(residuals) ** 2)), slow)

@@ -15,11 +15,11 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from flightmech.errors import AeromatchError, IdentificationError
 from flightmech.names import lookup
+from flightmech.quantities import parse_quantity
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, file_schema, validate_content
 from flightmech.support.toml_quantities import quantity_schema
 from flightmech.terms import basis, make_term
-from flightmech.units import parse_quantity
 
 
 def _breakpoints(item: Any) -> dict[str, tuple[float, ...]]:

@@ -13,8 +13,6 @@ from flighttest.submodels.landing_gear.result import GearConstant
 
 # Range of the cornering stiffness over friction. [rad-1]
 _STIFFEST = (0.5, 60.0)
-
-
 _SOURCE = "measured loads"
 
 

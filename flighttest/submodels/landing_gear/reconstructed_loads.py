@@ -136,7 +136,7 @@ def wheel_loads(
         )
     # F_G = m a - F_T - F_A; the external load is m a - F_T.
     F, M = external_load(data, aircraft)
-    F_air, M_air = air_load(data, aircraft, database=database, wind=wind)
+    F_air, M_air = air_load_on_ground(data, aircraft, database=database, wind=wind)
     step = float(np.median(np.diff(data["time"].values)))
     force = ground_forces(F - F_air, M - M_air, at=points, touching=touching)
     force[_contradicting_samples(points, compression, touching=touching, step=step)] = np.nan
@@ -202,13 +202,13 @@ def _error_effects(
     for name, (north, east) in (("wind_n", (0.5, 0.0)), ("wind_e", (0.0, 0.5))):
         up = (wind[0] + north, wind[1] + east)
         down = (wind[0] - north, wind[1] - east)
-        F1, M1 = air_load(data, aircraft, database=database, wind=up)
-        F0, M0 = air_load(data, aircraft, database=database, wind=down)
+        F1, M1 = air_load_on_ground(data, aircraft, database=database, wind=up)
+        F0, M0 = air_load_on_ground(data, aircraft, database=database, wind=down)
         effects[name] = (F0 - F1, M0 - M1)
     return effects
 
 
-def air_load(
+def air_load_on_ground(
     data: xr.Dataset, aircraft: Aircraft, database: xr.DataTree | None, wind: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return force and moment of the air about the c.g. in body axes. [N, N m]

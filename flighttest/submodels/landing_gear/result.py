@@ -44,8 +44,6 @@ _UNITS = {
     "arm_damping": "N m s/rad",
     "arm_inertia": "kg m2",
 }
-
-
 _STEERING = (
     "stiffness",
     "trail",
@@ -55,16 +53,10 @@ _STEERING = (
     "arm_damping",
     "arm_inertia",
 )
-
-
 STEERED = "steering.trail"
-
-
 # Load of the largest cornering stiffness over the largest recorded load, if the stiffness has no
 # maximum within the records.
 _FAR = 10.0
-
-
 # Points of the table of a strut.
 _TABLE = 9
 

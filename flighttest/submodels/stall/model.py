@@ -15,7 +15,7 @@ import numpy as np
 
 from flightmech.errors import UnitError
 from flightmech.names import SEPARATION
-from flightmech.units import parse_quantity
+from flightmech.quantities import parse_quantity
 from flighttest.regression.expression_functions import Pieces
 from flighttest.regression.expressions import Expression, Scope, parse_terms
 from flighttest.regression.separable_model import SeparableModel, Slope, evaluate_columns

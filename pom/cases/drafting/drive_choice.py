@@ -8,7 +8,7 @@ from pathlib import Path
 from flightmech.aircraft.aircraft_file import read_engines
 from flightmech.aircraft.engine import engine_drives
 from flightmech.errors import AeromatchError, SchemaError
-from pom.cases.case import PRIMARY
+from pom.cases.case_inputs import PRIMARY
 from pom.cases.drafting.event_detection import Recorded
 from pom.cases.job import ENGINE_DRIVES
 from pom.tolerances import rows as table

@@ -8,16 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.quantities import finite_number
 from flightmech.support.console import InputFile, count_text, show_progress
 from flightmech.support.kept_stages.sharing import demand_scheduler
-from flightmech.units import finite_number
 from pom.archive.archive import Custody
-from pom.archive.recordings import (
-    RecordingFiles,
-    is_recording,
-    read_recorded_runs,
-    recording_files,
-)
+from pom.archive.recordings import RecordingFiles, is_recording, read_recorded_runs, recording_files
 from pom.cases.case import PomCase, read_case
 from pom.cases.own_table import demand_use
 from pom.checking.batch_check import check_batch

@@ -14,7 +14,7 @@ _MAGIC = b"aeroFMU1"
 _LONGEST = 65536  # bytes of a text
 
 
-def moved_controls(job: Mapping[str, Any]) -> list[str]:
+def list_moved_controls(job: Mapping[str, Any]) -> list[str]:
     """Return the controls that the math pilot and the control law move.
 
     Their columns follow the outputs in this order.
@@ -30,7 +30,7 @@ def moved_controls(job: Mapping[str, Any]) -> list[str]:
 def reply_columns(job: Mapping[str, Any], reply: Mapping[str, Any]) -> np.ndarray:
     """Return the numbers of a reply of `replay_job` (time, column); NaN for missing controls."""
     nan = np.full(len(job["time"]), np.nan)
-    columns = [reply["moved"].get(name, nan) for name in moved_controls(job)]
+    columns = [reply["moved"].get(name, nan) for name in list_moved_controls(job)]
     return np.column_stack([reply["outputs"], *columns])
 
 

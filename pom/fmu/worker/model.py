@@ -18,8 +18,6 @@ _CAPABILITIES = (
     "canInterpolateInputs",
     "canBeInstantiatedOnlyOncePerProcess",
 )
-
-
 # Bytes of modelDescription.xml: 100 times those of a model with 10 000 variables.
 _LARGEST = 64_000_000
 

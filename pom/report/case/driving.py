@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pom.cases.case import PRIMARY
+from pom.cases.case_inputs import PRIMARY
 from pom.cases.pilot import PilotLoop
 from pom.replaying.run_remarks import PILOT, pilot_activity
 from pom.report.case.panels import split_inputs

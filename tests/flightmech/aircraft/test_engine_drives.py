@@ -9,7 +9,7 @@ from flightmech.aircraft.aircraft_file import read_engines
 from flightmech.aircraft.engine import engine_drives
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.run import initialise_run
-from flightmech.steady_flight.trim_request import DRIVES
+from flightmech.steady_flight.trim_kinds import DRIVES
 from flightmech.terms import make_term
 
 HEAD = """

@@ -7,8 +7,9 @@ import xarray as xr
 import aerodb
 import flightmech
 from flightmech.errors import SchemaError, UnitError, UnknownName
+from flightmech.quantities import value_in_si
 from flightmech.terms import make_term
-from flightmech.units import FOOT, KNOT, value_in_si
+from flightmech.units import FOOT, KNOT
 
 
 @pytest.fixture(scope="module")

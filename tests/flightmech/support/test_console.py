@@ -8,11 +8,10 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flightmech.support.command_line.table_layout import _text_width, table_lines
 from flightmech.support.console import (
     LazyGroup,
     NewFile,
-    _table_lines,
-    _text_width,
     print_remark,
     print_table,
     show_progress,
@@ -100,7 +99,7 @@ _CELLS = st.text("ab c1.-[/]\\~{}µ汉", max_size=12)
 @pytest.mark.nightly
 @given(st.lists(st.tuples(_CELLS, _CELLS, _CELLS), min_size=1), st.integers(1, 60))
 def test_a_broken_table_holds_every_letter_inside_the_terminal(rows, width):
-    lines = _table_lines(rows, [False, True, False], width)
+    lines = table_lines(rows, [False, True, False], width)
     letters = "".join(map(click.unstyle, lines)).replace(" ", "")
     assert sorted(letters) == sorted("".join(map("".join, rows)).replace(" ", ""))
     # the first column is whole, and no column is made narrower than eight places

@@ -11,7 +11,7 @@ from flightmech.air import atmosphere
 from flightmech.errors import AeromatchWarning
 from flightmech.terms import make_term
 from flighttest.remarks import is_forbidden
-from flighttest.submodels.engine import records, static_thrust, steady_tables
+from flighttest.submodels.engine import node_smoothing, records, static_thrust
 from flighttest.submodels.engine.records import engine_channels
 from flighttest.submodels.engine.result import identify_engine
 from flighttest.submodels.engine.tables import EngineStructure
@@ -51,7 +51,7 @@ def from_flight(seed: int):
 
 
 @pytest.mark.parametrize(
-    ("module", "part"), [(steady_tables, "lengths and noise"), (static_thrust, "static thrust")]
+    ("module", "part"), [(node_smoothing, "lengths and noise"), (static_thrust, "static thrust")]
 )
 def test_a_search_that_stops_at_its_limit_is_an_error(module, part, monkeypatch):
     def identify():

@@ -9,7 +9,7 @@ import pytest
 
 from flighttest.reconstruction.batch.unknowns import path_of, path_sensitivities, window_slices
 from flighttest.reconstruction.problem.assembly import assemble_problem
-from flighttest.reconstruction.problem.trajectory import SCALES
+from flighttest.reconstruction.problem.driving import SCALES
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,8 @@ import pytest
 import aerodb
 import flightmech
 from flightmech.errors import SchemaError
-from pom.cases.case import CaseInputs, read_case
+from pom.cases.case import read_case
+from pom.cases.case_inputs import CaseInputs
 from pom.cases.job import job_of
 from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import flight_states

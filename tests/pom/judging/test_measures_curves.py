@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flightmech.units import POUND_FORCE
-from pom.cases.case import CaseInputs
+from pom.cases.case_inputs import CaseInputs
 from pom.judging.measures.control_forces import motion_directions
 from pom.tolerances.bands import remarks_text
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flightmech.units import FOOT, KNOT
-from pom.cases.case import CaseInputs
+from pom.cases.case_inputs import CaseInputs
 from pom.cases.pilot import PilotLoop
 from pom.tolerances.bands import remarks_text
 

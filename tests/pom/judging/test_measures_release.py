@@ -8,7 +8,7 @@ lies where the derivative vanishes.
 import numpy as np
 import pytest
 
-from pom.cases.case import CaseInputs
+from pom.cases.case_inputs import CaseInputs
 from pom.judging.measures.control_release import measure_free_motion
 from pom.tolerances.bands import Invalid, remarks_text
 from pom.tolerances.criteria import Band, Criterion

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from flightmech.units import DEGREE, FOOT
-from pom.cases.case import CaseInputs, PomCase
+from pom.cases.case import PomCase
+from pom.cases.case_inputs import CaseInputs
 from pom.judging.applicability import settle_criterion
 from pom.judging.beyond_the_bands import watch_track
 from pom.judging.report_conditions import MEASURED_AT, REPORT_CHECKS

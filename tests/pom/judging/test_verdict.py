@@ -9,7 +9,8 @@ import pytest
 
 import pom
 from flightmech.units import KNOT
-from pom.cases.case import CaseInputs, PomCase
+from pom.cases.case import PomCase
+from pom.cases.case_inputs import CaseInputs
 from pom.cases.pilot import PilotLoop
 from pom.judging.applicability import reason_not_judged, settle_case
 from pom.judging.measures import values as trends

@@ -7,7 +7,8 @@ from dataclasses import replace as changed
 import numpy as np
 import pytest
 
-from pom.cases.case import CaseInputs, read_case
+from pom.cases.case import read_case
+from pom.cases.case_inputs import CaseInputs
 from pom.cases.pilot import PilotLoop
 from pom.replaying.replay_case import replay
 

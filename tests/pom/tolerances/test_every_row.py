@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from flightmech.units import FOOT
-from pom.cases.case import CaseInputs, PomCase
+from pom.cases.case import PomCase
+from pom.cases.case_inputs import CaseInputs
 from pom.cases.pilot import PilotLoop
 from pom.judging.verdict import MEASURES, judge_criterion
 from pom.tolerances import rows

@@ -13,9 +13,9 @@ import aerodb
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError
+from flightmech.quantities import parse_quantity
 from flightmech.support.console import collect_options, print_json, show_progress
 from flightmech.support.hdf5_seal import decoding_errors
-from flightmech.units import parse_quantity
 from flighttest.cli.submodels import _MODELS
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states

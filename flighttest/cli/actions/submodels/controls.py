@@ -14,9 +14,9 @@ import aerodb
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError
+from flightmech.quantities import finite_number
 from flightmech.support.console import collect_options, count_text, print_json, show_progress
 from flightmech.support.hdf5_seal import decoding_errors, demand_self_contained
-from flightmech.units import finite_number
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.records.record import marked_manoeuvres
 from flighttest.records.sensors.instruments import pick_up_errors

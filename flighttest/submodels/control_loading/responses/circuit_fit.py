@@ -54,8 +54,8 @@ from flighttest.submodels.control_loading.responses.window_response import (
     PRELOAD_TRAVEL,
     WIDTHS,
     SimulatedPiece,
+    count_sub_steps,
     largest_motion,
-    sub_steps,
 )
 
 # Iterations of the search with free starts of the windows, and of that with held ones.
@@ -324,7 +324,7 @@ class CircuitLikelihood(Likelihood):
         count = len(self.windows)
         pieces: list[Any] = []
         for window, names in zip(self.windows, layout.bases[:count]):
-            parts = sub_steps(start, loading.gearing, window.step)
+            parts = count_sub_steps(start, loading.gearing, window.step)
             pieces.append(SimulatedPiece(loading, window, names, parts))
         for piece, names in zip(self.rows, layout.bases[count:]):
             pieces.append(DrivenPiece(piece, names))

@@ -201,7 +201,7 @@ def lower_slopes(names: Sequence[str], raised: np.ndarray, slopes: np.ndarray) -
     return slopes
 
 
-def sub_steps(start: Mapping[str, float], gearing: float, step: float) -> int:
+def count_sub_steps(start: Mapping[str, float], gearing: float, step: float) -> int:
     """Return the number of sub-steps of a step of the record [s], for the first constants."""
     longest = LONGEST_STEP
     if "cable_stiffness" in start:
