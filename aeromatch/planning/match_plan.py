@@ -49,8 +49,8 @@ class MatchPlan:
     problems : list of str
         All reasons why the match cannot begin.
     departures : list of str
-        Departures of the windows of cases from normal practice. The match runs with them, and its
-        verdicts state them.
+        Departures of the windows of cases from normal practice, and gaps in the clocks of records.
+        The match runs with them, and its verdicts state them.
     """
 
     project: Project
