@@ -26,6 +26,7 @@ from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
 from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
+from pom.judging.idle_devices import idle_remarks
 from pom.judging.stall_checks import reach_remarks
 from pom.judging.window_checks import with_window_check
 from pom.probing.flight_consistency import on_wheels
@@ -227,6 +228,9 @@ def perform_plan(
     distances = _compare_with_evidence(evidence, plan, models)
     # Further remarks follow those of the run.
     for name, model in models.items():
+        tables = tables_of(model)
+        if tables is not None:
+            remarks[name] += idle_remarks(plan.case, plan.states, tables.variables)
         remarks[name] += (*distances.get(name, ()), *_waiver_remarks(plan.job, model))
     result = assemble_result(
         plan.case,

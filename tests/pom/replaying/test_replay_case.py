@@ -8,11 +8,16 @@ from flightmech.errors import OutOfRange, ParseError, SchemaError, UnknownName
 from pom.cases.case import read_case
 from pom.fmu.description import read_fmu_interface
 from pom.fmu.process import Child
+from pom.judging.idle_devices import idle_devices, idle_remarks
 from pom.replaying.replay_case import files_by_name, plan_of, replay
 from pom.report.exports import junit_xml
 from pom.tolerances.bands import remarks_text
 
 NO_TRIM = "trim = false"
+FLAPS = """
+[conditions]
+delta_f = "10 deg"
+"""
 
 
 @pytest.fixture
@@ -248,3 +253,21 @@ def test_a_gap_of_the_record_in_the_window_makes_the_rows_of_this_case_invalid(
     # the line across a short gap is flown
     bridged = lag_states.isel(time=(time < 5.0) | (time > 5.2))
     assert plan_of(case, bridged).demand().refusal == ""
+
+
+def test_a_flap_setting_without_a_term_is_named(write_case):
+    """A case at 10 deg of flaps says nothing about flaps by a model that has no term for them."""
+    from_file = read_case(write_case(case='show = ["q", "theta"]', more=NO_TRIM + FLAPS))
+    (text,) = idle_devices(from_file, None, ["alpha", "gear"])
+    assert text == "flaps at 10 deg without effect: no term of the model is over delta_f"
+    assert idle_devices(from_file, None, ["alpha", "delta_f"]) == []
+
+
+def test_a_recorded_device_without_a_term_is_named(case, lag_states):
+    out = lag_states.assign(gear=0.0 * lag_states["q"] + 1.0)
+    (remark,) = idle_remarks(case, out, ["alpha", "delta_f"])
+    assert remark.kind == "without_effect"
+    assert remark.text.startswith("landing gear at 1 without effect")
+    # retracted, and the zero of a sensor
+    nearly = lag_states.assign(delta_f=0.0 * lag_states["q"] + 0.005)
+    assert idle_remarks(case, nearly, ["alpha"]) == ()
