@@ -17,6 +17,7 @@ from typing import NoReturn, TextIO
 import click
 
 from flightmech.errors import AeromatchError, AeromatchWarning
+from flightmech.support.command_line.parameter_checks import refuse_repeated_options
 from flightmech.support.console import LazyGroup, escape_control_characters
 
 # group or verb: (module, one line for --help); nothing heavy is imported to print the
@@ -65,10 +66,13 @@ class RootGroup(LazyGroup):
     """The commands in the order of the work. Their help imports none of them."""
 
     def resolve_command(self, ctx: click.Context, args: list[str]):
-        """Name the near members when the name is unknown."""
+        """Name the near members when the name is unknown; refuse options given twice."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
             ctx.fail(f"no command {args[0]!r}; {self._suggest(ctx, args[0])}")
-        return super().resolve_command(ctx, args)
+        name, command, others = super().resolve_command(ctx, args)
+        if command is not None:
+            refuse_repeated_options(ctx, command, others)
+        return name, command, others
 
     def _suggest(self, ctx: click.Context, name: str) -> str:
         """Return the verb of a group that has this name, else the near members."""

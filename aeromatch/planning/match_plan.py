@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+import aerodb
 import flightmech
 import flighttest
 import pom
@@ -30,8 +31,10 @@ from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.atomic_write import resolve_folder
 from flightmech.support.kept_stages.sharing import demand_scheduler
 from flightmech.support.kept_stages.stages import Kept, Stages
+from flightmech.terms import list_model_variables
 from pom.cases.case import PomCase
 from pom.cases.fact_agreement import contradictions
+from pom.judging.idle_devices import idle_devices
 
 
 @dataclass
@@ -49,8 +52,8 @@ class MatchPlan:
     problems : list of str
         All reasons why the match cannot begin.
     departures : list of str
-        Departures of the windows of cases from normal practice. The match runs with them, and its
-        verdicts state them.
+        Departures of the windows of cases from normal practice, and gaps in the clocks of records.
+        The match runs with them, and its verdicts state them.
     """
 
     project: Project
@@ -359,12 +362,29 @@ class _ModelChecks:
             windows[number] = None
             if look_of_case is not None:
                 windows[number] = look_of_case.windows.get(case.name)
+        plan.departures += self._idle_devices(databases, windows)
         problems += CaseChecks(project, self._custody, self._stages).problems(
             plan.cases,
             windows,
             databases=databases,
             aircraft={project.prior_model: self._apriori, "final": self._aircraft},
         )
+
+    def _idle_devices(
+        self,
+        databases: Mapping[str, Kept[xr.DataTree]],
+        windows: Mapping[int, xr.Dataset | None],
+    ) -> list[str]:
+        """Return the devices that a case sets and a database has no term for, a line each."""
+        models: dict[str, list[str]] = {}
+        for name, database in databases.items():
+            variables: set[str] = set()
+            for leaf in aerodb.terms(database.value).values():
+                variables.update(list_model_variables(leaf))
+            for number, case in enumerate(self._plan.cases):
+                for text in idle_devices(case, windows[number], variables):
+                    models.setdefault(f"case {case.name}: {text}", []).append(name)
+        return [f"{text} (model {', '.join(names)})" for text, names in models.items()]
 
 
 def _forms_coefficients(look: RecordLook) -> bool:

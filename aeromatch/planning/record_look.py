@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 import flighttest
+from aeromatch.planning.gap_checks import gap_departures
 from aeromatch.planning.sample_checks import fit_problems, manoeuvre_problems, submodel_problems
 from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.model_sections import FitSection
@@ -110,7 +111,8 @@ class RecordLook:
     name : str
     problems : list of str
     departures : list of str
-        Departures of the windows of cases from normal practice. The match runs with them.
+        Departures of the windows of cases from normal practice, and gaps of the record. The match
+        runs with them.
     first, last : float
         Span of the clock of the path; NaN for a record that cannot be read. [s]
     channels : int
@@ -157,6 +159,7 @@ def look_at(
     spans = _find_spans(task, table, look)
     if states is None:
         return look, None
+    look.departures += gap_departures(task.name, record, task.cases, spans)
     look.problems += manoeuvre_problems(task.name, table, states)
     time = states["time"].values
     look.first, look.last = float(time[0]), float(time[-1])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from aeromatch.project.project import Project
 from aeromatch.workflow.windows import (
@@ -13,6 +14,8 @@ from aeromatch.workflow.windows import (
     Spans,
     raise_problems,
 )
+from flighttest.records.signals.clock_gaps import BRIDGED, gap_text, gaps_in
+from pom.cases.case import PomCase
 from pom.checking.case_check import SampleFault
 
 _INFORMING = frozenset(
@@ -117,16 +120,52 @@ def _cut_faults(
         cut = _cut_out(parts, fault.start - _MARGIN, fault.stop + _MARGIN)
         if cut != parts:
             parts = cut
-            texts.append(
-                f"{place}: {words} left out, with {_MARGIN:g} s on both sides; the reconstruction "
-                f"of the states still uses them"
-            )
+            text = f"{place}: {words} left out, with {_MARGIN:g} s on both sides"
+            # a gap ends the stretch that is reconstructed
+            if not _ends_states(fault):
+                text += "; the reconstruction of the states still uses them"
+            texts.append(text)
     entering = []
     for fault in others:
         channels = [name for name in fault.channels if _enters(name)]
         if channels:
             entering.append(fault._replace(channels=tuple(channels)))
     return parts, [*texts, *_kept_faults(place, parts, entering)]
+
+
+def _ends_states(fault: SampleFault) -> bool:
+    """Return whether the states are reconstructed on both sides of a fault by themselves."""
+    is_long = fault.stop - fault.start > BRIDGED
+    return fault.kind == "gap" and "p" in fault.channels and is_long
+
+
+def unflown_cases(
+    cases: Iterable[PomCase], faults: Mapping[str, Sequence[SampleFault]]
+) -> dict[str, str]:
+    """Return the cases that no model can fly, with the reason.
+
+    Parameters
+    ----------
+    cases : iterable of PomCase
+    faults : mapping of str to sequence of SampleFault
+        By record.
+
+    Returns
+    -------
+    dict of str to str
+        By name of the case: a gap of the states in its window.
+    """
+    texts = {}
+    for case in cases:
+        record = Path(case.record).stem
+        for fault in faults.get(record, ()):
+            span = (fault.start, fault.stop)
+            if _ends_states(fault) and gaps_in(case.window, [span]):
+                texts[case.name] = (
+                    f"case {case.name}: not flown and not diagnosed, record {record} has "
+                    f"{gap_text(span)}"
+                )
+    return texts
 
 
 def _enters(channel: str) -> bool:

@@ -18,7 +18,7 @@ from aeromatch.workflow.aerodynamics import (
     identifying_records,
     prior_step,
 )
-from aeromatch.workflow.faulty_samples import list_faults, without_faults
+from aeromatch.workflow.faulty_samples import list_faults, unflown_cases, without_faults
 from aeromatch.workflow.identified import (
     Identified,
     check_identified_records,
@@ -146,6 +146,8 @@ def _reconstruct(
         result.checks = check_identified_records(records, aircraft.value, jobs, stages)
     faults = {name: check.value.faults for name, check in result.checks.items()}
     result.windows, result.left_out = without_faults(result.project, windows, faults)
+    result.unflown = unflown_cases(result.cases, faults)
+    result.left_out += result.unflown.values()
     with step(_RECONSTRUCT_STEP):
         try:
             result.paths = reconstruct_records(result.project, records, aircraft, jobs, stages)
@@ -227,7 +229,7 @@ def _diagnose(
     datcom, final = databases
     apriori, flying = aircraft
     # The kernel does not simulate the FMU of a control law, so a case with one has no diagnosis.
-    cases = [case for case in result.cases if not case.law]
+    cases = [case for case in result.cases if not case.law and case.name not in result.unflown]
     paths = {case.name: result.paths[Path(case.record).stem] for case in cases}
     by_case = flying.part("by case", lambda craft: dict.fromkeys(paths, craft))
     diagnosis = diagnose_project(

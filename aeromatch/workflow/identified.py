@@ -62,6 +62,8 @@ class Identified:
         Checks of the records, by name.
     left_out : list of str
         Faulty samples in the windows, left out or not, a line each.
+    unflown : dict of str to str
+        Cases that no model can fly, by name, with the reason; they have no diagnosis.
     engine, controls, ground_effect, stall, gear : Kept
         Submodels; None where there is none.
     tables : Kept of (DataTree, Tabulation)
@@ -84,6 +86,7 @@ class Identified:
     marks: Kept[Any] = field(init=False)
     checks: dict[str, Kept[RecordCheck]] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
+    unflown: dict[str, str] = field(default_factory=dict)
     engine: Kept[Any] = field(default_factory=lambda: Kept(made=(None,)))
     controls: Kept[Any] = field(default_factory=lambda: Kept(made=(({}, {}, {}),)))
     ground_effect: Kept[Any] = field(default_factory=lambda: Kept(made=(None,)))

@@ -84,6 +84,8 @@ class FitJobResult(PrintedResult):
                     f"record {k + 1}, {name}: the model explains {share:.0%} of its "
                     f"movement; a term is missing, or the record is wrong"
                 )
+                if share < 0.0:
+                    text = f"record {k + 1}, {self._unreproduced(name, float(share))}"
                 remarks.append(Remark("unexplained", text, name, float(share), POOR))
         e = self.fit.estimates
         starts, sigmas = e["start"].values, e["prior_stderr"].values
@@ -100,6 +102,30 @@ class FitJobResult(PrintedResult):
                 remarks.append(Remark("prior", text, str(name), distance, PULLED))
         return remarks
 
+    def unreproduced(self) -> list[str]:
+        """Return a line for every record with outputs that the model does not reproduce.
+
+        The error of the model is larger there than the movement of the output. Simulated over the
+        window, the motion runs away from the flight.
+        """
+        lines = []
+        for k, row in enumerate(self.explained.values, 1):
+            pairs = zip(self.explained["output"].values, row, strict=True)
+            texts = [self._unreproduced(str(name), float(x)) for name, x in pairs if x < 0.0]
+            if texts:
+                lines.append(f"record {k}: {'; '.join(texts)}")
+        return lines
+
+    @staticmethod
+    def _unreproduced(name: str, share: float) -> str:
+        """Return the words for an output whose error is larger than its movement."""
+        times = float(np.sqrt(1.0 - share))
+        return (
+            f"{name}: the model does not reproduce the record: its error is {times:.2g} times the "
+            f"movement of {name}; free more parameters (lift, drag and trim), shorten the window, "
+            f"or check mass, thrust and units"
+        )
+
     def report_lines(self) -> list[str]:
         """Return estimates, noise and explained shares as lines."""
         lines = []
@@ -114,7 +140,7 @@ class FitJobResult(PrintedResult):
         for name in explained["output"].values:
             line = f"  {name!s:{width}s}"
             for share in explained.sel(output=name):
-                line += f"{float(share):9.1%}"
+                line += f"{explained_text(float(share)):>9s}"
             lines.append(line)
         return lines
 
@@ -143,6 +169,18 @@ class FitJobResult(PrintedResult):
         updated.attrs |= with_flown_samples(database.attrs, flown)
         aerodb.save(updated, path)
         return unplaced
+
+
+def explained_text(share: float) -> str:
+    """Return the share of a movement that a model explains in words.
+
+    Examples
+    --------
+    >>> explained_text(0.981), explained_text(-68.5)
+    ('98.1%', 'none')
+    """
+    # an error larger than the movement has no share of it
+    return f"{share:.1%}" if share >= 0.0 else "none"
 
 
 def perform_fit_job(specification: Specification) -> FitJobResult:

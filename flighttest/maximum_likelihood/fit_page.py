@@ -12,7 +12,7 @@ from flightmech.names import lookup
 from flightmech.support.console import command_line
 from flightmech.support.input_files import name_and_sha256
 from flightmech.units import from_si
-from flighttest.maximum_likelihood.fit_job import FitJobResult
+from flighttest.maximum_likelihood.fit_job import FitJobResult, explained_text
 from flighttest.reconstruction.quality.page import draw_time_chart, read_style_sheet, template_of
 
 _COLUMNS = ("estimate", "stderr", "stderr_white", "start", "prior_stderr")
@@ -75,7 +75,7 @@ def _output_chart(
     measured = record[name].values
     fitted = measured - residual[name].values
     return {
-        "title": f"{name}: {lookup(name).long_name}, {share:.1%} explained",
+        "title": f"{name}: {lookup(name).long_name}, {explained_text(share)} explained",
         "svg": _draw_signals(record["time"].values, [measured, fitted], name),
     }
 

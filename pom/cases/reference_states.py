@@ -14,6 +14,7 @@ import flighttest
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError
 from flightmech.names import WRAPPED
+from flighttest.records.signals.clock_gaps import clock_gaps, gap_text, gaps_in
 from pom.cases.case import PomCase
 from pom.cases.case_file import WIND
 
@@ -24,6 +25,7 @@ ERROR = "error."
 
 The dimensions are (error, time).
 """
+GAP_REMEDY = "restore the missing samples, or choose a window before or after the gap"
 _TIME_ROUNDING = 1e-9  # [s] a sample at a bound of the window may be off by a rounding error
 
 
@@ -90,6 +92,31 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     if case.wind == "measured":
         return inside.assign(measured_wind(case, inside["time"].values))
     return inside
+
+
+def refusal_of(case: PomCase, record: xr.Dataset) -> str:
+    """Return why no model can fly a case: a gap of the clock in its window; empty without one.
+
+    Parameters
+    ----------
+    case : PomCase
+    record : Dataset (time,)
+        States of the whole record. [SI]
+    """
+    time = np.asarray(record["time"].values, float)
+    if time.size < 2:
+        return ""
+    # the grid of the states ends up to a step before the last sample of the record
+    step = float(np.median(np.diff(time)))
+    inner = (case.window[0] + step, case.window[1] - step)
+    gaps = gaps_in(inner, clock_gaps(time))
+    if not gaps:
+        return ""
+    return (
+        f"not flown: record {Path(case.record).stem} has {gap_text(gaps[0])}, inside the window "
+        f"{case.window[0]:g} ... {case.window[1]:g} s, and nothing shows the inputs in it; "
+        f"{GAP_REMEDY}"
+    )
 
 
 def _is_inside(window: tuple[float, float], time: np.ndarray) -> bool:

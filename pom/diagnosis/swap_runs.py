@@ -123,8 +123,10 @@ class SwapBench:
         ------
         SchemaError
             Databases and aircraft of one of the models do not belong together.
+        OutOfRange
+            The clock of the record has a gap in the window.
         """
-        plan = plan_of(case, path)
+        plan = plan_of(case, path).demand()
         flight = sampled_channels(plan.states)
         limits = trim_limits(plan.case, flight)
         channels = {*judged_channels(plan.case), *helping_channels(plan.case)}

@@ -230,7 +230,7 @@ def _perform(
 ) -> PomResult:
     """Return the result of a plan; store it if no model failed."""
     result = perform_plan(plan, models, timeout, flight_store, evidence)
-    result = add_recorded_runs(result, plan.states, plan.job, recorded)
+    result = add_recorded_runs(result, plan.states, plan.job, recorded, plan.refusal)
     # A report needs the fitted modes. This process has them from the judgement.
     mode_table(result)
     if not result.failure:

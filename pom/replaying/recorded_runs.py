@@ -204,7 +204,11 @@ def resample_run(run: RecordedRun, time: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def add_recorded_runs(
-    result: PomResult, states: xr.Dataset, job: ReplayJob, recorded: RecordedRuns | None
+    result: PomResult,
+    states: xr.Dataset,
+    job: ReplayJob,
+    recorded: RecordedRuns | None,
+    refusal: str = "",
 ) -> PomResult:
     """Return a result with its recorded runs judged, and compared with their masters.
 
@@ -215,6 +219,8 @@ def add_recorded_runs(
     states, job
         As in `pom.replaying.replay_case.ReplayPlan`.
     recorded : RecordedRuns or None
+    refusal : str
+        Why the flight cannot judge a run, as in `pom.replaying.replay_case.ReplayPlan`.
     """
     if recorded is None:
         return result
@@ -224,6 +230,9 @@ def add_recorded_runs(
     for master in recorded.masters.values():
         runs[master.name] = master.run
     for name, run in runs.items():
+        if refusal:
+            outputs[name] = {}
+            continue
         outputs[name] = resample_run(run, job.time)
         remarks[name] = (RowRemark("device", run.source),)
         if run.has_inputs:
@@ -233,11 +242,13 @@ def add_recorded_runs(
         states,
         job=job,
         outputs_by_run=outputs,
-        failures={},
+        failures=dict.fromkeys(runs, refusal),
         attrs={f"model.{name}": run.origin for name, run in runs.items()},
         more=remarks,
     )
     joined = _join_results(result, added)
+    if refusal:
+        return joined
     found: dict[str, tuple[RowRemark, ...]] = {}
     for name, run in recorded.runs.items():
         # a device cannot fly again, but its answer does not hold the noise of the record either

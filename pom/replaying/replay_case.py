@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,13 @@ import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft_file import read_aircraft
-from flightmech.errors import AeromatchError, SchemaError
+from flightmech.errors import AeromatchError, OutOfRange, SchemaError
 from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 from pom.cases.case import PomCase
 from pom.cases.case_file import SHOWN
 from pom.cases.fact_agreement import check_record_facts
 from pom.cases.job import ReplayJob, job_of
-from pom.cases.reference_states import flight_states, whole_states
+from pom.cases.reference_states import flight_states, refusal_of, whole_states
 from pom.fmu.description import check_interface
 from pom.fmu.models import FmuModel, Models
 from pom.fmu.run_cache import KeptFlights
@@ -26,6 +26,7 @@ from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
 from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
+from pom.judging.idle_devices import idle_remarks
 from pom.judging.stall_checks import reach_remarks
 from pom.judging.window_checks import with_window_check
 from pom.probing.flight_consistency import on_wheels
@@ -62,11 +63,26 @@ class ReplayPlan:
         The flight over the window.
     job : Job
         Inputs, parameters and start of the models.
+    refusal : str
+        Why no model can fly the case (`refusal_of`); empty if models can.
     """
 
     case: PomCase
     states: xr.Dataset
     job: ReplayJob
+    refusal: str = ""
+
+    def demand(self) -> ReplayPlan:
+        """Return the plan itself.
+
+        Raises
+        ------
+        OutOfRange
+            No model can fly the case.
+        """
+        if self.refusal:
+            raise OutOfRange(f"case {self.case.name}: {self.refusal}")
+        return self
 
 
 def replay(
@@ -126,7 +142,8 @@ def plan_of(case: PomCase, path: Any = None) -> ReplayPlan:
     states = with_window_check(states, case, record)
     check_record_facts(case, states)
     job = job_of(case, states)
-    return ReplayPlan(settle_case(case, job.time, sampled_channels(states)), states, job)
+    settled = settle_case(case, job.time, sampled_channels(states))
+    return ReplayPlan(settled, states, job, refusal_of(case, record))
 
 
 def check_plan(plan: ReplayPlan, model: FmuModel) -> None:
@@ -169,7 +186,12 @@ def perform_plan(
     store: KeptFlights | None = None,
     evidence: xr.DataTree | None = None,
 ) -> PomResult:
-    """Fly a checked plan by every model and judge it; parameters as `replay` and `fly_job`."""
+    """Fly a checked plan by every model and judge it; parameters as `replay` and `fly_job`.
+
+    A plan with a refusal gives ``invalid`` rows with its text.
+    """
+    if plan.refusal:
+        return _refused_result(plan, models)
     outputs_by_run: dict[str, dict[str, np.ndarray]] = {}
     jobs: dict[str, ReplayJob] = {}
     failures: dict[str, str] = {}
@@ -206,6 +228,9 @@ def perform_plan(
     distances = _compare_with_evidence(evidence, plan, models)
     # Further remarks follow those of the run.
     for name, model in models.items():
+        tables = tables_of(model)
+        if tables is not None:
+            remarks[name] += idle_remarks(plan.case, plan.states, tables.variables)
         remarks[name] += (*distances.get(name, ()), *_waiver_remarks(plan.job, model))
     result = assemble_result(
         plan.case,
@@ -225,6 +250,21 @@ def perform_plan(
         timeout=timeout,
         store=store,
     )
+
+
+def _refused_result(plan: ReplayPlan, models: Mapping[str, FmuModel]) -> PomResult:
+    """Return the result of a plan that no model can fly: every row is invalid."""
+    silent: dict[str, dict[str, np.ndarray]] = {name: {} for name in models}
+    result = assemble_result(
+        plan.case,
+        plan.states,
+        job=plan.job,
+        outputs_by_run=silent,
+        failures=dict.fromkeys(models, plan.refusal),
+        attrs=_describe_models(models),
+    )
+    # one reason for all models
+    return replace(result, failure=plan.refusal)
 
 
 def _probe_passing(

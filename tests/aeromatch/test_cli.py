@@ -11,6 +11,7 @@ import warnings
 
 import click
 import pytest
+from click.testing import CliRunner
 
 import aerodb
 from aeromatch.cli.command import cli
@@ -231,3 +232,23 @@ def test_a_worker_that_joblib_replaces_is_no_message(capsys, monkeypatch):
     printed = capsys.readouterr().err
     assert "another matter" in printed
     assert "A worker stopped" not in printed
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (["flight", "identify", "--model", "CL = 1", "--model", "Cm = 1"], "--model"),
+        (["match", "-o", "one", "project.toml", "--output", "two"], "--output"),
+        (["pom", "run", "-j1", "--jobs=2"], "--jobs"),
+        (["--help", "match"], ""),
+        (["match", "--json", "--json", "--help"], ""),
+    ],
+)
+def test_an_option_with_one_value_is_refused_twice(words, option):
+    """Of two models only the last one would be fitted, without a word."""
+    result = CliRunner().invoke(cli, words)
+    if not option:
+        assert result.exit_code == 0
+        return
+    assert result.exit_code == 2
+    assert f"{option}': given 2 times, and it has one value; give it once" in result.output

@@ -66,6 +66,6 @@ def print_plan(plan: Any) -> None:
     ending = "" if plan.problems else "; nothing was computed or written"
     click.echo(f"\n{count_text(len(plan.problems), 'problem')}{ending}")
     click.echo(
-        "not checked here: signs, units, delays and gaps of the records, and the aircraft file "
+        "not checked here: signs, units and delays of the records, and the aircraft file "
         "against them; the match checks them, and aeromatch flight check does so now"
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import click
@@ -63,6 +63,48 @@ def check_parameters(context: click.Context, values: Mapping[str, Any]) -> None:
                 text = f"{value!s} is {others[place]}, too; give another name"
                 raise click.BadParameter(text, context, option)
             taken |= {place: f"the output of {option.opts[-1]}"} if place else {}
+
+
+def refuse_repeated_options(
+    context: click.Context, command: click.Command, arguments: Sequence[str]
+) -> None:
+    """Refuse an option with one value that is given more than once.
+
+    click takes the last value and drops the others: of two models only one would be fitted.
+
+    Parameters
+    ----------
+    context : click.Context
+        Of the group that calls the command.
+    command : click.Command
+        A verb, or a group of verbs, which is followed to the verb.
+    arguments : sequence of str
+        Of the command, as typed.
+
+    Raises
+    ------
+    click.BadParameter
+        The option, and what to do.
+    """
+    inner = command.context_class(command, info_name=command.name, parent=context)
+    try:
+        _, others, order = command.make_parser(inner).parse_args(list(arguments))
+    except click.UsageError:
+        # the command itself states this error when it reads its arguments
+        return
+    for option in dict.fromkeys(order):
+        is_single = isinstance(option, click.Option) and not (
+            option.multiple or option.is_flag or option.count
+        )
+        count = order.count(option)
+        if is_single and count > 1:
+            text = f"given {count} times, and it has one value; give it once"
+            raise click.BadParameter(text, inner, option)
+    if isinstance(command, click.Group) and others:
+        normalise = inner.token_normalize_func or str
+        verb = command.get_command(inner, normalise(others[0]))
+        if verb is not None:
+            refuse_repeated_options(inner, verb, others[1:])
 
 
 def _find_non_finite(value: Any) -> float | None:

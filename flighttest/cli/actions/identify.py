@@ -18,6 +18,7 @@ from flightmech.support.atomic_write import write_text
 from flightmech.support.console import (
     collect_options,
     print_json,
+    print_remark,
     show_progress,
 )
 from flightmech.units import to_si
@@ -75,6 +76,8 @@ def run_fit(
     method = "output error" if kind == "none" else "filter error"
     with show_progress(f"estimate parameters by {method}"):
         done = perform_fit_job(specification)
+    for text in done.unreproduced():
+        print_remark(f"warning: {text}")
     files: list[str] = []
     left: list[str] = []
     if output:

@@ -29,7 +29,8 @@ from flighttest.reconstruction.dynamics.reduced_rates import (
     read_columns,
     stack_columns,
 )
-from flighttest.records.signals.differentiation import derivative
+from flighttest.records.signals.differentiation import WINDOW, derivative
+from flighttest.records.signals.resampling import GAP
 
 _RATES = ("p", "q", "r")
 _LEAST_QBAR = 1.0  # Pa, as in the simulation
@@ -208,13 +209,21 @@ def _rotor_momentum(aircraft: Aircraft) -> np.ndarray:
 
 
 def _angular_acceleration(columns: Columns, name: str) -> np.ndarray:
-    """Return the derivative of a body rate (time,). [rad s-2]"""
+    """Return the derivative of a body rate (time,); NaN in short stretches at gaps. [rad s-2]"""
     if f"{name}_dot" in columns:
         return columns[f"{name}_dot"]
+    rate = read_column(columns, name)
     steps = np.diff(columns["time"])
-    if np.ptp(steps) > _UNIFORM * np.median(steps):
-        raise IdentificationError(
-            f"{name}_dot is missing and {name} steps by {steps.min():.4g} ... "
-            f"{steps.max():.4g} s; cut and resample first"
-        )
-    return derivative(read_column(columns, name), float(np.median(steps)))
+    step = float(np.median(steps))
+    slope = np.full(rate.shape, np.nan)
+    # a derivative across a gap would be a straight line through what nobody recorded
+    for part in np.split(np.arange(len(rate)), np.flatnonzero(steps > GAP * step) + 1):
+        within = np.diff(columns["time"][part])
+        if len(within) and np.ptp(within) > _UNIFORM * step:
+            raise IdentificationError(
+                f"{name}_dot is missing and {name} steps by {within.min():.4g} ... "
+                f"{within.max():.4g} s; cut and resample first"
+            )
+        if len(part) >= WINDOW or len(part) == len(rate):
+            slope[part] = derivative(rate[part], step)
+    return slope

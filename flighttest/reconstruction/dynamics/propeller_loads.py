@@ -45,6 +45,7 @@ from flighttest.reconstruction.dynamics.shaft_condition import (
     thrust_unit,
 )
 from flighttest.records.signals.differentiation import derivative, derivative_window
+from flighttest.records.signals.resampling import GAP
 
 _SLOWEST = 1.0  # of the shaft [rad s-1], and of the air [m s-1]
 # Acceleration of the shaft: frequency [Hz] at which the moving polynomial has the given gain, and
@@ -180,8 +181,8 @@ def _warn_of_torque(number: int) -> None:
 def _shaft_acceleration(speed: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Return the derivative of a speed (time,) up to `_SHAFT_BAND`. [rad/s2]
 
-    Below ten samples per second the derivative is that of successive samples.  Above, each stretch
-    between gaps is differentiated on its own.  A sample between two gaps, and one without a speed,
+    Each stretch between gaps is differentiated on its own.  Below ten samples per second the
+    derivative is that of successive samples.  A sample between two gaps, and one without a speed,
     have NaN.
 
     Raises
@@ -201,9 +202,11 @@ def _shaft_acceleration(speed: np.ndarray, time: np.ndarray) -> np.ndarray:
             f"0 s is possible; resample on an increasing clock first"
         )
     # the speed between the samples of a gap is unknown
-    gaps = np.flatnonzero(steps * _SHAFT_BAND > _LONGEST_STEP) + 1
+    longest = _LONGEST_STEP / _SHAFT_BAND
+    # every step of a slow clock is longer than that: its gaps are those of any clock
     if _is_slow(float(np.median(steps))):
-        gaps = gaps[:0]
+        longest = GAP * float(np.median(steps))
+    gaps = np.flatnonzero(steps > longest) + 1
     for part in np.split(known, gaps):
         if len(part) > 1:
             acceleration[part] = _stretch_acceleration(speed[part], time[part])

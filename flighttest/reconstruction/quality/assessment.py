@@ -66,11 +66,7 @@ from flighttest.reconstruction.quality.declarations.database_match import (
     gain_findings,
     reference_findings,
 )
-from flighttest.reconstruction.quality.declarations.engines import (
-    lever_findings,
-    shaft_findings,
-    thrust_findings,
-)
+from flighttest.reconstruction.quality.declarations.engines import engine_findings, lever_findings
 from flighttest.reconstruction.quality.declarations.geometry import geometry_findings, is_airship
 from flighttest.reconstruction.quality.declarations.headings import heading_findings, with_headings
 from flighttest.reconstruction.quality.declarations.inertia import (
@@ -344,7 +340,7 @@ def _aircraft_findings(
         unchecked.append(("Ixz", "sign of Ixz, and pitching in rolls", (), no_product))
     findings = [*geometry, *inertia_findings(aircraft), *weight, *product]
     findings += reference_findings(aircraft, database)
-    for check in (exchange_findings, centre_findings, thrust_findings, shaft_findings):
+    for check in (exchange_findings, centre_findings, engine_findings):
         found, reasons = check(signals, aircraft)
         findings += found
         unchecked += reasons

@@ -19,6 +19,7 @@ from flightmech.air import (
 from flightmech.errors import OutOfRange, SchemaError
 from flightmech.names import WRAPPED, quantity_attributes
 from flighttest.records.sensors.instruments import IMU, MEASURED, SPEEDS, Instruments
+from flighttest.records.signals.clock_gaps import clock_gaps, split_at_gaps
 from flighttest.records.signals.conditioning import demand_numbers
 from flighttest.records.signals.resampling import lowpass
 from flighttest.records.signals.sample_flags import find_spikes
@@ -257,10 +258,13 @@ def order_windows(
 ) -> list[tuple[float, float]]:
     """Return the windows in order, by default the whole span of the inertial unit.
 
+    A window is split where the clock of the inertial unit has a gap: nothing shows the motion in
+    it, and its integral would connect both sides.
+
     Raises
     ------
     OutOfRange
-        A window is outside the record, or two windows overlap.
+        A window is outside the record, two windows overlap, or gaps leave nothing of a window.
     SchemaError
         Channels of the inertial unit are missing.
     """
@@ -281,7 +285,7 @@ def order_windows(
         if start <= end:
             raise OutOfRange(f"windows overlap at {start:g} s; join them")
         end = stop
-    return ordered
+    return split_at_gaps(ordered, clock_gaps(clock))
 
 
 def _inertial_clock(record: xr.DataTree) -> np.ndarray:

@@ -183,7 +183,8 @@ def _file_entries(files: Mapping[str, str], custody: Custody) -> dict[str, dict[
 def _plan_cases(cases: list[PomCase], store: KeptStates, jobs: int) -> list[ReplayPlan]:
     with show_progress(f"read the flights of {count_text(len(cases), 'case')}"):
         paths = paths_of_cases(cases, {}, store, jobs)
-        return [plan_of(case, states) for case, states in zip(cases, paths, strict=True)]
+        pairs = zip(cases, paths, strict=True)
+        return [plan_of(case, states).demand() for case, states in pairs]
 
 
 def _model_digest(aircraft: Aircraft, database: xr.DataTree | None) -> str:

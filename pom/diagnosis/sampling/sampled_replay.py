@@ -225,7 +225,9 @@ def samples_of_case(
     draw: Mapping[str, Any],
     jobs: int,
 ) -> dict[str, SampledReplay]:
-    """Return the samples of one case by model; none if its trim surfaces cannot be solved.
+    """Return the samples of one case by model; none for a case that cannot be flown.
+
+    It cannot be flown if its trim surfaces cannot be solved, or if the record has a gap in it.
 
     Parameters
     ----------
@@ -242,6 +244,8 @@ def samples_of_case(
     samples: dict[str, SampledReplay] = {}
     for name, database in databases.items():
         plan = plan_of(case, path)
+        if plan.refusal:
+            continue
         job, _, failure = solve_trim_surfaces(
             plan.job, plan.case.drive.trim_surfaces, models[name], settings.timeout
         )

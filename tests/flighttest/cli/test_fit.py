@@ -3,6 +3,7 @@ are named.
 """
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from flightmech.errors import (
 )
 from flightmech.terms import make_term
 from flighttest.cli.group import flight
+from flighttest.maximum_likelihood.fit_job import FitJobResult
 
 TRUTH = {"term.Cm.basic": 1.1, "term.Cm.qhat": 0.8, "term.Cm.elevator": 1.15, "term.CL.basic": 1.05}
 NOISE = {"V": 0.1, "alpha": 2e-3, "q": 1e-3, "theta": 1e-3, "az": 0.1}
@@ -401,3 +403,24 @@ def test_process_noise_of_a_calm_flight_is_at_its_bound(folder):
     saved = flighttest.maximum_likelihood.open_output_error(folder / "fit.nc")
     assert "process.alpha" in saved.estimates["parameter"].values
     assert "portmanteau_probability" in saved.noise
+
+
+def test_a_motion_that_runs_away_has_no_percentage():
+    """The error of V is 8.3 times its movement: -6800 % of a movement says nothing."""
+    t = np.linspace(0.0, 10.0, 200)
+    record = xr.Dataset({"V": ("time", np.sin(t)), "q": ("time", np.sin(t))}, {"time": t})
+    moved = float(np.std(np.sin(t)))
+    residual = record.assign(V=("time", np.full(200, 8.3 * moved)), q=0.1 * record["q"])
+    nothing = ("parameter", np.zeros(0))
+    estimates = xr.Dataset(
+        {"estimate": nothing, "start": nothing, "prior_stderr": nothing},
+        {"parameter": np.zeros(0, str)},
+        {"method": "output error"},
+    )
+    fit = SimpleNamespace(residuals=(residual,), estimates=estimates, report=lambda: "estimates")
+    result = FitJobResult(SimpleNamespace(title=""), None, (record,), fit)
+    (line,) = result.unreproduced()
+    assert line.startswith("record 1: V: the model does not reproduce the record: its error is 8.3")
+    ((_, text),) = [(item.term, item.text) for item in result.remarks]
+    assert "%" not in text
+    assert result.report_lines()[-2:] == ["  V     none", "  q    98.9%"]

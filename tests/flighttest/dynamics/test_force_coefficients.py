@@ -227,6 +227,22 @@ def test_angular_accelerations_are_differentiated_when_they_are_missing():
         coefficients(uneven, plane())
 
 
+def test_angular_accelerations_are_differentiated_on_both_sides_of_a_gap():
+    t = 0.02 * np.arange(200)
+    d = states(n=200).drop_vars(["p_dot", "q_dot", "r_dot"])
+    d = d.assign({name: ("time", 0.3 * np.sin(2 * t)) for name in ("p", "q", "r")})
+    d = d.assign(qbar=("time", np.full(200, 4000.0)))
+    whole = coefficients(d, plane()).Cm.values
+    # the gap of 0.6 s leaves a stretch of five samples behind it, which is too short
+    kept = (t < 1.0) | (t > 1.6)
+    short = np.r_[0:50, 80:85, 120:200]
+    for chosen, missing in ((kept, 0), (short, 5)):
+        found = coefficients(d.isel(time=chosen), plane()).Cm.values
+        good = np.isfinite(found)
+        assert (~good).sum() == missing
+        np.testing.assert_allclose(found[good], whole[chosen][good], atol=2e-4)
+
+
 def test_rates_of_incidence_follow_from_accelerations():
     """A point mass on a path: alpha_dot from the formula against numerical derivatives of the
     simulated angles.

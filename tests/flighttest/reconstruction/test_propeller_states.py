@@ -268,6 +268,14 @@ def test_stretches_between_gaps_have_their_own_derivative():
         torque_of_shaft(np.sort([*clock, clock[50]]), np.full(401, 240.0))
 
 
+def test_a_slow_clock_is_not_differentiated_across_a_gap():
+    clock = np.arange(100) / 5.0
+    time = np.delete(clock, slice(50, 60))
+    # the speed jumps by 50 rad/s in the gap of 2.2 s
+    speed = 240.0 + time + np.where(time > 10.0, 50.0, 0.0)
+    np.testing.assert_allclose(torque_of_shaft(time, speed), 2.0, rtol=1e-6)
+
+
 @pytest.mark.parametrize("power", ["engine1.torque", "engine1.manifold_pressure"])
 def test_missing_samples_of_the_speed_leave_the_other_coefficients(flown, power):
     names = ("p", "q", "r", "ax", "ay", "az", "p_dot", "q_dot", "r_dot", "engine1.rpm", power)

@@ -8,11 +8,16 @@ from flightmech.errors import OutOfRange, ParseError, SchemaError, UnknownName
 from pom.cases.case import read_case
 from pom.fmu.description import read_fmu_interface
 from pom.fmu.process import Child
-from pom.replaying.replay_case import files_by_name, replay
+from pom.judging.idle_devices import idle_devices, idle_remarks
+from pom.replaying.replay_case import files_by_name, plan_of, replay
 from pom.report.exports import junit_xml
 from pom.tolerances.bands import remarks_text
 
 NO_TRIM = "trim = false"
+FLAPS = """
+[conditions]
+delta_f = "10 deg"
+"""
 
 
 @pytest.fixture
@@ -230,3 +235,39 @@ def test_models_on_the_command_line():
         "'flight=x.fmu': the name 'flight' is taken; give every model its own",
         "'a=y.fmu': the name 'a' is taken; give every model its own",
     ]
+
+
+def test_a_gap_of_the_record_in_the_window_makes_the_rows_of_this_case_invalid(
+    case, toy, lag_states, write_case
+):
+    """The inputs in the gap are not known, so that no model can fly the case."""
+    time = lag_states["time"].values
+    holed = lag_states.isel(time=(time < 5.0) | (time > 6.5))
+    result = replay(case, {"toy": toy()}, holed)
+    assert result.status("toy") == "invalid"
+    assert "a gap of 1.54 s in the clock from 4.98 to 6.52 s" in result.failure
+    assert "choose a window before or after the gap" in result.failure
+    assert all(row["remarks"] for row in result.rows)
+    with pytest.raises(OutOfRange, match=r"a gap of 1\.54 s in the clock"):
+        plan_of(case, holed).demand()
+    # the line across a short gap is flown
+    bridged = lag_states.isel(time=(time < 5.0) | (time > 5.2))
+    assert plan_of(case, bridged).demand().refusal == ""
+
+
+def test_a_flap_setting_without_a_term_is_named(write_case):
+    """A case at 10 deg of flaps says nothing about flaps by a model that has no term for them."""
+    from_file = read_case(write_case(case='show = ["q", "theta"]', more=NO_TRIM + FLAPS))
+    (text,) = idle_devices(from_file, None, ["alpha", "gear"])
+    assert text == "flaps at 10 deg without effect: no term of the model is over delta_f"
+    assert idle_devices(from_file, None, ["alpha", "delta_f"]) == []
+
+
+def test_a_recorded_device_without_a_term_is_named(case, lag_states):
+    out = lag_states.assign(gear=0.0 * lag_states["q"] + 1.0)
+    (remark,) = idle_remarks(case, out, ["alpha", "delta_f"])
+    assert remark.kind == "without_effect"
+    assert remark.text.startswith("landing gear at 1 without effect")
+    # retracted, and the zero of a sensor
+    nearly = lag_states.assign(delta_f=0.0 * lag_states["q"] + 0.005)
+    assert idle_remarks(case, nearly, ["alpha"]) == ()

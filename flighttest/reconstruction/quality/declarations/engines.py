@@ -19,6 +19,8 @@ from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.units import POUND_FORCE
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.air_temperature import first_coefficient
+from flighttest.reconstruction.quality.declarations.engine_sides import side_findings
+from flighttest.reconstruction.quality.declarations.fuel import fuel_findings
 from flighttest.reconstruction.quality.finding import Finding
 from flighttest.regression.uncertainty.jackknife import block_jackknife
 
@@ -33,7 +35,6 @@ _UNITS = (("lbf", "N", POUND_FORCE), ("N", "lbf", 1.0 / POUND_FORCE), ("kN", "N"
 _EQUAL = (0.6, 1.67)  # thrust of one engine over that of the others, of one unit
 _OFTEN = 95.0  # percentile of a speed that is not a spike
 _OVERSPEED = 1.35  # of the rated speed: a fixed-pitch propeller in a dive stays below
-_SHAFT_OUTPUTS = (".torque", ".fuel_flow")
 _DEVICES = ("gear", "speedbrake", "delta_f")
 _MOVES = 0.01  # range of a device that moves
 _SIDE = 0.05  # of the thrust of both engines, by which they must differ to show their sides
@@ -72,6 +73,25 @@ def lever_findings(record: xr.DataTree, signals: ResampledChannels) -> list[Find
         remedy = f"give {second} its own column in the name map, or leave it out"
         findings.append(Finding(severity, "column", (second, first), text, remedy))
     return findings
+
+
+def engine_findings(
+    signals: ResampledChannels, aircraft: Aircraft
+) -> tuple[list[Finding], Unchecked]:
+    """Return the findings on the engines of a record and an aircraft, and what was not checked.
+
+    Parameters
+    ----------
+    signals, aircraft
+        As for `thrust_findings`.
+    """
+    findings: list[Finding] = []
+    unchecked: Unchecked = []
+    for check in (thrust_findings, shaft_findings, side_findings, fuel_findings):
+        found, reasons = check(signals, aircraft)
+        findings += found
+        unchecked += reasons
+    return findings, unchecked
 
 
 def thrust_findings(
@@ -135,10 +155,10 @@ def shaft_findings(
             findings.append(_overspeed_finding(name, fastest, engine.propeller))
     unchecked: Unchecked = []
     if any(engine.propeller is not None for engine in aircraft.engines):
-        names = [name for name in signals.values if name.endswith(_SHAFT_OUTPUTS)]
+        names = [name for name in signals.values if name.endswith(".torque")]
         if names:
-            reason = "no relation of the record shows them: flight engine compares them with charts"
-            unchecked.append(("shaft", "torque and fuel flow", tuple(sorted(names)), reason))
+            reason = "no relation of the record shows it: flight engine compares it with charts"
+            unchecked.append(("shaft", "size of the torque", tuple(sorted(names)), reason))
     return findings, unchecked
 
 

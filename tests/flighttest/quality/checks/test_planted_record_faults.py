@@ -289,6 +289,19 @@ def test_lost_samples_are_placed(record, seconds):
     assert set(flags["kind"]) == {"lost"}
 
 
+@pytest.mark.parametrize("less", [0, 1])
+def test_channels_at_half_the_rate_can_show_lost_samples(record, less):
+    """Half of their samples repeat the one before, give or take one by the length of the record."""
+    parts = {"/": xr.Dataset(attrs=record.attrs)}
+    for leaf, node in record.children.items():
+        data = node.to_dataset()
+        data = data.isel(time=slice(0, data.sizes["time"] - less))
+        held = data.isel(time=np.arange(data.sizes["time"]) // 2 * 2)
+        parts[f"/{leaf}"] = held.assign_coords(time=data["time"].values)
+    ((_, _, _, reason),) = lost_not_checked(xr.DataTree.from_dict(parts))
+    assert "cannot jump" not in reason
+
+
 @pytest.mark.parametrize(
     ("leaves", "every", "start"), [(("gps",), 1, 15.0), (("air_data", "vanes"), 2, 12.5)]
 )

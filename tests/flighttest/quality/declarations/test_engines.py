@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +13,13 @@ import flighttest
 from flightmech.units import POUND_FORCE
 from flighttest.reconstruction.quality.checks.samples import faults_of
 from flighttest.reconstruction.quality.checks.signals import resample_channels
+from flighttest.reconstruction.quality.declarations.engine_sides import side_findings
 from flighttest.reconstruction.quality.declarations.engines import (
     lever_findings,
     shaft_findings,
     thrust_findings,
 )
+from flighttest.reconstruction.quality.declarations.fuel import fuel_findings
 
 T37 = Path(__file__).parents[4] / "data" / "t37"
 THRUSTS = ("engine1.thrust", "engine2.thrust")
@@ -106,3 +109,116 @@ def test_a_propeller_that_turns_faster_than_it_can(factor, errors):
     )
     assert [finding.name for finding in found] == [f"unit:{name}" for name in fast][:errors]
     assert [row[2] for row in unchecked] == [("engine1.torque", "engine2.torque")]
+
+
+def stepped(signals, first, second):
+    """Return the record with two levers, and speeds of the engines behind them by 1 s."""
+    time = signals.time
+    changed = {}
+    for number, instant in ((1, first), (2, second)):
+        lever = 0.8 - 0.5 * (time > instant)
+        slow = np.exp(-np.maximum(time - instant, 0.0))
+        changed[f"engine{number}.throttle"] = lever
+        for output in ("n1", "thrust"):
+            changed[f"engine{number}.{output}"] = 0.4 + 0.5 * slow
+    return signals.with_values(changed)
+
+
+def exchanged(signals, *quantities):
+    changed = {}
+    for quantity in quantities:
+        changed[f"engine1.{quantity}"] = signals[f"engine2.{quantity}"]
+        changed[f"engine2.{quantity}"] = signals[f"engine1.{quantity}"]
+    return signals.with_values(changed)
+
+
+def test_each_engine_follows_its_own_lever(signals, aircraft):
+    moved = stepped(signals, 5.0, 15.0)
+    findings, _ = side_findings(moved, aircraft)
+    assert findings == []
+    (finding,), _ = side_findings(exchanged(moved, "n1"), aircraft)
+    assert finding.channels == ("engine1.n1", "engine2.n1")
+    assert "engine1.n1 follows engine2.throttle" in finding.text
+    findings, _ = side_findings(exchanged(moved, "throttle"), aircraft)
+    assert [finding.channels[0] for finding in findings] == ["engine1.n1", "engine1.thrust"]
+    # one lever moves alone
+    alone = stepped(signals, 5.0, 1e3)
+    assert side_findings(alone, aircraft)[0] == []
+    assert len(side_findings(exchanged(alone, "thrust"), aircraft)[0]) == 1
+
+
+def test_a_failure_that_no_lever_made_is_no_exchange(signals, aircraft):
+    """Engine 1 fails by itself, and the pilot throttles engine 2 at once."""
+    moved = stepped(signals, 6.0, 6.2)
+    failed = moved.with_values({"engine1.throttle": np.full(signals.time.shape, 0.8)})
+    assert side_findings(failed, aircraft)[0] == []
+
+
+def test_an_engine_that_is_cut_off_has_the_lower_output(signals, aircraft):
+    off = np.ones_like(signals.time)
+    cut = signals.with_values({"engine1.cutoff": 0.0 * off, "engine2.cutoff": off})
+    cut = cut.with_values({"engine1.torque": 2200.0 * off, "engine2.torque": -0.1 * off})
+    findings, unchecked = side_findings(cut, aircraft)
+    assert findings == []
+    assert "engine1.torque" not in unchecked[0][2]
+    (finding,), _ = side_findings(exchanged(cut, "torque"), aircraft)
+    assert "engine 2 is cut off and engine 1 is not" in finding.text
+
+
+def test_levers_that_move_together_show_no_side(signals, aircraft):
+    findings, ((name, _, channels, reason),) = side_findings(signals, aircraft)
+    assert findings == []
+    assert name == "engine_columns"
+    assert "engine1.n1" in channels
+    assert "the levers never move differently" in reason
+
+
+FLOWS = ("engine1.fuel_flow", "engine2.fuel_flow")
+
+
+def burning(signals, factor):
+    """Return a record that burns 0.1 kg/s by its mass, and a recorded flow of a factor of it."""
+    flow = 0.05 + 0.0 * signals.time
+    mass = 3000.0 - 0.1 * (signals.time - signals.time[0])
+    channels = {**dict.fromkeys(FLOWS, factor * flow), "mass": mass}
+    return signals.with_values(channels)
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(1.0, ""), (1.5, ""), (2.2046, "lb/h taken as kg/h"), (0.4536, "kg/h taken as lb/h")],
+)
+def test_fuel_flow_against_the_change_of_mass(signals, aircraft, factor, words):
+    findings, unchecked = fuel_findings(burning(signals, factor), aircraft)
+    assert unchecked == []
+    assert len(findings) == bool(words)
+    for finding in findings:
+        assert finding.channels == FLOWS
+        assert (finding.severity, finding.kind) == ("error", "unit")
+        assert words in finding.text
+
+
+@pytest.mark.parametrize(("factor", "count"), [(1.0, 0), (2.2046, 2)])
+def test_fuel_flow_against_the_tables_of_the_engine(signals, aircraft, factor, count):
+    """Without a change of mass the tables of the aircraft file decide."""
+    table = xr.Dataset({"value": ("n2", [0.02, 0.2])}, {"n2": [0.5, 1.0]})
+    table["value"].attrs["units"] = "kg s-1"
+    table.attrs = {"regressors": "", "outside": "hold"}
+    engines = []
+    for engine in aircraft.engines:
+        deck = SimpleNamespace(tables={"fuel_flow": table})
+        engines.append(SimpleNamespace(deck=deck, propeller=None, piston=None, motor=None))
+        engines[-1].thrust = engine.thrust
+    tabled = SimpleNamespace(engines=engines)
+    channels = {"mass": np.full(signals.time.shape, 3000.0)}
+    for number in (1, 2):
+        flow = np.interp(signals[f"engine{number}.n2"], [0.5, 1.0], [0.02, 0.2])
+        channels[f"engine{number}.fuel_flow"] = factor * flow
+    flown = signals.with_values(channels)
+    findings, unchecked = fuel_findings(flown, tabled)
+    assert unchecked == []
+    assert [finding.kind for finding in findings] == ["unit"] * count
+    # neither of them shows the flow
+    findings, ((name, _, names, reason),) = fuel_findings(flown, aircraft)
+    assert (findings, name, names) == ([], "fuel_flow", FLOWS)
+    assert "the fuel on board does not change clearly" in reason

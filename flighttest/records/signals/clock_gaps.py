@@ -1,0 +1,108 @@
+"""Gaps of a clock that no interpolation bridges, and the stretches between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from flightmech.errors import OutOfRange
+from flighttest.records.signals.resampling import GAP
+
+BRIDGED = 0.5
+"""Longest gap that interpolation bridges; our number. [s]
+
+Rates and attitude of an aeroplane hardly change their course in less. In more, an input of the
+pilot can begin and end.
+"""
+SHORTEST_STRETCH = 1.0
+"""Shortest stretch next to a gap that is used; a shorter one shows no motion. [s]"""
+
+
+def clock_gaps(time: np.ndarray) -> list[tuple[float, float]]:
+    """Return the last instant before and the first one after each gap of a clock. [s]
+
+    Parameters
+    ----------
+    time : array (time,)
+        Rising instants. [s]
+
+    Returns
+    -------
+    list of (float, float)
+        Steps longer than `BRIDGED` seconds and `GAP` median steps, in order.
+    """
+    clock = np.asarray(time, float)
+    if clock.size < 3:
+        return []
+    steps = np.diff(clock)
+    is_gap = (steps > BRIDGED) & (steps > GAP * np.median(steps))
+    return [(float(clock[i]), float(clock[i + 1])) for i in np.flatnonzero(is_gap)]
+
+
+def gap_text(gap: tuple[float, float]) -> str:
+    """Return a gap in words.
+
+    Examples
+    --------
+    >>> gap_text((39.95, 42.0))
+    'a gap of 2.05 s in the clock from 39.95 to 42 s'
+    """
+    start, stop = gap
+    return f"a gap of {stop - start:.3g} s in the clock from {start:g} to {stop:g} s"
+
+
+def gaps_in(
+    window: tuple[float, float], gaps: Sequence[tuple[float, float]]
+) -> list[tuple[float, float]]:
+    """Return the gaps that a window contains or touches the inside of. [s]"""
+    return [gap for gap in gaps if window[0] < gap[1] and gap[0] < window[1]]
+
+
+def split_at_gaps(
+    windows: Sequence[tuple[float, float]], gaps: Sequence[tuple[float, float]]
+) -> list[tuple[float, float]]:
+    """Return the stretches of windows between the gaps of a clock. [s]
+
+    Parameters
+    ----------
+    windows : sequence of (float, float)
+        [s]
+    gaps : sequence of (float, float)
+        Result of `clock_gaps`. [s]
+
+    Returns
+    -------
+    list of (float, float)
+        In order. A window without a gap is unchanged. Next to a gap, stretches shorter than
+        `SHORTEST_STRETCH` are left out.
+
+    Raises
+    ------
+    OutOfRange
+        No stretch of a window is long enough.
+
+    Examples
+    --------
+    >>> split_at_gaps([(0.0, 80.0)], [(39.95, 42.0)])
+    [(0.0, 39.95), (42.0, 80.0)]
+    """
+    stretches: list[tuple[float, float]] = []
+    for window in windows:
+        inside = gaps_in(window, gaps)
+        if not inside:
+            stretches.append(window)
+            continue
+        # ends of the window and of the gaps in turn: start, gap, gap, ..., stop
+        edges = [window[0], *(edge for gap in inside for edge in gap), window[1]]
+        pieces = list(pairwise(edges))[::2]
+        kept = [piece for piece in pieces if piece[1] - piece[0] >= SHORTEST_STRETCH]
+        if not kept:
+            raise OutOfRange(
+                f"window {window[0]:g} ... {window[1]:g} s; the record has "
+                f"{gap_text(inside[0])}, and no stretch of {SHORTEST_STRETCH:g} s without a gap; "
+                f"choose another window"
+            )
+        stretches += kept
+    return stretches

@@ -1,0 +1,51 @@
+"""A gap in the clock of a record is named before a match, with what it takes from its users."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import xarray as xr
+
+from aeromatch.planning.gap_checks import gap_departures
+from aeromatch.workflow.faulty_samples import unflown_cases
+from pom.checking.case_check import SampleFault
+
+CASE = SimpleNamespace(name="phugoid", record="flight/slow.csv", window=(3.0, 81.0))
+CLOCK = np.arange(0.0, 90.0, 0.05)
+HOLED = CLOCK[(CLOCK < 39.99) | (CLOCK > 41.99)]
+
+
+def record_of(imu, air):
+    leaves = {}
+    for leaf, channel, time in (("imu", "p", imu), ("air", "V", air)):
+        leaves[f"/{leaf}"] = xr.Dataset({channel: ("time", 0.0 * time)}, {"time": time})
+    return xr.DataTree.from_dict(leaves)
+
+
+def test_a_gap_names_record_time_cases_and_fits():
+    spans = {"fit 'pitch'": [(30.0, 45.0)], "fit 'roll'": [(50.0, 60.0)]}
+    (line,) = gap_departures("slow", record_of(HOLED, HOLED), [CASE], spans)
+    assert line.startswith(
+        "record slow: a gap of 2.05 s in the clock from 39.95 to 42 s (imu, air)"
+    )
+    assert "case phugoid is not flown across it, and its rows are invalid" in line
+    assert "fit 'pitch'" in line
+    assert "fit 'roll'" not in line
+    assert line.endswith("choose a window before or after the gap")
+    assert gap_departures("slow", record_of(CLOCK, CLOCK), [CASE], spans) == []
+
+
+def test_a_gap_beside_the_inertial_unit_is_a_line_through_its_channels():
+    (line,) = gap_departures("slow", record_of(CLOCK, HOLED), [CASE], {})
+    assert "case phugoid reads these channels from a line across it" in line
+    assert "reconstructed" not in line
+
+
+def test_cases_across_a_gap_of_the_states_are_not_diagnosed():
+    gap = SampleFault(("p", "q"), "gap", 39.95, 42.0)
+    later = SimpleNamespace(name="roll", record="flight/slow.csv", window=(42.0, 60.0))
+    texts = unflown_cases([CASE, later], {"slow": [gap]})
+    assert list(texts) == ["phugoid"]
+    assert "a gap of 2.05 s in the clock from 39.95 to 42 s" in texts["phugoid"]
+    # gaps that are bridged, and those of other channels
+    others = [gap._replace(stop=40.2), gap._replace(channels=("V",)), gap._replace(kind="held")]
+    assert unflown_cases([CASE], {"slow": others}) == {}
