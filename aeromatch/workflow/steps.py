@@ -235,7 +235,7 @@ def _make_evidence(result: Identified, stages: Stages) -> Kept[tuple[bytes, Any]
 
     def make() -> tuple[bytes, Any]:
         tree = flown_tree(
-            result.project.title,
+            aircraft.value.name,
             Values(result.data),
             spans,
             tables=result.marks.value[0],
@@ -248,7 +248,6 @@ def _make_evidence(result: Identified, stages: Stages) -> Kept[tuple[bytes, Any]
         return encode_netcdf(tree), lines
 
     inputs = {
-        "title": result.project.title,
         "coefficients": result.data,
         "spans": spans,
         "manoeuvres": result.marks,
