@@ -205,7 +205,7 @@ def main() -> None:
     fitted = time.perf_counter()
     title = "Page of a large report"
     heading, named = (
-        CommonHeading(title, "", len(results), {}, False),
+        CommonHeading(len(results), {}, False),
         zip(case_keys(results), results, modes, strict=True),
     )
     cases = [

@@ -158,10 +158,12 @@ def _check_units(axis: str, units: Any) -> list[str]:
 
 def _check_companion(leaf: xr.Dataset, name: str) -> list[str]:
     """Return the faults of the standard errors or sources of the values."""
-    table = leaf[name]
+    # Variables, because xarray makes a DataArray anew at each request, and a match checks thousands
+    # of terms.
+    table, dims = leaf.variables[name], leaf.variables["value"].dims
     problems = []
-    if table.dims != leaf["value"].dims:
-        problems.append(f"{name} has dimensions {table.dims}, value has {leaf['value'].dims}")
+    if table.dims != dims:
+        problems.append(f"{name} has dimensions {table.dims}, value has {dims}")
     if not _is_numeric(table):
         problems.append(f"{name} holds {table.dtype}; numbers are needed")
     elif name == "stderr" and not (table.values >= 0).all():
@@ -184,20 +186,21 @@ def _check_posterior(leaf: xr.Dataset) -> list[str]:
             f"all of {', '.join(POSTERIOR)}"
         ]
     problems = []
-    dims = leaf["value"].dims
+    dims = leaf.variables["value"].dims
     # in the order of POSTERIOR
     required_dims = (("kind", *dims), dims, ("component", *dims), ("component",))
     for name, required in zip(POSTERIOR, required_dims, strict=True):
-        if leaf[name].dims != required:
-            problems.append(f"{name} has dimensions {leaf[name].dims}, {required} are needed")
-        elif not _is_numeric(leaf[name]) or not np.isfinite(leaf[name].values).all():
+        table = leaf.variables[name]
+        if table.dims != required:
+            problems.append(f"{name} has dimensions {table.dims}, {required} are needed")
+        elif not _is_numeric(table) or not np.isfinite(table.values).all():
             problems.append(f"{name} holds NaN, infinite values or no numbers")
     if leaf.sizes.get("kind", 2) != 2:
         problems.append(
             f"prior_error has {leaf.sizes['kind']} parts; there are 2, the proportional and "
             f"the constant one"
         )
-    if not isinstance(leaf["posterior_factor"].attrs.get("origin"), str):
+    if not isinstance(leaf.variables["posterior_factor"].attrs.get("origin"), str):
         problems.append(
             "posterior_factor has no attribute origin; it names the tables with which this "
             "one is jointly distributed"

@@ -288,12 +288,13 @@ def basis(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise
 
     shape = _common_shape(leaf, conditions)
     rule = leaf.attrs.get("outside", "hold")
-    columns, weights = _corner_weights(leaf["value"], conditions, shape, outside, rule=rule)
+    columns, weights = _corner_weights(leaf, "value", conditions, shape, outside, rule=rule)
     # weights (samples, corners) times one factor per sample
     for name in ("K1", "K2"):
         if name in leaf:
-            corners, shares = _corner_weights(leaf[name], conditions, shape, outside, rule=rule)
-            weights = weights * (shares * leaf[name].values.ravel()[corners]).sum(axis=1)[:, None]
+            corners, shares = _corner_weights(leaf, name, conditions, shape, outside, rule=rule)
+            nodes = leaf.variables[name].values.ravel()
+            weights = weights * (shares * nodes[corners]).sum(axis=1)[:, None]
     for name in list_regressors(leaf):
         weights = weights * _flat_condition(name, conditions, shape)[:, None]
     factor = power_factor(leaf)
@@ -301,7 +302,8 @@ def basis(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise
         weights = weights * factor.at(_flat_condition(factor.variable, conditions, shape))[:, None]
     rows = np.repeat(np.arange(len(columns)), columns.shape[1])
     return csr_array(
-        (weights.ravel(), (rows, columns.ravel())), shape=(len(columns), leaf["value"].size)
+        (weights.ravel(), (rows, columns.ravel())),
+        shape=(len(columns), leaf.variables["value"].size),
     )
 
 
@@ -331,14 +333,21 @@ def _flat_condition(name: str, conditions: Mapping[str, Any], shape: tuple[int, 
 
 
 def _corner_weights(
-    table: xr.DataArray, conditions: Any, shape: tuple[int, ...], outside: str, rule: str
+    leaf: xr.Dataset,
+    name: str,
+    conditions: Any,
+    shape: tuple[int, ...],
+    outside: str,
+    *,
+    rule: str,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return flat node indices and weights (samples, 2**axes) of multilinear interpolation."""
+    """Return flat node indices and weights (samples, 2**axes) of the interpolation of a table."""
     _demand_choice(outside)
     count = int(np.prod(shape))
     columns, weights = np.zeros((count, 1), np.intp), np.ones((count, 1))
-    for axis in map(str, table.dims):
-        points = table[axis].values.astype(float)
+    # Variables, because xarray makes a DataArray anew at each request.
+    for axis in map(str, leaf.variables[name].dims):
+        points = leaf.variables[axis].values.astype(float)
         x = _flat_condition(axis, conditions, shape)
         if outside == "raise":
             demand_inside(axis, points, x)

@@ -270,7 +270,7 @@ def _term_conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
     conditions: dict[str, Any] = {}
     for name in _terms.list_model_variables(leaf):
         if name in data:
-            conditions[name] = _finite_samples(name, data[name])
+            conditions[name] = _finite_samples(name, data.variables[name])
         elif name in _NEUTRAL:
             conditions[name] = np.zeros(data.sizes["sample"])
         elif name == "h_agl":
@@ -280,7 +280,7 @@ def _term_conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
     return conditions
 
 
-def _finite_samples(name: str, samples: xr.DataArray) -> np.ndarray:
+def _finite_samples(name: str, samples: xr.Variable) -> np.ndarray:
     """Return the samples of a variable that tables depend on; raise unless all are numbers."""
     if samples.dtype.kind not in "iuf" or samples.dims not in ((), ("sample",)):
         problem = f"{name} is not one number for each sample; identify the fit again"
@@ -327,9 +327,9 @@ def samples_outside(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
     for table in ("value", "K1", "K2"):
         if table not in leaf:
             continue
-        for axis in map(str, leaf[table].dims):
+        for axis in map(str, leaf.variables[table].dims):
             if axis in data:
-                x, points = data[axis].values, leaf[table][axis].values
+                x, points = data.variables[axis].values, leaf.variables[axis].values
                 outside |= (x < points[0]) | (x > points[-1])
     return outside
 

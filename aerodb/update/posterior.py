@@ -170,8 +170,8 @@ def factor_of(leaf: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
 
     The table must have them.
     """
-    factor = leaf["posterior_factor"].values.reshape(leaf.sizes["component"], -1).T
-    return factor, leaf["posterior_sign"].values
+    factor = leaf.variables["posterior_factor"].values.reshape(leaf.sizes["component"], -1).T
+    return factor, leaf.variables["posterior_sign"].values
 
 
 def covariance_between_nodes(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> np.ndarray:

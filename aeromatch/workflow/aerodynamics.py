@@ -324,7 +324,8 @@ def final_database(
         warnings.warn(_NO_FIT, AeromatchWarning, stacklevel=2)
         tabulation = make_empty_tabulation(_NO_FIT)
     final = aerodb.replace_terms(start, tabulation, note="identified from flight")
-    final.attrs["title"] = f"{project.title}: database after flight"
+    # The title of the project names its report only, so that a new one changes no model.
+    final.attrs["title"] = f"{start.attrs['aircraft']}: database after flight"
     return final, tabulation
 
 

@@ -30,7 +30,7 @@ _AT_REST = {"delta_f": 0.0, "gear": 0.0, "speedbrake": 0.0, "h_agl": FREE_AIR, "
 
 
 def flown_tree(
-    title: str,
+    name: str,
     data: Mapping[str, xr.Dataset],
     taken: Sequence[Spans],
     tables: Mapping[str, pd.DataFrame],
@@ -41,8 +41,8 @@ def flown_tree(
 
     Parameters
     ----------
-    title : str
-        Title of the project.
+    name : str
+        Name of the aircraft.
     data : mapping of str to Dataset (time,)
         Coefficients by record.
     taken : sequence of dict
@@ -82,7 +82,7 @@ def flown_tree(
         groups["ground"] = pd.DataFrame(_ground_rows(submodels.ground_effect))
     nodes = {name: _to_dataset(table, name) for name, table in groups.items()}
     tree = xr.DataTree.from_dict(nodes)
-    tree.attrs = {"title": f"{title}: what the databases were identified from"}
+    tree.attrs = {"title": f"{name}: what the databases were identified from"}
     return tree
 
 

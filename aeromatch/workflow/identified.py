@@ -372,7 +372,6 @@ def _table_inputs(
         "held": project.held,
         "unplaced": project.unplaced,
         "way": project.tabulation,
-        "title": project.title,
     }
 
 

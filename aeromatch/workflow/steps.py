@@ -109,7 +109,9 @@ def perform_match(
         folder.parent.mkdir(parents=True, exist_ok=True)
         with folder_written_atomically(folder, _is_output) as new:
             with step("write three databases, aircraft and FMUs"):
-                fmus = _write_models(result, new, stages)
+                # Made once: without a store, a second request would compute it again.
+                evidence = _make_evidence(result, stages)
+                fmus = _write_models(result, evidence.value[0], new, stages)
             # The report states the hashes of the FMUs that the replay reads.
             result.custody.take(fmus.values())
             with step(replay_step(len(result.cases), len(fmus), len(project.devices))):
@@ -128,7 +130,7 @@ def perform_match(
                         title=f"{project.title}: Proof of Match",
                         provenance=_provenance(result, fmus, command),
                         diagnoses=result.diagnoses,
-                        kept=_make_chapters(result, stages).value,
+                        kept=_make_chapters(result, evidence, stages).value,
                         chapters=project.chapters,
                         jobs=jobs,
                         stages=stages,
@@ -235,7 +237,7 @@ def _make_evidence(result: Identified, stages: Stages) -> Kept[tuple[bytes, Any]
 
     def make() -> tuple[bytes, Any]:
         tree = flown_tree(
-            result.project.title,
+            aircraft.value.name,
             Values(result.data),
             spans,
             tables=result.marks.value[0],
@@ -248,7 +250,6 @@ def _make_evidence(result: Identified, stages: Stages) -> Kept[tuple[bytes, Any]
         return encode_netcdf(tree), lines
 
     inputs = {
-        "title": result.project.title,
         "coefficients": result.data,
         "spans": spans,
         "manoeuvres": result.marks,
@@ -260,7 +261,9 @@ def _make_evidence(result: Identified, stages: Stages) -> Kept[tuple[bytes, Any]
     return stages.one("evidence", inputs, make)
 
 
-def _write_models(result: Identified, folder: Path, stages: Stages) -> dict[str, Path]:
+def _write_models(
+    result: Identified, evidence: bytes, folder: Path, stages: Stages
+) -> dict[str, Path]:
     """Write databases, aircraft, FMUs and evidence, and return all FMUs by name.
 
     The FMUs of other origin in the project follow those of the project.
@@ -270,15 +273,19 @@ def _write_models(result: Identified, folder: Path, stages: Stages) -> dict[str,
     for name, database in result.databases.items():
         files = model_files(stages, name, database, result.aircraft[name])
         write_files(files.value, folder)
-    evidence = _make_evidence(result, stages).value[0]
     if evidence:
         (folder / FLOWN).write_bytes(evidence)
     fmus = {name: folder / f"{name}.fmu" for name in result.databases}
     return fmus | result.project.fmus
 
 
-def _make_chapters(result: Identified, stages: Stages) -> Kept[Any]:
-    """Return the chapters of the report in addition to its cases."""
+def _make_chapters(
+    result: Identified, evidence: Kept[tuple[bytes, Any]], stages: Stages
+) -> Kept[Any]:
+    """Return the chapters of the report in addition to its cases.
+
+    `evidence` is the result of `_make_evidence`.
+    """
 
     def make() -> Any:
         submodels = result.submodels()
@@ -290,7 +297,7 @@ def _make_chapters(result: Identified, stages: Stages) -> Kept[Any]:
             free_motion=submodels.free_motion,
             driven_motion=submodels.driven_motion,
             chapters=result.project.chapters,
-            level_lines=_make_evidence(result, stages).value[1],
+            level_lines=evidence.value[1],
             ranking=result.ranking,
         )
 
@@ -301,7 +308,7 @@ def _make_chapters(result: Identified, stages: Stages) -> Kept[Any]:
         "ranking": result.ranking,
         "chapters": result.project.chapters,
         **result.submodel_inputs(),
-        "evidence": _make_evidence(result, stages),
+        "evidence": evidence,
     }
     return stages.one("chapters", inputs, make)
 

@@ -269,8 +269,6 @@ def _begin_cases(
     """Start to make the parts of all cases; return them in order."""
     archive = report.archive
     heading = CommonHeading(
-        archive.title,
-        archive.revision,
         len(archive.results),
         archive.provenance,
         bool(report.chapters.databases),

@@ -12,6 +12,7 @@ import flightmech
 import flighttest
 from aeromatch.project.project import read_project
 from aeromatch.project.sections import Controls
+from aeromatch.workflow import steps
 from aeromatch.workflow.steps import perform_match
 from flightmech.support.console import timed_step
 from flighttest.records.signals.conditioning import cut
@@ -48,7 +49,7 @@ window = [[108.0, 222.0]]
 @pytest.mark.nightly  # the demo identifies an engine, too
 @pytest.mark.filterwarnings("ignore:flaps. D.CM. comes from a loop")
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # CD, as in the whole job
-def test_an_engine_identified_in_the_job_flies_as_the_deck_file(tmp_path):
+def test_an_engine_identified_in_the_job_flies_as_the_deck_file(tmp_path, monkeypatch):
     """Power chop by the lever: the identified deck next to that of `aeromatch flight engine` from
     eighteen whole flights.
     """
@@ -70,7 +71,16 @@ def test_an_engine_identified_in_the_job_flies_as_the_deck_file(tmp_path):
         gear=None,
         ground_effect=None,
     )
+    made, flown_tree = [], steps.flown_tree
+
+    def counted(*arguments, **options):
+        made.append(flown_tree(*arguments, **options))
+        return made[-1]
+
+    monkeypatch.setattr(steps, "flown_tree", counted)
     outcome = perform_match(few, tmp_path / "out", 1, timed_step)
+    # Without a store, too, no result is computed twice for its two readers.
+    assert len(made) == 1
     (case,) = outcome.to_dict()["cases"]
     assert case["failure"] == ""
     assert case["status"]["datcom"] != "pass"

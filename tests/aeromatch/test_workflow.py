@@ -381,6 +381,21 @@ def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
         np.testing.assert_array_equal(table[f"value {way}"], tabulation["CL/basic"]["value"])
 
 
+@pytest.mark.filterwarnings("ignore:the project has no")
+def test_a_new_title_of_the_project_changes_no_database(project):
+    """Otherwise the match would compute diagnosis, models and replays again."""
+    alpha = np.arange(0.0, 0.13, 0.04)
+    leaf = terms.make_term(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
+    root = dict.fromkeys(("S", "cbar", "b"), 1.0) | dict.fromkeys(("x_ref", "y_ref", "z_ref"), 0.0)
+    start = aerodb.make_database(
+        {"CL/basic": leaf}, title="before", aircraft="Kite", force_axes="stability", **root
+    )
+    first, _ = final_database(project, start, [])
+    second, _ = final_database(project.with_changes(title="Another title"), start, [])
+    assert first.attrs == second.attrs
+    assert first.attrs["title"] == "Kite: database after flight"
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # without the control they are
 @pytest.mark.parametrize("way", WAYS)

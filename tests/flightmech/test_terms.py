@@ -311,3 +311,17 @@ def test_a_power_without_exponent_or_floor(ground):
         assert check_term(lacking) == [
             f"power h_agl: attribute {key} is None; a finite number is needed"
         ]
+
+
+def test_checks_and_basis_of_a_term_make_no_data_array(monkeypatch):
+    """A match does both thousands of times, and each DataArray takes longer than its check."""
+    nodes = {"alpha": np.array([0.0, 0.1, 0.2])}
+    leaf = make_term([0.1, 0.5, 0.9], nodes, ["delta_e"], stderr=0.01, source="datcom")
+    at = {"alpha": np.array([0.05, 0.15]), "delta_e": np.array([1.0, 2.0])}
+
+    def refuse(leaf, key):
+        raise AssertionError(f"a DataArray of {key!r}")
+
+    monkeypatch.setattr(xr.Dataset, "__getitem__", refuse)
+    assert check_term(leaf) == []
+    np.testing.assert_allclose(basis(leaf, at).toarray(), [[0.5, 0.5, 0.0], [0.0, 1.0, 1.0]])

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import spearmanr
+import scipy
 
 from flightmech.support.arrays import true_runs
 
@@ -276,7 +276,8 @@ def _correlate_half_periods(chain: Sequence[Excursion]) -> float:
     change = half_periods[:quarter].mean() / half_periods[-quarter:].mean()
     if not max(change, 1.0 / change) > 1.8:
         return 0.0
-    return float(spearmanr(np.arange(len(half_periods)), half_periods).statistic)
+    # Imported on first use: a plan finds no manoeuvres, and this part takes half a second.
+    return float(scipy.stats.spearmanr(np.arange(len(half_periods)), half_periods).statistic)
 
 
 def named_oscillations(waves: Sequence[tuple[FoundManoeuvre, float]]) -> list[FoundManoeuvre]:

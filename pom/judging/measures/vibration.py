@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy.optimize
-import scipy.signal
+import scipy
 
 from flightmech.support.arrays import rms
 from pom.judging.measures.values import apply_tick
@@ -50,6 +49,7 @@ def vibration_peaks(time: np.ndarray, y: np.ndarray) -> np.ndarray:
     if 2 * time.size // max(length, 1) - 1 < LEAST_SEGMENTS:
         least = 0.5 * (LEAST_SEGMENTS + 1) * SEGMENT
         raise Invalid(f"a spectrum needs {least:.0f} s of vibration, the window has fewer")
+    # `scipy.signal` is imported on first use, because few cases are vibrations.
     frequency, density = scipy.signal.welch(y, 1.0 / step, nperseg=length, detrend="linear")
     kept = frequency >= LOWEST
     # rounding of a signal at rest is no vibration

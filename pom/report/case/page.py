@@ -239,10 +239,11 @@ MOST_WITH_FIGURES = 30
 class CommonHeading:
     """Data that the pages of all cases share.
 
+    Title and revision are not among them: ``report.html`` adds both when it shows a page, so that
+    a new title does not require new pages.
+
     Attributes
     ----------
-    title, revision : str
-        Title and revision of the report.
     count : int
         Number of cases.
     provenance : mapping
@@ -251,8 +252,6 @@ class CommonHeading:
         The report compares databases, so that terms have links to their tables.
     """
 
-    title: str
-    revision: str
     count: int
     provenance: Mapping[str, Any]
     with_databases: bool
@@ -320,8 +319,6 @@ def packed_page(
         with_figures=heading.count <= MOST_WITH_FIGURES,
     )
     context = {
-        "title": heading.title,
-        "revision": heading.revision,
         "count": heading.count,
         "origin": {
             "date": provenance.get("date", ""),

@@ -27,7 +27,13 @@ manoeuvres = ["3211 elevator", "doublet elevator"]
 models = ["CL = 1 + alpha + qhat + delta_e", "Cm = 1 + alpha + qhat + delta_e"]
 """
 # the corrected model states which share of the gap each of its terms explains in a case
-CORRECTED = {"corrected database", "corrected aircraft", "model files"}
+# and every diagnosis enters the ranking over all cases
+CORRECTED = {
+    "corrected database",
+    "corrected aircraft",
+    "model files",
+    "ranking over all cases",
+}
 # kills itself at once when the given number of results is kept
 KILLER = """
 import os, signal, sys
@@ -205,6 +211,23 @@ def test_a_change_of_a_case_computes_no_more_than_the_case(small, old, new, more
         assert files(small / "out") == changed
     finally:
         case.write_text(text, encoding="utf-8")
+
+
+@pytest.mark.nightly
+def test_a_new_title_of_the_project_computes_its_pdf_only(small):
+    file = small / "project" / "aeromatch.toml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace('title = "C182"', 'title = "Another title"'), encoding="utf-8")
+    try:
+        found = match(small, "store", "--explain")
+        assert computed(found.stderr) == {"report pdf": 1}
+        report = (small / "out" / "report" / "report.html").read_text(encoding="utf-8")
+        assert 'data-report="Another title: Proof of Match"' in report
+        changed = files(small / "out")
+        match(small, "store", "--fresh")
+        assert files(small / "out") == changed
+    finally:
+        file.write_text(text, encoding="utf-8")
 
 
 @pytest.mark.nightly

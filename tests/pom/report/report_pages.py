@@ -56,7 +56,7 @@ def page(results, fits=(), databases=None, support=None):
 
 def html(results, fits=(), databases=None, support=None):
     """The page and what it loads."""
-    heading = CommonHeading("T-37", "A", len(results), {}, bool(databases))
+    heading = CommonHeading(len(results), {}, bool(databases))
     named = zip(case_keys(results), results, strict=True)
     cases = [
         packed_page(i, key, result, heading, None, mode_table(result))

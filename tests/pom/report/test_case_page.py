@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import report_fixture as fixture
-from report_pages import page, set_rows, texts, write
+from report_pages import html, page, parcels, set_rows, texts, write
 
 from pom.judging.measures.modal import mode_table
 from pom.report.case import page as case
@@ -130,6 +130,15 @@ def test_what_an_engineer_writes_is_printed():
         "☒</span> sideslip trend: correct trend and magnitude, ticked by A. Smith, "
         "2026-11-20, trend agrees" in html
     )
+
+
+def test_the_packed_page_of_a_case_holds_no_title_of_the_report():
+    """The script of the report adds it, so that a new title requires no new pages."""
+    files = html([fixture.roll_result()])["report.html"]
+    assert 'data-report="T-37, revision A"' in files
+    ((head, _),) = [parcel for name, parcel in parcels(files).items() if name.startswith("case-")]
+    assert '<span class="of-report"></span>. Case ' in head["page"]
+    assert "revision A" not in head["page"]
 
 
 def test_order_of_the_page_of_a_case():

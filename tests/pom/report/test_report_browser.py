@@ -114,6 +114,11 @@ PIXELS = """canvas => {
 }"""
 
 
+def test_the_page_of_a_case_names_its_report(page, address):
+    open_case(page, address)
+    expect(page.locator(f"{CASE} .of-report")).to_have_text("T-37 flight model")
+
+
 def test_all_panels_are_drawn_in_their_colours(page, address):
     open_case(page, address)
     channels = page.locator(f"{CASE} .panel").evaluate_all(

@@ -27,7 +27,10 @@ async function unpack(page) {
 // Put the text of a page, once unpacked, in its place.
 function layOut(page) {
   const host = $(".body", page), found = opened.get(page);
-  if (found && !host.firstChild) host.innerHTML = found.head.page;
+  if (!found || host.firstChild) return;
+  host.innerHTML = found.head.page;
+  // The parcel of a case holds no title, so that a new title of the report leaves the parcels as they are.
+  for (const node of host.querySelectorAll(".of-report")) node.textContent = $("#main").dataset.report;
 }
 // A browser that cannot unpack shows what readers without a script see.
 function layOutPlain(page) {
