@@ -4,8 +4,17 @@ from __future__ import annotations
 
 from itertools import chain
 
+from flightmech.support.console import count_text
 from pom.result import PomResult
-from pom.status import BEYOND, CASE_WINDOW, DEPARTURES, NOTICES, PASSED, has_remark
+from pom.status import (
+    BEYOND,
+    CASE_WINDOW,
+    DEPARTURES,
+    NOTICES,
+    PASSED,
+    UNCHECKED,
+    has_remark,
+)
 
 
 def trim_remarks(result: PomResult, run: str) -> list[str]:
@@ -21,6 +30,12 @@ def record_remarks(result: PomResult, run: str) -> list[str]:
 def departure_remarks(result: PomResult, run: str) -> list[str]:
     """Return the departures of a result from the printed row, each once."""
     return collect_texts(result, run, DEPARTURES)
+
+
+def unchecked_text(result: PomResult, run: str) -> str:
+    """Return how many conditions of the row the program does not check; empty without one."""
+    count = len(collect_texts(result, run, (UNCHECKED,)))
+    return f"{count_text(count, 'condition')} not checked" if count else ""
 
 
 def run_notices(result: PomResult, run: str) -> list[str]:

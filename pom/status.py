@@ -9,6 +9,8 @@ from pom.cases.case import PomCase
 
 BEYOND = "recurrent_beyond"
 """Kind of the remark on a run beyond its criterion about the master."""
+UNCHECKED = "not_checked"
+"""Kind of the remark on a condition of the row that the program does not check."""
 CASE_WINDOW = "case.window"
 """Quantity of the remarks on a window that starts or ends wrongly."""
 DEPARTURES = (
@@ -34,6 +36,7 @@ NOTICES = (
     "far_from_evidence",
     "edited_evidence",
     "no_evidence",
+    UNCHECKED,
 )
 """Kinds of remarks that index, page and terminal show next to the verdict.
 
@@ -47,7 +50,8 @@ record that identified the model, ``not_driven`` an answer that the inputs do no
 (`pom.probing`), ``watch`` a watched channel beyond its limit, ``recurrent`` and
 ``recurrent_beyond`` the comparison of a run with its master (`pom.replaying.recorded_runs`),
 ``low_confidence`` a run where no flight supports the model, ``far_from_evidence`` terms far from
-their flight estimate, ``no_evidence`` a model without terms to compare with it.
+their flight estimate, ``no_evidence`` a model without terms to compare with it, ``not_checked`` a condition that the
+program does not check.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory", "demonstration")
 STATUSES = (

@@ -13,10 +13,11 @@ HEAD = """# Conditions of the rows
 
 What the rows of `tolerances.csv` require of a flight, and how each condition is evaluated.
 
-A condition that does not hold is a [departure](../explanation/proof-of-match/verdicts.md).
-A condition that cannot be evaluated, because record or `[facts]` of the
-[aircraft file](project-keys.md#aircraft-file) lack what it needs, is stated as *not checked* on the page of the
-case. Bounds of windows (`brake_release` ... `200ft_agl`) are events of the case; a window that is
+A condition that does not hold is a [departure](../explanation/proof-of-match/verdicts.md). So is
+one that is *not shown*: record, case or `[facts]` of the
+[aircraft file](project-keys.md#aircraft-file) lack what its evaluation needs. A configuration that
+is not recorded may be stated in `[conditions]` of the case (`delta_f = "0 deg"`). A condition that
+the program does not evaluate is a notice *not checked* in index, terminal and page. Bounds of windows (`brake_release` ... `200ft_agl`) are events of the case; a window that is
 shorter is a departure too. Three kinds of conditions make a case `invalid`: a precondition with a
 tolerance of its own (engine failure speed), too few cycles of a mode, a snapshot that is not steady.
 
@@ -27,7 +28,8 @@ CONFIGURATION_HEAD = """
 ## Configurations
 
 `clean`: flaps in, gear up. `extended`: flaps out. `landing`: flaps out, gear down. `takeoff`: flaps
-not full, gear down. `ground`: on the wheels. A gear that is not in the record is a fixed one. Of
+not full, gear down. `ground`: on the wheels. A gear without positions in
+`[limits]` of the aircraft file is a fixed one. Of
 several configurations one is enough; the others are the coverage of the report.
 
 | flight condition of the row | evaluated as | tests |

@@ -37,7 +37,7 @@ def air_remarks(case: PomCase, states: xr.Dataset) -> tuple[RowRemark, ...]:
     -------
     tuple of RowRemark
         ``record_warning`` for air that is unusual or contradicts another channel, with the error
-        that it supposes (`pom.probing.temperature_effect`); ``not_checked`` otherwise.
+        that it supposes (`pom.probing.temperature_effect`); ``probe`` otherwise.
     """
     if case.reference != "flight" or not {"h", "temperature"} <= set(states):
         return ()
@@ -48,7 +48,7 @@ def air_remarks(case: PomCase, states: xr.Dataset) -> tuple[RowRemark, ...]:
             f"not checked: an error of the temperature within {MOST_WARMTH:g} K of the standard "
             f"atmosphere (25 K too much are 9 % of density and 4 % of true airspeed)"
         )
-        remarks.append(RowRemark("not_checked", text, AIR))
+        remarks.append(RowRemark("probe", text, AIR))
     return tuple(remarks)
 
 

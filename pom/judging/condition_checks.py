@@ -18,7 +18,9 @@ from flightmech.quantities import parse_quantity
 from flightmech.units import DEGREE, FOOT, KNOT, POUND_FORCE
 from pom.cases.case import PomCase
 from pom.cases.case_facts import file_facts
+from pom.cases.case_file import CONDITIONS
 from pom.judging.signals import RunSignals
+from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import channel_value_text, plain_id
 from pom.tolerances.criteria import Criterion
 
@@ -41,7 +43,21 @@ _SECOND = 1e-9
 
 
 class NotChecked(Exception):
-    """A condition cannot be checked; the text states what is missing."""
+    """A condition cannot be checked; the text states what is missing.
+
+    `is_ours`: the program has no check of it.  Otherwise record, case or aircraft lack what the
+    check needs, so the case does not show the condition.
+    """
+
+    def __init__(self, reason: str, *, is_ours: bool = False):
+        super().__init__(reason)
+        self.is_ours = is_ours
+
+    def remark(self, text: str, name: str) -> RowRemark:
+        """Return the remark on the condition `text`: a departure unless the check is missing."""
+        if self.is_ours:
+            return RowRemark("not_checked", f"not checked: {text} ({self})", name)
+        return RowRemark("departure", f"departure: not shown: {text} ({self})", name)
 
 
 @dataclass(frozen=True)
@@ -60,17 +76,24 @@ class FlownCase:
     flight: RunSignals
 
     def channel(self, *names: str) -> np.ndarray:
-        """Return the first of several channels that the record has (time,). [SI]
+        """Return the first of several channels that the record has, or that the case states (time,).
 
         Raises
         ------
         NotChecked
-            The record has none of them.
+            The record has none of them, and the case states none. [SI]
         """
         for name in names:
             if name in self.flight:
                 return np.asarray(self.flight[name], float)
-        raise NotChecked(f"the record has no {' or '.join(names)}")
+        for name in names:
+            # a configuration that is not recorded is stated in the case file
+            if name in self.case.conditions:
+                return np.full(self.flight.time.size, self.case.conditions[name])
+        remedy = ""
+        if any(name in CONDITIONS for name in names):
+            remedy = ": record it, or state it in [conditions] of the case"
+        raise NotChecked(f"the record has no {' or '.join(names)}{remedy}")
 
     def inside(self, start: float, stop: float) -> np.ndarray:
         """Return the samples between two instants (time,)."""
@@ -120,7 +143,7 @@ def _flaps(flown: FlownCase) -> float:
 
 def _gear_failure(flown: FlownCase, is_down: bool) -> str:
     """Return the position of the gear if it is another one; empty without a retractable gear."""
-    if "gear" not in flown.flight:
+    if "gear" not in flown.flight and not _is_retractable(flown.case):
         return ""
     position = float(flown.channel("gear")[0])
     if is_down and position < GEAR_DOWN:
@@ -128,6 +151,14 @@ def _gear_failure(flown: FlownCase, is_down: bool) -> str:
     if not is_down and position > GEAR_UP:
         return f"gear at {position:.2g}"
     return ""
+
+
+def _is_retractable(case: PomCase) -> bool:
+    """Return whether the aircraft file states positions of the gear."""
+    try:
+        return control_travel(case, "gear") > 0.0
+    except NotChecked:
+        return False
 
 
 def _flap_failure(flown: FlownCase, is_out: bool) -> str:

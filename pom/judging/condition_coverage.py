@@ -65,10 +65,18 @@ SHARED_TESTS = "shared_flight_of_tests"
 
 @dataclass(frozen=True)
 class ConditionCoverage:
-    """Conditions of a test: those that a case shows, and those that none shows, in words."""
+    """Conditions of a test: those that a case shows, and those that none shows, in words.
+
+    Attributes
+    ----------
+    covered, missing : tuple of str
+    unknown : str
+        Why a case that could show a missing condition does not: what it does not record.
+    """
 
     covered: tuple[str, ...]
     missing: tuple[str, ...]
+    unknown: str = ""
 
     @property
     def text(self) -> str:
@@ -77,7 +85,11 @@ class ConditionCoverage:
         if not count:
             return ""
         text = f"{len(self.covered)} of {count}"
-        return f"{text}; missing: {', '.join(self.missing)}" if self.missing else text
+        if not self.missing:
+            return text
+        if self.unknown:
+            return f"{text}; not recorded: {', '.join(self.missing)} ({self.unknown})"
+        return f"{text}; missing: {', '.join(self.missing)}"
 
 
 def cover_conditions(results: Sequence[PomResult]) -> ConditionCoverage:
@@ -95,7 +107,12 @@ def cover_conditions(results: Sequence[PomResult]) -> ConditionCoverage:
         return ConditionCoverage((), ())
     counting = [result for result in results if _counts(result)]
     conditions = [name for _, name in wanted]
-    shows = [_shown_conditions(result, conditions) for result in counting]
+    shows: list[list[int]] = []
+    unknown: dict[str, None] = {}
+    for result in counting:
+        places, reasons = _shown_conditions(result, conditions)
+        shows.append(places)
+        unknown |= dict.fromkeys(reasons)
     # condition -> case, by augmenting paths: one case may fit several conditions
     taken: dict[int, int] = {}
 
@@ -113,7 +130,7 @@ def cover_conditions(results: Sequence[PomResult]) -> ConditionCoverage:
         find_place(k, set())
     covered = tuple(words for place, (words, _) in enumerate(wanted) if place in taken)
     missing = tuple(words for place, (words, _) in enumerate(wanted) if place not in taken)
-    return ConditionCoverage(covered, missing)
+    return ConditionCoverage(covered, missing, "; ".join(unknown))
 
 
 def _flight_condition(result: PomResult) -> str:
@@ -141,18 +158,18 @@ def _is_judged(result: PomResult) -> bool:
     return any(row["verdict"] in ("pass", "fail", "advisory") for row in result.rows)
 
 
-def _shown_conditions(result: PomResult, names: Sequence[str]) -> list[int]:
-    """Return the places of the configurations in which a case was flown."""
+def _shown_conditions(result: PomResult, names: Sequence[str]) -> tuple[list[int], list[str]]:
+    """Return the places of the configurations in which a case was flown, and what is unknown."""
     time = result.signals["time"].values
     signals = traces_of(result.signals, "flight")
     for name, item in result.inputs.data_vars.items():
         signals.setdefault(str(name), np.asarray(item.values, float))
     flown = FlownCase(result.case, RunSignals(signals, time))
-    places = []
+    places, unknown = [], []
     for place, name in enumerate(names):
         try:
             if not CONFIGURATION_CHECKS[name](flown):
                 places.append(place)
-        except NotChecked:
-            continue
-    return places
+        except NotChecked as reason:
+            unknown.append(str(reason))
+    return places, unknown

@@ -56,7 +56,7 @@ def with_report_conditions(results: Sequence[PomResult]) -> list[PomResult]:
     -------
     list of PomResult
         Every row of a test with such a condition has a remark ``departure`` if the cases of the
-        test in the report do not meet it, ``not_checked`` if they do not show it.
+        test in the report do not meet it or do not show it.
     """
     groups: dict[tuple[str, str, str], list[PomResult]] = {}
     for result in results:
@@ -88,8 +88,7 @@ def _group_remarks(results: Sequence[PomResult]) -> tuple[RowRemark, ...]:
         try:
             failure = REPORT_CHECKS[name](results)
         except NotChecked as reason:
-            text = f"not checked: {condition.text} ({reason})"
-            remarks.append(RowRemark("not_checked", text, name))
+            remarks.append(reason.remark(condition.text, name))
             continue
         if failure:
             remarks.append(RowRemark("departure", f"departure: {failure}", name))

@@ -1,7 +1,7 @@
 """Conditions that a row of the tolerance table states for the flight, on one case.
 
-A condition that does not hold is a departure.  A condition that cannot be checked, because record
-or aircraft file lack what it needs, is a remark of the kind ``not_checked``.
+A condition that does not hold is a departure, and so is one that record and aircraft file do not
+show.  A condition that the program does not check is a notice of the kind ``not_checked``.
 `pom.tolerances.stated_conditions` lists the conditions, `pom.judging.report_conditions` checks
 those over several cases.
 """
@@ -10,15 +10,29 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+import scipy
+
 from flightmech.errors import UnknownName
 from pom.cases.case import PomCase
 from pom.cases.case_facts import REVERSIBLE
 from pom.cases.case_file import FORCES
-from pom.judging.condition_checks import CHECKS, CONFIGURATION_CHECKS, FlownCase, NotChecked
+from pom.cases.drafting.event_detection import POWER, input_channels
+from pom.judging.condition_checks import (
+    CHECKS,
+    CONFIGURATION_CHECKS,
+    FLAPS_OUT,
+    FORCED,
+    MOVED,
+    SMOOTH,
+    FlownCase,
+    NotChecked,
+)
 from pom.judging.measures.control_release import measure_free_motion
 from pom.judging.signals import RunSignals
 from pom.judging.stall_checks import STALL_CHECKS
 from pom.tolerances.bands import Invalid, RowRemark
+from pom.tolerances.channels import channel_value_text
 from pom.tolerances.conditions import KINDS
 from pom.tolerances.criteria import Criterion
 from pom.tolerances.stated_conditions import (
@@ -28,7 +42,55 @@ from pom.tolerances.stated_conditions import (
     conditions_of,
 )
 
-CASE_CHECKS = {**CHECKS, **STALL_CHECKS}
+_STEP = 0.1  # of the travel of gear and speed brake
+_POWER_STEP = 0.05  # of the largest value in the window
+_COLUMN = 0.01  # [m]
+_MOVES = {
+    **dict.fromkeys(("delta_e", "delta_a", "delta_r", "wheel"), MOVED),
+    **dict.fromkeys(("column", "pedal"), _COLUMN),
+    **{"F_wheel" if name == "F_rim" else name: limit for name, limit in FORCED.items()},
+    **dict.fromkeys(("gear", "speedbrake"), _STEP),
+    **dict.fromkeys(("delta_f", "delta_s"), FLAPS_OUT),
+}
+"""Change of a control in a window that is an input of the test. [SI]  Our numbers."""
+
+
+def _check_input(flown: FlownCase) -> str:
+    """Return which control of the test rests in the window; empty if one moves."""
+    judged = flown.judged()
+    if judged and all(item.measure == "steady" for item in judged):
+        # a trimmed flight before and after the change needs no record of the change
+        return ""
+    largest: dict[str, float] = {}
+    for control in input_channels(flown.case.id):
+        names = [control]
+        if control in POWER:
+            names = [name for name in flown.flight if name.rpartition(".")[2] == control]
+        for name in names:
+            if name not in flown.flight:
+                continue
+            values = np.asarray(flown.flight[name], float)
+            values = values[np.isfinite(values)]
+            if not values.size:
+                continue
+            width = max(1, round(SMOOTH / float(np.median(np.diff(flown.flight.time)))))
+            # the mean keeps the noise of a pick-up from being a movement
+            smooth = scipy.ndimage.uniform_filter1d(values, width, mode="nearest")
+            least = _MOVES.get(control, _POWER_STEP * max(float(np.abs(smooth).max()), 1e-9))
+            largest[name] = float(np.ptp(smooth))
+            if largest[name] > least:
+                return ""
+    if not largest:
+        wanted = " or ".join(input_channels(flown.case.id))
+        raise NotChecked(f"the record has no {wanted}: record it")
+    texts = [channel_value_text(name, size) for name, size in largest.items()]
+    return (
+        f"the input of the test does not move in the window: {', '.join(texts)} at most; choose a "
+        f"window with the input"
+    )
+
+
+CASE_CHECKS = {**CHECKS, **STALL_CHECKS, "input": _check_input}
 """By condition on one case: its check."""
 
 
@@ -45,8 +107,9 @@ def condition_remarks(case: PomCase, flight: RunSignals) -> tuple[RowRemark, ...
     Returns
     -------
     tuple of RowRemark
-        ``departure`` for a condition that does not hold, ``not_checked`` for one that is not
-        checked, ``additional`` for a stated other configuration.
+        ``departure`` for a condition that does not hold or that record, case and aircraft do not
+        show, ``not_checked`` for one that the program does not check, ``additional`` for a stated
+        other configuration.
     """
     if case.reference == "footprint" and not case.is_demonstration:
         return ()
@@ -62,8 +125,7 @@ def condition_remarks(case: PomCase, flight: RunSignals) -> tuple[RowRemark, ...
         try:
             failure = _failure_of(flown, condition)
         except NotChecked as reason:
-            text = f"not checked: {condition.text} ({reason})"
-            remarks.append(RowRemark("not_checked", text, condition.name))
+            remarks.append(reason.remark(condition.text, condition.name))
             continue
         if failure and condition.name == "configuration" and case.additional:
             text = f"additional case, not the test {case.id}: {failure}; {case.additional}"
@@ -78,7 +140,7 @@ def _failure_of(flown: FlownCase, condition: StatedCondition) -> str:
     if condition.name == "configuration":
         return _check_configuration(flown)
     if condition.name not in CASE_CHECKS:
-        raise NotChecked("the program has no check of it")
+        raise NotChecked("the program has no check of it", is_ours=True)
     return CASE_CHECKS[condition.name](flown)
 
 
@@ -155,12 +217,12 @@ def _check_configuration(flown: FlownCase) -> str:
     try:
         words = case.printed_rows()[0]["flight_condition"]
     except UnknownName:
-        raise NotChecked("the table has no such test") from None
+        raise NotChecked("the table has no such test", is_ours=True) from None
     if words == ANY:
         return ""
     allowed = CONFIGURATIONS.get(words, ())
     if not allowed:
-        raise NotChecked(f"flight condition {words.replace('_', ' ')}")
+        raise NotChecked(f"flight condition {words.replace('_', ' ')}", is_ours=True)
     found = []
     missing = []
     for name in allowed:

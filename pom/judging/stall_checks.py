@@ -187,8 +187,8 @@ def reach_remarks(
     -------
     tuple of RowRemark
         ``departure`` if the model extrapolates there, ``low_confidence`` if no flight supports it,
-        ``not_checked`` without the event, an angle of attack or tables of this program.  Empty for
-        a test without the condition.
+        ``not_checked`` without tables of this program, ``departure`` without the event or an angle
+        of attack.  Empty for a test without the condition.
     """
     if REACH not in STATED.get(plain_id(case.id), ()):
         return ()
@@ -199,10 +199,12 @@ def reach_remarks(
         reached = float(np.interp(case.events["stall"], time, alpha))
         model = flown_model(fmu)
         if model is None:
-            raise NotChecked("the FMU holds no tables of this program")
+            raise NotChecked("the FMU holds no tables of this program", is_ours=True)
         return _reach_of(model, reached, _at(case.events["stall"], time, outputs))
-    except (NotChecked, AeromatchError) as reason:
-        return (RowRemark("not_checked", f"not checked: {condition.text} ({reason})", REACH),)
+    except NotChecked as reason:
+        return (reason.remark(condition.text, REACH),)
+    except AeromatchError as error:
+        return (NotChecked(str(error), is_ours=True).remark(condition.text, REACH),)
 
 
 def _at(instant: float, time: np.ndarray, outputs: Mapping[str, np.ndarray]) -> dict[str, float]:
@@ -219,7 +221,8 @@ def _reach_of(model: SimModel, stall: float, state: Mapping[str, float]) -> tupl
         # without sources of its nodes the ends of the tables over alpha are all that is known
         ends = [row.high for row in model.entries(AXIS) if row.name == "alpha"]
         if not ends or min(ends) >= stall + BEYOND_STALL:
-            raise NotChecked("the model has no validity envelope, and no table ends before")
+            reason = "the model has no validity envelope, and no table ends before"
+            raise NotChecked(reason, is_ours=True)
         text = f"departure: a table ends at {min(ends) / DEGREE:.1f} deg of alpha, before {wanted}"
         return (RowRemark("departure", text, REACH),)
     angles = np.linspace(stall, stall + BEYOND_STALL, 11)
@@ -236,7 +239,7 @@ def _reach_of(model: SimModel, stall: float, state: Mapping[str, float]) -> tupl
             beyond, _ = envelope.look_up({**states, **separated, "alpha": angles})
             regions = np.maximum(regions, beyond)
     except UnknownName as missing:
-        raise NotChecked(str(missing)) from None
+        raise NotChecked(str(missing), is_ours=True) from None
     worst = int(np.max(regions))
     first = float(angles[int(np.argmax(regions == worst))]) / DEGREE
     if worst == EXTRAPOLATED:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from flightmech.envelope.regions import BETWEEN
 from flightmech.errors import AeromatchError
 from flightmech.flown_samples import (
     CHANNELS,
@@ -22,6 +23,7 @@ from flightmech.flown_samples import (
     find_shared_windows,
     unpack_windows,
 )
+from flightmech.simulation.compiler import SimModel
 from pom.cases.case import PomCase
 from pom.judging.beyond_the_bands import flown_model
 from pom.tolerances.bands import RowRemark
@@ -31,25 +33,40 @@ _FLIGHT = ("identified from flight", "tabulate", "regress_tables", "join_submode
 _MOST = 3  # windows that a remark names
 
 
+_UNKNOWN = "record not compared with those that identified"
+
+
 @lru_cache(maxsize=32)
-def _read_windows(fmu: Path, sha256: str) -> tuple[str, str]:
-    """Return the windows that identified a model as text, and why they are unknown.
+def _read_windows(fmu: Path, sha256: str) -> tuple[str, RowRemark | None]:
+    """Return the windows that identified a model as text, or the remark that they are unknown.
 
     Both are empty for a model that is not from flight; `sha256` is a key.
     """
     try:
         model = flown_model(fmu)
     except AeromatchError as error:
-        return "", str(error)
+        return "", RowRemark("not_checked", f"not checked: {_UNKNOWN}: {error}")
     if model is None:
-        return "", "the FMU does not hold the samples that identified it"
+        text = f"not checked: {_UNKNOWN}: the FMU does not hold the samples that identified it"
+        return "", RowRemark("not_checked", text)
     attributes = model.meta.get("database", {})
     text = str(attributes.get(FLOWN_SAMPLES, ""))
     if unpack_windows(text):
-        return text, ""
-    if text or _is_from_flight(attributes.get("history", "")):
-        return "", "the database of the model was made without the samples that identified it"
-    return "", ""
+        return text, None
+    if text or _is_from_flight(attributes.get("history", "")) or _has_flown_states(model):
+        # a database of this program keeps its samples, unless they were taken out
+        reason = (
+            f"departure: {_UNKNOWN}: the tables are from flight, and the database of the model has "
+            f"no samples of it; compile the database as identified"
+        )
+        return "", RowRemark("departure", reason)
+    return "", None
+
+
+def _has_flown_states(model: SimModel) -> bool:
+    """Return whether flights support a part of the validity envelope of a model."""
+    tables = model.envelope.tables if model.envelope is not None else ()
+    return any(bool((table.regions <= BETWEEN).any()) for table in tables)
 
 
 @lru_cache(maxsize=64)
@@ -82,12 +99,13 @@ def find_leaks(case: PomCase, states: xr.Dataset, fmu: Path, sha256: str) -> tup
     Returns
     -------
     tuple of RowRemark
-        Of kind ``leak`` with every window, else of kind ``probe``: the check and its result, or
-        why it was not made.
+        Of kind ``leak`` with every window, ``probe`` with the result of the check,
+        ``not_checked`` for an FMU of another program, or ``departure`` for tables from flight
+        without their samples.
     """
     windows, unknown = _read_windows(fmu, sha256)
-    if unknown:
-        return (RowRemark("probe", f"record not compared with those that identified: {unknown}"),)
+    if unknown is not None:
+        return (unknown,)
     if not windows:
         return (RowRemark("probe", "the tables of the model are not from flight"),)
     channels = {name: states[name].values for name in CHANNELS if name in states}

@@ -227,6 +227,29 @@ def _coverage_entry(test: str, title: str, results: Sequence[PomResult]) -> dict
     }
 
 
+def absent_terms(databases: Mapping[str, xr.DataTree]) -> list[tuple[str, list[str]]]:
+    """Return the terms that no source could give: those of all databases, then the further ones.
+
+    The databases of a report lack mostly the same terms, so the common list stands once.
+
+    Returns
+    -------
+    list of (str, list of str)
+        Names of databases and terms.  A database without further terms has no entry.
+    """
+    lists = {name: str(db.attrs.get("absent", "")).split() for name, db in databases.items()}
+    if len(lists) < 2:
+        return list(lists.items())
+    common = set.intersection(*map(set, lists.values()))
+    first = next(iter(lists.values()))
+    entries = [("all databases", [term for term in first if term in common])]
+    for name, terms in lists.items():
+        further = [term for term in terms if term not in common]
+        if further:
+            entries.append((f"{name}, further", further))
+    return entries
+
+
 def provenance_page(
     provenance: Mapping[str, Any],
     results: Sequence[PomResult],
@@ -247,9 +270,8 @@ def provenance_page(
         channels.update(map(str, result.signals.data_vars))
         channels.update(map(str, result.inputs.data_vars))
     labels = [quantity_label(name) for name in channels]
-    absent, notices = [], []
+    notices = []
     for database, db in databases.items():
-        absent.append((database, str(db.attrs.get("absent", "")).split()))
         for notice in str(db.attrs.get("notices", "")).splitlines():
             notices.append((database, notice))
     name, date = results_name(results), provenance.get("date", "")
@@ -265,7 +287,7 @@ def provenance_page(
         "no_evidence": NO_EVIDENCE if any(map(lacks_evidence, results)) else "",
         "record_errors": list(provenance.get("record_errors", {}).items()),
         "signatures": signature_rows(signatures, date, name) if signatures else [],
-        "absent": absent,
+        "absent": absent_terms(databases),
         "notices": notices,
         "glossary": sorted(labels, key=lambda label: label.name.lower()),
     }

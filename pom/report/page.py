@@ -31,7 +31,7 @@ from pom.report.overview import (
 )
 from pom.report.presentation.page_templates import page_templates
 from pom.report.presentation.traces import pack_page
-from pom.report.submodels.sections import submodels_context
+from pom.report.submodels.sections import chapter_title, submodels_context
 from pom.result import PomResult
 from pom.tolerances.rows import tolerance_rows
 
@@ -188,7 +188,10 @@ def _pack_chapters(
         packed["identification"] = pack_page({**head, "page": text}, body)
     if chapters.submodels:
         text = templates.get_template("submodels.html").render(
-            common, submodels=submodels_context(chapters.submodels), needed=chapters.needed
+            common,
+            heading=chapter_title(chapters.submodels),
+            submodels=submodels_context(chapters.submodels),
+            needed=chapters.needed,
         )
         packed["submodels"] = pack_page({"page": text})
     return packed

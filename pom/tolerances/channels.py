@@ -262,6 +262,13 @@ def quantity_words(name: str) -> str:
         return plain_words(name)
 
 
+_SYMBOLS = {
+    "ti": "initial response time (Ti)",
+    "tt": "total response time (Tt)",
+}
+"""Rows whose name in the table is a symbol."""
+
+
 def plain_words(name: str) -> str:
     """Return the name of a row or a measure in words.
 
@@ -270,4 +277,4 @@ def plain_words(name: str) -> str:
     >>> plain_words("pitch_angle")
     'pitch angle'
     """
-    return name.replace("_", " ")
+    return _SYMBOLS.get(name, name.replace("_", " "))

@@ -99,6 +99,13 @@ _ALL = (
         "speed change of 50 kt or more",
         "recorded calibrated airspeed over the segment",
     ),
+    StatedCondition(
+        "input",
+        "the control of the test moves",
+        "largest change in the window of a recorded control of the test, means over 0.3 s: more "
+        "than 1 deg of a surface or wheel, 2 deg of the flaps, 1 cm of column or pedal, the forces "
+        "of the static rows, 10 % of the travel of gear and speed brake, or 5 % of the power",
+    ),
     StatedCondition("power_setting", "maximum continuous thrust, or idle"),
     StatedCondition(
         "one_engine_out",
@@ -213,7 +220,8 @@ _ALL = (
 )
 CONDITIONS = {item.name: item for item in _ALL}
 
-_FREE = ("hands_off",)
+_INPUT = ("input",)
+_FREE = ("input", "hands_off")
 _STALL = ("entry_rate", "warning_first", "recovery_recorded")
 STATED: dict[str, tuple[str, ...]] = {
     "1.a.1": ("no_brakes", "least_thrust", "gear_radii"),
@@ -230,6 +238,7 @@ STATED: dict[str, tuple[str, ...]] = {
     "1.d.3": ("snapshot_interval",),
     "1.d.4": ("height_1000",),
     "1.d.5": ("height_3000",),
+    **dict.fromkeys(("1.f.1", "1.f.2", "2.c.9", "2.c.10", "2.d.2"), _INPUT),
     "1.e.1": ("share_of_run", "dry_runway"),
     "1.e.2": ("share_of_run", "dry_runway"),
     "1.e.3": ("wet_runway",),
@@ -242,11 +251,11 @@ STATED: dict[str, tuple[str, ...]] = {
     "2.c.8": ("level_entry", "idle_entry", *_STALL),
     "2.c.8.a": (*_STALL, "stall_entries", "high_cruise", "valid_beyond_stall"),
     "2.c.8.b": ("entry_rate", "high_cruise"),
-    "2.d.3": ("after_neutral",),
+    "2.d.3": ("input", "after_neutral"),
     "2.d.4": ("both_directions",),
     "2.d.5": ("one_engine_out",),
     "2.d.6": ("pedal_step", "augmentation"),
-    "2.d.7": ("yaw_damper_off",),
+    "2.d.7": ("input", "yaw_damper_off"),
     "2.d.8": ("rudder_positions",),
     "2.e.4": ("one_engine_out",),
     "2.e.5": ("rollout_guidance",),

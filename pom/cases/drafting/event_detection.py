@@ -44,7 +44,7 @@ POWER = ("throttle", "n1", "torque", "manifold_pressure", "thrust")
 INPUTS = {
     **dict.fromkeys(("1.f.1", "1.f.2", "2.c.1"), POWER),
     "2.c.2": ("delta_f",),
-    "2.c.3": ("speedbrake",),
+    "2.c.3": ("speedbrake", "delta_s"),
     "2.c.4": ("gear",),
     **dict.fromkeys(("2.b.2", "2.b.5", "2.d.2", "2.d.3", "2.d.4"), AILERON),
     **dict.fromkeys(("2.b.3", "2.b.6", "2.d.6"), RUDDER),

@@ -41,7 +41,7 @@ from pom.report.presentation.verdict_text import (
     verdict_blocks,
 )
 from pom.result import PomResult, results_name
-from pom.result_notices import run_notices, spread_notice
+from pom.result_notices import run_notices, spread_notice, unchecked_text
 
 # The line code of LR-743 Figs. 18 to 21.  Any further model gets the next free style.
 _STYLES = {"datcom": "run-1", "prior": "run-1", "corrected": "run-2", "final": "run-3"}
@@ -180,6 +180,7 @@ def outcome_rows(result: PomResult, styles: Mapping[str, str]) -> list[dict[str,
                 "criterion": criterion_words(row.get("criterion", "")),
                 "why": "" if math.isfinite(ratio) else reason_text(row.get("remarks", ())),
                 "notices": notices,
+                "unchecked": unchecked_text(result, run),
                 "at": instant,
                 "at_text": fixed_decimals(instant, 2),
             }

@@ -15,10 +15,10 @@ from pom.report.presentation.quantities import QuantityLabel
 from pom.report.presentation.traces import TIME_STEP, Pack, step_of
 from pom.report.presentation.verdict_text import (
     criterion_words,
-    plain_words,
 )
 from pom.result import PomResult
 from pom.status import has_departure, has_remark, has_trim_remark, is_on_faulty_record
+from pom.tolerances.channels import plain_words
 
 
 def plot_data(

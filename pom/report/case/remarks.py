@@ -30,12 +30,12 @@ from pom.report.presentation.verdict_text import (
     MARKS,
     MODAL,
     criterion_words,
-    plain_words,
     remark_text,
 )
 from pom.result import PomResult, to_records
 from pom.result_notices import spread_notice
 from pom.samples import SampledReplay
+from pom.tolerances.channels import plain_words
 from pom.tolerances.rows import DEMONSTRATION, tolerance_rows
 
 

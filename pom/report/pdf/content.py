@@ -38,9 +38,10 @@ from pom.report.overview import (
 )
 from pom.report.pdf.case_drawings import draw_case, panel_room
 from pom.report.presentation.quantities import QuantityLabel
-from pom.report.presentation.verdict_text import Verdict, plain_words, verdict_blocks
+from pom.report.presentation.verdict_text import Verdict, verdict_blocks
 from pom.report.submodels.section import Section, SectionTable
 from pom.result import PomResult, results_name
+from pom.tolerances.channels import plain_words
 from pom.tolerances.rows import tolerance_rows
 
 _REFERENCES = {
@@ -271,6 +272,8 @@ def _outcome_content(item: Mapping[str, Any]) -> dict[str, Any]:
     count = len(item["notices"])
     if count:
         decides.append(f"{count} notice{'s' if count > 1 else ''}")
+    if item["unchecked"]:
+        decides.append(item["unchecked"])
     return {
         "run": item["run"],
         "style": item["style"],

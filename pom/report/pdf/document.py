@@ -27,6 +27,7 @@ from pom.report.pdf.content import (
 )
 from pom.report.pdf.style import Drawing, save_drawing, svg_drawing
 from pom.report.submodels.section import Picture
+from pom.report.submodels.sections import chapter_title
 from pom.result import PomResult
 
 STANDARDS: Any = ["a-3b", "ua-1"]
@@ -141,6 +142,7 @@ def pdf_pages(
     data |= {
         "cases": cases,
         "submodels": submodels,
+        "submodels_title": chapter_title(chapters.submodels),
         "tunings": [tuning_content(tuning) for tuning in content.tunings],
         "tuning_note": NOTE,
         "identification": None,

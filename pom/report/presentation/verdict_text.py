@@ -24,6 +24,7 @@ from pom.report.presentation.quantities import (
 from pom.report.presentation.unit_sets import units_in_text
 from pom.result import PomResult
 from pom.tolerances.bands import ALLOWED, RowRemark
+from pom.tolerances.channels import plain_words
 
 WORDS = {
     "pass": "pass",
@@ -69,11 +70,6 @@ class Verdict:
     def of(cls, verdict: str) -> Verdict:
         """Return the printed form of a verdict."""
         return cls(WORDS[verdict], SYMBOLS[verdict], f"is-{verdict}")
-
-
-def plain_words(name: str) -> str:
-    """Return the name of an event or of a source as words."""
-    return name.replace("_", " ")
 
 
 def criterion_words(name: str) -> str:

@@ -20,6 +20,7 @@ from pom.diagnosis.corrected_model import corrected_terms, correction_reasons
 from pom.diagnosis.term_swaps import by_submodel
 from pom.report.submodels.control_loading import control_loading
 from pom.report.submodels.engine import engine_section
+from pom.report.submodels.envelope import NAME as ENVELOPE
 from pom.report.submodels.ground_effect import ground_effect_section
 from pom.report.submodels.landing_gear import landing_gear
 from pom.report.submodels.propeller import propeller_section
@@ -119,6 +120,16 @@ def needed_submodels(
         ("submodel", "term or part", "why"),
         tuple(rows),
     )
+
+
+def chapter_title(sections: Sequence[Section]) -> str:
+    """Return the heading of the chapter; the validity envelope is not identified by itself."""
+    names = {section.name for section in sections}
+    if names == {ENVELOPE}:
+        return "Validity envelope of the identified model"
+    if ENVELOPE in names:
+        return "Submodels identified from flight, and validity envelope"
+    return "Submodels identified from flight"
 
 
 def submodels_context(sections: Sequence[Section]) -> list[dict[str, Any]]:

@@ -40,7 +40,7 @@ def texts(flight):
 @pytest.mark.parametrize("warmth", [5.0, -12.0])
 def test_usual_air_has_no_warning_and_is_stated_as_not_checked(warmth):
     ((kind, text),) = texts(states(warmth=warmth))
-    assert kind == "not_checked"
+    assert kind == "probe"
     assert "error of the temperature within 15 K" in text
 
 

@@ -67,3 +67,14 @@ def test_tests_are_in_the_order_of_their_numbers(tmp_path):
     assert sorted(ids, key=order_of_test) == [
         *("1.e.1", "2.a.1.a", "2.a.1.b", "2.c.9", "2.c.10", "10.a"),
     ]
+
+
+def test_a_configuration_that_is_not_recorded_is_stated():
+    result = flown()
+    result = replace(result, inputs=result.inputs.drop_vars("delta_f"))
+    assert cover_conditions([result]).text == (
+        "0 of 2; not recorded: cruise, approach or landing (the record has no delta_f: record it, "
+        "or state it in [conditions] of the case)"
+    )
+    stated = replace(result, case=replace(result.case, conditions={"delta_f": 0.0}))
+    assert cover_conditions([stated]).text == "1 of 2; missing: approach or landing"

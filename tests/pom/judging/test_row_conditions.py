@@ -1,4 +1,4 @@
-"""Conditions that rows state for the flight: evaluated, or stated as not checked."""
+"""Conditions that rows state for the flight: evaluated, not shown, or not checked."""
 
 from dataclasses import replace
 
@@ -10,10 +10,12 @@ from pom.cases.case import PomCase
 from pom.cases.case_inputs import CaseInputs
 from pom.judging.applicability import settle_criterion
 from pom.judging.beyond_the_bands import watch_track
+from pom.judging.condition_checks import NotChecked
 from pom.judging.report_conditions import MEASURED_AT, REPORT_CHECKS
 from pom.judging.row_conditions import CASE_CHECKS, condition_remarks
 from pom.judging.signals import RunSignals
 from pom.judging.stall_checks import REACH
+from pom.status import NOTICES
 from pom.tolerances import rows
 from pom.tolerances.stated_conditions import CONDITIONS, CONFIGURATIONS, STATED
 
@@ -62,6 +64,8 @@ GROUND = CaseInputs(trim="ground")
 BRAKED = {"brake_left": step(1.0), "brake_right": step(1.0)}
 TAKE_OFF = {"delta_f": 0.2, "gear": 1.0}
 CLEAN, OUT = {"delta_f": 0.0, "gear": 0.0}, {"delta_f": 0.3, "gear": 1.0}
+ROLLED = {**CLEAN, "delta_a": step(0.1)}
+CHANGED = {"engine1.throttle": step(0.5), "speedbrake": step(1.0)}
 
 
 @pytest.mark.parametrize(
@@ -103,7 +107,14 @@ CLEAN, OUT = {"delta_f": 0.0, "gear": 0.0}, {"delta_f": 0.3, "gear": 1.0}
     ],
 )
 def test_a_condition_that_does_not_hold_is_a_departure(id, more, good, bad, text):
-    base = {"V_cas": 45.0, "mass": 2900.0, "delta_e": 0.0, "engine1.thrust": 1000.0, **BRAKED}
+    base = {
+        "V_cas": 45.0,
+        "mass": 2900.0,
+        "delta_e": 0.0,
+        "engine1.thrust": 1000.0,
+        **BRAKED,
+        **CHANGED,
+    }
     base |= OUT if rows.rows_of_test(id)[0]["flight_condition"] != "clean" else CLEAN
     if id in ("2.c.3", "1.d.2", "2.c.6"):
         base |= CLEAN
@@ -117,29 +128,79 @@ def test_a_condition_that_does_not_hold_is_a_departure(id, more, good, bad, text
     assert text in found
 
 
-def test_what_is_not_known_is_stated_as_not_checked():
+def test_what_is_not_known_is_a_departure_unless_the_program_has_no_check():
     case = made("1.b.7", REJECTED, facts={}, drive=GROUND)
-    found = texts(case, kind="not_checked", V_cas=45.0, **TAKE_OFF)
+    found = texts(case, V_cas=45.0, **TAKE_OFF)
     assert [text.split(" (")[0] for text in found] == [
-        "not checked: the take-off is rejected at 80 % of V1 or more",
-        "not checked: near maximum take-off weight",
-        "not checked: maximum braking",
+        "departure: not shown: the take-off is rejected at 80 % of V1 or more",
+        "departure: not shown: near maximum take-off weight",
+        "departure: not shown: maximum braking",
     ]
     assert "v1 is not stated in [facts] of the aircraft file" in found[0]
-    (found,) = texts(made("2.d.7", {"input_end": 1.0}), kind="not_checked", **CLEAN)
+    (found,) = texts(made("2.d.7", {"input_end": 1.0}), kind="not_checked", **ROLLED)
     assert found.startswith("not checked: yaw damper off")
+    assert "not_checked" in NOTICES
+
+
+def test_a_configuration_that_is_not_recorded_is_stated_in_the_case():
+    case = made("2.d.7", {"input_end": 1.0})
+    (found,) = texts(case, delta_a=step(0.1))
+    assert found == (
+        "departure: not shown: the configuration of the column flight_condition (the record has no "
+        "delta_f: record it, or state it in [conditions] of the case)"
+    )
+    assert texts(replace(case, conditions={"delta_f": 0.0}), delta_a=step(0.1)) == []
+
+
+def test_a_gear_that_is_not_recorded_is_fixed_only_without_positions(monkeypatch):
+    travels = {"delta_f": 0.7}
+
+    def travel(case, control):
+        if control not in travels:
+            raise NotChecked(f"no limits of {control}")
+        return travels[control]
+
+    monkeypatch.setattr("pom.judging.condition_checks.control_travel", travel)
+    case = made("2.d.7", {"input_end": 1.0})
+    assert texts(case, delta_f=0.0, delta_a=step(0.1)) == []
+    travels["gear"] = 1.0
+    (found,) = texts(case, delta_f=0.0, delta_a=step(0.1))
+    assert "the record has no gear" in found
+
+
+@pytest.mark.parametrize(
+    ("id", "moved", "at_rest"),
+    [
+        ("2.c.10", {"delta_e": step(0.03)}, {"delta_e": step(0.01)}),
+        ("2.d.2", {"delta_a": step(0.03)}, {"delta_a": step(0.01), "delta_e": step(0.1)}),
+        ("2.c.1", {"engine2.throttle": step(0.1)}, {"engine1.throttle": 0.6}),
+        ("2.c.2", {"delta_f": 0.3 + step(0.2)}, {"delta_f": 0.3}),
+        ("2.c.3", {"delta_s": step(0.2)}, {"speedbrake": 1.0}),
+        ("2.c.4", {"gear": step(1.0)}, {"gear": 1.0, "delta_f": 0.3 + step(0.2)}),
+    ],
+)
+def test_a_test_without_its_manoeuvre_is_a_departure(id, moved, at_rest):
+    case = made(id, CHANGE)
+
+    def named(channels):
+        return [text for text in texts(case, **channels) if "does not move" in text]
+
+    assert named(moved) == []
+    (found,) = named(at_rest)
+    assert "choose a window with the input" in found
+    assert [text for text in texts(case) if "the control of the test moves" in text]
 
 
 def test_unknown_controls_leave_the_rows_of_forces_with_a_departure():
-    (found,) = texts(made("2.d.2", facts={}), **CLEAN)
+    (found,) = texts(made("2.d.2", facts={}), **ROLLED)
     assert "wheel_force is not judged" in found
     assert "[facts] reversible_controls" in found
-    assert texts(made("2.d.2"), **CLEAN) == []
+    assert texts(made("2.d.2"), **ROLLED) == []
 
 
 def test_an_additional_case_states_that_it_is_no_test():
     case = made("2.c.10", additional="a check of the tables of the flaps")
-    assert texts(case, **OUT) == []
+    assert texts(case, **OUT, delta_e=step(0.1)) == []
     (found,) = texts(case, kind="additional", **OUT)
     assert found.startswith("additional case, not the test 2.c.10: flown with flaps at 17.2 deg")
     assert texts(case, kind="additional", **CLEAN) == []
@@ -204,7 +265,7 @@ def test_the_window_after_an_engine_failure_ends_at_30_deg_of_bank():
     assert start == 0.0
     assert 8.7 - 1e-9 <= stop <= 8.75
     case = replace(case, criteria=(replace(criterion, window=(start, stop)),))
-    assert texts(case, phi=bank, p=0.0, **OUT) == []
+    assert texts(case, phi=bank, p=0.0, delta_e=0.0, **OUT) == []
 
 
 def test_pilot_forces_that_facts_take_out_of_the_judgement_are_stated():

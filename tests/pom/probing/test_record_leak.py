@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from flightmech.envelope.regions import A_PRIORI, EXTRAPOLATED, FLOWN
 from flightmech.flown_samples import FLOWN_SAMPLES, cut_windows, pack_windows
 from pom.cases.case import read_case
 from pom.probing import record_leak
@@ -31,8 +32,11 @@ def remark(write_case, monkeypatch, tmp_path):
     """Return the remark on a flight and a model with these attributes of its database."""
     case = read_case(write_case())
 
-    def find(states, attributes):
-        model = None if attributes is None else SimpleNamespace(meta={"database": attributes})
+    def find(states, attributes, regions=(A_PRIORI, EXTRAPOLATED)):
+        model = None
+        if attributes is not None:
+            envelope = SimpleNamespace(tables=(SimpleNamespace(regions=np.array(regions)),))
+            model = SimpleNamespace(meta={"database": attributes}, envelope=envelope)
         monkeypatch.setattr(record_leak, "flown_model", lambda fmu: model)
         record_leak._read_windows.cache_clear()
         (found,) = record_leak.find_leaks(case, states, tmp_path / "m.fmu", "hash")
@@ -55,19 +59,25 @@ def test_another_flight_is_not(remark):
 
 
 @pytest.mark.parametrize(
-    ("attributes", "words"),
+    ("attributes", "kind", "words"),
     [
-        (None, "not compared"),
-        ({"history": "from_datcom: clean"}, "not from flight"),
-        # a database from before the samples were kept
-        ({"history": "replace_terms: (identified from flight)"}, "not compared"),
-        ({"history": "identified from flight", FLOWN_SAMPLES: "damaged"}, "not compared"),
+        (None, "not_checked", "not compared"),
+        ({"history": "from_datcom: clean"}, "probe", "not from flight"),
+        # the samples are missing or were taken out
+        ({"history": "replace_terms: (identified from flight)"}, "departure", "has no samples"),
+        ({"history": "identified from flight", FLOWN_SAMPLES: "damaged"}, "departure", "compile"),
     ],
 )
-def test_what_was_not_compared_is_stated(remark, attributes, words):
+def test_what_was_not_compared_is_stated(remark, attributes, kind, words):
     found = remark(flight(1), attributes)
-    assert found.kind == "probe"
+    assert found.kind == kind
     assert words in found.text
+
+
+def test_tables_from_flight_without_samples_and_history_are_a_departure(remark):
+    found = remark(flight(1), {}, regions=(FLOWN, A_PRIORI))
+    assert found.kind == "departure"
+    assert "the tables are from flight" in found.text
 
 
 def test_the_statuses_have_an_order():
