@@ -97,7 +97,7 @@ def validate_content(model: type[T], content: dict[str, Any], what: str, context
         else:
             found = error.errors()
             problems = [_describe_problem(model, item) for item in found[:_MOST_DESCRIBED]]
-            # names alike are sought for minutes among 100 000 unknown keys
+            # the search for similar names takes minutes for 100 000 unknown keys
             problems += [".".join(map(str, item["loc"])) for item in found[_MOST_DESCRIBED:]]
         raise SchemaError(what, problems) from error
 
