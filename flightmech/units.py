@@ -159,7 +159,9 @@ _SIGNS = {
 _LOWER = {name.lower(): name for name in _BASE if len(name) > 1 and name not in ("kN", "ms", "MPa")}
 # value_SI = value * factor + offset
 _OFFSET = {"degC": 273.15, "degF": 459.67 / 1.8}
-_FACTOR = re.compile(r"^(%|[A-Za-z]+|1(?!\d))\^?(-?\d+)?$")
+_FACTOR = re.compile(r"^(%|[A-Za-z]+|1(?!\d))\^?(-?\d)?$")
+# Longest text of a unit. The powers of a longer one overflow, and its multiples nest without end.
+_LONGEST = 60
 # a multiple of a unit, 100 ft or x1000 lb
 _MULTIPLE = re.compile(r"^x?(10+)(?= *[A-Za-z])")
 
@@ -180,6 +182,8 @@ def known_unit(text: str) -> str:
     >>> known_unit("°/sec"), known_unit("m/s^2"), known_unit("KIAS"), known_unit("slug-ft²"), known_unit("lbs")
     ('deg/s', 'm/s2', 'kt', 'slug ft2', 'lb')
     """
+    if len(text) > _LONGEST:
+        return text.strip()
     plain = text.strip().removesuffix(".")
     if len(plain) > 1 and (plain[0], plain[-1]) in (("[", "]"), ("(", ")")):
         plain = plain[1:-1].strip()
@@ -284,8 +288,12 @@ def parse_unit(unit: str) -> tuple[Powers, float, float]:
     Raises
     ------
     UnitError
-        Unknown unit, or a temperature with an offset inside a product.
+        Unknown unit, a text of more than 60 characters, a factor beyond the floating-point numbers,
+        or a temperature with an offset inside a product.
     """
+    if len(unit) > _LONGEST:
+        start = unit[:_LONGEST]
+        raise UnitError(f"a unit of {len(unit)} characters, {start!r}...; at most {_LONGEST}")
     text = known_unit(unit) or "1"
     if text in _OFFSET:
         return _BASE[text][0], _BASE[text][1], _OFFSET[text]
@@ -307,6 +315,8 @@ def parse_unit(unit: str) -> tuple[Powers, float, float]:
                 power = -power
             dimension = [d + power * e for d, e in zip(dimension, _BASE[name][0], strict=True)]
             factor *= _BASE[name][1] ** power
+    if not 0.0 < factor < math.inf:
+        raise UnitError(f"unit {unit!r}: its factor to SI is {factor:g}; divide its powers")
     m, kg, s, K, A = dimension
     return (m, kg, s, K, A), factor, 0.0
 

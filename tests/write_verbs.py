@@ -163,6 +163,12 @@ VERBS = {
         "m.csv m.png",
     ),
     "reconstruct": Verb("flight reconstruct r.nc --aircraft aircraft.toml -o p.nc", "r.nc", "p.nc"),
+    "reconstruct several": Verb(
+        f"flight reconstruct {FLIGHT} flight/check_dutch_roll.csv --names names.toml "
+        "--aircraft aircraft.toml -o paths -j1",
+        "c182",
+        "paths",
+    ),
     "identify": Verb(
         "flight identify p.nc --aircraft aircraft.toml --model CY=1+beta -o fit.nc",
         "p.nc",
@@ -178,7 +184,7 @@ VERBS = {
         "fit.nc",
         "board.csv",
     ),
-    "design": Verb("flight design design.toml -o design", "c182", "design/*"),
+    "design": Verb("flight design design.toml -o design", "c182", "design"),
     "coefficients": Verb("db coefficients c182.a4.st -o numbers.csv", "avl", "numbers.csv"),
     "from-estimate": Verb(
         "db from-estimate aircraft.toml c182.a0.st c182.a4.st --length-unit ft --CD0 0.02 "
@@ -198,7 +204,7 @@ VERBS = {
     "datcom deck": Verb("datcom deck datcom/c182_study.inp -o d.dcm", "c182", "d.dcm"),
     "datcom draw": Verb("datcom draw datcom/c182_study.inp -o d.svg", "c182", "d.svg"),
     "datcom export": Verb("datcom export datcom/clean.out -o e.mat", "c182", "e.mat"),
-    "datcom split": Verb("datcom split datcom/c182_study.inp -o split", "c182", "split/*"),
+    "datcom split": Verb("datcom split datcom/c182_study.inp -o split", "c182", "split"),
     "build": Verb("db build aircraft.toml datcom/clean.out -o db.nc", "c182", "db.nc"),
     "scale": Verb("db edit db.nc scale CL/basic --by 1.1 -o e.nc", "db.nc", "e.nc"),
     "edit": Verb("db edit db.nc scale CL/basic --by 1.1 -o db.nc", "db.nc", "db.nc"),
@@ -328,7 +334,7 @@ VERBS = {
         "f.nc f.html f_db.nc",
     ),
     "report": Verb(
-        "flight report glider/plan.toml -o page.html --save saved", "glider", "page.html saved/*"
+        "flight report glider/plan.toml -o page.html --save saved", "glider", "page.html saved"
     ),
     "actuator": Verb(
         "flight actuator servo_1.csv --position 'angle [deg]' --held --figure servo.png",

@@ -25,7 +25,7 @@ from datcom_io.printout.content import ListingMessage
 from datcom_io.reading.reader import read
 from flightmech.errors import AeromatchError, ParseError, SchemaError, SimulationError
 from flightmech.short_text import ShortText
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.atomic_write import folder_for_files, resolve_folder, written_atomically
 from flightmech.support.file_kinds import file_kind
 from flightmech.support.foreign_code.process import (
     RunLimits,
@@ -91,7 +91,8 @@ def run_deck(
         Executable, or a command with its first arguments, ``["wine", "datcom.exe"]``.
     folder : path, optional
         Where the results go, under the name of the deck: ``NAME.out``, ``NAME.for013``,
-        ``NAME.for014``.  Default: the folder of the deck.
+        ``NAME.for014``.  It is made with the results, in an existing folder.  Default: the folder
+        of the deck.
     timeout : float
         Longest time of one attempt. [s]
 
@@ -114,8 +115,9 @@ def run_deck(
     """
     deck = Path(deck)
     folder = Path(folder) if folder is not None else deck.parent
+    # A folder that cannot be made is refused before the program runs for minutes.
     if not folder.is_dir():
-        raise FileNotFoundError(2, "no such folder; make it first", str(folder))
+        resolve_folder(folder)
     # The program is looked up before the deck is read.
     command = _find_command(program)
     cases = read_deck(deck)
@@ -392,14 +394,13 @@ def _list_messages(listing: Listing, deck: DeckFile) -> Iterator[ListingMessage]
 
 def _write_files(outputs: dict[str, bytes], folder: Path, stem: str) -> dict[str, Path]:
     """Write print and plot files under the name of the deck."""
-    files = {}
+    names = {key: f"{stem}.{key}" for key in outputs}
     # All contents are on disk before the first file gets its name.
-    with ExitStack() as stack:
+    with folder_for_files(folder) as place, ExitStack() as stack:
         for key, content in outputs.items():
-            files[key] = folder / f"{stem}.{key}"
-            part = stack.enter_context(written_atomically(files[key]))
+            part = stack.enter_context(written_atomically(place / names[key]))
             part.write_bytes(content)
-    return files
+    return {key: folder / name for key, name in names.items()}
 
 
 def _failure_text(command: list[str], failures: list[str]) -> str:

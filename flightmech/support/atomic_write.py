@@ -260,6 +260,32 @@ def folder_written_atomically(
         shutil.rmtree(part, ignore_errors=True)
 
 
+@contextmanager
+def folder_for_files(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield the folder in which a command writes its files; a new folder appears with all of them.
+
+    Parameters
+    ----------
+    path : path
+        The folder. If it exists, it is yielded itself, and each of its files is to be written with
+        `written_atomically`. Otherwise its parents are made, and a temporary folder is yielded,
+        which gets the name after the block has ended without an error.
+
+    Raises
+    ------
+    PermissionError, OSError
+        See `folder_written_atomically`.
+    """
+    path = Path(path)
+    if path.is_dir():
+        yield path
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # another process may make the folder in the meantime, and its files stay
+    with folder_written_atomically(path, lambda name: False) as new:
+        yield new
+
+
 def resolve_folder(path: str | os.PathLike[str]) -> Path:
     """Return the folder to write for a path, after following links.
 

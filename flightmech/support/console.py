@@ -25,6 +25,7 @@ from flightmech.errors import near_names
 from flightmech.support.atomic_write import resolve_file, resolve_folder
 from flightmech.support.command_line.parameter_checks import check_parameters
 from flightmech.support.command_line.table_layout import table_lines
+from flightmech.support.input_files import is_regular
 
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else."
@@ -97,7 +98,7 @@ class InputFile(click.Path):
                 message += f", such as {path / files[0]}"
             self.fail(message, param, ctx)
         # click would open a pipe and wait for its writer
-        if path.exists() and not path.is_file():
+        if path.exists() and not is_regular(path):
             message = f"{str(value)!r} is a named pipe or a device; give a regular file"
             self.fail(message, param, ctx)
         if not path.exists():

@@ -44,10 +44,20 @@ _BYTE_ORDER_MARKS = {
 }
 
 
-def demand_regular(path: str | os.PathLike[str], expected: str) -> None:
-    """Raise for a named pipe, a device or a socket. Folders and missing files pass.
+# The kernel calls these files regular, but a reader of /proc/kmsg waits without end.
+_OF_THE_KERNEL = ("/proc/", "/sys/")
 
-    A reader of such a file could wait, or read, without end.
+
+def is_regular(path: str | os.PathLike[str]) -> bool:
+    """Return whether a path leads to a regular file; those below /proc and /sys are not."""
+    real = os.path.realpath(path)
+    return os.path.isfile(real) and not str(real).startswith(_OF_THE_KERNEL)
+
+
+def demand_regular(path: str | os.PathLike[str], expected: str) -> None:
+    """Raise for a named pipe, a device, a socket or a file of the kernel, below /proc or /sys.
+
+    A reader of such a file could wait, or read, without end. Folders and missing files pass.
 
     Raises
     ------
@@ -55,7 +65,7 @@ def demand_regular(path: str | os.PathLike[str], expected: str) -> None:
         `path` exists, but it is neither a regular file nor a folder.
     """
     path = Path(path)
-    if path.exists() and not path.is_file() and not path.is_dir():
+    if path.exists() and not path.is_dir() and not is_regular(path):
         expected = f"{expected} in a regular file; write it to one first"
         raise ParseError(str(path), 0, "a named pipe or a device", expected)
 

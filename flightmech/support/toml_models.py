@@ -66,6 +66,10 @@ def fixed_array(items: list[dict[str, Any]]) -> dict[str, Any]:
     return {"type": "array", "prefixItems": items, "minItems": len(items), "maxItems": len(items)}
 
 
+# Largest number of problems of a file with a sentence; of the others the position is given.
+_MOST_DESCRIBED = 200
+
+
 def validate_content(model: type[T], content: dict[str, Any], what: str, context: Any = None) -> T:
     """Return `content` as an object of `model`.
 
@@ -91,7 +95,10 @@ def validate_content(model: type[T], content: dict[str, Any], what: str, context
         if kind := _describe_other_kind(model, content):
             problems = [kind]
         else:
-            problems = [_describe_problem(model, item) for item in error.errors()]
+            found = error.errors()
+            problems = [_describe_problem(model, item) for item in found[:_MOST_DESCRIBED]]
+            # the search for similar names takes minutes for 100 000 unknown keys
+            problems += [".".join(map(str, item["loc"])) for item in found[_MOST_DESCRIBED:]]
         raise SchemaError(what, problems) from error
 
 

@@ -185,3 +185,20 @@ def test_texts_that_are_no_finite_number(text):
 def test_texts_that_are_a_finite_number():
     assert finite_number("-1.5e3") == number_or_text("-1.5e3") == -1500.0
     assert number_or_text("3 ft") == "3 ft"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["kt^" + "2" * 5000, "10x" * 2000 + "m", "km999999", "m999999999999"],
+)
+def test_units_of_a_hostile_file_are_refused(text):
+    # digits without end, multiples in each other, powers that overflow
+    with pytest.raises(UnitError) as caught:
+        parse_unit(text)
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize("text", ["MPa9 MPa9 MPa9 MPa9 MPa9 MPa9", "mm9 " * 12])
+def test_a_unit_beyond_the_floating_point_numbers_is_refused(text):
+    with pytest.raises(UnitError, match=r"its factor to SI is (inf|0)"):
+        parse_unit(text)

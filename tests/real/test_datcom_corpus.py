@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(not FILES, reason="the corpus ../shared/data/dat
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", FILES, ids=[path.name for path in FILES])
 def test_every_listing_is_read_whole(path):
     listing = datcom_io.read(path)
     assert listing.unread == []

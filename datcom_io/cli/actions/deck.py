@@ -13,6 +13,7 @@ from datcom_io.decks.deck_file import read_deck, write_deck
 from datcom_io.runs.running import ProgramRun, run_deck, run_folder
 from datcom_io.runs.splitting import split_deck
 from flightmech.support import console
+from flightmech.support.atomic_write import folder_for_files
 from flightmech.support.console import count_text
 
 
@@ -108,12 +109,11 @@ def _together(found: Any) -> dict[tuple[str, str], list[int]]:
 def run_split(study: str, folder: str, as_json: bool) -> None:
     """Perform the command ``split``."""
     decks = split_deck(study)
-    place = Path(folder)
-    place.mkdir(parents=True, exist_ok=True)
+    with folder_for_files(folder) as place:
+        for deck in decks.values():
+            write_deck(deck, place / deck.file, resolved=True)
     rows = []
     for name, deck in decks.items():
-        path = place / deck.file
-        write_deck(deck, path, resolved=True)
         case = deck[0]
         devices = " ".join(
             name for name in ("SYMFLP", "ASYFLP", "GRNDEF") if name in case.namelists
@@ -121,7 +121,7 @@ def run_split(study: str, folder: str, as_json: bool) -> None:
         rows.append(
             {
                 "run": name,
-                "file": str(path),
+                "file": str(Path(folder) / deck.file),
                 "conditions": len(case.conditions()),
                 "devices": devices,
                 "caseid": case.caseid,
@@ -143,7 +143,7 @@ def run_run_deck(
 ) -> None:
     """Perform the command ``run``."""
     if folder is not None:
-        Path(folder).mkdir(parents=True, exist_ok=True)
+        Path(folder).parent.mkdir(parents=True, exist_ok=True)
     if Path(deck).is_dir():
         _run_folder(ctx, deck, program, folder=folder, timeout=timeout, as_json=as_json)
         return

@@ -10,6 +10,7 @@ import click
 
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError
+from flightmech.support.atomic_write import folder_for_files
 from flightmech.support.console import (
     NewFile,
     collect_options,
@@ -133,9 +134,9 @@ def run_reconstruct(
             paths = reconstruct_programme(records, aircraft, options.rate, jobs)
     if len(records) > 1:
         targets = [File(output) / f"{File(file).name.split('.')[0]}.nc" for file in record_files]
-        File(output).mkdir(parents=True, exist_ok=True)
-    for path, target in zip(paths, targets, strict=True):
-        save_path(path, target)
+    with folder_for_files(targets[0].parent) as place:
+        for path, target in zip(paths, targets, strict=True):
+            save_path(path, place / target.name)
     if figure:
         draw_compatibility(paths[0], figure)
     if batch is not None and not as_json:

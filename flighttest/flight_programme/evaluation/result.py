@@ -18,6 +18,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
 from flightmech.short_text import ShortText
+from flightmech.support.atomic_write import folder_for_files
 from flightmech.support.console import command_line, to_json_types
 from flightmech.support.input_files import name_and_sha256
 from flightmech.units import from_si
@@ -147,17 +148,16 @@ class Evaluation(ShortText):
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write record, paths and fits as netCDF files for other commands; return their names."""
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        files = [folder / "record.nc"]
-        save_record(self.record, files[0])
-        for name, path in self.paths.items():
-            files.append(folder / f"path_{_ODD.sub('_', name)}.nc")
-            save_path(path, files[-1])
-        for fit in self.fits:
-            files.append(folder / f"fit_{fit.name}.nc")
-            save_fit(fit, files[-1])
-        return files
+        names = ["record.nc"]
+        with folder_for_files(folder) as place:
+            save_record(self.record, place / names[0])
+            for name, path in self.paths.items():
+                names.append(f"path_{_ODD.sub('_', name)}.nc")
+                save_path(path, place / names[-1])
+            for fit in self.fits:
+                names.append(f"fit_{fit.name}.nc")
+                save_fit(fit, place / names[-1])
+        return [Path(folder) / name for name in names]
 
 
 def format_evaluation(evaluation: Evaluation) -> str:

@@ -14,6 +14,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.short_text import ShortText
 from flightmech.simulation.compiler import SimModel
+from flightmech.support.atomic_write import folder_for_files
 from flighttest.flight_programme.input_design.input_accuracy import (
     Expected,
     cramer_rao,
@@ -194,15 +195,16 @@ def save_design(designed: Designed, folder: str | os.PathLike, name: str) -> lis
         The written files.
     """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    files = [folder / f"{name}.csv", folder / f"{name}.table"]
-    save_csv(designed.signal, files[0])
-    save_timetable(designed.signal, files[1], title=designed.title)
-    if designed.amplitude is not None:
-        files.append(folder / f"{name}_response.csv")
-        response = designed.amplitude.response
-        save_csv(response[[output for output in _RESPONSE_COLUMNS if output in response]], files[2])
-    return files
+    names = [f"{name}.csv", f"{name}.table"]
+    with folder_for_files(folder) as place:
+        save_csv(designed.signal, place / names[0])
+        save_timetable(designed.signal, place / names[1], title=designed.title)
+        if designed.amplitude is not None:
+            names.append(f"{name}_response.csv")
+            response = designed.amplitude.response
+            outputs = [output for output in _RESPONSE_COLUMNS if output in response]
+            save_csv(response[outputs], place / names[2])
+    return [folder / file for file in names]
 
 
 def _expect_errors(

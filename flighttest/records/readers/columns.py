@@ -34,6 +34,8 @@ _HEAD = re.compile(r"^(.*\S)\s*[\[({]\s*([^\])}]*?)\s*[\])}]$")
 _DEGREES = re.compile(r"^(.*[A-Za-z0-9])[\s_]*([°º˚]\S*)$")
 # name, unit
 _COMMA = re.compile(r"^(.*\S)\s*,\s*([^,\s][^,]*)$")
+# The time of the three patterns grows with the square of the length. A longer heading has no unit.
+_LONGEST_HEADING = 500
 _WORDS = re.compile(r"[A-Z]+(?![a-z])\d*|[A-Z]?[a-z]+\d*|\d+|%")
 SENSES = {
     *("teu", "ted", "tel", "ter", "lwd", "rwd", "anu", "and"),
@@ -70,6 +72,8 @@ def split_heading(text: str) -> tuple[str, str]:
     brackets behind a canonical name always have a unit, so that an unknown unit is an error.
     ``throttle [1]`` is the dimensionless throttle, ``throttle[1]`` an element of an array.
     """
+    if len(text) > _LONGEST_HEADING:
+        return text, ""
     match = _HEAD.match(text)
     if match is None:
         match = _COMMA.match(text) or _DEGREES.match(text)
@@ -239,7 +243,7 @@ def column_called(requested: str, table: RecordedTable) -> str | None:
         return name
     columns = []
     for text in table.columns:
-        match = _HEAD.match(text)
+        match = _HEAD.match(text) if len(text) <= _LONGEST_HEADING else None
         # A number in brackets is the index of an array.
         if match and match[1] == requested and not match[2].isdigit():
             columns.append(text)

@@ -119,7 +119,7 @@ def simple(points, values, attributes=""):
 
 @pytest.mark.slow
 @samples
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", FILES, ids=[path.stem for path in FILES])
 @pytest.mark.filterwarnings("ignore::flightmech.errors.AeromatchWarning")
 def test_every_check_case_of_every_sample_passes(path):
     if path.stem == NO_NUMBER:

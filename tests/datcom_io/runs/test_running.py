@@ -2,6 +2,7 @@
 do.
 """
 
+import errno
 import sys
 import textwrap
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import datcom_io
+from datcom_io.runs import running
 from flightmech.errors import SchemaError, SimulationError
 
 T37 = Path(__file__).parents[3] / "data" / "t37" / "datcom"
@@ -203,6 +205,21 @@ def test_a_print_of_another_deck_is_reported(program, deck, results):
     ]
 
 
+def test_a_new_folder_comes_with_its_results(deck, program, tmp_path, monkeypatch):
+    done = datcom_io.run_deck(deck, program(BUILDS["fixed names"]), tmp_path / "new")
+    assert {path.parent for path in done.files.values()} == {tmp_path / "new"}
+    assert sorted((tmp_path / "new").iterdir()) == sorted(done.files.values())
+
+    def fail(part, content):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", fail, raising=True)
+    with pytest.raises(OSError, match="not written") as caught:
+        running._write_files({"out": b"print"}, tmp_path / "other", "deck")
+    assert caught.value.filename == str(tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
 def test_what_is_not_there(deck, results, tmp_path):
     with pytest.raises(FileNotFoundError, match="no such program; give its path"):
         datcom_io.run_deck(deck, tmp_path / "nosuch", results)
@@ -210,7 +227,7 @@ def test_what_is_not_there(deck, results, tmp_path):
     with pytest.raises(FileNotFoundError, match="not an executable file"):
         datcom_io.run_deck(deck, tmp_path / "text", results)
     with pytest.raises(FileNotFoundError, match="no such folder; make it first"):
-        datcom_io.run_deck(deck, sys.executable, tmp_path / "nowhere")
+        datcom_io.run_deck(deck, sys.executable, tmp_path / "nowhere" / "results")
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import pytest
 
 from flightmech.support import atomic_write
 from flightmech.support.atomic_write import (
+    folder_for_files,
     folder_written_atomically,
     write_text,
     written_atomically,
@@ -80,6 +81,20 @@ def test_a_failure_leaves_the_older_folder_and_nothing_else(tmp_path):
         (part / "a.txt").write_text("half way: \udc80", encoding="utf-8")
     assert (target / "a.txt").read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_files_of_a_command_appear_together_in_a_new_folder_and_singly_in_an_older_one(tmp_path):
+    target = tmp_path / "deep" / "runs"
+    with pytest.raises(UnicodeEncodeError), folder_for_files(target) as place:
+        (place / "a.txt").write_text("half way: \udc80", encoding="utf-8")
+    assert list(target.parent.iterdir()) == []
+    with folder_for_files(target) as place:
+        (place / "a.txt").write_text("new")
+        assert not target.exists()
+    assert (target / "a.txt").read_text() == "new"
+    # a folder of the user is not exchanged: a shell may work in it
+    with folder_for_files(target) as place:
+        assert place == target
 
 
 def test_a_text_keeps_its_line_ends_and_an_error_keeps_the_old_one(tmp_path):

@@ -119,6 +119,21 @@ def test_a_named_pipe_is_refused_and_not_waited_for(tmp_path, reader):
     assert "a named pipe or a device" in text
 
 
+@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="the system has no /proc")
+def test_a_file_of_the_kernel_is_refused_through_a_link_too(tmp_path):
+    import click
+
+    from flightmech.support.console import InputFile
+
+    # a reader of /proc/kmsg waits without end; the kernel calls it a regular file
+    link = tmp_path / "record.csv"
+    link.symlink_to("/proc/self/status")
+    with pytest.raises(ParseError, match="a named pipe or a device"):
+        flighttest.read(link)
+    with pytest.raises(click.BadParameter, match="is a named pipe or a device"):
+        InputFile().convert(str(link), None, None)
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
 def test_a_named_pipe_on_the_command_line(tmp_path):
     import click

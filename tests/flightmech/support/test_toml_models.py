@@ -1,5 +1,7 @@
 """Tests of values that the models of files refuse."""
 
+import time
+
 import pytest
 
 from flightmech.errors import SchemaError
@@ -48,3 +50,13 @@ def test_a_truth_value_in_an_inner_table_is_found_there():
 def test_truth_values_and_numbers_at_their_places():
     content = {"CD0": 1, "uses_power": True, "flags": {"a": False}, "fixed": {"V": "90 kt"}}
     assert validate_content(Outer, content, "file").model_dump(exclude_unset=True) == content
+
+
+def test_a_crowd_of_unknown_keys_takes_no_time():
+    begin = time.process_time()
+    with pytest.raises(SchemaError) as caught:
+        validate_content(Outer, {f"k{number}": 1 for number in range(20_000)}, "file")
+    assert time.process_time() - begin < 1.0
+    assert len(caught.value.problems) == 20_000
+    assert caught.value.problems[0].startswith("k0: unknown key; ")
+    assert caught.value.problems[-1] == "k19999"

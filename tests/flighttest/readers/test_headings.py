@@ -2,6 +2,8 @@
 init`` drafts them.
 """
 
+import time
+
 import h5py
 import numpy as np
 import pytest
@@ -217,3 +219,12 @@ SENSES = {
 def test_the_sense_of_a_heading(heading):
     found = guess_quantity(heading)
     assert (found.name, found.sign) == SENSES[heading]
+
+
+def test_a_heading_without_end_takes_no_time():
+    text = "speed " + "(" * 20_000
+    begin = time.process_time()
+    assert split_heading(text) == (text, "")
+    table = RecordedTable({text: T})
+    assert column_called("speed", table) is None
+    assert time.process_time() - begin < 1.0

@@ -25,7 +25,7 @@ from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.aircraft.propulsion.piston_engine import PistonEngine
 from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.errors import SchemaError
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.atomic_write import folder_for_files, written_atomically
 from flightmech.units import DEGREE, FOOT, INCH, KNOT, POUND, SLUG
 
 _RPM = 2.0 * np.pi / 60.0  # [rad s-1]
@@ -68,12 +68,12 @@ def export_jsbsim_engine(engine: Engine, folder: Path, name: str) -> tuple[str, 
     else:
         assert engine.deck is not None, "list_obstacles demands a piston engine or a deck"
         mover = _write_turboprop(engine.deck, engine.propeller, name)
-    folder.mkdir(exist_ok=True)
     files = {f"{name}_engine": mover, f"{name}_propeller": _write_propeller(engine.propeller, name)}
-    for file, root in files.items():
-        ET.indent(root)
-        with written_atomically(folder / f"{file}.xml") as part:
-            ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
+    with folder_for_files(folder) as place:
+        for file, root in files.items():
+            ET.indent(root)
+            with written_atomically(place / f"{file}.xml") as part:
+                ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
     engine_file, propeller_file = files
     return engine_file, propeller_file
 
