@@ -59,6 +59,8 @@ class Characteristics(ShortText):
         Aircraft and condition in words.
     tables_left : tuple of str
         A text for each variable of the flight that is beyond its tables.
+    remarks : tuple of str
+        Accelerations that the trim left, and the bank in place of a rudder.
     """
 
     table: pd.DataFrame
@@ -71,10 +73,11 @@ class Characteristics(ShortText):
     title: str
     condition: str
     tables_left: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def report(self) -> str:
         """Return the table and the modes as text, angles in degrees."""
-        lines = [f"{self.title}: {self.condition}", *self.tables_left]
+        lines = [f"{self.title}: {self.condition}", *self.tables_left, *self.remarks]
         for group, part in self.table.groupby("group", sort=False):
             lines += ["", str(group)]
             for name, row in part.iterrows():
@@ -152,6 +155,7 @@ def characteristics(
         title=aircraft.name,
         condition=_describe_condition(point),
         tables_left=tuple(point.tables_left),
+        remarks=tuple(point.remarks),
     )
 
 

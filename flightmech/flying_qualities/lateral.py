@@ -20,7 +20,12 @@ from flightmech.flying_qualities.control_forces import (
     missing_for_force,
 )
 from flightmech.simulation.run import simulate
-from flightmech.steady_flight.engine_thrust import NO_THRUST, full_thrust, has_thrust
+from flightmech.steady_flight.engine_thrust import (
+    NO_THRUST,
+    full_thrust,
+    has_thrust,
+    thrust_variables,
+)
 from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import Point
 from flightmech.steady_flight.trim_search import trim
@@ -339,7 +344,7 @@ def _balance_level_flight(flight: Point, failed: int) -> _EngineOut:
     for engine, thrust in zip(craft.engines, thrusts, strict=True):
         arm = np.array(engine.position) - flight.cg
         moment += np.cross(arm, thrust * np.array(engine.direction))
-    power = flight.thrust_variables(thrusts)
+    power = thrust_variables(flight, thrusts)
     # side force of gravity and moments of the thrust over qbar S and qbar S b
     qS = flight["qbar"] * craft.S
     gravity = flight.CW * np.cos(flight["theta"]) * np.sin(side * _BANK)

@@ -16,6 +16,7 @@ import xarray as xr
 from flightmech.air import Air, atmosphere
 from flightmech.errors import SimulationError
 from flightmech.names import quantity_attributes
+from flightmech.steady_flight.engine_thrust import power_off
 from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import Point
 from flightmech.units import DEGREE
@@ -72,7 +73,7 @@ def polar(point: Point, mach: float | None = None) -> xr.Dataset:
     """
     if mach is None:
         mach = point["mach"]
-    steady = {**point.power_off, "mach": mach, "dnz": 0.0, "qhat": 0.0}
+    steady = {**power_off(point), "mach": mach, "dnz": 0.0, "qhat": 0.0}
     lowest, highest = alpha_range(point)
     alpha = np.linspace(max(lowest, _LOWEST_ALPHA), highest, _POLAR_POINTS)
     delta_e = _balance_elevator(point, alpha, steady)

@@ -15,8 +15,15 @@ from flightmech.axes import lift_drag
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import PARAMETER
 from flightmech.steady_flight.trim_search import trimmed_outputs
+from flightmech.terms import list_model_variables
 
 HINGES = ("Ch_e", "Ch_a", "Ch_r")
+# By control: its moment, and the usual name of its term.
+_MOMENT_TERMS = {
+    "delta_e": ("Cm", "Cm/elevator"),
+    "delta_a": ("Cl", "Cl/aileron"),
+    "delta_r": ("Cn", "Cn/rudder"),
+}
 _LIFT = ("CL", "CX", "CZ")  # coefficients of lift in stability and in body axes
 
 
@@ -58,6 +65,19 @@ class CompiledAircraft:
                 nodes = self.db[name].children.values()
                 terms_of[name] = [node.to_dataset() for node in nodes]
         return terms_of
+
+    @cached_property
+    def missing_terms(self) -> dict[str, str]:
+        """By control whose moment is not in the database: the name of the missing term."""
+        missing = {}
+        for control, (moment, term) in _MOMENT_TERMS.items():
+            variables: set[str] = set()
+            if moment in self.db.children:
+                for node in self.db[moment].children.values():
+                    variables.update(list_model_variables(node.to_dataset()))
+            if control not in variables:
+                missing[control] = term
+        return missing
 
     @cached_property
     def lift_range(self) -> dict[str, tuple[float, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,31 @@ class Heights(NamedTuple):
 
     end: float
     lapses: bool
+
+
+def power_off(point: Point) -> dict[str, float]:
+    """Return the model variables of power, with throttles closed and without thrust."""
+    values = thrust_variables(point, [0.0] * len(point.aircraft.engines))
+    for number in range(1, len(point.aircraft.engines) + 1):
+        values[f"engine{number}.throttle"] = 0.0
+    return values
+
+
+def thrust_variables(point: Point, thrust: Sequence[float] | np.ndarray) -> dict[str, float]:
+    """Return ``CT`` and the thrust of each engine as model variables of a flight.
+
+    Parameters
+    ----------
+    point : Point
+        The flight, for its dynamic pressure and area.
+    thrust : array (engine,)
+        Net thrust of each engine. [N]
+    """
+    values = {}
+    for number, net_thrust in enumerate(thrust, 1):
+        values[f"engine{number}.thrust"] = float(net_thrust)
+    values["CT"] = float(sum(thrust)) / (point["qbar"] * point.aircraft.S)
+    return values
 
 
 def has_thrust(aircraft: Aircraft) -> bool:

@@ -24,12 +24,17 @@ from flightmech.simulation.run import Stated, constant_inputs, values_in_si
 from flightmech.steady_flight.compiled_aircraft import CompiledAircraft
 from flightmech.steady_flight.flight_condition import condition_parameters, flight_condition_text
 from flightmech.steady_flight.glide_angle import find_glide_angle
-from flightmech.steady_flight.table_ends import (
+from flightmech.steady_flight.trim_findings import (
+    STATED,
+    TRIMMED,
     alpha_grid,
+    describe_accelerations,
     describe_greatest_lift,
+    describe_missing_terms,
     describe_tables_left,
+    weigh_accelerations,
 )
-from flightmech.units import G0
+from flightmech.units import DEGREE, G0
 
 VARIABLES = (
     "alpha",
@@ -43,7 +48,9 @@ VARIABLES = (
 )
 # Step of central differences, relative to a variable: balances truncation and rounding.
 STEP = float(np.finfo(float).eps ** (1.0 / 3.0))
-_STEADY = 1e-6  # largest acceleration of a trimmed flight [m s-2, rad s-2]
+# Largest bank in place of a rudder: that of a flight with a failed engine. [rad]
+_BANK = 5.0 * DEGREE
+_SHOWN_BANK = 0.005  # smallest bank that a remark states [deg]
 # outputs of the kernel that are model variables of the same name
 _OUTPUT_VARIABLES = (
     "alpha",
@@ -137,14 +144,30 @@ class Point:
         return sum(self[f"{engine}.fuel_flow"] for engine in self._engine_names)
 
     @property
-    def excess(self) -> float:
-        """Largest remaining acceleration of the longitudinal motion. [m s-2, rad s-2]"""
-        return max(abs(self[f"trim.{name}_dot"]) for name in "uwq")
+    def is_trimmed(self) -> bool:
+        """Whether all six accelerations are at most `TRIMMED`."""
+        return not self.remaining(TRIMMED)
+
+    def remaining(self, least: float) -> list[str]:
+        """Return the letters of the accelerations beyond `least` [m s-2], as ``["v", "r"]``."""
+        weighted = weigh_accelerations(self.trimmed, self.aircraft.b)
+        return [letter for letter, size in weighted.items() if not size <= least]
 
     @property
-    def is_trimmed(self) -> bool:
-        """Whether speed, path and pitch are steady."""
-        return self.excess < _STEADY
+    def remarks(self) -> list[str]:
+        """What the trim has in place of a missing rudder, and what it leaves, in words."""
+        texts = []
+        bank = float(np.degrees(self["phi"] - self.parameter("init.phi")))
+        if self.parameter("init.phi_range") > 0.0 and abs(bank) >= _SHOWN_BANK:
+            texts.append(
+                f"the database has no term of the rudder, such as Cn/rudder: a bank of "
+                f"{bank:.2f} deg balances the flight"
+            )
+        letters = self.remaining(STATED)
+        if letters:
+            rates = describe_accelerations(self.trimmed, letters)
+            texts.append(f"trimmed to {TRIMMED:g} m/s2; accelerations of {rates} remain")
+        return texts
 
     @property
     def tables_left(self) -> list[str]:
@@ -188,28 +211,6 @@ class Point:
             values[f"{engine}.throttle"] = lever
             values[f"{engine}.thrust"] = self[f"{engine}.thrust"]
         values["CT"] = self.thrust / (self["qbar"] * craft.S)
-        return values
-
-    @property
-    def power_off(self) -> dict[str, float]:
-        """Model variables of power, with throttles closed and without thrust."""
-        values = self.thrust_variables([0.0] * len(self.aircraft.engines))
-        for engine in self._engine_names:
-            values[f"{engine}.throttle"] = 0.0
-        return values
-
-    def thrust_variables(self, thrust: Sequence[float] | np.ndarray) -> dict[str, float]:
-        """Return ``CT`` and the thrust of each engine as model variables.
-
-        Parameters
-        ----------
-        thrust : array (engine,)
-            Net thrust of each engine. [N]
-        """
-        values = {}
-        for engine, net_thrust in zip(self._engine_names, thrust, strict=True):
-            values[f"{engine}.thrust"] = float(net_thrust)
-        values["CT"] = float(sum(thrust)) / (self["qbar"] * self.aircraft.S)
         return values
 
     @cached_property
@@ -387,8 +388,8 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, Stat
     SchemaError
         No speed, or two.
     SimulationError
-        No flight is steady. The text states the remaining accelerations and the control that is
-        at its limit.
+        No flight is steady. The text states the remaining accelerations, the term that the
+        database lacks to balance them and the control that is at its limit.
     """
     sim = compile_model(aircraft, db)
     compiled = CompiledAircraft(aircraft, db, sim)
@@ -398,13 +399,21 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, Stat
         kind = "flight" if aircraft.engines else "glide (the aircraft file has no engines)"
         raise SimulationError(
             f"no steady {kind} at {flight_condition_text(condition)}: "
-            f"{_describe_residual(point)}; change the condition or the limits of the controls"
+            f"{_describe_residual(point)}; change the condition, the limits of the controls or the "
+            f"terms of the database"
         )
     return point
 
 
 def _trim_flight(compiled: CompiledAircraft, parameters: dict[str, float]) -> Point:
-    """Trim with the kernel; without engines, at the path angle of a steady glide."""
+    """Trim with the kernel; without engines, at the path angle of a steady glide.
+
+    Without a term of the rudder nothing balances side force and yawing moment with the wings level,
+    and a bank within `_BANK` does. The bank stays where the parameters give it.
+    """
+    given = parameters.keys() & {"init.phi", "init.phi_range"}
+    if "delta_r" in compiled.missing_terms and not given:
+        parameters = {**parameters, "init.phi_range": _BANK}
     if not compiled.aircraft.engines:
         gamma = find_glide_angle(compiled, parameters)
         parameters = {**parameters, "init.gamma": gamma}
@@ -413,12 +422,14 @@ def _trim_flight(compiled: CompiledAircraft, parameters: dict[str, float]) -> Po
 
 def _describe_residual(point: Point) -> str:
     """Return the remaining accelerations, with the state in which the trim stopped."""
-    rates = [f"{name}_dot {point[f'trim.{name}_dot']:.3g}" for name in "uwq"]
+    letters = point.remaining(TRIMMED)
+    rates = describe_accelerations(point.trimmed, letters)
     state = f"alpha {np.degrees(point['alpha']):.3g} deg"
     if _is_at_limit(point, "delta_e"):
         state += f", delta_e {np.degrees(point['applied.delta_e']):.3g} deg"
-    text = f"accelerations of {', '.join(rates)} (m/s2, rad/s2) remain at {state}"
-    return ", ".join([text, *point.tables_left, *_describe_lift(point)])
+    text = f"accelerations of {rates} remain at {state}"
+    missing = describe_missing_terms(letters, point.compiled.missing_terms)
+    return ", ".join([text, *missing, *point.tables_left, *_describe_lift(point)])
 
 
 def _describe_lift(point: Point) -> list[str]:

@@ -11,7 +11,8 @@ import numpy as np
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, STATE, Simulation
 from flightmech.simulation.run import constant_inputs, initialise_run
-from flightmech.steady_flight.table_ends import (
+from flightmech.steady_flight.trim_findings import (
+    TRIMMED,
     alpha_grid,
     describe_greatest_lift,
     describe_inputs_beyond_limits,
@@ -20,9 +21,6 @@ from flightmech.steady_flight.table_ends import (
 from flightmech.steady_flight.trim_kinds import CLIMB, ON_GROUND
 from flightmech.steady_flight.trim_request import Request
 
-# Largest weighted residual of a trimmed state: 0.001 ft/s2, as in the trim of JSBSim (FGTrim).
-# [m s-2]
-_TRIMMED = 3e-4
 # Kinds in which a steady bank may balance what a control without effect leaves.
 _BANKED = ("level", "climb", "pull_up")
 _LIMIT_DISTANCE = 1e-9  # distance from a limit that counts as at the limit, of the size
@@ -89,7 +87,7 @@ class TrimResult:
         """
         state = dict(zip(sim.outputs, map(float, run.outputs()), strict=True))
         tables_left = describe_tables_left(sim, state)
-        converged = bool(np.abs(self.weighted).max() <= _TRIMMED)
+        converged = bool(np.abs(self.weighted).max() <= TRIMMED)
         idle, alike, rank = self._rank_effects()
         at_limit = []
         for name, side in zip(self.request.unknowns, self._limit_signs(), strict=True):
@@ -151,7 +149,7 @@ class TrimResult:
         """Return name and value of each residual that did not vanish."""
         texts = []
         for k, name in enumerate(self.request.residuals):
-            if abs(self.weighted[k]) > _TRIMMED:
+            if abs(self.weighted[k]) > TRIMMED:
                 texts.append(f"{name} {self.residual[k]:.3g}")
         return texts
 

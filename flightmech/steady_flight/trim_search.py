@@ -19,7 +19,7 @@ from flightmech.simulation.run import (
     output_attributes,
     values_in_si,
 )
-from flightmech.steady_flight.table_ends import describe_tables_left
+from flightmech.steady_flight.trim_findings import describe_tables_left
 from flightmech.steady_flight.trim_kinds import CLIMB
 from flightmech.steady_flight.trim_request import make_trim_request
 from flightmech.steady_flight.trim_result import TrimResult

@@ -57,6 +57,7 @@ def run_characteristics(
         "title": result.title,
         "condition": result.condition,
         "tables_left": result.tables_left,
+        "remarks": result.remarks,
         "characteristics": result.table,
         "modes": result.modes,
         "derivatives": result.derivatives["value"].to_pandas().to_dict(),

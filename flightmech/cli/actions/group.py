@@ -19,7 +19,7 @@ from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
 from flightmech.simulation.run import simulate as fly
 from flightmech.simulation.run import units_of_names
-from flightmech.steady_flight.table_ends import describe_limits_beyond_tables
+from flightmech.steady_flight.trim_findings import describe_limits_beyond_tables
 from flightmech.steady_flight.trim_search import start_of
 from flightmech.steady_flight.trim_search import trim as search
 from flightmech.support.array_files.netcdf_writing import write_netcdf

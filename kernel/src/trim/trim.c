@@ -24,7 +24,6 @@ enum { Z_ALPHA, Z_BETA, Z_DELTA, Z_AILERON = Z_DELTA + 1, Z_RUDDER, Z_POWER, Z_P
 
 #define ALPHA_LIMIT 0.6 /* [rad] */
 #define BETA_LIMIT 0.35 /* [rad] */
-#define TRIMMED 1e-7    /* sum of the squared residuals of a trimmed flight [m2 s-4] */
 #define BETTER 0.1      /* share of it that a second search must leave at most */
 
 typedef struct {
@@ -94,6 +93,14 @@ static double solve_with_bank(system_t *s, double *z, double *par) {
     return left;
 }
 
+static bool is_trimmed(const system_t *s, const double *z) {
+    double r[6];
+    s->residual(s->task, z, r);
+    bool small = true;
+    for (int i = 0; i < 6; i++) small = small && fabs(r[i]) <= TRIMMED;
+    return small;
+}
+
 /* A lever at its stop can have no effect: a piston engine without air stands, and a little more air
  * does not turn it.  An untrimmed flight is therefore tried again from the middle of the travel.
  * Without a rudder a little side acceleration remains either way. */
@@ -102,7 +109,7 @@ static double solve_with_lever(system_t *s, double *z, double *par, bool lever) 
     double middle[UNKNOWNS];
     memcpy(middle, z, sizeof middle);
     const double left = solve_with_bank(s, z, par);
-    if (!lever || left < TRIMMED) return left;
+    if (!lever || is_trimmed(s, z)) return left;
     par[P_PHI] = phi;
     middle[Z_POWER] = 0.5 * (s->low[Z_POWER] + s->high[Z_POWER]);
     s->nearest = false;

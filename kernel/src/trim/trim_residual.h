@@ -4,6 +4,10 @@
 
 #include "simulation.h"
 
+/* Largest acceleration of a trimmed flight, rotations at half the span [m s-2]: 0.001 ft/s2, as in
+ * the trim of JSBSim.  flightmech/steady_flight/trim_findings.py has the same. */
+#define TRIMMED 3e-4
+
 /* Add the body rates of a turn with init.psi_dot about the vertical to the state. */
 void add_turn(am_sim *sim);
 

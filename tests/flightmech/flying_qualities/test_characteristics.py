@@ -636,7 +636,7 @@ def test_condition_in_any_speed(plain_aircraft, plain_tree):
 def test_a_speed_below_all_lift_is_refused(plain_aircraft, plain_tree):
     with pytest.raises(
         SimulationError,
-        match=r"no steady flight at V 12 m s-1, h 0 m: accelerations of u_dot .* remain at alpha",
+        match=r"no steady flight at V 12 m s-1, h 0 m: accelerations of w_dot .* remain at alpha",
     ):
         flightmech.characteristics(plain_aircraft(), plain_tree(), {"V": 12.0, "h": 0.0})
 

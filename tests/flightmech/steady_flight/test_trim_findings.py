@@ -11,7 +11,7 @@ import flightmech
 from flightmech.aircraft.engine import Engine
 from flightmech.cli.group import fmu
 from flightmech.errors import SimulationError
-from flightmech.steady_flight.table_ends import (
+from flightmech.steady_flight.trim_findings import (
     describe_inputs_beyond_limits,
     describe_limits_beyond_tables,
 )

@@ -1,4 +1,4 @@
-"""Ends of the tables of a model: a state or a limit of a control beyond them, in words.
+"""What a trim ends with, in words: ends of tables, limits, greatest lift, remaining accelerations.
 
 Beyond its first and last breakpoint a table holds its value, so that its variable has no effect
 there.
@@ -6,7 +6,7 @@ there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,23 @@ from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS, INPUT
 from flightmech.units import from_si
 
+TRIMMED = 3e-4
+"""Largest acceleration of a trimmed flight, rotations at half the span. [m s-2]
+
+It is 0.001 ft/s2, as in the trim of JSBSim (FGTrim): 3e-5 of gravity, less than an accelerometer of
+a flight test shows. `TRIMMED` of the kernel has the same value.
+"""
+# Remaining acceleration that is stated: where all can vanish, the kernel leaves 1e-11. [m s-2]
+STATED = 1e-6
+# Accelerations of a trim, with the control whose moment balances each.
+_BALANCED_BY = {
+    "u": "",
+    "v": "delta_r",
+    "w": "",
+    "p": "delta_a",
+    "q": "delta_e",
+    "r": "delta_r",
+}
 # Distance beyond a table that counts, of its range: rounding, and what a limit may stand over.
 _ROUNDING, _SLIGHT = 1e-6, 0.01
 # Airspeed below which flow angles have no meaning. [m s-1]
@@ -114,6 +131,58 @@ def describe_inputs_beyond_limits(sim: SimModel, start: Mapping[str, float]) -> 
             f"{row.name} {_show(value, row.display_units)} is beyond its limit of "
             f"{_show(limit, row.display_units)}"
         )
+    return texts
+
+
+def weigh_accelerations(outputs: Mapping[str, float], span: float) -> dict[str, float]:
+    """Return the sizes of the six accelerations that a trim left, rotations at half the span.
+
+    Parameters
+    ----------
+    outputs : mapping of str to float
+        Outputs of the kernel at the start: ``trim.u_dot`` ... ``trim.r_dot``. [SI]
+    span : float
+        Wing span. [m]
+
+    Returns
+    -------
+    dict of str to float
+        By the letter of the acceleration, ``u v w p q r``. [m s-2]
+    """
+    weighted = {}
+    for letter in _BALANCED_BY:
+        arm = 0.5 * span if letter in "pqr" else 1.0
+        weighted[letter] = arm * abs(outputs[f"trim.{letter}_dot"])
+    return weighted
+
+
+def describe_accelerations(outputs: Mapping[str, float], letters: Collection[str]) -> str:
+    """Return ``v_dot -0.016 m/s2, r_dot -0.001 rad/s2`` for some of the six accelerations."""
+    texts = []
+    for letter in letters:
+        unit = "rad/s2" if letter in "pqr" else "m/s2"
+        texts.append(f"{letter}_dot {outputs[f'trim.{letter}_dot']:.3g} {unit}")
+    return ", ".join(texts)
+
+
+def describe_missing_terms(letters: Collection[str], missing: Mapping[str, str]) -> list[str]:
+    """Return a text for each term that the database lacks and that would balance accelerations.
+
+    Parameters
+    ----------
+    letters : collection of str
+        Accelerations that remain, such as ``v`` and ``r``.
+    missing : mapping of str to str
+        The term that is missing by control, as ``{"delta_r": "Cn/rudder"}``.
+    """
+    texts = []
+    for control, term in missing.items():
+        unbalanced = [f"{letter}_dot" for letter in letters if _BALANCED_BY[letter] == control]
+        if unbalanced:
+            texts.append(
+                f"the database has no term of {control} that balances {' and '.join(unbalanced)}, "
+                f"such as {term}"
+            )
     return texts
 
 
