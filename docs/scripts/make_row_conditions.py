@@ -17,9 +17,10 @@ A condition that does not hold is a [departure](../explanation/proof-of-match/ve
 one that is *not shown*: record, case or `[facts]` of the
 [aircraft file](project-keys.md#aircraft-file) lack what its evaluation needs. A configuration that
 is not recorded may be stated in `[conditions]` of the case (`delta_f = "0 deg"`). A condition that
-the program does not evaluate is a notice *not checked* in index, terminal and page. Bounds of windows (`brake_release` ... `200ft_agl`) are events of the case; a window that is
-shorter is a departure too. Three kinds of conditions make a case `invalid`: a precondition with a
-tolerance of its own (engine failure speed), too few cycles of a mode, a snapshot that is not steady.
+the program does not evaluate is a notice *not checked* in index, terminal and page. Bounds of
+windows (`brake_release` ... `200ft_agl`) are events of the case; a window that is shorter is a
+departure too. Three kinds of conditions make a case `invalid`: a precondition with a tolerance of
+its own (engine failure speed), too few cycles of a mode, a snapshot that is not steady.
 
 | tests | condition | how it is evaluated | over |
 |---|---|---|---|

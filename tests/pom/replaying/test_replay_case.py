@@ -8,7 +8,7 @@ from flightmech.errors import OutOfRange, ParseError, SchemaError, UnknownName
 from pom.cases.case import read_case
 from pom.fmu.description import read_fmu_interface
 from pom.fmu.process import Child
-from pom.judging.idle_devices import idle_devices, idle_remarks
+from pom.replaying.idle_devices import idle_devices, idle_remarks
 from pom.replaying.replay_case import files_by_name, plan_of, replay
 from pom.report.exports import junit_xml
 from pom.tolerances.bands import remarks_text
@@ -256,7 +256,7 @@ def test_a_gap_of_the_record_in_the_window_makes_the_rows_of_this_case_invalid(
 
 
 def test_a_flap_setting_without_a_term_is_named(write_case):
-    """A case at 10 deg of flaps says nothing about flaps by a model that has no term for them."""
+    """A model without a term for flaps is named for a case at 10 deg of flaps."""
     from_file = read_case(write_case(case='show = ["q", "theta"]', more=NO_TRIM + FLAPS))
     (text,) = idle_devices(from_file, None, ["alpha", "gear"])
     assert text == "flaps at 10 deg without effect: no term of the model is over delta_f"
