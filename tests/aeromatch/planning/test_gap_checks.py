@@ -34,7 +34,7 @@ def test_a_gap_names_record_time_cases_and_fits():
     assert gap_departures("slow", record_of(CLOCK, CLOCK), [CASE], spans) == []
 
 
-def test_a_gap_beside_the_inertial_unit_is_a_line_through_its_channels():
+def test_a_gap_outside_the_inertial_unit_is_a_line_through_its_channels():
     (line,) = gap_departures("slow", record_of(CLOCK, HOLED), [CASE], {})
     assert "case phugoid reads these channels from a line across it" in line
     assert "reconstructed" not in line

@@ -406,7 +406,7 @@ def test_process_noise_of_a_calm_flight_is_at_its_bound(folder):
 
 
 def test_a_motion_that_runs_away_has_no_percentage():
-    """The error of V is 8.3 times its movement: -6800 % of a movement says nothing."""
+    """The error of V is 8.3 times its movement: -6800 % of it is no share."""
     t = np.linspace(0.0, 10.0, 200)
     record = xr.Dataset({"V": ("time", np.sin(t)), "q": ("time", np.sin(t))}, {"time": t})
     moved = float(np.std(np.sin(t)))
