@@ -256,7 +256,7 @@ def test_a_gap_of_the_record_in_the_window_makes_the_rows_of_this_case_invalid(
 
 
 def test_a_flap_setting_without_a_term_is_named(write_case):
-    """A model without a term for flaps is named for a case at 10 deg of flaps."""
+    """A model without a term over the flaps flies a case at 10 deg as it flies a clean one."""
     from_file = read_case(write_case(case='show = ["q", "theta"]', more=NO_TRIM + FLAPS))
     (text,) = idle_devices(from_file, None, ["alpha", "gear"])
     assert text == "flaps at 10 deg without effect: no term of the model is over delta_f"

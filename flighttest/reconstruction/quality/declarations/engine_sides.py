@@ -68,6 +68,9 @@ def side_findings(
     open_names = tuple(name for name in dict.fromkeys(compared) if name not in shown)
     if not open_names:
         return findings, []
+    recorded = any(name.rpartition(".")[2] in _LEVERS for name in signals.values)
+    if not recorded:
+        return findings, [(*_ROW, open_names, "the levers are not recorded: map their channels")]
     reason = (
         "the levers never move differently and no engine is cut off: move one lever by itself, or "
         "compare the columns with the instruments"

@@ -171,6 +171,8 @@ def test_levers_that_move_together_show_no_side(signals, aircraft):
     assert name == "engine_columns"
     assert "engine1.n1" in channels
     assert "the levers never move differently" in reason
+    unknown = signals.without(["engine1.throttle", "engine2.throttle"])
+    assert side_findings(unknown, aircraft)[1][0][3].startswith("the levers are not recorded")
 
 
 FLOWS = ("engine1.fuel_flow", "engine2.fuel_flow")
