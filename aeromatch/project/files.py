@@ -174,13 +174,27 @@ def _find_optional_file(name: str | None, folder: ProjectFolder, key: str) -> Pa
     return folder.existing(name, key)
 
 
+# Largest number of names or patterns in a list. Each of them is searched for in the file system.
+MOST_NAMES = 1000
+
+
+def _few(names: tuple[str, ...], folder: ProjectFolder, key: str) -> tuple[str, ...]:
+    """Return the names of a list; too many of them are a problem, and none is returned."""
+    if len(names) <= MOST_NAMES:
+        return names
+    folder.problems.append(
+        f"{key}: {len(names)} names or patterns; at most {MOST_NAMES}; join them in a pattern"
+    )
+    return ()
+
+
 def _find_files(names: tuple[str, ...], folder: ProjectFolder, key: str) -> tuple[Path, ...]:
-    return tuple(folder.existing(name, key) for name in names)
+    return tuple(folder.existing(name, key) for name in _few(names, folder, key))
 
 
 def _match_patterns(patterns: tuple[str, ...], folder: ProjectFolder, key: str) -> tuple[Path, ...]:
     files: list[Path] = []
-    for pattern in patterns:
+    for pattern in _few(patterns, folder, key):
         files += folder.matching(pattern, key)
     return tuple(files)
 
@@ -216,7 +230,7 @@ def _find_listings(paths: Paths, folder: ProjectFolder, key: str) -> tuple[Listi
     if not paths:
         return ()
     places: list[ListingCase] = []
-    for text in _as_sequence(paths):
+    for text in _few(_as_sequence(paths), folder, f"listings.{key}"):
         places += folder.listings(text, f"listings.{key}")
     # A file that two patterns name is one listing.
     return tuple(dict.fromkeys(places))

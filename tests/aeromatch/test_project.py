@@ -176,6 +176,17 @@ def test_a_folder_is_no_case(write, tmp_path, name):
     assert found.startswith(f"cases: {name!r} is a folder; name its files")
 
 
+@pytest.mark.parametrize(
+    ("old", "key"), [('["case.toml"]', "cases"), ('"clean.out"', "listings.clean")]
+)
+def test_a_crowd_of_patterns_is_not_searched_for(write, old, key):
+    crowd = "[" + "'none/*', " * 1001 + "]"
+    found = problems(write((old, crowd)))
+    few = f"{key}: 1001 names or patterns; at most 1000; join them in a pattern"
+    assert few in found
+    assert not any("none/*" in text for text in found)
+
+
 def test_a_file_of_another_kind_is_called_by_it(write, tmp_path):
     (tmp_path / "wrong.toml").write_text('name = "x"\nS = 16.0\ncbar = 1.6\nb = 10.0\n')
     (found,) = problems(tmp_path / "wrong.toml")

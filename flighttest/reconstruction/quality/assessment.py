@@ -66,7 +66,7 @@ from flighttest.reconstruction.quality.declarations.database_match import (
     gain_findings,
     reference_findings,
 )
-from flighttest.reconstruction.quality.declarations.engines import engine_findings, lever_findings
+from flighttest.reconstruction.quality.engines.engines import engine_findings, lever_findings
 from flighttest.reconstruction.quality.declarations.geometry import geometry_findings, is_airship
 from flighttest.reconstruction.quality.declarations.headings import heading_findings, with_headings
 from flighttest.reconstruction.quality.declarations.inertia import (

@@ -19,8 +19,8 @@ from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.units import POUND_FORCE
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.air_temperature import first_coefficient
-from flighttest.reconstruction.quality.declarations.engine_sides import side_findings
-from flighttest.reconstruction.quality.declarations.fuel import fuel_findings
+from flighttest.reconstruction.quality.engines.engine_sides import side_findings
+from flighttest.reconstruction.quality.engines.fuel import fuel_findings
 from flighttest.reconstruction.quality.finding import Finding
 from flighttest.regression.uncertainty.jackknife import block_jackknife
 
