@@ -49,7 +49,8 @@ def read_conditions(
     *databases : DataTree
         Their variables must be in the file, with four exceptions.  Devices that are not recorded
         are neutral.  A record without `h_agl` is in free air.  `dnz` follows from `nz`.  `CT`
-        follows from the thrust of the engines, `qbar` and the reference area of the first database.
+        follows from the thrust of the engines, `qbar` and the reference area of the first database;
+        a path of an aircraft with propellers holds it.
 
     Returns
     -------
@@ -105,7 +106,10 @@ def fill_missing_devices(
         else:
             hint = f"{term} needs it and the record does not hold it"
             if name == "CT":
-                hint += ", nor qbar and the thrust of its engines"
+                hint += (
+                    ", nor qbar and the thrust of its engines; `aeromatch flight reconstruct` "
+                    "writes it where speed and power of the propellers are recorded"
+                )
             raise UnknownName(name, map(str, conditions.variables), "condition", hint)
     with_devices = conditions.assign(added)
     sums = {}

@@ -19,6 +19,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flightmech.quantities import value_in_si
 from flighttest.reconstruction.channel_signals import channel_signals
+from flighttest.reconstruction.dynamics.loads import with_propeller_thrust_coefficient
 from flighttest.reconstruction.flight_path import FlightPath, fit_row
 from flighttest.reconstruction.path_quantities import solution_states
 from flighttest.reconstruction.problem.assembly import Setup, assemble_problem
@@ -243,6 +244,7 @@ def path_of_solution(
 ) -> FlightPath:
     """Return the path of a solution."""
     states = solution_states(record, aircraft, setup=setup, solution=solution)
+    states = with_propeller_thrust_coefficient(states, aircraft)
     columns: dict[str, Any] = {}
     rows = []
     for sensor in setup.problem.sensors:

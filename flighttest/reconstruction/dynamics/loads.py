@@ -17,7 +17,8 @@ import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.errors import IdentificationError
+from flightmech.errors import AeromatchError, IdentificationError
+from flightmech.names import quantity_attributes
 from flighttest.reconstruction.dynamics.propeller_loads import (
     propeller_load,
     with_propeller_channels,
@@ -151,6 +152,32 @@ def thrust_coefficient(
     for i in engines:
         total = total + read_column(columns, f"engine{i + 1}.thrust")
     return total / (np.maximum(read_column(columns, "qbar"), _LEAST_QBAR) * aircraft.S)
+
+
+def with_propeller_thrust_coefficient(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
+    """Return states with ``CT`` of propellers without a recorded thrust.
+
+    Terms of the slipstream along a path need it where no aircraft file is at hand. States with a
+    recorded thrust of each engine, or whose channels do not give the thrust, are not changed.
+
+    Parameters
+    ----------
+    states : Dataset (time,)
+        As of `with_propeller_channels`. [SI]
+    aircraft : Aircraft
+    """
+    names = [f"engine{number}.thrust" for number in range(1, len(aircraft.engines) + 1)]
+    if all(name in states for name in names):
+        return states
+    try:
+        complete = with_propeller_channels(states, aircraft)
+    except AeromatchError:
+        # the path itself does not depend on the propeller
+        return states
+    if not all(name in complete for name in names):
+        return states
+    CT = thrust_coefficient(read_columns(complete), aircraft)
+    return states.assign(CT=("time", CT, quantity_attributes("CT")))
 
 
 def load_coefficients(

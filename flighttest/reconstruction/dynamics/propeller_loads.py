@@ -59,7 +59,8 @@ _LONGEST_STEP = 0.5
 def with_propeller_channels(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     """Return states with thrust, torque and the coefficients of propellers.
 
-    Recorded channels are not changed. States without ``engineN.rpm`` and engines without a propeller
+    Recorded channels are not changed. A ``CT`` of the states goes where a thrust is added: it is of
+    the tables with which the path was reconstructed. States without ``engineN.rpm`` and engines without a propeller
     get no channels.
 
     Parameters
@@ -97,6 +98,8 @@ def with_propeller_channels(states: xr.Dataset, aircraft: Aircraft) -> xr.Datase
             full = f"engine{number}.{name}"
             if full not in states:
                 added[full] = ("time", values, quantity_attributes(full))
+    if any(name.endswith(".thrust") for name in added):
+        states = states.drop_vars("CT", errors="ignore")
     return states.assign(added)
 
 

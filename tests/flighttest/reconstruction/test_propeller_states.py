@@ -14,7 +14,10 @@ import flighttest
 from flightmech.aircraft import Engine, PistonEngine, Propeller
 from flightmech.errors import AeromatchWarning, IdentificationError
 from flightmech.terms import make_term
-from flighttest.reconstruction.dynamics.loads import engine_loads
+from flighttest.reconstruction.dynamics.loads import (
+    engine_loads,
+    with_propeller_thrust_coefficient,
+)
 from flighttest.reconstruction.dynamics.propeller_loads import (
     propeller_channels,
     with_propeller_channels,
@@ -113,6 +116,24 @@ def test_recorded_torque_takes_the_place_of_the_chart(flown):
     recorded = states.assign({"engine1.thrust": ("time", np.full(TIME.size, 700.0))})
     assert with_propeller_channels(recorded, trainer()) is not recorded
     assert set(with_propeller_channels(recorded, trainer())["engine1.thrust"].values) == {700.0}
+
+
+def test_a_path_holds_the_thrust_coefficient_of_the_propeller(flown):
+    """A path has no aircraft file with it; tables that are read later give another thrust."""
+    states = states_of(flown, "engine1.rpm", "engine1.manifold_pressure")
+    path = with_propeller_thrust_coefficient(states, trainer())
+    assert set(path) - set(states) == {"CT"}
+    expected = flown["engine1.thrust"] / (flown["qbar"] * 16.0)
+    np.testing.assert_allclose(path["CT"], expected, atol=20.0 / (0.5 * 45.0**2 * 16.0))
+    # the aircraft of a later step counts, not that of the reconstruction
+    assert "CT" not in with_propeller_channels(path, trainer())
+    thrust = states.assign({"engine1.thrust": flown["engine1.thrust"]})
+    assert with_propeller_thrust_coefficient(thrust, trainer()) is thrust
+
+
+def test_a_path_without_the_power_of_a_governed_propeller_has_no_thrust_coefficient(flown):
+    states = states_of(flown, "engine1.rpm")
+    assert with_propeller_thrust_coefficient(states, trainer()) is states
 
 
 def test_coefficients_are_free_of_propeller_and_rotor(flown):
