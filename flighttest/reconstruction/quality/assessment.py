@@ -66,7 +66,6 @@ from flighttest.reconstruction.quality.declarations.database_match import (
     gain_findings,
     reference_findings,
 )
-from flighttest.reconstruction.quality.engines.engines import engine_findings, lever_findings
 from flighttest.reconstruction.quality.declarations.geometry import geometry_findings, is_airship
 from flighttest.reconstruction.quality.declarations.headings import heading_findings, with_headings
 from flighttest.reconstruction.quality.declarations.inertia import (
@@ -75,6 +74,7 @@ from flighttest.reconstruction.quality.declarations.inertia import (
 )
 from flighttest.reconstruction.quality.declarations.inertia_scale import exchange_findings
 from flighttest.reconstruction.quality.declarations.weight import MASS_LEVEL, weight_findings
+from flighttest.reconstruction.quality.engines.engines import engine_findings, lever_findings
 from flighttest.reconstruction.quality.finding import (
     Finding,
     by_severity,
