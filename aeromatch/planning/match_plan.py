@@ -34,7 +34,7 @@ from flightmech.support.kept_stages.stages import Kept, Stages
 from flightmech.terms import list_model_variables
 from pom.cases.case import PomCase
 from pom.cases.fact_agreement import contradictions
-from pom.judging.idle_devices import idle_devices
+from pom.probing.idle_devices import idle_devices
 
 
 @dataclass

@@ -8,7 +8,7 @@ from flightmech.errors import OutOfRange, ParseError, SchemaError, UnknownName
 from pom.cases.case import read_case
 from pom.fmu.description import read_fmu_interface
 from pom.fmu.process import Child
-from pom.judging.idle_devices import idle_devices, idle_remarks
+from pom.probing.idle_devices import idle_devices, idle_remarks
 from pom.replaying.replay_case import files_by_name, plan_of, replay
 from pom.report.exports import junit_xml
 from pom.tolerances.bands import remarks_text

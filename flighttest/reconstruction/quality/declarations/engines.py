@@ -19,9 +19,9 @@ from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.units import POUND_FORCE
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.air_temperature import first_coefficient
-from flighttest.reconstruction.quality.declarations.engine_sides import side_findings
 from flighttest.reconstruction.quality.declarations.fuel import fuel_findings
 from flighttest.reconstruction.quality.finding import Finding
+from flighttest.reconstruction.quality.recording.engine_sides import side_findings
 from flighttest.regression.uncertainty.jackknife import block_jackknife
 
 _LEVER_WORDS = re.compile(r"throttle|lever|thrust.?cmd|\bpla\b|\btla\b|power.?set", re.IGNORECASE)

@@ -13,13 +13,13 @@ import flighttest
 from flightmech.units import POUND_FORCE
 from flighttest.reconstruction.quality.checks.samples import faults_of
 from flighttest.reconstruction.quality.checks.signals import resample_channels
-from flighttest.reconstruction.quality.declarations.engine_sides import side_findings
 from flighttest.reconstruction.quality.declarations.engines import (
     lever_findings,
     shaft_findings,
     thrust_findings,
 )
 from flighttest.reconstruction.quality.declarations.fuel import fuel_findings
+from flighttest.reconstruction.quality.recording.engine_sides import side_findings
 
 T37 = Path(__file__).parents[4] / "data" / "t37"
 THRUSTS = ("engine1.thrust", "engine2.thrust")
