@@ -373,7 +373,7 @@ DECEPTIONS = (
     (2, alternative_of_a_row, "is an alternative of"),
     (2, wide_trim, "limits_exceeded|departure: trim|allowed"),
     (2, without_a_trim, "trim"),
-    (2, name_table_of_the_answer, "not driven by its tables"),
+    (2, name_table_of_the_answer, "not driven by its tables|leave the scale out"),
     (2, name_map_of_the_elevator, "times the recorded size"),
     (2, air_of_the_case, "delta_T"),
     (2, share_of_an_engineering_simulator, "of the tolerance is applied"),
