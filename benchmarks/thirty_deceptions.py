@@ -296,9 +296,7 @@ def uncertain_evidence(b: LightBench) -> Judged:
 
 def evidence_without_the_term(b: LightBench) -> Judged:
     """Evidence from which the term is removed that is wrong in the model."""
-    evidence = aerodb.open(b.demo / "final.nc").copy()
-    place = next(node for node in evidence.subtree if node.path.endswith("Cm/qhat"))
-    del evidence[place.path]
+    evidence = aerodb.delete_terms(aerodb.open(b.demo / "final.nc"), ["Cm/qhat"])
     return one_case(b, "short_period", model=b.spoilt(Cm__qhat=0.8), evidence=evidence)
 
 
