@@ -2,6 +2,7 @@
 
     aeromatch demo -o out/t37
     python benchmarks/recomputed_verdicts.py out/t37/report
+    python benchmarks/recomputed_verdicts.py out/c182/report data/c182/cases
 
 Of aeromatch only the outputs are read: the time histories ``csv/CASE.csv``, the case files, the
 tolerance table and, for the comparison, ``results.json``.  Bands, windows, modes, elapsed times and
@@ -223,7 +224,8 @@ def main() -> int:
     report = Path(sys.argv[1])
     stored = json.loads((report / "results.json").read_text(encoding="utf-8"))["results"]
     cases = {}
-    for path in sorted(CASES.glob("*.toml")):
+    folder = Path(sys.argv[2]) if len(sys.argv) > 2 else CASES
+    for path in sorted(folder.glob("*.toml")):
         case = tomllib.loads(path.read_text(encoding="utf-8"))
         cases[case["case"]["name"]] = case
     printed = read_table()

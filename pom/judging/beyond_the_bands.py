@@ -9,7 +9,7 @@ the latter.
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -79,6 +79,7 @@ class Evidence:
 
     def __init__(self, database: xr.DataTree, states: xr.Dataset, hinges: bool = True):
         leaves = {}
+        self._names, self._hinges = set(terms(database)), hinges
         is_stamped = FLOWN_SAMPLES in database.attrs
         for name, leaf in terms(database).items():
             is_hinge = name.split("/")[0] in HINGE
@@ -97,7 +98,7 @@ class Evidence:
             if nodes_from_flight(leaf).any():
                 self.estimates[name] = self._estimate(leaf)
             value = np.asarray(_terms.evaluate_term(leaf, self.samples, "clamp"))
-            is_used = rms(value) >= LEAST.get(name.split("/")[0], LEAST_MOMENT)
+            is_used = rms(value) >= _least(name)
             if is_used and _is_edited(name, leaf, is_stamped):
                 edited.append(name)
         self.edited = tuple(edited)
@@ -134,10 +135,20 @@ class Evidence:
             # a model without the term has no contribution
             contribution = contributions.get(name, np.zeros_like(value))
             size = max(rms(value[is_flight]), rms(contribution[is_flight]))
-            if size >= LEAST.get(name.split("/")[0], LEAST_MOMENT):
+            if size >= _least(name):
                 difference = rms((contribution - value)[is_flight])
                 distances[name] = difference / rms(sigma[is_flight])
         return dict(sorted(distances.items(), key=lambda item: -item[1]))
+
+    def lacking(self, model: SimModel) -> list[str]:
+        """Return the terms that the case and the model use and the database does not have."""
+        absent = set(model.terms) - self._names
+        if not self._hinges:
+            absent = {name for name in absent if name.split("/")[0] not in HINGE}
+        if not absent or not self.samples:
+            return []
+        parts = self._evaluate_terms(model)
+        return [name for name in model.terms if name in absent and rms(parts[name]) >= _least(name)]
 
     def _evaluate_terms(self, model: SimModel) -> dict[str, np.ndarray]:
         """Return the contribution of every term of a model (samples,)."""
@@ -146,6 +157,10 @@ class Evidence:
             columns[:, k] = self.samples.get(name, 0.0)
         parts = Simulation(model.model).evaluate(columns)[1]
         return {name: parts[:, k] for k, name in enumerate(model.terms)}
+
+
+def _least(name: str) -> float:
+    return LEAST.get(name.split("/")[0], LEAST_MOMENT)
 
 
 def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ...]:
@@ -161,6 +176,7 @@ def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ..
         return (
             *distance_remarks(evidence.distances(model)),
             *_edited_remarks(evidence.edited),
+            *_lacking_remarks(evidence.lacking(model)),
             *_unstamped_remarks(evidence.unstamped),
         )
     except AeromatchError as error:
@@ -176,6 +192,17 @@ def _edited_remarks(edited: tuple[str, ...]) -> tuple[RowRemark, ...]:
         f"as identified, or a pass does not exclude compensating errors"
     )
     return (RowRemark("edited_evidence", text),)
+
+
+def _lacking_remarks(lacking: Sequence[str]) -> tuple[RowRemark, ...]:
+    """Return the remark on terms that the evidence does not have; empty without one."""
+    if not lacking:
+        return ()
+    text = (
+        f"no evidence for {', '.join(lacking)}: the model has a term that the evidence is without; "
+        f"a pass does not exclude compensating errors"
+    )
+    return (RowRemark("no_evidence", text),)
 
 
 def _unstamped_remarks(unstamped: bool) -> tuple[RowRemark, ...]:
@@ -198,17 +225,14 @@ def _no_evidence(reason: str) -> tuple[RowRemark, ...]:
     return (RowRemark("no_evidence", text),)
 
 
-def _not_compared(reason: str) -> tuple[RowRemark, ...]:
-    return (RowRemark("evidence", f"not compared with the flight evidence: {reason}"),)
-
-
 def distance_remarks(distances: Mapping[str, float]) -> tuple[RowRemark, ...]:
     """Return the remarks on the distances of `Evidence.distances`.
 
     They state the rms of the distances, and by name the terms beyond three standard errors.
     """
     if not distances:
-        return _not_compared("no term that the case uses was found from flight")
+        text = "not compared with the flight evidence: no term that the case uses was found from flight"
+        return (RowRemark("evidence", text),)
     joint = rms([*distances.values()])
     printed = joint if joint > ROUNDING else 0.0
     text = (

@@ -173,7 +173,9 @@ def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[R
     """Yield the departures of a row with a band, window or group of the case file."""
     if not is_within(own, row.band):
         times = _width_ratio(own, row.band)
-        ratio = "" if times is None else f", {times:.3g} times as wide"
+        # limits of another kind have no ratio, so the common one may be equal
+        is_wider = times is not None and times > 1.0 + _ROUNDING
+        ratio = f", {times:.3g} times as wide" if is_wider else ""
         printed = f"printed {row.band.text}" if row.band.limits else "its number was not read"
         text = f"tolerance of {plain_words(own.name)} {own.band.text}, {printed}{ratio}"
         yield _departure(text, own.name)

@@ -7,6 +7,7 @@ window: file names do not show a copy.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from flightmech.envelope.regions import BETWEEN
 from flightmech.errors import AeromatchError
 from flightmech.flown_samples import (
     CHANNELS,
@@ -30,6 +30,8 @@ from pom.tolerances.bands import RowRemark
 
 _FLIGHT = ("identified from flight", "tabulate", "regress_tables", "join_submodels")
 """Words in the history of a database whose tables are from flight."""
+_FLOWN_NODES = re.compile(r"\bflight [1-9]")
+"""Number of nodes from flight in the sources of a term."""
 _MOST = 3  # windows that a remark names
 
 
@@ -53,7 +55,7 @@ def _read_windows(fmu: Path, sha256: str) -> tuple[str, RowRemark | None]:
     text = str(attributes.get(FLOWN_SAMPLES, ""))
     if unpack_windows(text):
         return text, None
-    if text or _is_from_flight(attributes.get("history", "")) or _has_flown_states(model):
+    if text or _is_from_flight(attributes.get("history", "")) or _has_flown_nodes(model):
         # a database of this program keeps its samples, unless they were taken out
         reason = (
             f"departure: {_UNKNOWN}: the tables are from flight, and the database of the model has "
@@ -63,10 +65,10 @@ def _read_windows(fmu: Path, sha256: str) -> tuple[str, RowRemark | None]:
     return "", None
 
 
-def _has_flown_states(model: SimModel) -> bool:
-    """Return whether flights support a part of the validity envelope of a model."""
-    tables = model.envelope.tables if model.envelope is not None else ()
-    return any(bool((table.regions <= BETWEEN).any()) for table in tables)
+def _has_flown_nodes(model: SimModel) -> bool:
+    """Return whether a term of a model states nodes from flight among its sources."""
+    texts = [str(item.get("source", "")) for item in model.meta.get("terms", {}).values()]
+    return any(_FLOWN_NODES.search(text) for text in texts)
 
 
 @lru_cache(maxsize=64)

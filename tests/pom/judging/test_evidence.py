@@ -225,3 +225,19 @@ def test_a_term_of_the_slipstream_is_compared_by_the_thrust_of_the_record(eviden
     value, _, is_flight = Evidence(with_power, flown).estimates["Cm/power"]
     assert value == pytest.approx(0.03)
     assert is_flight.all()
+
+
+def test_a_term_that_the_evidence_lacks_is_named(compared, evidence, states, trainer):
+    model = flightmech.compile(trainer.AIRCRAFT, trainer.database())
+    assert compared.lacking(model) == []
+    less = Evidence(aerodb.delete_terms(evidence, ["Cm/qhat"]), states)
+    assert less.lacking(model) == ["Cm/qhat"]
+    still = states.assign(qhat=0.0 * states["qhat"])
+    assert Evidence(aerodb.delete_terms(evidence, ["Cm/qhat"]), still).lacking(model) == []
+
+
+def test_the_remark_names_the_terms_that_the_evidence_lacks(evidence, states, trainer, tmp_path):
+    flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, evidence), tmp_path / "m.fmu")
+    less = Evidence(aerodb.delete_terms(evidence, ["Cm/qhat"]), states)
+    found = [item for item in evidence_remarks(less, tmp_path / "m.fmu") if "Cm/qhat" in item.text]
+    assert [item.kind for item in found] == ["no_evidence"]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from flightmech.envelope.regions import A_PRIORI, EXTRAPOLATED, FLOWN
 from flightmech.flown_samples import FLOWN_SAMPLES, cut_windows, pack_windows
 from pom.cases.case import read_case
 from pom.probing import record_leak
@@ -32,11 +31,11 @@ def remark(write_case, monkeypatch, tmp_path):
     """Return the remark on a flight and a model with these attributes of its database."""
     case = read_case(write_case())
 
-    def find(states, attributes, regions=(A_PRIORI, EXTRAPOLATED)):
+    def find(states, attributes, source="datcom 64"):
         model = None
         if attributes is not None:
-            envelope = SimpleNamespace(tables=(SimpleNamespace(regions=np.array(regions)),))
-            model = SimpleNamespace(meta={"database": attributes}, envelope=envelope)
+            described = {"CL/basic": {"source": source}}
+            model = SimpleNamespace(meta={"database": attributes, "terms": described})
         monkeypatch.setattr(record_leak, "flown_model", lambda fmu: model)
         record_leak._read_windows.cache_clear()
         (found,) = record_leak.find_leaks(case, states, tmp_path / "m.fmu", "hash")
@@ -75,7 +74,7 @@ def test_what_was_not_compared_is_stated(remark, attributes, kind, words):
 
 
 def test_tables_from_flight_without_samples_and_history_are_a_departure(remark):
-    found = remark(flight(1), {}, regions=(FLOWN, A_PRIORI))
+    found = remark(flight(1), {}, source="datcom 27, flight 21, judgement 16")
     assert found.kind == "departure"
     assert "the tables are from flight" in found.text
 
