@@ -66,7 +66,18 @@ def case_departures(case: PomCase) -> tuple[RowRemark, ...]:
                 f"[facts] without of its file"
             )
             remarks.append(_departure(text, criterion.name))
+    remarks += _untrimmed_departure(case)
     return (*remarks, *_driven_departures(case), *_piloted_departures(case))
+
+
+def _untrimmed_departure(case: PomCase) -> Iterator[RowRemark]:
+    """Yield the departure of a case whose model starts without trim."""
+    if case.drive.trim is False and not case.is_demonstration:
+        text = (
+            "the model starts at the recorded state without trim (drive.trim = false), so that no "
+            "trim bias shows its forces and moments at the start"
+        )
+        yield _departure(text, "drive.trim")
 
 
 def _mode_departure(criterion: Criterion, row: Criterion) -> Iterator[RowRemark]:

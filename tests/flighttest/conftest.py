@@ -226,4 +226,5 @@ def aircraft():
         mass=2100.0,
         cg=(0.0, 0.0, 0.0),
         instruments=INSTRUMENTS,
+        engines=(),
     )

@@ -81,7 +81,14 @@ def aircraft(speed: str = "V", placed: bool = True, **more) -> SimpleNamespace:
     for name, table in more.items():
         tables[name] = {**tables.get(name, {}), **table}
     return SimpleNamespace(
-        name="test", S=17.0, cbar=1.7, b=10.3, mass=2100.0, cg=(0.0, 0.0, 0.0), instruments=tables
+        name="test",
+        S=17.0,
+        cbar=1.7,
+        b=10.3,
+        mass=2100.0,
+        cg=(0.0, 0.0, 0.0),
+        instruments=tables,
+        engines=(),
     )
 
 

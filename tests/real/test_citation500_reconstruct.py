@@ -56,6 +56,7 @@ def specification(noise):
         mass=4500.0,
         cg=(0.0, 0.0, 0.0),
         instruments=tables,
+        engines=(),
     )
 
 

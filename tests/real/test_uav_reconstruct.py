@@ -52,7 +52,14 @@ INSTRUMENTS = {
     "barometer": {"noise": {"p_static": 6.0}},
 }
 UAV = SimpleNamespace(
-    name="UAV", S=0.384, cbar=0.24, b=1.6, mass=3.3, cg=(0.0, 0.0, 0.0), instruments=INSTRUMENTS
+    name="UAV",
+    S=0.384,
+    cbar=0.24,
+    b=1.6,
+    mass=3.3,
+    cg=(0.0, 0.0, 0.0),
+    instruments=INSTRUMENTS,
+    engines=(),
 )
 COLUMNS = {
     "imu": {

@@ -13,7 +13,7 @@ from aerodb.update.expectation import Expectation
 from aerodb.update.tabulation import tabulate
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
-from flighttest.flight_programme.planning import plan as plan_module
+from flighttest.flight_programme.planning import expected_range
 from flighttest.flight_programme.planning.catalogue import WantedRow
 from flighttest.flight_programme.planning.expected_range import draw_stderr
 from flighttest.flight_programme.planning.plan import nodes_of, plan_predicted_flights
@@ -283,12 +283,12 @@ def test_draws_that_fail_are_counted_and_few_draws_give_no_range(prior, monkeypa
 
         return draw
 
-    monkeypatch.setattr(plan_module, "draw_stderr", drawn(3))
+    monkeypatch.setattr(expected_range, "draw_stderr", drawn(3))
     plan = plan_predicted_flights(flights, prior, draws=30)
     assert "CL/basic" in plan.ranges
     assert plan.notes[0].startswith("range of CL/basic: 3 of 30 draws failed")
     assert plan.notes[0] in plan.report()
-    monkeypatch.setattr(plan_module, "draw_stderr", drawn(15))
+    monkeypatch.setattr(expected_range, "draw_stderr", drawn(15))
     plan = plan_predicted_flights(flights, prior, draws=30)
     assert plan.ranges == {}
     assert "15 of 30 draws failed" in plan.notes[0]

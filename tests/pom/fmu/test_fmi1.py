@@ -125,7 +125,7 @@ def test_a_slave_with_input_derivatives_is_exact_in_the_canonical_sign_and_unit(
     assert (
         worst(result, "nz") < 1e-14
     )  # Booleans and the Integer are read at their sample, not one later
-    assert result.passed("slave")
+    assert result.status("slave") == "pass_with_departures"  # it is not trimmed
     assert result.signals.attrs["model.slave"].startswith("lag.fmu, FMI 1.0, sha256 ")
     assert result.signals.attrs["names.slave"].startswith("names.toml, sha256 ")
 

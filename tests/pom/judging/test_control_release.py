@@ -119,7 +119,8 @@ def test_the_column_oscillates_as_in_flight_or_does_not(release, write_case):
     # after two overshoots the column creeps with the pitch of the aeroplane; that row, an
     # overdamped one and sweeps do not block
     assert "not what the row measures" in remarks_text(table.loc[("same", "pn"), "remarks"])
-    assert result.status("same") == "pass"
+    # the flaps are not recorded, and the tables have no samples of the flight that made them
+    assert result.status("same") == "pass_with_departures"
     heavy = table.loc[("heavy", "p0")]
     assert (heavy["verdict"], heavy["unit"]) == ("fail", "s")
     assert 1.15 < heavy["model_value"] / heavy["flight_value"] < 1.5  # more mass oscillates slower

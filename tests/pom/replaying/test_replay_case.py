@@ -28,7 +28,9 @@ def case(write_case):
 def test_the_model_that_made_the_record_matches_to_rounding(case, toy, lag_states):
     result = replay(case, {"toy": toy()}, lag_states)
     assert result.failure == ""
-    assert result.passed("toy")
+    assert result.status("toy") == "pass_with_departures"
+    (departure,) = [item for item in result.rows[0]["remarks"] if item.kind == "departure"]
+    assert "without trim (drive.trim = false)" in departure.text
     # the record is linear between samples except at the corner of the ramp, which is a sample:
     # exact
     assert np.abs(result.signals["theta"][1] - result.signals["theta"][0]).max() < 1e-14
@@ -121,7 +123,7 @@ def test_a_bad_fmu_is_a_result_and_the_good_one_still_runs(
     assert stated in result.failure
     assert result.status("bad") == "invalid"
     assert stated in remarks_text(result.verdict.iloc[0]["remarks"])
-    assert result.passed("good")
+    assert result.status("good") == "pass_with_departures"  # it is not trimmed
 
 
 def test_messages_of_the_fmu_are_reported(case, toy, lag_states):
