@@ -108,7 +108,8 @@ class RootGroup(LazyGroup):
 def cli() -> None:
     """Make a proven flight model from Digital DATCOM and flight test.
 
-    Exit codes: 0 done and passed, 1 a match failed, 2 usage or bad input, 3 internal fault.
+    Exit codes: 0 done and passed, 1 a failed row or check, 2 usage or bad input, 3 internal fault.
+    The verb match ends with 0 when its job is done: failed rows are its result.
     """
 
 

@@ -396,9 +396,11 @@ def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
         if abs(shortest_error(name, value - recorded)) <= SAME * size:
             continue
         shown = [value_text(name, item, ".5g") for item in (value, recorded)]
+        # the path has the mass of the aircraft file where none is recorded
+        source = "flight path" if name in MASS else "record"
         text = (
             f"'{name}' ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, the "
-            f"record has {shown[1]}"
+            f"{source} has {shown[1]}"
         )
         yield _departure(text, name)
 

@@ -29,7 +29,9 @@ from pom.tolerances.channels import plain_id
 from pom.tolerances.criteria import Criterion
 
 MINIMUM_CYCLES = {"2.c.9": 3.0, "2.d.7": 6.0}
-"""Full cycles that the table requires; a time to half or double inside the record suffices."""
+"""Full cycles that the table requires; a time to half or double inside the record is judged, too."""
+STRICT_CYCLES = ("2.d.7",)
+"""Tests whose row has no time to half in place of the cycles: fewer cycles are a departure."""
 
 LEAST_AMPLITUDE = 0.1  # of the amplitude of the flight: a smaller mode of the model is not excited
 PHUGOID = "2.c.9"
@@ -80,6 +82,7 @@ def judge_mode(criterion: Criterion, match: Comparison) -> Judgement:
     remarks = (
         _values_remark(criterion.measure, {"flight": flight_mode, "model": model_mode}),
         RowRemark("cycles", f"{cycles:.1f} cycles", values={"flight": cycles}, unit="1"),
+        *_cycle_departure(match, cycles, required),
         *_window_remarks(criterion, value, time=t, flight=flight),
         *_bank_remarks(criterion, match),
     )
@@ -90,6 +93,17 @@ def judge_mode(criterion: Criterion, match: Comparison) -> Judgement:
         remarks = (*remarks, RowRemark("stability", "stability differs"))
         return replace(outcome, verdict="fail", remarks=remarks)
     return outcome
+
+
+def _cycle_departure(match: Comparison, cycles: float, required: float) -> tuple[RowRemark, ...]:
+    """Return the departure of a record with fewer cycles than its row requires."""
+    if plain_id(match.case.id) not in STRICT_CYCLES or cycles >= required:
+        return ()
+    text = (
+        f"departure: the free response has {cycles:.1f} cycles, the row requires {required:g} "
+        f"complete cycles"
+    )
+    return (RowRemark("departure", text, "cycles"),)
 
 
 def _bank_remarks(criterion: Criterion, match: Comparison) -> tuple[RowRemark, ...]:

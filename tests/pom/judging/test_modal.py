@@ -151,6 +151,24 @@ def test_too_few_cycles_are_invalid_unless_the_time_to_half_is_seen():
     )
 
 
+def test_a_dutch_roll_of_fewer_than_six_cycles_departs_from_its_row():
+    """Its row has no time to half in place of the cycles, as that of the phugoid has."""
+    short = TIME <= 80.0
+    fast = {"V_cas": sine(38.0, 0.08)[short]}
+    period = criterion("period", window=(0.0, 80.0))
+    got = modal(period, TIME[short], fast, fast, "2.d.7")
+    assert got.verdict == "pass"
+    (departure,) = [item.text for item in got.remarks if item.kind == "departure"]
+    assert departure == (
+        "departure: the free response has 2.1 cycles, the row requires 6 complete cycles"
+    )
+    phugoid = modal(period, TIME[short], fast, fast, "2.c.9")
+    assert all(item.kind != "departure" for item in phugoid.remarks)
+    whole = {"V_cas": sine(15.0, 0.02)}
+    steady = modal(criterion("period"), TIME, whole, whole, "2.d.7")
+    assert all(item.kind != "departure" for item in steady.remarks)
+
+
 def test_a_model_that_does_not_oscillate_fails_and_a_flight_that_does_not_is_invalid():
     still = {"V_cas": 90.0 + np.random.default_rng(1).normal(size=TIME.size)}
     flight = {"V_cas": sine(38.0, 0.05)}

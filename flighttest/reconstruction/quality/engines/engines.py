@@ -8,6 +8,7 @@ has another slope.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -35,6 +36,7 @@ _UNITS = (("lbf", "N", POUND_FORCE), ("N", "lbf", 1.0 / POUND_FORCE), ("kN", "N"
 _EQUAL = (0.6, 1.67)  # thrust of one engine over that of the others, of one unit
 _OFTEN = 95.0  # percentile of a speed that is not a spike
 _OVERSPEED = 1.35  # of the rated speed: a fixed-pitch propeller in a dive stays below
+_GOVERNED = 1.1  # of the highest speed of a governor: overshoots end within 5 % of the samples
 _DEVICES = ("gear", "speedbrake", "delta_f")
 _MOVES = 0.01  # range of a device that moves
 _SIDE = 0.05  # of the thrust of both engines, by which they must differ to show their sides
@@ -151,8 +153,12 @@ def shaft_findings(
         speed = signals[name][np.isfinite(signals[name])]
         fastest = float(np.percentile(speed, _OFTEN)) if speed.size else 0.0
         ratio = fastest / engine.propeller.rpm_high
-        if ratio > _OVERSPEED:
-            findings.append(_overspeed_finding(name, fastest, engine.propeller))
+        limit = _GOVERNED if engine.propeller.governed else _OVERSPEED
+        if ratio > limit:
+            finding = _overspeed_finding(name, fastest, engine.propeller)
+            # a governor set otherwise than the aircraft file states explains a little
+            severity = "error" if ratio > _OVERSPEED else "warning"
+            findings.append(replace(finding, severity=severity))
     unchecked: Unchecked = []
     if any(engine.propeller is not None for engine in aircraft.engines):
         names = [name for name in signals.values if name.endswith(".torque")]

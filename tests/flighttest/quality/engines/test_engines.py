@@ -97,8 +97,11 @@ def test_thrust_of_one_engine_in_another_unit(signals, aircraft, name, factor, u
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("factor", "errors"), [(1.0, 0), (2.2, 2), (60.0 / (2.0 * np.pi), 2)])
-def test_a_propeller_that_turns_faster_than_it_can(factor, errors):
+@pytest.mark.parametrize(
+    ("factor", "severity"),
+    [(1.0, None), (1.3, "warning"), (2.2, "error"), (60.0 / (2.0 * np.pi), "error")],
+)
+def test_a_propeller_that_turns_faster_than_it_can(factor, severity):
     """Crankshaft or turbine for propeller, and rpm read as rad/s, of an aeroplane with two turboprops."""
     folder = T37.parent / "commuter"
     record = flighttest.read(folder / "flight" / "check_dutch_roll.csv", folder / "names.toml")
@@ -107,7 +110,8 @@ def test_a_propeller_that_turns_faster_than_it_can(factor, errors):
     found, unchecked = shaft_findings(
         signals.with_values(fast), flightmech.read_aircraft(folder / "aircraft.toml")
     )
-    assert [finding.name for finding in found] == [f"unit:{name}" for name in fast][:errors]
+    expected = [(f"unit:{name}", severity) for name in fast] if severity else []
+    assert [(finding.name, finding.severity) for finding in found] == expected
     assert [row[2] for row in unchecked] == [("engine1.torque", "engine2.torque")]
 
 
