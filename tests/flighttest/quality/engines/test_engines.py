@@ -178,26 +178,71 @@ def test_levers_that_move_together_show_no_side(signals, aircraft):
 FLOWS = ("engine1.fuel_flow", "engine2.fuel_flow")
 
 
-def burning(signals, factor):
-    """Return a record that burns 0.1 kg/s by its mass, and a recorded flow of a factor of it."""
+def burning(signals, factor, fuel=None):
+    """Return a record that burns 0.1 kg/s by its mass, and a recorded flow of a factor of it.
+
+    The fuel on board falls by `fuel` times the true flow.
+    """
+    burned = 0.1 * (signals.time - signals.time[0])
     flow = 0.05 + 0.0 * signals.time
-    mass = 3000.0 - 0.1 * (signals.time - signals.time[0])
-    channels = {**dict.fromkeys(FLOWS, factor * flow), "mass": mass}
+    channels = {**dict.fromkeys(FLOWS, factor * flow), "mass": 3000.0 - burned}
+    if fuel is not None:
+        channels["fuel"] = 1000.0 - fuel * burned
+        signals.good.setdefault("fuel", np.ones(burned.shape, bool))
     return signals.with_values(channels)
 
 
 @pytest.mark.parametrize(
-    ("factor", "words"),
-    [(1.0, ""), (1.5, ""), (2.2046, "lb/h taken as kg/h"), (0.4536, "kg/h taken as lb/h")],
+    ("factor", "severity", "words"),
+    [
+        (1.0, "", ""),
+        (1.35, "", ""),
+        (2.2046, "error", "lb/h taken as kg/h"),
+        (0.4536, "error", "kg/h taken as lb/h"),
+        (1.5, "warning", "0.7 to 1.4 are usual"),
+        (2.0, "warning", "as if each column held the flow of 2 engines"),
+        (0.5, "warning", "as if the columns held 1/2 of the flow"),
+        (60.0, "warning", "in kg/min and taken as kg/s"),
+        (3600.0, "warning", "in kg/h and taken as kg/s"),
+        (1.0 / 3600.0, "warning", "in kg/s and taken as kg/h"),
+        (0.1668, "warning", "in US gal/h and taken as lb/h"),
+        (6.7, "warning", "in lb/h and taken as US gal/h"),
+        (2.2046 * 3600.0, "warning", "in lb/h and taken as kg/s"),
+    ],
 )
-def test_fuel_flow_against_the_change_of_mass(signals, aircraft, factor, words):
+def test_fuel_flow_against_the_change_of_mass(signals, aircraft, factor, severity, words):
     findings, unchecked = fuel_findings(burning(signals, factor), aircraft)
     assert unchecked == []
-    assert len(findings) == bool(words)
+    assert [finding.severity for finding in findings] == [severity][: bool(words)]
     for finding in findings:
         assert finding.channels == FLOWS
-        assert (finding.severity, finding.kind) == ("error", "unit")
         assert words in finding.text
+        assert "(standard error " in finding.text
+
+
+@pytest.mark.parametrize(
+    ("fuel", "words"),
+    [
+        (2.2046, "or fuel in lb and taken as kg; the flow agrees with mass"),
+        (0.4536, "or fuel in kg and taken as lb; the flow agrees with mass"),
+        (0.5, "or fuel were that of one tank of 2; the flow agrees with mass"),
+    ],
+)
+def test_a_flow_that_the_mass_confirms_is_not_blamed_alone(signals, aircraft, fuel, words):
+    (finding,), _ = fuel_findings(burning(signals, 1.0, fuel), aircraft)
+    assert (finding.severity, finding.channels) == ("warning", ("fuel", *FLOWS))
+    assert words in finding.text
+
+
+def test_fuel_on_board_alone_leaves_both_sides_open(signals, aircraft):
+    """Nothing else shows whether the flow or the fuel is in another unit."""
+    alone = burning(signals, 1.0, 2.2046).without(["mass"])
+    (finding,), _ = fuel_findings(alone, aircraft)
+    assert (finding.severity, finding.channels) == ("warning", (*FLOWS, "fuel"))
+    assert "in kg/h and taken as lb/h, or fuel in lb and taken as kg" in finding.text
+    # two quantities that agree blame the flow
+    (finding,), _ = fuel_findings(burning(signals, 2.2046, 1.0), aircraft)
+    assert (finding.severity, finding.channels) == ("error", FLOWS)
 
 
 @pytest.mark.parametrize(("factor", "count"), [(1.0, 0), (2.2046, 2)])
