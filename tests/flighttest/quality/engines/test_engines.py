@@ -141,10 +141,70 @@ def test_each_engine_follows_its_own_lever(signals, aircraft):
     assert "engine1.n1 follows engine2.throttle" in finding.text
     findings, _ = side_findings(exchanged(moved, "throttle"), aircraft)
     assert [finding.channels[0] for finding in findings] == ["engine1.n1", "engine1.thrust"]
-    # one lever moves alone
+
+
+def test_one_lever_that_moves_alone(signals, aircraft):
+    """Down only, an exchange looks like an engine that fails; down and up it does not."""
     alone = stepped(signals, 5.0, 1e3)
     assert side_findings(alone, aircraft)[0] == []
-    assert len(side_findings(exchanged(alone, "thrust"), aircraft)[0]) == 1
+    findings, (row,) = side_findings(exchanged(alone, "thrust"), aircraft)
+    assert findings == []
+    assert row[2][-2:] == THRUSTS
+    assert "the levers move differently" in row[3]
+    back = {}
+    for name in ("engine1.throttle", "engine1.thrust"):
+        restored = np.where(signals.time > 16.0, alone[name][0], alone[name])
+        back[name] = restored
+    back = alone.with_values(back)
+    assert [f.channels for f in side_findings(exchanged(back, "thrust"), aircraft)[0]] == [THRUSTS]
+
+
+def lagged(signals, lever, lag=1.0):
+    slow = np.empty_like(lever)
+    slow[0] = lever[0]
+    for k in range(1, len(lever)):
+        slow[k] = slow[k - 1] + (lever[k] - slow[k - 1]) * signals.step / lag
+    return slow
+
+
+def two_engines(signals, levers, speeds):
+    """Return the record with nothing of its engines but two levers and two speeds."""
+    bare = signals.without([name for name in signals.values if name.startswith("engine")])
+    changed = {}
+    for number in (1, 2):
+        changed[f"engine{number}.throttle"] = levers[number - 1]
+        changed[f"engine{number}.n1"] = speeds[number - 1]
+    return bare.with_values(changed)
+
+
+@pytest.mark.parametrize("split", [0.1, 0.2, 0.3, 0.5])
+@pytest.mark.parametrize("power", [1.0, 0.6])
+def test_levers_that_move_together_and_split_for_a_while(signals, aircraft, split, power):
+    """Both engines follow both levers; the differences show the own one."""
+    part = (signals.time - signals.time[0]) / np.ptp(signals.time)
+    base = np.select([part < 0.2, part < 0.8], [0.1, 0.9], 0.3)
+    levers = base, base - split * ((part > 0.4) & (part < 0.6))
+    noise = np.random.default_rng(1).standard_normal((2, part.size))
+    speeds = [
+        0.3 + 0.7 * lagged(signals, u) ** power + 0.002 * e
+        for u, e in zip(levers, noise, strict=True)
+    ]
+    right = two_engines(signals, levers, speeds)
+    assert side_findings(right, aircraft) == ([], [])
+    (finding,), _ = side_findings(exchanged(right, "n1"), aircraft)
+    assert finding.channels == ("engine1.n1", "engine2.n1")
+
+
+def test_a_failure_beside_an_engine_that_stays_flat_is_no_exchange(signals, aircraft):
+    """Engine 1 fails, lever 2 moves at once, and the speed of engine 2 is at its limit."""
+    lever = np.full(signals.time.shape, 0.9)
+    instant = signals.time[0] + 10.0
+    failed = 0.3 + 0.7 * lagged(signals, np.where(signals.time < instant, 0.9, 0.0))
+    levers = lever, np.where(signals.time < instant, 0.9, 0.7)
+    flown = two_engines(signals, levers, (failed, np.full(lever.shape, 0.97)))
+    findings, ((_, _, _, reason),) = side_findings(flown, aircraft)
+    assert findings == []
+    assert "when an engine fails or is at its limit" in reason
 
 
 def test_a_failure_that_no_lever_made_is_no_exchange(signals, aircraft):
