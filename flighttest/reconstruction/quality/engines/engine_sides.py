@@ -60,14 +60,15 @@ def side_findings(
             if not all(name in signals for name in names):
                 continue
             compared += names
-            evidence = _cut_evidence(signals, (i, j), names)
-            evidence += _lever_evidence(signals, (i, j), names)
+            by_cut = _cut_evidence(signals, (i, j), names)
+            evidence = by_cut + _lever_evidence(signals, (i, j), names)
             exchanged = [text for belongs, text in evidence if not belongs]
             if evidence:
                 shown.update(names)
             # an engine that follows its own lever settles the question
             if exchanged and len(exchanged) == len(evidence):
-                findings.append(_exchange_finding(names, exchanged))
+                cutoffs = (f"engine{i}.cutoff", f"engine{j}.cutoff") if by_cut else ()
+                findings.append(_exchange_finding(names, exchanged, cutoffs))
     open_names = tuple(name for name in dict.fromkeys(compared) if name not in shown)
     if not open_names:
         return findings, []
@@ -91,13 +92,24 @@ def _open_reason(signals: ResampledChannels, names: tuple[str, ...]) -> str:
     )
 
 
-def _exchange_finding(names: tuple[str, str], texts: list[str]) -> Finding:
-    """Return the warning that an output follows the lever of the other engine."""
-    text = f"{names[0]} and {names[1]} look exchanged, or the levers are: {'; '.join(texts)}"
+def _exchange_finding(
+    names: tuple[str, str], texts: list[str], cutoffs: tuple[str, ...]
+) -> Finding:
+    """Return the warning that an output follows the lever of the other engine.
+
+    A fuel lever that is recorded as 1 when it is open looks the same as an exchange.
+    """
+    sense = f", or {' and '.join(cutoffs)} are 1 for an engine that runs" if cutoffs else ""
+    text = f"{names[0]} and {names[1]} look exchanged, or the levers are{sense}: {'; '.join(texts)}"
     remedy = (
         f"compare the columns of both engines in the name map with the instruments; exchange those "
         f"of {names[0]} and {names[1]}, or those of the levers if all outputs are listed here"
     )
+    if cutoffs:
+        remedy += (
+            f"; a cutoff is 0 with the fuel open and 1 with it cut off: if the file has the other "
+            f"sense, give {' and '.join(cutoffs)} sign = -1, offset = 1 in the name map"
+        )
     return Finding("warning", "column", names, text, remedy)
 
 

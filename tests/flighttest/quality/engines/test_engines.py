@@ -225,6 +225,19 @@ def test_an_engine_that_is_cut_off_has_the_lower_output(signals, aircraft):
     assert "engine 2 is cut off and engine 1 is not" in finding.text
 
 
+def test_a_cutoff_of_the_other_sense_is_named(signals, aircraft):
+    """A fuel lever recorded as 1 when open looks like exchanged speeds."""
+    ones = np.ones_like(signals.time)
+    flown = two_engines(signals, (0.8 * ones, 0.8 * ones), (0.9 * ones, 0.08 * ones))
+    flown = flown.with_values({"engine1.cutoff": ones, "engine2.cutoff": 0.0 * ones})
+    (finding,), _ = side_findings(flown, aircraft)
+    assert "engine1.cutoff and engine2.cutoff are 1 for an engine that runs" in finding.text
+    assert "sign = -1, offset = 1" in finding.remedy
+    # the remedy corrects it
+    corrected = {name: 1.0 - flown[name] for name in ("engine1.cutoff", "engine2.cutoff")}
+    assert side_findings(flown.with_values(corrected), aircraft) == ([], [])
+
+
 def test_levers_that_move_together_show_no_side(signals, aircraft):
     findings, ((name, _, channels, reason),) = side_findings(signals, aircraft)
     assert findings == []
