@@ -47,13 +47,15 @@ def side_findings(
     Returns
     -------
     findings : list of Finding
-        A warning for each output that follows the lever of another engine.
+        A warning for each output that follows the lever of another engine, and for cutoffs that
+        contradict engines which follow their own levers.
     unchecked : list of tuple
         A row if two engines are recorded and no output shows its own lever.
     """
     findings: list[Finding] = []
     compared: list[str] = []
     shown: set[str] = set()
+    contradicted: dict[tuple[str, ...], str] = {}
     for i, j in combinations(range(1, len(aircraft.engines) + 1), 2):
         for output in _OUTPUTS:
             names = (f"engine{i}.{output}", f"engine{j}.{output}")
@@ -61,14 +63,24 @@ def side_findings(
                 continue
             compared += names
             by_cut = _cut_evidence(signals, (i, j), names)
-            evidence = by_cut + _lever_evidence(signals, (i, j), names)
+            by_lever = _lever_evidence(signals, (i, j), names)
+            evidence = by_cut + by_lever
+            cutoffs: tuple[str, ...] = ()
+            if by_cut:
+                cutoffs = (f"engine{i}.cutoff", f"engine{j}.cutoff")
             exchanged = [text for belongs, text in evidence if not belongs]
             if evidence:
                 shown.update(names)
             # an engine that follows its own lever settles the question
             if exchanged and len(exchanged) == len(evidence):
-                cutoffs = (f"engine{i}.cutoff", f"engine{j}.cutoff") if by_cut else ()
                 findings.append(_exchange_finding(names, exchanged, cutoffs))
+            turned = [text for belongs, text in by_cut if not belongs]
+            followed = [text for belongs, text in by_lever if belongs]
+            if turned and followed:
+                contradicted[cutoffs] = f"{turned[0]}, and {followed[0]}"
+    for cutoffs, text in contradicted.items():
+        text = f"{' and '.join(cutoffs)} have the other sense: {text}"
+        findings.append(Finding("warning", "sign", cutoffs, text, _sense_remedy(cutoffs)))
     open_names = tuple(name for name in dict.fromkeys(compared) if name not in shown)
     if not open_names:
         return findings, []
@@ -106,11 +118,16 @@ def _exchange_finding(
         f"of {names[0]} and {names[1]}, or those of the levers if all outputs are listed here"
     )
     if cutoffs:
-        remedy += (
-            f"; a cutoff is 0 with the fuel open and 1 with it cut off: if the file has the other "
-            f"sense, give {' and '.join(cutoffs)} sign = -1, offset = 1 in the name map"
-        )
+        remedy += f"; {_sense_remedy(cutoffs)}"
     return Finding("warning", "column", names, text, remedy)
+
+
+def _sense_remedy(cutoffs: tuple[str, ...]) -> str:
+    """Return how to turn the sense of cutoffs."""
+    return (
+        f"a cutoff is 0 with the fuel open and 1 with it cut off: if the file has the other sense, "
+        f"give {' and '.join(cutoffs)} sign = -1, offset = 1 in the name map"
+    )
 
 
 def _cut_evidence(

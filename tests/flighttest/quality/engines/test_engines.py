@@ -195,7 +195,7 @@ def test_levers_that_move_together_and_split_for_a_while(signals, aircraft, spli
     assert finding.channels == ("engine1.n1", "engine2.n1")
 
 
-def test_a_failure_beside_an_engine_that_stays_flat_is_no_exchange(signals, aircraft):
+def test_a_failure_next_to_an_engine_that_stays_flat_is_no_exchange(signals, aircraft):
     """Engine 1 fails, lever 2 moves at once, and the speed of engine 2 is at its limit."""
     lever = np.full(signals.time.shape, 0.9)
     instant = signals.time[0] + 10.0
@@ -236,6 +236,20 @@ def test_a_cutoff_of_the_other_sense_is_named(signals, aircraft):
     # the remedy corrects it
     corrected = {name: 1.0 - flown[name] for name in ("engine1.cutoff", "engine2.cutoff")}
     assert side_findings(flown.with_values(corrected), aircraft) == ([], [])
+
+
+def test_cutoffs_that_contradict_the_levers_are_turned(signals, aircraft):
+    """Engine 1 goes to a low speed by its own lever, while engine 2 is recorded as cut off."""
+    lever = np.where(signals.time < signals.time[0] + 5.0, 0.9, 0.0)
+    ones = np.ones_like(lever)
+    flown = two_engines(signals, (lever, 0.9 * ones), (0.02 + lagged(signals, lever), 0.9 * ones))
+    cut = {"engine1.cutoff": 0.0 * ones, "engine2.cutoff": np.where(lever > 0.0, 0.0, 1.0)}
+    flown = flown.with_values(cut)
+    (finding,), unchecked = side_findings(flown, aircraft)
+    assert finding.channels == ("engine1.cutoff", "engine2.cutoff")
+    assert "engine1.n1 follows engine1.throttle" in finding.text
+    assert unchecked == []
+    assert side_findings(exchanged(flown, "cutoff"), aircraft) == ([], [])
 
 
 def test_levers_that_move_together_show_no_side(signals, aircraft):
