@@ -1,6 +1,8 @@
 """Columns of two engines that were exchanged: each engine has to follow its own lever.
 
-An engine whose lever moves by itself shows which lever is its own.  An engine whose fuel is cut off
+An engine whose lever moves by itself shows which lever is its own: the difference of two outputs
+follows the difference of their levers.  Outputs that were exchanged follow it with the other sign.
+One engine that fails makes such a difference too, so both outputs have to show the exchange.  An engine whose fuel is cut off
 shows it too: its speed, torque, fuel flow and thrust fall below those of the engine that runs.
 """
 
@@ -22,6 +24,7 @@ _LAGS = (0.3, 1.0, 3.0)  # s: time constants of engines, from a slow piston to a
 _LEVER_MOVES = 0.03  # standard deviation of the difference of two levers [1, rad] that informs
 _ENGINE_MOVES = 0.05  # that of an output, over its largest value
 _FOLLOWS, _RATHER = 0.8, 0.3  # correlation with a lever, and its excess over the other one
+_RISES = 0.3  # of the range of an output, by which an engine that fails does not rise
 _RUN_DOWN = 3.0  # s after the cut in which an engine still turns
 _SHORTEST = 2.0  # s of one engine cut off and one running
 _ABOVE = 2.0  # times the output of the other engine that is no scatter
@@ -44,48 +47,87 @@ def side_findings(
     Returns
     -------
     findings : list of Finding
-        A warning for each output that follows the lever of another engine.
+        A warning for each output that follows the lever of another engine, and for cutoffs that
+        contradict engines which follow their own levers.
     unchecked : list of tuple
         A row if two engines are recorded and no output shows its own lever.
     """
     findings: list[Finding] = []
     compared: list[str] = []
     shown: set[str] = set()
+    contradicted: dict[tuple[str, ...], str] = {}
     for i, j in combinations(range(1, len(aircraft.engines) + 1), 2):
         for output in _OUTPUTS:
             names = (f"engine{i}.{output}", f"engine{j}.{output}")
             if not all(name in signals for name in names):
                 continue
             compared += names
-            evidence = _cut_evidence(signals, (i, j), names)
-            evidence += _lever_evidence(signals, (i, j), names)
+            by_cut = _cut_evidence(signals, (i, j), names)
+            by_lever = _lever_evidence(signals, (i, j), names)
+            evidence = by_cut + by_lever
+            cutoffs: tuple[str, ...] = ()
+            if by_cut:
+                cutoffs = (f"engine{i}.cutoff", f"engine{j}.cutoff")
             exchanged = [text for belongs, text in evidence if not belongs]
             if evidence:
                 shown.update(names)
-            # an engine that fails follows no lever; one that follows its own settles the question
+            # an engine that follows its own lever settles the question
             if exchanged and len(exchanged) == len(evidence):
-                findings.append(_exchange_finding(names, exchanged))
+                findings.append(_exchange_finding(names, exchanged, cutoffs))
+            turned = [text for belongs, text in by_cut if not belongs]
+            followed = [text for belongs, text in by_lever if belongs]
+            if turned and followed:
+                contradicted[cutoffs] = f"{turned[0]}, and {followed[0]}"
+    for cutoffs, text in contradicted.items():
+        text = f"{' and '.join(cutoffs)} have the other sense: {text}"
+        findings.append(Finding("warning", "sign", cutoffs, text, _sense_remedy(cutoffs)))
     open_names = tuple(name for name in dict.fromkeys(compared) if name not in shown)
     if not open_names:
         return findings, []
-    recorded = any(name.rpartition(".")[2] in _LEVERS for name in signals.values)
+    return findings, [(*_ROW, open_names, _open_reason(signals, open_names))]
+
+
+def _open_reason(signals: ResampledChannels, names: tuple[str, ...]) -> str:
+    """Return why outputs show no lever of their own, and what to do."""
+    numbers = sorted({int(name.partition(".")[0].removeprefix("engine")) for name in names})
+    pairs = [_levers_of(signals, pair) for pair in combinations(numbers, 2)]
+    recorded = [pair for pair in pairs if pair]
     if not recorded:
-        return findings, [(*_ROW, open_names, "the levers are not recorded: map their channels")]
-    reason = (
-        "the levers never move differently and no engine is cut off: move one lever by itself, or "
-        "compare the columns with the instruments"
+        return "the levers are not recorded for both engines: map their channels"
+    splits = [float(np.std(signals[first] - signals[second])) for first, second in recorded]
+    remedy = "move one lever by itself, down and up, or compare the columns with the instruments"
+    if max(splits) < _LEVER_MOVES:
+        return f"the levers never move differently and no engine is cut off: {remedy}"
+    return (
+        "the levers move differently, but the outputs of both engines do not show one lever each, "
+        f"as when an engine fails or is at its limit: {remedy}"
     )
-    return findings, [(*_ROW, open_names, reason)]
 
 
-def _exchange_finding(names: tuple[str, str], texts: list[str]) -> Finding:
-    """Return the warning that an output follows the lever of the other engine."""
-    text = f"{names[0]} and {names[1]} look exchanged, or the levers are: {'; '.join(texts)}"
+def _exchange_finding(
+    names: tuple[str, str], texts: list[str], cutoffs: tuple[str, ...]
+) -> Finding:
+    """Return the warning that an output follows the lever of the other engine.
+
+    A fuel lever that is recorded as 1 when it is open looks the same as an exchange.
+    """
+    sense = f", or {' and '.join(cutoffs)} are 1 for an engine that runs" if cutoffs else ""
+    text = f"{names[0]} and {names[1]} look exchanged, or the levers are{sense}: {'; '.join(texts)}"
     remedy = (
         f"compare the columns of both engines in the name map with the instruments; exchange those "
         f"of {names[0]} and {names[1]}, or those of the levers if all outputs are listed here"
     )
+    if cutoffs:
+        remedy += f"; {_sense_remedy(cutoffs)}"
     return Finding("warning", "column", names, text, remedy)
+
+
+def _sense_remedy(cutoffs: tuple[str, ...]) -> str:
+    """Return how to turn the sense of cutoffs."""
+    return (
+        f"a cutoff is 0 with the fuel open and 1 with it cut off: if the file has the other sense, "
+        f"give {' and '.join(cutoffs)} sign = -1, offset = 1 in the name map"
+    )
 
 
 def _cut_evidence(
@@ -126,7 +168,7 @@ def _lever_evidence(
 ) -> list[tuple[bool, str]]:
     """Return whether each engine follows its own lever rather than the other, with its text.
 
-    Empty if the levers move together, or if neither engine follows one lever alone.
+    Empty if the levers move together, or if the engines do not show it.
     """
     levers = _levers_of(signals, engines)
     if not levers:
@@ -134,21 +176,41 @@ def _lever_evidence(
     u = [signals[name] for name in levers]
     if float(np.std(u[0] - u[1])) < _LEVER_MOVES:
         return []
+    split, apart = u[0] - u[1], signals[names[0]] - signals[names[1]]
     evidence = []
+    against = []
+    moving = []
     for k, name in enumerate(names):
         y = signals[name]
         if not float(np.std(y)) > _ENGINE_MOVES * float(np.max(np.abs(y))):
             continue
+        moving.append(y)
         own, other = (_correlation(u[m], y, signals.step) for m in (k, 1 - k))
-        text = (
-            f"{name} follows {levers[1 - k]} (correlation {other:.2f}) rather than {levers[k]} "
-            f"({own:.2f})"
-        )
-        if own > _FOLLOWS and own > other:
+        if own > _FOLLOWS and own > other + _RATHER:
+            text = f"{name} follows {levers[k]} (correlation {own:.2f})"
             evidence.append((True, text))
-        elif other > _FOLLOWS and other > own + _RATHER:
-            evidence.append((False, text))
-    return evidence
+        elif other > _FOLLOWS and other > own:
+            text = (
+                f"{name} follows {levers[1 - k]} (correlation {other:.2f}) rather than "
+                f"{levers[k]} ({own:.2f})"
+            )
+            against.append((False, text))
+    if evidence or not moving:
+        return evidence
+    # What both levers do together cancels in the differences.
+    if _correlation(split, apart, signals.step) > _FOLLOWS:
+        return [(True, f"the difference of {' and '.join(names)} follows that of the levers")]
+    turned = _correlation(split, -apart, signals.step) > _FOLLOWS
+    # A single output that falls may be that of an engine that fails.
+    both = len(moving) == len(names) or _rises(moving[0])
+    if turned and both and len(against) == len(moving):
+        return against
+    return []
+
+
+def _rises(y: np.ndarray) -> bool:
+    """Return whether an output rises by a good part of its range, as no engine that fails does."""
+    return bool(np.max(y - np.minimum.accumulate(y)) > _RISES * float(np.ptp(y)))
 
 
 def _levers_of(signals: ResampledChannels, engines: tuple[int, int]) -> tuple[str, ...]:

@@ -1,12 +1,14 @@
 """Unit of the fuel flow: against the fuel that left the aircraft, and against the engine's tables.
 
 A flow in lb/h that was taken as kg/h is 2.2 times too large.  No engine burns so much more or less
-than its tables, and the fuel that is burned leaves the aircraft.
+than its tables, and the fuel that is burned leaves the aircraft.  A flow is blamed alone only if
+all quantities that show the fuel agree: the fuel on board may be in another unit as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,14 +22,72 @@ from flighttest.reconstruction.quality.finding import Finding
 from flighttest.regression.uncertainty.jackknife import block_jackknife
 
 _POUNDS = 2.2046226  # lb in a kilogram
-_NEAR = 0.15  # of the ratio of the units, within which the unit explains the flow
+_GALLON = (6.0, 6.7)  # lb in a US gallon, from aviation gasoline to Jet A
+# unit of the file, unit it was taken as, and the limits of the flow over the true one
+_UNITS = (
+    ("lb/h", "kg/h", _POUNDS, _POUNDS),
+    ("kg/h", "lb/h", 1.0 / _POUNDS, 1.0 / _POUNDS),
+    ("kg/min", "kg/s", 60.0, 60.0),
+    ("kg/s", "kg/min", 1.0 / 60.0, 1.0 / 60.0),
+    ("lb/min", "kg/s", 60.0 * _POUNDS, 60.0 * _POUNDS),
+    ("kg/h", "kg/s", 3600.0, 3600.0),
+    ("kg/s", "kg/h", 1.0 / 3600.0, 1.0 / 3600.0),
+    ("lb/h", "kg/s", 3600.0 * _POUNDS, 3600.0 * _POUNDS),
+    ("kg/s", "lb/h", 1.0 / (3600.0 * _POUNDS), 1.0 / (3600.0 * _POUNDS)),
+    ("US gal/h", "lb/h", 1.0 / _GALLON[1], 1.0 / _GALLON[0]),
+    ("lb/h", "US gal/h", *_GALLON),
+    ("US gal/h", "kg/h", _POUNDS / _GALLON[1], _POUNDS / _GALLON[0]),
+    ("kg/h", "US gal/h", _GALLON[0] / _POUNDS, _GALLON[1] / _POUNDS),
+)
+_CERTAIN = 2  # units at the head of the list, which a flow alone in the wrong unit proves
+_NEAR = 0.045  # of a ratio, half the way from 2 (two engines or tanks) to the pounds of a kilogram
+_USUAL = (0.7, 1.4)  # flow over the fuel that left
+_AGREE = 1.3  # largest quotient of two ratios that say the same
+_SIGMAS = 2.0  # standard errors on a ratio
 _TANKS = {"fuel": -1.0, "fuel_used": 1.0, "mass": -1.0}  # sign of their change over the fuel burned
+_TABLES = "tables"
 _KNOWN = 0.1  # largest standard error of the fuel that left over the fuel burned
 _BLOCKS = 8  # of the jackknife
 _FEWEST = 50  # samples
 _ROW = ("fuel_flow", "unit of the fuel flow")
 
 Unchecked = list[tuple[str, str, tuple[str, ...], str]]
+
+
+@dataclass(frozen=True)
+class _Ratio:
+    """Recorded flow over the one that a reference shows, with its standard error [1]."""
+
+    reference: str  # a tank, or the tables
+    value: float
+    stderr: float
+
+    @property
+    def usual(self) -> bool:
+        """Whether the flow agrees with the reference, within the standard error."""
+        margin = _SIGMAS * self.stderr
+        return _USUAL[0] - margin < self.value < _USUAL[1] + margin
+
+    @property
+    def text(self) -> str:
+        """The ratio in words."""
+        shown = f"{self.value:.3g} (standard error {self.stderr:.2g})"
+        if self.reference == _TABLES:
+            return f"{shown} times the flow that the tables of the aircraft file give"
+        return f"{shown} times the change of {self.reference}"
+
+    def unit(self) -> tuple[str, str, bool] | None:
+        """Return the unit of the file, the unit it was taken as, and whether that is certain.
+
+        None if no unit is near.
+        """
+        margin = _SIGMAS * self.stderr / self.value
+        for place, (wrong, right, low, high) in enumerate(_UNITS):
+            nearest = min(max(self.value, low), high)
+            if abs(self.value / nearest - 1.0) < _NEAR:
+                certain = abs(self.value / nearest - 1.0) + margin < _NEAR
+                return wrong, right, certain and place < _CERTAIN
+        return None
 
 
 def fuel_findings(
@@ -48,26 +108,25 @@ def fuel_findings(
             names.append(f"engine{number}.fuel_flow")
     if not names:
         return [], []
-    findings: list[Finding] = []
     if len(names) == len(aircraft.engines):
+        ratios = []
         for tank in _TANKS:
             ratio = _burned_over_lost(signals, names, tank)
-            if ratio is None:
-                continue
-            # the first quantity that shows the fuel decides
-            cause = f"the flow of all engines adds up to {ratio:.3g} of the change of {tank}"
-            return _unit_findings(ratio, tuple(names), cause), []
+            if ratio is not None:
+                ratios.append(ratio)
+        if ratios:
+            return _judge_total(signals, aircraft, names=tuple(names), tanks=ratios), []
+    findings: list[Finding] = []
     open_names = []
     for number, engine in enumerate(aircraft.engines, 1):
         name = f"engine{number}.fuel_flow"
         if name not in names:
             continue
-        ratio = _recorded_over_table(signals, engine, number)
+        ratio = _recorded_over_table(signals, {number: engine})
         if ratio is None:
             open_names.append(name)
         else:
-            cause = f"it is {ratio:.3g} of the flow that the tables of the aircraft file give"
-            findings += _unit_findings(ratio, (name,), cause)
+            findings += _flow_findings(ratio, (name,), len(aircraft.engines))
     if not open_names:
         return findings, []
     reason = (
@@ -77,18 +136,94 @@ def fuel_findings(
     return findings, [(*_ROW, tuple(open_names), reason)]
 
 
-def _unit_findings(ratio: float, names: tuple[str, ...], cause: str) -> list[Finding]:
-    """Return the error of a flow whose ratio to the expected one is that of two units."""
-    for wrong, right, factor in (("lb/h", "kg/h", _POUNDS), ("kg/h", "lb/h", 1.0 / _POUNDS)):
-        if abs(ratio / factor - 1.0) < _NEAR:
-            text = f"{', '.join(names)}: {wrong} taken as {right}: {cause}"
-            remedy = f'give {names[0]} unit = "{wrong}" in the name map'
-            evidence = {"ratio": ratio}
-            return [Finding("error", "unit", names, text, remedy, evidence=evidence)]
-    return []
+def _judge_total(
+    signals: ResampledChannels,
+    aircraft: Aircraft,
+    *,
+    names: tuple[str, ...],
+    tanks: list[_Ratio],
+) -> list[Finding]:
+    """Return the findings on the flow of all engines against all that shows the fuel."""
+    ratios = list(tanks)
+    of_tables = _recorded_over_table(signals, dict(enumerate(aircraft.engines, 1)))
+    if of_tables is not None:
+        ratios.append(of_tables)
+    unusual = [ratio for ratio in ratios if not ratio.usual]
+    if not unusual:
+        return []
+    values = [ratio.value for ratio in ratios]
+    agree = max(values) < _AGREE * min(values)
+    best = min(unusual, key=lambda ratio: ratio.stderr / ratio.value)
+    # The mass is checked against the lift, so its unit is known.  That of a gauge is not.
+    known = len(ratios) > 1 or best.reference == "mass"
+    if agree and known:
+        return _flow_findings(best, names, len(aircraft.engines))
+    return [_both_sides(ratios, unusual, names, len(aircraft.engines))]
 
 
-def _burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -> float | None:
+def _flow_findings(ratio: _Ratio, names: tuple[str, ...], engines: int) -> list[Finding]:
+    """Return the finding on a flow that is not the one of its references; none if it is usual."""
+    if ratio.usual:
+        return []
+    unit = ratio.unit()
+    listed = ", ".join(names)
+    evidence = {"ratio": ratio.value, "stderr": ratio.stderr}
+    if unit is not None and unit[2]:
+        text = f"{listed}: {unit[0]} taken as {unit[1]}: the flow is {ratio.text}"
+        remedy = f'give {names[0]} unit = "{unit[0]}" in the name map'
+        return [Finding("error", "unit", names, text, remedy, evidence=evidence)]
+    text = f"{listed}: the flow is {ratio.text}; {_USUAL[0]:g} to {_USUAL[1]:g} are usual"
+    text += _cause_text(ratio, engines)
+    remedy = f"compare {listed} with the instruments; correct unit or column in the name map"
+    kind = "scale" if unit is None else "unit"
+    return [Finding("warning", kind, names, text, remedy, evidence=evidence)]
+
+
+def _cause_text(ratio: _Ratio, engines: int) -> str:
+    """Return what explains a ratio: a unit, or a number of engines or tanks; or nothing."""
+    unit = ratio.unit()
+    if unit is not None:
+        return f", as if the flow were in {unit[0]} and taken as {unit[1]}"
+    # a mass holds all tanks
+    tank = ratio.reference if ratio.reference in ("fuel", "fuel_used") else ""
+    for number in sorted({2, max(engines, 2)}):
+        if abs(ratio.value / number - 1.0) < _NEAR:
+            cause = f", as if each column held the flow of {number} engines"
+            return cause + (f", or {tank} were that of one tank of {number}" if tank else "")
+        if abs(ratio.value * number - 1.0) < _NEAR:
+            cause = f", as if the columns held 1/{number} of the flow"
+            return cause + (f", or {tank} were counted {number} times" if tank else "")
+    return ""
+
+
+def _both_sides(
+    ratios: list[_Ratio], unusual: list[_Ratio], names: tuple[str, ...], engines: int
+) -> Finding:
+    """Return the warning that the flow, or what shows the fuel, is of another unit or scale."""
+    suspects = [ratio.reference for ratio in unusual if ratio.reference != _TABLES]
+    trusted = [ratio.reference for ratio in ratios if ratio.usual]
+    listed = ", ".join(names)
+    shown = "; ".join(ratio.text for ratio in ratios)
+    text = f"{listed} and {', '.join(suspects) or 'the tables of the aircraft file'} do not agree: the flow is {shown}"
+    text += _cause_text(unusual[0], engines)
+    unit = unusual[0].unit()
+    kind = "scale" if unit is None else "unit"
+    # the inverse error of the tank gives the same ratio
+    if suspects and unit is not None and unit[2]:
+        of_tank, taken = unit[1].partition("/")[0], unit[0].partition("/")[0]
+        text += f", or {suspects[0]} in {of_tank} and taken as {taken}"
+    if trusted:
+        text += f"; the flow agrees with {', '.join(trusted)}"
+    remedy = (
+        f"compare {', '.join((*suspects, *names))} with the instruments; correct unit or column"
+    )
+    # a flow that a reference confirms is the lesser suspect
+    channels = (*suspects, *names) if trusted else (*names, *suspects)
+    evidence = {ratio.reference: ratio.value for ratio in ratios}
+    return Finding("warning", kind, channels, text, remedy, evidence=evidence)
+
+
+def _burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -> _Ratio | None:
     """Return the fuel that was burned over the fuel that left; None if nothing shows it.
 
     The tank is a straight line over the time integral of the flow.
@@ -105,16 +240,45 @@ def _burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -
     if not np.std(X[:, 0]) > 0.0:
         return None
     lost = first_coefficient(X, y)
-    error = block_jackknife(lambda kept: first_coefficient(X[kept], y[kept]), len(y), _BLOCKS)
-    if not lost > 0.0 or not float(error) < _KNOWN * lost:
+    error = _stderr(lambda kept: first_coefficient(X[kept], y[kept]), len(y))
+    if not lost > 0.0 or not error < _KNOWN * lost:
         return None
-    return 1.0 / lost
+    return _Ratio(tank, 1.0 / lost, error / lost**2)
 
 
-def _recorded_over_table(signals: ResampledChannels, engine: Engine, number: int) -> float | None:
-    """Return the recorded flow over that of the tables of an engine; None without such tables."""
-    at: dict[str, np.ndarray] = {}
+def _stderr(estimate: Callable[[np.ndarray], float], samples: int) -> float:
+    return float(block_jackknife(estimate, samples, _BLOCKS))
+
+
+def _recorded_over_table(
+    signals: ResampledChannels, engines: Mapping[int, Engine]
+) -> _Ratio | None:
+    """Return the recorded flow of engines over that of their tables; None without such tables."""
     full = signals.completed(("mach", "p_static", "temperature"))
+    recorded, table = np.zeros(signals.time.shape), np.zeros(signals.time.shape)
+    good = signals.flying.copy()
+    for number, engine in engines.items():
+        at = _engine_channels(full, number)
+        flow = _table_flow(engine, at)
+        if flow is None:
+            return None
+        recorded, table = recorded + at["fuel_flow"], table + flow
+        good &= signals.good[f"engine{number}.fuel_flow"] & (flow > 0.0)
+    # idle: tables are least certain where the flow is least
+    good &= table > 0.5 * np.max(table)
+    if good.sum() < _FEWEST:
+        return None
+    quotient = recorded[good] / table[good]
+    value = float(np.median(quotient))
+    if not value > 0.0:
+        return None
+    error = _stderr(lambda kept: float(np.median(quotient[kept])), len(quotient))
+    return _Ratio(_TABLES, value, error)
+
+
+def _engine_channels(full: ResampledChannels, number: int) -> dict[str, np.ndarray]:
+    """Return the channels of an engine and of the flight by the names of tables, SI."""
+    at: dict[str, np.ndarray] = {}
     for name, values in full.values.items():
         engine_name, _, quantity = name.rpartition(".")
         if engine_name in ("", f"engine{number}"):
@@ -128,16 +292,7 @@ def _recorded_over_table(signals: ResampledChannels, engine: Engine, number: int
                 at[f"corrected_{name}"] = at[name] / np.sqrt(at["temperature_ratio"])
     if "h" not in at and "h_baro" in at:
         at["h"] = at["h_baro"]
-    table = _table_flow(engine, at)
-    if table is None:
-        return None
-    recorded = at["fuel_flow"]
-    good = signals.flying & signals.good[f"engine{number}.fuel_flow"] & (table > 0.0)
-    # idle: tables are least certain where the flow is least
-    good &= table > 0.5 * np.max(table)
-    if good.sum() < _FEWEST:
-        return None
-    return float(np.median(recorded[good] / table[good]))
+    return at
 
 
 def _table_flow(engine: Engine, at: Mapping[str, np.ndarray]) -> np.ndarray | None:

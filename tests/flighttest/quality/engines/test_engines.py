@@ -145,10 +145,70 @@ def test_each_engine_follows_its_own_lever(signals, aircraft):
     assert "engine1.n1 follows engine2.throttle" in finding.text
     findings, _ = side_findings(exchanged(moved, "throttle"), aircraft)
     assert [finding.channels[0] for finding in findings] == ["engine1.n1", "engine1.thrust"]
-    # one lever moves alone
+
+
+def test_one_lever_that_moves_alone(signals, aircraft):
+    """Down only, an exchange looks like an engine that fails; down and up it does not."""
     alone = stepped(signals, 5.0, 1e3)
     assert side_findings(alone, aircraft)[0] == []
-    assert len(side_findings(exchanged(alone, "thrust"), aircraft)[0]) == 1
+    findings, (row,) = side_findings(exchanged(alone, "thrust"), aircraft)
+    assert findings == []
+    assert row[2][-2:] == THRUSTS
+    assert "the levers move differently" in row[3]
+    back = {}
+    for name in ("engine1.throttle", "engine1.thrust"):
+        restored = np.where(signals.time > 16.0, alone[name][0], alone[name])
+        back[name] = restored
+    back = alone.with_values(back)
+    assert [f.channels for f in side_findings(exchanged(back, "thrust"), aircraft)[0]] == [THRUSTS]
+
+
+def lagged(signals, lever, lag=1.0):
+    slow = np.empty_like(lever)
+    slow[0] = lever[0]
+    for k in range(1, len(lever)):
+        slow[k] = slow[k - 1] + (lever[k] - slow[k - 1]) * signals.step / lag
+    return slow
+
+
+def two_engines(signals, levers, speeds):
+    """Return the record with nothing of its engines but two levers and two speeds."""
+    bare = signals.without([name for name in signals.values if name.startswith("engine")])
+    changed = {}
+    for number in (1, 2):
+        changed[f"engine{number}.throttle"] = levers[number - 1]
+        changed[f"engine{number}.n1"] = speeds[number - 1]
+    return bare.with_values(changed)
+
+
+@pytest.mark.parametrize("split", [0.1, 0.2, 0.3, 0.5])
+@pytest.mark.parametrize("power", [1.0, 0.6])
+def test_levers_that_move_together_and_split_for_a_while(signals, aircraft, split, power):
+    """Both engines follow both levers; the differences show the own one."""
+    part = (signals.time - signals.time[0]) / np.ptp(signals.time)
+    base = np.select([part < 0.2, part < 0.8], [0.1, 0.9], 0.3)
+    levers = base, base - split * ((part > 0.4) & (part < 0.6))
+    noise = np.random.default_rng(1).standard_normal((2, part.size))
+    speeds = [
+        0.3 + 0.7 * lagged(signals, u) ** power + 0.002 * e
+        for u, e in zip(levers, noise, strict=True)
+    ]
+    right = two_engines(signals, levers, speeds)
+    assert side_findings(right, aircraft) == ([], [])
+    (finding,), _ = side_findings(exchanged(right, "n1"), aircraft)
+    assert finding.channels == ("engine1.n1", "engine2.n1")
+
+
+def test_a_failure_next_to_an_engine_that_stays_flat_is_no_exchange(signals, aircraft):
+    """Engine 1 fails, lever 2 moves at once, and the speed of engine 2 is at its limit."""
+    lever = np.full(signals.time.shape, 0.9)
+    instant = signals.time[0] + 10.0
+    failed = 0.3 + 0.7 * lagged(signals, np.where(signals.time < instant, 0.9, 0.0))
+    levers = lever, np.where(signals.time < instant, 0.9, 0.7)
+    flown = two_engines(signals, levers, (failed, np.full(lever.shape, 0.97)))
+    findings, ((_, _, _, reason),) = side_findings(flown, aircraft)
+    assert findings == []
+    assert "when an engine fails or is at its limit" in reason
 
 
 def test_a_failure_that_no_lever_made_is_no_exchange(signals, aircraft):
@@ -169,6 +229,33 @@ def test_an_engine_that_is_cut_off_has_the_lower_output(signals, aircraft):
     assert "engine 2 is cut off and engine 1 is not" in finding.text
 
 
+def test_a_cutoff_of_the_other_sense_is_named(signals, aircraft):
+    """A fuel lever recorded as 1 when open looks like exchanged speeds."""
+    ones = np.ones_like(signals.time)
+    flown = two_engines(signals, (0.8 * ones, 0.8 * ones), (0.9 * ones, 0.08 * ones))
+    flown = flown.with_values({"engine1.cutoff": ones, "engine2.cutoff": 0.0 * ones})
+    (finding,), _ = side_findings(flown, aircraft)
+    assert "engine1.cutoff and engine2.cutoff are 1 for an engine that runs" in finding.text
+    assert "sign = -1, offset = 1" in finding.remedy
+    # the remedy corrects it
+    corrected = {name: 1.0 - flown[name] for name in ("engine1.cutoff", "engine2.cutoff")}
+    assert side_findings(flown.with_values(corrected), aircraft) == ([], [])
+
+
+def test_cutoffs_that_contradict_the_levers_are_turned(signals, aircraft):
+    """Engine 1 goes to a low speed by its own lever, while engine 2 is recorded as cut off."""
+    lever = np.where(signals.time < signals.time[0] + 5.0, 0.9, 0.0)
+    ones = np.ones_like(lever)
+    flown = two_engines(signals, (lever, 0.9 * ones), (0.02 + lagged(signals, lever), 0.9 * ones))
+    cut = {"engine1.cutoff": 0.0 * ones, "engine2.cutoff": np.where(lever > 0.0, 0.0, 1.0)}
+    flown = flown.with_values(cut)
+    (finding,), unchecked = side_findings(flown, aircraft)
+    assert finding.channels == ("engine1.cutoff", "engine2.cutoff")
+    assert "engine1.n1 follows engine1.throttle" in finding.text
+    assert unchecked == []
+    assert side_findings(exchanged(flown, "cutoff"), aircraft) == ([], [])
+
+
 def test_levers_that_move_together_show_no_side(signals, aircraft):
     findings, ((name, _, channels, reason),) = side_findings(signals, aircraft)
     assert findings == []
@@ -182,26 +269,71 @@ def test_levers_that_move_together_show_no_side(signals, aircraft):
 FLOWS = ("engine1.fuel_flow", "engine2.fuel_flow")
 
 
-def burning(signals, factor):
-    """Return a record that burns 0.1 kg/s by its mass, and a recorded flow of a factor of it."""
+def burning(signals, factor, fuel=None):
+    """Return a record that burns 0.1 kg/s by its mass, and a recorded flow of a factor of it.
+
+    The fuel on board falls by `fuel` times the true flow.
+    """
+    burned = 0.1 * (signals.time - signals.time[0])
     flow = 0.05 + 0.0 * signals.time
-    mass = 3000.0 - 0.1 * (signals.time - signals.time[0])
-    channels = {**dict.fromkeys(FLOWS, factor * flow), "mass": mass}
+    channels = {**dict.fromkeys(FLOWS, factor * flow), "mass": 3000.0 - burned}
+    if fuel is not None:
+        channels["fuel"] = 1000.0 - fuel * burned
+        signals.good.setdefault("fuel", np.ones(burned.shape, bool))
     return signals.with_values(channels)
 
 
 @pytest.mark.parametrize(
-    ("factor", "words"),
-    [(1.0, ""), (1.5, ""), (2.2046, "lb/h taken as kg/h"), (0.4536, "kg/h taken as lb/h")],
+    ("factor", "severity", "words"),
+    [
+        (1.0, "", ""),
+        (1.35, "", ""),
+        (2.2046, "error", "lb/h taken as kg/h"),
+        (0.4536, "error", "kg/h taken as lb/h"),
+        (1.5, "warning", "0.7 to 1.4 are usual"),
+        (2.0, "warning", "as if each column held the flow of 2 engines"),
+        (0.5, "warning", "as if the columns held 1/2 of the flow"),
+        (60.0, "warning", "in kg/min and taken as kg/s"),
+        (3600.0, "warning", "in kg/h and taken as kg/s"),
+        (1.0 / 3600.0, "warning", "in kg/s and taken as kg/h"),
+        (0.1668, "warning", "in US gal/h and taken as lb/h"),
+        (6.7, "warning", "in lb/h and taken as US gal/h"),
+        (2.2046 * 3600.0, "warning", "in lb/h and taken as kg/s"),
+    ],
 )
-def test_fuel_flow_against_the_change_of_mass(signals, aircraft, factor, words):
+def test_fuel_flow_against_the_change_of_mass(signals, aircraft, factor, severity, words):
     findings, unchecked = fuel_findings(burning(signals, factor), aircraft)
     assert unchecked == []
-    assert len(findings) == bool(words)
+    assert [finding.severity for finding in findings] == [severity][: bool(words)]
     for finding in findings:
         assert finding.channels == FLOWS
-        assert (finding.severity, finding.kind) == ("error", "unit")
         assert words in finding.text
+        assert "(standard error " in finding.text
+
+
+@pytest.mark.parametrize(
+    ("fuel", "words"),
+    [
+        (2.2046, "or fuel in lb and taken as kg; the flow agrees with mass"),
+        (0.4536, "or fuel in kg and taken as lb; the flow agrees with mass"),
+        (0.5, "or fuel were that of one tank of 2; the flow agrees with mass"),
+    ],
+)
+def test_a_flow_that_the_mass_confirms_is_not_blamed_alone(signals, aircraft, fuel, words):
+    (finding,), _ = fuel_findings(burning(signals, 1.0, fuel), aircraft)
+    assert (finding.severity, finding.channels) == ("warning", ("fuel", *FLOWS))
+    assert words in finding.text
+
+
+def test_fuel_on_board_alone_leaves_both_sides_open(signals, aircraft):
+    """Nothing else shows whether the flow or the fuel is in another unit."""
+    alone = burning(signals, 1.0, 2.2046).without(["mass"])
+    (finding,), _ = fuel_findings(alone, aircraft)
+    assert (finding.severity, finding.channels) == ("warning", (*FLOWS, "fuel"))
+    assert "in kg/h and taken as lb/h, or fuel in lb and taken as kg" in finding.text
+    # two quantities that agree blame the flow
+    (finding,), _ = fuel_findings(burning(signals, 2.2046, 1.0), aircraft)
+    assert (finding.severity, finding.channels) == ("error", FLOWS)
 
 
 @pytest.mark.parametrize(("factor", "count"), [(1.0, 0), (2.2046, 2)])
