@@ -37,6 +37,7 @@ RUNAWAY = 1.5  # error over movement of an output beyond which the motion runs a
 # Standard deviation of an output over its white noise: a smaller one is not a movement. At this
 # limit a model without error explains 56 % of the variance, just more than POOR.
 _CLEAR = 1.5
+_STILL = 1e-3  # [SI] standard deviation of an output at rest whose record has no noise
 PULLED = 3.0  # prior standard errors by which an estimate may depart before it is reported
 
 
@@ -62,17 +63,19 @@ class FitJobResult(PrintedResult):
     def explained(self) -> xr.DataArray:
         """Share of the variance of each output that the model explains, (manoeuvre, output).
 
-        NaN for an output at rest, which has no movement to explain.
+        NaN for an output that neither the record nor the model moves: there is nothing to explain.
         """
         names = list(self.fit.residuals[0].data_vars)
         # one minus the mean square of the residual over that of the output about its mean
         shares = np.full((len(self.records), len(names)), np.nan)
         for k, (record, residual) in enumerate(zip(self.records, self.fit.residuals)):
             for j, name in enumerate(names):
-                if not _is_moving(record[name].values):
-                    continue
-                variation = ((record[name] - record[name].mean()) ** 2).sum()
-                shares[k, j] = 1.0 - float((residual[name] ** 2).sum() / variation)
+                measured, left = record[name].values, residual[name].values
+                variation = np.var(measured)
+                if max(variation, np.var(measured - left)) > _rest_level(measured) ** 2:
+                    # the error of a constant record has no share of its movement
+                    with np.errstate(divide="ignore"):
+                        shares[k, j] = 1.0 - np.mean(left**2) / variation
         return xr.DataArray(
             shares,
             {"manoeuvre": np.arange(1, len(shares) + 1), "output": names},
@@ -118,8 +121,8 @@ class FitJobResult(PrintedResult):
         """Return a line for every record with outputs that the model does not reproduce.
 
         The error of the model is there more than `RUNAWAY` times the movement of the output.
-        Simulated over the window, the motion runs away from the flight.  An output at rest is not
-        listed: any small offset is many times its movement.
+        Simulated over the window, the motion runs away from the flight.  An output at rest in
+        record and model is not listed: any small offset is many times its movement.
         """
         lines = []
         for k, row in enumerate(self.explained.values, 1):
@@ -136,11 +139,12 @@ class FitJobResult(PrintedResult):
     @staticmethod
     def _unreproduced(name: str, share: float) -> str:
         """Return the words for an output whose error is clearly larger than its movement."""
-        times = _error_ratio(share)
+        size = f"its error is {_error_ratio(share):.2g} times the movement of {name}"
+        if np.isinf(share):
+            size = f"the model moves {name}, and the record holds it constant"
         return (
-            f"{name}: the model does not reproduce the record: its error is {times:.2g} times the "
-            f"movement of {name}; free more parameters (lift, drag and trim), shorten the window, "
-            f"or check mass, thrust and units"
+            f"{name}: the model does not reproduce the record: {size}; free more parameters (lift, "
+            f"drag and trim), shorten the window, or check the channel, mass, thrust and units"
         )
 
     def report_lines(self) -> list[str]:
@@ -188,15 +192,14 @@ class FitJobResult(PrintedResult):
         return unplaced
 
 
-def _is_moving(samples: np.ndarray) -> bool:
-    """Return whether an output moves by more than its noise, and than its last recorded digit."""
+def _rest_level(samples: np.ndarray) -> float:
+    """Return the standard deviation up to which an output is at rest. [SI]"""
     steps = np.abs(np.diff(samples))
-    steps = steps[steps > 0.0]
-    if not steps.size:
-        return False
-    # A channel at rest between two digits changes from one to the other.
-    still = max(_CLEAR * estimate_white_noise(samples), float(steps.min()))
-    return float(np.std(samples)) > still
+    # A channel at rest between two recorded digits changes from one to the other.
+    digit = np.min(steps, where=steps > 0.0, initial=np.inf)
+    if not np.isfinite(digit):
+        return _STILL
+    return max(_CLEAR * estimate_white_noise(samples), float(digit), _STILL)
 
 
 def _error_ratio(share: float) -> float:
@@ -210,7 +213,7 @@ def explained_text(share: float) -> str:
     Parameters
     ----------
     share : float
-        NaN for an output that does not move.
+        NaN for an output at rest in record and model.
 
     Examples
     --------

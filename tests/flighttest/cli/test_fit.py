@@ -257,8 +257,8 @@ def test_a_model_that_does_not_explain_the_record_is_reported(folder):
         FIT.replace('"term.Cm.basic" = {}', '"term.Cm.basic" = { sigma = 0.001 }')
     )
     text = call(replaced(folder, other)).stdout
-    assert "! record 1, q: the model explains" in text
-    assert "a term is missing, or the record is wrong" in text
+    assert "! record 1, q: the model does not reproduce the record" in text
+    assert "check the channel, mass, thrust and units" in text
     assert "term.Cm.basic lies" in text  # from what was known before
 
 
@@ -445,6 +445,12 @@ def test_an_output_at_rest_does_not_run_away():
     assert result.remarks == []
     assert [line.split()[-1] for line in result.report_lines()[-4:]] == [*["rest"] * 3, "98.9%"]
     assert np.isnan(result.explained.sel(output="h"))
+    # a model that moves a channel which the record holds is not at rest
+    residual["phi"] = record["phi"] - 0.1 * np.sin(t)
+    residual["h"] = record["h"] - 3.0 * t
+    (line,) = fit_with_residual(record, residual).unreproduced()
+    assert line.count("does not reproduce") == 2
+    assert "the model moves h, and the record holds it constant" in line
 
 
 def test_an_error_as_large_as_the_movement_is_unexplained_and_does_not_run_away():
