@@ -71,7 +71,8 @@ class FitJobResult(PrintedResult):
         for k, (record, residual) in enumerate(zip(self.records, self.fit.residuals)):
             for j, name in enumerate(names):
                 measured, left = record[name].values, residual[name].values
-                variation = np.var(measured)
+                # the mean of equal samples differs from them by rounding
+                variation = np.var(measured) if np.ptp(measured) > 0.0 else 0.0
                 if max(variation, np.var(measured - left)) > _rest_level(measured) ** 2:
                     # the error of a constant record has no share of its movement
                     with np.errstate(divide="ignore"):
