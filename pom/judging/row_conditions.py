@@ -45,7 +45,7 @@ from pom.tolerances.stated_conditions import (
 _STEP = 0.1  # of the travel of gear and speed brake
 _POWER_STEP = 0.05  # of the largest value in the window
 _COLUMN = 0.01  # [m]
-_SMALL = 0.25  # share of a limit below: a phugoid at high speed needs 0.5 deg of elevator
+_SMALL = 0.25  # share of the limits below: smaller movements are a trim that the pilot holds
 _HANDS = {
     **dict.fromkeys(("delta_e", "delta_a", "delta_r", "wheel"), MOVED),
     **dict.fromkeys(("column", "pedal"), _COLUMN),

@@ -144,15 +144,7 @@ def find_movement(
 def sample_noise(samples: np.ndarray) -> float:
     """Return the standard deviation of the noise of a channel that rests most of the time.
 
-    Parameters
-    ----------
-    samples : array (time,)
-        At least two, without NaN.
-
-    Returns
-    -------
-    float
-        In the unit of the channel.
+    The channel (time,) has at least two samples and no NaN. [unit of the channel]
     """
     # The difference of two samples has sqrt(2) times their noise.
     return _SIGMA_OF_MEDIAN * float(np.median(np.abs(np.diff(samples)))) / np.sqrt(2.0)
