@@ -155,14 +155,15 @@ class Point:
 
     @property
     def remarks(self) -> list[str]:
-        """What the trim has in place of a missing rudder, and what it leaves, in words."""
+        """Bank that balances the flight, and accelerations that the trim leaves, in words."""
         texts = []
         bank = float(np.degrees(self["phi"] - self.parameter("init.phi")))
         if self.parameter("init.phi_range") > 0.0 and abs(bank) >= _SHOWN_BANK:
-            texts.append(
-                f"the database has no term of the rudder, such as Cn/rudder: a bank of "
-                f"{bank:.2f} deg balances the flight"
-            )
+            text = f"a bank of {bank:.2f} deg balances the flight"
+            # The condition may allow a bank of a flight with a rudder, too.
+            if "delta_r" in self.compiled.missing_terms:
+                text = f"the database has no term of the rudder, such as Cn/rudder: {text}"
+            texts.append(text)
         letters = self.remaining(STATED)
         if letters:
             rates = describe_accelerations(self.trimmed, letters)

@@ -74,8 +74,11 @@ def _output_chart(
     """Return the chart of a measured output with the fitted one."""
     measured = record[name].values
     fitted = measured - residual[name].values
+    words = explained_text(share)
+    if np.isfinite(share):
+        words = f"{words} explained"
     return {
-        "title": f"{name}: {lookup(name).long_name}, {explained_text(share)} explained",
+        "title": f"{name}: {lookup(name).long_name}, {words}",
         "svg": _draw_signals(record["time"].values, [measured, fitted], name),
     }
 

@@ -17,7 +17,7 @@ from flightmech.errors import UnknownName
 from pom.cases.case import PomCase
 from pom.cases.case_facts import REVERSIBLE
 from pom.cases.case_file import FORCES
-from pom.cases.drafting.event_detection import POWER, input_channels
+from pom.cases.drafting.event_detection import NOISE, POWER, input_channels, sample_noise
 from pom.judging.condition_checks import (
     CHECKS,
     CONFIGURATION_CHECKS,
@@ -45,14 +45,21 @@ from pom.tolerances.stated_conditions import (
 _STEP = 0.1  # of the travel of gear and speed brake
 _POWER_STEP = 0.05  # of the largest value in the window
 _COLUMN = 0.01  # [m]
-_MOVES = {
+_SMALL = 0.25  # share of the limits below: smaller movements are a trim that the pilot holds
+_HANDS = {
     **dict.fromkeys(("delta_e", "delta_a", "delta_r", "wheel"), MOVED),
     **dict.fromkeys(("column", "pedal"), _COLUMN),
     **{"F_wheel" if name == "F_rim" else name: limit for name, limit in FORCED.items()},
+}
+"""Change of a control in a window that is an input even if its channel is noisy. [SI]  Our numbers.
+
+A smaller change is an input beyond six standard deviations of the noise and a share `_SMALL`.
+"""
+_DEVICES = {
     **dict.fromkeys(("gear", "speedbrake"), _STEP),
     **dict.fromkeys(("delta_f", "delta_s"), FLAPS_OUT),
 }
-"""Change of a control in a window that is an input of the test. [SI]  Our numbers."""
+"""Change of a device in a window that is an input of the test. [SI]  Our numbers."""
 
 
 def _check_input(flown: FlownCase) -> str:
@@ -71,12 +78,15 @@ def _check_input(flown: FlownCase) -> str:
                 continue
             values = np.asarray(flown.flight[name], float)
             values = values[np.isfinite(values)]
-            if not values.size:
+            if values.size < 2:
                 continue
             width = max(1, round(SMOOTH / float(np.median(np.diff(flown.flight.time)))))
             # the mean keeps the noise of a pick-up from being a movement
             smooth = scipy.ndimage.uniform_filter1d(values, width, mode="nearest")
-            least = _MOVES.get(control, _POWER_STEP * max(float(np.abs(smooth).max()), 1e-9))
+            least = _DEVICES.get(control, _POWER_STEP * max(float(np.abs(smooth).max()), 1e-9))
+            if control in _HANDS:
+                most = _HANDS[control]
+                least = float(np.clip(NOISE * sample_noise(values), _SMALL * most, most))
             largest[name] = float(np.ptp(smooth))
             if largest[name] > least:
                 return ""

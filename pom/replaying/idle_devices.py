@@ -42,8 +42,9 @@ def idle_devices(case: PomCase, states: xr.Dataset | None, variables: Container[
         if name in case.conditions:
             setting = float(case.conditions[name])
         elif states is not None and name in states:
+            # lost samples are NaN and hide no setting
             values = np.abs(np.asarray(states[name].values, float))
-            setting = float(np.max(values, initial=0.0))
+            setting = float(np.nanmax(values, initial=0.0))
         else:
             continue
         shown, least = f"at {setting:.2g}", _SHARE

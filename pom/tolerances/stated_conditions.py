@@ -103,8 +103,10 @@ _ALL = (
         "input",
         "the control of the test moves",
         "largest change in the window of a recorded control of the test, means over 0.3 s: more "
-        "than 1 deg of a surface or wheel, 2 deg of the flaps, 1 cm of column or pedal, the forces "
-        "of the static rows, 10 % of the travel of gear and speed brake, or 5 % of the power",
+        "than six standard deviations of the noise and 0.25 deg of a surface or wheel, 2.5 mm of "
+        "column or pedal, or a quarter of the forces of the static rows; in a noisy channel four "
+        "times these values are enough; more than 2 deg of the flaps, 10 % of the travel of gear "
+        "and speed brake, or 5 % of the power",
     ),
     StatedCondition("power_setting", "maximum continuous thrust, or idle"),
     StatedCondition(

@@ -13,6 +13,7 @@ import scipy
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
+from flighttest.records.signals.white_noise import estimate_white_noise
 from flighttest.submodels.control_loading.loading import FORCES, ControlLoading
 
 # Time at rest before a pulse or release. [s]
@@ -330,9 +331,3 @@ def _crossing(x: np.ndarray) -> np.ndarray:
 def _next_to(between: np.ndarray) -> np.ndarray:
     """Return the samples next to an event between two samples."""
     return np.append(between, False) | np.append(False, between)
-
-
-def estimate_white_noise(x: np.ndarray) -> float:
-    """Return the standard deviation of white noise on a slow signal, from fourth differences."""
-    # 0.6745 is the median of |x| of a normal distribution, and 70 is 1 + 16 + 36 + 16 + 1.
-    return float(np.median(np.abs(np.diff(x, 4))) / 0.6745 / np.sqrt(70.0))

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
+from flighttest.records.signals.white_noise import estimate_white_noise
 from flighttest.submodels.control_loading.joint_fit import RecordEquations, stretch_lengths
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import (
     LEAST_RATE,
     NEUTRAL,
     control_signals,
-    estimate_white_noise,
     force_regressors,
     has_force_jump,
     is_sliding,

@@ -27,7 +27,7 @@ from flighttest.reconstruction.dynamics.force_coefficients import smooth_states
 from flighttest.reconstruction.dynamics.loads import external_load
 from flighttest.reconstruction.flight_path import FlightPath
 from flighttest.records.signals.differentiation import derivative
-from flighttest.submodels.control_loading.motion import estimate_white_noise
+from flighttest.records.signals.white_noise import estimate_white_noise
 from flighttest.submodels.landing_gear.wheel_positions import (
     ContactPoints,
     _centre_of_gravity,

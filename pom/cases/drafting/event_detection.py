@@ -141,14 +141,22 @@ def find_movement(
     return None
 
 
+def sample_noise(samples: np.ndarray) -> float:
+    """Return the standard deviation of the noise of a channel that rests most of the time.
+
+    The channel (time,) has at least two samples and no NaN. [unit of the channel]
+    """
+    # The difference of two samples has sqrt(2) times their noise.
+    return _SIGMA_OF_MEDIAN * float(np.median(np.abs(np.diff(samples)))) / np.sqrt(2.0)
+
+
 def _measure_movement(time: np.ndarray, y: np.ndarray) -> tuple[float, float, float] | None:
     """Return start and end [s] of the movement of a channel, and its excursion over its noise."""
     if time.size < _LEAST_SAMPLES:
         return None
     before = float(np.median(y[time <= time[0] + QUIET_LEAD]))
     after = float(np.median(y[time >= time[-1] - QUIET_LEAD]))
-    # The difference of two samples has sqrt(2) times their noise.
-    noise = _SIGMA_OF_MEDIAN * float(np.median(np.abs(np.diff(y)))) / np.sqrt(2.0)
+    noise = sample_noise(y)
     excursion = float(np.max(np.abs(y - before)))
     if min(excursion, float(np.max(np.abs(y - after)))) <= max(NOISE * noise, 1e-9):
         return None

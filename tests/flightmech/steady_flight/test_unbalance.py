@@ -39,6 +39,14 @@ def test_a_bank_balances_a_yawing_moment_without_a_rudder(plain_aircraft, rudder
     assert "no term of the rudder, such as Cn/rudder: a bank of" in remark
 
 
+def test_a_bank_of_a_flight_with_a_rudder_blames_no_missing_term(plain_aircraft, plain_tree):
+    banked = {**LEVEL, "bias.Cn": 1e-3, "init.phi_range": 0.05}
+    point = trimmed_at(plain_aircraft(), plain_tree(), banked)
+    assert point.compiled.missing_terms == {}
+    (remark,) = point.remarks
+    assert re.fullmatch(r"a bank of -?\d\.\d\d deg balances the flight", remark)
+
+
 def test_a_flight_with_level_wings_names_axis_and_term(plain_aircraft, rudderless):
     with pytest.raises(SimulationError, match=r"v_dot .* m/s2, .*r_dot .* rad/s2 remain") as error:
         trimmed_at(plain_aircraft(), rudderless, {**LEVEL, "bias.Cn": 1e-3, "phi": 0.0})

@@ -257,8 +257,8 @@ def test_a_model_that_does_not_explain_the_record_is_reported(folder):
         FIT.replace('"term.Cm.basic" = {}', '"term.Cm.basic" = { sigma = 0.001 }')
     )
     text = call(replaced(folder, other)).stdout
-    assert "! record 1, q: the model explains" in text
-    assert "a term is missing, or the record is wrong" in text
+    assert "! record 1, q: the model does not reproduce the record" in text
+    assert "check the channel, mass, thrust and units" in text
     assert "term.Cm.basic lies" in text  # from what was known before
 
 
@@ -405,12 +405,8 @@ def test_process_noise_of_a_calm_flight_is_at_its_bound(folder):
     assert "portmanteau_probability" in saved.noise
 
 
-def test_a_motion_that_runs_away_has_no_percentage():
-    """The error of V is 8.3 times its movement: -6800 % of a movement has no meaning."""
-    t = np.linspace(0.0, 10.0, 200)
-    record = xr.Dataset({"V": ("time", np.sin(t)), "q": ("time", np.sin(t))}, {"time": t})
-    moved = float(np.std(np.sin(t)))
-    residual = record.assign(V=("time", np.full(200, 8.3 * moved)), q=0.1 * record["q"])
+def fit_with_residual(record, residual):
+    """Return the result of a fit without parameters that leaves a residual."""
     nothing = ("parameter", np.zeros(0))
     estimates = xr.Dataset(
         {"estimate": nothing, "start": nothing, "prior_stderr": nothing},
@@ -418,9 +414,49 @@ def test_a_motion_that_runs_away_has_no_percentage():
         {"method": "output error"},
     )
     fit = SimpleNamespace(residuals=(residual,), estimates=estimates, report=lambda: "estimates")
-    result = FitJobResult(SimpleNamespace(title=""), None, (record,), fit)
+    return FitJobResult(SimpleNamespace(title=""), None, (record,), fit)
+
+
+def test_a_motion_that_runs_away_has_no_percentage():
+    """The error of V is 8.3 times its movement: -6800 % of a movement has no meaning."""
+    t = np.linspace(0.0, 10.0, 200)
+    record = xr.Dataset({"V": ("time", np.sin(t)), "q": ("time", np.sin(t))}, {"time": t})
+    moved = float(np.std(np.sin(t)))
+    residual = record.assign(V=("time", np.full(200, 8.3 * moved)), q=0.1 * record["q"])
+    result = fit_with_residual(record, residual)
     (line,) = result.unreproduced()
     assert line.startswith("record 1: V: the model does not reproduce the record: its error is 8.3")
     ((_, text),) = [(item.term, item.text) for item in result.remarks]
     assert "%" not in text
     assert result.report_lines()[-2:] == ["  V     none", "  q    98.9%"]
+
+
+def test_an_output_at_rest_does_not_run_away():
+    """Noise, a constant and the last digit of a recorder are not movements that a model lacks."""
+    t = np.linspace(0.0, 10.0, 200)
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(200)
+    still = {"phi": noise, "h": np.full(200, 0.3), "theta": np.where(np.sin(5.0 * t) > 0.9, 1.0, 0)}
+    record = xr.Dataset({name: ("time", x) for name, x in {**still, "p": np.sin(t)}.items()})
+    # the model holds them at values that are off by twice the noise
+    residual = record + 0.002
+    residual["p"] = 0.1 * record["p"]
+    result = fit_with_residual(record, residual)
+    assert result.unreproduced() == []
+    assert result.remarks == []
+    assert [line.split()[-1] for line in result.report_lines()[-4:]] == [*["rest"] * 3, "98.9%"]
+    assert np.isnan(result.explained.sel(output="h"))
+    # a model that moves a channel which the record holds is not at rest
+    residual["phi"] = record["phi"] - 0.1 * np.sin(t)
+    residual["h"] = record["h"] - 3.0 * t
+    (line,) = fit_with_residual(record, residual).unreproduced()
+    assert line.count("does not reproduce") == 2
+    assert "the model moves h, and the record holds it constant" in line
+
+
+def test_an_error_as_large_as_the_movement_is_unexplained_and_does_not_run_away():
+    """A model that holds an output constant explains nothing; its error is the movement itself."""
+    record = xr.Dataset({"p": ("time", np.sin(np.linspace(0.0, 10.0, 200)))})
+    result = fit_with_residual(record, 1.2 * record)
+    assert result.unreproduced() == []
+    (remark,) = result.remarks
+    assert "p: the model explains none of its movement; a term is missing" in remark.text

@@ -273,3 +273,9 @@ def test_a_recorded_device_without_a_term_is_named(case, lag_states):
     # retracted, and the zero of a sensor
     nearly = lag_states.assign(delta_f=0.0 * lag_states["q"] + 0.005)
     assert idle_remarks(case, nearly, ["alpha"]) == ()
+    # a lost sample hides no setting, and a channel without any sample states none
+    lost = lag_states.assign(delta_f=0.0 * lag_states["q"] + 0.2)
+    lost["delta_f"][3] = np.nan
+    (remark,) = idle_remarks(case, lost, ["alpha"])
+    assert remark.text.startswith("flaps at 11.5 deg without effect")
+    assert idle_remarks(case, lost.assign(delta_f=np.nan * lost["q"]), ["alpha"]) == ()

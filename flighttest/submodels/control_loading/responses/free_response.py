@@ -13,11 +13,11 @@ import numpy as np
 import xarray as xr
 
 from flightmech.units import G0
+from flighttest.records.signals.white_noise import estimate_white_noise
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import (
     REST,
     control_signals,
-    estimate_white_noise,
     free_motion_windows,
     has_force_jump,
     loading_channels,
