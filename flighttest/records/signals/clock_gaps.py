@@ -10,11 +10,12 @@ import numpy as np
 from flightmech.errors import OutOfRange
 from flighttest.records.signals.resampling import GAP
 
-BRIDGED = 0.5
+BRIDGED = 0.5443
 """Longest gap that interpolation bridges; our number. [s]
 
-Rates and attitude of an aeroplane hardly change their course in less. In more, an input of the
-pilot can begin and end.
+Rates and attitude of an aeroplane hardly change their course in half a second. In more, an input of
+the pilot can begin and end. The number is no multiple of a usual step of a recorder, so that the
+rounding of a clock does not decide.
 """
 SHORTEST_STRETCH = 1.0
 """Shortest stretch next to a gap that is used; a shorter one shows no motion. [s]"""

@@ -50,3 +50,15 @@ def test_a_window_of_gaps_alone_names_the_first_one():
         split_at_gaps([(4.5, 9.2)], gaps)
     # a window that ends where a gap begins does not contain it
     assert gaps_in((0.0, 4.95), gaps) == []
+
+
+@pytest.mark.parametrize(("rate", "lost"), [(5.0, 2), (50.0, 24), (100.0, 49), (20.0, 10)])
+def test_rounding_does_not_decide_about_a_gap(rate, lost):
+    """Lost samples make whole multiples of a step: the limits lie between them."""
+    grid = np.arange(0.0, 20.0, 1.0 / rate)
+    found = set()
+    for shift in (0.0, 0.1, 1e3 / 3.0, 86400.0):
+        for first in range(10, 40):
+            time = shift + np.delete(grid, np.arange(first, first + lost))
+            found.add(len(clock_gaps(time)))
+    assert len(found) == 1
