@@ -49,3 +49,9 @@ def test_cases_across_a_gap_of_the_states_are_not_diagnosed():
     # gaps that are bridged, and those of other channels
     others = [gap._replace(stop=40.2), gap._replace(channels=("V",)), gap._replace(kind="held")]
     assert unflown_cases([CASE], {"slow": others}) == {}
+
+
+def test_blank_cells_of_the_inertial_unit_end_the_states_as_lost_rows_do():
+    blank = SampleFault(("q",), "missing", 40.0, 41.95)
+    assert list(unflown_cases([CASE], {"slow": [blank]})) == ["phugoid"]
+    assert unflown_cases([CASE], {"slow": [blank._replace(channels=("V",))]}) == {}

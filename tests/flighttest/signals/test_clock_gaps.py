@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from flightmech.errors import OutOfRange
+from flightmech.errors import OutOfRange, SchemaError
 from flighttest.records.sensors.instruments import IMU
-from flighttest.records.sensors.measurements import order_windows
+from flighttest.records.sensors.measurements import MeasuredChannels, order_windows
 from flighttest.records.signals.clock_gaps import clock_gaps, gaps_in, split_at_gaps
 
 CLOCK = np.arange(0.0, 20.0, 0.05)
@@ -42,6 +42,23 @@ def test_the_windows_of_a_reconstruction_end_at_gaps():
     windows = [(0.0, 3.0), (4.0, 12.0)]
     assert np.allclose(order_windows(record, windows), [(0.0, 3.0), (9.0, 12.0)])
     assert order_windows(record_at(CLOCK), None) == [(0.0, CLOCK[-1])]
+
+
+def test_blank_cells_of_the_inertial_unit_are_a_gap():
+    """A recorder without samples leaves rows out, or leaves their cells blank."""
+    data = record_at(CLOCK)["imu"].to_dataset()
+    lost = (CLOCK > 6.01) & (CLOCK < 7.99)
+    blank = data.where(xr.DataArray(~lost, dims="time"))
+    record = xr.DataTree.from_dict({"/imu": blank})
+    windows = order_windows(record, None)
+    assert np.allclose(windows, [(0.0, 6.0), (8.0, 19.95)])
+    channels = MeasuredChannels(record, windows)
+    assert all(np.isfinite(channels.get(name)[1]).all() for name in (*IMU, "phi", "theta"))
+    # one blank channel is a fault of this channel
+    record = xr.DataTree.from_dict({"/imu": data.assign(q=blank["q"])})
+    channels = MeasuredChannels(record, order_windows(record, None))
+    with pytest.raises(SchemaError, match="imu/q: 39 NaN samples"):
+        channels.get("q")
 
 
 def test_a_window_of_gaps_alone_names_the_first_one():
