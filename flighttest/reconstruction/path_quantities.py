@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,17 @@ from flighttest.reconstruction.problem.problem import body_rates, specific_force
 from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.sensors.measurements import MEASURED, lies_in_windows, without_blanks
+from flighttest.records.signals.clock_gaps import sample_gaps
 from flighttest.records.signals.conditioning import SLOW, demand_numbers
 from flighttest.records.signals.resampling import resample_to_grid
 
 # Channels of the record that the reconstructed quantities replace.
 _RAW = {*MEASURED, *IMU, "V_eas", "h_baro", "north", "east", *SLOW}
+CHANNEL_GAPS = "channel_gaps"
+"""Attribute of states: gaps of recorded controls and devices, as JSON. [s]
+
+A line bridges them in the states.
+"""
 _LEAST_SPEED = 1e-6  # m/s, keeps the sideslip angle finite at rest
 _LEAST_REDUCING_SPEED = 1.0  # m/s, in reduced rates
 _FEW_GAUGINGS = 10  # of the mass, up to which its mean is taken instead of a straight line
@@ -56,8 +63,20 @@ def solution_states(
         "spikes": "; ".join(setup.spikes),
         "manoeuvres": str(record.attrs.get("manoeuvres", "[]")),
         "gusts": gusts,
+        CHANNEL_GAPS: json.dumps(_channel_gaps(record)),
     }
     return states
+
+
+def _channel_gaps(record: xr.DataTree) -> dict[str, list[tuple[float, float]]]:
+    """Return start and end of every gap by channel, of recorded channels of the states. [s]"""
+    gaps = {}
+    for node in record.children.values():
+        data = node.to_dataset()
+        for name in map(str, data.data_vars):
+            if name not in _RAW and (found := sample_gaps(data, [name])):
+                gaps[name] = found
+    return gaps
 
 
 def path_columns(

@@ -14,9 +14,11 @@ import flighttest
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError
 from flightmech.names import WRAPPED
+from flighttest.reconstruction.path_quantities import CHANNEL_GAPS
 from flighttest.records.signals.clock_gaps import clock_gaps, gap_text, gaps_in
 from pom.cases.case import PomCase
 from pom.cases.case_file import WIND
+from pom.cases.drive_gaps import drive_gaps
 
 CALIBRATION = "calibration"  # attribute of flight states and of the signals of a result: JSON
 RECORD_SPAN = "record_span"  # attribute of flight states: start and end of their record [s]
@@ -95,13 +97,14 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
 
 
 def refusal_of(case: PomCase, record: xr.Dataset) -> str:
-    """Return why no model can fly a case: a gap of the clock in its window; empty without one.
+    """Return why no model can fly a case: a gap of states or inputs; empty without one.
 
     Parameters
     ----------
     case : PomCase
     record : Dataset (time,)
-        States of the whole record. [SI]
+        States of the whole record. [SI] Their attribute ``channel_gaps`` gives the gaps of recorded
+        channels.  A gap counts in the window, and for channels that drive the case.
     """
     time = np.asarray(record["time"].values, float)
     if time.size < 2:
@@ -110,10 +113,19 @@ def refusal_of(case: PomCase, record: xr.Dataset) -> str:
     step = float(np.median(np.diff(time)))
     inner = (case.window[0] + step, case.window[1] - step)
     gaps = gaps_in(inner, clock_gaps(time))
-    if not gaps:
+    text = ""
+    if gaps:
+        text = gap_text(gaps[0])
+    else:
+        # other channels may have a clock of their own
+        by_channel = json.loads(record.attrs.get(CHANNEL_GAPS, "{}"))
+        for gap, channels in drive_gaps(case, inner, by_channel).items():
+            text = f"{gap_text(gap)} of {', '.join(channels)}"
+            break
+    if not text:
         return ""
     return (
-        f"not flown: record {Path(case.record).stem} has {gap_text(gaps[0])}, inside the window "
+        f"not flown: record {Path(case.record).stem} has {text}, inside the window "
         f"{case.window[0]:g} ... {case.window[1]:g} s, and nothing shows the inputs in it; "
         f"{GAP_REMEDY}"
     )
