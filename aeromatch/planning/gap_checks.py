@@ -9,8 +9,7 @@ import xarray as xr
 from flighttest.records.sensors.measurements import inertial_channels
 from flighttest.records.signals.clock_gaps import gap_text, gaps_in, sample_gaps
 from pom.cases.case import PomCase
-from pom.cases.drive_gaps import drives
-from pom.cases.reference_states import GAP_REMEDY
+from pom.cases.reference_states import GAP_REMEDY, drives
 
 Spans = Sequence[tuple[float, float]]
 _MOTION = "p"

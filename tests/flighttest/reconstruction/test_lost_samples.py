@@ -9,6 +9,7 @@ import xarray as xr
 
 import flightmech
 import flighttest
+from flighttest.reconstruction.flight_programme import save_path
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
 
@@ -38,7 +39,7 @@ def test_blank_cells_of_all_channels_split_the_states(record, aircraft):
     assert all(np.isfinite(states[name].values).all() for name in states.data_vars)
 
 
-def test_states_name_the_gaps_of_their_controls(record, aircraft):
+def test_states_name_the_gaps_of_their_controls(record, aircraft, tmp_path):
     """The elevator doublet lies in the gap: the line across it hides 4 deg."""
 
     def without_rows(name, data):
@@ -46,7 +47,9 @@ def test_states_name_the_gaps_of_their_controls(record, aircraft):
         kept = (time < 5.3) | (time > 9.5) if name == "controls" else time > -1.0
         return data.isel(time=kept)
 
-    states = flighttest.reconstruct(changed(record, without_rows), aircraft).states
+    path = flighttest.reconstruct(changed(record, without_rows), aircraft)
+    save_path(path, tmp_path / "path.nc")
+    states = flighttest.dynamics.open_path(tmp_path / "path.nc", described=False).states
     assert np.diff(states["time"]).max() < 0.1
     gaps = json.loads(states.attrs["channel_gaps"])
     ((start, stop),) = gaps["delta_e"]
