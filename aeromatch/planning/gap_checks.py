@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import xarray as xr
 
-from flighttest.records.signals.clock_gaps import clock_gaps, gap_text, gaps_in
+from flighttest.records.sensors.measurements import inertial_channels
+from flighttest.records.signals.clock_gaps import gap_text, gaps_in, sample_gaps
 from pom.cases.case import PomCase
-from pom.cases.reference_states import GAP_REMEDY
+from pom.cases.reference_states import GAP_REMEDY, drives
 
 Spans = Sequence[tuple[float, float]]
 _MOTION = "p"
@@ -18,7 +19,7 @@ _MOTION = "p"
 def gap_departures(
     name: str, record: xr.DataTree, cases: Sequence[PomCase], spans: Mapping[str, Spans]
 ) -> list[str]:
-    """Return a line for every gap of a record, with what it takes from its users.
+    """Return a line for every gap of a record that takes something from its users.
 
     The match runs with gaps: a fit leaves them out, the states are reconstructed on both sides,
     and a case across one has invalid rows.
@@ -33,38 +34,42 @@ def gap_departures(
     spans : mapping of str to sequence of (float, float)
         Windows that identify something, by fit or position of a submodel. [s]
     """
+    channels: dict[tuple[float, float], list[str]] = {}
     leaves: dict[tuple[float, float], list[str]] = {}
-    moving: set[tuple[float, float]] = set()
     for leaf, node in record.children.items():
         data = node.to_dataset()
-        for gap in clock_gaps(data["time"].values):
+        names = list(map(str, data.data_vars))
+        # the windows of the reconstruction end where all inertial channels do
+        counted = inertial_channels(data) if _MOTION in data else names
+        for gap in sample_gaps(data, counted):
             leaves.setdefault(gap, []).append(str(leaf))
-            if _MOTION in data:
-                moving.add(gap)
+            channels.setdefault(gap, []).extend(names)
     lines = []
     for gap in sorted(leaves):
-        effects = _effects(gap, gap in moving, cases, spans)
+        effects = _effects(gap, channels[gap], cases, spans)
+        if not effects:
+            continue
+        if _MOTION in channels[gap]:
+            effects.insert(0, "the states are reconstructed on both sides by themselves")
         line = f"record {name}: {gap_text(gap)} ({', '.join(leaves[gap])})"
         lines.append("; ".join([line, *effects, GAP_REMEDY]))
     return lines
 
 
 def _effects(
-    gap: tuple[float, float], moving: bool, cases: Sequence[PomCase], spans: Mapping[str, Spans]
+    gap: tuple[float, float],
+    channels: Sequence[str],
+    cases: Sequence[PomCase],
+    spans: Mapping[str, Spans],
 ) -> list[str]:
-    """Return what a gap takes from the users of its record.
-
-    `moving` states whether the inertial unit has the gap, else other channels alone.
-    """
+    """Return what a gap takes from the users of its record; `channels` are those with the gap."""
     effects = []
-    if moving:
-        effects.append("the states are reconstructed on both sides by themselves")
     for case in cases:
         if not gaps_in(case.window, [gap]):
             continue
-        effect = "is not flown across it, and its rows are invalid"
-        if not moving:
-            effect = "reads these channels from a line across it"
+        effect = "reads these channels from a line across it"
+        if _MOTION in channels or any(drives(case, name) for name in channels):
+            effect = "is not flown across it, and its rows are invalid"
         effects.append(f"case {case.name} {effect}")
     for position, windows in spans.items():
         if any(gaps_in(window, [gap]) for window in windows):

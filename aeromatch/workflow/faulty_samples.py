@@ -14,6 +14,7 @@ from aeromatch.workflow.windows import (
     Spans,
     raise_problems,
 )
+from flighttest.records.sensors.instruments import IMU
 from flighttest.records.signals.clock_gaps import BRIDGED, gap_text, gaps_in
 from pom.cases.case import PomCase
 from pom.checking.case_check import SampleFault
@@ -41,6 +42,7 @@ _FAULT_WORDS = {
     "outside": "values outside the calibration of",
     "lost": "samples lost in",
 }
+_INERTIAL = frozenset((*IMU, "phi", "theta"))
 _MARGIN = 0.5  # [s] reach of the filters and derivatives behind the coefficients
 
 
@@ -136,7 +138,10 @@ def _cut_faults(
 def _ends_states(fault: SampleFault) -> bool:
     """Return whether the states are reconstructed on both sides of a fault by themselves."""
     is_long = fault.stop - fault.start > BRIDGED
-    return fault.kind == "gap" and "p" in fault.channels and is_long
+    # Blank cells end a stretch as lost rows do.  The reconstruction refuses a record in which some
+    # inertial channels alone are blank.
+    is_blank = fault.kind == "missing" and _INERTIAL.issuperset(fault.channels)
+    return is_long and (is_blank or (fault.kind == "gap" and "p" in fault.channels))
 
 
 def unflown_cases(

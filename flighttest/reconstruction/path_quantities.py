@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,18 @@ from flighttest.reconstruction.problem.output_equations import impact_static_pre
 from flighttest.reconstruction.problem.problem import body_rates, specific_force, wind_velocity
 from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.records.sensors.instruments import IMU
-from flighttest.records.sensors.measurements import MEASURED
+from flighttest.records.sensors.measurements import MEASURED, lies_in_windows, without_blanks
+from flighttest.records.signals.clock_gaps import sample_gaps
 from flighttest.records.signals.conditioning import SLOW, demand_numbers
 from flighttest.records.signals.resampling import resample_to_grid
 
 # Channels of the record that the reconstructed quantities replace.
 _RAW = {*MEASURED, *IMU, "V_eas", "h_baro", "north", "east", *SLOW}
+CHANNEL_GAPS = "channel_gaps"
+"""Attribute of states: gaps of recorded controls and devices, as JSON. [s]
+
+A line bridges them in the states.
+"""
 _LEAST_SPEED = 1e-6  # m/s, keeps the sideslip angle finite at rest
 _LEAST_REDUCING_SPEED = 1.0  # m/s, in reduced rates
 _FEW_GAUGINGS = 10  # of the mass, up to which its mean is taken instead of a straight line
@@ -56,8 +63,20 @@ def solution_states(
         "spikes": "; ".join(setup.spikes),
         "manoeuvres": str(record.attrs.get("manoeuvres", "[]")),
         "gusts": gusts,
+        CHANNEL_GAPS: json.dumps(_channel_gaps(record)),
     }
     return states
+
+
+def _channel_gaps(record: xr.DataTree) -> dict[str, list[tuple[float, float]]]:
+    """Return start and end of every gap by channel, of recorded channels of the states. [s]"""
+    gaps = {}
+    for node in record.children.values():
+        data = node.to_dataset()
+        for name in map(str, data.data_vars):
+            if name not in _RAW and (found := sample_gaps(data, [name])):
+                gaps[name] = found
+    return gaps
 
 
 def path_columns(
@@ -178,7 +197,7 @@ def _recorded_channels(
     record: xr.DataTree, grids: list[np.ndarray], excluded: set[str]
 ) -> dict[str, np.ndarray]:
     """Return controls, engine channels and all other channels on the clock of the path."""
-    start, stop = grids[0][0], grids[-1][-1]
+    windows = [(grid[0], grid[-1]) for grid in grids]
     columns = {}
     for leaf, tree in record.children.items():
         node = tree.to_dataset()
@@ -188,9 +207,10 @@ def _recorded_channels(
         clock = node.variables["time"].values
         samples = {name: node.variables[name].values for name in names}
         if not all(np.isfinite(values).all() for values in samples.values()):
-            # NaN outside the path does not matter.
-            inside = node[names].sel(time=slice(start, stop))
+            # NaN outside the windows of the path does not matter.
+            inside = node[names].isel(time=lies_in_windows(windows, clock))
             demand_numbers({leaf: inside}, "recorded inputs of a path")
+            samples = {name: without_blanks(clock, values) for name, values in samples.items()}
         for name, values in samples.items():
             pieces = [resample_to_grid(clock, values, grid, name) for grid in grids]
             columns[name] = np.concatenate(pieces)
@@ -215,9 +235,11 @@ def _mass_along(record: xr.DataTree, time: np.ndarray, default: float) -> np.nda
         line = np.polyfit(clock - clock[0], gauged, degree)
         return np.polyval(line, time - clock[0])
     # fuel burnt since the start of the record
-    flows = [engine[name].values for name in engine.data_vars if str(name).endswith("fuel_flow")]
-    flow = np.sum(flows, axis=0)
     t = engine["time"].values
+    names = [name for name in engine.data_vars if str(name).endswith("fuel_flow")]
+    # blank cells outside the windows would make every later mass NaN
+    flows = [without_blanks(t, engine[name].values) for name in names]
+    flow = np.sum(flows, axis=0)
     burnt = integrate_trapezoids(t, flow)
     # The mean over all gaugings gives the mass at the start.
     start_mass = float(np.mean(gauged + np.interp(clock, t, burnt)))
@@ -225,10 +247,12 @@ def _mass_along(record: xr.DataTree, time: np.ndarray, default: float) -> np.nda
 
 
 def _gauged_leaf(record: xr.DataTree) -> xr.Dataset | None:
-    """Return the first leaf with gauged mass."""
+    """Return the first leaf with gauged mass, without its blank cells."""
     for node in record.children.values():
         if "mass" in node.data_vars:
-            return node.to_dataset()
+            data = node.to_dataset()
+            known = np.isfinite(data["mass"].values)
+            return data.isel(time=known) if known.any() else data
     return None
 
 

@@ -14,13 +14,12 @@ import xarray as xr
 from flightmech.errors import OutOfRange, UnknownName
 from flightmech.support.figures import new_figure, to_display_quantity
 from flighttest.records.record import channel_leaves
+from flighttest.records.signals.resampling import GAP
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-GAP = 3.0
-"""Longest step between samples of one line, in median steps."""
 COLOURS = ("tab:blue", "tab:red", "tab:green", "tab:orange", "tab:purple", "tab:brown")
 MOTION = (
     ("V", "V_cas"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,13 @@ import xarray as xr
 
 import flighttest
 from flightmech.aircraft.aircraft_file import read_aircraft
+from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError
 from flightmech.names import WRAPPED
+from flighttest.reconstruction.path_quantities import CHANNEL_GAPS
 from flighttest.records.signals.clock_gaps import clock_gaps, gap_text, gaps_in
-from pom.cases.case import PomCase
-from pom.cases.case_file import WIND
+from pom.cases.case import PomCase, driven_quantities
+from pom.cases.case_file import BRAKES, WIND
 
 CALIBRATION = "calibration"  # attribute of flight states and of the signals of a result: JSON
 RECORD_SPAN = "record_span"  # attribute of flight states: start and end of their record [s]
@@ -26,6 +28,7 @@ ERROR = "error."
 The dimensions are (error, time).
 """
 GAP_REMEDY = "restore the missing samples, or choose a window before or after the gap"
+_LEVER_ENDS = (".throttle", ".pla")
 _TIME_ROUNDING = 1e-9  # [s] a sample at a bound of the window may be off by a rounding error
 
 
@@ -95,13 +98,14 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
 
 
 def refusal_of(case: PomCase, record: xr.Dataset) -> str:
-    """Return why no model can fly a case: a gap of the clock in its window; empty without one.
+    """Return why no model can fly a case: a gap of states or inputs; empty without one.
 
     Parameters
     ----------
     case : PomCase
     record : Dataset (time,)
-        States of the whole record. [SI]
+        States of the whole record. [SI] Their attribute ``channel_gaps`` gives the gaps of recorded
+        channels.  A gap counts in the window, and for channels that drive the case.
     """
     time = np.asarray(record["time"].values, float)
     if time.size < 2:
@@ -110,13 +114,64 @@ def refusal_of(case: PomCase, record: xr.Dataset) -> str:
     step = float(np.median(np.diff(time)))
     inner = (case.window[0] + step, case.window[1] - step)
     gaps = gaps_in(inner, clock_gaps(time))
-    if not gaps:
+    text = ""
+    if gaps:
+        text = gap_text(gaps[0])
+    else:
+        # other channels may have a clock of their own
+        by_channel = json.loads(record.attrs.get(CHANNEL_GAPS, "{}"))
+        for gap, channels in _drive_gaps(case, inner, by_channel).items():
+            text = f"{gap_text(gap)} of {', '.join(channels)}"
+            break
+    if not text:
         return ""
     return (
-        f"not flown: record {Path(case.record).stem} has {gap_text(gaps[0])}, inside the window "
+        f"not flown: record {Path(case.record).stem} has {text}, inside the window "
         f"{case.window[0]:g} ... {case.window[1]:g} s, and nothing shows the inputs in it; "
         f"{GAP_REMEDY}"
     )
+
+
+def drives(case: PomCase, channel: str) -> bool:
+    """Return whether a channel of the record drives the models of a case.
+
+    A value of the case file replaces the channel.  The math pilot adds to the recorded control, so
+    that this one drives as well.
+    """
+    if channel in case.conditions:
+        return False
+    if channel.startswith(DEVICE):
+        return True
+    if channel in WIND:
+        return case.wind == "measured"
+    piloted = {loop.control for loop in case.drive.pilot}
+    if "throttle" in piloted and channel.endswith(_LEVER_ENDS):
+        return True
+    names = driven_quantities(case) | piloted
+    # one recorded brake drives both sides
+    return channel in names or (channel == "brake" and not names.isdisjoint(BRAKES))
+
+
+def _drive_gaps(
+    case: PomCase, window: tuple[float, float], gaps: Mapping[str, Sequence[tuple[float, float]]]
+) -> dict[tuple[float, float], list[str]]:
+    """Return the gaps of driving channels in a window, in order, with their channels. [s]
+
+    Parameters
+    ----------
+    case : PomCase
+    window : (float, float)
+        [s]
+    gaps : mapping of str to sequence of (float, float)
+        By channel of the record. [s]
+    """
+    channels: dict[tuple[float, float], list[str]] = {}
+    for name, spans in gaps.items():
+        if not drives(case, name):
+            continue
+        for start, stop in gaps_in(window, spans):
+            channels.setdefault((start, stop), []).append(name)
+    return dict(sorted(channels.items()))
 
 
 def _is_inside(window: tuple[float, float], time: np.ndarray) -> bool:

@@ -19,7 +19,7 @@ from flightmech.air import (
 from flightmech.errors import OutOfRange, SchemaError
 from flightmech.names import WRAPPED, quantity_attributes
 from flighttest.records.sensors.instruments import IMU, MEASURED, SPEEDS, Instruments
-from flighttest.records.signals.clock_gaps import clock_gaps, split_at_gaps
+from flighttest.records.signals.clock_gaps import clock_gaps, filled_instants, split_at_gaps
 from flighttest.records.signals.conditioning import demand_numbers
 from flighttest.records.signals.resampling import lowpass
 from flighttest.records.signals.sample_flags import find_spikes
@@ -147,6 +147,8 @@ class MeasuredChannels:
         x, clock = data.variables[name].values.astype(float), data.variables["time"].values
         if not np.isfinite(x).all():
             demand_numbers({leaf: self._select_windows(data[[name]])}, self.title)
+            # Samples outside the windows do not count, but filters would carry their NaN inside.
+            x = without_blanks(clock, x)
         # An angle that passes its full turn has a step, which interpolation would smear.
         if name in WRAPPED:
             x = np.unwrap(x)
@@ -248,6 +250,12 @@ def airspeed_channel(channels: MeasuredChannels, specification: Instruments) -> 
     return speeds[0] if speeds else "q_c"
 
 
+def without_blanks(clock: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return a channel (time,) with a line across its NaN samples; all NaN stay."""
+    known = np.isfinite(x)
+    return np.interp(clock, clock[known], x[known]) if known.any() else x
+
+
 def lies_in_windows(windows: Sequence[tuple[float, float]], time: np.ndarray) -> np.ndarray:
     """Return which instants (time,) lie in a window. [s]"""
     return np.any([(time >= start) & (time <= end) for start, end in windows], axis=0)
@@ -258,8 +266,8 @@ def order_windows(
 ) -> list[tuple[float, float]]:
     """Return the windows in order, by default the whole span of the inertial unit.
 
-    A window is split where the clock of the inertial unit has a gap: nothing shows the motion in
-    it, and its integral would connect both sides.
+    A window is split where the clock of the inertial unit has a gap, or all its channels are NaN:
+    nothing shows the motion in it, and its integral would connect both sides.
 
     Raises
     ------
@@ -289,7 +297,7 @@ def order_windows(
 
 
 def _inertial_clock(record: xr.DataTree) -> np.ndarray:
-    """Return the clock of the roll rate [s]; all channels of the inertial unit must exist."""
+    """Return the instants with inertial readings [s]; all channels of the unit must exist."""
     leaves = list(record.children.values())
     problems = []
     for name in (*IMU, "phi", "theta"):
@@ -300,7 +308,15 @@ def _inertial_clock(record: xr.DataTree) -> np.ndarray:
     if problems:
         raise SchemaError("flight record", problems)
     node = next(node for node in leaves if "p" in node.data_vars)
-    return node.to_dataset()["time"].values
+    data = node.to_dataset()
+    clock = filled_instants(data, inertial_channels(data))
+    # without two readings the NaN samples are named later
+    return clock if clock.size > 1 else data["time"].values
+
+
+def inertial_channels(data: xr.Dataset) -> list[str]:
+    """Return the channels of the inertial unit and of the attitude in a leaf."""
+    return [name for name in (*IMU, "phi", "theta") if name in data]
 
 
 @dataclass(frozen=True)

@@ -6,18 +6,30 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+import xarray as xr
 
 from flightmech.errors import OutOfRange
 from flighttest.records.signals.resampling import GAP
 
-BRIDGED = 0.5
+BRIDGED = 0.5443
 """Longest gap that interpolation bridges; our number. [s]
 
-Rates and attitude of an aeroplane hardly change their course in less. In more, an input of the
-pilot can begin and end.
+Rates and attitude of an aeroplane hardly change their course in half a second. In more, an input of
+the pilot can begin and end. The number is no multiple of a usual step of a recorder, so that the
+rounding of a clock does not decide.
 """
 SHORTEST_STRETCH = 1.0
 """Shortest stretch next to a gap that is used; a shorter one shows no motion. [s]"""
+
+_CONTINUOUS = frozenset(
+    {
+        *("p", "delta_e", "delta_a", "delta_r", "column", "wheel", "pedal"),
+        *("F_column", "F_wheel", "F_pedal"),
+    }
+)
+"""Channels that no recorder samples on change alone."""
+_MOST_MISSING = 0.5
+"""Largest share of gaps in the clock of a recorder that samples all the time; our number."""
 
 
 def clock_gaps(time: np.ndarray) -> list[tuple[float, float]]:
@@ -39,6 +51,40 @@ def clock_gaps(time: np.ndarray) -> list[tuple[float, float]]:
     steps = np.diff(clock)
     is_gap = (steps > BRIDGED) & (steps > GAP * np.median(steps))
     return [(float(clock[i]), float(clock[i + 1])) for i in np.flatnonzero(is_gap)]
+
+
+def filled_instants(data: xr.Dataset, names: Sequence[str]) -> np.ndarray:
+    """Return the instants with a value of at least one of some channels. [s]
+
+    Blank cells of a table are NaN: a recorder without samples leaves rows out, or leaves them
+    blank.
+
+    Parameters
+    ----------
+    data : Dataset (time,)
+        Leaf of a record.
+    names : sequence of str
+        Its channels that count.
+    """
+    time = data["time"].values.astype(float)
+    filled = np.zeros(time.size, bool)
+    for name in names:
+        filled |= np.isfinite(data.variables[name].values.astype(float))
+    return time[filled]
+
+
+def sample_gaps(data: xr.Dataset, names: Sequence[str]) -> list[tuple[float, float]]:
+    """Return the gaps between the samples of channels; arguments as `filled_instants`. [s]
+
+    A device that is recorded on change, such as a flap, has no samples while it stands still.  Gaps
+    in more than half of its time are no loss, and are not returned.
+    """
+    clock = filled_instants(data, names)
+    gaps = clock_gaps(clock)
+    if not gaps or _CONTINUOUS.intersection(names):
+        return gaps
+    missing = sum(stop - start for start, stop in gaps)
+    return [] if missing > _MOST_MISSING * float(clock[-1] - clock[0]) else gaps
 
 
 def gap_text(gap: tuple[float, float]) -> str:

@@ -15,8 +15,12 @@ import numpy as np
 from flightmech.errors import OutOfRange
 from flightmech.names import WRAPPED
 
-GAP = 3.0
-"""Longest step of a clock without a gap, in median steps."""
+GAP = 3.5
+"""Longest step of a clock without a gap, in median steps.
+
+Lost samples make whole multiples of a step.  Half a step more than three keeps the rounding of a
+clock from deciding about two lost samples.
+"""
 
 
 _CONTROLS = (

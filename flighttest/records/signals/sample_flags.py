@@ -4,7 +4,7 @@ Reading a record never removes flags.  Each leaf has its flags in the attribute 
 that files store them).  Kinds:
 
 ========== =========================================================================================
-gap        the clock steps by more than three median steps
+gap        the clock steps by more than 3.5 median steps
 wrap       the counter of the clock started again and was unrolled
 stray      stamps far off the clock, or not finite; their samples are dropped
 duplicate  repeated stamps; their samples are dropped

@@ -7,9 +7,18 @@ import xarray as xr
 
 from aeromatch.planning.gap_checks import gap_departures
 from aeromatch.workflow.faulty_samples import unflown_cases
+from pom.cases.case_inputs import CaseInputs
 from pom.checking.case_check import SampleFault
 
-CASE = SimpleNamespace(name="phugoid", record="flight/slow.csv", window=(3.0, 81.0))
+CASE = SimpleNamespace(
+    name="phugoid",
+    record="flight/slow.csv",
+    window=(3.0, 81.0),
+    conditions={},
+    law_moves=(),
+    wind="record",
+    drive=CaseInputs(),
+)
 CLOCK = np.arange(0.0, 90.0, 0.05)
 HOLED = CLOCK[(CLOCK < 39.99) | (CLOCK > 41.99)]
 
@@ -40,6 +49,31 @@ def test_a_gap_outside_the_inertial_unit_is_a_line_through_its_channels():
     assert "reconstructed" not in line
 
 
+def test_a_gap_of_a_driving_channel_is_not_flown():
+    """A line across a gap of the elevator would lose the input of the test."""
+    record = record_of(CLOCK, HOLED)
+    controls = record["air"].to_dataset().rename(V="delta_e")
+    record = xr.DataTree.from_dict({"/imu": record["imu"].to_dataset(), "/controls": controls})
+    (line,) = gap_departures("slow", record, [CASE], {})
+    assert "case phugoid is not flown across it, and its rows are invalid" in line
+    held = SimpleNamespace(**{**vars(CASE), "conditions": {"delta_e": 0.0}})
+    (line,) = gap_departures("slow", record, [held], {})
+    assert "reads these channels from a line across it" in line
+
+
+def test_gaps_that_take_nothing_are_not_named():
+    early = SimpleNamespace(**{**vars(CASE), "window": (3.0, 30.0)})
+    assert gap_departures("slow", record_of(HOLED, HOLED), [early], {}) == []
+    # a flap lever recorded on change: six travels of 3 s in 300 s
+    travel = np.arange(0.0, 3.0, 0.1)
+    clock = np.concatenate([start + travel for start in np.arange(0.0, 300.0, 50.0)])
+    flaps = xr.Dataset({"delta_f": ("time", 0.0 * clock)}, {"time": clock})
+    assert gap_departures("slow", xr.DataTree.from_dict({"/flaps": flaps}), [CASE], {}) == []
+    # the elevator never stands still for long: the same clock lacks samples
+    elevator = xr.DataTree.from_dict({"/controls": flaps.rename(delta_f="delta_e")})
+    assert len(gap_departures("slow", elevator, [CASE], {})) == 2
+
+
 def test_cases_across_a_gap_of_the_states_are_not_diagnosed():
     gap = SampleFault(("p", "q"), "gap", 39.95, 42.0)
     later = SimpleNamespace(name="roll", record="flight/slow.csv", window=(42.0, 60.0))
@@ -49,3 +83,9 @@ def test_cases_across_a_gap_of_the_states_are_not_diagnosed():
     # gaps that are bridged, and those of other channels
     others = [gap._replace(stop=40.2), gap._replace(channels=("V",)), gap._replace(kind="held")]
     assert unflown_cases([CASE], {"slow": others}) == {}
+
+
+def test_blank_cells_of_the_inertial_unit_end_the_states_as_lost_rows_do():
+    blank = SampleFault(("q",), "missing", 40.0, 41.95)
+    assert list(unflown_cases([CASE], {"slow": [blank]})) == ["phugoid"]
+    assert unflown_cases([CASE], {"slow": [blank._replace(channels=("V",))]}) == {}

@@ -1,5 +1,8 @@
 """Replay through real FMUs: a first-order lag written in C, and its bad brothers."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -255,6 +258,18 @@ def test_a_gap_of_the_record_in_the_window_makes_the_rows_of_this_case_invalid(
     # the line across a short gap is flown
     bridged = lag_states.isel(time=(time < 5.0) | (time > 5.2))
     assert plan_of(case, bridged).demand().refusal == ""
+
+
+def test_a_gap_of_a_driving_channel_alone_refuses_the_case(case, lag_states):
+    """A line across a gap of the elevator would lose an input that began and ended in it."""
+    gaps = {"delta_e": [[5.3, 9.5]], "delta_r": [[5.3, 9.5]], "itt": [[2.0, 4.0]]}
+    holed = lag_states.assign_attrs(channel_gaps=json.dumps(gaps))
+    text = plan_of(case, holed).refusal
+    assert "a gap of 4.2 s in the clock from 5.3 to 9.5 s of delta_e, delta_r" in text
+    # channels that drive nothing, and controls that the case holds
+    del gaps["delta_r"]
+    holed = lag_states.assign_attrs(channel_gaps=json.dumps(gaps))
+    assert plan_of(replace(case, conditions={"delta_e": 0.0}), holed).refusal == ""
 
 
 def test_a_flap_setting_without_a_term_is_named(write_case):
