@@ -67,6 +67,6 @@ def title_of_job(out):
 
 
 @pytest.mark.serial
-@pytest.mark.slow
+@pytest.mark.nightly  # .ci/run kills at the write calls of common verbs
 def test_a_killed_job_mixes_nothing(tmp_path):
     write_calls.run_preloaded(report_killed_at_each_call, tmp_path)

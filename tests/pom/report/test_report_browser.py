@@ -535,6 +535,7 @@ def test_texts_stand_out(new_page, address, scheme):
     assert page.evaluate(CONTRAST) >= 4.5  # WCAG 2.2, 1.4.3
 
 
+@pytest.mark.nightly  # a key at a time through the whole page
 def test_the_page_is_used_by_keyboard_alone(page, address):
     page.goto(address)
     page.wait_for_selector("#overview:not([hidden])")
