@@ -69,7 +69,7 @@ def fly_all(folder, name):
                 assert np.isfinite(found["V"]).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly  # 4 s
 def test_c182_flies_under_moving_controls(c182):
     fly_all(c182, "c182")
 

@@ -220,7 +220,7 @@ def frequency(citation, model, data, band):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly  # 3 s
 @pytest.mark.parametrize("year", YEARS)
 def test_the_dutch_roll_in_frequency_is_that_in_time(citation, year):
     model, data = (

@@ -55,7 +55,7 @@ def case_file(citation, motion, folder):
     return folder / "case.toml"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly  # real flights as cases: 12 s
 @pytest.mark.parametrize("motion", CASES)
 def test_replay_gives_verdicts(citation, models, motion, tmp_path):
     case = pom.read_case(case_file(citation, motion, tmp_path))

@@ -99,7 +99,7 @@ def within(found: tuple[float, float], truth: float, errors: float = 4.0) -> boo
     return abs(found[0] - truth) < errors * found[1]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly  # 3 s
 def test_delay_ratio_and_lag(spools):
     for name, truth, size in (
         ("lever_delay", DELAY, 2e-3),
