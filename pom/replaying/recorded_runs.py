@@ -36,6 +36,8 @@ from pom.tolerances.channels import output_of, plain_words
 MOST_DELAY = 0.1  # [s] between the inputs of device and flight; larger ones are a departure
 MOST_DIFFERENCE = 0.08
 """Largest rms difference of an input of the device, as a share of the movement of the input."""
+MOST_GAIN = 0.1
+"""Largest difference from 1 of the size of an input of the device over that of the flight."""
 LEAST_MOVED = {"rad": 0.0175, "1": 0.02, "m": 0.005, "N": 5.0}
 """By unit: movement below which an input counts as held.  Others: 2 % of the largest size. [SI]"""
 SAME_FLIGHT = 0.1
@@ -317,13 +319,15 @@ def _compare_inputs(job: ReplayJob, outputs: Mapping[str, np.ndarray]) -> Iterat
         unit = lookup(quantity.rpartition(".")[2] or quantity).display_units
         shown = f"{float(from_si(rms, unit)):.3g} {unit}".replace(" 1", "")
         text = f"{quantity} {shown} rms, {100.0 * rms / size:.3g} % of its movement"
-        delay = None
+        is_other = rms > MOST_DIFFERENCE * size
         if np.ptp(values) > _least_moved(quantity, values):
             delay = _delay(job.time, values, outputs[source])
-            text += f", {delay:+.2f} s"
+            # a short input in a long window has a small rms, whatever its size
+            gain = _gain(job.time, values, outputs[source], delay=delay)
+            text += f", {gain:.2f} times its size, {delay:+.2f} s"
+            is_other = is_other or abs(delay) > MOST_DELAY or not abs(gain - 1.0) <= MOST_GAIN
         compared.append(text)
-        is_late = delay is not None and abs(delay) > MOST_DELAY
-        if rms > MOST_DIFFERENCE * size or is_late:
+        if is_other:
             yield RowRemark(
                 "departure",
                 f"departure: the inputs of the device are not those of the flight: {text}",
@@ -361,6 +365,17 @@ def _delay(time: np.ndarray, flight: np.ndarray, device: np.ndarray) -> float:
         difference = shifted - flight[inside]
         sums.append(float(np.var(difference)))
     return float(_LAGS[int(np.argmin(sums))])
+
+
+def _gain(time: np.ndarray, flight: np.ndarray, device: np.ndarray, *, delay: float) -> float:
+    """Return the size of the movement of an input of a device over that of the flight."""
+    good = np.isfinite(device)
+    if good.sum() < 2:
+        return np.nan
+    inside = (time + delay >= time[good][0]) & (time + delay <= time[good][-1])
+    shifted = np.interp(time[inside] + delay, time[good], device[good])
+    moved = flight[inside] - np.mean(flight[inside])
+    return float(np.dot(shifted - np.mean(shifted), moved) / np.dot(moved, moved))
 
 
 def recurrent_remarks(result: PomResult, run: str, master: MasterRun) -> tuple[RowRemark, ...]:

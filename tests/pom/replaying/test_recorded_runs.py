@@ -12,6 +12,7 @@ from aeromatch.cli.command import main
 from flightmech.errors import OutOfRange, SchemaError
 from pom.archive.masters import read_masters
 from pom.cli.actions.batch_files import _parse_starts
+from pom.replaying import recorded_runs
 from pom.replaying.recorded_runs import RecordedRun, read_recording, resample_run
 
 DEGREE = np.pi / 180.0
@@ -165,6 +166,17 @@ def test_other_inputs_are_a_departure(aeromatch, case, record, made, text):
     done = aeromatch(*words(case, *START))
     assert "pass with departures" in done.stdout
     assert text in done.stdout
+
+
+@pytest.mark.parametrize(("gain", "departs"), [(1.05, False), (1.3, True), (0.8, True)])
+def test_the_size_of_a_short_input_is_compared(gain, departs):
+    """A doublet of 2 s in 20 s: at 1.3 times its size the rms is 6 % of the movement."""
+    time = np.arange(0.0, 20.0, 0.02)
+    elevator = 0.05 * (np.where((time > 5) & (time < 6), 1.0, 0.0) - ((time > 6) & (time < 7)))
+    job = SimpleNamespace(needed_inputs=["delta_e"], inputs={"delta_e": elevator}, time=time)
+    remarks = list(recorded_runs._compare_inputs(job, {"applied.delta_e": gain * elevator}))
+    assert (remarks[0].kind == "departure") == departs
+    assert f"{gain:.2f} times its size" in remarks[0].text
 
 
 def test_a_gap_is_invalid(aeromatch, case, record):
