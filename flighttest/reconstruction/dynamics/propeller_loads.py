@@ -60,7 +60,8 @@ def with_propeller_channels(states: xr.Dataset, aircraft: Aircraft) -> xr.Datase
     """Return states with thrust, torque and the coefficients of propellers.
 
     Recorded channels are not changed. A ``CT`` of the states goes where a thrust is added: it is of
-    the tables with which the path was reconstructed. States without ``engineN.rpm`` and engines without a propeller
+    the tables with which the path was reconstructed. States without ``engineN.rpm`` and engines
+    without a propeller
     get no channels.
 
     Parameters

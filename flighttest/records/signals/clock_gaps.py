@@ -15,8 +15,8 @@ BRIDGED = 0.5443
 """Longest gap that interpolation bridges; our number. [s]
 
 Rates and attitude of an aeroplane hardly change their course in half a second. In more, an input of
-the pilot can begin and end. The number is no multiple of a usual step of a recorder, so that the
-rounding of a clock does not decide.
+the pilot can begin and end. The number is not a multiple of a usual step of a recorder, so that
+the rounding of a clock does not decide.
 """
 SHORTEST_STRETCH = 1.0
 """Shortest stretch next to a gap that is used; a shorter one shows no motion. [s]"""
@@ -77,7 +77,7 @@ def sample_gaps(data: xr.Dataset, names: Sequence[str]) -> list[tuple[float, flo
     """Return the gaps between the samples of channels; arguments as `filled_instants`. [s]
 
     A device that is recorded on change, such as a flap, has no samples while it stands still.  Gaps
-    in more than half of its time are no loss, and are not returned.
+    in more than half of its time are not a loss, and are not returned.
     """
     clock = filled_instants(data, names)
     gaps = clock_gaps(clock)

@@ -2,7 +2,8 @@
 
 An engine whose lever moves by itself shows which lever is its own: the difference of two outputs
 follows the difference of their levers.  Outputs that were exchanged follow it with the other sign.
-One engine that fails makes such a difference too, so both outputs have to show the exchange.  An engine whose fuel is cut off
+One engine that fails makes such a difference too, so both outputs have to show the exchange.  An
+engine whose fuel is cut off
 shows it too: its speed, torque, fuel flow and thrust fall below those of the engine that runs.
 """
 
@@ -27,7 +28,7 @@ _FOLLOWS, _RATHER = 0.8, 0.3  # correlation with a lever, and its excess over th
 _RISES = 0.3  # of the range of an output, by which an engine that fails does not rise
 _RUN_DOWN = 3.0  # s after the cut in which an engine still turns
 _SHORTEST = 2.0  # s of one engine cut off and one running
-_ABOVE = 2.0  # times the output of the other engine that is no scatter
+_ABOVE = 2.0  # times the output of the other engine: larger than scatter
 _ROW = ("engine_columns", "columns of the engines")
 
 Unchecked = list[tuple[str, str, tuple[str, ...], str]]

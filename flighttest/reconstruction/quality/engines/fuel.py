@@ -204,7 +204,8 @@ def _both_sides(
     trusted = [ratio.reference for ratio in ratios if ratio.usual]
     listed = ", ".join(names)
     shown = "; ".join(ratio.text for ratio in ratios)
-    text = f"{listed} and {', '.join(suspects) or 'the tables of the aircraft file'} do not agree: the flow is {shown}"
+    others = ", ".join(suspects) or "the tables of the aircraft file"
+    text = f"{listed} and {others} do not agree: the flow is {shown}"
     text += _cause_text(unusual[0], engines)
     unit = unusual[0].unit()
     kind = "scale" if unit is None else "unit"
