@@ -3,8 +3,8 @@
 An engine whose lever moves by itself shows which lever is its own: the difference of two outputs
 follows the difference of their levers.  Outputs that were exchanged follow it with the other sign.
 One engine that fails makes such a difference too, so both outputs have to show the exchange.  An
-engine whose fuel is cut off
-shows it too: its speed, torque, fuel flow and thrust fall below those of the engine that runs.
+engine whose fuel is cut off shows it too: its speed, torque, fuel flow and thrust fall below those
+of the engine that runs.
 """
 
 from __future__ import annotations
