@@ -80,7 +80,7 @@ def _torque_noise_covariance(
     """
     D = invert_information(maximum.information, ~maximum.active)
     total = np.zeros_like(maximum.information)
-    # Without a torque cell all coefficients are ratios, and the sum has one term less.
+    # Without a torque cell all coefficients are ratios, and nothing is added.
     if not structure.absolute:
         return total
     for run, log, S, noise, column in zip(runs, logs, maximum.slopes, maximum.noise, columns):
