@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import xarray as xr
 
 from aeromatch.project.project import Project
 from aeromatch.workflow.windows import (
@@ -15,8 +17,9 @@ from aeromatch.workflow.windows import (
     raise_problems,
 )
 from flighttest.records.sensors.instruments import IMU
-from flighttest.records.signals.clock_gaps import BRIDGED, gap_text, gaps_in
+from flighttest.records.signals.clock_gaps import BRIDGED
 from pom.cases.case import PomCase
+from pom.cases.reference_states import refusal_of
 from pom.checking.case_check import SampleFault
 
 _INFORMING = frozenset(
@@ -145,7 +148,9 @@ def _ends_states(fault: SampleFault) -> bool:
 
 
 def unflown_cases(
-    cases: Iterable[PomCase], faults: Mapping[str, Sequence[SampleFault]]
+    cases: Iterable[PomCase],
+    faults: Mapping[str, Sequence[SampleFault]],
+    states_of: Callable[[str], xr.Dataset],
 ) -> dict[str, str]:
     """Return the cases that no model can fly, with the reason.
 
@@ -153,23 +158,22 @@ def unflown_cases(
     ----------
     cases : iterable of PomCase
     faults : mapping of str to sequence of SampleFault
-        By record.
+        By record. Only a record with a gap or blank cells can refuse a case.
+    states_of : callable
+        From the name of a record to the states of its path (time,).
 
     Returns
     -------
     dict of str to str
-        By name of the case: a gap of the states in its window.
+        By name of the case: what `pom.cases.reference_states.refusal_of` states of it.
     """
     texts = {}
     for case in cases:
         record = Path(case.record).stem
-        for fault in faults.get(record, ()):
-            span = (fault.start, fault.stop)
-            if _ends_states(fault) and gaps_in(case.window, [span]):
-                texts[case.name] = (
-                    f"case {case.name}: not flown and not diagnosed, record {record} has "
-                    f"{gap_text(span)}"
-                )
+        has_gap = any(fault.kind in ("gap", "missing") for fault in faults.get(record, ()))
+        reason = refusal_of(case, states_of(record)) if has_gap else ""
+        if reason:
+            texts[case.name] = f"case {case.name}: not diagnosed, and {reason}"
     return texts
 
 

@@ -146,8 +146,6 @@ def _reconstruct(
         result.checks = check_identified_records(records, aircraft.value, jobs, stages)
     faults = {name: check.value.faults for name, check in result.checks.items()}
     result.windows, result.left_out = without_faults(result.project, windows, faults)
-    result.unflown = unflown_cases(result.cases, faults)
-    result.left_out += result.unflown.values()
     with step(_RECONSTRUCT_STEP):
         try:
             result.paths = reconstruct_records(result.project, records, aircraft, jobs, stages)
@@ -160,6 +158,10 @@ def _reconstruct(
                 f"{error}. The check of the records has faulty samples: {listed}; cut the records "
                 f"there (`aeromatch flight cut`), or leave the faulty ones out"
             ) from error
+    result.unflown = unflown_cases(
+        result.cases, faults, lambda record: result.paths[record].value.states
+    )
+    result.left_out += result.unflown.values()
 
 
 def reconstruct_records(

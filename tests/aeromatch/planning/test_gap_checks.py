@@ -1,5 +1,6 @@
 """A gap in the clock of a record is named before a match, with what it takes from its users."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,7 @@ import xarray as xr
 
 from aeromatch.planning.gap_checks import gap_departures
 from aeromatch.workflow.faulty_samples import unflown_cases
+from flighttest.reconstruction.path_quantities import CHANNEL_GAPS
 from pom.cases.case_inputs import CaseInputs
 from pom.checking.case_check import SampleFault
 
@@ -74,18 +76,22 @@ def test_gaps_that_take_nothing_are_not_named():
     assert len(gap_departures("slow", elevator, [CASE], {})) == 2
 
 
-def test_cases_across_a_gap_of_the_states_are_not_diagnosed():
+def test_cases_that_are_not_flown_are_not_diagnosed():
+    """A gap of the states, and one of a control that drives; not one of another channel."""
     gap = SampleFault(("p", "q"), "gap", 39.95, 42.0)
-    later = SimpleNamespace(name="roll", record="flight/slow.csv", window=(42.0, 60.0))
-    texts = unflown_cases([CASE, later], {"slow": [gap]})
+    later = SimpleNamespace(**{**vars(CASE), "name": "roll", "window": (42.5, 60.0)})
+    holed = xr.Dataset({"q": ("time", 0.0 * HOLED)}, {"time": HOLED})
+    texts = unflown_cases([CASE, later], {"slow": [gap]}, lambda record: holed)
     assert list(texts) == ["phugoid"]
-    assert "a gap of 2.05 s in the clock from 39.95 to 42 s" in texts["phugoid"]
-    # gaps that are bridged, and those of other channels
-    others = [gap._replace(stop=40.2), gap._replace(channels=("V",)), gap._replace(kind="held")]
-    assert unflown_cases([CASE], {"slow": others}) == {}
-
-
-def test_blank_cells_of_the_inertial_unit_end_the_states_as_lost_rows_do():
-    blank = SampleFault(("q",), "missing", 40.0, 41.95)
-    assert list(unflown_cases([CASE], {"slow": [blank]})) == ["phugoid"]
-    assert unflown_cases([CASE], {"slow": [blank._replace(channels=("V",))]}) == {}
+    assert "in the clock from 39.95 to 42 s" in texts["phugoid"]
+    whole = xr.Dataset({"q": ("time", 0.0 * CLOCK)}, {"time": CLOCK})
+    for channel, names in (("delta_e", ["phugoid"]), ("V", [])):
+        states = whole.assign_attrs({CHANNEL_GAPS: json.dumps({channel: [[39.95, 42.0]]})})
+        assert (
+            list(
+                unflown_cases([CASE, later], {"slow": [gap]}, lambda record, states=states: states)
+            )
+            == names
+        )
+    # no path is read for records without a gap
+    assert unflown_cases([CASE], {"slow": [gap._replace(kind="held")]}, lambda record: 1 / 0) == {}
