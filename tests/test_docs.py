@@ -322,6 +322,7 @@ INEXPENSIVE = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", INEXPENSIVE, ids=name)
 def test_inexpensive_commands_run(page, reader):
     provide(page, reader.folder)

@@ -18,6 +18,8 @@ import flighttest
 import pom
 from flightmech.errors import AeromatchWarning
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parents[1] / "data" / "t37"
 RECORD = DATA / "flight" / "t37_02_clean_cruise_5kft.nc"
 IDENTIFIED = (9.0, 21.7)  # 3-2-1-1, from the list of manoeuvres in the record
@@ -87,7 +89,6 @@ def CL_alpha(db, data):
     return float(np.diff(CL)[0] / (high - low))
 
 
-@pytest.mark.slow
 def test_flight_moves_the_lift_slope(prior, final, fits):
     fit = fits[0]
     local = float(fit.estimates["estimate"].sel(term="alpha"))
@@ -110,7 +111,6 @@ def test_flight_narrows_what_it_has_seen(prior, final, fits):
     assert changed.loc["Cm/elevator", "max_difference"] != 0.0
 
 
-@pytest.mark.slow
 def test_replay_proves_the_final_model(prior, final, aircraft, path, tmp_path):
     (tmp_path / "case.toml").write_text(CASE)
     case = pom.read_case(tmp_path / "case.toml")

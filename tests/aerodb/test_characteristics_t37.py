@@ -20,6 +20,8 @@ from flightmech.terms import evaluate_term
 from flightmech.units import FOOT
 from pom.judging.measures.damped_sine import fit_mode
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "data" / "t37"
 CONDITION = {"V": 90.0, "h": 1524.0}
@@ -120,7 +122,6 @@ def test_datcom_modes_against_the_records(aircraft, prior):
     assert 0.3 < datcom["damping_ratio"] / phugoid.damping_ratio < 0.6
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "control", "channel", "stop"),
     [("Dutch roll", "delta_a", "r", 25.0), ("phugoid", "delta_e", "V", 140.0)],
@@ -148,7 +149,6 @@ def test_modes_are_those_of_the_motion(name, control, channel, stop, aircraft, p
     assert ours["damping_ratio"] == pytest.approx(fit.damping_ratio, abs=0.003)
 
 
-@pytest.mark.slow
 def test_neutral_point_from_the_printed_slopes(found, prior):
     """Cm_alpha / CL_alpha of the tables between 0 and 2 deg; the c.g., 0.13 chords below the
     reference, adds the slope of drag.

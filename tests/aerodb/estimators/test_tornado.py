@@ -13,6 +13,8 @@ from aerodb.estimators.effects import EstimateTables
 from aerodb.estimators.reading import read_estimate
 from flightmech.errors import ParseError
 
+pytestmark = pytest.mark.slow
+
 SHARED = Path(__file__).parents[4] / "shared" / "data" / "estimators"
 TORNADO = SHARED / "tornado"
 needs_outputs = pytest.mark.skipif(

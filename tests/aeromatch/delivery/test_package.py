@@ -26,9 +26,11 @@ from flightmech.errors import ParseError, SchemaError, SimulationError
 from flightmech.support.input_files import file_sha256
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
-pytestmark = pytest.mark.filterwarnings(
-    "ignore:.*loop over several flight conditions"
-)  # of the shipped listing of the flaps
+pytestmark = [
+    pytest.mark.slow,
+    # of the shipped listing of the flaps
+    pytest.mark.filterwarnings("ignore:.*loop over several flight conditions"),
+]
 CONDITION = {
     "V": 100.0,
     "h": 1500.0,
@@ -116,7 +118,6 @@ def test_another_aeroplane_does_not_agree(checks):
     assert ratio > 1.0
 
 
-@pytest.mark.slow
 def test_jsbsim_flies_the_check_cases_and_finds_another_aeroplane(checks, tmp_path):
     pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     files, db, aircraft = checks
@@ -201,7 +202,6 @@ def run(*words):
     return CliRunner().invoke(package, [str(word) for word in words], catch_exceptions=False)
 
 
-@pytest.mark.slow
 @pytest.mark.nightly  # docs/how-to/data-package.md makes, verifies and compares the package of the demo
 def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path):
     project, match = matched
@@ -319,7 +319,6 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
     assert "short period" in run("diff", tmp_path / "one.zip", tmp_path / "two.zip").output.lower()
 
 
-@pytest.mark.slow
 @pytest.mark.nightly  # with the match of the test before it
 def test_documents_of_a_package_follow_from_its_results(matched, tmp_path):
     """Changes with true hashes, as by someone who makes the manifest anew."""
@@ -378,7 +377,6 @@ def test_documents_of_a_package_follow_from_its_results(matched, tmp_path):
     assert not found(manifest, "recordings.csv")["recordings.csv"]
 
 
-@pytest.mark.slow
 def test_a_tolerance_beyond_its_rule_is_found(checks):
     files, db, aircraft = checks
     sim = flightmech.compile(aircraft, db)

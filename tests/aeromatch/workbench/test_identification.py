@@ -32,6 +32,7 @@ from flighttest.cli.identify import identify_command
 from flighttest.regression.combining.mixed_estimation import prior_of
 from flighttest.regression.equation_error.fit_file import open_fit
 
+pytestmark = pytest.mark.slow
 FIRST, SECOND = "t37_01_clean_low_speed_5kft", "t37_02_clean_cruise_5kft"
 PITCH = ("3211 elevator", "doublet elevator")
 MODEL = "Cm = 1 + alpha + qhat + delta_e"
@@ -71,7 +72,6 @@ def wanted(opened, *records, **more):
     }
 
 
-@pytest.mark.slow
 def test_what_can_be_chosen(opened):
     found = page.list_fit_choices(opened, {}, None)
     assert found["records"] == [FIRST, SECOND]
@@ -89,7 +89,6 @@ def test_what_can_be_chosen(opened):
     assert (rows[1]["start"], rows[1]["end"]) == (9.0, 21.7)
 
 
-@pytest.mark.slow
 @pytest.mark.nightly
 @pytest.mark.parametrize(
     "more",
@@ -159,7 +158,6 @@ def test_the_prior_is_what_the_tables_say(opened):
         page.show_fit(opened, {}, wanted(opened, prior="{project}/engine.nc"))
 
 
-@pytest.mark.slow
 def test_partial_regression_has_the_estimate_as_its_slope(opened):
     """To rounding, with and without weights; the residual of the line is the residual of the fit."""
     for more in ({}, {"weights": "robust"}, {"intercepts": "separate", "weights": "manoeuvre"}):
@@ -240,7 +238,6 @@ def test_samples_of_the_windows_one_after_another(opened):
         page.show_fit_samples(opened, {}, {"fit": body, "start": "x"})
 
 
-@pytest.mark.slow
 def test_left_out_in_turn(opened):
     """Each row is the fit without that window or term; what cannot be fitted is stated."""
     body = wanted(opened)
@@ -261,7 +258,6 @@ def test_left_out_in_turn(opened):
     assert "gear does not move" in refused[-1]["refused"]
 
 
-@pytest.mark.slow
 def test_entries_mean_the_same_windows(opened):
     """What is written into the project is read back as the windows of the page."""
     file = opened.file
@@ -302,7 +298,6 @@ def test_coefficients_are_made_once(opened, monkeypatch):
 
 
 @pytest.mark.nightly
-@pytest.mark.slow
 def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(opened, monkeypatch):
     """Another server reads them from the working folder, bit by bit the same; another low-pass or
     error is another file; old ones go.
@@ -344,7 +339,6 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
     )  # formed once more, since its file is gone
 
 
-@pytest.mark.slow
 @pytest.mark.nightly
 def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, monkeypatch):
     """What is cancelled leaves no file and no action; asked again it has the bits of those formed

@@ -162,6 +162,7 @@ def test_hostile_states_never_crash(whole, third_party, tmp_path, case):
     assert int(child("fmu_states_child.py", whole["3.0"], image, HEAD)) > 100
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_runs(instance):
     """A leak of one state, one instance or one image per round would be megabytes."""
 

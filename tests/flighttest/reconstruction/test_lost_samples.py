@@ -39,6 +39,7 @@ def test_blank_cells_of_all_channels_split_the_states(record, aircraft):
     assert all(np.isfinite(states[name].values).all() for name in states.data_vars)
 
 
+@pytest.mark.slow
 def test_states_name_the_gaps_of_their_controls(record, aircraft, tmp_path):
     """The elevator doublet lies in the gap: the line across it hides 4 deg."""
 

@@ -15,6 +15,8 @@ from flightmech.errors import IdentificationError
 from flighttest.cli.actions.submodels import airframe as submodels
 from flighttest.cli.group import flight
 
+pytestmark = pytest.mark.slow
+
 T37 = Path(__file__).parents[3] / "data" / "t37" / "aircraft.toml"
 
 
