@@ -18,7 +18,7 @@ import click
 
 from flightmech.errors import AeromatchError, AeromatchWarning
 from flightmech.support.command_line.parameter_checks import refuse_repeated_options
-from flightmech.support.console import LazyGroup, escape_control_characters
+from flightmech.support.console import LazyGroup, escape_message
 
 # group or verb: (module, one line for --help); nothing heavy is imported to print the
 # help
@@ -142,11 +142,11 @@ def main() -> None:
         _fail("usage", error.format_message(), 2)
     except Exception as error:
         if isinstance(error, AeromatchError | OSError):
-            click.echo(f"error: {escape_control_characters(_text(error))}", err=True)
+            click.echo(f"error: {escape_message(_text(error))}", err=True)
             _fail(type(error).__name__, _text(error), 2, getattr(error, "problems", ()))
         if isinstance(error, MemoryError):
             text = f"not enough memory ({_text(error)}); give less data, or a lower rate"
-            click.echo(f"error: {escape_control_characters(text)}", err=True)
+            click.echo(f"error: {escape_message(text)}", err=True)
             _fail("MemoryError", text, 2)
         traceback.print_exc()
         click.echo(
@@ -199,7 +199,7 @@ def _warn(
     """
     own = issubclass(category, AeromatchWarning)
     text = (
-        f"warning: {message}"
+        f"warning: {escape_message(str(message))}"
         if own
         else warnings.formatwarning(message, category, filename, lineno, line).rstrip()
     )

@@ -7,6 +7,7 @@ import importlib
 import json
 import math
 import os
+import re
 import shlex
 import shutil
 import sys
@@ -219,6 +220,23 @@ def escape_control_characters(text: str) -> str:
     return text.translate(_ESCAPES)
 
 
+# a line of a message that a reader, or a program, would take for a message of its own
+_IMITATION = re.compile(r"\n(?=(?:error|warning|internal fault):)", re.IGNORECASE)
+
+
+def escape_message(text: str) -> str:
+    """Replace control characters of a message, and a line feed that would begin another message.
+
+    A name from a file with such a line feed cannot imitate a line of the program.
+
+    Examples
+    --------
+    >>> print(escape_message("unknown column 'q\nerror: none'"))
+    unknown column 'q\\nerror: none'
+    """
+    return _IMITATION.sub(r"\\n", escape_control_characters(text))
+
+
 _JSON_TYPES = (str, int, bool, type(None))
 
 
@@ -276,7 +294,7 @@ def print_table(
 
 
 def _cell_text(cell: Any) -> str:
-    return "" if cell is None else escape_control_characters(str(cell)).expandtabs()
+    return "" if cell is None else escape_message(str(cell)).expandtabs()
 
 
 def count_text(count: int, noun: str) -> str:
@@ -286,9 +304,14 @@ def count_text(count: int, noun: str) -> str:
     return f"{count} {noun}s"
 
 
+def print_text(text: str) -> None:
+    """Print a text with names from files on stdout, see `escape_message`."""
+    click.echo(escape_message(text))
+
+
 def print_remark(text: str) -> None:
     """Print a message on stderr. Stdout holds only the result."""
-    click.echo(escape_control_characters(text), err=True)
+    click.echo(escape_message(text), err=True)
 
 
 @contextmanager

@@ -119,7 +119,13 @@ def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
     """
     demand_regular(path, expected)
     demand_size(path, MOST_BYTES, expected)
-    return Path(path).read_bytes()
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        # a fault of the disk while reading has no name of a file, unlike one while opening
+        if error.filename is None:
+            error.filename = os.fspath(path)
+        raise
 
 
 def marked_encoding(head: bytes) -> tuple[str, int]:

@@ -7,6 +7,7 @@ import click
 from flightmech.support.console import (
     print_json,
     print_table,
+    print_text,
 )
 from flighttest.records.files import contents
 
@@ -19,9 +20,9 @@ def record_info(file: str, names: str | None, as_json: bool) -> None:
     if as_json:
         print_json(found)
         return
-    click.echo(f"{found['file']}: {found['format']}")
+    print_text(f"{found['file']}: {found['format']}")
     for key, text in found["facts"].items():
-        click.echo(f"  {key}: {text}")
+        print_text(f"  {key}: {text}")
     if "channels" in found:
         rows = [
             (c["channel"], c["content"], c["packets"], c.get("labels", ""))
@@ -49,16 +50,16 @@ def record_info(file: str, names: str | None, as_json: bool) -> None:
             text = (
                 f"{slow['samples']} samples, {slow['rate']:.6g} Hz, in the rows of {part['table']}"
             )
-            click.echo(
+            print_text(
                 f"a slower clock, with blank cells between its samples: "
                 f"{', '.join(slow['columns'])}: {text}"
             )
     for text in found["notes"]:
-        click.echo(f"! {text}")
+        print_text(f"! {text}")
     if found["left_out"]:
-        click.echo(f"\nleft out: {len(found['left_out'])}")
+        print_text(f"\nleft out: {len(found['left_out'])}")
         for text in _by_reason(found["left_out"]):
-            click.echo(f"  {text}")
+            print_text(f"  {text}")
 
 
 def _by_reason(left_out: list[dict[str, str]]) -> list[str]:

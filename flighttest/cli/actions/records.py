@@ -20,6 +20,7 @@ from flightmech.support.console import (
     collect_options,
     print_json,
     print_table,
+    print_text,
     show_progress,
 )
 from flightmech.support.figures import demand_drawable, write_figure
@@ -85,12 +86,12 @@ def convert_record(file: str, names: str | None, output: str, as_json: bool) -> 
         )
         return
     for text in record_faults:
-        click.echo(f"! {text}")
+        print_text(f"! {text}")
     if absent:
         click.echo(f"not in the file: {absent}")
     if left_out:
         places = [place for place, _ in left_out[:_NAMED]]
-        click.echo(f"left out, see 'aeromatch flight info': {', '.join(places)}")
+        print_text(f"left out, see 'aeromatch flight info': {', '.join(places)}")
     click.echo(f"written: {output}, {sum(leaves.values())} channels in {len(leaves)} leaves")
 
 

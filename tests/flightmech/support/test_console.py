@@ -162,3 +162,16 @@ def test_a_group_imports_the_modules_of_its_verbs_when_they_are_called(monkeypat
     assert group.get_command(context, "land") is None
     with pytest.raises(ModuleNotFoundError, match=r"aerodb\.cli\.none"):
         group.get_command(context, "none")
+
+
+def test_a_name_with_a_line_feed_imitates_no_message(capsys):
+    """Names of an HDF5 file may hold line feeds; a message of two lines stays one of two lines."""
+    name = "alpha\nerror: the file is sound"
+    print_remark(f"error: two problems\n  - {name}\n  - q")
+    assert capsys.readouterr().err.splitlines() == [
+        "error: two problems",
+        "  - alpha\\nerror: the file is sound",
+        "  - q",
+    ]
+    print_table(["column"], [[name]])
+    assert len(capsys.readouterr().out.splitlines()) == 2

@@ -2,7 +2,9 @@
 what they claim.
 """
 
+import errno
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -273,3 +275,17 @@ def test_a_pattern_leaves_no_pipe_and_no_broken_link_out(tmp_path):
     # as editors lock a file
     (tmp_path / ".#a.toml").symlink_to("user@host")
     assert texts.regular_files(sorted(tmp_path.iterdir()), "an input") == [tmp_path / "a.toml"]
+
+
+def test_a_fault_of_the_disk_while_reading_names_the_file(tmp_path, monkeypatch):
+    """The system gives a name for a fault while opening, but not for one while reading."""
+
+    def fail(path):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    file = tmp_path / "record.csv"
+    file.write_text("time\n0\n")
+    monkeypatch.setattr(Path, "read_bytes", fail)
+    with pytest.raises(OSError, match="Input/output error") as caught:
+        read_text(file, "a table")
+    assert caught.value.filename == str(file)
