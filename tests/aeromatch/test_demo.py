@@ -27,13 +27,13 @@ EXPECTED = {
     "rudder_response": "pass",
     "stick_free_short_period": "pass",
     "wheel_force": "pass",
-    "dutch_roll_pedals_free": "pass",
+    "dutch_roll_pedals_free": "pass_with_departures",
     "stick_force_per_g": "pass",
     "brake_stop": "pass_with_departures",
     "taxi_turn": "invalid",
 }
-"""Status of the final model: pilot forces are not recorded in three cases, seven depart from their
-rows (configuration, length of the record, weight, brakes, track, one direction)."""
+"""Status of the final model: pilot forces are not recorded in three cases, eight depart from their
+rows (configuration, length of the record, weight, brakes, track, one direction, cycles)."""
 SHORT = {name: EXPECTED[name] for name in short_demo.CASES}
 
 
@@ -132,8 +132,9 @@ def test_the_final_model_flies_by_force(whole_demo):
         "dutch_roll_pedals_free",
         "stick_force_per_g",
     ):
-        assert cases[name]["final"] == "pass"
-        assert cases[name]["datcom"] != "pass"
+        # the record of the Dutch roll holds fewer cycles than its row asks for
+        assert cases[name]["final"] == EXPECTED[name]
+        assert cases[name]["datcom"] not in ("pass", "pass_with_departures")
     terms = aerodb.terms(aerodb.open(folder / "final.nc"))
     assert (
         float(terms["Ch_e/alpha"]["value"]) < 0.0 < float(terms["Ch_r/beta"]["value"])
