@@ -98,9 +98,12 @@ def states(count=2000, seed=7):
     """Return states in SI by canonical name, inside the tables and well beyond."""
     random = np.random.default_rng(seed)
     drawn = {
-        "alpha": np.radians(random.uniform(-60, 60, count)), "beta": np.radians(random.uniform(-50, 50, count)),
-        "mach": random.uniform(-0.5, 3.0, count), "delta_r": np.radians(random.uniform(-60, 60, count)),
-        "delta_e": np.radians(random.uniform(-60, 60, count)), "V": random.uniform(20, 300, count), "p": random.uniform(-2, 2, count),
+        "alpha": np.radians(random.uniform(-60, 60, count)),
+        "beta": np.radians(random.uniform(-50, 50, count)),
+        "mach": random.uniform(-0.5, 3.0, count),
+        "delta_r": np.radians(random.uniform(-60, 60, count)),
+        "delta_e": np.radians(random.uniform(-60, 60, count)), "V": random.uniform(20, 300, count),
+        "p": random.uniform(-2, 2, count),
         "alpha_dot": random.uniform(-1, 1, count), "x_cg": random.uniform(0.1, 0.6, count),
     }  # fmt: skip
     return drawn | {
@@ -111,8 +114,10 @@ def states(count=2000, seed=7):
 
 def in_file(state):
     return {
-        "AL": state["alpha"] / DEGREE, "BE": state["beta"] / DEGREE, "XMACH": state["mach"], "RUD": state["delta_r"] / DEGREE,
-        "EL": -state["delta_e"] / DEGREE, "VT": state["V"] / FOOT, "PB": state["p"] / DEGREE, "ALDOT": state["alpha_dot"],
+        "AL": state["alpha"] / DEGREE, "BE": state["beta"] / DEGREE, "XMACH": state["mach"],
+        "RUD": state["delta_r"] / DEGREE,
+        "EL": -state["delta_e"] / DEGREE, "VT": state["V"] / FOOT, "PB": state["p"] / DEGREE,
+        "ALDOT": state["alpha_dot"],
         "XCG": state["x_cg"],
     }  # fmt: skip
 
@@ -190,7 +195,8 @@ def test_the_f16_has_canonical_terms_and_its_check_cases():
     terms = aerodb.terms(db)
     assert list(terms) == [
         "CX/basic", "CX/qhat", "CY/beta", "CY/aileron", "CY/rudder", "CY/phat", "CY/rhat",
-        "CZ/basic", "CZ/beta_beta", "CZ/elevator", "CZ/qhat", "Cl/basic", "Cl/aileron", "Cl/rudder", "Cl/phat", "Cl/rhat",
+        "CZ/basic", "CZ/beta_beta", "CZ/elevator", "CZ/qhat", "Cl/basic", "Cl/aileron", "Cl/rudder",
+        "Cl/phat", "Cl/rhat",
         "Cm/basic", "Cm/qhat", "Cn/basic", "Cn/aileron", "Cn/rudder", "Cn/phat", "Cn/rhat",
     ]  # fmt: skip
     assert terms["CX/qhat"]["value"].values[:3].tolist() == [
@@ -219,7 +225,8 @@ def test_the_f16_has_canonical_terms_and_its_check_cases():
 def test_the_brick_and_the_cannonball_are_constants_and_dampings():
     brick = aerodb.exchange.import_daveml(NESC / "brick_aero.dml")
     assert {name: float(leaf["value"]) for name, leaf in aerodb.terms(brick).items()} == {
-        "CL/basic": 0.0, "CD/basic": 0.01, "CY/basic": 0.0, "Cl/phat": -1.0, "Cm/qhat": -1.0, "Cn/rhat": -1.0,
+        "CL/basic": 0.0, "CD/basic": 0.01, "CY/basic": 0.0, "Cl/phat": -1.0, "Cm/qhat": -1.0,
+        "Cn/rhat": -1.0,
     }  # fmt: skip
     assert brick.attrs["b"] == pytest.approx(0.33333 * FOOT, rel=1e-15)
     with pytest.raises(
@@ -692,9 +699,11 @@ def test_a_file_without_coefficients_states_what_it_gives(tmp_path):
 
 LIMITED = {name: variable(name) for name in ("T", "U", "W")}
 SAMPLED = [
-    (apply("times", cn(0.1), apply("sin", apply("times", cn(0.05), ci("AL")))), table("T", values(4), AL=ALPHAS), {"alpha"}),
+    (apply("times", cn(0.1), apply("sin", apply("times", cn(0.05), ci("AL")))),
+     table("T", values(4), AL=ALPHAS), {"alpha"}),
     # one variable limited by another, as a body flap by the elevator
-    (apply("times", cn(0.02), apply("min", ci("AL"), apply("times", cn(0.5), ci("RUD")))), table("T", values(4), AL=ALPHAS)
+    (apply("times", cn(0.02), apply("min", ci("AL"), apply("times", cn(0.5), ci("RUD")))),
+     table("T", values(4), AL=ALPHAS)
      + table("U", values(3), RUD=RUDDERS), {"alpha", "delta_r"}),
     # tables of one variable multiplied, with a factor that stays exact
     (apply("times", ci("T"), ci("U"), ci("EL")), table("T", values(4), AL=ALPHAS)
