@@ -227,9 +227,7 @@ _OTHER_SUBJECTS = {
     ),
     "a lever that no model uses": "conditionlever mixture mixturelever",
     "a stabilizer or trim position; delta_t is the elevator tab, i_h the stabilizer: add it by "
-    "hand": (
-        "hstab stab stabtrim stabilizer stabiliser stabilizertrim htrim hstabtrim"
-    ),
+    "hand": ("hstab stab stabtrim stabilizer stabiliser stabilizertrim htrim hstabtrim"),
     "a trim position of another surface": "ailtrim ailerontrim rudtrim ruddertrim rolltrim yawtrim",
     "a ground speed or a glide slope: which one is not stated": "gs",
     "a relative humidity or a radio height: which one is not stated": "rh",
