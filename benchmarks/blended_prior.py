@@ -1,12 +1,12 @@
-"""Derivatives of the light aircraft from DATCOM, from AVL, from VSPAERO where its output is given, and
-from their blend, next to published values, as a table in Markdown.
+"""Derivatives of the light aircraft from DATCOM, from AVL, from VSPAERO where its output is given,
+and from their blend, next to published values, as a table in Markdown.
 
     python benchmarks/blended_prior.py [c182.stab]
 
-Mach 0.2, alpha 2 deg, body axes, per radian, rates on p b/2V and q cbar/2V.  Published are the values
-of Roskam, Airplane Flight Dynamics, Appendix B, airplane A (a Cessna 182 at 5000 ft and 220 ft/s), in
-stability axes; the turn by the 2 deg of the comparison changes none of them by 6 %, but the cross
-derivatives.  The sign of the aileron is that of this package.
+Mach 0.2, alpha 2 deg, body axes, per radian, rates on p b/2V and q cbar/2V.  Published are the
+values of Roskam, Airplane Flight Dynamics, Appendix B, airplane A (a Cessna 182 at 5000 ft and 220
+ft/s), in stability axes; the turn by the 2 deg of the comparison changes none of them by 6 %, but
+the cross derivatives.  The sign of the aileron is that of this package.
 """
 
 from __future__ import annotations

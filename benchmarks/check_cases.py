@@ -2,7 +2,7 @@
 tool, and of the tools from each other.
 
     python benchmarks/check_cases.py                   every recorded column
-    python benchmarks/check_cases.py --groups          columns gathered; docs/evidence/check-cases.md has an extract
+    python benchmarks/check_cases.py --groups          columns gathered
     python benchmarks/check_cases.py 11 13p1 --adams   with the integration of tool 5
 
 The records lie in ../shared/data/flight/nesc_checkcases; a case without one is flown, and its end

@@ -177,8 +177,10 @@ def case_of(
 ):
     """Return the case of one stretch of a record."""
     text = CASE.format(
-        id=row, name=name, record=records / f"{record}.nc", names=T37 / "names.toml", aircraft=T37 / "aircraft.toml", window=window,
-        surfaces=surfaces, held_by=held_by, events=events, pilot=PILOT if surfaces == "pilot" else "",
+        id=row, name=name, record=records / f"{record}.nc", names=T37 / "names.toml",
+        aircraft=T37 / "aircraft.toml", window=window,
+        surfaces=surfaces, held_by=held_by, events=events,
+        pilot=PILOT if surfaces == "pilot" else "",
         trim="false" if record == GROUND else "true",
     )  # fmt: skip
     file = folder / f"{name.replace(' ', '_').replace(',', '')}.toml"

@@ -4,10 +4,10 @@
 
 Every set has other constants, drawn within 25 % of those of an engineer's guess, and other noise.
 It has four slow sweeps, four records of two pulses and four of two releases, at three speeds and
-four tab settings, 100 samples per second: F is prescribed, and column, surface and air are recorded.
-The simulation shares no code with the identification; dry friction is R tanh(v / v0) with v0 = 0.2
-mm/s. With ``--quiet`` nothing is added to the records: what remains is the bias of the method.
-``--perturb 1e-12`` changes all channels by that part.
+four tab settings, 100 samples per second: F is prescribed, and column, surface and air are
+recorded. The simulation shares no code with the identification; dry friction is R tanh(v / v0) with
+v0 = 0.2 mm/s. With ``--quiet`` nothing is added to the records: what remains is the bias of the
+method. ``--perturb 1e-12`` changes all channels by that part.
 """
 
 from __future__ import annotations

@@ -55,8 +55,10 @@ def build_up() -> xr.DataTree:
         leaves[name] = aerodb.store.templates.make(
             name, axes, value=value, K1=factor, stderr=0.1, source="datcom", history="benchmark"
         )
-    return aerodb.make_database(leaves, title="build-up", aircraft="any", S=30.0, cbar=2.0, b=15.9, x_ref=0.0, y_ref=0.0, z_ref=0.0,
-                           force_axes="stability")  # fmt: skip
+    sizes = {"S": 30.0, "cbar": 2.0, "b": 15.9, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
+    return aerodb.make_database(
+        leaves, title="build-up", aircraft="any", **sizes, force_axes="stability"
+    )
 
 
 def record(db: xr.DataTree, along: bool) -> dict[str, np.ndarray]:
@@ -180,8 +182,15 @@ def of_120_tables() -> xr.DataTree:
         for i in range(20)
         for c in ("CL", "CD", "CY", "Cl", "Cm", "Cn")
     }
-    return aerodb.make_database(leaves, title="120 tables", aircraft="bench", S=30.0, cbar=2.0, b=15.9, x_ref=0.0, y_ref=0.0, z_ref=0.0,
-                           force_axes="stability", source="bench")  # fmt: skip
+    sizes = {"S": 30.0, "cbar": 2.0, "b": 15.9, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
+    return aerodb.make_database(
+        leaves,
+        title="120 tables",
+        aircraft="bench",
+        **sizes,
+        force_axes="stability",
+        source="bench",
+    )
 
 
 def work_on_a_file(folder: Path) -> None:

@@ -7,7 +7,9 @@ page over the whole text, rows cut by columns.  Like it, both peers read static 
 only; the reader reads everything that is printed. T-37: the clean listing, nothing but such pages;
 corpus: all listings.
 
-python benchmarks/datcom_reading.py [FOLDER]      the folder of the corpus, ../shared/data/datcom unless given; without it the T-37 listings
+    python benchmarks/datcom_reading.py [FOLDER]
+
+FOLDER is that of the corpus, ../shared/data/datcom unless given; without it the T-37 listings.
 """
 
 from __future__ import annotations

@@ -137,8 +137,9 @@ def measure_changes(seeds: int, flight: tuple) -> None:
             z = np.concatenate(parts)
             each = " ".join(f"{100 * share:3.0f}" for share in (np.abs(z) < 2.0).mean(axis=0))
             print(
-                f"{coefficient}, {name}: within two of the last {100 * (np.abs(z) < 2.0).mean():.0f} "
-                f"% ({each}), rms {np.sqrt((z**2).mean()):.2f}",
+                f"{coefficient}, {name}: within two of the last "
+                f"{100 * (np.abs(z) < 2.0).mean():.0f} % ({each}), rms "
+                f"{np.sqrt((z**2).mean()):.2f}",
                 flush=True,
             )
 

@@ -1,7 +1,7 @@
 """Time and memory against the number of cases, models and workers, the length of a record and the
 number of tables.
 
-    python benchmarks/growth.py                                    all series, about ten minutes on two free cores
+    python benchmarks/growth.py                    all series, ten minutes on two free cores
     python benchmarks/growth.py --figure growth.png --keep growth.json
     python benchmarks/growth.py --read growth.json --figure growth.png     the figure alone
     python benchmarks/growth.py --batch 1000 5                     one batch: 1000 cases by 5 models
@@ -126,9 +126,8 @@ def prepared(folder: Path, cases: int, models: int) -> None:
     _, paths = programme(plane, min(cases, FLOWN), folder)
     for stem, states in paths.items():
         states.to_netcdf(folder / f"{stem}.nc", engine="h5netcdf")
-    for number in range(
-        FLOWN, cases
-    ):  # the records again, each time a window shorter by a sample: no flight is kept from another case
+    # The records again, each window shorter by a sample: no flight is kept from another case.
+    for number in range(FLOWN, cases):
         turn, first = divmod(number, FLOWN)
         text = (folder / f"case_{first:03d}.toml").read_text()
         text = text.replace(f"_{first:03d}", f"_{number:03d}").replace(

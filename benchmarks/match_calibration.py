@@ -44,7 +44,8 @@ from flighttest.reconstruction.combined_biases import instrument_constants
 
 RUNS = "21,22,26,27,29,30,32"
 CASES = {
-    "t37_21": "21_short_period", "t37_22": "22_roll_response", "t37_26": "26_phugoid", "t37_27": "27_dutch_roll",
+    "t37_21": "21_short_period", "t37_22": "22_roll_response", "t37_26": "26_phugoid",
+    "t37_27": "27_dutch_roll",
     "t37_29": "29_flap_change", "t37_30": "30_gear_change", "t37_32": "32_rudder_response",
 }  # fmt: skip
 SHARES = (1.0, 0.4, 0.2, 0.1)

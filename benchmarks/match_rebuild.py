@@ -7,7 +7,7 @@ a run from nothing of the same input.  Then a run is killed at ten random moment
 going on from the store of the one before; no result that was kept is computed twice.
 
     python benchmarks/match_rebuild.py [t37 | c182] [--kills 10] [--only-kills] [--jobs 2]
-    python benchmarks/match_rebuild.py t37 --only-kills --folder PLACE --at-once 3   # again and again
+    python benchmarks/match_rebuild.py t37 --only-kills --folder PLACE --at-once 3  # repeated
 
 Processor time is given next to wall time: on a machine that has other work it is the fairer ratio.
 The program runs as installed without extras: from its bytecode, and without dask, which xarray

@@ -2,11 +2,15 @@
 variables to third order.
 
 Peers, in the same run on the same record:
-  - greedy orthogonal least squares as it is written down (identification reference 8.2): after each choice all remaining
-    candidates are made orthogonal to it, twice; 0.04 to 0.05 s is the figure to beat;
-  - multivariate orthogonal functions in the order of generation (Morelli, J. Aircraft 1995), ranked afterwards;
-  - forward stepwise regression with a QR factorisation of the model per step; the figure to beat is 0.3 s;
-  - the same with a regression of its own for every candidate at every step, as textbooks define the partial F.
+  - greedy orthogonal least squares as it is written down (identification reference 8.2): after each
+    choice all remaining candidates are made orthogonal to it, twice; 0.04 to 0.05 s is the figure
+    to beat;
+  - multivariate orthogonal functions in the order of generation (Morelli, J. Aircraft 1995), ranked
+    afterwards;
+  - forward stepwise regression with a QR factorisation of the model per step; the figure to beat is
+    0.3 s;
+  - the same with a regression of its own for every candidate at every step, as textbooks define the
+    partial F.
 All start from the same matrix of candidates, which each makes for itself.
 
 python benchmarks/model_selection.py

@@ -11,7 +11,8 @@ counts as missing an estimate that its best model lacks.
 The last table has residuals that grow with the motion: coverage of a regression whose model is the
 truth.
 
-python benchmarks/model_structure.py [--seeds 40] [--first 7000] [--growth 60] [--truths ...] [--sizes ...]
+    python benchmarks/model_structure.py [--seeds 40] [--first 7000] [--growth 60]
+                                         [--truths ...] [--sizes ...]
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Bias and coverage of equation error, instrumental variables and total least squares on flights
 whose angle of attack, sideslip and rates carry noise; truth known, 200 seeds each.
 
-A flight of 30 s, simulated by the compiled kernel with a linear model in all six coefficients, as of
-`regression_coverage.py`. Accelerations carry a coloured disturbance. The noise of the regressors is
-white, or an AR(1) of 0.1 s; it enters the coefficients too, through the axes.
+A flight of 30 s, simulated by the compiled kernel with a linear model in all six coefficients, as
+of `regression_coverage.py`. Accelerations carry a coloured disturbance. The noise of the regressors
+is white, or an AR(1) of 0.1 s; it enters the coefficients too, through the axes.
 
 python benchmarks/noisy_regressors.py [--seeds 200] [--coefficients CL Cm Cn] [--noise 0.1 0.5]
 """

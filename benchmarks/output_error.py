@@ -2,9 +2,12 @@
 %.
 
     python benchmarks/output_error.py            all
-    python benchmarks/output_error.py speed      30 parameters of a 6-DOF model, ten manoeuvres of 20 s at 50 Hz, 11 outputs
-    python benchmarks/output_error.py linear     8 parameters of a linear model of three states, 30 s at 50 Hz, four outputs
-    python benchmarks/output_error.py coverage   200 simulated records each, noise of the instruments white and coloured, and in turbulence
+    python benchmarks/output_error.py speed      30 parameters of a 6-DOF model, 10 manoeuvres
+    python benchmarks/output_error.py linear     8 parameters of a linear model of 3 states
+    python benchmarks/output_error.py coverage   200 simulated records each
+
+The manoeuvres last 20 s at 50 Hz with 11 outputs, the record of the linear model 30 s with four.
+The records of the coverage have white and coloured noise of the instruments, or turbulence.
 
 The first is set against JSBSim's T37 flying as many frames as the fit flies steps (package
 ``jsbsim``), the second against the output error of aeroid on the same record, model and start
@@ -40,7 +43,8 @@ from flightmech.terms import make_term
 
 ALPHA, STEP = np.linspace(-0.15, 0.35, 11), 0.02
 OUTPUTS = {
-    "V": 0.2, "alpha": 2e-3, "beta": 2e-3, "p": 2e-3, "q": 1e-3, "r": 1e-3, "phi": 1e-3, "theta": 1e-3, "ax": 0.05, "ay": 0.05, "az": 0.1,
+    "V": 0.2, "alpha": 2e-3, "beta": 2e-3, "p": 2e-3, "q": 1e-3, "r": 1e-3, "phi": 1e-3,
+    "theta": 1e-3, "ax": 0.05, "ay": 0.05, "az": 0.1,
 }  # fmt: skip
 DERIVATIVES = {
     "CL": {"qhat": 7.0, "delta_e": 0.4, "delta_f": 1.2},
@@ -185,7 +189,8 @@ YAW_A = np.array([[-0.15, 0.03, -0.99], [-12.0, -2.5, 0.8], [4.5, -0.1, -0.4]]) 
 YAW_B = np.array([[0.0, 0.03], [-15.0, 2.0], [0.4, -3.0]])  # delta_a, delta_r
 SPEED = 80.0  # the fourth output is SPEED times A[beta,beta] beta + B[beta,delta_r] delta_r [m/s]
 YAW = {
-    "A[beta,beta]": -0.15, "A[p,beta]": -12.0, "A[p,p]": -2.5, "A[p,r]": 0.8, "A[r,beta]": 4.5, "A[r,r]": -0.4,
+    "A[beta,beta]": -0.15, "A[p,beta]": -12.0, "A[p,p]": -2.5, "A[p,r]": 0.8, "A[r,beta]": 4.5,
+    "A[r,r]": -0.4,
     "B[p,delta_a]": -15.0, "B[r,delta_r]": -3.0,
 }  # fmt: skip
 YAW_NOISE = {"beta": 2e-3, "p": 5e-3, "r": 2e-3, "ay": 0.1}

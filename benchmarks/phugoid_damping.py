@@ -1,7 +1,7 @@
 """What the damping of the phugoid depends on: Citation II flights of 2018 and 2020, and models
 fitted to them.
 
-    python benchmarks/phugoid_damping.py                  # all tables of docs/evidence/real-flights.md, section "Phugoid damping"
+    python benchmarks/phugoid_damping.py    # docs/evidence/real-flights.md, "Phugoid damping"
 
 Along and normal to the flight path, with X the specific force along it and N the one normal to it,
 x = X/V and n = N/V as complex ratios in the mode, V' = X - g gamma and V0 gamma' = N - g give  s^2

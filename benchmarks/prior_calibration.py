@@ -6,8 +6,8 @@
     python benchmarks/prior_calibration.py flown                       # models of the examples
 
 The first command writes `data/calibration/estimates.csv`: derivatives of the decks in
-`data/calibration` by Digital DATCOM (an executable of the user), by OptVL with the body and without.
-The second command compares them with `published.csv` and writes
+`data/calibration` by Digital DATCOM (an executable of the user), by OptVL with the body and
+without. The second command compares them with `published.csv` and writes
 `aerodb/prior/calibrated_errors.csv`; the third prints calibrated estimates of aircraft, with errors
 that the aircraft itself did not calibrate.  Both need no program and have no random numbers.
 
@@ -303,8 +303,8 @@ def derive() -> None:
     with TABLE.open("w", encoding="ascii") as stream:
         stream.write(
             "# Ratio of published to estimated derivatives and standard errors of estimates, up to "
-            "Mach 0.6,\n# from 11 aircraft. Derived by benchmarks/prior_calibration.py; do not edit "
-            "by hand.\n"
+            "Mach 0.6,\n# from 11 aircraft. Derived by benchmarks/prior_calibration.py; do not "
+            "edit by hand.\n"
         )
         pd.DataFrame(rows).to_csv(stream, index=False)
 

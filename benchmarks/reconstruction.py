@@ -6,7 +6,7 @@ flights side by side in NumPy.  Same record, same constants, same Gauss-Newton i
 same start.
 
 python benchmarks/reconstruction.py              # speed
-python benchmarks/reconstruction.py --coverage   # 200 flights: how often the truth lies within two standard errors
+python benchmarks/reconstruction.py --coverage   # 200 flights: truths within two errors
 """
 
 from __future__ import annotations

@@ -142,10 +142,15 @@ def result(number: int) -> PomResult:
     )
     judged = (end, window[1]) if kind == "2.d.7" else window
     case = PomCase(
-        f"case_{number:03d}", f"{title}, condition {number}", kind, tolerances.STANDARD, tolerances.EDITION, f"cases/{number:03d}.toml",
-        f"flight/run_{number:03d}.nc", window, description=f"{title}, {np.degrees(size):.1f} deg.", events={"input_end": end},
+        f"case_{number:03d}", f"{title}, condition {number}", kind, tolerances.STANDARD,
+        tolerances.EDITION, f"cases/{number:03d}.toml",
+        f"flight/run_{number:03d}.nc", window, description=f"{title}, {np.degrees(size):.1f} deg.",
+        events={"input_end": end},
         show=tuple(flight),
-        criteria=tuple(tolerances.make_criterion(row, name, judged) for row, name in zip(rows, tolerances.names_of(rows), strict=True)),
+        criteria=tuple(
+            tolerances.make_criterion(row, name, judged)
+            for row, name in zip(rows, tolerances.names_of(rows), strict=True)
+        ),
     )  # fmt: skip
     inputs = dict.fromkeys(
         ("delta_e", "delta_a", "delta_r", "delta_f", "gear"), np.zeros(t.size)

@@ -1,10 +1,10 @@
 """The report on paper: time and size of a PDF of a hundred pages, and of all that is written next
 to it.
 
-    python benchmarks/report_pdf.py                 as many cases as fill about 100 pages: 32, 3 models, 7 channels, 30 s at 50 Hz
+    python benchmarks/report_pdf.py      # 32 cases, about 100 pages
     python benchmarks/report_pdf.py --cases 100 --paper letter
 
-Results are those of ``report_page.py``.
+Results are those of ``report_page.py``: 3 models, 7 channels, 30 s at 50 Hz.
 """
 
 from __future__ import annotations
@@ -94,12 +94,8 @@ def main() -> None:
             for path in sorted(Path(output).iterdir())
             if path.is_file()
         ]
-        rows.append(
-            [
-                "csv",
-                f"{sum(path.stat().st_size for path in Path(output, 'csv').iterdir()) / 1e6:.2f} MB",
-            ]
-        )
+        size = sum(path.stat().st_size for path in Path(output, "csv").iterdir())
+        rows.append(["csv", f"{size / 1e6:.2f} MB"])
         begin = time.perf_counter()
         findings = pom.verify(output)
         rows.append(

@@ -6,7 +6,8 @@ as the scatter of single runs.
 
 References
 ----------
-.. [Gresham] Gresham, Simmons, Hopwood, Woolsey, Spin Aerodynamic Modeling for a Fixed-Wing Aircraft Using Flight Data, section IV.
+.. [Gresham] Gresham, Simmons, Hopwood, Woolsey, Spin Aerodynamic Modeling for a Fixed-Wing Aircraft
+   Using Flight Data, section IV.
 """
 
 from __future__ import annotations

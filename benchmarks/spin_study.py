@@ -1,7 +1,7 @@
 """The glide and spin models of a small aeroplane, flown, recorded and identified again.
 
     python benchmarks/spin_study.py                       # 8 glides, 18 spins: Tables 2 to 5
-    python benchmarks/spin_study.py --runs 200            # campaigns with other instruments and noise: bias and coverage
+    python benchmarks/spin_study.py --runs 200            # bias and coverage over campaigns
 
 Source of models, conditions and table layouts: Gresham, Simmons, Hopwood, Woolsey, Spin Aerodynamic
 Modeling for a Fixed-Wing Aircraft Using Flight Data; transcribed in ``data/cz150``.  Documentation:
@@ -42,7 +42,8 @@ from flighttest.special_tests.spin.rotation_rates import nominal_variables
 DATA = Path(__file__).parents[1] / "data" / "cz150"
 DEG, FOOT = np.pi / 180.0, 0.3048
 NOMINAL = {  # eq. (23)
-    "V": 66.9 * FOOT, "alpha": 12.4 * DEG, "beta": 5.74 * DEG, "p": -385.0 * DEG, "q": 36.2 * DEG, "r": -97.2 * DEG,
+    "V": 66.9 * FOOT, "alpha": 12.4 * DEG, "beta": 5.74 * DEG, "p": -385.0 * DEG, "q": 36.2 * DEG,
+    "r": -97.2 * DEG,
     "delta_e": -18.5 * DEG, "delta_a": 15.5 * DEG, "delta_r": 24.6 * DEG,
 }  # fmt: skip
 SURFACES = ("delta_a", "delta_e", "delta_r")

@@ -294,7 +294,8 @@ def main(seed: int = 1) -> None:
         print(f"{name}: R2 {1.0 - np.sum((z - y) ** 2) / np.sum((z - z.mean()) ** 2):.4f}")
     same = sum(np.sign(a) == np.sign(b) for a, b in directions)
     print(
-        f"direction of the roll-off: {same} of {len(directions)}, asymmetry {np.rad2deg(asymmetry):.2f} deg"
+        f"direction of the roll-off: {same} of {len(directions)}, asymmetry "
+        f"{np.rad2deg(asymmetry):.2f} deg"
     )
     print("bank of flight and model [deg]:", np.rad2deg(np.array(directions)).round(0).tolist())
 

@@ -82,9 +82,8 @@ def engine(folder: Path) -> dict:
     deck = flighttest.engine.correct_deck(
         prior, static, climbs, polar, known["S"], known["engines"]
     )
-    print(
-        f"{spools.report()}\n\n{deck.report()}\n\n{flighttest.engine.identify_start([_start(folder / 'start_stop.csv')]).report()}"
-    )
+    started = flighttest.engine.identify_start([_start(folder / "start_stop.csv")])
+    print(f"{spools.report()}\n\n{deck.report()}\n\n{started.report()}")
     times, schedule = spools.tables["n2_up_time"], spools.tables["n2_command"]
     lowest, *_, highest = (100.0 * x for x in times.leaf["n2"].values)
     speeds = [n for n in _SPEEDS if lowest - 0.5 <= n <= highest][:3]

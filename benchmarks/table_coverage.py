@@ -54,7 +54,8 @@ HIGH = 1000.0  # out of ground effect [m]
 # what a regressor is set to where a term multiplies it; the value of the table is the contribution
 # over this
 STEP = {
-    "alpha": 4 * DEGREE, "beta": 4 * DEGREE, "phat": 0.02, "qhat": 0.002, "rhat": 0.01, "alphadothat": 0.002, "delta_e": 0.1,
+    "alpha": 4 * DEGREE, "beta": 4 * DEGREE, "phat": 0.02, "qhat": 0.002, "rhat": 0.01,
+    "alphadothat": 0.002, "delta_e": 0.1,
     "delta_a": 0.1, "delta_r": 0.1, "delta_f": FULL_FLAP, "gear": 1.0, "speedbrake": 1.0,
 }  # fmt: skip
 REST = {"alpha": 3 * DEGREE, "mach": 0.3, "h_agl": HIGH, "h": 3000.0}

@@ -211,7 +211,8 @@ def main(records: int) -> None:
                 )
             warned, bad, coupling, effect = np.array(rows, float).T
             print(
-                f"  {name:38s}{warned.mean():8.0%}{bad.mean():15.0%}{np.median(coupling):10.2f}{np.median(effect):9.3f}",
+                f"  {name:38s}{warned.mean():8.0%}{bad.mean():15.0%}"
+                f"{np.median(coupling):10.2f}{np.median(effect):9.3f}",
                 flush=True,
             )
 

@@ -5,10 +5,10 @@ innovations, and how far the estimates are off.
 
 A jet of the size of the HFB 320 (7.5 t, 30 m2; derivatives of our own choice) glides at
 105 m/s and 5000 m for 40 s at 10 Hz, with a 3-2-1-1 of the elevator and a pulse. Airspeed and angle
-of attack of a boom, pitch rate, pitch attitude and both specific forces of the plane of symmetry are
-measured. The air has gusts along and across the path, of Dryden form (MIL-F-8785C): 1.5 m/s each,
-scales of 533 m, along and across the body as a wind in steps of 10 ms. The filter has no gusts along
-the path: white noise in the rate of V stands for them.
+of attack of a boom, pitch rate, pitch attitude and both specific forces of the plane of symmetry
+are measured. The air has gusts along and across the path, of Dryden form (MIL-F-8785C): 1.5 m/s
+each, scales of 533 m, along and across the body as a wind in steps of 10 ms. The filter has no
+gusts along the path: white noise in the rate of V stands for them.
 """
 
 from __future__ import annotations

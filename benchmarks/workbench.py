@@ -41,7 +41,8 @@ manoeuvres = ["doublet"]
 models = ["CL = 1 + alpha"]
 """
 PAN = """async (steps) => {
-  const key = (name) => document.dispatchEvent(new KeyboardEvent("keydown", { key: name, bubbles: true }));
+  const key = (name) => document.dispatchEvent(
+    new KeyboardEvent("keydown", { key: name, bubbles: true }));
   for (let i = 0; i < 5; i++) key("+");
   await new Promise((done) => setTimeout(done, 1500));
   const times = [];
@@ -51,7 +52,8 @@ PAN = """async (steps) => {
     times.push(performance.now());
   }
   const frames = times.slice(1).map((time, i) => time - times[i]).sort((a, b) => a - b);
-  return { median: frames[Math.floor(frames.length / 2)], slowest: frames[Math.floor(frames.length * 0.95)] };
+  return { median: frames[Math.floor(frames.length / 2)],
+    slowest: frames[Math.floor(frames.length * 0.95)] };
 }"""
 
 

@@ -129,18 +129,18 @@ def parse_constraints(
     SchemaError
         A text that is not a constraint, or a name that is not a parameter. One error lists all.
     """
-    found, problems = [], []
+    constraints, problems = [], []
     for text in texts:
         try:
-            found.append(_parse(text, list(names), spell))
+            constraints.append(_parse(text, list(names), spell))
         except ValueError as error:
             problems.append(f"{text!r}: {error}")
-    limits = sum(not constraint.is_equality for constraint in found)
+    limits = sum(not constraint.is_equality for constraint in constraints)
     if limits > _MOST_LIMITS:
         problems.append(f"{limits} inequalities; at most {_MOST_LIMITS} are allowed")
     if problems:
         raise SchemaError("constraints", problems)
-    return found
+    return constraints
 
 
 def write_constraint(constraint: Constraint, names: Sequence[str], weights: np.ndarray) -> str:
@@ -225,23 +225,25 @@ def eliminate(constraints: Iterable[Constraint], parameters: int) -> ParameterEl
     """
     T, t = np.eye(parameters), np.zeros(parameters)
     for constraint in constraints:
+        # In the free parameters phi the constraint is row . phi = remainder.
         row = constraint.weights @ T
-        rest = constraint.value - float(constraint.weights @ t)
+        remainder = constraint.value - float(constraint.weights @ t)
         scale = float(np.abs(constraint.weights).max())
         row[np.abs(row) < _ROUNDING * scale] = 0.0
         if not row.any():
             reference = abs(constraint.value) + float(np.abs(constraint.weights * t).max())
-            if abs(rest) <= _ROUNDING * reference:
-                continue  # it follows from the others
+            # Zero on the left side: the constraint follows from the others, or contradicts them.
+            if abs(remainder) <= _ROUNDING * reference:
+                continue
             raise SchemaError(
                 "constraints",
                 [f"{constraint.text!r} contradicts the constraints before it; leave one out"],
             )
         pivot = constraint.left if row[constraint.left] else int(np.abs(row).argmax())
-        # theta_p = (rest - sum of the other row_j theta_j) / row_p
+        # theta_p = (remainder - sum of the other row_j theta_j) / row_p
         share = -row / row[pivot]
         column = T[:, pivot].copy()
-        t += column * rest / row[pivot]
+        t += column * remainder / row[pivot]
         share[pivot] = -1.0
         T += np.outer(column, share)
         T[:, pivot] = 0.0
@@ -287,6 +289,7 @@ def choose_active(
     size[size == 0.0] = 1.0
     slack = _ROUNDING * (np.abs(h) + np.abs(G) @ np.abs(phi)) / size
     A, missing = A / size[:, None], (h - G @ phi) / size
+    # Every combination of limits is solved as equalities; the cheapest that satisfies all is taken.
     best, lowest = None, np.inf
     for count in range(len(A) + 1):
         for rows in map(list, combinations(range(len(A)), count)):
@@ -294,10 +297,10 @@ def choose_active(
             if rank < count:
                 continue
             cost = float(y @ y)
-            rest = np.setdiff1d(np.arange(len(A)), rows)
+            inactive = np.setdiff1d(np.arange(len(A)), rows)
             # The active rows hold by construction; only their rounding could contradict them.
-            reached = A[rest] @ y + slack[rest] + _SOLVED * np.sqrt(cost)
-            if (reached >= missing[rest]).all() and cost < lowest:
+            reached = A[inactive] @ y + slack[inactive] + _SOLVED * np.sqrt(cost)
+            if (reached >= missing[inactive]).all() and cost < lowest:
                 best, lowest = rows, cost
     if best is None:
         raise SchemaError(

@@ -50,8 +50,8 @@ record that identified the model, ``not_driven`` an answer that the inputs do no
 (`pom.probing`), ``watch`` a watched channel beyond its limit, ``recurrent`` and
 ``recurrent_beyond`` the comparison of a run with its master (`pom.replaying.recorded_runs`),
 ``low_confidence`` a run where no flight supports the model, ``far_from_evidence`` terms far from
-their flight estimate, ``no_evidence`` a model without terms to compare with it, ``not_checked`` a condition that the
-program does not check.
+their flight estimate, ``no_evidence`` a model without terms to compare with it, ``not_checked`` a
+condition that the program does not check.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory", "demonstration")
 STATUSES = (

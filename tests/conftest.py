@@ -32,7 +32,8 @@ settings.load_profile("any load")
 # of the processor time.
 gc.set_threshold(50_000, 20, 20)
 CHROMIUM = shutil.which("chromium")
-PATIENCE = 300_000  # ms that a browser may take for what ends well; a busy machine is not a fault of the page
+# ms that a browser may take for what ends well; a busy machine is not a fault of the page
+PATIENCE = 300_000
 HERE = ("http://127.0.0.1:", "file:", "data:", "blob:")
 
 

@@ -233,7 +233,9 @@ DOUBLET = ("t37_02_clean_cruise_5kft", 39.4, 46.0)  # doublet of 1.2 s each way
 PYTHON: dict[tuple[str, int], Callable[[dict], None]] = {
     ("README.md", 1): front_page,
 }
-"""Blocks of Python that are executed as printed, in a folder with the checkout's ``data``; the check gets the names that they leave."""
+"""Blocks of Python that are executed as printed, in a folder with the checkout's ``data``; the
+check gets the names that they leave.
+"""
 
 FOR_READING = {
     ("docs/index.md", 0): "printed by ./run demo; tests/aeromatch/test_demo.py compares it",

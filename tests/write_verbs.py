@@ -175,7 +175,10 @@ VERBS = {
         "fit.nc",
     ),
     "select": Verb(
-        "flight select p.nc --aircraft aircraft.toml --coefficient CY --variables 'beta phat rhat' -o s.nc",
+        (
+            "flight select p.nc --aircraft aircraft.toml --coefficient CY --variables 'beta phat "
+            "rhat' -o s.nc"
+        ),
         "p.nc",
         "s.nc",
     ),
@@ -251,8 +254,9 @@ VERBS = {
     "init": Verb(
         f"init new --records {FLIGHT} --names names.toml",
         "c182",
-        "new/cases new/aeromatch.toml new/aircraft.toml new/manoeuvres.csv new/.draft/aeromatch.toml "
-        "new/.draft/aircraft.toml new/.draft/manoeuvres.csv new/.draft/answers.json",
+        "new/cases new/aeromatch.toml new/aircraft.toml new/manoeuvres.csv "
+        "new/.draft/aeromatch.toml new/.draft/aircraft.toml new/.draft/manoeuvres.csv "
+        "new/.draft/answers.json",
     ),
     "example": Verb("example c182 new --inputs-only", "c182", "new"),
     "blend": Verb("db edit db.nc blend e.nc CL/basic -o b.nc", "db.nc e.nc", "b.nc"),
@@ -278,7 +282,10 @@ VERBS = {
         "flight fit-linear p.nc --motion lateral --window 2 6 -o lat.nc", "p.nc", "lat.nc"
     ),
     "balance": Verb(
-        "flight balance tail_1.csv tail_2.csv --setup balance.toml --model 'CL = 1 + alpha' -o fits",
+        (
+            "flight balance tail_1.csv tail_2.csv --setup balance.toml --model 'CL = 1 + alpha' -o "
+            "fits"
+        ),
         "tunnel",
         "fits",
     ),

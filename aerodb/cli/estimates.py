@@ -89,8 +89,8 @@ def from_estimate_command() -> None:
 @json_option
 @performed_by("aerodb.cli.actions.estimates:run_estimate")
 def estimate_command() -> None:
-    """Build a database from the geometry of DATCOM DECKS with a second estimator, the vortex lattice
-    of AVL (package optvl, extra `estimate`).
+    """Build a database from the geometry of DATCOM DECKS with a second estimator, the vortex
+    lattice of AVL (package optvl, extra `estimate`).
 
     AIRCRAFT is an aircraft file (TOML) with its decks after it, or the first of the decks, which
     then give name, reference quantities and moment centre too. Wing, tails, elevator (SYMFLP on the

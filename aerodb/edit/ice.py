@@ -86,8 +86,8 @@ def add_ice(db: xr.DataTree, ice: IceFile, *, note: str = "") -> xr.DataTree:
     if problems:
         raise SchemaError("ice", problems)
     notice = (
-        f"ice: {', '.join(new)} hold a difference by ice ({ice.title}; {ice.reference}), which acts "
-        f"with {ICE}; valid for {ice.valid}"
+        f"ice: {', '.join(new)} hold a difference by ice ({ice.title}; {ice.reference}), which "
+        f"acts with {ICE}; valid for {ice.valid}"
     )
     summary = f"{', '.join(new)}: {ice.title}; {ice.reference}; valid for {ice.valid}"
     line = f"ice: {ice.title}{note_suffix(note)}"
@@ -167,8 +167,8 @@ def _demand_zeros(clean: xr.Dataset, offset: xr.Dataset) -> None:
         raise SchemaError(
             "ice",
             [
-                f"the offset acts at {node_text(union, node)}, where the term is zero by definition; "
-                f"give a factor, or an offset over that axis which is zero there"
+                f"the offset acts at {node_text(union, node)}, where the term is zero by "
+                f"definition; give a factor, or an offset over that axis which is zero there"
             ],
         )
 

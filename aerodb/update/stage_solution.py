@@ -1,4 +1,4 @@
-"""Equations of one stage of the classical join, and their solution by iterated weights of the fits."""
+"""Equations of one stage of the classical join, solved by iterated weights of the fits."""
 
 from __future__ import annotations
 

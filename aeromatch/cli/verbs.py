@@ -23,8 +23,8 @@ EXAMPLES = {
     "deg and lbf",
     "t37": "jet trainer: complete programme with flaps, engine, landing gear and control forces, "
     "the one of aeromatch demo",
-    "commuter": "generic aeroplane with two turboprops: engine failure, one engine, torque and levers "
-    "recorded, no thrust",
+    "commuter": "generic aeroplane with two turboprops: engine failure, one engine, torque and "
+    "levers recorded, no thrust",
 }
 
 

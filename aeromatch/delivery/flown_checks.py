@@ -69,8 +69,8 @@ DURATION, RATE, SIZE = 12.0, 50.0, np.radians(2.0)
 TRIMMED = 1e-3
 # Step of the integration. [s]
 _STEP = 0.01
-# The tolerance is the greatest of: this multiple of the effect of half the step, this fraction of
-# the excursion, and the resolution of instruments.
+# The tolerance of an output is the greatest of three: this multiple of the effect of half the step,
+# this fraction of the excursion, and a floor that no instrument resolves, by SI unit.
 _MARGIN, _LEAST = 10.0, 1e-4
 _FLOOR = {
     "rad": 1e-6,
@@ -192,6 +192,7 @@ def _simulate_doublet(sim: Any, condition: Mapping[str, float], control: str) ->
 
 
 def _engine_numbers(sim: Any) -> list[int]:
+    """Return the numbers of the engines of a model, from 1."""
     numbers = range(1, _LARGEST_ENGINE + 1)
     return [i for i in numbers if f"engine{i}.thrust_drive" in sim.inputs]
 
@@ -240,6 +241,7 @@ def compute_tolerances(
 def _write_case(
     file: Path, title: str, case: xr.Dataset, sim: Any, facts: Mapping[str, float]
 ) -> None:
+    """Write a check case with the tolerances of its outputs, as CSV."""
     inputs, parameters = inputs_and_parameters(case, facts)
     outputs = {name: case[name].values for name in OUTPUTS}
     tolerances = compute_tolerances(outputs, sim, inputs, parameters)
@@ -264,6 +266,7 @@ def _write_case(
 
 
 def _units(name: str) -> str:
+    """Return the SI unit of a column."""
     # The thrust is an input of the check cases and not a canonical name.
     if name.endswith("thrust_drive"):
         return "N"

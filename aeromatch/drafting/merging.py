@@ -48,7 +48,8 @@ def merge_toml(drafted: str, own: str, new: str) -> MergedText:
 
     Examples
     --------
-    >>> merged = merge_toml('mass = "?"\\nb = 10\\n', 'mass = 900\\nb = 10\\n', 'mass = "?"\\nb = 11\\n')
+    >>> own = 'mass = 900\\nb = 10\\n'
+    >>> merged = merge_toml('mass = "?"\\nb = 10\\n', own, 'mass = "?"\\nb = 11\\n')
     >>> merged.text, merged.kept
     ('mass = 900\\nb = 11\\n', ())
     """

@@ -323,8 +323,8 @@ def _propeller_problems(section: EngineSection) -> list[str]:
         )
     if section.polar is None:
         problems.append(
-            "engine.polar: missing; the thrust of a propeller is identified together with the drag: "
-            "give CD0 and K, and polar_stderr"
+            "engine.polar: missing; the thrust of a propeller is identified together with the "
+            "drag: give CD0 and K, and polar_stderr"
         )
     for name in ("starts", "points", "climbs", "structure"):
         if getattr(section, name):

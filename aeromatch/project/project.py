@@ -235,8 +235,8 @@ class Project(Strict):
         roles = self.listings.by_role
         if roles and "clean" not in roles:
             problems.append(
-                f"listings.clean: missing, with listings of {', '.join(roles)}; give the listing of "
-                f"the whole aeroplane without deflections"
+                f"listings.clean: missing, with listings of {', '.join(roles)}; give the listing "
+                f"of the whole aeroplane without deflections"
             )
         if not roles and not self.prior:
             problems.append(

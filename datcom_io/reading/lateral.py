@@ -7,8 +7,8 @@ CLB of a wing with dihedral G and of a fin at height z is about [strip theory; D
 
 On 544 pages of listings where this is -0.03 per radian or more, and no part is above zero, the
 print reaches 0.22 of it at some angle of attack up to 6 deg. In the same range no print exceeds
-0.8 (0.25 + 0.6 |CL|) per radian. A CLB off by 57.3 is outside of one of the two. All limits hold for
-numbers by the area and span of the main wing, whatever SREF and BLREF are.
+0.8 (0.25 + 0.6 |CL|) per radian. A CLB off by 57.3 is outside of one of the two. All limits hold
+for numbers by the area and span of the main wing, whatever SREF and BLREF are.
 
 At subsonic speed CYP of sound pages is at most 0.4 of |CLP| + |CYB|. CNP of a wing is
 about -CL / 8 and CNP of the fin is constant, so that CNP falls with CL [DATCOM 7.1.2.3]. It rises

@@ -1,8 +1,8 @@
 """Draw the figures of ``figures.md`` and of ``lr743-figures.md``: ``python
 docs/scripts/make_database_figures.py out/t37 --along path.nc``.
 
-The folder is one that ``aeromatch demo`` wrote; the path is a reconstructed flight.  Needs the extra
-``figures``.
+The folder is one that ``aeromatch demo`` wrote; the path is a reconstructed flight.  Needs the
+extra ``figures``.
 """
 
 from __future__ import annotations

@@ -14,9 +14,9 @@ ROOT = Path(__file__).parents[2]
 HEAD = """# Examples
 
 One script for each job. They run in a checkout of the repository; figures need
-`pip install 'aeromatch[figures]'`. The [notebook of the tutorial](../tutorials/light-aircraft.ipynb)
-and that of [a log of a UAV](../tutorials/uav-log.ipynb) go whole roads. All figures:
-[gallery](gallery.md).
+`pip install 'aeromatch[figures]'`. The [notebook of the
+tutorial](../tutorials/light-aircraft.ipynb) and that of [a log of a
+UAV](../tutorials/uav-log.ipynb) go whole roads. All figures: [gallery](gallery.md).
 
 | script | what it does |
 | --- | --- |

@@ -43,20 +43,20 @@ MORE = ("propulsion/engine/thrust-lbs", "fcs/throttle-cmd-norm", "aero/cl-square
 INPUT = re.compile(r"([^ ,:]+) is (device\.\w+\.\w+)")
 HEAD = """# Aircraft of JSBSim
 
-Of the {count} aircraft files of the pip package `jsbsim` {version}, {whole} become a database and an
-aircraft by `import_jsbsim` and `import_jsbsim_aircraft` as they stand, without options.
+Of the {count} aircraft files of the pip package `jsbsim` {version}, {whole} become a database and
+an aircraft by `import_jsbsim` and `import_jsbsim_aircraft` as they stand, without options.
 `docs/scripts/make_jsbsim_aircraft.py` writes this page. In brackets: the number of properties
 outside the vocabulary that became inputs, `device.*`.
 
 """
 FIGURES = """
-Largest difference between the database and JSBSim, over the length of the vector, at {states} random
-states far beyond ordinary flight (alpha to 35 deg, beta to 20 deg, rates to 1 rad/s): forces
+Largest difference between the database and JSBSim, over the length of the vector, at {states}
+random states far beyond ordinary flight (alpha to 35 deg, beta to 20 deg, rates to 1 rad/s): forces
 {forces}, moments {moments}, F450 excepted. Mass and moments of inertia: {mass}, F450 excepted.
 
-- JSBSim takes `aero/cl-squared` of the **step before**, and the comparison uses its CL. With the lift
-  of the same instant, and JSBSim after {rest} evaluations of the same state, they are below 1e-8
-  but for {late}: {worst} at most. Their control system does not come to rest.
+- JSBSim takes `aero/cl-squared` of the **step before**, and the comparison uses its CL. With the
+  lift of the same instant, and JSBSim after {rest} evaluations of the same state, they are below
+  1e-8 but for {late}: {worst} at most. Their control system does not come to rest.
 - paraglider: only states at which the first step of JSBSim does not diverge.
 - The file of the F450 is in metres, and JSBSim takes 3.2808399 ft for one: 3e-9 of an area; its
   unit of inertia is rounded to 9e-5. ball and ballx have no forces.

@@ -81,15 +81,15 @@ SIDPAC = {
 HEAD = """# Nomenclature
 
 Every quantity has one name, one unit and one positive sense: in files, tables, Python, FMUs and
-reports. Names are the symbols of the field in ASCII; angles are in radians. Quantities of one engine
-or leg take a prefix: `engine1.thrust`, `gear.nose.compression`. Controls that only the tables of a
-database know are `device.body_flap.deflection` [rad], `device.spike.setting` [1]. In Python,
-`flightmech.names.lookup("delta_e")` returns a row. Other terms: [glossary](glossary.md), headings of
-recordings: [column headings](column-headings.md).
+reports. Names are the symbols of the field in ASCII; angles are in radians. Quantities of one
+engine or leg take a prefix: `engine1.thrust`, `gear.nose.compression`. Controls that only the
+tables of a database know are `device.body_flap.deflection` [rad], `device.spike.setting` [1]. In
+Python, `flightmech.names.lookup("delta_e")` returns a row. Other terms: [glossary](glossary.md),
+headings of recordings: [column headings](column-headings.md).
 
 The last column has equivalents elsewhere. LR-743 reduces the pitch rate by `c/V`, this product by
-`c/(2V)`: a pitch-rate derivative of LR-743 is half of ours. JSBSim's properties are in the unit that
-their names end with. SIDPAC's numbers are the columns of its data array.
+`c/(2V)`: a pitch-rate derivative of LR-743 is half of ours. JSBSim's properties are in the unit
+that their names end with. SIDPAC's numbers are the columns of its data array.
 
 Signs: {signs}.
 

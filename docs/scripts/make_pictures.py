@@ -2,8 +2,8 @@
 out/t37/report/report.html``.
 
 From the report of the T-37 come the upper part of a case, the page of the models and the waterfalls
-of two cases; from a recording that is read with two mistakes in its name map (the rudder's sign, and
-the load factor taken for the specific force) the page of the data quality.  Needs Debian's
+of two cases; from a recording that is read with two mistakes in its name map (the rudder's sign,
+and the load factor taken for the specific force) the page of the data quality.  Needs Debian's
 ``chromium`` and the package ``playwright``.
 """
 

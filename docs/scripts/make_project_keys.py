@@ -31,10 +31,10 @@ KINDS = {  # title, file, where the examples come from
 LONGEST = 70  # letters of an example
 HEAD = """# Keys of the files of a project
 
-Every key of the files of a project. A *quantity* is a number in the unit in brackets, or a text that
-carries its own (`"182 ft2"`). Files are named relative to the file that names them. Words in capitals
-in a heading are your own names, or names of [the vocabulary](nomenclature.md). An unknown key is an
-error that lists the near ones. *below*: the key is a table of its own.
+Every key of the files of a project. A *quantity* is a number in the unit in brackets, or a text
+that carries its own (`"182 ft2"`). Files are named relative to the file that names them. Words in
+capitals in a heading are your own names, or names of [the vocabulary](nomenclature.md). An unknown
+key is an error that lists the near ones. *below*: the key is a table of its own.
 
 `aeromatch schema` writes the same as JSON schemas. Editors with a TOML language server complete and
 check the keys of a file whose first line names its schema, as the files of `aeromatch init` do:

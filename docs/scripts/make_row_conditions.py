@@ -41,11 +41,14 @@ CLAIM_HEAD = """
 
 | condition | evaluated from |
 |---|---|
-| `reversible_controls` | `[facts]` of the aircraft file; unknown: a departure that names the rows left out |
-| `groundspeed...`, `speed>...` | samples of the record: `vn`, `ve`; `V_cas` at the first of `stall_warning` and `initial_buffet` |
+| `reversible_controls` | `[facts]` of the aircraft file; unknown: a departure that names the rows \
+left out |
+| `groundspeed...`, `speed>...` | samples of the record: `vn`, `ve`; `V_cas` at the first of \
+`stall_warning` and `initial_buffet` |
 | `distance...` | the run of the flight picks the row |
 | `underdamped`, `overdamped` | the free motion in the record |
-| `approach_to_stall`, `warning_to_stall`, `stall_break_and_recovery`, `before_g_break` | `stall_warning`, `stall`, `g_break` in `[events]` |
+| `approach_to_stall`, `warning_to_stall`, `stall_break_and_recovery`, `before_g_break` | \
+`stall_warning`, `stall`, `g_break` in `[events]` |
 | every other word | the case, in `features`; stated as *not checked* |
 """
 

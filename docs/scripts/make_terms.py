@@ -14,9 +14,9 @@ from aerodb.store.templates import scheme_table
 COLUMNS = ("axes", "regressors", "K1", "equation", "meaning", "from_datcom", "identified")
 HEAD = """# Terms of a database
 
-Every term of the scheme of LR-743 with its axes, the variables that multiply its table, its factor, the
-equation of the report, what Digital DATCOM gives, and whether LR-743 (4.5) identified it in flight.
-`aeromatch db scheme` prints the same. The equations: [the aerodynamic
+Every term of the scheme of LR-743 with its axes, the variables that multiply its table, its factor,
+the equation of the report, what Digital DATCOM gives, and whether LR-743 (4.5) identified it in
+flight. `aeromatch db scheme` prints the same. The equations: [the aerodynamic
 model](../explanation/database/aero-model.md). Other names are accepted too, such as `qhat_gear`.
 
 | term | axes | times | factor | equation | meaning | from DATCOM | identified |

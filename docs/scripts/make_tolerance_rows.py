@@ -26,15 +26,16 @@ SHOWN = {
 }
 HEAD = """# Which entry is judged on which record
 
-The {entries} entries of 14 CFR Part 60 App. A Table A2A (2014) and the verdict of the final model of the
-T-37 (`aeromatch demo`) on each. Every line is a test, `tests/pom/rows/test_rows.py`.
-{judged} entries are judged. {beyond} are not, because
-the model does not have the quantity. A judged criterion without a word passes.
+The {entries} entries of 14 CFR Part 60 App. A Table A2A (2014) and the verdict of the final model
+of the T-37 (`aeromatch demo`) on each. Every line is a test, `tests/pom/rows/test_rows.py`.
+{judged} entries are judged. {beyond} are not, because the model does not have the quantity. A
+judged criterion without a word passes.
 
-Records `t37_NN_...` are those of `data/t37/flight`, with instrument errors. The others are error-free states
-of the same aeroplane (`tests/pom/rows/fly_rows.py`). Where a T-37 does not have what an entry speaks of, the
-description of the case states the substitute: thrust reversers on its engines (1.e.2, 2.e.8, 2.e.9), a nose
-wheel linked to the pedals (2.a.5), protections that are in the recorded surfaces (2.h).
+Records `t37_NN_...` are those of `data/t37/flight`, with instrument errors. The others are
+error-free states of the same aeroplane (`tests/pom/rows/fly_rows.py`). Where a T-37 does not have
+what an entry speaks of, the description of the case states the substitute: thrust reversers on its
+engines (1.e.2, 2.e.8, 2.e.9), a nose wheel linked to the pedals (2.a.5), protections that are in
+the recorded surfaces (2.h).
 
 | entry | | record | verdict | judged | why |
 |---|---|---|---|---|---|
@@ -44,11 +45,14 @@ TAIL = """
 
 | section of Table A2A | why |
 |---|---|
-| 3, motion system | tests of the motion base: its frequency response, smoothness, repeatability, cues; an FMU has no motion base |
-| 4, visual system | tests of image generator and display, and the delay of the whole simulator; an FMU has neither |
+| 3, motion system | tests of the motion base: its frequency response, smoothness, repeatability, \
+cues; an FMU has no motion base |
+| 4, visual system | tests of image generator and display, and the delay of the whole simulator; \
+an FMU has neither |
 | 5, sound system | sound pressure in the cockpit; the model makes no sound |
 
-The rows of these sections are not in `tolerances.csv`: a proof of match of the mathematical model cannot test them.
+The rows of these sections are not in `tolerances.csv`: a proof of match of the mathematical model
+cannot test them.
 """
 
 

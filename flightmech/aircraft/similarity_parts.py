@@ -1,4 +1,4 @@
-"""Parts of a similar aircraft: engine decks, fuel, separation, gear and circuits, by their units."""
+"""Parts of a similar aircraft: engine decks, fuel, separation, gear, circuits, by their units."""
 
 from __future__ import annotations
 

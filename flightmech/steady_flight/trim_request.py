@@ -271,9 +271,9 @@ class _RequestResolver:
                 raise SchemaError(
                     f"trim, kind {self.name}",
                     [
-                        f"{engine}.failed: with mode.engine {self._value('mode.engine'):g} the drag "
-                        f"of a failed engine is that of {name}, which is not given; give it, or "
-                        f"trim with mode.engine 0, in which the propeller windmills without fuel"
+                        f"{engine}.failed: with mode.engine {self._value('mode.engine'):g} the "
+                        f"drag of a failed engine is that of {name}, which is not given; give it, "
+                        f"or trim with mode.engine 0, in which the propeller windmills without fuel"
                     ],
                 )
             return {f"{engine}.cutoff": 1.0} if f"{engine}.cutoff" in self.rows else {}

@@ -209,7 +209,8 @@ def controls_command() -> None:
     "aircraft_file",
     type=_FILE,
     help="Aircraft with propellers, TOML: POWER_CHANGES are records or reconstructed paths, whose "
-    "steady power identifies thrust and power, and whose power changes identify shaft and governor.",
+    "steady power identifies thrust and power, and whose power changes identify shaft and "
+    "governor.",
 )
 @click.option(
     "--polar",

@@ -157,6 +157,7 @@ def _name_case(case: PomCase, text: str) -> str:
 
 
 def _error_texts(error: AeromatchError) -> list[str]:
+    """Return the problems of an error, a line each."""
     if isinstance(error, SchemaError):
         return list(error.problems)
     return [str(error)]
@@ -240,20 +241,24 @@ class RecordCheck:
             quality = flighttest.assess(record, aircraft)
         except AeromatchError as error:
             return cls(name, f"not checked: {error}")
-        found: dict[str, list[RecordError]] = {"error": [], "warning": []}
+        by_severity: dict[str, list[RecordError]] = {"error": [], "warning": []}
         for item in quality.findings:
             severity = item.severity
             if severity == "note" and item.name.startswith(AIRSPEED):
                 # small for a record, but rows judge the model with it
                 severity = "warning"
                 item = replace(item, kind=SMALL)
-            if severity in found:
+            if severity in by_severity:
                 text = _join_lines(item.text, item.remedy)
                 finding = RecordError(item.name, text, start=item.start, stop=item.stop)
-                found[severity].append(finding)
+                by_severity[severity].append(finding)
         faults = tuple(_sample_faults(quality.faults, record))
         return cls(
-            name, quality.verdict, tuple(found["error"]), tuple(found["warning"]), faults=faults
+            name,
+            quality.verdict,
+            errors=tuple(by_severity["error"]),
+            warnings=tuple(by_severity["warning"]),
+            faults=faults,
         )
 
     def lines(self) -> list[str]:
@@ -295,9 +300,7 @@ def check_records(
 
 
 def check_key(case: PomCase) -> str:
-    """Return the name of the check of a record as the case reads it: with its name map and
-    aircraft.
-    """
+    """Return the name of the check of a record: record, name map and aircraft of the case."""
     return " | ".join([case.record, case.names, case.aircraft])
 
 

@@ -43,8 +43,8 @@ def identity_remarks(results: Sequence[PomResult]) -> list[dict[str, tuple[RowRe
             if digest:
                 others = count_text(counts.total() - counts[digest], "other case")
                 text = (
-                    f"departure: model {run} (sha256 {digest[:12]}) is another file in {others} of the "
-                    f"report; fly all cases by one file, or give each model its name"
+                    f"departure: model {run} (sha256 {digest[:12]}) is another file in {others} of "
+                    f"the report; fly all cases by one file, or give each model its name"
                 )
                 found[k][run] = (RowRemark("departure", text, MODEL),)
     return found

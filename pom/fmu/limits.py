@@ -70,7 +70,8 @@ def read_worker_limits(environment: Mapping[str, str] = os.environ) -> WorkerLim
 
     Examples
     --------
-    >>> limits = read_worker_limits({"AEROMATCH_FMU_MEMORY": "8 GB", "AEROMATCH_FMU_WRITTEN": "none"})
+    >>> stated = {"AEROMATCH_FMU_MEMORY": "8 GB", "AEROMATCH_FMU_WRITTEN": "none"}
+    >>> limits = read_worker_limits(stated)
     >>> limits.memory, limits.written, limits.unpacked, limits.processes
     (8000000000, 0, 1000000000, False)
     """

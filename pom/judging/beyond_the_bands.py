@@ -231,7 +231,10 @@ def distance_remarks(distances: Mapping[str, float]) -> tuple[RowRemark, ...]:
     They state the rms of the distances, and by name the terms beyond three standard errors.
     """
     if not distances:
-        text = "not compared with the flight evidence: no term that the case uses was found from flight"
+        text = (
+            "not compared with the flight evidence: no term that the case uses was found from "
+            "flight"
+        )
         return (RowRemark("evidence", text),)
     joint = rms([*distances.values()])
     printed = joint if joint > ROUNDING else 0.0

@@ -76,7 +76,8 @@ class FlownCase:
     flight: RunSignals
 
     def channel(self, *names: str) -> np.ndarray:
-        """Return the first of several channels that the record has, or that the case states (time,).
+        """Return the first of several channels that the record has, or that the case states
+        (time,).
 
         Raises
         ------

@@ -122,8 +122,8 @@ def _check_order(flown: FlownCase) -> str:
     if warning <= stall and alpha[0] < alpha[1]:
         return ""
     return (
-        f"first warning at {warning:.1f} s and {alpha[0] / DEGREE:.3g} deg of angle of attack, stall "
-        f"at {stall:.1f} s and {alpha[1] / DEGREE:.3g} deg; the warning comes first"
+        f"first warning at {warning:.1f} s and {alpha[0] / DEGREE:.3g} deg of angle of attack, "
+        f"stall at {stall:.1f} s and {alpha[1] / DEGREE:.3g} deg; the warning comes first"
     )
 
 

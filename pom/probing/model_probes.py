@@ -215,8 +215,8 @@ def _probe_tables(
     most = largest_input_effect(job.time, outputs, flight)
     if most < LEAST_EFFECT:
         text += (
-            f"; size and time of the inputs are not compared: flight and model differ by {most:.2f} "
-            f"of the sizes of the probe, less than the {LEAST_EFFECT:g} that are named"
+            f"; size and time of the inputs are not compared: flight and model differ by "
+            f"{most:.2f} of the sizes of the probe, less than the {LEAST_EFFECT:g} that are named"
         )
         return (RowRemark("probe", text),)
     if not changed.moved:

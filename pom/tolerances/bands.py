@@ -47,9 +47,9 @@ class RowRemark:
         row), ``record_warning`` (on the flight record), ``probe`` (answer of the model to changed
         inputs, and its scatter), ``not_driven`` (an answer that the inputs do not drive), ``leak``
         (samples of the record identified the model), ``device`` (recording of a device and its
-        inputs), ``recurrent`` and ``recurrent_beyond`` (comparison with a master run), ``without_effect`` (a device that no
-        term uses), ``row``
-        (note of the tolerance table), ``note`` (text of a report from before remarks had kinds).
+        inputs), ``recurrent`` and ``recurrent_beyond`` (comparison with a master run),
+        ``without_effect`` (a device that no term uses), ``row`` (note of the tolerance table),
+        ``note`` (text of a report from before remarks had kinds).
     text : str
         The remark for a reader, with its numbers.
     quantity : str

@@ -198,7 +198,10 @@ def _row_problems(row: Row) -> Iterator[str]:
             yield f"{name}: {row[name]!r}; allowed are {', '.join(filter(None, allowed))}"
             return
     if row["measure"] == "demonstration" and row["parameter"] != "demonstration":
-        yield f"measure: demonstration judges nothing, and {row['parameter']} is judged; give its measure"
+        yield (
+            f"measure: demonstration judges nothing, and {row['parameter']} is judged; give its "
+            "measure"
+        )
         return
     yield from _width_problems(row)
     yield from _bound_problems(row)

@@ -201,14 +201,17 @@ _ALL = (
     StatedCondition(
         "valid_beyond_stall",
         "the model is valid to 10 deg beyond the stall identification (Attachment 7, p. 182)",
-        "validity envelope of the model from the angle of attack at the event stall to 10 deg beyond "
-        "it: extrapolation is a departure, an a-priori region a notice; without an envelope the "
-        "ends of the tables over alpha",
+        "validity envelope of the model from the angle of attack at the event stall to 10 deg "
+        "beyond it: extrapolation is a departure, an a-priori region a notice; without an envelope "
+        "the ends of the tables over alpha",
         "model",
     ),
     StatedCondition(
         "upset",
-        "an upset: pitch above 25 deg up or 10 deg down, or bank above 45 deg (Attachment 7, p. 183)",
+        (
+            "an upset: pitch above 25 deg up or 10 deg down, or bank above 45 deg (Attachment 7, "
+            "p. 183)"
+        ),
         "largest and smallest pitch and largest bank of the window; an upset by airspeed alone is "
         "not checked",
     ),

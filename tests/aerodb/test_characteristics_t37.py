@@ -244,8 +244,8 @@ def test_performance_of_the_identified_aeroplane(aircraft, whole_demo):
 
 
 def test_derivatives_against_the_model_page(found):
-    """docs/evidence/database.md gives the body-axis values at Mach 0.3, 10 000 ft, alpha 2 deg: near
-    enough for two digits here.
+    """docs/evidence/database.md gives the body-axis values at Mach 0.3, 10 000 ft, alpha 2 deg:
+    near enough for two digits here.
     """
     expected = {
         ("CL", "qhat"): 8.43,

@@ -90,19 +90,32 @@ def drafted(recordings, tmp_path_factory):
 @pytest.mark.parametrize(
     ("column", "name", "unit"),
     [
-        ("KIAS", "V_cas", "kt"), ("ktas", "V", "kt"), ("roll_rate_dps", "p", "deg/s"), ("q_deg_s", "q", "deg/s"), ("Pitch", "theta", None),
-        ("ALT_ft", "h_baro", "ft"), ("gps/altitude", "h_gps", None), ("NormAcc", "az_imu", None), ("acc_x_mss", "ax_imu", "m/s2"),
-        ("Elevator_Pos_deg", "delta_e", "deg"), ("AIL_L_deg", "delta_a_left", "deg"), ("AileronRight", "delta_a_right", None),
-        ("N1_2", "engine2.n1", None), ("thrust_left_lbf", "engine1.thrust", "lbf"), ("Eng2N1", "engine2.n1", None),
-        ("OAT_C", "temperature", "degC"), ("fuel_flow_pph", "engine1.fuel_flow", "lb/h"), ("weight_lb", "mass", "lb"),
-        ("FN1 [lbf]", "engine1.thrust", "lbf"), ("ALT_STD_M", "h_baro", "m"), ("GS_N_KMH", "vn", "km/h"), ("FF1 KG/H", "engine1.fuel_flow", "kg/h"),
-        ("TLA 1 DEG", "engine1.pla", "deg"), ("INERTIAL VERT SPEED", "hdot", None), ("TRUE HDG", "psi", None), ("AOA1_DEG", "alpha_vane", "deg"),
-        ("flightdata.Pitch", "theta", None), ("stick_force_lbf", "F_column", "lbf"), ("x_cg", "x_cg_b", None), ("delta_r", "delta_r", None),
-        ("Hoehenruder_Grad", "delta_e", "deg"), ("Höhenruder [°]", "delta_e", "deg"), ("Nickrate [Grad/s]", "q", "deg/s"),
-        ("Querruder links [Grad]", "delta_a_left", "deg"), ("Schub_N", "engine1.thrust", "N"), ("Steigen_m/s", "hdot", "m/s"),
-        ("ELEV POSN [DEG]", "delta_e", "deg"), ("N-S VELOCITY [KT]", "vn", "kt"), ("ALTITUDE 1013.25 [FT]", "h_baro", "ft"),
-        ("SIDESLIP_VANE_DEG", "beta_vane", "deg"), ("PITCH_ATT_DEG", "theta", "deg"), ("ROLL_ATT_DEG", "phi", "deg"), ("VVI_FPM", "hdot", "ft/min"),
-        ("AIL_DEG_RRD", "delta_a", "deg"), ("ENG1_PLA_PCT", "engine1.throttle", "%"), ("ENG2_PLA_DEG", "engine2.pla", "deg"),
+        ("KIAS", "V_cas", "kt"), ("ktas", "V", "kt"), ("roll_rate_dps", "p", "deg/s"),
+        ("q_deg_s", "q", "deg/s"), ("Pitch", "theta", None),
+        ("ALT_ft", "h_baro", "ft"), ("gps/altitude", "h_gps", None), ("NormAcc", "az_imu", None),
+        ("acc_x_mss", "ax_imu", "m/s2"),
+        ("Elevator_Pos_deg", "delta_e", "deg"), ("AIL_L_deg", "delta_a_left", "deg"),
+        ("AileronRight", "delta_a_right", None),
+        ("N1_2", "engine2.n1", None), ("thrust_left_lbf", "engine1.thrust", "lbf"),
+        ("Eng2N1", "engine2.n1", None),
+        ("OAT_C", "temperature", "degC"), ("fuel_flow_pph", "engine1.fuel_flow", "lb/h"),
+        ("weight_lb", "mass", "lb"),
+        ("FN1 [lbf]", "engine1.thrust", "lbf"), ("ALT_STD_M", "h_baro", "m"),
+        ("GS_N_KMH", "vn", "km/h"), ("FF1 KG/H", "engine1.fuel_flow", "kg/h"),
+        ("TLA 1 DEG", "engine1.pla", "deg"), ("INERTIAL VERT SPEED", "hdot", None),
+        ("TRUE HDG", "psi", None), ("AOA1_DEG", "alpha_vane", "deg"),
+        ("flightdata.Pitch", "theta", None), ("stick_force_lbf", "F_column", "lbf"),
+        ("x_cg", "x_cg_b", None), ("delta_r", "delta_r", None),
+        ("Hoehenruder_Grad", "delta_e", "deg"), ("Höhenruder [°]", "delta_e", "deg"),
+        ("Nickrate [Grad/s]", "q", "deg/s"),
+        ("Querruder links [Grad]", "delta_a_left", "deg"), ("Schub_N", "engine1.thrust", "N"),
+        ("Steigen_m/s", "hdot", "m/s"),
+        ("ELEV POSN [DEG]", "delta_e", "deg"), ("N-S VELOCITY [KT]", "vn", "kt"),
+        ("ALTITUDE 1013.25 [FT]", "h_baro", "ft"),
+        ("SIDESLIP_VANE_DEG", "beta_vane", "deg"), ("PITCH_ATT_DEG", "theta", "deg"),
+        ("ROLL_ATT_DEG", "phi", "deg"), ("VVI_FPM", "hdot", "ft/min"),
+        ("AIL_DEG_RRD", "delta_a", "deg"), ("ENG1_PLA_PCT", "engine1.throttle", "%"),
+        ("ENG2_PLA_DEG", "engine2.pla", "deg"),
     ],
 )  # fmt: skip
 def test_columns_are_recognised_by_their_names(column, name, unit):
@@ -112,7 +125,8 @@ def test_columns_are_recognised_by_their_names(column, name, unit):
 
 @pytest.mark.parametrize("column", [
         "LATERAL VELOCITY", "Kurs_Grad",
-        "spare_7", "Event", "TAT", "gs_kt", "time", "status", "MAG HDG", "CG %MAC", "ELEV_CMD", "CABIN ALT", "TQ1 [%]", "FLAP LEVER",
+        "spare_7", "Event", "TAT", "gs_kt", "time", "status", "MAG HDG", "CG %MAC", "ELEV_CMD",
+        "CABIN ALT", "TQ1 [%]", "FLAP LEVER",
         "TOTAL PRESS", "AIL TRIM", "AILERON_PCT", "GEAR_DEG", "PITCH_FPM",
     ],
 )  # fmt: skip
@@ -185,7 +199,8 @@ def test_units_follow_from_the_size_of_the_values():
     }
     found = {name: unit for name, (unit, _) in unit_from_size({**small, **others}).items()}
     assert found == {
-        "theta": "deg", "delta_r": "deg", "p": "deg/s", "az_imu": "g", "ax_imu": "g", "p_static": "hPa", "temperature": "degC",
+        "theta": "deg", "delta_r": "deg", "p": "deg/s", "az_imu": "g", "ax_imu": "g",
+        "p_static": "hPa", "temperature": "degC",
         "engine1.n1": "%",
     }  # fmt: skip
     radians = unit_from_size(

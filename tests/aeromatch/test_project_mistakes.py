@@ -1,8 +1,8 @@
 """Mistakes of a user in the files and options of a project: the answer states what came, what is
 allowed or near, and what to do.
 
-With `test_mistakes` more than ninety mistakes. Each row: the edit of a file of the C182 example (old
-and new text), a command, and what its text must hold.
+With `test_mistakes` more than ninety mistakes. Each row: the edit of a file of the C182 example
+(old and new text), a command, and what its text must hold.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ SHORT = "cases/short_period.toml"
 P = 'p = "Roll Rate"'
 ROWS = [
     ("", "init new --datcom datcomm", ["no file or folder 'datcomm'", "near it: datcom"]),
-    ("", "init new --records flight/cruse.csv", ["'flight/cruse.csv'", "near it: flight/cruise.csv"]),
+    ("", "init new --records flight/cruse.csv",
+     ["'flight/cruse.csv'", "near it: flight/cruise.csv"]),
     ("", f"{INIT} --mass '2280 lbm2'", ["'2280 lbm2'", "'kg'", "give a unit of the same quantity"]),
     ("", f"{INIT} --mass '-5 kg'", ["found '-5 kg'", "give a positive number", "2400 kg"]),
     ("", f"{INIT} --Ixz '5 kg'", ["Ixz = '5 kg'", "'kg m2'", "give a unit"]),
@@ -56,7 +57,8 @@ ROWS = [
         "aeromatch.toml", PLAN, "manoeuvres = \"man", "manoeuvre = \"man",
         ["manoeuvre: unknown key", "near it: manoeuvres"],
     ),
-    ("aeromatch.toml", PLAN, "flight/*", "flights/*", ["'flights/*.csv'", "give a file or a pattern"]),
+    ("aeromatch.toml", PLAN, "flight/*", "flights/*",
+     ["'flights/*.csv'", "give a file or a pattern"]),
     ("aeromatch.toml", PLAN, '"cruise"', '"cruse"', ["unknown record 'cruse'", "near it: cruise"]),
     ("aeromatch.toml", PLAN, "CL = 1 + alpha", "CL = 1 + alfa", ["'alfa'", "near it: alpha"]),
     ("aeromatch.toml", PLAN, '"CL = 1', '"Cz = 1', ["unknown coefficient 'Cz'", "near it: Cn"]),
@@ -69,15 +71,20 @@ ROWS = [
     ("aeromatch.toml", PLAN, '"delta_r"]', '"rudder"]', ["'rudder'", "near it: delta_r"]),
     ("aircraft.toml", PLAN, '"2280 lb"', '"?"', ["mass", "not given yet", "write a number in kg"]),
     ("aircraft.toml", PLAN, '"2280 lb"', "2280 lb", ["line 7", "2280 lb", "is a text too"]),
-    ("aircraft.toml", PLAN, '"-28 deg", "23 deg"', '"23 deg", "-28 deg"', ["delta_e", "is not below"]),
+    ("aircraft.toml", PLAN, '"-28 deg", "23 deg"', '"23 deg", "-28 deg"',
+     ["delta_e", "is not below"]),
     (SHORT, PLAN, "15.1]", "150.0]", ["4 ... 150 s", "0 ... 17 s", "choose one inside"]),
     (SHORT, PLAN, "[4.0, 15.1]", "[15.1, 4.0]", ["short_period.toml", "must start before it ends"]),
     (SHORT, PLAN, '"2.c.10"', '"2.c.100"', ["'2.c.100'", "near it: 2.c.10"]),
     (SHORT, PLAN, '"2014-01-01"', '"2014"', ["unknown edition", "'2014'", "near it: 2014-01-01"]),
-    (SHORT, PLAN, '"recorded"', '"record"', ["drive.surfaces", "'recorded', 'cockpit'", "'record'"]),
-    ("manoeuvres.csv", PLAN, "check_dutch_roll,", "check_dutchroll,", ["'check_dutchroll'", "near it"]),
-    ("", "reconstruct flight/cruise.csv", ["no command 'reconstruct'", "'aeromatch flight reconstruct'"]),
-    ("", "flight cut flight/cruise.csv 200 220 --names names.toml -o x.nc", ["200 ... 220 s", "0 ... 150 s"]),
+    (SHORT, PLAN, '"recorded"', '"record"',
+     ["drive.surfaces", "'recorded', 'cockpit'", "'record'"]),
+    ("manoeuvres.csv", PLAN, "check_dutch_roll,", "check_dutchroll,",
+     ["'check_dutchroll'", "near it"]),
+    ("", "reconstruct flight/cruise.csv",
+     ["no command 'reconstruct'", "'aeromatch flight reconstruct'"]),
+    ("", "flight cut flight/cruise.csv 200 220 --names names.toml -o x.nc",
+     ["200 ... 220 s", "0 ... 150 s"]),
     ("", "flight info flight", ["'flight' is a folder", "give a file, such as"]),
 ]  # fmt: skip
 

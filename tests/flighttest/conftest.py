@@ -26,12 +26,14 @@ sys.path.append(
 RATE = 50.0
 IMU, BOOM = np.array([0.9, 0.25, 0.32]), np.array([4.3, 0.0, 0.15])
 NOISE = {
-    "p": 6e-4, "q": 6e-4, "r": 6e-4, "phi": 5e-4, "theta": 5e-4, "psi": 8e-4, "ax_imu": 0.025, "ay_imu": 0.025, "az_imu": 0.04,
+    "p": 6e-4, "q": 6e-4, "r": 6e-4, "phi": 5e-4, "theta": 5e-4, "psi": 8e-4, "ax_imu": 0.025,
+    "ay_imu": 0.025, "az_imu": 0.04,
     "alpha_vane": 1.5e-3, "beta_vane": 1.5e-3, "p_static": 5.0, "q_c": 12.0, "temperature": 0.05,
     "vn": 0.05, "ve": 0.05, "vd": 0.08, "h_gps": 0.5, "h_radio": 0.1,
 }  # fmt: skip
 BIAS = {
-    "p": 5e-4, "q": 5e-4, "r": 5e-4, "phi": 1e-3, "theta": 1e-3, "psi": 2e-3, "ax_imu": 0.04, "ay_imu": 0.04, "az_imu": 0.05,
+    "p": 5e-4, "q": 5e-4, "r": 5e-4, "phi": 1e-3, "theta": 1e-3, "psi": 2e-3, "ax_imu": 0.04,
+    "ay_imu": 0.04, "az_imu": 0.05,
     "alpha_vane": 8e-3, "beta_vane": 8e-3, "q_c": 8.0, "temperature": 0.5,
 }  # fmt: skip
 INSTRUMENTS = {
@@ -107,7 +109,8 @@ def path(duration, rng, gust=0.0, motion=1.0):
     acceleration[:, 2] -= gravity(None, 0.0) * (1.0 - 2.0 * height / EARTH_RADIUS)
     force = (acceleration[:, None, :] @ R)[:, 0]
     return SimpleNamespace(
-        time=t, attitude=attitude, omega=omega, omega_dot=spline(t, omega)(t, 1), force=force, air=air, velocity=steady, h=height, wind=wind
+        time=t, attitude=attitude, omega=omega, omega_dot=spline(t, omega)(t, 1), force=force,
+        air=air, velocity=steady, h=height, wind=wind
     )  # fmt: skip
 
 

@@ -7,7 +7,8 @@ height is the integral of the vertical velocity by Gauss's rule.
 
 References
 ----------
-.. [Squire1998] Squire, Trapp, Using Complex Variables to Estimate Derivatives of Real Functions, SIAM Rev. 40, 1998.
+.. [Squire1998] Squire, Trapp, Using Complex Variables to Estimate Derivatives of Real Functions,
+   SIAM Rev. 40, 1998.
 """
 
 from types import SimpleNamespace
@@ -34,9 +35,12 @@ START, LEVEL, LAPSE, P_LEVEL = (
     79500.0,
 )  # m, K, K/m, Pa: height, temperature and pressure at the start
 NOISE = {
-    "p": 0.0012 * DEGREE, "q": 0.0012 * DEGREE, "r": 0.0012 * DEGREE, "ax_imu": 0.004, "ay_imu": 0.004, "az_imu": 0.006,
-    "phi": 0.02 * DEGREE, "theta": 0.02 * DEGREE, "psi": 0.03 * DEGREE, "alpha_vane": 0.05 * DEGREE, "beta_vane": 0.05 * DEGREE,
-    "vn": 0.05, "ve": 0.05, "vd": 0.05, "h_gps": 0.5, "V": 0.05, "V_cas": 0.05, "mach": 2e-4, "q_c": 4.0, "p_static": 5.0,
+    "p": 0.0012 * DEGREE, "q": 0.0012 * DEGREE, "r": 0.0012 * DEGREE, "ax_imu": 0.004,
+    "ay_imu": 0.004, "az_imu": 0.006,
+    "phi": 0.02 * DEGREE, "theta": 0.02 * DEGREE, "psi": 0.03 * DEGREE, "alpha_vane": 0.05 * DEGREE,
+    "beta_vane": 0.05 * DEGREE,
+    "vn": 0.05, "ve": 0.05, "vd": 0.05, "h_gps": 0.5, "V": 0.05, "V_cas": 0.05, "mach": 2e-4,
+    "q_c": 4.0, "p_static": 5.0,
     "temperature": 0.02,
 }  # fmt: skip
 TURN = 1.2  # rad, half of the change of heading
@@ -105,7 +109,8 @@ def trajectory(rng, duration: float, excitation: float = 1.0) -> SimpleNamespace
 
     def packets(size, width, frequency, count):
         parts = [
-            (excitation * size * rng.uniform(0.6, 1.2), duration * (i + rng.uniform(0.2, 0.8)) / count, width * rng.uniform(0.8, 1.2),
+            (excitation * size * rng.uniform(0.6, 1.2),
+             duration * (i + rng.uniform(0.2, 0.8)) / count, width * rng.uniform(0.8, 1.2),
              frequency * rng.uniform(0.8, 1.2), rng.uniform(0.0, 2.0 * np.pi)) for i in range(count)
         ]  # fmt: skip
         return lambda t: sum(_packet(t, *part) for part in parts)
@@ -191,8 +196,10 @@ def motion(rng, duration: float, wind, excitation: float = 1.0) -> SimpleNamespa
     inner = edges[:-1, None] + (nodes + 1.0) / (2.0 * RATE)
     fallen = (velocity(inner.ravel())[:, 2].reshape(inner.shape) @ weights) / (2.0 * RATE)
     return SimpleNamespace(
-        t=edges, attitude=flown.attitude(edges), omega=omega(edges), omega_dot=omega_dot(edges), air=flown.air(edges),
-        velocity=velocity(edges), acceleration=_slope(velocity, edges), h=START - np.concatenate([[0.0], np.cumsum(fallen)]),
+        t=edges, attitude=flown.attitude(edges), omega=omega(edges), omega_dot=omega_dot(edges),
+        air=flown.air(edges),
+        velocity=velocity(edges), acceleration=_slope(velocity, edges),
+        h=START - np.concatenate([[0.0], np.cumsum(fallen)]),
     )  # fmt: skip
 
 

@@ -1,4 +1,6 @@
-"""Free motion of a circuit by the kernel: derivatives, order of the scheme, dry friction as a limit."""
+"""Free motion of a circuit by the kernel: derivatives, order of the scheme, dry friction as a
+limit.
+"""
 
 from __future__ import annotations
 

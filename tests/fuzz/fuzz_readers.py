@@ -26,7 +26,8 @@ import harm_files
 import reader_kinds
 
 # Promises of a command about any file. Time of the processor, because a busy machine is no fault
-# of a reader; a process that only waits ends after `WAIT`, in which a busy machine gives it `SECONDS`.
+# of a reader; a process that only waits ends after `WAIT`, in which a busy machine gives it
+# `SECONDS`.
 SECONDS, WAIT, MEMORY = 20, 400, 2 * 1024**3  # s, s, byte
 # Address space of a process: a fault that allocates without end must not end the machine.
 ADDRESSES = 8 * 1024**3
@@ -139,7 +140,8 @@ def import_needed(kind: reader_kinds.Kind, folder: Path) -> None:
         outcome = run_command(verb, folder, listing)
         if outcome.code not in (0, 1) or outcome.broken:
             sys.exit(
-                f"{kind.name}: aeromatch {' '.join(verb)}, of a sound file:\n{outcome.printed[-2000:]}"
+                f"{kind.name}: aeromatch {' '.join(verb)}, of a sound "
+                f"file:\n{outcome.printed[-2000:]}"
             )
         _clear_output(folder)
         for name in listing.read_text().split("\n"):

@@ -233,7 +233,8 @@ def without_column_one(lines, others, pick):
 
 
 WAYS: tuple[Way, ...] = (
-    cut, lose, double, swap, lose_page, double_page, move_page, overwrite, shift, rewrite_row, lose_row, double_row, change_count,
+    cut, lose, double, swap, lose_page, double_page, move_page, overwrite, shift, rewrite_row,
+    lose_row, double_row, change_count,
     insert_heading, insert_rubbish, insert_huge, splice, foreign_page, without_column_one,
 )  # fmt: skip
 

@@ -267,7 +267,10 @@ def text_of(sim: flightmech.SimModel, i: int) -> str:
         (
             ([np.nan], [1.0], [-1.0], [1.0]),
             0.0,
-            "unknown 0 of the trim lies between 1 and -1 in steps of 1; the limits must be in order",
+            (
+                "unknown 0 of the trim lies between 1 and -1 in steps of 1; the limits must be in "
+                "order"
+            ),
         ),
         (
             ([np.nan], [-1.0], [1.0], [0.0]),

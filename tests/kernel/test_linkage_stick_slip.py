@@ -1,7 +1,7 @@
 """linkage.c against another integration of stick and slip: adaptive steps that end at events.
 
-Between two events every body sticks or slides one way, so the motion is smooth. The reference shares
-no code with the kernel.
+Between two events every body sticks or slides one way, so the motion is smooth. The reference
+shares no code with the kernel.
 """
 
 from __future__ import annotations
@@ -160,6 +160,7 @@ def test_stick_slip_agrees_with_an_integration_between_events(advance, order, st
         )
         errors.append(np.abs(found[::parts, :n] - exact).max() / np.ptp(exact))
     assert max(errors) < 1e-4
-    # Breaking away from a larger friction at rest is not located: the error is of first order there.
+    # Breaking away from a larger friction at rest is not located: the error is of first order
+    # there.
     if stiction == 1.0:
         assert errors[1] < 0.3 * errors[0]

@@ -79,8 +79,10 @@ def judge(case, data, runs):
         for run in runs:
             error = data[c.channel].sel(run=run).values - flight
             row = dict(
-                run=run, criterion=c.name, channel=c.channel, measure=c.measure, group=c.group, window_start=c.window[0],
-                window_stop=c.window[1], tolerance_text=c.band.text, width=np.nanmin(half) / factor, unit=unit, provenance=c.provenance,
+                run=run, criterion=c.name, channel=c.channel, measure=c.measure, group=c.group,
+                window_start=c.window[0],
+                window_stop=c.window[1], tolerance_text=c.band.text, width=np.nanmin(half) / factor,
+                unit=unit, provenance=c.provenance,
             )  # fmt: skip
             if not np.isfinite(error).all():
                 rows.append(
@@ -149,8 +151,10 @@ def trim(columns):
 
 
 CONDITIONS = {
-    "V": 62.0, "mach": 0.19, "h": 3048.0, "temperature": 268.15, "p_static": 69680.0, "wind_n": 4.1, "wind_e": -2.2,
-    "mass": 2850.0, "x_cg": 0.247, "Iyy": 4500.0, "delta_f": 40 * DEG, "gear": 1.0, "speedbrake": 0.0, "alpha": 0.09, "theta": 0.07,
+    "V": 62.0, "mach": 0.19, "h": 3048.0, "temperature": 268.15, "p_static": 69680.0, "wind_n": 4.1,
+    "wind_e": -2.2,
+    "mass": 2850.0, "x_cg": 0.247, "Iyy": 4500.0, "delta_f": 40 * DEG, "gear": 1.0,
+    "speedbrake": 0.0, "alpha": 0.09, "theta": 0.07,
 }  # fmt: skip
 
 
@@ -187,7 +191,8 @@ def short_period_result(
         ),
     )
     case = PomCase(
-        name, title, "2.c.10", STANDARD, EDITION, "cases/short_period.toml", "flight/t37_21_short_period.nc", (4.0, 18.0),
+        name, title, "2.c.10", STANDARD, EDITION, "cases/short_period.toml",
+        "flight/t37_21_short_period.nc", (4.0, 18.0),
         description="Elevator back for two seconds, then released; the airplane answers with its "
             "short period.",
         events={"input_end": 7.15}, criteria=criteria,
@@ -218,7 +223,8 @@ def roll_result():
     }
     window = (30.5, 40.0)
     case = PomCase(
-        "roll_response_clean", "Roll response, clean", "2.d.2", STANDARD, EDITION, "cases/roll.toml", "flight/t37_31_roll.nc", (30.0, 40.0),
+        "roll_response_clean", "Roll response, clean", "2.d.2", STANDARD, EDITION,
+        "cases/roll.toml", "flight/t37_31_roll.nc", (30.0, 40.0),
         description="Aileron held for five seconds.",
         criteria=(criterion("roll_rate", "p", "g1", window, Limit("percent", 10.0, "%"), Limit("absolute", 2.0, "deg/s")),),
     )  # fmt: skip
@@ -476,7 +482,8 @@ def column_sweep_result():
         abscissa="column",
     )
     case = PomCase(
-        "column_sweep", "Column force against position", "2.a.1.a", STANDARD, EDITION, "cases/sweep.toml", "flight/t37_40_sweep.nc",
+        "column_sweep", "Column force against position", "2.a.1.a", STANDARD, EDITION,
+        "cases/sweep.toml", "flight/t37_40_sweep.nc",
         (0.0, 20.0), description="Column slowly full aft, full forward, neutral.", criteria=(row,),
     )  # fmt: skip
     data = xr.Dataset(

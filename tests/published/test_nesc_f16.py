@@ -29,7 +29,8 @@ def states(count: int) -> dict[str, np.ndarray]:
     """Inputs of the aero file in its units, inside the tables and beyond."""
     random = np.random.default_rng(11)
     box = {
-        "vt": (100.0, 2000.0), "alpha": (-20.0, 55.0), "beta": (-40.0, 40.0), "p": (-3.0, 3.0), "q": (-1.0, 1.0), "r": (-1.0, 1.0),
+        "vt": (100.0, 2000.0), "alpha": (-20.0, 55.0), "beta": (-40.0, 40.0), "p": (-3.0, 3.0),
+        "q": (-1.0, 1.0), "r": (-1.0, 1.0),
         "el": (-30.0, 30.0), "ail": (-25.0, 25.0), "rdr": (-35.0, 35.0),
     }  # fmt: skip
     return {name: random.uniform(low, high, count) for name, (low, high) in box.items()}

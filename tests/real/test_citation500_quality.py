@@ -17,7 +17,8 @@ pytestmark = pytest.mark.skipif(
     reason="the Citation 500 simulation (../shared/data/flight/citation500_sim) is not here",
 )
 COLUMNS = {
-    "p": "p", "q": "q", "r": "r", "phi": "phi", "theta": "theta", "psi": "psi", "ax_imu": "Ax", "ay_imu": "Ay", "az_imu": "Az",
+    "p": "p", "q": "q", "r": "r", "phi": "phi", "theta": "theta", "psi": "psi", "ax_imu": "Ax",
+    "ay_imu": "Ay", "az_imu": "Az",
     "vn": "u_n", "ve": "v_n", "vd": "w_n", "V": "vtas", "alpha_vane": "alpha", "beta_vane": "beta",
     "delta_e": "de", "delta_a": "da", "delta_r": "dr",
 }  # fmt: skip

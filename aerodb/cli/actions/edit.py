@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import click
 import xarray as xr
 
-from aerodb.edit.blending import blend as blended
-from aerodb.edit.blending import consistency
-from aerodb.edit.breakpoint_edits import extend as extended
-from aerodb.edit.breakpoint_edits import regrid as regridded
+from aerodb.edit import blending, breakpoint_edits, reference_point, table_edits
 from aerodb.edit.ice import add_ice
 from aerodb.edit.ice_file import read_ice
-from aerodb.edit.reference_point import move_reference as moved
-from aerodb.edit.table_edits import scale as scaled
-from aerodb.edit.table_edits import set_nodes as with_nodes
-from aerodb.edit.table_edits import shift as shifted
 from aerodb.edit.term_edits import delete_terms, match_names, replace_terms
 from aerodb.store.files import open as open_database
 from aerodb.store.files import save
 from aerodb.store.schema import terms
-from aerodb.store.undo_history import drop_undo_history as forgotten
-from aerodb.store.undo_history import undo_edits as before
+from aerodb.store.undo_history import drop_undo_history, undo_edits
 from flightmech.errors import AeromatchWarning
 from flightmech.quantities import number_or_text, parse_quantity
 from flightmech.support.console import print_remark, print_table
@@ -38,7 +31,8 @@ def run_scale(
     **how: Any,
 ) -> None:
     """Perform the command ``scale``."""
-    _write(file, output, lambda db: scaled(db, names, by, dict([over]) if over else None, **how))
+    axes = _axes_of(over)
+    _write(file, output, lambda db: table_edits.scale(db, names, by, axes, **how))
 
 
 def run_shift(
@@ -50,31 +44,38 @@ def run_shift(
     **how: Any,
 ) -> None:
     """Perform the command ``shift``."""
-    _write(file, output, lambda db: shifted(db, names, by, dict([over]) if over else None, **how))
+    axes = _axes_of(over)
+    _write(file, output, lambda db: table_edits.shift(db, names, by, axes, **how))
+
+
+def _axes_of(over: tuple[Any, ...] | None) -> dict[str, Any] | None:
+    """Return the axis of an option ``--over`` with its breakpoints, or None without the option."""
+    return dict([over]) if over else None
 
 
 def run_set_nodes(
     file: str, name: str, places: tuple[Any, ...], value: float, output: str, **how: Any
 ) -> None:
     """Perform the command ``set``."""
-    several = [axis for axis, points in places if len(points) != 1]
-    if several or len(dict(places)) != len(places):
+    is_single = all(len(points) == 1 for _, points in places)
+    if not is_single or len(dict(places)) != len(places):
         raise click.BadParameter(
             f"give one breakpoint for each axis, such as alpha='4 deg'; got {places}",
             param_hint="--at",
         )
-    _write(
-        file,
-        output,
-        lambda db: with_nodes(db, name, {axis: points[0] for axis, points in places}, value, **how),
-    )
+    node = {axis: points[0] for axis, points in places}
+    _write(file, output, lambda db: table_edits.set_nodes(db, name, node, value, **how))
 
 
 def run_regrid(
     file: str, name: str, axes: tuple[Any, ...], tolerance: float | None, note: str, output: str
 ) -> None:
     """Perform the command ``regrid``."""
-    _write(file, output, lambda db: regridded(db, name, dict(axes), tolerance=tolerance, note=note))
+
+    def edit(db: xr.DataTree) -> xr.DataTree:
+        return breakpoint_edits.regrid(db, name, dict(axes), tolerance=tolerance, note=note)
+
+    _write(file, output, edit)
 
 
 def run_extend(
@@ -89,13 +90,13 @@ def run_extend(
 ) -> None:
     """Perform the command ``extend``."""
     axis, points = axes
-    _write(
-        file,
-        output,
-        lambda db: extended(
-            db, name, axis, points, how if values is None else values, stderr=stderr, note=note
-        ),
-    )
+    # Values on the command line take the place of the rule.
+    rule = how if values is None else values
+
+    def edit(db: xr.DataTree) -> xr.DataTree:
+        return breakpoint_edits.extend(db, name, axis, points, rule, stderr=stderr, note=note)
+
+    _write(file, output, edit)
 
 
 def run_move_reference(
@@ -109,20 +110,19 @@ def run_move_reference(
     output: str,
 ) -> None:
     """Perform the command ``move-reference``."""
-    given = {
-        key: number_or_text(text)
-        for key, text in (("x_ref", x), ("y_ref", y), ("z_ref", z))
-        if text is not None
-    }
+    options = {"x_ref": x, "y_ref": y, "z_ref": z}
 
-    def work(db: xr.DataTree) -> xr.DataTree:
-        point = [
-            parse_quantity(given[key], "m") if key in given else float(db.attrs[key])
-            for key in ("x_ref", "y_ref", "z_ref")
-        ]
-        return moved(db, point, tolerance=tolerance, flow=flow, note=note)
+    def edit(db: xr.DataTree) -> xr.DataTree:
+        # A coordinate without an option stays. [m]
+        point = []
+        for key, text in options.items():
+            if text is None:
+                point.append(float(db.attrs[key]))
+            else:
+                point.append(parse_quantity(number_or_text(text), "m"))
+        return reference_point.move_reference(db, point, tolerance=tolerance, flow=flow, note=note)
 
-    _write(file, output, work)
+    _write(file, output, edit)
 
 
 def run_blend(
@@ -131,19 +131,13 @@ def run_blend(
     """Perform the command ``blend``."""
     second = open_database(other)
     chosen = names or None
-    frame = consistency(open_database(file), second, chosen, rule)
-    _write(file, output, lambda db: blended(db, second, chosen, rule, note=note))
-    rows = [
-        (
-            name,
-            row.nodes,
-            f"{row.chi2:.4g}",
-            f"{row.probability:.3g}",
-            f"{row.worst:+.3g}",
-            row.location,
-        )
-        for name, row in frame.iterrows()
-    ]
+    # The agreement is that before the blend: the output may be the file itself.
+    table = blending.consistency(open_database(file), second, chosen, rule)
+    _write(file, output, lambda db: blending.blend(db, second, chosen, rule, note=note))
+    rows = []
+    for name, row in table.iterrows():
+        numbers = (f"{row.chi2:.4g}", f"{row.probability:.3g}", f"{row.worst:+.3g}")
+        rows.append((name, row.nodes, *numbers, row.location))
     head = ("term", "nodes", "chi-square", "probability", "worst in std. errors", "where")
     print_table(head, rows, title="how well they agree", right=head[1:5])
 
@@ -162,32 +156,35 @@ def run_delete(file: str, names: tuple[str, ...], note: str, output: str) -> Non
 def run_replace(file: str, other: str, names: tuple[str, ...], note: str, output: str) -> None:
     """Perform the command ``replace``."""
     second = open_database(other)
-    theirs = terms(second)
-    _write(
-        file,
-        output,
-        lambda db: replace_terms(
-            db, {name: theirs[name] for name in match_names(second, names)}, note
-        ),
-    )
+    leaves = terms(second)
+    replacements = {name: leaves[name] for name in match_names(second, names)}
+    _write(file, output, lambda db: replace_terms(db, replacements, note))
 
 
 def run_previous(file: str, steps: int, number: int | None, output: str) -> None:
     """Perform the command ``previous``."""
-    _write(file, output, lambda db: before(db, steps, number), show_change=False)
+    _write(file, output, lambda db: undo_edits(db, steps, number), show_change=False)
 
 
 def run_forget(file: str, output: str) -> None:
     """Perform the command ``forget``."""
-    _write(file, output, forgotten, show_change=False)
+    _write(file, output, drop_undo_history, show_change=False)
 
 
-def _write(file: str, output: str, work: Any, show_change: bool = True) -> None:
-    """Open, work, save, and print the new line of history; warnings go to stderr."""
+def _write(
+    file: str,
+    output: str,
+    edit: Callable[[xr.DataTree], xr.DataTree],
+    show_change: bool = True,
+) -> None:
+    """Open a database, edit it, save it, and print its new line of history.
 
+    Warnings go to stderr after the file is written: a remark on a file that was not written would
+    mislead.
+    """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
-        tree = work(open_database(file))
+        tree = edit(open_database(file))
     save(tree, output)
     for warning in caught:
         if issubclass(warning.category, AeromatchWarning):

@@ -351,5 +351,6 @@ def _number(text: str) -> float:
         return finite_number(text)
     except ValueError:
         raise click.UsageError(
-            f"--at has {text!r}; write a finite number in the unit of the file, such as CG_PCT_MAC=25"
+            f"--at has {text!r}; write a finite number in the unit of the file, such as "
+            "CG_PCT_MAC=25"
         ) from None

@@ -132,8 +132,8 @@ def label_sources(
         flown = [name for name, leaf in terms(db).items() if _has_flight_nodes(leaf)]
         if flown:
             problems.append(
-                f"{title!r} holds terms from flight ({', '.join(flown[:3])}), so it is not an a-priori "
-                f"source; join them with `db edit blend` or `db edit replace`"
+                f"{title!r} holds terms from flight ({', '.join(flown[:3])}), so it is not an "
+                f"a-priori source; join them with `db edit blend` or `db edit replace`"
             )
         if any(line[_VERB] in _JOINERS for line in edit_rows(db)):
             problems.append(

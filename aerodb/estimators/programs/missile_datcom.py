@@ -71,8 +71,8 @@ _DERIVATIVES = {
 }
 _NOT_READ = ("CL", "CD", "CL/CD", "X-C.P.")
 _REMARK = (
-    "moments are about XCG behind the nose; the alpha-dot derivative of CA is not printed, so there "
-    "is none of the lift"
+    "moments are about XCG behind the nose; the alpha-dot derivative of CA is not printed, so "
+    "there is none of the lift"
 )
 
 

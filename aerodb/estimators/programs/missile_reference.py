@@ -87,8 +87,8 @@ def make_missile_reference(
             value = exact[0]
         elif name != "MOMENT CENTER" and printed.rounding > _ROUNDING * abs(value):
             return None, (
-                f"{name} is printed as {printed.digits} {printed.unit}, and no card {card} has more "
-                f"digits: give the reference quantities"
+                f"{name} is printed as {printed.digits} {printed.unit}, and no card {card} has "
+                f"more digits: give the reference quantities"
             )
         power = "m2" if name == "REF AREA" else "m"
         values[name] = float(to_si(value, unit, power))

@@ -117,8 +117,8 @@ def _check_rudder(rudder: tuple[float, float, float]) -> None:
         raise SchemaError(
             "rudder",
             [
-                f"{share:g}, {start:g}, {end:g}; give the share of the chord behind the hinge, above "
-                f"0 and up to 1, and start and end as shares of the span of the fin, such as "
+                f"{share:g}, {start:g}, {end:g}; give the share of the chord behind the hinge, "
+                f"above 0 and up to 1, and start and end as shares of the span of the fin, such as "
                 f"0.35,0,1"
             ],
         )

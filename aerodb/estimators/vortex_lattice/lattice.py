@@ -88,8 +88,8 @@ def compute_coefficients(
         raise SchemaError(
             "deck",
             [
-                f"no conditions for a vortex lattice; give Mach numbers up to {MOST_MACH:g} and two "
-                f"or more angles of attack from {_LEAST_ALPHA / DEGREE:g} to "
+                f"no conditions for a vortex lattice; give Mach numbers up to {MOST_MACH:g} and "
+                f"two or more angles of attack from {_LEAST_ALPHA / DEGREE:g} to "
                 f"{_MOST_ALPHA / DEGREE:g} deg in FLTCON"
             ],
         )
@@ -116,9 +116,9 @@ def compute_coefficients(
     body = "the body by slender-body theory" if has_body else "no body"
     remarks.insert(
         0,
-        f"{PROGRAM} {reply['version']} (AVL) computes thin surfaces in attached inviscid flow, with "
-        f"{body}: no friction or wave drag, no stall, no derivatives with respect to the rate of "
-        f"alpha, controls in proportion to their deflection",
+        f"{PROGRAM} {reply['version']} (AVL) computes thin surfaces in attached inviscid flow, "
+        f"with {body}: no friction or wave drag, no stall, no derivatives with respect to the rate "
+        f"of alpha, controls in proportion to their deflection",
     )
     remarks.insert(1, "Cl/beta has no part that grows with lift: OptVL leaves it out")
     controls = tuple(reply["controls"])

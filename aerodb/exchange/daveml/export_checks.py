@@ -61,10 +61,13 @@ BEYOND = 0.15  # share of the range of a table by which states lie beyond it, on
 _AIRSPEED = (30.0, 250.0)  # m/s
 # Ranges of variables that are not an axis of any table, by name, then by unit. [SI]
 _RANGES = {
-    "phat": (-0.06, 0.06), "qhat": (-0.01, 0.01), "rhat": (-0.04, 0.04), "alphadothat": (-0.01, 0.01), "betadothat": (-0.02, 0.02),
-    "p": (-1.5, 1.5), "q": (-0.4, 0.4), "r": (-0.4, 0.4), "gear": (0.0, 1.0), "speedbrake": (0.0, 1.0), "mach": (0.1, 0.8),
+    "phat": (-0.06, 0.06), "qhat": (-0.01, 0.01), "rhat": (-0.04, 0.04),
+    "alphadothat": (-0.01, 0.01), "betadothat": (-0.02, 0.02),
+    "p": (-1.5, 1.5), "q": (-0.4, 0.4), "r": (-0.4, 0.4), "gear": (0.0, 1.0),
+    "speedbrake": (0.0, 1.0), "mach": (0.1, 0.8),
     "CT": (0.0, 0.2), "x_cg": (0.1, 0.4), "V": _AIRSPEED,
-    "rad": (-0.3, 0.3), "m": (-1.0, 1.0), "Pa": (500.0, 20000.0), "m s-1": (-10.0, 10.0), "rad s-1": (-0.5, 0.5),
+    "rad": (-0.3, 0.3), "m": (-1.0, 1.0), "Pa": (500.0, 20000.0), "m s-1": (-10.0, 10.0),
+    "rad s-1": (-0.5, 0.5),
 }  # fmt: skip
 _OTHER_RANGE = (-1.0, 1.0)
 

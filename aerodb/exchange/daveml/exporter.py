@@ -38,7 +38,8 @@ from flightmech.support.atomic_write import write_text
 from flightmech.terms import list_model_variables, list_regressors, power_factor
 
 _HEAD = """<?xml version="1.0" standalone="no"?>
-<!DOCTYPE DAVEfunc PUBLIC "-//AIAA//DTD for Flight Dynamic Models - Functions 2.0//EN" "http://www.daveml.org/DTDs/2p0/DAVEfunc.dtd">"""
+<!DOCTYPE DAVEfunc PUBLIC "-//AIAA//DTD for Flight Dynamic Models - Functions 2.0//EN" \
+"http://www.daveml.org/DTDs/2p0/DAVEfunc.dtd">"""
 _NAMESPACE = "http://daveml.org/2010/DAVEML"
 _MATH = "http://www.w3.org/1998/Math/MathML"
 _LEAST_AIRSPEED = 0.1  # m/s; a divisor of the reduced rates must not be zero

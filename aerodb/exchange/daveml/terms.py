@@ -22,8 +22,9 @@ from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make_term, source_attribu
 
 # Name of the contribution of a regressor. Another regressor gives its own name.
 _WORDS = {
-    "delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder", "delta_f": "flap", "delta_t": "tab", "delta_ta": "tab_aileron",
-    "delta_tr": "tab_rudder", "delta_s": "spoiler", "delta_d": "differential_tail", "dnz": "load_factor", "CT": "power", "h_agl": "ground",
+    "delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder", "delta_f": "flap",
+    "delta_t": "tab", "delta_ta": "tab_aileron", "delta_tr": "tab_rudder", "delta_s": "spoiler",
+    "delta_d": "differential_tail", "dnz": "load_factor", "CT": "power", "h_agl": "ground",
 }  # fmt: skip
 _FLOW = {"alpha", "beta", "mach", "h"}
 # Half width of a table that stands for its variable, by unit.
@@ -205,13 +206,14 @@ def _make_leaf(model: DaveModel, product: _Product, part: CoefficientPart) -> xr
         values = factor * values
     if stderr is not None:
         stderr = abs(factor) * stderr
+    scales = {f"K{i}": _table_array(grid) for i, grid in enumerate(factors, 1)}
     leaf = make_term(
         values,
         {axis.variable: axis.points for axis in value.axes},
         regressors,
         stderr=stderr,
         outside=outside,
-        **{f"K{i}": _table_array(grid) for i, grid in enumerate(factors, 1)},  # type: ignore[arg-type]
+        **scales,  # type: ignore[arg-type]
     )
     # The source of the nodes is stored only if it fits the shape of the table.
     flags = source_codes(source, value.values.shape) if source else None

@@ -74,19 +74,25 @@ REGRESSOR = {
 
 # The airspeed has a lower limit, so that a reduced rate stays finite at rest.
 _REDUCED = (
-    "<quotient><product><property>{rate}</property><property>metrics/{length}-ft</property></product>"
-    "<product><value>2</value><max><property>velocities/vt-fps</property><value>0.001</value></max></product></quotient>"
+    "<quotient>"
+    "<product><property>{rate}</property><property>metrics/{length}-ft</property></product>"
+    "<product><value>2</value><max><property>velocities/vt-fps</property><value>0.001</value></max>"
+    "</product></quotient>"
 )
 # Variable that JSBSim does not have: the function that gives it in SI. The export fills the fields
 # in braces from the aircraft.
 FUNCTION = {
-    "delta_a": "<product><value>0.5</value><difference><property>fcs/right-aileron-pos-rad</property>"
+    "delta_a": "<product><value>0.5</value>"
+    "<difference><property>fcs/right-aileron-pos-rad</property>"
     "<property>fcs/left-aileron-pos-rad</property></difference></product>",
-    "h_agl": f"<product><value>{FOOT!r}</value><property>aero/h_b-mac-ft</property><property>metrics/bw-ft</property></product>",
+    "h_agl": f"<product><value>{FOOT!r}</value>"
+    "<property>aero/h_b-mac-ft</property><property>metrics/bw-ft</property></product>",
     "dnz": "<difference><property>accelerations/Nz</property><value>1</value></difference>",
-    "x_cg": "<sum><value>{x_ref_mac!r}</value><product><value>{chords_per_inch!r}</value><difference><property>inertia/cg-x-in</property>"
+    "x_cg": "<sum><value>{x_ref_mac!r}</value><product><value>{chords_per_inch!r}</value>"
+    "<difference><property>inertia/cg-x-in</property>"
     "<property>metrics/aero-rp-x-in</property></difference></product></sum>",
-    "CT": "<quotient><sum><value>0</value>{thrusts}</sum><product><property>aero/qbar-psf</property>"
+    "CT": "<quotient><sum><value>0</value>{thrusts}</sum>"
+    "<product><property>aero/qbar-psf</property>"
     "<property>metrics/Sw-sqft</property></product></quotient>",
     "phat": _REDUCED.format(rate="velocities/p-aero-rad_sec", length="bw"),
     "qhat": _REDUCED.format(rate="velocities/q-aero-rad_sec", length="cbarw"),

@@ -216,12 +216,13 @@ def term_of_product(
     value, *factors = tables or [xr.DataArray(1.0)]
     if note:
         text["comment"] = "; ".join(filter(None, (text.get("comment", ""), note)))
+    scales = {f"K{i}": _factor_table(table) for i, table in enumerate(factors, 1)}
     leaf = make_term(
         (value * factor).values,
         _axis_points(value),
         regressors,
         power=power,
-        **{f"K{i}": _factor_table(table) for i, table in enumerate(factors, 1)},  # type: ignore[arg-type]
+        **scales,  # type: ignore[arg-type]
     )
     return leaf.assign_attrs(text)
 

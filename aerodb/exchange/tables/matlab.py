@@ -53,13 +53,20 @@ _SEAL = b"MATLAB 5.0 aeromatch sha256 %s"
 _SEAL_WORDS = (b"aeromatch", b"sha256")
 _HEADER_SIZE = 116  # bytes of the text in the header
 _CONVENTIONS = """\
-coefficient = sum of its terms; term = K1 * K2 * table(axes) * product of regressors; SI units and radians.
-terms(n).values(i,j,k): breakpoint i of axes(1), j of axes(2), k of axes(3); interpolation is linear.
-Beyond the ends: outside = 'hold' keeps the end value (clip the inputs), 'linear' goes on with the last line.
-stderr is the standard error of each node; source is 0 datcom, 1 flight, 2 judgement; empty where the term has none.
-A term with attributes power, exponent, floor is multiplied by max(v, floor)^exponent too, v the variable that power names.
-A table without axes is a scalar; K1, K2 are factor tables over other axes, empty where the term has none.
-interpn(t.breakpoints{:}, t.values, x1, x2, ...) gives a table of two and more axes, interp1 one of a single axis."""
+coefficient = sum of its terms; term = K1 * K2 * table(axes) * product of regressors; \
+SI units and radians.
+terms(n).values(i,j,k): breakpoint i of axes(1), j of axes(2), k of axes(3); \
+interpolation is linear.
+Beyond the ends: outside = 'hold' keeps the end value (clip the inputs), \
+'linear' goes on with the last line.
+stderr is the standard error of each node; source is 0 datcom, 1 flight, 2 judgement; \
+empty where the term has none.
+A term with attributes power, exponent, floor is multiplied by max(v, floor)^exponent too, \
+v the variable that power names.
+A table without axes is a scalar; K1, K2 are factor tables over other axes, \
+empty where the term has none.
+interpn(t.breakpoints{:}, t.values, x1, x2, ...) gives a table of two and more axes, \
+interp1 one of a single axis."""
 
 
 def export_matlab(db: xr.DataTree, path: str | os.PathLike[str]) -> None:

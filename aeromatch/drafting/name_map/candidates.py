@@ -76,8 +76,8 @@ class ColumnCandidate:
         return (
             f"column {self.column} moves with {self.reference} (correlation "
             f"{abs(self.correlation):.2f}): if it is {self.quantity}, write "
-            f'{self.quantity} = {{ column = "{self.column}", unit = "{self.unit or "..."}"{sign} }} '
-            f"into names.toml "
+            f'{self.quantity} = {{ column = "{self.column}", '
+            f'unit = "{self.unit or "..."}"{sign} }} into names.toml '
             f"and run init again"
         )
 

@@ -333,7 +333,10 @@ def explain_unit(column: str) -> str:
         quantity = _quantity_of_words(words[:-length], column.lower()) if units else None
         if quantity is not None and not any(_is_recorded_in(unit, quantity[0]) for unit in units):
             name = quantity[0]
-            return f"the unit {units[0]} of its heading contradicts {name}, which is in {lookup(name).units}"
+            return (
+                f"the unit {units[0]} of its heading contradicts {name}, which is in "
+                f"{lookup(name).units}"
+            )
     return ""
 
 

@@ -158,9 +158,9 @@ RECORDED = {
 }
 # Words of a heading that do not name a quantity.
 _DECORATION_TEXT = (
-    "pos posn position defl deflection angle ang meas measured sensor raw value act actual filtered "
-    "filt corr corrected body rec surf surface lever adc ins ahrs imu ads fms efis irs dau daq "
-    "fdr egi nav air adhrs"
+    "pos posn position defl deflection angle ang meas measured sensor raw value act actual "
+    "filtered filt corr corrected body rec surf surface lever adc ins ahrs imu ads fms efis irs "
+    "dau daq fdr egi nav air adhrs"
 )
 DECORATION = frozenset(_DECORATION_TEXT.split())
 # Sign of a heading with a word for a direction: +1 if it is the positive direction of the quantity,
@@ -226,9 +226,8 @@ _OTHER_SUBJECTS = {
         "fuelqty fuelquantity fuel fuelused fuelremaining fob"
     ),
     "a lever that no model uses": "conditionlever mixture mixturelever",
-    "a stabilizer or trim position; delta_t is the elevator tab, i_h the stabilizer: add it by hand": (
-        "hstab stab stabtrim stabilizer stabiliser stabilizertrim htrim hstabtrim"
-    ),
+    "a stabilizer or trim position; delta_t is the elevator tab, i_h the stabilizer: add it by "
+    "hand": ("hstab stab stabtrim stabilizer stabiliser stabilizertrim htrim hstabtrim"),
     "a trim position of another surface": "ailtrim ailerontrim rudtrim ruddertrim rolltrim yawtrim",
     "a ground speed or a glide slope: which one is not stated": "gs",
     "a relative humidity or a radio height: which one is not stated": "rh",

@@ -180,8 +180,8 @@ class PistonTable(Strict):
     boost_rpm: Annotated[float, InUnits("rad s-1")] | None = Field(
         default=None,
         examples=["2700 rpm"],
-        description="Speed of the crankshaft at which a geared compressor has its ratio; without it "
-        "a turbocharger.",
+        description="Speed of the crankshaft at which a geared compressor has its ratio; without "
+        "it a turbocharger.",
     )
     boost_limit: Annotated[float, InUnits("Pa")] | None = Field(
         default=None,

@@ -158,8 +158,8 @@ class PropellerTable(Strict):
     )
     inertia: Annotated[float, InUnits("kg m2")] = Field(
         examples=[2.3],
-        description="Moment of inertia of the propeller and of all that turns with it, at the speed "
-        "of the propeller.",
+        description="Moment of inertia of the propeller and of all that turns with it, at the "
+        "speed of the propeller.",
     )
     rpm_high: Annotated[float, InUnits("rad s-1")] = Field(
         examples=["2700 rpm"],
@@ -216,8 +216,8 @@ class PropellerTable(Strict):
     governed: bool | None = Field(
         default=None,
         examples=[False],
-        description="Whether a governor turns the blades; false: the propeller lever sets the blade "
-        "angle.",
+        description="Whether a governor turns the blades; false: the propeller lever sets the "
+        "blade angle.",
     )
     power_limit: Annotated[float, InUnits("W")] | None = Field(
         default=None,
@@ -268,7 +268,9 @@ def _check_coefficient(propeller: Propeller, name: str) -> Iterator[str]:
     if "J" not in leaf["value"].dims:
         yield f"{name} has no axis J; the coefficients are tables over the advance ratio"
     if propeller.turns_blades and "blade_angle" not in leaf["value"].dims:
-        yield f"{name} has no axis blade_angle, and the blades turn; add it, or leave out high_pitch"
+        yield (
+            f"{name} has no axis blade_angle, and the blades turn; add it, or leave out high_pitch"
+        )
 
 
 def _check_range(propeller: Propeller) -> Iterator[str]:
@@ -296,10 +298,10 @@ def _check_range(propeller: Propeller) -> Iterator[str]:
         power = _evaluate(propeller.tables["CP_prop"], at)
         if power > 0.0:
             yield (
-                f"CP_prop is still {power:.3g} at J {propeller.J_end:g}, the end of the tables, with "
-                f"feathered blades at {np.degrees(propeller.feather_pitch):.3g} deg; a feathered "
-                f"propeller slows down to any J: continue both tables until the power is negative "
-                f"there, or leave out feather_rate"
+                f"CP_prop is still {power:.3g} at J {propeller.J_end:g}, the end of the tables, "
+                f"with feathered blades at {np.degrees(propeller.feather_pitch):.3g} deg; a "
+                f"feathered propeller slows down to any J: continue both tables until the power is "
+                f"negative there, or leave out feather_rate"
             )
 
 
@@ -323,14 +325,14 @@ def _check_efficiency(propeller: Propeller) -> Iterator[str]:
             if given > taken > 0.0:
                 yield (
                     f"J CT/CP is {given / taken:.3g} at J {J:g}, above 1: the coefficients are not "
-                    f"T/(rho n^2 D^4) and P/(rho n^3 D^5) with n in revolutions per second; convert "
-                    f"both"
+                    f"T/(rho n^2 D^4) and P/(rho n^3 D^5) with n in revolutions per second; "
+                    f"convert both"
                 )
                 return
 
 
 def _check_blade_angles(propeller: Propeller) -> Iterator[str]:
-    """Yield advance ratios at which a coarser blade takes less torque, so that no governor works."""
+    """Yield advance ratios at which a coarser blade takes less torque: no governor works there."""
     leaf = propeller.tables["CP_prop"]
     if "blade_angle" not in leaf["value"].dims or "J" not in leaf["value"].dims:
         return
@@ -346,15 +348,17 @@ def _check_blade_angles(propeller: Propeller) -> Iterator[str]:
             low, high = np.degrees(angles[k : k + 2])
             yield (
                 f"CP_prop falls from {power[k]:.4g} to {power[k + 1]:.4g} between blade angles of "
-                f"{low:.3g} and {high:.3g} deg at J {J:g}; a governor needs a torque that grows with "
-                f"the blade angle between low_pitch and high_pitch: correct the table, or raise "
-                f"low_pitch or lower high_pitch"
+                f"{low:.3g} and {high:.3g} deg at J {J:g}; a governor needs a torque that grows "
+                f"with the blade angle between low_pitch and high_pitch: correct the table, or "
+                f"raise low_pitch or lower high_pitch"
             )
             return
 
 
 def _evaluate(leaf: xr.Dataset, at: Mapping[str, float]) -> float:
-    """Return a coefficient; other axes are at their first node, such as the Mach number of the tips."""
+    """Return a coefficient; other axes are at their first node, such as the Mach number of the
+    tips.
+    """
     names = {str(name) for table in leaf.data_vars.values() for name in table.dims}
     point = {}
     for name in (*names, *list_regressors(leaf)):

@@ -15,8 +15,8 @@ def check_parameters(context: click.Context, values: Mapping[str, Any]) -> None:
 
     `float` and the ranges of click accept nan and inf. A record that is given twice would count
     twice, with standard errors that are too small. An output over another one or over an input,
-    also over the file of ``NAME=FILE`` or ``FILE:CASE``, would lose it. Only a `NewFile` with `may_replace` may be
-    the single input of its command, which it then replaces by its edited form.
+    also over the file of ``NAME=FILE`` or ``FILE:CASE``, would lose it. Only a `NewFile` with
+    `may_replace` may be the single input of its command, which it then replaces by its edited form.
 
     Parameters
     ----------

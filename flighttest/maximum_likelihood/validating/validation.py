@@ -195,8 +195,8 @@ def validate_models(
     -----
     A window that the fit has used proves nothing: it is not in the row of all windows, and its
     remark states how many of its samples are in the fit (`find_use`). A window that it may have
-    used does not count either. A model that cannot predict a window has a row without figures and with
-    the reason.
+    used does not count either. A model that cannot predict a window has a row without figures and
+    with the reason.
     """
     rows: list[dict[str, Any]] = []
     for name, model in models.items():

@@ -1,7 +1,7 @@
 """Thrust, torque and regressors of propellers along a flight without a channel of thrust.
 
-A record of a propeller aircraft has the speed of the propeller, and torque, manifold pressure or n1.
-The tables of the aircraft file turn them into thrust and torque, and into the regressors ``J``,
+A record of a propeller aircraft has the speed of the propeller, and torque, manifold pressure or
+n1. The tables of the aircraft file turn them into thrust and torque, and into the regressors ``J``,
 ``CT_prop``, ``CP_prop`` and ``CT`` of the effects of power.  The loads are those of the kernel
 (`kernel/src/propulsion/propeller.c`), with the thrust line d, the rotation r and the velocity v of
 the hub through the air::
@@ -175,9 +175,10 @@ def propeller_channels(
 
 def _warn_of_torque(number: int) -> None:
     text = (
-        f"engine {number}: thrust is recorded, but neither torque nor what the tables of the engine "
-        f"need; the rolling moment of the torque and the loads of inflow from the side stay in the "
-        f"coefficients of the airframe; map engine{number}.torque, manifold_pressure, n1 or throttle"
+        f"engine {number}: thrust is recorded, but neither torque nor what the tables of the "
+        f"engine need; the rolling moment of the torque and the loads of inflow from the side stay "
+        f"in the coefficients of the airframe; map engine{number}.torque, manifold_pressure, n1 or "
+        "throttle"
     )
     warnings.warn(text, AeromatchWarning, stacklevel=4)
 
@@ -248,7 +249,7 @@ def _derivative_in_band(speed: np.ndarray, step: float, time: np.ndarray) -> np.
 
 
 def _engine_power(at: Condition, engine: Engine) -> np.ndarray | None:
-    """Return the power at the shaft: torque, else the tables of the engine; None without both. [W]"""
+    """Return the power at the shaft: torque, else the engine tables; None without both. [W]"""
     if "torque" in at:
         return at["torque"] * at["rpm"]
     tabled = power_of(engine, at)

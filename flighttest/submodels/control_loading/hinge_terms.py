@@ -16,6 +16,13 @@ from flighttest.submodels.control_loading.loading import table_basis
 from flighttest.submodels.control_loading.result import IdentifiedLoading
 from flighttest.submodels.control_loading.table_coverage import find_unsupported
 
+_COMMENT = "control loading from flight"
+# A leaf multiplies its table by this many variables at most.
+_MOST_REGRESSORS = 2
+# Half range [rad] and number of nodes of the table that stands for a power of a deflection. Between
+# two nodes, h = 0.025 rad apart, the line is off from x^2 by h^2/8 = 8e-5 at most.
+_RANGE, _NODES = 0.5, 41
+
 
 def make_hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
     """Return the terms of the hinge moment by name, ``Ch_e/alpha`` and so on, with standard errors.
@@ -31,53 +38,56 @@ def make_hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
         An estimate changes by more than its standard error in the last pass; samples beyond the
         nodes of a table, or a node without samples near it.
     """
-    warn_forbidden(identified.remarks, f"hinge moments of the {identified.loading.item}")
-    coefficient = identified.loading.model.coefficient
-    if identified.loading.over is not None:
+    loading = identified.loading
+    warn_forbidden(identified.remarks, f"hinge moments of the {loading.item}")
+    if loading.over is not None:
         return _make_tables(identified)
     leaves = {}
-    for term in identified.loading.model.terms:
-        # A power of a variable is a repeated regressor.
-        regressors: list[str] = []
-        for name, power in term_powers(term).items():
-            regressors += [name] * power
-        value, stderr = identified.value(identified.loading.term(term))
-        if len(regressors) > 2:
-            leaves[f"{coefficient}/{_contribution(term)}"] = _tabulated(
-                identified, term, value, stderr
+    for term in loading.model.terms:
+        value, stderr = identified.value(loading.term(term))
+        regressors = _list_regressors(term)
+        if len(regressors) > _MOST_REGRESSORS:
+            leaf = _make_power_table(identified, term, value, stderr)
+        else:
+            leaf = _terms.make_term(
+                value, regressors=regressors, stderr=stderr, source="flight", comment=_COMMENT
             )
-            continue
-        leaf = _terms.make_term(
-            value,
-            regressors=regressors,
-            stderr=stderr,
-            source="flight",
-            comment="control loading from flight",
-        )
-        leaves[f"{coefficient}/{_contribution(term)}"] = leaf
+        leaves[f"{loading.model.coefficient}/{_contribution(term)}"] = leaf
     return leaves
 
 
-def replace_hinge_moments(database: xr.DataTree, found: IdentifiedLoading) -> xr.DataTree:
+def replace_hinge_moments(database: xr.DataTree, identified: IdentifiedLoading) -> xr.DataTree:
     """Return a database whose terms of this hinge moment are those identified.
+
+    Terms of the hinge moment that were not identified are deleted.
 
     Parameters
     ----------
     database : DataTree
-    found : IdentifiedLoading
-        To weigh flight against DATCOM first, give ``published_fit(model, *found.published()[:2],
-        conditions, R)`` to `mixed` or to `aerodb.tabulate`, as any fit.
+    identified : IdentifiedLoading
+        To weigh flight against DATCOM first, give
+        ``published_fit(model, *identified.published()[:2], conditions, R)`` to `mixed` or to
+        `aerodb.tabulate`, as any fit.
     """
-
     note = "control loading identified from flight"
-    new = make_hinge_terms(found)
-    old = [
-        name
-        for name in terms(database)
-        if name.startswith(f"{found.loading.model.coefficient}/") and name not in new
-    ]
-    new = {name: stamp_identified(leaf) for name, leaf in new.items()}
-    return replace_terms(delete_terms(database, old, note) if old else database, new, note)
+    leaves = make_hinge_terms(identified)
+    prefix = f"{identified.loading.model.coefficient}/"
+    obsolete = []
+    for name in terms(database):
+        if name.startswith(prefix) and name not in leaves:
+            obsolete.append(name)
+    if obsolete:
+        database = delete_terms(database, obsolete, note)
+    stamped = {name: stamp_identified(leaf) for name, leaf in leaves.items()}
+    return replace_terms(database, stamped, note)
+
+
+def _list_regressors(term: str) -> list[str]:
+    """Return the factors of a term; a power of a variable is a repeated regressor."""
+    regressors: list[str] = []
+    for name, power in term_powers(term).items():
+        regressors += [name] * power
+    return regressors
 
 
 def _make_tables(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
@@ -91,8 +101,9 @@ def _make_tables(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
     variable, nodes = loading.over
     basis = table_basis(variable, nodes)
     x = np.array(nodes)
-    # Values of the basis at the nodes, (node, factor).
-    B = np.column_stack([np.ones(len(x)), x, *(np.maximum(x - node, 0.0) for node in nodes[1:-1])])
+    # Basis at the nodes, (node, factor): 1, x, and a ramp from each inner node on.
+    ramps = [np.maximum(x - node, 0.0) for node in nodes[1:-1]]
+    B = np.column_stack([np.ones(len(x)), x, *ramps])
     is_far = np.zeros(len(x), bool)
     if identified.sampled is not None:
         is_far = find_unsupported(nodes, identified.sampled)
@@ -103,13 +114,12 @@ def _make_tables(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
         rows = [loading.term(name) for name in loading.model.terms[first : first + len(basis)]]
         part = identified.estimates.sel(term=rows, term_=rows)
         values = B @ part["estimate"].values
+        # Diagonal of B C B', with the covariance C of the factors.
         variances = np.einsum("ij,jk,ik->i", B, part["covariance"].values, B)
         # Rounding of the products must not make a variance negative.
         variances = np.maximum(variances, 0.0) + np.where(is_far, np.max(values**2), 0.0)
-        regressors: list[str] = []
-        for name, power in term_powers(term).items():
-            regressors += [name] * power
-        if len(regressors) > 2:
+        regressors = _list_regressors(term)
+        if len(regressors) > _MOST_REGRESSORS:
             raise SchemaError(
                 "hinge moments", [f"{term}: a table over {variable} has at most two factors"]
             )
@@ -119,33 +129,39 @@ def _make_tables(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
             regressors,
             stderr=np.sqrt(variances),
             source="flight",
-            comment="control loading from flight",
+            comment=_COMMENT,
         )
     return leaves
 
 
 def _contribution(term: str) -> str:
-    return "basic" if term == "1" else term.replace("**", "").replace("*", "_")
+    """Return the name of a term as a contribution: ``alpha*delta_e`` is ``alpha_delta_e``."""
+    if term == "1":
+        return "basic"
+    return term.replace("**", "").replace("*", "_")
 
 
-def _tabulated(identified: IdentifiedLoading, term: str, value: float, stderr: float) -> xr.Dataset:
-    """A power of the deflection beyond the second: a table over it times the deflection, up to 0.5
-    rad.
+def _make_power_table(
+    identified: IdentifiedLoading, term: str, value: float, stderr: float
+) -> xr.Dataset:
+    """Return a power of the deflection above the second, as a table times the deflection.
+
+    value x^n is the table value x^(n - 1) over x, times the regressor x.
     """
-    factors = term_powers(term)
+    powers = term_powers(term)
     name = identified.loading.deflection
-    if set(factors) != {name}:
+    if set(powers) != {name}:
         raise SchemaError(
             "hinge moments",
             [f"{term}: at most two factors, or a power of {name} alone, fit into a term"],
         )
-    x = np.linspace(-0.5, 0.5, 41)
-    shape = x ** (factors[name] - 1)
+    x = np.linspace(-_RANGE, _RANGE, _NODES)
+    shape = x ** (powers[name] - 1)
     return _terms.make_term(
         value * shape,
         {name: x},
         [name],
         stderr=stderr * np.abs(shape),
         source="flight",
-        comment="control loading from flight",
+        comment=_COMMENT,
     )

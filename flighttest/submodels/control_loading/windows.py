@@ -1,7 +1,12 @@
-"""Preparation of records for both regressions.
+"""Preparation of records for both regressions of control loading.
 
-The functions find the samples of driven manoeuvres in which the control slides, and the windows of
-free motion.
+Driven manoeuvres are used at the samples in which the control slides. Free motion is used in
+windows, with modulating functions phi that vanish with their derivatives at both ends. Integration
+by parts moves the derivatives of a signal x to phi,
+
+    int phi x' dt = - int phi' x dt,    int phi x'' dt = int phi'' x dt
+
+so that a noisy signal is not differentiated.
 """
 
 from __future__ import annotations
@@ -34,10 +39,13 @@ LONGEST = 0.3
 # Shortest window in samples. Sums replace integrals, and noise of the acceleration grows with the
 # power 2.5 of the shortness.
 SHORTEST = 9
-# Smallest number of samples for the second function.
+# Smallest number of samples of a window that has the second function, which shows the change.
 _OF_CHANGE = 12
-# Standard errors of the rate above which the control moves. At the ends of a window phi is small.
+# Standard errors of the rate above which the control moves. A wrong choice at the ends of a window
+# does little harm, because phi is small there.
 _MOVING = 3.0
+# Signals of `control_signals` by the order of the derivative.
+_DERIVATIVES = ("travel", "rate", "acceleration")
 
 
 @dataclass(frozen=True)
@@ -87,20 +95,21 @@ def find_slide_windows(
     moved : Dataset (time,)
         Its `control_signals` without low-pass.
     """
-    step = float(np.median(np.diff(moved["time"].values)))
-    s = data[loading.item].values
+    step = _step(moved)
+    travel = data[loading.item].values
     rate = moved["rate"].values
-    use = np.abs(rate) > max(
-        _MOVING * smoothed_derivative_noise(s, step, EVENTS)[0],
-        LEAST_RATE * float(np.abs(rate).max()),
-    )
+    # The control moves where its rate is above the noise and above a share of the largest rate.
+    noise = smoothed_derivative_noise(travel, step, EVENTS)[0]
+    least = max(_MOVING * noise, LEAST_RATE * float(np.abs(rate).max()))
+    use = np.abs(rate) > least
+    # A window must not contain a step of the force, or a change of sign of friction or breakout.
     breaks = (
         has_force_jump(data[f"F_{loading.item}"].values)
         | _changes(rate)
         | _changes(moved["aft_rate"].values)
     )
     if "preload" in loading.constants:
-        use &= np.abs(moved["travel"].values) > NEUTRAL * float(np.ptp(s))
+        use &= np.abs(moved["travel"].values) > NEUTRAL * float(np.ptp(travel))
         breaks |= _changes(moved["travel"].values)
     # Number of the run of each sample: a break, or a change of use, starts the next run.
     run = np.concatenate([[0], np.cumsum(breaks | _changes(use - 0.5))])
@@ -114,7 +123,10 @@ def find_slide_windows(
 def modulation_noise(
     loading: ControlLoading, data: xr.Dataset, windows: list[ModulatingWindow], order: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the variances of a derivative of the travel and of the surface end, (windows,)."""
+    """Return the variances of a derivative of the travel and of the surface end, (windows,).
+
+    White noise of variance s^2 gives sum phi x the variance s^2 sum phi^2.
+    """
     total = np.array([float(window.phi[order] @ window.phi[order]) for window in windows])
     travel = estimate_white_noise(data[loading.item].values)
     aft = estimate_white_noise(data[loading.deflection].values) / loading.gearing
@@ -134,6 +146,7 @@ def _overlapping_windows(first: int, count: int, step: float) -> list[Modulating
     if count < SHORTEST:
         return []
     size = min(count, max(SHORTEST, round(LONGEST / step)))
+    # Number of windows that cover all samples with steps of half a window at most.
     number = int(np.ceil(2.0 * (count - size) / size)) + 1
     starts = np.linspace(0, count - size, number).round().astype(int)
     functions = _functions(size, step)[: 2 if size >= _OF_CHANGE else 1]
@@ -145,14 +158,17 @@ def _overlapping_windows(first: int, count: int, step: float) -> list[Modulating
 
 
 def _functions(size: int, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return sin^4 and sin^4 cos over a window, with negative first and second derivative.
+    """Return sin^4 u and sin^4 u cos u over a window, each (3, samples), over the norm of phi.
 
-    They give the mean of the motion and its change.
+    The rows are phi, -phi' and phi'', with u from 0 to pi. The first function gives the mean of the
+    motion, the second its change.
     """
     u = np.pi * np.arange(size) / (size - 1)
-    k = np.pi / ((size - 1) * step)
+    k = np.pi / ((size - 1) * step)  # du/dt [s-1]
     s, c = np.sin(u), np.cos(u)
+    # Derivatives of sin^4 u: 4 k s^3 c and 4 k^2 s^2 (3 c^2 - s^2).
     even = np.array([s**4, -4.0 * k * s**3 * c, 4.0 * k**2 * s**2 * (3.0 * c**2 - s**2)])
+    # Derivatives of sin^4 u cos u: k s^3 (4 c^2 - s^2) and k^2 s^2 c (12 c^2 - 13 s^2).
     odd = np.array(
         [s**4 * c, -k * s**3 * (4.0 * c**2 - s**2), k**2 * s**2 * c * (12.0 * c**2 - 13.0 * s**2)]
     )
@@ -164,9 +180,6 @@ def _changes(x: np.ndarray) -> np.ndarray:
     return np.signbit(x[1:]) != np.signbit(x[:-1])
 
 
-_DERIVATIVES = ("travel", "rate", "acceleration")
-
-
 @dataclass(frozen=True)
 class PreparedRecord:
     """One record with its usable samples or windows.
@@ -175,7 +188,7 @@ class PreparedRecord:
     ----------
     moved : Dataset (time,)
         Its `control_signals`.
-    used : array of bool (time,) or list of Window
+    used : array of bool (time,) or list of ModulatingWindow
         Samples of a driven manoeuvre, after a low-pass; windows of free motion, without one.
     white : array (2,)
         Variance of the noise of the travel and of the surface end of the cable, per sample.
@@ -205,7 +218,7 @@ class PreparedRecord:
         `share` is the weight of the surface end.
         """
         if isinstance(self.used, list):
-            # The derivative is shifted to the modulating function.
+            # The derivative is moved to the modulating function.
             fore = self.moved["travel"].values
             aft = self.moved[loading.deflection].values / loading.gearing
             return modulate_signal((1.0 - share) * fore + share * aft, self.used, order)
@@ -227,7 +240,15 @@ class PreparedRecord:
 def driven_stretches(
     loading: ControlLoading, driven: Sequence[xr.Dataset], cutoff: float
 ) -> list[PreparedRecord]:
-    """Return driven manoeuvres after a low-pass [Hz], if the control slides in them."""
+    """Return the driven manoeuvres in which the control slides, after a low-pass.
+
+    Parameters
+    ----------
+    loading : ControlLoading
+    driven : sequence of Dataset (time,)
+    cutoff : float
+        Cut-off frequency of the low-pass. [Hz]
+    """
     records = []
     for data in driven:
         signals = control_signals(loading, data, cutoff)
@@ -249,7 +270,7 @@ def driven_stretches(
 
 
 def free_stretches(loading: ControlLoading, free: Sequence[xr.Dataset]) -> list[PreparedRecord]:
-    """Return pulses and releases that have a window."""
+    """Return the pulses and releases that have a window, without a low-pass."""
     records = []
     for data in free:
         signals, windows = free_signals(loading, data)
@@ -315,4 +336,5 @@ def _white_variances(loading: ControlLoading, data: xr.Dataset) -> np.ndarray:
 
 
 def _step(moved: xr.Dataset) -> float:
+    """Return the sampling interval. [s]"""
     return float(np.median(np.diff(moved["time"].values)))

@@ -75,16 +75,16 @@ def with_half_flow(
         if faulty:
             raise IdentificationError(
                 f"{name}: {faulty} samples of a stall are not finite, first at "
-                f"{float(time[~np.isfinite(record[name].values)][0]):.2f} s; choose a window without "
-                "them: X has a memory and cannot leave them out"
+                f"{float(time[~np.isfinite(record[name].values)][0]):.2f} s; choose a window "
+                "without them: X has a memory and cannot leave them out"
             )
     step = float(np.median(np.diff(time)))
     window = derivative_window(frequency, step)
     alpha, V = record["alpha"].values, record["V"].values
     if V.min() < SLOWEST:
         raise IdentificationError(
-            f"an airspeed of {V.min():.2g} m/s at {float(time[V.argmin()]):.2f} s: at rest the angle "
-            f"of attack has no meaning; choose a window in flight, above {SLOWEST:g} m/s"
+            f"an airspeed of {V.min():.2g} m/s at {float(time[V.argmin()]):.2f} s: at rest the "
+            f"angle of attack has no meaning; choose a window in flight, above {SLOWEST:g} m/s"
         )
     columns: dict[str, np.ndarray] = {"chords": V / cbar}
     for name, side in SIDES.items():
@@ -154,7 +154,9 @@ class SeparationFlow:
         # All coefficients need the same values in turn.
         key = tuple(sorted(values.items()))
         alpha = quantities["alpha_left"]
-        if self._last.get("key") == key and np.array_equal(self._last["alpha"], alpha):  # type: ignore[arg-type]
+        last = self._last
+        same_key = last.get("key") == key
+        if same_key and np.array_equal(last["alpha"], alpha):  # type: ignore[arg-type]
             return self._last["found"]  # type: ignore[return-value]
         found = self._evaluate(quantities, values, pieces)
         self._last.update(key=key, alpha=alpha, found=found)

@@ -158,8 +158,8 @@ class StallIdentification(ShortText):
                 value, stderr = self.term_value(coefficient, term)
                 if abs(value) > _SIGNIFICANT * stderr:
                     remarks.append(
-                        f"{coefficient}: {term}: the attached flow of the database is off by {value:.3g} "
-                        f"({stderr:.2g}); it is not changed, update it first"
+                        f"{coefficient}: {term}: the attached flow of the database is off by "
+                        f"{value:.3g} ({stderr:.2g}); it is not changed, update it first"
                     )
         return remarks
 

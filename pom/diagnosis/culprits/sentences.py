@@ -51,11 +51,11 @@ def describe_culprits(
         first = "Over all cases the evidence refutes none of the terms that the flights feel."
     sentences = [
         first,
-        f"With the {len(steps)} terms of this ranking corrected, which the corrected model need not "
-        f"have, {steps[-1]['matched']} of {end['cases']} cases are within "
-        f"the tolerances that could be judged (a priori {start['matched']}, final model {end['matched']}) and the mismatch "
-        f"over all cases is {steps[-1]['mismatch']:.2f} half widths (a priori "
-        f"{start['mismatch']:.2f}, final model {end['mismatch']:.2f}).",
+        f"With the {len(steps)} terms of this ranking corrected, which the corrected model need "
+        f"not have, {steps[-1]['matched']} of {end['cases']} cases are within "
+        f"the tolerances that could be judged (a priori {start['matched']}, final model "
+        f"{end['matched']}) and the mismatch over all cases is {steps[-1]['mismatch']:.2f} half "
+        f"widths (a priori {start['mismatch']:.2f}, final model {end['mismatch']:.2f}).",
     ]
     if near:
         sentences.append(

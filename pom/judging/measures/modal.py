@@ -29,7 +29,7 @@ from pom.tolerances.channels import plain_id
 from pom.tolerances.criteria import Criterion
 
 MINIMUM_CYCLES = {"2.c.9": 3.0, "2.d.7": 6.0}
-"""Full cycles that the table requires; a time to half or double inside the record is judged, too."""
+"""Full cycles that the table requires; a time to half or double in the record is judged, too."""
 STRICT_CYCLES = ("2.d.7",)
 """Tests whose row has no time to half in place of the cycles: fewer cycles are a departure."""
 

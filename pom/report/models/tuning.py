@@ -21,13 +21,12 @@ from pom.status import status_text
 
 FLOWN = "in this report"
 NOTE = (
-    "Standard errors are those of the evidence. The tuned model is the one at the least "
-    "Mahalanobis distance from it with which the wanted "
-    "cases pass and no other ceases to; a term goes beyond the bound only where a rationale "
-    "is written. moved: largest change of a node "
-    "against the model before; share: of the squared distance from that model; nodes: those "
-    "that moved by more than 0.01; ratio: of the "
-    "criterion that decides, to its tolerance."
+    "Standard errors are those of the evidence. With the tuned model the wanted cases pass, and no "
+    "other case ceases to pass. Of all such models it has the least Mahalanobis distance from the "
+    "evidence. A term goes beyond the bound only where a rationale is written. moved: largest "
+    "change of a node against the model before. share: of the squared distance from that model. "
+    "nodes: those that moved by more than 0.01. ratio: of the criterion that decides, to its "
+    "tolerance."
 )
 
 

@@ -26,8 +26,8 @@ _WORDS = (
 )
 REMARK = (
     "Flown and between flown points are high and moderate confidence, a-priori is low confidence "
-    "(14 CFR Part 60, Appendix A, Attachment 7). The region is the worst of the flown states and of "
-    "the terms whose effect counts."
+    "(14 CFR Part 60, Appendix A, Attachment 7). The region is the worst of the flown states and "
+    "of the terms whose effect counts."
 )
 
 

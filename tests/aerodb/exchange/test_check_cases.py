@@ -27,7 +27,8 @@ def test_another_implementation_meets_the_table(table):
     """NumPy's interp, term by term, as a user would write it."""
     x = columns(table)
     assert list(x) == [
-        "case", "alpha [rad]", "delta_f [rad]", "mach [1]", "qhat [1]", "CL/basic", "CL/qhat", "CL/flap", "Cm/qhat",
+        "case", "alpha [rad]", "delta_f [rad]", "mach [1]", "qhat [1]", "CL/basic", "CL/qhat",
+        "CL/flap", "Cm/qhat",
         "CL", "CD", "CY", "Cl", "Cm", "Cn",
     ]  # fmt: skip
     alpha = np.clip(x["alpha [rad]"], *np.radians([-8.0, 16.0]))

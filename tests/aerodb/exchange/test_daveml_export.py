@@ -52,10 +52,14 @@ CONTENT = {
     "calculation": "math ",
 }
 REQUIRED = {
-    "variableDef": ("name", "varID", "units"), "breakpointDef": ("bpID",), "griddedTableDef": ("gtID",), "function": ("name",),
-    "author": ("name", "org"), "creationDate": ("date",), "reference": ("refID", "author", "title", "date"),
-    "modificationRecord": ("modID", "date"), "independentVarRef": ("varID",), "dependentVarRef": ("varID",), "staticShot": ("name",),
-    "uncertainty": ("effect",), "normalPDF": ("numSigmas",), "griddedTableRef": ("gtID",), "bpRef": ("bpID",),
+    "variableDef": ("name", "varID", "units"), "breakpointDef": ("bpID",),
+    "griddedTableDef": ("gtID",), "function": ("name",),
+    "author": ("name", "org"), "creationDate": ("date",),
+    "reference": ("refID", "author", "title", "date"),
+    "modificationRecord": ("modID", "date"), "independentVarRef": ("varID",),
+    "dependentVarRef": ("varID",), "staticShot": ("name",),
+    "uncertainty": ("effect",), "normalPDF": ("numSigmas",), "griddedTableRef": ("gtID",),
+    "bpRef": ("bpID",),
 }  # fmt: skip
 IDENTIFIERS = ("varID", "bpID", "gtID", "refID", "modID", "provID")
 DEFINITIONS = {
@@ -106,7 +110,8 @@ def rich(root):
         "CL/square": terms.make_term(0.3, regressors=["beta", "alpha"], stderr=0.07, source="judgement"),
         "CD/flap": terms.make_term(
             [0.0, 1.0 / 3.0], {"delta_f": [0.0, 0.7]}, ["alpha", "alpha"],
-            K1=factor([0.1, 0.7], mach=[0.1, 0.9]), K2=factor([[1.0, 2.0], [3.0, 5.0]], gear=[0.0, 1.0], speedbrake=[0.0, 1.0]),
+            K1=factor([0.1, 0.7], mach=[0.1, 0.9]),
+            K2=factor([[1.0, 2.0], [3.0, 5.0]], gear=[0.0, 1.0], speedbrake=[0.0, 1.0]),
         ),
         "CD/speedbrake": terms.make_term(0.04, K1=factor([0.0, 1.0], speedbrake=[0.0, 1.0]), stderr=0.01),
         "CD/held": terms.make_term(0.04, K1=factor([0.0, 1.0], speedbrake=[0.0, 1.0])),
@@ -136,11 +141,16 @@ def elements(element):
 def states(count=3000, seed=3):
     random = np.random.default_rng(seed)
     return {
-        "V": random.uniform(20, 200, count), "alpha": random.uniform(-0.5, 0.6, count), "beta": random.uniform(-0.4, 0.4, count),
-        "mach": random.uniform(0.0, 1.2, count), "p": random.uniform(-2, 2, count), "q": random.uniform(-1, 1, count),
-        "r": random.uniform(-1, 1, count), "alpha_dot": random.uniform(-1, 1, count), "beta_dot": random.uniform(-1, 1, count),
-        "gear": random.uniform(0, 1, count), "speedbrake": random.uniform(-0.2, 1.2, count), "delta_f": random.uniform(-0.1, 0.9, count),
-        "delta_e": random.uniform(-0.3, 0.3, count), "h_agl": random.uniform(-1, 30, count), "h": random.uniform(-500, 12000, count),
+        "V": random.uniform(20, 200, count), "alpha": random.uniform(-0.5, 0.6, count),
+        "beta": random.uniform(-0.4, 0.4, count),
+        "mach": random.uniform(0.0, 1.2, count), "p": random.uniform(-2, 2, count),
+        "q": random.uniform(-1, 1, count),
+        "r": random.uniform(-1, 1, count), "alpha_dot": random.uniform(-1, 1, count),
+        "beta_dot": random.uniform(-1, 1, count),
+        "gear": random.uniform(0, 1, count), "speedbrake": random.uniform(-0.2, 1.2, count),
+        "delta_f": random.uniform(-0.1, 0.9, count),
+        "delta_e": random.uniform(-0.3, 0.3, count), "h_agl": random.uniform(-1, 30, count),
+        "h": random.uniform(-500, 12000, count),
         "dnz": random.uniform(-1, 1, count), "engine1.throttle": random.uniform(0, 1, count),
         "engine2.thrust": random.uniform(0, 1e4, count),
     }  # fmt: skip

@@ -30,7 +30,8 @@ samples = pytest.mark.skipif(not NESC.exists(), reason="needs the DAVE-ML sample
 
 # shots and judged values (outputs and internal values) in each sample, counted in the files
 SHOTS = {
-    "alpha_beta_to_alphaT_phi": (17, 34), "basic_functions": (3, 33), "ceil_floor_min_max": (1, 8), "tables": (6, 12),
+    "alpha_beta_to_alphaT_phi": (17, 34), "basic_functions": (3, 33), "ceil_floor_min_max": (1, 8),
+    "tables": (6, 12),
     "trig_functions": (3, 21), "twoD_ungridded": (4, 4), "F16_aero": (16, 944), "F16_prop": (9, 93),
 }  # fmt: skip
 FILES = sorted(EXAMPLES.glob("*.dml")) + sorted(NESC.glob("*.dml"))

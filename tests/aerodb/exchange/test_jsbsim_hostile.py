@@ -225,7 +225,10 @@ UNFIT = {
         "multiplies out to more than 1024 products",
     ),
     "twice the same": (
-        f"<table>{TWO.replace('beta', 'alpha')}<tableData>\n0 1\n0 1 2\n1 3 4\n</tableData></table>",
+        (
+            f"<table>{TWO.replace('beta', 'alpha')}<tableData>\n0 1\n0 1 2\n1 3 "
+            "4\n</tableData></table>"
+        ),
         "a table with alpha on two axes",
     ),
     "not of the air": (

@@ -1,5 +1,5 @@
-"""Properties of a JSBSim file outside the vocabulary: names of the caller, further inputs, constants,
-and properties that are functions of others.
+"""Properties of a JSBSim file outside the vocabulary: names of the caller, further inputs,
+constants, and properties that are functions of others.
 """
 
 import warnings

@@ -472,7 +472,8 @@ def test_partial_residuals_find_the_term_that_made_the_samples():
             "CY/beta_flap": terms.make_term(0.0, regressors=["beta", "delta_f"]),
             "CY/basic": terms.make_term(true["CY/basic"]),
         },
-        title="x", aircraft="x", force_axes="stability", S=16.9, cbar=1.67, b=10.3, x_ref=0.0, y_ref=0.0, z_ref=0.0,
+        title="x", aircraft="x", force_axes="stability", S=16.9, cbar=1.67, b=10.3, x_ref=0.0,
+        y_ref=0.0, z_ref=0.0,
     )  # fmt: skip
     parts, rows = [], []
     for k, (flap, size) in enumerate(

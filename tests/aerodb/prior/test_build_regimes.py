@@ -147,8 +147,9 @@ def test_pitch_rates_against_the_course_values(jet, corpus):
     """Second check of 2V: halved, the listing is near the Ce-500 course values on q c/V (README of
     the corpus), Mach 0.15, alpha 8 deg.
 
-    -CZ_q 3.86 against 3.86, Cm_q -8.34 against -7.04, -CZ_alphadot 1.78 against 1.43, Cm_alphadot -4.84 against -3.70. With rates on V the
-    listing would be twice as large; what remains are another tail and another lift coefficient.
+    -CZ_q 3.86 against 3.86, Cm_q -8.34 against -7.04, -CZ_alphadot 1.78 against 1.43, Cm_alphadot
+    -4.84 against -3.70. With rates on V the listing would be twice as large; what remains are
+    another tail and another lift coefficient.
     """
     db = aerodb.from_datcom(jet, clean=corpus("ce500_clean"), altitude=0.0)
     rows = {

@@ -1,4 +1,6 @@
-"""Tests of listings without thrust and of listings without altitude, of one aircraft of two engines."""
+"""Tests of listings without thrust and of listings without altitude, of one aircraft of two
+engines.
+"""
 
 import dataclasses
 from pathlib import Path

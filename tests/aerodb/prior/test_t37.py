@@ -260,8 +260,8 @@ def test_listing_lines_and_files_are_named(t37_db):
 
 
 def test_derivatives_of_the_fin_show_the_axes_of_datcom(t37):
-    """The decision on axes (docs/explanation/database/from-datcom.md): fin = whole aeroplane minus wing-body-horizontal
-    tail, Mach 0.2, t37_build.out.
+    """The decision on axes (docs/explanation/database/from-datcom.md): fin = whole aeroplane minus
+    wing-body-horizontal tail, Mach 0.2, t37_build.out.
 
     A fin force at (l, z) gives Cl_beta = CY (z cos - l sin)/b, Cn_r = 2 CY (l cos + z sin)^2/b^2
     and Cn_p = -2 CY (l cos + z sin) (z cos - l sin - z)/b^2 in stability axes, all constant in

@@ -336,7 +336,9 @@ def test_roll_due_to_sideslip_of_a_low_wing_is_about_zero(aeroplane) -> None:
 
 
 def test_derivatives_of_a_supersonic_aeroplane_are_smaller(aeroplane) -> None:
-    """The print of a fighter at Mach 2.5 has Cm_qhat of -2.3; a third of the published -3.7 is -1.24."""
+    """The print of a fighter at Mach 2.5 has Cm_qhat of -2.3; a third of the published -3.7 is
+    -1.24.
+    """
     for name in ("CL/basic", "CD/basic", "Cm/basic"):
         table = aeroplane[name].to_dataset().assign_coords(mach=[0.2, 3.0])
         if name == "CL/basic":

@@ -52,8 +52,10 @@ def test_terms_without_flights_are_kept_or_deleted(found):
 @pytest.mark.parametrize(
     ("ratio", "value", "source", "expected"),
     [
-        (0.49, 1.0, "datcom", "replace"), (0.51, 1.0, "datcom", "correct"), (0.89, 1.0, "datcom", "correct"),
-        (0.91, 1.0, "datcom", "keep"), (0.91, 0.0, "datcom", "keep"), (0.91, 0.0, "judgement", "delete"),
+        (0.49, 1.0, "datcom", "replace"), (0.51, 1.0, "datcom", "correct"),
+        (0.89, 1.0, "datcom", "correct"),
+        (0.91, 1.0, "datcom", "keep"), (0.91, 0.0, "datcom", "keep"),
+        (0.91, 0.0, "judgement", "delete"),
         (0.49, 0.0, "judgement", "replace"),
     ],
 )  # fmt: skip

@@ -188,7 +188,8 @@ def test_damaged_entries_are_computed_again_with_the_same_bytes(small):
         ('title = "', 'title = "Another ', set(), "report page short_period: changed: result"),
         (
             "window = [4.0, 15.1]",
-            # with [4.0, 15.0] all shares, in whole per cent, and so the corrected model stay the same
+            # with [4.0, 15.0] all shares, in whole per cent, and so the corrected model stay the
+            # same
             "window = [4.0, 12.0]",
             {"record look", "case check", "diagnosis", "joint correction", "replay"} | CORRECTED,
             "replay short_period: changed: case",

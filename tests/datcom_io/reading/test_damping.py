@@ -11,7 +11,8 @@ from datcom_io.reading.damping import estimate_tail_share, find_inconsistent
 ALPHA = np.array([-4.0, 0.0, 4.0, 8.0, 16.0])
 LIFT = 0.2 + 0.09 * ALPHA
 SLOPE = np.full(5, 0.45)
-# an own light aircraft of two engines, printed with the centre of gravity far from the pole of the method [1/rad]
+# an own light aircraft of two engines, printed with the centre of gravity far from the pole of the
+# method [1/rad]
 SOUND = {
     "CL_qhat": [8.3, *4 * [np.nan]],
     "Cm_qhat": [-22.5, *4 * [np.nan]],

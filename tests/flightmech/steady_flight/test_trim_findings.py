@@ -1,4 +1,6 @@
-"""A trim beyond a table or at the greatest lift is stated, and so is a control limit beyond a table."""
+"""A trim beyond a table or at the greatest lift is stated, and so is a control limit beyond a
+table.
+"""
 
 import json
 

@@ -46,8 +46,8 @@ def call(*words):
 
 @pytest.mark.nightly
 def test_output_error_against_the_regression(tmp_path):
-    """docs/evidence/identification.md has the table; the database is DATCOM's, Cm_q -17.6 and Cm_delta_e
-    -1.52.
+    """docs/evidence/identification.md has the table; the database is DATCOM's, Cm_q -17.6 and
+    Cm_delta_e -1.52.
     """
     aircraft, datcom = T37 / "aircraft.toml", T37 / "datcom"
     elevator, flaps = datcom / "t37_elevator_one_by_one.pdas.out", datcom / "t37_flaps.out"

@@ -86,8 +86,8 @@ def test_white_disturbance_has_the_standard_errors_of_time():
 
 @pytest.mark.nightly
 def test_two_standard_errors_cover_the_truth():
-    """60 seeds x 4 terms of one 30 s record; 93 % over 200 seeds (docs/evidence/identification.md), scatter of
-    the share 2 to 3 %.
+    """60 seeds x 4 terms of one 30 s record; 93 % over 200 seeds (docs/evidence/identification.md),
+    scatter of the share 2 to 3 %.
     """
     inside = []
     for seed in range(60):

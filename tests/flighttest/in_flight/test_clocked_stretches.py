@@ -1,4 +1,6 @@
-"""Stretches of a stream on one clock: rates that are not whole, stated ones, coarse and late stamps."""
+"""Stretches of a stream on one clock: rates that are not whole, stated ones, coarse and late
+stamps.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Estimates during flight: against the batch at every second, faults of the stream, evidence, goals."""
+"""Estimates during flight: against the batch at every second, faults of the stream, evidence,
+goals.
+"""
 
 import json
 from dataclasses import replace

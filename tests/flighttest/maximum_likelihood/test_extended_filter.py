@@ -138,8 +138,8 @@ def test_it_is_the_linear_filter_in_gusts(inertial):
     model = linear_slopes([float(name in seen) for name in OUTPUTS])
     flights = LinearisedFlights([model], 12, open_loop(u)[None])
     e, S = filter_flights(flights, z, settings(PROCESS, gust, values), STEP)
-    # The line nearest to a gust along a step leaves 5e-10 and 2e-8 of the innovations; a line between
-    # its ends leaves (step/T)^2 / 12 = 6e-5.
+    # The line nearest to a gust along a step leaves 5e-10 and 2e-8 of the innovations; a line
+    # between its ends leaves (step/T)^2 / 12 = 6e-5.
     np.testing.assert_allclose(e[0], expected, rtol=0.0, atol=1e-7 * np.abs(expected).max())
     np.testing.assert_allclose(S[0], np.broadcast_to(variance, S[0].shape), rtol=1e-7)
 

@@ -25,7 +25,8 @@ from flighttest.regression.model_structure.search import (
 from flighttest.regression.model_structure.selection import count_selections
 
 TRUTH = {
-    "1": 0.3, "alpha": 1.0, "delta_e": -0.4, "qhat": 0.3, "alpha**2": -0.8, "beta**2": 0.5, "alpha*mach": 0.4, "alpha**3": -0.6,
+    "1": 0.3, "alpha": 1.0, "delta_e": -0.4, "qhat": 0.3, "alpha**2": -0.8, "beta**2": 0.5,
+    "alpha*mach": 0.4, "alpha**3": -0.6,
     "alpha*beta*delta_r": 0.5,
 }  # fmt: skip
 
@@ -174,7 +175,8 @@ def test_a_term_that_entered_early_leaves_again():
     )
     steps = select_stepwise("CL", ["1", "alpha", "beta", "phat"], data).steps
     assert list(zip(steps["action"], steps["term"])) == [
-        ("kept", "1"), ("entered", "phat"), ("entered", "alpha"), ("entered", "beta"), ("removed", "phat")
+        ("kept", "1"), ("entered", "phat"), ("entered", "alpha"), ("entered", "beta"),
+        ("removed", "phat")
     ]  # fmt: skip
     assert steps["F"].iloc[-1] < 18.0
 

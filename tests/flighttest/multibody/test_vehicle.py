@@ -29,7 +29,8 @@ GOOD = {
     },
     "linkage": {
         "stroke": {
-            "crank": "crank", "coupler": "rod", "rocker": "right", "pin_on_coupler": [0, 0.025, -0.057], "pin_on_rocker": [0, 0.025, 0],
+            "crank": "crank", "coupler": "rod", "rocker": "right",
+            "pin_on_coupler": [0, 0.025, -0.057], "pin_on_rocker": [0, 0.025, 0],
         }
     },
     "gear": {"left": {"follows": "right", "ratio": -1}},

@@ -385,7 +385,8 @@ def test_late_air_data_without_and_with_specification(recordings, aircraft):
 @pytest.mark.nightly
 def test_attitude_of_the_simulator_is_half_a_frame_early(recordings, aircraft):
     delays = flighttest.assess(recordings(CARD), aircraft).delays.set_index("channel")
-    # docs/evidence/reconstruction.md: attitude and rates of that simulator are half a frame, 1.25 ms, apart
+    # docs/evidence/reconstruction.md: attitude and rates of that simulator are half a frame, 1.25
+    # ms, apart
     for name in ("phi", "theta", "psi"):
         assert delays.loc[name, "delay"] == pytest.approx(
             0.00125, abs=3.0 * delays.loc[name, "stderr"]

@@ -35,8 +35,10 @@ def px4(
     modes_at=((1_000_000, 15), (6_000_000, 15), (8_000_000, 3), (11_000_000, 9), (12_500_000, 15)),
 ):
     topics = {
-        ("vehicle_angular_velocity", 0): ([("uint64_t", "timestamp"), ("float[3]", "xyz")], [(t, 0.1, 0.2, 0.3) for t in STAMPS]),
-        ("vehicle_status", 0): ([("uint64_t", "timestamp"), ("uint8_t", "nav_state")], list(modes_at)),
+        ("vehicle_angular_velocity", 0): ([("uint64_t", "timestamp"), ("float[3]", "xyz")],
+         [(t, 0.1, 0.2, 0.3) for t in STAMPS]),
+        ("vehicle_status", 0): ([("uint64_t", "timestamp"), ("uint8_t", "nav_state")],
+         list(modes_at)),
     }  # fmt: skip
     path.write_bytes(ulog.written(topics))
     return path

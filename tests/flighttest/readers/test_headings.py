@@ -209,9 +209,12 @@ def test_the_unit_of_an_ending_converts_the_column(tmp_path):
 
 
 SENSES = {
-    "ELEV_DEG_TEU": ("delta_e", -1), "Elevator TED (deg)": ("delta_e", 1), "RUD_TER": ("delta_r", -1), "rudder_deg_tel": ("delta_r", 1),
-    "AIL_RWD_DEG": ("delta_a", -1), "Aileron LWD": ("delta_a", 1), "ROLL_LWD": ("phi", -1), "PITCH_NU_DEG": ("theta", 1),
-    "Pitch ND": ("theta", -1), "L AIL TEU": ("delta_a_left", -1), "Flap TED": ("delta_f", 1), "Gear_Down": ("gear", 1),
+    "ELEV_DEG_TEU": ("delta_e", -1), "Elevator TED (deg)": ("delta_e", 1),
+    "RUD_TER": ("delta_r", -1), "rudder_deg_tel": ("delta_r", 1),
+    "AIL_RWD_DEG": ("delta_a", -1), "Aileron LWD": ("delta_a", 1), "ROLL_LWD": ("phi", -1),
+    "PITCH_NU_DEG": ("theta", 1),
+    "Pitch ND": ("theta", -1), "L AIL TEU": ("delta_a_left", -1), "Flap TED": ("delta_f", 1),
+    "Gear_Down": ("gear", 1),
 }  # fmt: skip
 
 

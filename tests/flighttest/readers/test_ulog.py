@@ -47,13 +47,16 @@ def topics(extra=()):
         ("actuator_servos", 0): ([("uint64_t", "timestamp"), ("float[8]", "control")], servos),
         ("vehicle_gps_position", 0): (
             [
-                ("uint64_t", "timestamp"), ("uint64_t", "time_utc_usec"), ("double", "latitude_deg"), ("double", "longitude_deg"),
-                ("double", "altitude_msl_m"), ("float", "vel_n_m_s"), ("float", "vel_e_m_s"), ("float", "vel_d_m_s"),
+                ("uint64_t", "timestamp"), ("uint64_t", "time_utc_usec"),
+                ("double", "latitude_deg"), ("double", "longitude_deg"),
+                ("double", "altitude_msl_m"), ("float", "vel_n_m_s"), ("float", "vel_e_m_s"),
+                ("float", "vel_d_m_s"),
             ],
             gps,
         ),
         ("wind", 0): (
-            [("uint64_t", "timestamp"), ("float", "windspeed_north"), ("float", "windspeed_east")], [(t, 3.0, -4.0) for t in STAMPS]
+            [("uint64_t", "timestamp"), ("float", "windspeed_north"), ("float", "windspeed_east")],
+            [(t, 3.0, -4.0) for t in STAMPS]
         ),
         ("differential_pressure", 0): ([("uint64_t", "timestamp"), ("float", "differential_pressure_pa")], [(t, 100.0) for t in STAMPS]),
         ("differential_pressure", 1): ([("uint64_t", "timestamp"), ("float", "differential_pressure_pa")], [(t, 101.0) for t in STAMPS]),

@@ -35,7 +35,8 @@ ROOT = Path(__file__).parents[3]
 DATA, PUBLISHED = ROOT / "data" / "cz150", ROOT / ".." / "shared" / "data" / "published"
 DEG, FOOT = np.pi / 180.0, 0.3048
 NOMINAL = {  # [Gresham] eq. (23)
-    "V": 66.9 * FOOT, "alpha": 12.4 * DEG, "beta": 5.74 * DEG, "p": -385.0 * DEG, "q": 36.2 * DEG, "r": -97.2 * DEG,
+    "V": 66.9 * FOOT, "alpha": 12.4 * DEG, "beta": 5.74 * DEG, "p": -385.0 * DEG, "q": 36.2 * DEG,
+    "r": -97.2 * DEG,
     "delta_e": -18.5 * DEG, "delta_a": 15.5 * DEG, "delta_r": 24.6 * DEG,
 }  # fmt: skip
 SURFACES = ("delta_e", "delta_a", "delta_r")
@@ -186,8 +187,10 @@ def test_two_components_instead_of_three(cz150):
 
 
 CANONICAL = {
-    "q_hat": "qhat", "p_hat": "phat", "r_hat": "rhat", "de": "delta_e", "da": "delta_a", "dr": "delta_r", "Omega_hat": "Omegahat",
-    "posc_hat": "phat_osc", "qosc_hat": "qhat_osc", "rosc_hat": "rhat_osc", "alphadot_hat": "alphadothat", "betadot_hat": "betadothat",
+    "q_hat": "qhat", "p_hat": "phat", "r_hat": "rhat", "de": "delta_e", "da": "delta_a",
+    "dr": "delta_r", "Omega_hat": "Omegahat",
+    "posc_hat": "phat_osc", "qosc_hat": "qhat_osc", "rosc_hat": "rhat_osc",
+    "alphadot_hat": "alphadothat", "betadot_hat": "betadothat",
     "Cx": "CX", "Cy": "CY", "Cz": "CZ",
 }  # fmt: skip
 

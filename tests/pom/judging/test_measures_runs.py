@@ -114,7 +114,8 @@ def test_the_smaller_of_200_ft_and_10_percent_on_short_runs(judged):
     )  # 46.1 m of 61 m
     assert (got["distance"]["verdict"], got["time"]["verdict"]) == ("pass", "fail")  # 5.5 % longer
     assert remarks_text(got["distance elapsed"]["remarks"]).startswith(
-        "applies only with distance>4000ft; the flight has distance over the ground from the start 277"
+        "applies only with distance>4000ft; the flight has distance over the ground from the start "
+        "277"
     )
 
 

@@ -370,8 +370,8 @@ def test_a_change_within_the_scatter_of_the_flight_is_no_trend(judged):
 
 
 def test_a_sample_without_a_number_leaves_no_alternative(judged):
-    """Either pitch angle or pitch rate passes 2.c.10; a model whose pitch rate is not a number passes
-    neither.
+    """Either pitch angle or pitch rate passes 2.c.10; a model whose pitch rate is not a number
+    passes neither.
     """
     flight = {"theta": 0.0 * FLAT, "q": 0.0 * FLAT, "nz": FLAT}
     c = case("2.c.10")

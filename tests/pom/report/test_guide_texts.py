@@ -1,4 +1,6 @@
-"""Texts of a qualification test guide: on the page where they are given, counted where they are not."""
+"""Texts of a qualification test guide: on the page where they are given, counted where they are
+not.
+"""
 
 from dataclasses import replace
 

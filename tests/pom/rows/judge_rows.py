@@ -31,7 +31,9 @@ TABLE = HERE / "verdicts.csv"
 COLUMNS = ("entry", "case", "record", "status", "judged", "reason")
 JUDGED = ("pass", "fail", "advisory", "invalid")
 PEDAL_STEERING = ("2.a.5",)
-"""Entries of an aeroplane whose pedals turn the nose wheel, which the nose wheel of the T-37's records does not show."""
+"""Entries of an aeroplane whose pedals turn the nose wheel, which the nose wheel of the T-37's
+records does not show.
+"""
 
 
 def read_table() -> list[dict[str, str]]:

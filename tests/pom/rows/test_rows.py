@@ -25,7 +25,9 @@ ENTRIES = list(
     )
 )
 BEYOND = ("2.a.4", "2.a.6", "2.a.7", "2.a.9")
-"""Entries whose quantities the model does not have: tiller, trim indicator, drive of the trim surface, force on the brake pedals."""
+"""Entries whose quantities the model does not have: tiller, trim indicator, drive of the trim
+surface, force on the brake pedals.
+"""
 
 
 def test_the_table_has_every_entry():

@@ -28,7 +28,9 @@ SHOWN = {
     ("FAA 14 CFR Part 60 App A Att 7", _2016, "7.B", "demonstration"),
     ("FAA FSTD Directive 2", _2016, "IV", "demonstration"),
 }
-"""Rows without a number and without a quantity: recordings that pilots judge.  All others can be judged."""
+"""Rows without a number and without a quantity: recordings that pilots judge.  All others can be
+judged.
+"""
 ROWS_BY_PROVENANCE = {"verified": 269, "partial": 4, "memory": 53}
 """The only count of rows in the tests: a new row changes one number here."""
 

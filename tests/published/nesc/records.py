@@ -15,10 +15,13 @@ import flightmech
 from .f16 import DATA, DEG, FT, KT, LBF, SLUG
 
 GROUPS = {  # columns by the start of their names
-    "height [ft]": "altitudeMsl_ft", "latitude [deg]": "latitude_deg", "longitude [deg]": "longitude_deg",
+    "height [ft]": "altitudeMsl_ft", "latitude [deg]": "latitude_deg",
+    "longitude [deg]": "longitude_deg",
     "velocity over ground [ft/s]": "feVelocity_ft_s_", "attitude [deg]": "eulerAngle_deg_",
-    "inertial rates [deg/s]": "bodyAngularRateWrtEi_deg_s_", "Mach number": "mach", "air density [slug/ft3]": "airDensity_slug_ft3",
-    "aerodynamic force [lbf]": "aero_bodyForce_lbf_", "aerodynamic moment [ft lbf]": "aero_bodyMoment_ftlbf_",
+    "inertial rates [deg/s]": "bodyAngularRateWrtEi_deg_s_", "Mach number": "mach",
+    "air density [slug/ft3]": "airDensity_slug_ft3",
+    "aerodynamic force [lbf]": "aero_bodyForce_lbf_",
+    "aerodynamic moment [ft lbf]": "aero_bodyMoment_ftlbf_",
 }  # fmt: skip
 LOADS = ("aero_bodyForce_lbf_", "aero_bodyMoment_ftlbf_")
 ANGLES = ("longitude_deg", "eulerAngle_deg_Yaw", "eulerAngle_deg_Roll")  # compared modulo one turn

@@ -67,14 +67,18 @@ def optional_number(element: Element, attribute: str, default: float) -> float:
 PURE = ("", "nd", "none", "nondimensional", "dimensionless", "frac", "fract", "fraction", "-")
 # Code: unit of this package.  Variants in published files follow the code of the standard.
 _CODES = {
-    "deg": "deg", "degs": "deg", "degrees": "deg", "d": "deg", "rad": "rad", "rads": "rad", "radians": "rad", "r": "rad",
+    "deg": "deg", "degs": "deg", "degrees": "deg", "d": "deg", "rad": "rad", "rads": "rad",
+    "radians": "rad", "r": "rad",
     "pct": "%", "percent": "%", "nd": "1", "1": "1",
-    "ft": "ft", "f": "ft", "feet": "ft", "m": "m", "cm": "cm", "mm": "mm", "km": "km", "in": "in", "nmi": "nmi",
+    "ft": "ft", "f": "ft", "feet": "ft", "m": "m", "cm": "cm", "mm": "mm", "km": "km", "in": "in",
+    "nmi": "nmi",
     "s": "s", "sec": "s", "min": "min", "h": "h", "hr": "h", "Hz": "Hz", "rpm": "rpm",
-    "kg": "kg", "lbm": "lb", "slug": "slug", "sl": "slug", "N": "N", "lbf": "lbf", "Pa": "Pa", "hPa": "hPa", "kPa": "kPa",
+    "kg": "kg", "lbm": "lb", "slug": "slug", "sl": "slug", "N": "N", "lbf": "lbf", "Pa": "Pa",
+    "hPa": "hPa", "kPa": "kPa",
     "psf": "psf", "psi": "psi", "kt": "kt", "kts": "kt", "knots": "kt", "g": "g",
     "W": "W", "kW": "kW", "hp": "hp", "A": "A", "V": "V",
-    "K": "K", "degK": "K", "R": "degR", "degR": "degR", "C": "degC", "degC": "degC", "F": "degF", "degF": "degF",
+    "K": "K", "degK": "K", "R": "degR", "degR": "degR", "C": "degC", "degC": "degC", "F": "degF",
+    "degF": "degF",
 }  # fmt: skip
 # The longest code first, so that "slug" is not read as "s" and "lug".
 _LONGEST_FIRST = sorted(map(re.escape, _CODES), key=len, reverse=True)

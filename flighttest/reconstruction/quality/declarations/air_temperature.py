@@ -121,10 +121,10 @@ def explain_by_fahrenheit(
         if finding.kind == "scale" and closer and same:
             text = (
                 f"temperature is in degF and was taken as degC: it reads {recorded - _ZERO:.1f} "
-                f"degC, {recorded - standard:+.0f} K off the standard atmosphere at the pressure of "
-                f"the flight ({true - _ZERO:.1f} degC, {true - standard:+.0f} K, from degF), and "
-                f"the airspeed formed from it is {scale:.3f} of that of accelerations and ground "
-                f"velocity"
+                f"degC, {recorded - standard:+.0f} K off the standard atmosphere at the pressure "
+                f"of the flight ({true - _ZERO:.1f} degC, {true - standard:+.0f} K, from degF), "
+                f"and the airspeed formed from it is {scale:.3f} of that of accelerations and "
+                f"ground velocity"
             )
             line = map_entry(record, "temperature", slope, shift)
             channels = ("temperature", *finding.channels)

@@ -1,4 +1,4 @@
-"""A-priori database against aircraft file and record: reference quantities, gain of the surfaces."""
+"""A-priori database against aircraft file and record: reference quantities, gain of surfaces."""
 
 from __future__ import annotations
 
@@ -104,8 +104,8 @@ def gain_findings(
         expected = effect_in(accelerations[row.rate], row.surface, signals, full.flying)
         if not expected:
             parts.append(
-                f"{row.surface}: the samples with airspeed, air and angle of attack do not give its "
-                f"effect in the database"
+                f"{row.surface}: the samples with airspeed, air and angle of attack do not give "
+                f"its effect in the database"
             )
             continue
         ratio = row.effect / expected

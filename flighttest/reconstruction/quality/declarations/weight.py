@@ -36,8 +36,8 @@ _MOVES = 0.2 * DEGREE  # standard deviation of the angle of attack that determin
 # lift coefficient, and share of it, by which a prior with a biased vane may be wrong
 _LEVEL, _PART = 0.15, 0.35
 _MASSES = (0.5, 2.0)  # mass of the aircraft file over the recorded one: fuel and load stay within
-# difference of both masses that is a note, and a warning unless burnt fuel explains it: fuel and load
-# move the mass of one aeroplane by a fifth, and its moments of inertia with it
+# difference of both masses that is a note, and a warning unless burnt fuel explains it: fuel and
+# load move the mass of one aeroplane by a fifth, and its moments of inertia with it
 _OTHER_LOADING, _OTHER_MASS = 0.05, 0.2
 _INERTIAS = ("Ixx", "Iyy", "Izz")
 MASS_LEVEL = (

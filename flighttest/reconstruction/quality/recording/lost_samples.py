@@ -32,8 +32,8 @@ _CLEAR, _PAIR = 8.0, 2
 _OUTSTANDING = 2.0  # times the largest neighbouring step
 _TO_SIGMA = 1.4826  # standard deviation of a normal variable over its median absolute value
 _NEAR = 2.0  # samples between jumps of one instant
-# Share of samples of a channel that repeat the one before. At half the rate of the clock it is half,
-# give or take one sample; such a channel still shows jumps.
+# Share of samples of a channel that repeat the one before. At half the rate of the clock it is
+# half, give or take one sample; such a channel still shows jumps.
 _MOST_REPEATED = 0.55
 _MOST_NAMED = 5
 

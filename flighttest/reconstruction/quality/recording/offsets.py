@@ -179,8 +179,9 @@ def slip_not_checked(table: pd.DataFrame, signals: ResampledChannels) -> Uncheck
     else:
         return []
     reason = (
-        f"ay_imu reads {abs(error):.2f} m/s2 too {_side(error)} by the ground velocity, which looks "
-        f"like {hidden / DEGREE:.1f} deg of the vane: {limit} before ay_imu or phi is corrected"
+        f"ay_imu reads {abs(error):.2f} m/s2 too {_side(error)} by the ground velocity, which "
+        f"looks like {hidden / DEGREE:.1f} deg of the vane: {limit} before ay_imu or phi is "
+        "corrected"
     )
     return [("zero_of_beta_vane", "zero of the beta vane", (), reason)]
 
@@ -217,8 +218,8 @@ def _pitch_findings(
     large = abs(forward) > FORCE
     if large and "vane" in present and abs(by_force - by_flow) < _SAME * abs(by_force):
         text = (
-            f"theta reads {abs(by_force) / DEGREE:.1f} deg too {_side(by_force)} throughout, by the "
-            f"forward force and by the alpha vane"
+            f"theta reads {abs(by_force) / DEGREE:.1f} deg too {_side(by_force)} throughout, by "
+            f"the forward force and by the alpha vane"
         )
         return [_offset_finding(("theta",), by_force, text, record)]
     findings = []
@@ -331,8 +332,8 @@ def _slip_findings(
         text += ": that is its reading without side force"
         return [_offset_finding(("beta_vane", "ay_imu"), zero.value, text, record)]
     text += (
-        f", or ay_imu {abs(zero.force):.2f} m/s2 too {_side(zero.force)}: the vane does not read zero "
-        f"without side force, and no ground velocity shows which of them is wrong"
+        f", or ay_imu {abs(zero.force):.2f} m/s2 too {_side(zero.force)}: the vane does not read "
+        f"zero without side force, and no ground velocity shows which of them is wrong"
     )
     finding = _offset_finding(("beta_vane", "ay_imu"), zero.value, text, record)
     other = map_entry(record, "ay_imu", 1.0, -zero.force)

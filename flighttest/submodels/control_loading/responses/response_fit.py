@@ -49,9 +49,9 @@ class ResponseFit:
         )
         if self.held:
             text = (
-                f"the starts of {len(self.held)} of {self.windows} windows of free motion are held, "
-                f"where friction stops their search: {', '.join(self.held)}; the constants are at "
-                f"their maximum with free starts too, within 0.3 standard errors"
+                f"the starts of {len(self.held)} of {self.windows} windows of free motion are "
+                f"held, where friction stops their search: {', '.join(self.held)}; the constants "
+                f"are at their maximum with free starts too, within 0.3 standard errors"
             )
             if not self.convergence.converged:
                 text = text.partition(";")[0]

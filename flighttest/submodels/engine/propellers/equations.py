@@ -136,7 +136,8 @@ class PropulsionEquations:
         raise IdentificationError(
             "neither torque nor manifold pressure (with a piston engine) nor n1 (with a table of "
             "shaft power) is recorded for all engines: the blade angle of a governed propeller "
-            "follows from the power; map one of engineN.torque, engineN.manifold_pressure, engineN.n1"
+            "follows from the power; map one of engineN.torque, engineN.manifold_pressure, "
+            "engineN.n1"
         )
 
     def _power_axis(self) -> str:

@@ -11,8 +11,8 @@ the correlation of the thrust (mean of the points) with the best combination of 
     rho^2 = 1 - var(thrust | drag known) / var(thrust)
 
 At rho = 0.95 an error of the thrust is 3.2 times what it would be if the drag were known, and a
-tenth of the information determines it: a variance inflation factor of ten.  A high correlation alone
-does no harm if the remaining information is exact enough.  Thrust and drag are therefore not
+tenth of the information determines it: a variance inflation factor of ten.  A high correlation
+alone does no harm if the remaining information is exact enough.  Thrust and drag are therefore not
 separable if the correlation exceeds 0.95 and the points alone know the thrust less well than the
 a-priori tables do: then most of the information on the thrust is a priori.
 
@@ -38,11 +38,12 @@ from flighttest.submodels.engine.propellers.equations import PropulsionEquations
 
 # Correlation of thrust and drag up to which they are separable whatever the standard errors.
 SEPARABLE = 0.95
-# Largest number of steps, which are passes over the noise too. Where two equations disagree about an
-# unknown by about their noise, the noise passes from one to the other in hundreds of small steps: a
-# small step does not show that the end is near.
+# Largest number of steps, which are passes over the noise too. Where two equations disagree about
+# an unknown by about their noise, the noise passes from one to the other in hundreds of small
+# steps: a small step does not show that the end is near.
 _STEPS = 600
-# Steps after which one that reverses the last is halved, and after which a large one ends the search.
+# Steps after which one that reverses the last is halved, and after which a large one ends the
+# search.
 _FULL_STEPS, _LARGE_STEPS = 20, 40
 # Step over the a-priori standard error, and relative change of the noise, at convergence.
 _SAME, _SAME_NOISE = 1e-5, 1e-4
@@ -53,8 +54,8 @@ _DIFFERENCE = 0.3
 _MOVED = 0.2
 # Largest correlation of successive residuals that is used.
 _MOST_CORRELATED = 0.9
-# A-priori noise of the force [m/s2] and of the relative equations, which counts as much as two points
-# (our judgement). The unknowns can fit an equation of few points exactly.
+# A-priori noise of the force [m/s2] and of the relative equations, which counts as much as two
+# points (our judgement). The unknowns can fit an equation of few points exactly.
 _FORCE_NOISE, _RELATIVE_NOISE, _NOISE_POINTS = 0.02, 0.01, 2.0
 # Factor on an a-priori standard error that takes the knowledge away.
 _NO_KNOWLEDGE = 1e3
@@ -121,8 +122,8 @@ def estimate_points(equations: PropulsionEquations) -> PointEstimate:
         for name, v in residuals.items():
             if not np.isfinite(v).all():
                 raise IdentificationError(
-                    f"the equation of {name} has no number at {np.sum(~np.isfinite(v))} of {v.size} "
-                    f"points; check the units of the records, of engineN.rpm first"
+                    f"the equation of {name} has no number at {np.sum(~np.isfinite(v))} of "
+                    f"{v.size} points; check the units of the records, of engineN.rpm first"
                 )
         # The equations are nearly linear: slopes near the solution stay.
         if moved > _MOVED:
@@ -253,7 +254,7 @@ class Separability(ShortText):
 
     @property
     def separable(self) -> bool:
-        """Whether the correlation is at most `SEPARABLE`, or the error at most that of the prior."""
+        """Whether the correlation is at most `SEPARABLE`, or the error at most the prior's."""
         return self.correlation <= SEPARABLE or self.error <= self.prior_error
 
 

@@ -19,9 +19,9 @@ INSTRUMENTS = {
     "climb": 0.005,
     "alpha": 0.002,  # rad
 }
-# Instruments of an engine, and the part of the variance of their errors that several engines have in
-# common: they are of one type, calibrated with one standard (our judgement). The mean of two engines
-# keeps 95 % of the error of one.
+# Instruments of an engine, and the part of the variance of their errors that several engines have
+# in common: they are of one type, calibrated with one standard (our judgement). The mean of two
+# engines keeps 95 % of the error of one.
 ENGINE_INSTRUMENTS = ("rpm", "torque", "manifold_pressure", "fuel_flow")
 COMMON_TO_ENGINES = 0.8
 

@@ -356,12 +356,13 @@ class PropellerFit(PrintedResult):
         for name, size in self.estimate.noise.items():
             unit = "m/s2" if name == "force" else "of the largest"
             lines.append(
-                f"residual of {name}: {size:.3g} {unit}, {len(self.estimate.residuals[name])} points"
+                f"residual of {name}: {size:.3g} {unit}, {len(self.estimate.residuals[name])} "
+                "points"
             )
         if self.separability:
             lines.append(
-                f"correlation of thrust and drag: {self.separability.correlation:.3f} by the points "
-                f"alone, {self.separability.posterior:.2f} with the a-priori values"
+                f"correlation of thrust and drag: {self.separability.correlation:.3f} by the "
+                f"points alone, {self.separability.posterior:.2f} with the a-priori values"
             )
             lines.append(
                 f"standard error of the thrust: {self.separability.prior_error:.1%} a priori, "

@@ -1,9 +1,9 @@
 """Constants of shaft, governor and lever of a propeller engine from chops and slams.
 
-The unknowns are fitted by output error on the engine model of the kernel: one engine in an aeroplane
-too heavy to move, whose lift carries the weight at every airspeed (see `bench`).  Each unknown
-multiplies its a-priori value and has an a-priori standard error, so a constant that the power
-changes do not show keeps its value.
+The unknowns are fitted by output error on the engine model of the kernel: one engine in an
+aeroplane too heavy to move, whose lift carries the weight at every airspeed (see `bench`).  Each
+unknown multiplies its a-priori value and has an a-priori standard error, so a constant that the
+power changes do not show keeps its value.
 """
 
 from __future__ import annotations

@@ -187,7 +187,8 @@ def test_a_channel_without_a_valid_sample_is_as_one_that_is_not_recorded(aircraf
     )
     assert findings == []
     if name == "temperature":
-        # that of the standard atmosphere; the zeros of the column were read as 100 K: a gain of 0.36
+        # that of the standard atmosphere; the zeros of the column were read as 100 K: a gain of
+        # 0.36
         assert ratios_in(row[3]) == pytest.approx(dict.fromkeys(SURFACES, 1.0), abs=0.02)
     else:
         assert f"no valid sample of {name}" in row[3]

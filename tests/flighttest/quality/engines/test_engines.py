@@ -102,7 +102,9 @@ def test_thrust_of_one_engine_in_another_unit(signals, aircraft, name, factor, u
     [(1.0, None), (1.3, "warning"), (2.2, "error"), (60.0 / (2.0 * np.pi), "error")],
 )
 def test_a_propeller_that_turns_faster_than_it_can(factor, severity):
-    """Crankshaft or turbine for propeller, and rpm read as rad/s, of an aeroplane with two turboprops."""
+    """Crankshaft or turbine for propeller, and rpm read as rad/s, of an aeroplane with two
+    turboprops.
+    """
     folder = T37.parent / "commuter"
     record = flighttest.read(folder / "flight" / "check_dutch_roll.csv", folder / "names.toml")
     signals = resample_channels(record, faults_of(record))
