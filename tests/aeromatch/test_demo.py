@@ -132,7 +132,7 @@ def test_the_final_model_flies_by_force(whole_demo):
         "dutch_roll_pedals_free",
         "stick_force_per_g",
     ):
-        # the record of the Dutch roll holds fewer cycles than its row asks for
+        # the record of the Dutch roll holds fewer cycles than its row requires
         assert cases[name]["final"] == EXPECTED[name]
         assert cases[name]["datcom"] not in ("pass", "pass_with_departures")
     terms = aerodb.terms(aerodb.open(folder / "final.nc"))
