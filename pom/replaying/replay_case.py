@@ -25,6 +25,7 @@ from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
+from pom.judging.control_doubts import size_remarks
 from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
 from pom.judging.stall_checks import reach_remarks
 from pom.judging.window_checks import with_window_check
@@ -376,7 +377,12 @@ def _compare_with_evidence(
     except AeromatchError as error:
         text = f"not compared with the flight evidence: {error}"
         return dict.fromkeys(models, (RowRemark("no_evidence", text),))
-    return {name: evidence_remarks(comparison, model.fmu.path) for name, model in models.items()}
+    # The same recorded control drives all models.
+    doubts = size_remarks(evidence, plan.case, states)
+    remarks = {}
+    for name, model in models.items():
+        remarks[name] = (*evidence_remarks(comparison, model.fmu.path), *doubts)
+    return remarks
 
 
 def _output_names(channels: Iterable[str], offered: Container[str]) -> list[str]:
