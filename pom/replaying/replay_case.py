@@ -25,10 +25,10 @@ from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
-from pom.judging.control_doubts import size_remarks
 from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
 from pom.judging.stall_checks import reach_remarks
 from pom.judging.window_checks import with_window_check
+from pom.probing.control_doubts import size_remarks
 from pom.probing.flight_consistency import on_wheels
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks

@@ -112,7 +112,7 @@ def _ratio_of(
     if not rows:
         return _Ratio(np.nan, np.nan, 0)
     theta, expected, unknown, variance, common = np.array(rows).T
-    # Where the a-priori effect may as well be zero, a ratio to it says nothing.
+    # Where the a-priori effect may as well be zero, a ratio to it has no meaning.
     is_known = np.abs(expected) > _KNOWN * unknown
     if not is_known.any() or not (unknown[is_known] > 0.0).any():
         return _Ratio(np.nan, np.nan, len(rows))

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from pom.cases.case_inputs import CaseInputs
-from pom.judging.control_doubts import size_remarks
+from pom.probing.control_doubts import size_remarks
 
 NOTICE = "size of delta_a: the flights give 1.49 (standard error 0.02) of its a-priori effect in Cl"
 
