@@ -40,6 +40,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.update.cautions.control_sizes import control_sizes
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
 from aerodb.update.correlation import LENGTHS, PARTS, error_kinds, flown_distance, prior_parts
 from aerodb.update.observations import (
@@ -128,7 +129,8 @@ def join_submodels(
     for coefficient_terms, observed in observe_fits(fits, prior, held):
         tabulations.append(_join_coefficient(coefficient_terms, observed, lengths))
     samples = [(str(fit.estimates.attrs.get("name", "")), fit.data) for fit in fits]
-    return add_cautions(merge_tabulations(tabulations), without_place, notices, samples)
+    sizes = control_sizes(fits, prior, held)
+    return add_cautions(merge_tabulations(tabulations), without_place, notices, samples, sizes)
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ import scipy
 import xarray as xr
 
 from aerodb.store.schema import terms
+from aerodb.update.cautions.control_sizes import control_sizes
 from aerodb.update.cautions.unplaced_terms import (
     Covariance,
     demand_places,
@@ -151,7 +152,8 @@ def regress_tables(
     notices = demand_places(table, unplaced)
     named = [(str(item.attrs.get("name", "")), item) for item in samples]
     named += [(str(fit.estimates.attrs.get("name", "")), fit.data) for fit in fits]
-    return add_cautions(merge_tabulations(tabulations), table, notices, named)
+    sizes = control_sizes([*fits, *local], prior, held)
+    return add_cautions(merge_tabulations(tabulations), table, notices, named, sizes)
 
 
 def _unplaced_controls(

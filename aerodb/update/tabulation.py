@@ -56,6 +56,7 @@ import scipy
 import xarray as xr
 
 from aerodb.store.schema import terms
+from aerodb.update.cautions.control_sizes import control_sizes
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
 from aerodb.update.correlation import LENGTHS, SHARES, flown_distance, prior_parts
 from aerodb.update.observations import (
@@ -171,7 +172,8 @@ def tabulate(
     for coefficient_terms, observed in observe_fits(fits, prior, held):
         tabulations.append(join_observations(coefficient_terms, observed, lengths, shapes=shapes))
     samples = [(str(fit.estimates.attrs.get("name", "")), fit.data) for fit in fits]
-    return add_cautions(merge_tabulations(tabulations), without_place, notices, samples)
+    sizes = control_sizes(fits, prior, held)
+    return add_cautions(merge_tabulations(tabulations), without_place, notices, samples, sizes)
 
 
 @dataclass(frozen=True)

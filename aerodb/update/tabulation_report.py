@@ -13,6 +13,7 @@ import scipy
 import xarray as xr
 
 from aerodb.store.identified_terms import stamp_identified
+from aerodb.update.cautions.control_sizes import doubtful_sizes
 from aerodb.update.cautions.notices import incompatible_fits, suspect_fits
 from aerodb.update.correlation import PARTS
 from aerodb.update.observations import Observation, samples_outside
@@ -68,6 +69,8 @@ class Tabulation(Mapping[str, Any]):
         Terms of the fits that no table of the database carries, insignificant ones included.  Index
         (coefficient, fit); ``term``, ``estimate``, ``stderr``, ``t``, ``carried``, ``significant``,
         ``reason``.
+    controls : DataFrame
+        Effect of each control in flight over its a-priori effect (`control_sizes`).
     notices : tuple of str
         Warnings, one line each; `aerodb.replace_terms` writes them into the history of the
         database.
@@ -81,6 +84,7 @@ class Tabulation(Mapping[str, Any]):
     points: pd.DataFrame
     compatibility: pd.DataFrame
     unplaced: pd.DataFrame = field(default_factory=pd.DataFrame)
+    controls: pd.DataFrame = field(default_factory=pd.DataFrame)
     notices: tuple[str, ...] = ()
     flown_samples: str = ""
     flown_states: str = ""
@@ -131,10 +135,12 @@ def add_cautions(
     unplaced: pd.DataFrame,
     notices: Sequence[str],
     samples: Iterable[tuple[str, xr.Dataset]],
+    controls: pd.DataFrame,
 ) -> Tabulation:
     """Return a tabulation with its terms without a place, all notices and the flown samples.
 
-    It warns of each notice.  `samples` are name and data (sample,) of each fit.
+    It warns of each notice.  `samples` are name and data (sample,) of each fit, `controls` the
+    sizes of the controls.
     """
     without_place = [
         f"no place in the database, the estimate is left out: {line}" for line in notices
@@ -143,6 +149,7 @@ def add_cautions(
         *without_place,
         *incompatible_fits(tabulation.compatibility),
         *suspect_fits(tabulation.points),
+        *doubtful_sizes(controls).values(),
     )
     for text in texts:
         # The warning belongs to the line that calls the public function, two frames up.
@@ -152,6 +159,7 @@ def add_cautions(
         tabulation,
         terms={name: stamp_identified(leaf) for name, leaf in tabulation.terms.items()},
         unplaced=unplaced,
+        controls=controls,
         notices=texts,
         flown_samples=pack_flown_samples(samples),
         flown_states=pack_states(gather_states(data for _, data in samples)),

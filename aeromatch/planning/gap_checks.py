@@ -41,9 +41,18 @@ def gap_departures(
         names = list(map(str, data.data_vars))
         # the windows of the reconstruction end where all inertial channels do
         counted = inertial_channels(data) if _MOTION in data else names
-        for gap in sample_gaps(data, counted):
+        shared = sample_gaps(data, counted)
+        for gap in shared:
             leaves.setdefault(gap, []).append(str(leaf))
             channels.setdefault(gap, []).extend(names)
+        # A control can be blank while the other channels of its clock have values. An inertial
+        # channel that is blank alone is an error of the reconstruction.
+        inertial = inertial_channels(data)
+        for channel in (item for item in names if item not in inertial):
+            for gap in sample_gaps(data, [channel]):
+                if gap not in shared:
+                    leaves.setdefault(gap, []).append(f"{leaf}/{channel}")
+                    channels.setdefault(gap, []).append(channel)
     lines = []
     for gap in sorted(leaves):
         effects = _effects(gap, channels[gap], cases, spans)

@@ -19,7 +19,12 @@ from aeromatch.planning import model_checks
 from aeromatch.planning.case_checks import CaseChecks
 from aeromatch.planning.record_look import LookTask, RecordLook
 from aeromatch.planning.record_looks import RecordLooks
-from aeromatch.planning.steps import products_of, run_collecting_problems, steps_of
+from aeromatch.planning.steps import (
+    join_equal_lines,
+    products_of,
+    run_collecting_problems,
+    steps_of,
+)
 from aeromatch.project.project import Project
 from aeromatch.rebuilding.match_options import MatchOptions
 from aeromatch.workflow.aerodynamics import a_priori, add_missing_terms, before_flight
@@ -225,8 +230,9 @@ def make_plan(
         checks.run()
     if options.samples:
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)
-    # Two checks may report one problem.
-    plan.problems = list(dict.fromkeys(problems))
+    # Two checks may report one problem, and many records have a common one.
+    plan.problems = join_equal_lines(problems)
+    plan.departures = join_equal_lines(plan.departures)
     plan.steps = steps_of(project, names, len(plan.cases), options.compare_tables)
     plan.products = products_of(project, plan.cases, options.compare_tables)
     return plan

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from aeromatch.project.project import Project
@@ -20,6 +21,39 @@ def texts_of(error: Exception) -> list[str]:
     if isinstance(error, OSError) and error.filename and error.strerror:
         return [f"{error.filename}: {error.strerror}"]
     return [str(error)]
+
+
+_NAMED = 4  # records or cases that a common line names
+_OF_ONE = re.compile(r"(record|case) ([^\s:,]+): (.*)", re.DOTALL)
+
+
+def join_equal_lines(lines: Iterable[str]) -> list[str]:
+    """Return lines with those joined that say the same of several records or cases.
+
+    One wrong key of the name map is a problem of every record.
+
+    Examples
+    --------
+    >>> join_equal_lines(["record a: no p", "case c: late", "record b: no p"])
+    ['records a, b: no p', 'case c: late']
+    """
+    groups: dict[tuple[str, str], list[str]] = {}
+    for line in lines:
+        match = _OF_ONE.fullmatch(line)
+        kind, name, text = match.groups() if match else ("", "", line)
+        names = groups.setdefault((kind, text), [])
+        if name not in names:
+            names.append(name)
+    joined = []
+    for (kind, text), names in groups.items():
+        if not kind:
+            joined.append(text)
+        elif len(names) == 1:
+            joined.append(f"{kind} {names[0]}: {text}")
+        else:
+            more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+            joined.append(f"{kind}s {', '.join(names[:_NAMED])}{more}: {text}")
+    return joined
 
 
 def run_collecting_problems(

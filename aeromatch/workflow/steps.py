@@ -11,6 +11,7 @@ from typing import Any
 import aerodb
 import pom
 from aerodb.figures.lr743_set.flown import FLOWN
+from aerodb.update.cautions.control_sizes import sizes_text
 from aeromatch.project.project import Project
 from aeromatch.rebuilding.match_options import MatchOptions
 from aeromatch.rebuilding.products import (
@@ -216,6 +217,9 @@ def _provenance(result: Identified, fmus: Mapping[str, Path], command: str) -> R
     sources = rests_on(project, result.windows, result.cases)
     if result.left_out:
         sources["faulty samples"] = "; ".join(result.left_out)
+    sizes = sizes_text(result.tables.value[1].controls)
+    if sizes:
+        sources["size of the controls"] = sizes
     provenance["records"] = sources
     errors = checks_text(Values(result.checks).values())
     if errors:

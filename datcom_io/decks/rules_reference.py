@@ -22,6 +22,7 @@ _WHAT = {
 }
 # A reference quantity this near to another number of the planform is that number.
 _EQUAL = 0.02
+_FEET_IN_METRE = 1.0 / 0.3048
 _SPOILERS, _DIFFERENTIAL_TAIL = (1, 2, 3), 5  # STYPE of ASYFLP
 
 
@@ -37,6 +38,10 @@ def describe_reference_quantities(deck: Deck) -> dict[str, str]:
         "CBARR": {"the root chord": wing.root_chord},
         "BLREF": {"the semispan": 0.5 * wing.span, "the mean chord": wing.mean_chord},
     }
+    for name, power in (("SREF", 2), ("CBARR", 1), ("BLREF", 1)):
+        factor, square = _FEET_IN_METRE**power, "2" if power == 2 else ""
+        others[name][f"that in ft{square}, with a planform in m"] = planform[name] * factor
+        others[name][f"that in m{square}, with a planform in ft"] = planform[name] / factor
     clauses = {}
     for name, measured in planform.items():
         given = deck.value("OPTINS", name)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import warnings
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
+from flightmech.errors import AeromatchWarning
 from flightmech.names import REDUCED_RATES, quantity_attributes
 from flightmech.support.arrays import integrate_trapezoids
 from flightmech.units import G0
@@ -19,7 +21,7 @@ from flighttest.reconstruction.problem.problem import body_rates, specific_force
 from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.sensors.measurements import MEASURED, lies_in_windows, without_blanks
-from flighttest.records.signals.clock_gaps import sample_gaps
+from flighttest.records.signals.clock_gaps import gaps_in, sample_gaps
 from flighttest.records.signals.conditioning import SLOW, demand_numbers
 from flighttest.records.signals.resampling import resample_to_grid
 
@@ -207,14 +209,43 @@ def _recorded_channels(
         clock = node.variables["time"].values
         samples = {name: node.variables[name].values for name in names}
         if not all(np.isfinite(values).all() for values in samples.values()):
-            # NaN outside the windows of the path does not matter.
+            # Blank cells are bridged by a line, as lost rows are; `CHANNEL_GAPS` has the longer
+            # ones. What is infinite, or blank in all windows, has no values to bridge.
             inside = node[names].isel(time=lies_in_windows(windows, clock))
-            demand_numbers({leaf: inside}, "recorded inputs of a path")
+            unusable = [name for name in names if not _has_bridge(inside[name].values)]
+            demand_numbers({leaf: inside[unusable]}, "recorded inputs of a path")
+            _warn_of_bridges(node[names], windows)
             samples = {name: without_blanks(clock, values) for name, values in samples.items()}
         for name, values in samples.items():
             pieces = [resample_to_grid(clock, values, grid, name) for grid in grids]
             columns[name] = np.concatenate(pieces)
     return columns
+
+
+def _has_bridge(x: np.ndarray) -> bool:
+    """Return whether a line through the values of a channel (time,) bridges its blank cells."""
+    return bool(np.isfinite(x).any() and not np.isinf(x).any())
+
+
+def _warn_of_bridges(node: xr.Dataset, windows: list[tuple[float, float]]) -> None:
+    """Warn once of the channels (time,) that a line bridges over a gap in a window."""
+    texts = []
+    for name in map(str, node.data_vars):
+        if np.isfinite(node[name].values).all():
+            continue
+        gaps = [gap for gap in sample_gaps(node, [name]) if _is_inside(gap, windows)]
+        texts += [f"{name} from {start:g} to {stop:g} s" for start, stop in gaps]
+    if texts:
+        text = (
+            f"a line bridges the blank cells of {', '.join(texts)}; leave these times out of the "
+            f"windows of fits and cases"
+        )
+        warnings.warn(text, AeromatchWarning, stacklevel=2)
+
+
+def _is_inside(gap: tuple[float, float], windows: list[tuple[float, float]]) -> bool:
+    """Return whether a window contains a part of a gap. [s]"""
+    return any(gaps_in(window, [gap]) for window in windows)
 
 
 def _mass_along(record: xr.DataTree, time: np.ndarray, default: float) -> np.ndarray:

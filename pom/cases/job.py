@@ -19,6 +19,8 @@ from pom.cases.case_inputs import PRIMARY
 from pom.cases.pilot import PilotLoop
 from pom.cases.start_conditions import initial_state, line_at_start, mass_and_air
 
+STATED = "stated_conditions"
+"""Attribute of the signals of a result: names of `stated_only`, separated by spaces."""
 # By drive of the engines: the recorded quantity, the input of the model, and mode.engine.
 ENGINE_DRIVES = {
     "throttle": ("throttle", "throttle", 0.0),
@@ -354,6 +356,11 @@ def _model_modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
         # WGS-84 and rotating: the record gives a position on it
         modes["mode.earth"] = 1.0
     return modes
+
+
+def stated_only(case: PomCase, states: xr.Dataset) -> list[str]:
+    """Return the inputs that the conditions of a case state and its record does not have."""
+    return [name for name in case.conditions if name in INPUTS and name not in states]
 
 
 def initial_configuration(case: PomCase, job: ReplayJob) -> Mapping[str, float]:

@@ -320,8 +320,8 @@ def with_record_checks(
     list of PomResult
         A result without a finding in its window does not change.  In another result every row has a
         remark of kind ``record`` for each error, so that a pass becomes ``record_error``
-        (`PomResult.status`), ``departure`` for a late control that drives the model, and
-        ``record_warning`` for each other warning.
+        (`PomResult.status`), ``departure`` for a control of wrong time or size that drives the
+        model, and ``record_warning`` for each other warning.
     """
     return [_add_record_remarks(result, checks) for result in results]
 
@@ -343,9 +343,10 @@ def _add_record_remarks(result: PomResult, checks: Mapping[str, RecordCheck]) ->
             continue
         text = f"warning on the flight record: {warning.title}: {warning.text}"
         kind, _, channels = warning.name.partition(":")
-        is_late = kind == "lag" and driven.intersection(channels.split("+"))
-        # dynamic pressure and damping of the model go with it
-        if is_late or warning.name.startswith(AIRSPEED):
+        # a control that is late, or of another size, drives the model
+        is_driving = kind in ("lag", "scale") and driven.intersection(channels.split("+"))
+        # dynamic pressure and damping of the model go with the airspeed
+        if is_driving or warning.name.startswith(AIRSPEED):
             remarks.append(RowRemark("departure", f"departure: {text}", warning.name))
         else:
             remarks.append(RowRemark("record_warning", text, warning.name))

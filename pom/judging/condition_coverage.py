@@ -15,6 +15,7 @@ from flightmech.errors import UnknownName
 from pom.judging.condition_checks import CONFIGURATION_CHECKS, FlownCase, NotChecked
 from pom.judging.signals import RunSignals, traces_of
 from pom.result import PomResult
+from pom.status import PASSED, has_departure
 
 WANTED: dict[str, tuple[tuple[str, str], ...]] = {
     "ground_and_approach": (("ground", "ground"), ("approach", "extended")),
@@ -72,11 +73,14 @@ class ConditionCoverage:
     covered, missing : tuple of str
     unknown : str
         Why a case that could show a missing condition does not: what it does not record.
+    departing : int
+        Number of the covered conditions that only a case with departures shows.
     """
 
     covered: tuple[str, ...]
     missing: tuple[str, ...]
     unknown: str = ""
+    departing: int = 0
 
     @property
     def text(self) -> str:
@@ -85,6 +89,8 @@ class ConditionCoverage:
         if not count:
             return ""
         text = f"{len(self.covered)} of {count}"
+        if self.departing:
+            text += f", {self.departing} with departures"
         if not self.missing:
             return text
         if self.unknown:
@@ -105,7 +111,8 @@ def cover_conditions(results: Sequence[PomResult]) -> ConditionCoverage:
     wanted = WANTED.get(_flight_condition(results[0]), ()) if results else ()
     if not wanted:
         return ConditionCoverage((), ())
-    counting = [result for result in results if _counts(result)]
+    # A case without departures has the first choice of the conditions.
+    counting = sorted((result for result in results if _counts(result)), key=case_departs)
     conditions = [name for _, name in wanted]
     shows: list[list[int]] = []
     unknown: dict[str, None] = {}
@@ -130,7 +137,19 @@ def cover_conditions(results: Sequence[PomResult]) -> ConditionCoverage:
         find_place(k, set())
     covered = tuple(words for place, (words, _) in enumerate(wanted) if place in taken)
     missing = tuple(words for place, (words, _) in enumerate(wanted) if place not in taken)
-    return ConditionCoverage(covered, missing, "; ".join(unknown))
+    departing = sum(case_departs(counting[k]) for k in taken.values())
+    return ConditionCoverage(covered, missing, "; ".join(unknown), departing)
+
+
+def case_departs(result: PomResult) -> bool:
+    """Return whether a case departs from its row with each model that passes, or with all of them.
+
+    A departure of one model alone, such as tables that it leaves, is not one of the case.
+    """
+    runs = list(result.runs)
+    passing = [run for run in runs if result.status(run) in PASSED]
+    departing = {row["run"] for row in result.rows if has_departure(row)}
+    return bool(runs) and departing.issuperset(passing or runs)
 
 
 def _flight_condition(result: PomResult) -> str:

@@ -28,6 +28,7 @@ from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_rem
 from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
 from pom.judging.stall_checks import reach_remarks
 from pom.judging.window_checks import with_window_check
+from pom.probing.control_doubts import size_remarks
 from pom.probing.flight_consistency import on_wheels
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
@@ -376,7 +377,12 @@ def _compare_with_evidence(
     except AeromatchError as error:
         text = f"not compared with the flight evidence: {error}"
         return dict.fromkeys(models, (RowRemark("no_evidence", text),))
-    return {name: evidence_remarks(comparison, model.fmu.path) for name, model in models.items()}
+    # The same recorded control drives all models.
+    doubts = size_remarks(evidence, plan.case, states)
+    remarks = {}
+    for name, model in models.items():
+        remarks[name] = (*evidence_remarks(comparison, model.fmu.path), *doubts)
+    return remarks
 
 
 def _output_names(channels: Iterable[str], offered: Container[str]) -> list[str]:

@@ -13,7 +13,7 @@ from flightmech.names import WRAPPED, lookup
 from flightmech.support.console import to_json_types
 from pom.cases.case import PomCase
 from pom.cases.case_file import SHOWN
-from pom.cases.job import ReplayJob, initial_configuration
+from pom.cases.job import STATED, ReplayJob, initial_configuration, stated_only
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.air_checks import air_remarks
 from pom.judging.beyond_the_bands import watch_channels, watch_track
@@ -67,6 +67,9 @@ def assemble_result(
     condition_values = report_values(case, flight)
     if condition_values:
         attributes[VALUES] = condition_values
+    stated = stated_only(case, states)
+    if stated:
+        attributes[STATED] = " ".join(stated)
     # The corrections of the math pilot are outputs less inputs, before the applied positions.
     if job.pilot:
         attributes[PILOT] = json.dumps(to_json_types(_pilot_rows(job, outputs_by_run)))

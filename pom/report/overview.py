@@ -9,8 +9,9 @@ from typing import Any
 
 import xarray as xr
 
+from flightmech.support.console import count_text
 from pom.cases.signatures import signature_rows
-from pom.judging.condition_coverage import cover_conditions
+from pom.judging.condition_coverage import case_departs, cover_conditions
 from pom.report.case.page import run_line_classes
 from pom.report.presentation.quantities import quantity_label
 from pom.report.presentation.unit_sets import units_in_text
@@ -222,9 +223,19 @@ def _coverage_entry(test: str, title: str, results: Sequence[PomResult]) -> dict
         "cases": len(results),
         "judged": len(judged),
         "criteria": len(judged | set(reasons)),
-        "conditions": cover_conditions(results).text,
+        "conditions": _conditions_text(results),
         "left": missing,
     }
+
+
+def _conditions_text(results: Sequence[PomResult]) -> str:
+    """Return the flight conditions that cases of one test show, and how many cases depart."""
+    coverage = cover_conditions(results).text
+    # A row that wants one condition has no count of conditions.
+    departing = sum(map(case_departs, results))
+    if coverage or not departing:
+        return coverage
+    return f"{departing} of {count_text(len(results), 'case')} with departures"
 
 
 def absent_terms(databases: Mapping[str, xr.DataTree]) -> list[tuple[str, list[str]]]:

@@ -73,6 +73,7 @@ from flighttest.reconstruction.quality.declarations.inertia import (
     product_findings,
 )
 from flighttest.reconstruction.quality.declarations.inertia_scale import exchange_findings
+from flighttest.reconstruction.quality.declarations.rigging import rigging_findings
 from flighttest.reconstruction.quality.declarations.weight import MASS_LEVEL, weight_findings
 from flighttest.reconstruction.quality.engines.engines import engine_findings, lever_findings
 from flighttest.reconstruction.quality.finding import (
@@ -340,6 +341,7 @@ def _aircraft_findings(
         unchecked.append(("Ixz", "sign of Ixz, and pitching in rolls", (), no_product))
     findings = [*geometry, *inertia_findings(aircraft), *weight, *product]
     findings += reference_findings(aircraft, database)
+    findings += rigging_findings(signals, aircraft)
     for check in (exchange_findings, centre_findings, engine_findings):
         found, reasons = check(signals, aircraft)
         findings += found

@@ -26,6 +26,7 @@ from pom.report.case.start import (
     condition_rows,
     drift_rows,
     glance_text,
+    stated_conditions,
     trim_tables,
 )
 from pom.report.models.diagnosis import cause_section
@@ -121,7 +122,9 @@ def case_page(
         "source": remarks.data_source(result),
         "calibration": calibration_rows(result),
         "glance": glance_text(result),
-        "conditions": condition_rows(result.conditions, result.trim.index),
+        "conditions": condition_rows(
+            result.conditions, result.trim.index, stated_conditions(result)
+        ),
         "drive": describe_driving(result),
         "trim": trim_tables(result),
         "drift": drift_rows(result),

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pom.cases.job import STATED
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import SLOWEST
 from pom.replaying import run_remarks
@@ -83,7 +84,7 @@ ConditionRow = tuple[QuantityLabel, str]
 
 
 def condition_rows(
-    conditions: Mapping[str, float], printed: Collection[str]
+    conditions: Mapping[str, float], printed: Collection[str], stated: Collection[str] = ()
 ) -> list[tuple[str, list[ConditionRow]]]:
     """Return the conditions of a case by part of the table.
 
@@ -93,6 +94,8 @@ def condition_rows(
         Initial conditions and configuration. [SI]
     printed : collection of str
         Quantities of the flight state that the table of the trim has.  They are left out.
+    stated : collection of str
+        Quantities that the case states and its record does not have, which their rows say.
 
     Returns
     -------
@@ -106,7 +109,10 @@ def condition_rows(
         # The components of the wind have a common row.
         if stem.startswith("wind_") or (part == "Flight" and stem in printed):
             continue
-        parts[part].append((quantity_label(name), measured_text(value, name)))
+        text = measured_text(value, name)
+        if name in stated:
+            text = f"{text} (stated, not recorded)"
+        parts[part].append((quantity_label(name), text))
     if "wind_n" in conditions and "wind_e" in conditions:
         down = conditions.get("wind_d", 0.0)
         wind = wind_text(conditions["wind_n"], conditions["wind_e"], down)
@@ -114,6 +120,11 @@ def condition_rows(
     _sort_rows(parts["Configuration"], _CONFIGURATION)
     _sort_rows(parts["Atmosphere"], _ATMOSPHERE)
     return [(part, rows) for part, rows in parts.items() if rows]
+
+
+def stated_conditions(result: PomResult) -> list[str]:
+    """Return the conditions of a result that its record does not show."""
+    return str(result.signals.attrs.get(STATED, "")).split()
 
 
 def glance_text(result: PomResult) -> str:
@@ -125,7 +136,7 @@ def glance_text(result: PomResult) -> str:
         speed = float(table.iloc[:, 0]["V_cas"])
         if math.isfinite(speed):
             texts.append(f"{quantity_label('V_cas').words} {measured_text(speed, 'V_cas')}")
-    for _, rows in condition_rows(result.conditions, table.index):
+    for _, rows in condition_rows(result.conditions, table.index, stated_conditions(result)):
         for label, value in rows:
             if label.name in _GLANCE:
                 texts.append(f"{label.words or label.name} {value}")

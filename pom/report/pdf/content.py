@@ -24,6 +24,7 @@ from pom.report.case.start import (
     condition_rows,
     drift_rows,
     glance_text,
+    stated_conditions,
     trim_tables,
 )
 from pom.report.guide_texts import missing_texts
@@ -240,7 +241,8 @@ def _case_texts(case: PomCase) -> dict[str, Any]:
 def _condition_content(result: PomResult) -> dict[str, Any]:
     """Return the initial conditions: all of them, and those of the summary in one line."""
     conditions = []
-    for part, rows in condition_rows(result.conditions, result.trim.index):
+    stated = stated_conditions(result)
+    for part, rows in condition_rows(result.conditions, result.trim.index, stated):
         conditions.append((part, [(quantity_content(label), value) for label, value in rows]))
     return {"conditions": conditions, "glance": glance_text(result)}
 

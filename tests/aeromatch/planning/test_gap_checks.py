@@ -63,6 +63,21 @@ def test_a_gap_of_a_driving_channel_is_not_flown():
     assert "reads these channels from a line across it" in line
 
 
+def test_blank_cells_of_one_control_are_a_gap_of_this_channel():
+    lost = (CLOCK > 39.99) & (CLOCK < 41.99)
+    controls = xr.Dataset(
+        {
+            "delta_a": ("time", np.where(lost, np.nan, 0.0)),
+            "delta_e": ("time", 0.0 * CLOCK),
+        },
+        {"time": CLOCK},
+    )
+    record = xr.DataTree.from_dict({"/controls": controls})
+    (line,) = gap_departures("slow", record, [CASE], {})
+    assert "from 39.95 to 42 s (controls/delta_a)" in line
+    assert "case phugoid is not flown across it, and its rows are invalid" in line
+
+
 def test_gaps_that_take_nothing_are_not_named():
     early = SimpleNamespace(**{**vars(CASE), "window": (3.0, 30.0)})
     assert gap_departures("slow", record_of(HOLED, HOLED), [early], {}) == []

@@ -44,6 +44,8 @@ def test_a_larger_surface_behind_is_the_wing() -> None:
         ),
         ("BLREF", 45.21, "0.5 times the span of the planform, 90.42 (it is the semispan)"),
         ("SREF", 1268.6, "2 times the area of the planform, 634.3 (it is twice that)"),
+        ("SREF", 6828.0, "10.8 times the area of the planform, 634.3 (it is that in ft2, with a "),
+        ("BLREF", 27.56, "0.305 times the span of the planform, 90.42 (it is that in m, with a "),
         ("CBARR", 27.0, "3.56 times the mean aerodynamic chord of the planform, 7.582;"),
     ],
 )

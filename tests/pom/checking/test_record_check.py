@@ -237,6 +237,13 @@ def test_a_warning_on_the_record_is_stated_and_a_late_control_is_a_departure(pas
     assert made.status("final") == "pass"
 
 
+def test_a_driving_control_of_another_size_is_a_departure(passed):
+    size = RecordError("scale:delta_e+column", "delta_e over column has 0.50 of the gearing")
+    check = RecordCheck("r", "fit, with care", (), (size,))
+    (made,) = with_record_checks([passed], {passed.case.record: check})
+    assert made.status("final") == "pass_with_departures"
+
+
 @pytest.mark.parametrize(
     ("kind", "expected"), [("scale", "departure"), ("small_scale", "record_warning")]
 )

@@ -9,6 +9,10 @@ import pytest
 from flightmech.units import DEGREE
 from pom.judging.condition_checks import CONFIGURATION_CHECKS
 from pom.judging.condition_coverage import WANTED, cover_conditions
+from pom.report.overview import table_coverage
+from pom.result import make_verdict_table
+from pom.status import PASSED
+from pom.tolerances.bands import RowRemark
 from pom.tolerances.editions import test_order as order_of_test
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -55,6 +59,33 @@ def test_a_case_that_fits_two_conditions_gives_way_to_the_other():
         found = cover_conditions([flown(test="2.c.5", **case) for case in cases])
         assert found.covered == ("approach", "landing")
         assert found.missing == ("cruise",)
+
+
+def with_departure(result, runs):
+    remark = RowRemark("departure", "departure: the aeroplane is not near maximum weight", "mass")
+    rows = []
+    for row in result.rows:
+        more = (remark,) if row["run"] in runs else ()
+        rows.append({**row, "remarks": (*row["remarks"], *more)})
+    return replace(result, verdict=make_verdict_table(rows))
+
+
+@pytest.mark.slow
+def test_a_condition_that_only_a_case_with_departures_shows_is_stated():
+    clean, extended = flown(), flown(flaps=20.0)
+    departing = with_departure(extended, list(extended.runs))
+    assert cover_conditions([clean, departing]).text == "2 of 2, 1 with departures"
+    assert cover_conditions([departing, extended, clean]).text == "2 of 2"
+    # a departure of one model that fails, such as tables that it leaves, is not one of the case
+    failing = [run for run in extended.runs if extended.status(run) not in PASSED]
+    assert failing
+    assert cover_conditions([clean, with_departure(extended, failing)]).text == "2 of 2"
+    # a test in one condition
+    single = with_departure(flown(test="2.c.10"), list(clean.runs))
+    rows = [{"standard": single.case.standard, "edition": single.case.edition}]
+    rows = [{**rows[0], "test_id": "2.c.10", "title": "Short period"}]
+    (part,) = table_coverage([single], rows)
+    assert part["run"][0]["conditions"] == "1 of 1 case with departures"
 
 
 def test_every_wanted_condition_has_a_check():

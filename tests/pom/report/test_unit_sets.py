@@ -1,17 +1,21 @@
 """Pages in one set of units: the number and its unit change together."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import report_fixture as fixture
+import xarray as xr
 
 import pom
 from flightmech.errors import UnknownName
 from flightmech.names import VOCABULARY
 from flightmech.units import parse_unit
+from pom.cases.job import STATED, stated_only
 from pom.report.case.page import outcome_rows
 from pom.report.case.remarks import reader_notes
-from pom.report.case.start import condition_rows, wind_text
+from pom.report.case.start import condition_rows, stated_conditions, wind_text
 from pom.report.overview import departure_table
 from pom.report.presentation.quantities import measured_text, quantity_label
 from pom.report.presentation.unit_sets import SETS, shown_in
@@ -73,6 +77,21 @@ def test_the_centre_of_gravity_is_in_percent_of_the_chord():
         ("mass", "2000 kg"),
         ("x_cg", "24.0 %"),
     ]
+
+
+def test_a_configuration_that_the_record_does_not_show_is_stated():
+    case = SimpleNamespace(conditions={"delta_f": 0.35, "gear": 1.0, "lat": 0.8})
+    states = xr.Dataset({"gear": ("time", np.ones(3))})
+    assert stated_only(case, states) == ["delta_f"]
+    result = fixture.roll_result()
+    signals = result.signals.assign_attrs({STATED: "delta_f"})
+    conditions = {"delta_f": 0.35, "gear": 1.0}
+    stated = stated_conditions(replace(result, signals=signals))
+    ((_, rows),) = condition_rows(conditions, (), stated)
+    texts = {label.name: text for label, text in rows}
+    assert texts["delta_f"].endswith("(stated, not recorded)")
+    assert "stated" not in texts["gear"]
+    assert stated_conditions(result) == []
 
 
 TEXT = "lateral position off by 158 m at 20.4 s, watched within 5 m; 9.2 kt of wind"

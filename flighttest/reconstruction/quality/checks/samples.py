@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -171,15 +172,24 @@ def _flags_overlap(first: Flag, second: Flag) -> bool:
 
 
 def flag_findings(faults: pd.DataFrame) -> list[Finding]:
-    """Return one finding for each channel (or clock) and kind of flag."""
+    """Return one finding for each channel and kind of flag, and for clocks with the same flags.
+
+    A recorder that stops leaves one gap in the clocks of all its groups of channels.
+    """
+    rows: dict[tuple[Any, ...], tuple[list[str], pd.DataFrame]] = {}
+    for (leaf, channel, _), group in faults.groupby(["leaf", "channel", "kind"], sort=False):
+        listed = tuple(Flag(*row) for row in group.drop(columns="leaf").itertuples(index=False))
+        key = (listed, leaf) if channel else (listed,)
+        leaves, _ = rows.setdefault(key, ([], group))
+        leaves.append(str(leaf))
     findings = []
-    for (leaf, channel, kind), group in faults.groupby(["leaf", "channel", "kind"], sort=False):
-        listed = [Flag(*row) for row in group.drop(columns="leaf").itertuples(index=False)]
+    for (listed, *_), (leaves, group) in rows.items():
+        channel, kind = listed[0].channel, listed[0].kind
         finding = Finding(
             "note" if kind == "duplicate" else "warning",
             str(kind),
-            (str(channel or leaf),),
-            text=f"{leaf}: {' '.join(flag_sentences(listed))}",
+            (str(channel),) if channel else tuple(leaves),
+            text=f"{', '.join(leaves)}: {' '.join(flag_sentences(listed))}",
             remedy=_REMEDY[str(kind)],
             start=float(group["start"].min()),
             stop=float(group["stop"].max()),

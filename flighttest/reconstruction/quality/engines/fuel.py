@@ -157,8 +157,34 @@ def _judge_total(
     # The mass is checked against the lift, so its unit is known.  That of a gauge is not.
     known = len(ratios) > 1 or best.reference == "mass"
     if agree and known:
-        return _flow_findings(best, names, len(aircraft.engines))
+        alone = _engine_alone(signals, names, best)
+        return [alone] if alone else _flow_findings(best, names, len(aircraft.engines))
     return [_both_sides(ratios, unusual, names, len(aircraft.engines))]
+
+
+def _engine_alone(
+    signals: ResampledChannels, names: tuple[str, ...], ratio: _Ratio
+) -> Finding | None:
+    """Return the finding on one engine alone in lb/h; None if total and engines do not show it."""
+    # With one of n flows 2.2 times too large the total is (2.2 + n - 1) / n of the true one.
+    total = (_POUNDS + len(names) - 1.0) / len(names)
+    if len(names) < 2 or abs(ratio.value / total - 1.0) > _NEAR:
+        return None
+    flying = np.logical_and.reduce([signals.flying, *(signals.good[name] for name in names)])
+    medians = {name: float(np.median(signals[name][flying])) for name in names}
+    for name, flow in medians.items():
+        others = [medians[other] for other in names if other != name]
+        quotient = flow / max(float(np.mean(others)), np.finfo(float).tiny)
+        if abs(quotient / _POUNDS - 1.0) < _NEAR:
+            text = (
+                f"{name} alone: lb/h taken as kg/h: it has {quotient:.3g} times the flow of "
+                f"{', '.join(item for item in names if item != name)}, and all together are "
+                f"{ratio.text}"
+            )
+            remedy = f'give {name} unit = "lb/h" in the name map, if both engines had one setting'
+            evidence = {"ratio": ratio.value, "stderr": ratio.stderr, "quotient": quotient}
+            return Finding("warning", "unit", (name,), text, remedy, evidence=evidence)
+    return None
 
 
 def _flow_findings(ratio: _Ratio, names: tuple[str, ...], engines: int) -> list[Finding]:

@@ -327,6 +327,18 @@ def test_a_flow_that_the_mass_confirms_is_not_blamed_alone(signals, aircraft, fu
     assert words in finding.text
 
 
+def test_one_engine_alone_in_pounds_is_named(signals, aircraft):
+    flown = burning(signals, 1.0)
+    spoilt = flown.with_values({FLOWS[1]: 2.2046 * flown[FLOWS[1]]})
+    (finding,), _ = fuel_findings(spoilt, aircraft)
+    assert finding.name == f"unit:{FLOWS[1]}"
+    assert "alone: lb/h taken as kg/h: it has 2.2 times the flow of engine1" in finding.text
+    # two engines at two settings burn what leaves the tanks
+    other = flown.with_values({name: 1.6 * flown[name] for name in FLOWS})
+    (finding,), _ = fuel_findings(other, aircraft)
+    assert "alone" not in finding.text
+
+
 def test_fuel_on_board_alone_leaves_both_sides_open(signals, aircraft):
     """Nothing else shows whether the flow or the fuel is in another unit."""
     alone = burning(signals, 1.0, 2.2046).without(["mass"])

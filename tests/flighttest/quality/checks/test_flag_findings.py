@@ -1,0 +1,30 @@
+"""A recorder that stops is one finding, whatever the number of its groups of channels."""
+
+import pandas as pd
+
+from flighttest.reconstruction.quality.checks.samples import flag_findings
+
+COLUMNS = ["leaf", "channel", "kind", "start", "stop", "samples", "note"]
+
+
+def found(*rows):
+    return flag_findings(pd.DataFrame(rows, columns=COLUMNS))
+
+
+def test_one_gap_of_all_clocks_is_one_finding():
+    gap = ("", "gap", 34.0, 36.0, 0, "2 s")
+    (finding,) = found(("imu", *gap), ("vanes", *gap), ("gps", *gap))
+    assert finding.name == "gap:imu+vanes+gps"
+    assert finding.text == "imu, vanes, gps: gaps in the clock at 34 s (2 s)"
+    assert (finding.start, finding.stop) == (34.0, 36.0)
+
+
+def test_other_gaps_and_channels_keep_their_finding():
+    rows = [
+        ("imu", "", "gap", 34.0, 36.0, 0, "2 s"),
+        ("gps", "", "gap", 34.0, 36.5, 0, "2.5 s"),
+        ("controls", "delta_a", "missing", 6.0, 8.0, 39, ""),
+        ("controls", "delta_e", "missing", 6.0, 8.0, 39, ""),
+    ]
+    names = [finding.name for finding in found(*rows)]
+    assert names == ["gap:imu", "gap:gps", "missing:delta_a", "missing:delta_e"]
