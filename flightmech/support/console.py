@@ -231,7 +231,7 @@ def escape_message(text: str) -> str:
 
     Examples
     --------
-    >>> print(escape_message("unknown column 'q\nerror: none'"))
+    >>> print(escape_message("unknown column 'q\\nerror: none'"))
     unknown column 'q\\nerror: none'
     """
     return _IMITATION.sub(r"\\n", escape_control_characters(text))
