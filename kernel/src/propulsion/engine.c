@@ -7,6 +7,7 @@
 #include "engine.h"
 
 #include "error.h"
+#include "feed.h"
 #include "fuel.h"
 #include "shaft.h"
 #include "spool.h"
@@ -197,8 +198,12 @@ void engine_forces(flight_t *sim, const real *x, const real *u, real F[3], real 
     for (int k = 0; k < 3; k++) F[k] = M[k] = H[k] = 0.0;
     const intake_t in = decked(sim) ? spool_intake(sim) : (intake_t){.theta = 0.0};
     look_at_engines(sim, &in, x, u);
+    const uint32_t tanks = items(sim->model, G_TANK);
+    for (uint32_t i = 0; i < tanks; i++) rate_of(sim, dx, G_TANK, i)[X_TANK] = 0.0;
     for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) {
-        flow += run_engine(sim, i, &in, x, u, F, M, H, dx);
+        const real own = run_engine(sim, i, &in, x, u, F, M, H, dx);
+        flow += own;
+        if (tanks) draw_fuel(sim, i, x, u, own, dx);
     }
     burn_fuel(sim, x, flow, dx);
 }

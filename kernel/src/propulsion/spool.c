@@ -56,7 +56,7 @@ static inline spool_t spool_of(const flight_t *sim, uint32_t i, real root_theta,
                      .given = m->decks[i],
                      .root_theta = root_theta,
                      .n1_driven = sim->drive == N1_DRIVEN || on_shaft(sim, i),
-                     .fuel = fuel_left(sim, x)};
+                     .fuel = fuel_left(sim, i, x, u)};
 }
 
 _Static_assert(T_PER_SPOOL <= 64, "a bit for each target");
