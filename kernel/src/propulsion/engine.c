@@ -194,18 +194,17 @@ static real run_engine(flight_t *sim, uint32_t i, const intake_t *in, const real
 
 void engine_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[3], real H[3],
                    real *dx) {
-    real flow = 0.0;
+    real flow[MAX_ENGINES];
+    real all = 0.0;
     for (int k = 0; k < 3; k++) F[k] = M[k] = H[k] = 0.0;
     const intake_t in = decked(sim) ? spool_intake(sim) : (intake_t){.theta = 0.0};
     look_at_engines(sim, &in, x, u);
-    const uint32_t tanks = items(sim->model, G_TANK);
-    for (uint32_t i = 0; i < tanks; i++) rate_of(sim, dx, G_TANK, i)[X_TANK] = 0.0;
     for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) {
-        const real own = run_engine(sim, i, &in, x, u, F, M, H, dx);
-        flow += own;
-        if (tanks) draw_fuel(sim, i, x, u, own, dx);
+        flow[i] = run_engine(sim, i, &in, x, u, F, M, H, dx);
+        all += flow[i];
     }
-    burn_fuel(sim, x, flow, dx);
+    burn_fuel(sim, x, all, dx);
+    if (items(sim->model, G_TANK)) draw_fuel(sim, x, u, flow, dx);
 }
 
 void engine_outputs(const flight_t *sim, real *y) {

@@ -23,7 +23,8 @@ static inline mask_t delivers(const flight_t *sim, uint32_t feed, const real *x,
     return ((way == ALWAYS) | crossed) & NOT(cut) & filled;
 }
 
-mask_t fuel_fed(const flight_t *sim, uint32_t engine, const real *x, const real *u) {
+/* Of a model with tanks alone: what it needs is not in the way of the others. */
+__attribute__((noinline)) mask_t fuel_fed(const flight_t *sim, uint32_t engine, const real *x, const real *u) {
     const am_model *m = sim->model;
     mask_t fed = everywhere(false);
     for (uint32_t i = 0; i < items(m, G_FEED); i++) {
@@ -32,8 +33,9 @@ mask_t fuel_fed(const flight_t *sim, uint32_t engine, const real *x, const real 
     return fed;
 }
 
-void draw_fuel(const flight_t *sim, uint32_t engine, const real *x, const real *u, real flow,
-               real *dx) {
+/* Adds the flow to one engine to the rates of the tanks that it comes from. */
+static void draw_for(const flight_t *sim, uint32_t engine, const real *x, const real *u, real flow,
+                     real *dx) {
     const am_model *m = sim->model;
     const uint32_t n = items(m, G_FEED);
     real part[MAX_ITEMS]; /* capacity of the tank behind each feed that is drawn from, else zero */
@@ -55,6 +57,13 @@ void draw_fuel(const flight_t *sim, uint32_t engine, const real *x, const real *
         const real drawn = PICK(part[i] > 0.0, flow * (part[i] / sum), 0.0);
         rate_of(sim, dx, G_TANK, m->feed_tank[i])[X_TANK] -= drawn;
     }
+}
+
+__attribute__((noinline)) void draw_fuel(const flight_t *sim, const real *x, const real *u,
+                                         const real flow[MAX_ENGINES], real *dx) {
+    const am_model *m = sim->model;
+    for (uint32_t i = 0; i < items(m, G_TANK); i++) rate_of(sim, dx, G_TANK, i)[X_TANK] = 0.0;
+    for (uint32_t i = 0; i < items(m, G_ENGINE); i++) draw_for(sim, i, x, u, flow[i], dx);
 }
 
 #if ORIGINAL

@@ -9,9 +9,8 @@ int feeds_check(am_sim *sim);
 /* Whether a feed of the engine delivers. */
 mask_t fuel_fed(const flight_t *sim, uint32_t engine, const real *x, const real *u);
 
-/* Add the flow to one engine [kg s-1] to the rates of the tanks that it comes from, which are zero
- * before the first engine. */
-void draw_fuel(const flight_t *sim, uint32_t engine, const real *x, const real *u, real flow,
+/* Set the rates of the tanks from the flow to each engine [kg s-1]. */
+void draw_fuel(const flight_t *sim, const real *x, const real *u, const real flow[MAX_ENGINES],
                real *dx);
 
 #endif

@@ -118,13 +118,15 @@ static inline real in_tank(const flight_t *sim, const real *x, uint32_t i) {
     return larger(state_of(sim, x, G_TANK, i)[X_TANK], 0.0);
 }
 
-void mass_now(flight_t *sim, const real *x) {
-    const uint32_t tanks = items(sim->model, G_TANK);
-    if (items(sim->model, G_FUEL)) set_mass(sim, larger(state_of(sim, x, G_FUEL, 0)[X_FUEL], 0.0));
-    if (!tanks) return;
+__attribute__((noinline)) static void mass_with_tanks(flight_t *sim, const real *x) {
     real held[MAX_ITEMS];
-    for (uint32_t i = 0; i < tanks; i++) held[i] = in_tank(sim, x, i);
+    for (uint32_t i = 0; i < items(sim->model, G_TANK); i++) held[i] = in_tank(sim, x, i);
     set_tanks(sim, held);
+}
+
+void mass_now(flight_t *sim, const real *x) {
+    if (items(sim->model, G_FUEL)) set_mass(sim, larger(state_of(sim, x, G_FUEL, 0)[X_FUEL], 0.0));
+    if (items(sim->model, G_TANK)) mass_with_tanks(sim, x);
 }
 
 #if ORIGINAL
