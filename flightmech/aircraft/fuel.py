@@ -318,9 +318,7 @@ class FuelSection(Strict):
         return self
 
 
-def fuel_of(
-    item: FuelSection, folder: Path, problems: list[str], fed: bool = False
-) -> Fuel | None:
+def fuel_of(item: FuelSection, folder: Path, problems: list[str], fed: bool = False) -> Fuel | None:
     """Return the fuel of an aircraft file in `folder`, None if it has problems.
 
     The problems are appended to `problems`. `fed` states whether the engines name the tanks that

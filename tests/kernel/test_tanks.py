@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import flightmech
 from flightmech.aircraft.aircraft import inertia_tensor
@@ -237,3 +238,31 @@ def test_feeds_without_tanks_are_refused(craft, make_tree):
 def test_tanks_without_meaning_are_refused(tanks, message):
     with pytest.raises(SchemaError, match=message):
         Fuel(130.0, tanks=tanks)
+
+
+def test_runs_side_by_side_have_the_bits_of_one(sim):
+    """Contents, cross-feed and cut-off of their own: tanks that run dry next to full ones."""
+    runs, time = 11, np.arange(0.0, 3.0, 0.02)
+    run = np.arange(runs)
+    late = time[None, :] > 0.25 * run[:, None]
+    own = {
+        "crossfeed": (("run", "time"), 1.0 * (late & (run % 2 == 1)[:, None])),
+        "tank.right.cutoff": (("run", "time"), 1.0 * (late & (run % 3 == 0)[:, None])),
+    }
+    record = xr.Dataset(own, {"time": time})
+    loads = {
+        "init.tank.left.fuel": np.linspace(0.0, 60.0, runs),
+        "init.tank.tip.fuel": np.linspace(10.0, 0.0, runs),
+        "tank.left.order": np.where(run == 4, 1.0, 2.0),
+        "init.V": np.linspace(60.0, 90.0, runs),
+    }
+    fixed = {"mode.earth": 0.0, "mode.engine": 0.0}
+    flown = [
+        flightmech.simulate_batch(sim, record, loads, fixed, lanes=lanes) for lanes in (1, 4, 8)
+    ]
+    for found in flown[1:]:
+        for name in sim.outputs:
+            assert found[name].values.tobytes() == flown[0][name].values.tobytes(), name
+    burning = flown[0]["engine1.burning"].values[:, -1]
+    assert 0 < int((burning < 0.5).sum()) < runs
+    assert 0 < int((flown[0]["tank.tip.fuel"].values[:, -1] == 0.0).sum()) < runs

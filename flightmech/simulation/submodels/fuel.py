@@ -13,7 +13,6 @@ from flightmech.simulation.kernel import (
     FIXED,
     INPUT,
     INTEGER,
-    OUTPUT,
     PARAMETER,
     CatalogueEntry,
 )
