@@ -251,7 +251,7 @@ def test_runs_side_by_side_have_the_bits_of_one(sim):
     }
     record = xr.Dataset(own, {"time": time})
     loads = {
-        "init.tank.left.fuel": np.linspace(0.0, 60.0, runs),
+        "init.tank.left.fuel": np.linspace(0.0, 3.0, runs),
         "init.tank.tip.fuel": np.linspace(10.0, 0.0, runs),
         "tank.left.order": np.where(run == 4, 1.0, 2.0),
         "init.V": np.linspace(60.0, 90.0, runs),
