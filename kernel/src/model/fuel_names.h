@@ -1,6 +1,7 @@
-/* Fuel, names: what is in the tanks and what it does to mass, centre of gravity and inertia.  Group
- * fuel has one state for all fuel.  Groups tanks (all of them), tank (each) and feed (from a tank to
- * an engine, item 1.NAME) have one for each tank.  An aircraft has the first or the others. */
+/* Fuel, names: what is in the tanks and what it does to mass, centre of gravity and inertia.
+ * Group fuel has one state for all fuel.  Groups tanks (all of them), tank (each) and feed (from a
+ * tank to an engine, item 1.NAME) have one for each tank.  An aircraft has the first or the
+ * others. */
 #ifndef AEROMATCH_FUEL_NAMES_H
 #define AEROMATCH_FUEL_NAMES_H
 

@@ -161,6 +161,7 @@ static real run_engine(flight_t *sim, uint32_t i, const intake_t *in, const real
     now_r *now = &sim->now;
     const real *p = par_of(sim, G_ENGINE, i);
     deck_t deck = {.thrust = 0.0};
+    if (decked(sim)) deck.fuelled = fuel_left(sim, i, x, u);
     if (decked(sim)) spool_deck(sim, i, in, x, u, &deck, dx);
     else deck.thrust = sum_of(sim, G_ENGINE, i)[T_THRUST];
     const bool recorded = sim->drive == THRUST_DRIVEN;

@@ -24,7 +24,8 @@ static inline mask_t delivers(const flight_t *sim, uint32_t feed, const real *x,
 }
 
 /* Of a model with tanks alone: what it needs is not in the way of the others. */
-__attribute__((noinline)) mask_t fuel_fed(const flight_t *sim, uint32_t engine, const real *x, const real *u) {
+__attribute__((noinline)) mask_t fuel_fed(const flight_t *sim, uint32_t engine, const real *x,
+                                          const real *u) {
     const am_model *m = sim->model;
     mask_t fed = everywhere(false);
     for (uint32_t i = 0; i < items(m, G_FEED); i++) {

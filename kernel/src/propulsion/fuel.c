@@ -97,8 +97,8 @@ static mask_t set_rest(flight_t *sim, real burnt, const real start[MOMENTS],
     return set_tensor(now, inertia) & (now->mass > 0.0);
 }
 
-/* Mass properties with `fuel` on board. */
-static mask_t set_mass(flight_t *sim, real fuel) {
+/* Mass properties with `fuel` on board; not in the way of models without. */
+__attribute__((noinline)) static mask_t set_mass(flight_t *sim, real fuel) {
     real moment[MOMENTS];
     const real burnt = par_of(sim, G_FUEL, 0)[P_FUEL_START] - fuel;
     fuel_moments(sim, fuel, moment);
@@ -126,7 +126,7 @@ __attribute__((noinline)) static void mass_with_tanks(flight_t *sim, const real 
 
 void mass_now(flight_t *sim, const real *x) {
     if (items(sim->model, G_FUEL)) set_mass(sim, larger(state_of(sim, x, G_FUEL, 0)[X_FUEL], 0.0));
-    if (items(sim->model, G_TANK)) mass_with_tanks(sim, x);
+    else if (items(sim->model, G_TANK)) mass_with_tanks(sim, x);
 }
 
 #if ORIGINAL
