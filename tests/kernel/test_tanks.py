@@ -14,6 +14,7 @@ from flightmech.aircraft.fuel import Fuel, Tank
 from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.kernel import STATE
+from flightmech.simulation.submodels import fuel as fuel_names
 from flightmech.terms import make_term
 
 STILL = {"init__V": 0.0, "init__h": 0.0, "mode__earth": 0.0, "mode__engine": 0.0}
@@ -266,3 +267,14 @@ def test_runs_side_by_side_have_the_bits_of_one(sim):
     burning = flown[0]["engine1.burning"].values[:, -1]
     assert 0 < int((burning < 0.5).sum()) < runs
     assert 0 < int((flown[0]["tank.tip.fuel"].values[:, -1] == 0.0).sum()) < runs
+
+
+@pytest.mark.parametrize("name", ["1.none", "9.left", "left"])
+def test_a_feed_of_a_block_that_leads_nowhere_is_refused(craft, make_tree, monkeypatch, name):
+    """The library checks the names of a block, which may come from elsewhere."""
+    items = {**fuel_names.items(craft), "feed": (name,)}
+    row = fuel_names.make_row(f"feed.engine{name}", "1", "")
+    monkeypatch.setattr(fuel_names, "items", lambda _: items)
+    monkeypatch.setattr(fuel_names, "_feed_row", lambda *_: row)
+    with pytest.raises(SchemaError, match=f"feed {name} leads from no tank, or to no engine"):
+        flightmech.compile(craft, make_tree({"CD/basic": make_term(0.0)}))

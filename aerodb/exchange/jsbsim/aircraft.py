@@ -64,8 +64,8 @@ def import_jsbsim_aircraft(
         aircraft with its point masses and the contents of its tanks, as JSBSim starts.  Piston
         engines and turboprops are read with their propellers, if all engines are such and their
         files are in the folders of JSBSim; the tanks that feed them then have a state each,
-        ``tank0`` and so on by their numbers in JSBSim.  Other engines, landing gear and travel of the controls
-        are not read, because JSBSim has them in other forms.  The history states so.
+        ``tank0`` and so on by their numbers in JSBSim.  Other engines, landing gear and travel of
+        the controls are not read, because JSBSim has them in other forms.  The history states so.
 
     Raises
     ------

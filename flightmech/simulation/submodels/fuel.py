@@ -80,16 +80,14 @@ def _tank_row(kind: int, item: str, name: str, fuel: Fuel) -> CatalogueEntry:
         return make_vocabulary_row(name, word, text, low=0.0, high=1.0)
     if kind != PARAMETER:
         return make_vocabulary_row(name, word, f"fuel in tank {item}")
-    mass = {"units": "kg", "display_units": "lb", "low": 0.0}
-    if name.startswith("init."):
-        text = f"fuel in tank {item} at the start"
-        return make_row(name, description=text, value=tank.content, flags=FIXED, **mass)
-    if name.startswith("mass."):
-        text = f"fuel in tank {item} that is part of mass.mass, with which mass.* hold"
-        return make_row(name, description=text, value=tank.content, **mass)
-    if word == "capacity":
-        text = f"fuel that tank {item} holds"
-        return make_row(name, description=text, value=tank.capacity, **mass)
+    masses = {
+        "init.": (f"fuel in tank {item} at the start", tank.content, FIXED),
+        "mass.": (f"fuel in tank {item} that is part of mass.mass", tank.content, 0),
+        "tank.": (f"fuel that tank {item} holds", tank.capacity, 0),
+    }
+    if word in ("fuel", "capacity"):
+        text, value, flags = masses[name[: len("init.")]]
+        return make_row(name, "kg", text, display_units="lb", value=value, low=0.0, flags=flags)
     if word == "order":
         text = f"engines draw from tanks of the lowest number first, tank {item}"
         return make_row(name, "1", text, value=float(tank.order))
