@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import aerodb
 import flightmech
@@ -53,6 +54,22 @@ def test_tanks_of_the_cessna_172p(cessna):
     assert "state.tank.tank0.fuel" in [
         row.name for row in flightmech.compile(cessna, database(cessna)).entries(3)
     ]
+
+
+def test_the_piston_engine_burns_what_its_tanks_lose(cessna):
+    """Equal tanks give equal parts; their sum is the integral of the fuel flow."""
+    sim = flightmech.compile(cessna, database(cessna))
+    start = {"init.V": 50.0, "init.h": 500.0, "mode.engine": 0.0, "engine1.throttle": 1.0}
+    time = np.linspace(0.0, 2.0, 201)
+    record = xr.Dataset(coords={"time": time})
+    flown = flightmech.simulate(sim, record, start)
+    lost = 100.0 * POUND - flown["tank.tank0.fuel"].values
+    np.testing.assert_allclose(lost, 100.0 * POUND - flown["tank.tank1.fuel"].values, rtol=1e-12)
+    burnt = np.trapezoid(flown["engine1.fuel_flow"].values, time)
+    assert 2.0 * lost[-1] == pytest.approx(burnt, rel=1e-6)
+    assert burnt > 0.005
+    dry = flightmech.simulate(sim, record, start | {f"tank.tank{k}.cutoff": 1.0 for k in (0, 1)})
+    assert float(dry["engine1.burning"][-1]) < 0.1
 
 
 @pytest.mark.parametrize(
