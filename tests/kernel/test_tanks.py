@@ -123,14 +123,12 @@ def test_a_tank_that_is_cut_off_feeds_nothing(sim, start):
 
 
 def test_an_engine_out_moves_the_centre_of_gravity_until_the_crossfeed_is_open(sim, start, craft):
-    """y = (m0 y0 + sum of the changes times y) / m, and what rolls the aircraft: gravity does not,
-    thrust off the c.g. yaws it.
-    """
+    """y = (m0 y0 + sum of the changes times y) / m."""
     out = {"engine1__cutoff": 1.0, "engine2__throttle": 1.0}
     shut = after(sim, start(sim, **STILL), 30.0, **out)
     crossed = after(sim, start(sim, **STILL), 30.0, crossfeed=1.0, **out)
     used = FLOW * 30.0
-    mass = craft.mass - used - 0.0
+    mass = craft.mass - used
     burnt_of_1 = 130.0 - shut["fuel"] - used  # while its flame goes out
     assert burnt_of_1 == pytest.approx(0.0, abs=1.5)
     assert (shut["left"], shut["right"]) == (50.0, pytest.approx(10.0, rel=1e-12))
