@@ -215,6 +215,7 @@ _ROWS = [
     ("ignition", "1", "", "ignition, 0 off, 1 on", "", "1"),
     ("flameout", "1", "", "failure that puts the flame out, 0 none, 1 out", "", "1"),
     ("fuel", "kg", "", "fuel on board", "", "lb"),
+    ("crossfeed", "1", "", "cross-feed valve of the fuel, 0 shut, 1 open", "", "1"),
     ("fuel_used", "kg", "", "fuel burned from the start", "", "lb"),
     # coefficients
     ("CL", "1", "up", "lift coefficient, stability axes", "liftCoefficient", "1"),
@@ -308,7 +309,9 @@ GREEK = {
 }
 """Letters that begin names of quantities."""
 # prefix of the quantities of a submodel
-ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|column|wheel|pedal)\.")
+ITEM = re.compile(
+    r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|tank\.\w+|column|wheel|pedal)\."
+)
 
 
 def lookup(name: str) -> Quantity:

@@ -65,7 +65,7 @@ from flightmech.aircraft.controls import (
 )
 from flightmech.aircraft.engine import Engine, EngineTable, engine_of
 from flightmech.aircraft.facts import FactsTable, fact_problems
-from flightmech.aircraft.fuel import FuelSection, fuel_of
+from flightmech.aircraft.fuel import FuelSection, check_feeds, fuel_of
 from flightmech.aircraft.landing_gear_file import GearTable, gear_of
 from flightmech.aircraft.propulsion.engine_deck import DeckFiles
 from flightmech.aircraft.separation import StallSection, separation_of
@@ -98,7 +98,11 @@ def read_aircraft(path: str | Path) -> Aircraft:
     problems: list[str] = []
     engines = _engines_of(content.engine, path.parent, problems)
     gear = gear_of(content.gear, problems) if content.gear else None
-    fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
+    fed = any(engine.feed or engine.crossfeed for engine in engines)
+    fuel = fuel_of(content.fuel, path.parent, problems, fed=fed) if content.fuel else None
+    # fuel with problems of its own has no tanks to compare with
+    if fuel is not None or content.fuel is None:
+        problems += check_feeds(engines, fuel)
     stall = separation_of(content.stall, path.parent, problems) if content.stall else None
     controls = {name: ControlGeometry(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)

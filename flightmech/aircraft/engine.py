@@ -82,6 +82,10 @@ class Engine(ShortText):
         What turns the propeller.
     motor : ElectricMotor, optional
         What turns the propeller.
+    feed : tuple of str
+        Names of the tanks of `Fuel.tanks` that the engine draws from.
+    crossfeed : tuple of str
+        Names of further tanks that it draws from while the cross-feed is open.
     """
 
     position: Vector
@@ -93,6 +97,8 @@ class Engine(ShortText):
     propeller: Propeller | None = None
     piston: PistonEngine | None = None
     motor: ElectricMotor | None = None
+    feed: tuple[str, ...] = ()
+    crossfeed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         problems = list(_check_sources(self))
@@ -208,6 +214,17 @@ class EngineTable(Strict):
     motor: MotorTable | None = Field(
         default=None, description="Electric motor that turns the propeller."
     )
+    feed: list[str] = Field(
+        default_factory=list,
+        examples=[["left"]],
+        description="Names of the tanks of [fuel] that the engine draws from, the lowest order "
+        "first. Every engine has a feed or none has; with it each tank has a state.",
+    )
+    crossfeed: list[str] = Field(
+        default_factory=list,
+        examples=[["right"]],
+        description="Names of further tanks that it draws from while the input crossfeed is 1.",
+    )
 
     @field_validator("direction")
     @classmethod
@@ -271,6 +288,8 @@ def engine_of(item: EngineTable, number: int, files: DeckFiles, problems: list[s
         "direction": item.direction,
         "time_constant": item.time_constant,
         "angular_momentum": item.angular_momentum,
+        "feed": tuple(item.feed),
+        "crossfeed": tuple(item.crossfeed),
     }
     try:
         return Engine(**engine, **parts)

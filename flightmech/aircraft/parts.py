@@ -91,12 +91,26 @@ def _list_parts(aircraft: Aircraft) -> dict[str, _PartAccess]:
     for name in aircraft.circuits:
         parts[f"circuit/{name}"] = _circuit_part(name)
     if aircraft.fuel is not None:
-        parts["fuel/load"] = _PartAccess(lambda a: a.fuel, lambda a, value: replace(a, fuel=value))
+        parts["fuel/load"] = _PartAccess(_get_fuel, _put_fuel)
     if aircraft.stall is not None:
         parts["stall/separation"] = _PartAccess(
             lambda a: a.stall, lambda a, value: replace(a, stall=value)
         )
     return parts
+
+
+def _get_fuel(aircraft: Aircraft) -> Any:
+    # what engines draw from names the tanks of the fuel
+    feeds = tuple((engine.feed, engine.crossfeed) for engine in aircraft.engines)
+    return aircraft.fuel, feeds
+
+
+def _put_fuel(aircraft: Aircraft, value: Any) -> Aircraft:
+    fuel, feeds = value
+    engines = []
+    for engine, (feed, crossfeed) in zip(aircraft.engines, feeds, strict=True):
+        engines.append(replace(engine, feed=feed, crossfeed=crossfeed))
+    return replace(aircraft, fuel=fuel, engines=tuple(engines))
 
 
 def _engine_parts(aircraft: Aircraft) -> dict[str, _PartAccess]:

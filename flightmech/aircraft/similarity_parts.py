@@ -85,6 +85,7 @@ _ROTARY = {
         _TORQUE,
     ),
 }
+_TANK = {"position": "m", "capacity": "kg", "content": "kg"}
 _DECK = {
     **dict.fromkeys(
         ("lever_delay", "n1_rundown", "n2_rundown", "starter_time", "flame_time", "itt_time"), "s"
@@ -188,11 +189,13 @@ def _scale_table(
 
 
 def _scale_fuel(fuel: Fuel, scale: Scale) -> Fuel:
+    tanks = tuple(_scale_constants(tank, _TANK, scale) for tank in fuel.tanks)
     units = {**dict.fromkeys(MOMENTS, "kg m"), **dict.fromkeys(INERTIAS, "kg m2")}
     tables = {}
     for name, leaf in fuel.tables.items():
         tables[name] = _scale_table(leaf, scale.of(units[name]), scale, axes={"fuel": "kg"})
-    return Fuel(fuel.mass * scale.mass, _scale_value(fuel.position, scale.length), tables)
+    position = _scale_value(fuel.position, scale.length)
+    return Fuel(fuel.mass * scale.mass, position, tables, tanks)
 
 
 def _scale_separation(stall: FlowSeparation, scale: Scale) -> FlowSeparation:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -168,6 +168,7 @@ def _has_same_tables(a: Engine, b: Engine) -> bool:
 def _engine_lines(engine: Engine, file: str) -> list[str]:
     lines = ["", "[[engine]]"]
     lines += _field_lines(engine, ("position", "direction", "time_constant", "angular_momentum"))
+    lines += _field_lines(engine, [key for key in ("feed", "crossfeed") if getattr(engine, key)])
     if engine.thrust is not None:
         lines.append(f"thrust_file = {_to_toml(file)}")
     if engine.deck is not None:
@@ -211,6 +212,9 @@ def _gear_lines(gear: LandingGear) -> list[str]:
 
 def _write_fuel(fuel: Fuel, path: Path, parts: ExitStack) -> list[str]:
     """Write the tables of the fuel, and return the lines of its section."""
+    if fuel.tanks:
+        tanks = [f"    {_to_toml(asdict(tank))}," for tank in fuel.tanks]
+        return ["", "[fuel]", *_field_lines(fuel, ("mass",)), "tank = [", *tanks, "]"]
     lines = ["", "[fuel]", *_field_lines(fuel, ("mass", "position"))]
     if not fuel.tables:
         return lines

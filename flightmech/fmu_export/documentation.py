@@ -39,6 +39,9 @@ _SUBMODELS = {
     "stops, hinge moments",
     "separation": "flow separation of both wing halves, a state each; buffet as an output",
     "envelope": "how far flights support the model at the present state",
+    "tanks": "fuel in tanks: mass, centre of gravity and inertia, cross-feed",
+    "tank": "content of a tank, its valve",
+    "feed": "from a tank to an engine: never, always or with the cross-feed open",
     "device": "further controls that only the tables know: an input each, without dynamics",
 }
 LONG = 200  # characters that a cell of a table shows at once

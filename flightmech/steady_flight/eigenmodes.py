@@ -199,7 +199,9 @@ def _motion_of_state(state: str) -> str:
     if state in _MOTION:
         return _MOTION[state]
     group = state.partition(".")[0]
-    return "engine" if group.startswith("engine") else group
+    if group.startswith("engine"):
+        return "engine"
+    return "fuel" if group == "tank" else group
 
 
 def _name_mode(mode: _Eigenmode) -> tuple[str, list[str]]:

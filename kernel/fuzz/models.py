@@ -237,6 +237,20 @@ def plain() -> flightmech.Aircraft:
     return flightmech.Aircraft(name="plain", **BODY, engines=(engine,))
 
 
+def fed() -> flightmech.Aircraft:
+    """Return a jet with two decks, fed from tanks with a cross-feed."""
+    tanks = (
+        Tank((0.1, -2.0, 0.15), 60.0, name="left", content=40.0),
+        Tank((0.1, 2.0, 0.15), 60.0, name="right", content=30.0),
+    )
+    engine = flightmech.aircraft.Engine
+    engines = (
+        engine((-0.3, -0.8, 0.05), deck=deck(), feed=("left",), crossfeed=("right",)),
+        engine((-0.3, 0.8, 0.05), deck=deck(), feed=("right",), crossfeed=("left",)),
+    )
+    return replace(plain(), name="fed", engines=engines, fuel=Fuel(70.0, tanks=tanks))
+
+
 def stalling() -> flightmech.Aircraft:
     """Return the jet with one static engine and a flow separation, all its tables in use."""
     tables = {
@@ -294,8 +308,8 @@ def supported() -> xr.DataTree:
 
 
 def compiled() -> dict[str, flightmech.SimModel]:
-    """Return the models by name: every submodel; one engine and body axes; flow separation; a
-    validity envelope; one constant; no term at all.
+    """Return the models by name: every submodel; one engine and body axes; tanks that feed engines;
+    flow separation; a validity envelope; one constant; no term at all.
     """
     body = {
         "CX/basic": make_term(-0.03),
@@ -305,6 +319,7 @@ def compiled() -> dict[str, flightmech.SimModel]:
     return {
         "whole": flightmech.compile(whole(), _tree(air())),
         "plain": flightmech.compile(plain(), _tree(body, force_axes="body")),
+        "fed": flightmech.compile(fed(), _tree(body, force_axes="body")),
         "stalling": flightmech.compile(stalling(), _tree(separated())),
         "supported": compile_with_envelope(plain(), supported()),
         "bare": flightmech.compile(

@@ -11,17 +11,18 @@ import numpy as np
 
 from aerodb.exchange.jsbsim.metrics import (
     LENGTH_UNITS,
+    MASS_UNITS,
     read_reference,
     read_section,
     read_sizes,
     unit_of_element,
 )
 from aerodb.exchange.jsbsim.propulsion.installation import read_engines
+from aerodb.exchange.jsbsim.propulsion.tanks import read_fed_tanks
 from aerodb.exchange.xml_reader import Element, read_xml
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.units import FOOT, POUND, SLUG
+from flightmech.units import FOOT, SLUG
 
-_MASS = {"LBS": POUND, "KG": 1.0}
 _INERTIA = {"SLUG*FT2": SLUG * FOOT**2, "KG*M2": 1.0}
 _SPHERE = 0.4  # inertia of a solid sphere over m r^2
 # Inertia over m r^2 by the shape of a point mass: solid and hollow sphere, about any axis;
@@ -62,8 +63,9 @@ def import_jsbsim_aircraft(
         Reference quantities, moment reference ``AERORP``, mass, c.g. and inertia of the empty
         aircraft with its point masses and the contents of its tanks, as JSBSim starts.  Piston
         engines and turboprops are read with their propellers, if all engines are such and their
-        files are in the folders of JSBSim.  Other engines, landing gear and travel of the controls
-        are not read, because JSBSim has them in other forms.  The history states so.
+        files are in the folders of JSBSim; the tanks that feed them then have a state each,
+        ``tank0`` and so on by their numbers in JSBSim.  Other engines, landing gear and travel of
+        the controls are not read, because JSBSim has them in other forms.  The history states so.
 
     Raises
     ------
@@ -94,10 +96,11 @@ def import_jsbsim_aircraft(
     parallel = sum((_inertia_about(point, cg) for point in (empty, *points)), np.zeros((3, 3)))
     J = _read_inertia(balance) + parallel
     engines, remarks = read_engines(root, datum)
+    fuel, engines, fuel_remarks = read_fed_tanks(root, engines, datum)
     unread = "landing gear and limits of the controls are not read"
     if not engines and not remarks:
         unread = f"engines, {unread}"
-    notes = "; ".join([f"{len(points)} point masses and tanks", *remarks, unread])
+    notes = "; ".join([f"{len(points)} point masses and tanks", *remarks, *fuel_remarks, unread])
     return Aircraft(
         name or root.attributes.get("name", "") or path.stem,
         S=sizes["S"],
@@ -114,6 +117,7 @@ def import_jsbsim_aircraft(
         x_ref_mac=x_ref_mac,
         cg=tuple(map(float, cg - datum)),  # type: ignore[arg-type]
         engines=engines,
+        fuel=fuel,
         history=f"import_jsbsim_aircraft: {path.name}, {notes}",
     )
 
@@ -144,7 +148,7 @@ def _read_empty(balance: Element) -> _PointMass:
     element = balance.first("emptywt")
     if element is None and balance.all("pointmass"):
         return _PointMass(0.0, np.zeros(3))
-    mass = _read_number(balance.need("emptywt"), _MASS, "LBS")
+    mass = _read_number(balance.need("emptywt"), MASS_UNITS, "LBS")
     return _PointMass(mass, _read_position(_find_cg(balance)))
 
 
@@ -159,7 +163,7 @@ def _find_cg(balance: Element) -> Element:
 
 def _read_point_masses(balance: Element) -> Iterator[_PointMass]:
     for element in balance.all("pointmass"):
-        mass = _read_number(element.need("weight"), _MASS, "LBS")
+        mass = _read_number(element.need("weight"), MASS_UNITS, "LBS")
         form = element.first("form")
         inertia = (0.0, 0.0, 0.0) if form is None else _form_inertia(form, mass)
         yield _PointMass(mass, _read_position(element.need("location")), inertia)
@@ -190,7 +194,7 @@ def _read_tanks(root: Element) -> Iterator[_PointMass]:
     for element in read_section(root, "propulsion").all("tank"):
         contents, location = element.first("contents"), element.first("location")
         if contents is not None and location is not None:
-            mass = _read_number(contents, _MASS, "LBS")
+            mass = _read_number(contents, MASS_UNITS, "LBS")
             grain = element.first("grain_config")
             if grain is not None:
                 inertia = _grain_inertia(grain, element, mass)
@@ -207,7 +211,7 @@ def _grain_inertia(grain: Element, tank: Element, mass: float) -> tuple[float, f
             f"<grain_config> of the type {grain.attributes.get('type', '')!r}",
             "the type CYLINDRICAL; the inertia of others is not read",
         )
-    capacity = _read_number(tank.need("capacity"), _MASS, "LBS")
+    capacity = _read_number(tank.need("capacity"), MASS_UNITS, "LBS")
     radius = _read_number(tank.need("radius"), LENGTH_UNITS, "IN")
     length = _read_number(grain.need("length"), LENGTH_UNITS, "IN")
     bore = 0.5 * _read_number(grain.need("bore_diameter"), LENGTH_UNITS, "IN")

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from aerodb.exchange.xml_reader import Element, read_xml
-from flightmech.units import DEGREE, FOOT, INCH
+from flightmech.units import DEGREE, FOOT, INCH, POUND
 
 LENGTH_UNITS = {"FT": FOOT, "M": 1.0, "IN": INCH}
+MASS_UNITS = {"LBS": POUND, "KG": 1.0}
 _AREA_UNITS = {"FT2": FOOT**2, "M2": 1.0}
 _ANGLE_UNITS = {"RAD": 1.0, "DEG": DEGREE}
 # Element of <metrics>: its property.

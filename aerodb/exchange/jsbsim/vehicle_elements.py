@@ -16,8 +16,10 @@ from aerodb.exchange.jsbsim.properties import (
     throttle_property,
     thrust_property,
 )
+from aerodb.exchange.jsbsim.propulsion.tanks import list_priorities, without_fuel, write_feeds
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.aircraft.engine import Engine
+from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.terms import list_regressors
 from flightmech.units import FOOT, INCH, POUND, POUND_FORCE, SLUG
@@ -63,7 +65,12 @@ def write_header(root: ET.Element, attributes: Mapping[Any, Any]) -> None:
 
 
 def write_geometry_and_mass(root: ET.Element, aircraft: Aircraft) -> None:
-    """Write geometry, mass, inertia and centre of gravity."""
+    """Write geometry, mass, inertia and centre of gravity, without fuel in tanks that are written.
+
+    The tanks are written by `write_propulsion`.
+    """
+    if has_propellers(aircraft) and aircraft.fuel is not None and aircraft.fuel.tanks:
+        aircraft = without_fuel(aircraft)
     metrics = ET.SubElement(root, "metrics")
     _write_number(metrics, "wingarea", aircraft.S / FOOT**2, unit="FT2")
     _write_number(metrics, "wingspan", aircraft.b / FOOT, unit="FT")
@@ -111,9 +118,13 @@ def write_propulsion(
     if not files:
         return
     propulsion = ET.SubElement(root, "propulsion")
+    fuel = aircraft.fuel if aircraft.fuel is not None and aircraft.fuel.tanks else None
     for engine, (engine_file, propeller_file) in zip(aircraft.engines, files, strict=True):
         element = ET.SubElement(propulsion, "engine", file=engine_file)
-        add_text_child(element, "feed", "0")
+        if fuel is None:
+            add_text_child(element, "feed", "0")
+        else:
+            write_feeds(element, engine, fuel)
         thruster = ET.SubElement(element, "thruster", file=propeller_file)
         _write_location(thruster, aircraft, engine.position)
         x, y, z = engine.direction
@@ -125,6 +136,9 @@ def write_propulsion(
         assert blades is not None, "engines with propellers alone have files"
         add_text_child(thruster, "sense", str(blades.rotation))
         add_text_child(thruster, "p_factor", repr(_p_factor(blades)))
+    if fuel is not None:
+        _write_tanks(propulsion, aircraft, fuel)
+        return
     tank = ET.SubElement(propulsion, "tank", type="FUEL")
     _write_location(tank, aircraft, aircraft.cg)
     # JSBSim burns from a tank: a part of the mass is fuel at the centre of gravity
@@ -134,6 +148,16 @@ def write_propulsion(
     empty = root.find("mass_balance/emptywt")
     assert empty is not None, "write_geometry_and_mass writes it"
     empty.text = repr(aircraft.mass / POUND - fuel)
+
+
+def _write_tanks(propulsion: ET.Element, aircraft: Aircraft, fuel: Fuel) -> None:
+    """Write the tanks that feed the engines; the mass of the aircraft was written without them."""
+    for tank, priority in zip(fuel.tanks, list_priorities(fuel), strict=True):
+        element = ET.SubElement(propulsion, "tank", type="FUEL")
+        _write_location(element, aircraft, tank.position)
+        _write_number(element, "capacity", tank.capacity / POUND, unit="LBS")
+        _write_number(element, "contents", tank.content / POUND, unit="LBS")
+        add_text_child(element, "priority", str(priority))
 
 
 def _p_factor(blades: Propeller) -> float:

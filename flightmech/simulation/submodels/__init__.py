@@ -57,6 +57,9 @@ _MODULE_OF_GROUP = {
     "earth": earth_axes,
     "separation": separation,
     "envelope": envelope,
+    "tanks": fuel,
+    "tank": fuel,
+    "feed": fuel,
 }
 
 

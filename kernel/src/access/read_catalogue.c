@@ -40,6 +40,43 @@ static int control_of(const char *circuit) {
     return -1;
 }
 
+/* The ends of a feed from its name, such as 1.left: number of an engine and name of a tank. */
+static bool find_ends(am_model *m, uint32_t feed) {
+    const char *name = m->item[G_FEED][feed];
+    const char *tank = strchr(name, '.');
+    if (!tank) return false;
+    const size_t length = (size_t)(tank - name);
+    bool engine = false;
+    for (uint32_t i = 0; i < m->items[G_ENGINE]; i++) {
+        const char *number = m->item[G_ENGINE][i];
+        if (strlen(number) != length || strncmp(number, name, length) != 0) continue;
+        m->feed_engine[feed] = i;
+        engine = true;
+    }
+    for (uint32_t i = 0; i < m->items[G_TANK]; i++) {
+        if (strcmp(m->item[G_TANK][i], tank + 1) != 0) continue;
+        m->feed_tank[feed] = i;
+        return engine;
+    }
+    return false;
+}
+
+static bool read_feeds(reader *r) {
+    am_model *m = r->model;
+    const bool tanks = m->items[G_TANK] > 0;
+    if (m->items[G_TANKS] != tanks || (tanks && m->items[G_FUEL])) {
+        return refuse_block(r, "model block: tanks must be there once where there is a tank, and "
+                               "without fuel");
+    }
+    for (uint32_t i = 0; i < m->items[G_FEED]; i++) {
+        if (!find_ends(m, i)) {
+            return refuse_block(r, "model block: feed %s leads from no tank, or to no engine",
+                                m->item[G_FEED][i]);
+        }
+    }
+    return true;
+}
+
 /* Items of the groups, sorted by group; core and weather have exactly one, which has no name. */
 bool read_items(reader *r) {
     am_model *m = r->model;
@@ -84,7 +121,7 @@ bool read_items(reader *r) {
     for (uint32_t i = 0; i < m->items[G_CIRCUIT]; i++) {
         m->control[i] = control_of(m->item[G_CIRCUIT][i]);
     }
-    return true;
+    return read_feeds(r);
 }
 
 /* Where the names of each group begin. */

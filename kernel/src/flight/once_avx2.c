@@ -27,6 +27,7 @@
 #include "control_loads.c"
 #include "earth.c"
 #include "engine.c"
+#include "feed.c"
 #include "fuel.c"
 #include "gear.c"
 #include "motor.c"

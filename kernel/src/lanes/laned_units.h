@@ -10,6 +10,7 @@
 #include "earth.c"
 #include "engine.c"
 #include "envelope.c"
+#include "feed.c"
 #include "fuel.c"
 #include "gear.c"
 #include "motor.c"

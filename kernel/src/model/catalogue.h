@@ -268,7 +268,10 @@ enum {
     G(G_DEVICE, DEVICE, "device") \
     G(G_EARTH, EARTH, "earth") \
     G(G_SEPARATION, SEPARATION, "separation") \
-    G(G_ENVELOPE, ENVELOPE, "envelope")
+    G(G_ENVELOPE, ENVELOPE, "envelope") \
+    G(G_TANKS, TANKS, "tanks") \
+    G(G_TANK, TANK, "tank") \
+    G(G_FEED, FEED, "feed")
 
 #define AM_GROUP_ENUM(group, lists, word) group,
 enum { AM_GROUP_LIST(AM_GROUP_ENUM) GROUPS };
@@ -303,6 +306,9 @@ AM_ITEM_CODES(DEVICE)
 AM_ITEM_CODES(EARTH)
 AM_ITEM_CODES(SEPARATION)
 AM_ITEM_CODES(ENVELOPE)
+AM_ITEM_CODES(TANKS)
+AM_ITEM_CODES(TANK)
+AM_ITEM_CODES(FEED)
 #undef AM_ITEM_CODES
 #undef AM_CODES
 #undef AM_ENUM_STAGED

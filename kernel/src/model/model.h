@@ -151,6 +151,7 @@ struct am_model {
         memories, works;
     const char *item[GROUPS][MAX_ITEMS];
     int control[MAX_ITEMS]; /* that each circuit moves: U_DELTA_E ... U_DELTA_R, -1 none */
+    uint32_t feed_engine[MAX_ITEMS], feed_tank[MAX_ITEMS]; /* the ends of each feed */
     uint32_t *variable;     /* code of each catalogued variable */
     axis_t *axis;
     cell_t *cell;

@@ -7,6 +7,7 @@
 #include "engine.h"
 
 #include "error.h"
+#include "feed.h"
 #include "fuel.h"
 #include "shaft.h"
 #include "spool.h"
@@ -160,6 +161,7 @@ static real run_engine(flight_t *sim, uint32_t i, const intake_t *in, const real
     now_r *now = &sim->now;
     const real *p = par_of(sim, G_ENGINE, i);
     deck_t deck = {.thrust = 0.0};
+    if (decked(sim)) deck.fuelled = fuel_left(sim, i, x, u);
     if (decked(sim)) spool_deck(sim, i, in, x, u, &deck, dx);
     else deck.thrust = sum_of(sim, G_ENGINE, i)[T_THRUST];
     const bool recorded = sim->drive == THRUST_DRIVEN;
@@ -193,14 +195,17 @@ static real run_engine(flight_t *sim, uint32_t i, const intake_t *in, const real
 
 void engine_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[3], real H[3],
                    real *dx) {
-    real flow = 0.0;
+    real flow[MAX_ENGINES];
+    real all = 0.0;
     for (int k = 0; k < 3; k++) F[k] = M[k] = H[k] = 0.0;
     const intake_t in = decked(sim) ? spool_intake(sim) : (intake_t){.theta = 0.0};
     look_at_engines(sim, &in, x, u);
     for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) {
-        flow += run_engine(sim, i, &in, x, u, F, M, H, dx);
+        flow[i] = run_engine(sim, i, &in, x, u, F, M, H, dx);
+        all += flow[i];
     }
-    burn_fuel(sim, x, flow, dx);
+    burn_fuel(sim, x, all, dx);
+    if (items(sim->model, G_TANK)) draw_fuel(sim, x, u, flow, dx);
 }
 
 void engine_outputs(const flight_t *sim, real *y) {

@@ -10,11 +10,14 @@
  * S and I are the first and second moments of the fuel about the moment reference point: those
  * of a mass point at fuel.x, y, z plus the tables over `fuel`.  For point tanks drained one
  * after the other or in proportion both are piecewise linear in the fuel, so that tables hold
- * them exactly.  The momentum of the fuel that moves to the engines is neglected. */
+ * them exactly.  Tanks with a state each are mass points too; mass.* are then those with
+ * mass.tank.*.fuel in them, and the start has init.tank.*.fuel.  The momentum of the fuel that
+ * moves to the engines is neglected. */
 #include "fuel.h"
 
 #include "algebra.h"
 #include "error.h"
+#include "feed.h"
 #include "terms.h"
 
 #include <string.h>
@@ -47,6 +50,19 @@ static void fuel_moments(flight_t *sim, real fuel, real moment[MOMENTS]) {
     for (int k = 0; k < MOMENTS; k++) moment[k] += table[k];
 }
 
+/* Those of tanks with a state each, which hold so much; returns its sum. */
+static real tank_moments(const flight_t *sim, const real held[MAX_ITEMS], real moment[MOMENTS]) {
+    real all = 0.0;
+    for (int k = 0; k < MOMENTS; k++) moment[k] = 0.0;
+    for (uint32_t i = 0; i < items(sim->model, G_TANK); i++) {
+        const real *r = par_of(sim, G_TANK, i) + P_TANK_X;
+        all += held[i];
+        for (int k = 0; k < 3; k++) moment[S + k] += held[i] * r[k];
+        add_point(held[i], r, moment + I);
+    }
+    return all;
+}
+
 /* Tensor and its inverse from moments and products, both symmetric to the last bit; false when it
  * is not positive definite. */
 static mask_t set_tensor(now_r *now, const real i[6]) {
@@ -63,15 +79,14 @@ static mask_t set_tensor(now_r *now, const real i[6]) {
     return (J[0][0] > 0.0) & (J[0][0] * J[1][1] - J[0][1] * J[1][0] > 0.0) & (det > 0.0);
 }
 
-/* Mass properties with `fuel` in the tanks. */
-static mask_t set_mass(flight_t *sim, real fuel) {
+/* Mass properties when `burnt` is gone of the fuel with the moments `start`, the rest has `moment`.
+ */
+static mask_t set_rest(flight_t *sim, real burnt, const real start[MOMENTS],
+                       const real moment[MOMENTS]) {
     const real *p = sim->par;
     const real *cg0 = p + P_X_CG_B;
-    const real *start = memory_of(sim, G_FUEL, 0);
-    const real burnt = par_of(sim, G_FUEL, 0)[P_FUEL_START] - fuel;
     now_r *now = &sim->now;
-    real moment[MOMENTS], inertia[6];
-    fuel_moments(sim, fuel, moment);
+    real inertia[6];
     now->mass = p[P_MASS] - burnt;
     for (int k = 0; k < 3; k++) {
         now->cg[k] = cg0[k] - (start[S + k] - moment[S + k] - burnt * cg0[k]) / now->mass;
@@ -82,13 +97,86 @@ static mask_t set_mass(flight_t *sim, real fuel) {
     return set_tensor(now, inertia) & (now->mass > 0.0);
 }
 
+/* Mass properties with `fuel` on board; not in the way of models without. */
+__attribute__((noinline)) static mask_t set_mass(flight_t *sim, real fuel) {
+    real moment[MOMENTS];
+    const real burnt = par_of(sim, G_FUEL, 0)[P_FUEL_START] - fuel;
+    fuel_moments(sim, fuel, moment);
+    return set_rest(sim, burnt, memory_of(sim, G_FUEL, 0), moment);
+}
+
+/* Mass properties with `held` in the tanks. */
+static mask_t set_tanks(flight_t *sim, const real held[MAX_ITEMS]) {
+    real moment[MOMENTS];
+    const real *start = memory_of(sim, G_TANKS, 0);
+    const real fuel = tank_moments(sim, held, moment);
+    work_of(sim, G_TANKS, 0)[W_FUEL] = fuel;
+    return set_rest(sim, start[MOMENTS] - fuel, start, moment);
+}
+
+static inline real in_tank(const flight_t *sim, const real *x, uint32_t i) {
+    return larger(state_of(sim, x, G_TANK, i)[X_TANK], 0.0);
+}
+
+__attribute__((noinline)) static void mass_with_tanks(flight_t *sim, const real *x) {
+    real held[MAX_ITEMS];
+    for (uint32_t i = 0; i < items(sim->model, G_TANK); i++) held[i] = in_tank(sim, x, i);
+    set_tanks(sim, held);
+}
+
 void mass_now(flight_t *sim, const real *x) {
     if (items(sim->model, G_FUEL)) set_mass(sim, larger(state_of(sim, x, G_FUEL, 0)[X_FUEL], 0.0));
+    else if (items(sim->model, G_TANK)) mass_with_tanks(sim, x);
 }
 
 #if ORIGINAL
 
+static int no_inertia(am_sim *sim, const char *parameters) {
+    return fail(
+        sim, AM_BAD_VALUE,
+        "without its fuel the aircraft has no positive definite inertia; check %s, mass.*",
+        parameters);
+}
+
+/* What a parameter of the tanks states for each. */
+static void list_contents(const am_sim *sim, uint32_t code, double held[MAX_ITEMS]) {
+    for (uint32_t i = 0; i < items(sim->model, G_TANK); i++) {
+        held[i] = par_of(sim, G_TANK, i)[code];
+    }
+}
+
+static int tanks_check(am_sim *sim) {
+    double held[MAX_ITEMS] = {0.0};
+    double empty[MAX_ITEMS] = {0.0};
+    for (uint32_t i = 0; i < items(sim->model, G_TANK); i++) {
+        const uint32_t first = place(sim->model, AM_PARAMETER, G_TANK, i);
+        const double *p = par_of(sim, G_TANK, i);
+        if (!(p[P_TANK_CAPACITY] > 0.0)) {
+            return bad_parameter(sim, first + P_TANK_CAPACITY, "positive");
+        }
+        for (uint32_t code = P_TANK_START; code <= P_TANK_WEIGHED; code++) {
+            if (p[code] >= 0.0 && p[code] <= p[P_TANK_CAPACITY]) continue;
+            return bad_parameter(sim, first + code, "between zero and the capacity of the tank");
+        }
+    }
+    const int status = feeds_check(sim);
+    if (status != AM_OK) return status;
+    double *start = memory_of(sim, G_TANKS, 0);
+    list_contents(sim, P_TANK_WEIGHED, held);
+    start[MOMENTS] = tank_moments(sim, held, start);
+    if (!(start[MOMENTS] < sim->par[P_MASS])) {
+        return fail(sim, AM_BAD_VALUE,
+                    "mass.tank.*.fuel have a sum of %g kg, mass.mass is %g kg; it includes them",
+                    start[MOMENTS], sim->par[P_MASS]);
+    }
+    if (!set_tanks(sim, empty)) return no_inertia(sim, "mass.tank.*, tank.*");
+    list_contents(sim, P_TANK_START, held);
+    set_tanks(sim, held);
+    return AM_OK;
+}
+
 int fuel_check(am_sim *sim) {
+    if (items(sim->model, G_TANK)) return tanks_check(sim);
     if (!items(sim->model, G_FUEL)) return AM_OK;
     const uint32_t start = place(sim->model, AM_PARAMETER, G_FUEL, 0) + P_FUEL_START;
     const double fuel = sim->par[start];
@@ -96,12 +184,7 @@ int fuel_check(am_sim *sim) {
         return bad_parameter(sim, start, "zero or positive, and less than mass.mass");
     }
     fuel_moments(sim, fuel, memory_of(sim, G_FUEL, 0));
-    if (!set_mass(sim, 0.0)) {
-        return fail(
-            sim, AM_BAD_VALUE,
-            "without its fuel the aircraft has no positive definite inertia; check init.fuel, "
-            "fuel.*, mass.*");
-    }
+    if (!set_mass(sim, 0.0)) return no_inertia(sim, "init.fuel, fuel.*");
     set_mass(sim, fuel);
     return AM_OK;
 }
@@ -110,25 +193,31 @@ void fuel_start(am_sim *sim) {
     if (items(sim->model, G_FUEL)) {
         rate_of(sim, sim->x, G_FUEL, 0)[X_FUEL] = par_of(sim, G_FUEL, 0)[P_FUEL_START];
     }
+    for (uint32_t i = 0; i < items(sim->model, G_TANK); i++) {
+        rate_of(sim, sim->x, G_TANK, i)[X_TANK] = par_of(sim, G_TANK, i)[P_TANK_START];
+    }
 }
 
 #endif
 
-mask_t fuel_left(const flight_t *sim, const real *x) {
+static inline mask_t fuel_on_board(const flight_t *sim, const real *x) {
     return items(sim->model, G_FUEL) ? state_of(sim, x, G_FUEL, 0)[X_FUEL] > 0.0 : everywhere(true);
+}
+
+mask_t fuel_left(const flight_t *sim, uint32_t engine, const real *x, const real *u) {
+    return items(sim->model, G_TANK) ? fuel_fed(sim, engine, x, u) : fuel_on_board(sim, x);
 }
 
 void burn_fuel(const flight_t *sim, const real *x, real flow, real *dx) {
     if (items(sim->model, G_FUEL)) {
-        rate_of(sim, dx, G_FUEL, 0)[X_FUEL] = PICK(fuel_left(sim, x), -flow, 0.0);
+        rate_of(sim, dx, G_FUEL, 0)[X_FUEL] = PICK(fuel_on_board(sim, x), -flow, 0.0);
     }
 }
 
-void fuel_outputs(const flight_t *sim, real *y) {
-    if (!items(sim->model, G_FUEL)) return;
-    const now_r *now = &sim->now;
-    real *to = output_of(sim, y, G_FUEL, 0);
-    to[Y_FUEL] = var_of(sim, G_FUEL, 0)[A_FUEL];
+_Static_assert(Y_TANKS_FUEL == Y_FUEL && Y_TANKS_IYZ == Y_IYZ, "one order of both groups");
+
+static void mass_outputs(const now_r *now, real fuel, real *to) {
+    to[Y_FUEL] = fuel;
     for (int k = 0; k < 3; k++) {
         to[Y_X_CG_B + k] = now->cg[k];
         to[Y_IXX + k] = now->J[k][k];
@@ -136,4 +225,16 @@ void fuel_outputs(const flight_t *sim, real *y) {
     to[Y_IXY] = -now->J[0][1];
     to[Y_IXZ] = -now->J[0][2];
     to[Y_IYZ] = -now->J[1][2];
+}
+
+void fuel_outputs(const flight_t *sim, real *y) {
+    const am_model *m = sim->model;
+    if (items(m, G_FUEL)) {
+        mass_outputs(&sim->now, var_of(sim, G_FUEL, 0)[A_FUEL], output_of(sim, y, G_FUEL, 0));
+    }
+    if (!items(m, G_TANK)) return;
+    mass_outputs(&sim->now, work_of(sim, G_TANKS, 0)[W_FUEL], output_of(sim, y, G_TANKS, 0));
+    for (uint32_t i = 0; i < items(m, G_TANK); i++) {
+        output_of(sim, y, G_TANK, i)[Y_TANK] = in_tank(sim, sim->x, i);
+    }
 }

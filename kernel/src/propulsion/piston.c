@@ -115,7 +115,7 @@ static real charted(const flight_t *sim, uint32_t i) {
 
 static inline mask_t supplied(const flight_t *sim, uint32_t i, const real *x, const real *u) {
     const mask_t open = NOT(input_of(sim, u, G_PISTON, i)[U_PISTON_CUTOFF] > SWITCHED);
-    const mask_t left = fuel_left(sim, x);
+    const mask_t left = fuel_left(sim, i, x, u);
     return open & left;
 }
 

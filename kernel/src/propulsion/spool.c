@@ -35,7 +35,6 @@ typedef struct {
     const real *par, *var, *state, *in, *sum;
     uint64_t given;  /* targets that have terms, as bits */
     real root_theta; /* root of the temperature ratio */
-    mask_t fuel;
     bool n1_driven;
 } spool_t;
 
@@ -55,8 +54,7 @@ static inline spool_t spool_of(const flight_t *sim, uint32_t i, real root_theta,
                      .sum = sim->sum + target,
                      .given = m->decks[i],
                      .root_theta = root_theta,
-                     .n1_driven = sim->drive == N1_DRIVEN || on_shaft(sim, i),
-                     .fuel = fuel_left(sim, x)};
+                     .n1_driven = sim->drive == N1_DRIVEN || on_shaft(sim, i)};
 }
 
 _Static_assert(T_PER_SPOOL <= 64, "a bit for each target");
@@ -184,16 +182,17 @@ static inline mask_t inside(const spool_t *e, int margin) {
     return given(e, margin) ? e->sum[margin] >= 0.0 : everywhere(true);
 }
 
-static inline mask_t fed(const spool_t *e) {
-    return NOT(e->in[U_CUTOFF] > ON) & NOT(e->in[U_FLAMEOUT] > ON) & e->fuel;
+/* fuel: whether there is some for the engine. */
+static inline mask_t fed(const spool_t *e, mask_t fuel) {
+    return NOT(e->in[U_CUTOFF] > ON) & NOT(e->in[U_FLAMEOUT] > ON) & fuel;
 }
 
 /* Whether the flame burns on, or lights. */
-static inline mask_t burns(const spool_t *e) {
+static inline mask_t burns(const spool_t *e, mask_t fuel) {
     const real *in = e->in;
     const real core = e->var[A_N1 + core_spool(e)];
     const mask_t lit = e->state[X_BURNING] > 0.5;
-    const mask_t fuelled = fed(e);
+    const mask_t fuelled = fed(e, fuel);
     const mask_t margin = inside(e, T_BURN_MARGIN);
     const mask_t can = fuelled & margin & NOT(core < e->par[P_SUSTAIN_SPEED]);
     if (EVERY(lit)) return can;
@@ -237,7 +236,7 @@ void spool_deck(flight_t *sim, uint32_t i, const intake_t *in, const real *x, co
         deck->momentum += full * e.var[A_N1 + k];
         deck->torque += full * rate[X_N1 + k];
     }
-    rate[X_BURNING] = (PICK(burns(&e), 1.0, 0.0) - b) / p[P_FLAME_TIME];
+    rate[X_BURNING] = (PICK(burns(&e, deck->fuelled), 1.0, 0.0) - b) / p[P_FLAME_TIME];
     rate[X_ITT] = PICK(p[P_ITT_TIME] > 0.0, (itt - s[X_ITT]) / p[P_ITT_TIME], 0.0);
     deck->thrust = thrust_of(&e, sum_of(sim, G_ENGINE, i)[T_THRUST]);
     if (spool_breathes(sim->model, i)) {
@@ -266,7 +265,7 @@ void spool_start(am_sim *sim, uint32_t i, double t) {
     delay_start(memory_of(sim, G_SPOOL, i), t, input_of(sim, sim->u, G_ENGINE, i)[U_THROTTLE]);
     for (int k = 0; k < SPOOLS; k++) s[X_N1 + k] = 0.0;
     const spool_t e = spool_at(sim, i, sim->x, sim->u);
-    s[X_BURNING] = fed(&e);
+    s[X_BURNING] = fed(&e, fuel_left(sim, i, sim->x, sim->u));
     s[X_ITT] = 0.0;
 }
 
@@ -282,7 +281,7 @@ bool spool_steady(am_sim *sim, uint32_t i, double *x, const double *u) {
         s[X_N1 + k] = n;
     }
     s[X_ITT] = steady_itt(&e);
-    if (moved || !(s[X_BURNING] > 0.0) || burns(&e)) return moved;
+    if (moved || !(s[X_BURNING] > 0.0) || burns(&e, fuel_left(sim, i, x, u))) return moved;
     s[X_BURNING] = 0.0;
     return true;
 }

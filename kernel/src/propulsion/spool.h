@@ -11,6 +11,7 @@ typedef struct {
     real fuel_flow; /* [kg s-1] */
     /* of the rotors, along the thrust line, and its rate [kg m2 s-1, N m] */
     real momentum, torque;
+    mask_t fuelled; /* given: whether there is fuel for the engine */
 } deck_t;
 
 /* The intake of all engines: ratios of total temperature and pressure to standard, and the root of
