@@ -142,12 +142,12 @@ def write_propulsion(
     tank = ET.SubElement(propulsion, "tank", type="FUEL")
     _write_location(tank, aircraft, aircraft.cg)
     # JSBSim burns from a tank: a part of the mass is fuel at the centre of gravity
-    fuel = _FUEL_PART * aircraft.mass / POUND
-    _write_number(tank, "capacity", fuel, unit="LBS")
-    _write_number(tank, "contents", fuel, unit="LBS")
+    part = _FUEL_PART * aircraft.mass / POUND
+    _write_number(tank, "capacity", part, unit="LBS")
+    _write_number(tank, "contents", part, unit="LBS")
     empty = root.find("mass_balance/emptywt")
     assert empty is not None, "write_geometry_and_mass writes it"
-    empty.text = repr(aircraft.mass / POUND - fuel)
+    empty.text = repr(aircraft.mass / POUND - part)
 
 
 def _write_tanks(propulsion: ET.Element, aircraft: Aircraft, fuel: Fuel) -> None:

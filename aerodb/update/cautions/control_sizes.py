@@ -141,7 +141,7 @@ def _rows_of(
             continue
         k = names.index(regressor)
         H = observation.H[k]
-        variance, common = observation.C[k, k], np.linalg.norm(observation.D[k])
+        variance, common = observation.C[k, k], float(np.linalg.norm(observation.D[k]))
         # The nodes of a table err alike: their errors add up.
         yield observation.theta[k], H @ nodes, np.abs(H) @ errors, variance, common
 
