@@ -206,8 +206,8 @@ def joint_errors(squares: Sequence[float], variances: Sequence[float]) -> tuple[
     Notes
     -----
     The constant part is that of r^2 v^2 + a^2 = s^2 for both.  A table of equal values does not
-    tell the two parts from each other, but two sources of different size do.  Without a difference
-    all is constant.  What is left of each source is proportional.
+    show how its error splits, but two sources of different size do.  Without a difference all is
+    constant.  The remainder of each source is proportional.
     """
     (v1, v2), (s1, s2) = squares, variances
     # A larger value with a smaller error shows no proportional part.
