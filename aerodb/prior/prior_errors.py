@@ -25,7 +25,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 import pandas as pd
@@ -200,7 +200,9 @@ class PriorErrors:
         A table without a Mach axis counts as subsonic.  Beyond `CALIBRATED_MACH` the standard error
         of a calibrated term is at least that of the guide.
         """
-        relative, absolute = self.terms[term]
+        # Numbers, or tables over the Mach number.
+        figures: tuple[Any, Any] = self.terms[term]
+        relative, absolute = figures
         if term in self.ratios and "mach" in table.dims:
             beyond = table["mach"] > CALIBRATED_MACH
             guide_relative, guide_absolute = PRIOR_ERRORS[term]
