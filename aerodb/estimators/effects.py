@@ -34,6 +34,11 @@ _EQUAL = 1e-6  # two numbers of one condition that differ by less are equal
 _ASYMMETRIC = 2e-3
 # Share of the lift slope by which derivative and slope of the totals may differ.
 _SLOPE_TOLERANCE = 0.1
+# Angles in rad that are taken for degrees: none is larger than this, and the lift slope is beyond
+# that of any aeroplane. [rad], [1/rad]
+_SMALL_ANGLES, _STEEPEST_LIFT = 0.6 * DEGREE, 40.0
+# Largest angle of attack or sideslip, and deflection: larger ones are degrees taken for rad. [rad]
+_LARGEST_ANGLE, _LARGEST_DEFLECTION = 180.0 * DEGREE, 90.0 * DEGREE
 
 
 class EstimateTables:
@@ -74,8 +79,10 @@ class EstimateTables:
                     f"without sideslip, rates and deflections"
                 ],
             )
+        self._demand_units(basic["CL"])
         self._check_symmetry()
-        self._check_lift_slope(basic["CL"])
+        self._check_slope("lift", "CL")
+        self._check_slope("pitching moment", "Cm")
         effects = [self._effect("basic", {k: t for k, t in basic.items() if t is not None})]
         for variable, coefficients in _OF_VARIABLE.items():
             tables = {}
@@ -258,24 +265,54 @@ class EstimateTables:
                     f"model is not symmetric; the database takes the aeroplane as symmetric"
                 )
 
-    def _check_lift_slope(self, lift: xr.DataArray | None) -> None:
-        """Remark if the printed lift slope is not that of the totals."""
-        slope = self._table("CL", "alpha")
-        if lift is None or slope is None or lift.sizes["alpha"] < 3:
+    def _demand_units(self, lift: xr.DataArray | None) -> None:
+        """Raise if angles are in another unit than stated."""
+        problems = []
+        limits = dict.fromkeys(("alpha", "beta"), _LARGEST_ANGLE)
+        limits |= dict.fromkeys(self.one.controls, _LARGEST_DEFLECTION)
+        for name, limit in limits.items():
+            largest = float(self.numbers[name].abs().max())
+            if largest > limit * (1.0 + 1e-9):
+                problems.append(
+                    f"{_files(self.one)}: {name} reaches {largest / DEGREE:.4g} deg, at most "
+                    f"{limit / DEGREE:g} deg; its numbers are probably degrees, stated as rad"
+                )
+        if lift is not None and lift.sizes["alpha"] > 1:
+            alpha = lift["alpha"].values
+            steepest = float(np.nanmax(np.abs(lift.diff("alpha").values), initial=0.0))
+            slope = steepest / float(np.diff(alpha).max())
+            if np.abs(alpha).max() < _SMALL_ANGLES and slope > _STEEPEST_LIFT:
+                problems.append(
+                    f"{_files(self.one)}: alpha is from {alpha[0] / DEGREE:.3g} to "
+                    f"{alpha[-1] / DEGREE:.3g} deg with a lift slope of {slope:.3g} per rad; its "
+                    f"numbers are probably rad, stated as degrees"
+                )
+        if problems:
+            raise SchemaError("estimate", problems)
+
+    def _check_slope(self, words: str, name: str) -> None:
+        """Remark if a printed derivative with alpha is not the slope of the totals.
+
+        The difference of either slope is measured in lift slopes: that of the pitching moment is
+        then one of the neutral point in chords.
+        """
+        total, slope = self._table(name, ""), self._table(name, "alpha")
+        lift = self._table("CL", "alpha")
+        if total is None or slope is None or lift is None or total.sizes["alpha"] < 3:
             return
-        gradient = lift.differentiate("alpha").isel(alpha=slice(1, -1))
+        gradient = total.differentiate("alpha").isel(alpha=slice(1, -1))
         if gradient.sizes["alpha"] > 1:
             # The derivatives may be at other angles than the totals, as those of a trimmed log.
             gradient = gradient.interp(alpha=slope["alpha"])
-        ratio = gradient / slope
-        if not ratio.notnull().any():
+        difference = abs((gradient - slope) / lift)
+        if not difference.notnull().any():
             return
-        worst = float(abs(ratio - 1.0).max())
+        worst = float(difference.max())
         if worst > _SLOPE_TOLERANCE:
             self.remarks.append(
-                f"the lift slope that {self.one.program} prints differs by {100.0 * worst:.0f} % "
-                f"from that of its lift coefficients over alpha: separated flow, wide steps of "
-                f"alpha, or runs of several models"
+                f"the slope of the {words} that {self.one.program} prints differs by "
+                f"{100.0 * worst:.0f} % of the lift slope from that of its coefficients over alpha: "
+                f"separated flow, wide steps of alpha, a damaged number, or runs of several models"
             )
 
 

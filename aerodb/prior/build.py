@@ -22,7 +22,7 @@ from aerodb.prior.print_remarks import (
     describe_tail_pressure,
     list_missing_numbers,
 )
-from aerodb.prior.prior_errors import choose_errors
+from aerodb.prior.prior_errors import choose_errors, describe_uncalibrated
 from aerodb.prior.reference_quantities import (
     Point,
     find_basic_ranges,
@@ -35,7 +35,7 @@ from aerodb.prior.sources import Source, collect_source, split_powered, warn_use
 from aerodb.store.effects import Effect
 from aerodb.store.plausible_ranges import CANARD, REAR_WING, SUSPECT_NUMBERS, TAIL_PRESSURE
 from aerodb.store.schema import make_prior_database
-from aerodb.update.cautions.notices import note_plausibility
+from aerodb.update.cautions.notices import note_plausibility, with_notices
 from datcom_io.decks.aircraft_rules import ROUNDED_SPAN
 from datcom_io.decks.device_fit import advise_on_misfit, describe_misfit, weigh_device_on_tail
 from datcom_io.decks.planforms import measure_main_wing, measure_wing
@@ -221,6 +221,9 @@ def from_datcom(
         tree.attrs = {**tree.attrs, TAIL_PRESSURE: pressure}
     if suspects := describe_suspect_numbers(clean_source, h_ref):
         tree.attrs = {**tree.attrs, SUSPECT_NUMBERS: suspects}
+    if limit := describe_uncalibrated(prior, effects["basic"].tables["CL"]):
+        warn_user(limit)
+        tree.attrs = {**tree.attrs, **with_notices(tree.attrs, [limit])}
     tree, findings = note_plausibility(tree, aircraft)
     for finding in findings:
         if finding.kind in ("implausible", "unused"):

@@ -138,12 +138,14 @@ def _without_bias(leaves: Mapping[str, xr.Dataset], prior: PriorErrors) -> dict[
     """Return terms multiplied by their ratios of true to estimated slopes.
 
     The pitching moment of the basic aeroplane keeps its value at zero lift: its slope has the
-    ratio. The standard errors stay, because the calibration refers them to the estimates.
+    ratio. The standard errors stay, because the calibration refers them to the estimates. Beyond
+    `CALIBRATED_MACH` nothing shows the ratio: the value stays, and its standard error contains the
+    bias that was seen below.
     """
     corrected = {}
     for name, leaf in leaves.items():
-        ratio = prior.ratios.get(name, 1.0)
-        if ratio == 1.0:
+        ratio = prior.ratios.get(name)
+        if ratio is None:
             corrected[name] = leaf
             continue
         value = leaf["value"]
@@ -152,14 +154,18 @@ def _without_bias(leaves: Mapping[str, xr.Dataset], prior: PriorErrors) -> dict[
         if name == "Cm/basic":
             fixed = _moment_at_zero_lift(leaves["CL/basic"]["value"], value)
             note = f"slope over the value at zero lift multiplied by {ratio:g}"
+        note = f"{note}, the bias of the calibration"
         # Only the part above the fixed value has the ratio.
-        changed = fixed + ratio * (value - fixed)
-        if "mach" in value.dims:
-            changed = changed.where(value["mach"] <= CALIBRATED_MACH, value)
-        changed = changed.transpose(*value.dims)
-        comment = join_sentences(leaf.attrs["comment"], f"{note}, the bias of the calibration")
-        leaf = leaf.assign(value=value.copy(data=changed.values))
-        corrected[name] = leaf.assign_attrs(comment=comment)
+        bias = ((ratio - 1.0) * (value - fixed)).transpose(*value.dims)
+        stderr = leaf["stderr"]
+        if "mach" in value.dims and float(value["mach"].max()) > CALIBRATED_MACH:
+            is_calibrated = value["mach"] <= CALIBRATED_MACH
+            kept = xr.where(is_calibrated, 0.0, bias).transpose(*value.dims)
+            bias = bias.where(is_calibrated, 0.0)
+            stderr = stderr.copy(data=np.hypot(stderr.values, kept.values))
+            note = f"{note}; not calibrated beyond Mach {CALIBRATED_MACH:g}"
+        leaf = leaf.assign(value=value.copy(data=(value + bias).values), stderr=stderr)
+        corrected[name] = leaf.assign_attrs(comment=join_sentences(leaf.attrs["comment"], note))
     return corrected
 
 

@@ -25,7 +25,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 import pandas as pd
@@ -197,11 +197,19 @@ class PriorErrors:
     def stderr(self, term: str, table: xr.DataArray) -> xr.DataArray:
         """Return the standard error of every node of a table.
 
-        A table without a Mach axis counts as subsonic.
+        A table without a Mach axis counts as subsonic.  Beyond `CALIBRATED_MACH` the standard error
+        of a calibrated term is at least that of the guide.
         """
-        relative, absolute = self.terms[term]
+        # Numbers, or tables over the Mach number.
+        figures: tuple[Any, Any] = self.terms[term]
+        relative, absolute = figures
+        if term in self.ratios and "mach" in table.dims:
+            beyond = table["mach"] > CALIBRATED_MACH
+            guide_relative, guide_absolute = PRIOR_ERRORS[term]
+            relative = xr.where(beyond, max(relative, guide_relative), relative)
+            absolute = xr.where(beyond, max(absolute, guide_absolute), absolute)
         # Independent relative and absolute parts; near the stall the departure of the table, too.
-        variance = (relative * table) ** 2 + absolute**2
+        variance = (table * relative) ** 2 + absolute**2
         if term in STALLED and "alpha" in table.dims:
             variance = variance + (STALLED[term] * _departure_nearby(table)) ** 2
         stderr = variance**0.5
@@ -329,6 +337,30 @@ def choose_errors(
     if kind == "guide":
         return rules
     return calibrated_errors(rules, program, overrides or {})
+
+
+def describe_uncalibrated(rules: PriorErrors, table: xr.DataArray) -> str:
+    """Return a sentence on the Mach numbers of a table that no calibration covers; empty for none.
+
+    Parameters
+    ----------
+    rules : PriorErrors
+        Rules without ratios are not calibrated at all, and the sentence is empty.
+    table : DataArray
+        Lift of the basic aeroplane.
+    """
+    if not rules.ratios or "mach" not in table.dims:
+        return ""
+    machs = [float(mach) for mach in table["mach"].values if mach > CALIBRATED_MACH]
+    if not machs:
+        return ""
+    regimes = dict.fromkeys(rules.regime(mach) for mach in machs)
+    return (
+        f"Mach {', '.join(f'{mach:g}' for mach in machs)} ({', '.join(regimes)}): not calibrated; "
+        f"the calibration ends at Mach {CALIBRATED_MACH:g}, so values are not corrected there, and "
+        f"standard errors are judgement: those of the guide at least, with the bias of the "
+        f"calibration and the factors of the regimes"
+    )
 
 
 def _require_pair(name: str, item: object) -> tuple[float, float]:

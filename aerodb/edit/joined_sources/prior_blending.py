@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from itertools import chain
@@ -11,6 +12,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.edit.joined_sources.convention_faults import (
+    ConventionFault,
+    compare_pairs,
+    find_convention_faults,
+)
 from aerodb.edit.joined_sources.prior_sources import (
     PriorSource,
     collect_tables,
@@ -19,7 +25,12 @@ from aerodb.edit.joined_sources.prior_sources import (
     refer_to_aircraft,
 )
 from aerodb.edit.joined_sources.source_blending import BlendedTerm, blend_term
-from aerodb.edit.joined_sources.source_nodes import HELD_ERROR, cover_ranges
+from aerodb.edit.joined_sources.source_nodes import (
+    HELD_ERROR,
+    cover_ranges,
+    speaking,
+    spread_on_grid,
+)
 from aerodb.prior.sources import warn_user
 from aerodb.store.grids import is_within, regrid_leaf, union_axes, value_breakpoints
 from aerodb.store.overview import ORIGIN, plain_number
@@ -31,6 +42,7 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.short_text import ShortText
 
 _JOINED = ("references", "comment")
+_OTHER_AREA = 0.05  # difference of reference areas that shows in coefficients
 # Root attributes that the blend sets itself.
 _OWN = (
     *("title", "aircraft", "S", "cbar", "b", "x_ref", "y_ref", "z_ref", "force_axes", "source"),
@@ -97,8 +109,9 @@ def blend_sources(
     ------
     SchemaError
         Less than two databases, one that is not a-priori or is a blend, one twice, force axes other
-        than stability axes, regressors of a term that differ, or sources with opposite signs far
-        beyond their errors; all faults.
+        than stability axes, regressors of a term that differ, sources with opposite signs far
+        beyond their errors, or sources that differ by a usual slip of units, signs or reference
+        quantities (`aerodb.edit.joined_sources.convention_faults`); all faults.
     UnknownName
         An unknown term or source in `take`.
 
@@ -125,8 +138,11 @@ def blend_sources(
     sources = label_sources(referred, methods)
     if problems := list_repeated_sources(databases):
         raise SchemaError("blend", problems)
-    blended = _blend_terms(sources, _sources_by_term(sources, take or {}))
-    disagreements = _describe_disagreements(blended)
+    by_term = _sources_by_term(sources, take or {})
+    areas = [float(db.attrs["S"]) / aircraft.S for db in databases]
+    faults = _find_faults(sources, by_term, aircraft, areas)
+    blended = _blend_terms(sources, by_term, faults)
+    disagreements = [fault.text for fault in faults] + _describe_disagreements(blended)
     for text in (*remarks, *disagreements):
         warn_user(text)
     tree = _make_tree(aircraft, sources, blended, point=point, notices=disagreements)
@@ -158,12 +174,36 @@ def _sources_by_term(
     return by_term
 
 
+def _find_faults(
+    sources: Sequence[PriorSource],
+    by_term: Mapping[str, Sequence[PriorSource]],
+    aircraft: Aircraft,
+    areas: Iterable[float],
+) -> list[ConventionFault]:
+    """Return the disagreements over all terms that a usual slip explains."""
+    cover = _basic_ranges(sources)
+    pairs = []
+    for name, members in by_term.items():
+        if len(members) < 2:
+            continue
+        # `_blend_terms` raises for tables that cannot meet, with all other faults.
+        with suppress(SchemaError):
+            points, spread = spread_on_grid(collect_tables(members, name), cover)
+            pairs += compare_pairs(name, points, spread, speaking(spread))
+    other = [ratio for ratio in areas if abs(ratio - 1.0) > _OTHER_AREA]
+    return find_convention_faults(pairs, aircraft.cbar, aircraft.b, other)
+
+
 def _blend_terms(
-    sources: Sequence[PriorSource], by_term: Mapping[str, Sequence[PriorSource]]
+    sources: Sequence[PriorSource],
+    by_term: Mapping[str, Sequence[PriorSource]],
+    faults: Iterable[ConventionFault],
 ) -> dict[str, BlendedTerm]:
     """Return every term; raise with the faults of all of them."""
     cover = _basic_ranges(sources)
-    blended, problems = {}, []
+    certain = [fault for fault in faults if fault.is_certain]
+    explained = set(chain.from_iterable(fault.names for fault in certain))
+    blended, problems = {}, [fault.text for fault in certain]
     for name, members in by_term.items():
         try:
             term = blend_term(name, collect_tables(members, name), cover)
@@ -171,7 +211,7 @@ def _blend_terms(
                 term = replace(term, leaf=_cover_ranges(term.leaf, cover))
             blended[name] = term
         except SchemaError as error:
-            problems += error.problems
+            problems += [] if name in explained else error.problems
     if problems:
         raise SchemaError("blend", problems)
     return blended

@@ -15,6 +15,7 @@ Source: M. Drela, H. Youngren, AVL User Primer; prints of version 3.32.
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ BANNER = "Vortex Lattice Output -- Total Forces"
 # The search begins at words only: within a long word it would begin at each letter.
 _PAIR = re.compile(
     r"(?<![\w'/])([A-Za-z][\w'/]*)\s*=\s*"
-    r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?|\*+|NaN)"
+    r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?|\*+|[-+]?(?:[Nn][Aa][Nn]|[Ii][Nn][Ff]\w*))"
 )
 _HEADING = re.compile(r"(\S.*?)\s+(d\d+)(?=\s|$)")
 _STABILITY, _BODY = "Stability-axis derivatives", "Geometry-axis derivatives"
@@ -140,7 +141,7 @@ class _AvlPrint:
                     value = float(digits.replace("D", "E").replace("d", "e"))
                 except ValueError:
                     value = float("nan")
-                if value != value:
+                if not math.isfinite(value):
                     raise ParseError(
                         str(self.file), number, f"{name} = {digits}", "a number; run the case again"
                     )

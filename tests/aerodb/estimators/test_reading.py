@@ -231,6 +231,7 @@ def test_a_control_of_one_letter_and_a_print_without_other_derivatives(tmp_path)
         ("Xnp =   0.350000", "Xnp =   0.450000", "0.2000 chords behind Xref.*0.1000 chords"),
         ("CLtot =   0.20000", "CLtot =  15.20000", "CLtot = 15.2.*not converged"),
         ("Cma =  -0.500000", "Cma = **********", r"Cma = \*+.*a number"),
+        ("Cma =  -0.500000", "Cma =   Infinity", "Cma = Infinity.*a number"),
         ("X fwd, Z down", "", "axes that are not of the standard orientation|not converged"),
         ("  Cref", "  Cxxx", "no Cref"),
         ("flap         d1", "", "Cmd1 without a name"),

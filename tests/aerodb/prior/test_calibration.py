@@ -11,6 +11,7 @@ from aerodb.prior.effect_to_terms import terms_of_effect
 from aerodb.prior.prior_errors import (
     PriorErrors,
     choose_errors,
+    describe_uncalibrated,
     method_class,
     read_calibration,
 )
@@ -66,12 +67,34 @@ def test_the_slope_of_the_moment_is_corrected_about_zero_lift():
     )
     # Nothing is calibrated beyond Mach 0.6.
     assert value.sel(mach=0.9).values == pytest.approx(moment.sel(mach=0.9).values)
-    # The standard error is that of the estimate.
+    # The standard error is that of the estimate, beyond Mach 0.6 with the bias seen below.
     expected = np.hypot(0.2 * moment, 0.02)
-    assert leaves["Cm/basic"]["stderr"].values == pytest.approx(expected.values)
-    assert "multiplied by 0.5" in leaves["Cm/basic"].attrs["comment"]
+    stderr = leaves["Cm/basic"]["stderr"]
+    assert stderr.sel(mach=0.3).values == pytest.approx(expected.sel(mach=0.3).values)
+    beyond = np.hypot(expected, 0.5 * 0.2 * lift).sel(mach=0.9)
+    assert stderr.sel(mach=0.9).values == pytest.approx(beyond.values)
+    comment = leaves["Cm/basic"].attrs["comment"]
+    assert "multiplied by 0.5" in comment
+    assert "not calibrated beyond Mach 0.6" in comment
     plain = terms_of_effect(effect, PriorErrors(rules.terms, stmach=0.95), cover)
     assert plain["Cm/basic"]["value"].values == pytest.approx(moment.values)
+
+
+def test_beyond_the_calibration_the_errors_are_at_least_those_of_the_guide():
+    # The calibrated error of CL/qhat is 0.3, that of the guide 0.35; the ratio is 0.64.
+    rules = choose_errors("calibrated", "DATCOM", None)
+    mach = np.array([0.5, 0.6, 0.8, 1.2, 1.6])
+    table = xr.DataArray(np.full(5, 4.0), {"mach": mach}, "mach")
+    assert (rules.terms["CL/qhat"][0], rules.ratios["CL/qhat"]) == (0.3, 0.64)
+    leaf = terms_of_effect(Effect("qhat", {"CL": table}, "qhat"), rules, {})["CL/qhat"]
+    guide = np.array([0.35 * 2.0, 0.35 * 2.0, 0.35 * 1.5]) * 4.0  # factors of the regimes
+    expected = [0.3 * 4.0, 0.3 * 4.0, *np.hypot(guide, 0.36 * 4.0)]
+    assert leaf["stderr"].values == pytest.approx(expected)
+    assert leaf["value"].values == pytest.approx([2.56, 2.56, 4.0, 4.0, 4.0])
+    text = describe_uncalibrated(rules, table)
+    assert text.startswith("Mach 0.8, 1.2, 1.6 (transonic, supersonic): not calibrated")
+    assert describe_uncalibrated(rules, table.sel(mach=[0.5, 0.6])) == ""
+    assert describe_uncalibrated(choose_errors("guide", "DATCOM", None), table) == ""
 
 
 @pytest.mark.nightly
