@@ -1,8 +1,9 @@
 """Stall model from quasi-steady and accelerated stalls of several configurations.
 
 The parameters of the separation are nonlinear, the coefficients of the terms linear: separable
-least squares of all coefficients together (`regress_separable`). The terms are selected by
-Schwarz's criterion with the number of independent samples, as in the ground effect.
+least squares of all coefficients together (`regress_separable`). Terms of the separated flow are
+selected by Schwarz's criterion with the number of independent samples, as in the ground effect.
+Those of the attached flow stay.
 """
 
 from __future__ import annotations
@@ -289,6 +290,9 @@ def _select_terms(task: _Task) -> _Task:
     for model, samples, z, design in zip(
         problem.models, problem.samples, problem.z, problem.designs(s), strict=True
     ):
+        # A term of the attached flow stays. Without CL: qhat, which is too small for the criterion,
+        # tau2 takes its lift, as q and d(alpha)/dt are almost proportional in a stall.
+        candidates = {term.text for term in SEPARATED[model.target]}
         names, A = list(model.terms), design.A
         v = _residual(A, z)
         n = independent_samples(v, samples)
@@ -296,7 +300,7 @@ def _select_terms(task: _Task) -> _Task:
         while True:
             trials = {}
             for j, name in enumerate(names):
-                if name == "1" or _is_main_lift(model.target, name, names):
+                if name not in candidates or _is_main_lift(model.target, name, names):
                     continue
                 rest = np.delete(A, j, axis=1)
                 trials[j] = schwarz_criterion(_residual(rest, z), len(names) - 1, n)

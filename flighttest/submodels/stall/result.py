@@ -44,7 +44,7 @@ class StallIdentification(ShortText):
     flow : SeparationFlow
         Axis and nodes of the configuration, and parameters that were fixed.
     attached : dict of str to tuple of str
-        Terms of the attached flow by coefficient, before the selection.
+        Terms of the attached flow by coefficient; all are estimated.
     separated : dict of str to tuple of SeparatedTerm
         Terms of the separated flow that are identified.
     not_identified : dict of str to str

@@ -70,6 +70,12 @@ def test_parameters_and_terms_come_back(found):
     assert not [text for text in found.remarks if "estimated without Cl" in text]
 
 
+def test_terms_of_the_attached_flow_are_not_selected(found):
+    """Without CL: qhat, which is small, tau2 takes its lift and has an error that is too small."""
+    for model in found.fit.models:
+        assert set(found.attached[model.target]) <= set(model.terms), model.target
+
+
 def test_unseen_stalls_are_predicted(found):
     rng = np.random.default_rng(77)
     for kind in ("quasi-steady", "accelerated"):
@@ -283,16 +289,14 @@ def test_the_result_is_a_separation(found):
 
 @pytest.mark.nightly
 def test_two_standard_errors_hold_the_truth():
-    """Parameters of twelve sets of flights within two standard errors: 75 of 84 were seen, 89 %,
-    where 90 to 98 % are wanted; 78 of 84 with the true terms and a search from the true values.
-    """
+    """Parameters of twelve sets of flights within two standard errors: 76 of 84 were seen, 90 %."""
     inside = []
     for seed in range(12):
         found = identify(records.stall_flights(100 + seed))
         for name, true in TRUTH.items():
             value, stderr = found.value(name)
             inside.append(abs(value - true) < 2.0 * stderr)
-    assert 0.86 <= np.mean(inside) <= 0.98
+    assert 0.89 <= np.mean(inside) <= 0.98
 
 
 @pytest.mark.nightly

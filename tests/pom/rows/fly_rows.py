@@ -141,6 +141,18 @@ def pitch(change=0.0, over=3.0, throttle=None, bank=0.0, speed=None):
     return law
 
 
+def approach_to_stall(change, over, held, throttle):
+    """Raise the nose by `change` over some seconds, hold it and lower it in 4 s; levers fixed."""
+
+    def law(a, pilot, t, d, first):
+        raised = ramp(t, 0.0, over) - ramp(t, over + held, 4.0)
+        pilot.longitudinal(d, theta=first["theta"] + change * raised)
+        pilot.lateral(d, phi=0.0)
+        a.want["throttle"] = throttle
+
+    return law
+
+
 def level(throttle=None, bank=None):
     def law(a, pilot, t, d, first):
         pilot.height(d, first["h"])
@@ -429,6 +441,17 @@ FLIGHTS = {
         ),
         {},
     ),
+    "stall_approach": (
+        air(
+            105.0,
+            10000.0,
+            [
+                ("trim", 3.0),
+                script("stall", 40.0, approach_to_stall(0.165, 26.5, 0.5, throttle=0.5)),
+            ],
+        ),
+        {},
+    ),
     "minimum_control_speed": (
         air(
             110.0,
@@ -542,7 +565,8 @@ def used(name: str) -> tuple[float, float]:
     """Return the stretch of a flight that the cases replay, and a second on both sides. [s]"""
     cases = [
         tomllib.loads(file.read_text(encoding="utf-8"))["case"]
-        for file in (HERE / "cases").glob("*.toml")
+        for folder in ("cases", "stall_rows")
+        for file in (HERE / folder).glob("*.toml")
     ]
     windows = [case["window"] for case in cases if Path(case["record"]).stem == name]
     return min(start for start, _ in windows) - 1.0, max(stop for _, stop in windows) + 1.0
