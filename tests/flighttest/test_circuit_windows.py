@@ -81,7 +81,7 @@ def test_a_window_without_room_is_refused():
 
 
 def test_the_noise_of_a_long_line_of_the_force_is_one_unknown():
-    """The mean of 100 samples of 0.5 N is 0.05 N off: more than what a record says of friction."""
+    """The mean of 100 samples of 0.5 N has an error of 0.05 N, which moves the offset."""
     time = np.arange(0.0, 3.0, 0.01)
     after = np.maximum(time - 1.0, 0.0)
     travel = 0.05 * np.exp(-4.0 * after) * np.cos(20.0 * after)
