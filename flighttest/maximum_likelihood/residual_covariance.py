@@ -249,8 +249,9 @@ def coloured_likelihood_covariance(
     white = remainder.T @ remainder / freedom
     coupling = _innovation_covariance(colours)
     inner = np.zeros_like(maximum.information)
+    longest = max(len(piece.residual) for piece in pieces)
     for piece, positions in zip(pieces, columns):
-        slow = _slow_products(piece.sums, colours, coupling)
+        slow = _slow_products(piece.sums, colours, coupling=coupling, longest=longest)
         inner[np.ix_(positions, positions)] += slow + _fast_products(piece.inside, white)
     # The prior P^-1 is the information without that of the readings.
     prior = maximum.information - _reading_information(pieces, columns, len(free))
@@ -372,10 +373,12 @@ def _innovation_covariance(colours: Sequence[ResidualNoise]) -> np.ndarray:
 
 
 def _slow_products(
-    X: np.ndarray, colours: Sequence[ResidualNoise], coupling: np.ndarray
+    X: np.ndarray, colours: Sequence[ResidualNoise], coupling: np.ndarray, longest: int
 ) -> np.ndarray:
     """Return sum_i sum_k X_i' Rvv(i - k) X_k of the disturbances; X is (unknown, time, output)."""
-    size = 1 << int(4 * X.shape[1] - 1).bit_length()
+    # Order and memory of the disturbances are limited by the longest manoeuvre.  A transform of the
+    # length of a shorter one would lose coefficients, and 1/A could have any size.
+    size = 1 << int(4 * longest - 1).bit_length()
     by_output = np.ascontiguousarray(X.transpose(0, 2, 1))
     F = np.fft.rfft(by_output, size)  # (unknown, output, frequency)
     responses = [1.0 / np.fft.rfft(colour.disturbance.coefficients, size) for colour in colours]

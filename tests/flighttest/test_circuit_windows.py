@@ -78,3 +78,22 @@ def test_a_window_without_room_is_refused():
     windows = [window(0.01), window(0.01, errors=130)]
     with pytest.raises(IdentificationError, match=r"0-0\.39 s has 138 unknowns.*divide the window"):
         circuit_fit.fit_circuit(LOADING, windows, [], START, {})
+
+
+def test_the_noise_of_a_long_line_of_the_force_is_one_unknown():
+    """The mean of 100 samples of 0.5 N has an error of 0.05 N, which moves the offset."""
+    time = np.arange(0.0, 3.0, 0.01)
+    after = np.maximum(time - 1.0, 0.0)
+    travel = 0.05 * np.exp(-4.0 * after) * np.cos(20.0 * after)
+    force = np.where(time < 1.0, 80.0, 0.0)
+    force = force + np.random.default_rng(3).normal(0.0, 0.5, len(time))
+    channels = {"F_pedal": force, "pedal": travel, "delta_r": travel, "qbar": 1000.0 + 0 * time}
+    columns = {name: ("time", x) for name, x in channels.items()}
+    (found,) = find_windows(LOADING, [xr.Dataset(columns, {"time": time})])
+    assert len(found.edges) == 1
+    held, free = found.errors
+    # The mean is that of the whole line, of which the window has a part.
+    assert held[1] == pytest.approx(0.5 / np.sqrt(100), rel=0.2)
+    assert free[1] == pytest.approx(0.5 / np.sqrt(200), rel=0.2)
+    covered = [k for part, _ in found.errors for k in range(part.start, part.stop)]
+    assert covered == list(range(len(found.time)))

@@ -91,8 +91,9 @@ _SLOW = 6.0
 LEAST_RATE = 0.02
 # Standard deviation of the Gaussian low-pass in periods of its cut-off (amplitude 0.71).
 _WIDTH = 0.1325
-# Periods of the cut-off beyond which 0.1 % of a step remains.
-_REACH = 3.1 * _WIDTH
+# Periods of the cut-off beyond which 0.1 % of a step remains.  The smoothed rate exceeds
+# `LEAST_RATE` up to 2.05 standard deviations of the low-pass before the control breaks away.
+_REACH = (3.1 + 2.05) * _WIDTH
 # Smallest jump of the force between two samples: part of its range, and multiple of its noise.
 _JUMP, _CLEAR = 0.2, 8.0
 

@@ -7,7 +7,7 @@ the constants and hold at every sliding sample.
 
     F     = offset + bob + C s + P sgn(s) + R sgn(s') + r |g| sgn(a') + (W + w g^2 - e) s'
             + (m + J g^2) s'' - g qbar S c Ch
-    s - a = [J g^2 a'' + w g^2 a' + r |g| sgn(a') - g H] / K - rigging / g
+    s - a = [J g^2 a'' + w g^2 a' + r |g| sgn(a') - g H - D (s' - a')] / K - rigging / g
 
 The search is that of `flighttest.maximum_likelihood`.
 

@@ -38,6 +38,8 @@ _OF_SURFACE = {
     "hinge_damping": ("aft_rate", 2),
     "inertia": ("aft_acceleration", 2),
 }
+# Constant of the cable, whose force acts on the stretch alone.
+_CABLE_DAMPING = "cable_damping"
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class DrivenRows:
     force : dict of str to array (samples,)
         Regressors of the force by constant.
     surface : dict of str to array (samples,)
-        Forces on the surface end by constant.
+        Forces on the surface end that the spring of the cable carries, by constant.
     travel, rate : array (samples,)
         Travel, and its rate. [m or rad, and per second]
     step : float
@@ -218,6 +220,7 @@ def _regressors(
     moved = {str(name): x.values for name, x in record.moved.data_vars.items()}
     # Both ends move alike in slow motion.  With a noisy derivative of each, least squares would
     # take what their noises have in common, which is nothing, for the mass.
+    stretching = moved["rate"] - moved["aft_rate"]
     fore, aft = record.white
     share = fore / (fore + aft) if fore + aft > 0.0 else 0.5
     for name in ("rate", "acceleration"):
@@ -235,4 +238,6 @@ def _regressors(
     surface = {}
     for name, (signal, power) in _OF_SURFACE.items():
         surface[name] = abs(loading.gearing) ** power * moved[signal]
-    return force | surface, hinge | surface
+    # The damper of the cable carries a part of the load while the load rises.
+    damper = {_CABLE_DAMPING: -stretching}
+    return force | surface, hinge | surface | damper

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from flightmech.support.arrays import true_runs
 from flightmech.units import G0
 from flighttest.records.signals.white_noise import estimate_white_noise
 from flighttest.submodels.control_loading.loading import ControlLoading
@@ -29,7 +30,7 @@ HAND = "hand_damping"
 # Names of the unknowns of a window.
 TRAVEL, SURFACE, EDGE, ERROR = "start.travel", "start.surface", "edge", "force_error"
 # Length of the pieces over which the noise of the force is an unknown, and length of a line of the
-# force from which on its error is small. [s]
+# force from which on the noise of the whole line is one unknown. [s]
 _PIECE, _LONG = 0.1, 0.25
 # Most pieces of a window: the kernel has room for 128 unknowns, with the constants of the circuit,
 # the terms of the hinge moment and the jumps of the force.
@@ -212,18 +213,28 @@ def _prepare_window(
 def _force_errors(data: xr.Dataset, is_driven: bool) -> tuple[tuple[slice, float], ...]:
     """Return the pieces of a window over which the noise of the force is an unknown.
 
-    A long line of the force is known; a ramp of a pulse, the force of a hand that drives the
-    control, or a force of any other form, is not. A window of more than `_MOST_PIECES` pieces has
-    longer ones: the slower part of that noise remains an unknown.
+    Noise of a long line of the force is one unknown, as small as the mean of so many samples. A
+    ramp of a pulse, the force of a hand that drives the control, or a force of any other form has
+    pieces of `_PIECE`. A window of more than `_MOST_PIECES` pieces has longer ones: the slower part
+    of that noise remains an unknown.
     """
     step = float(np.median(np.diff(data["time"].values)))
     n = data.sizes["time"]
     size = max(1, round(_PIECE / step), math.ceil(n / _MOST_PIECES))
-    is_known = data["force_line"].values * step > _LONG
+    lines = data["force_line"].values
+    is_known = lines * step > _LONG
     noise = float(data["force_noise"].values[0])
+    if not noise > 0.0:
+        return ()
     pieces = []
+    # Number of the line of each sample; 0 in a piece.
+    line = 1 + np.append(0, np.cumsum(np.diff(lines) != 0))
     for start in range(0, n, size):
         part = slice(start, min(start + size, n))
-        if noise > 0.0 and (is_driven or not is_known[part].all()):
+        if is_driven or not is_known[part].all():
             pieces.append((part, noise / np.sqrt(part.stop - part.start)))
+            line[part] = 0
+    for number in np.unique(line[line > 0]):
+        for start, stop in true_runs(line == number):
+            pieces.append((slice(start, stop), noise / np.sqrt(lines[start])))
     return tuple(pieces)

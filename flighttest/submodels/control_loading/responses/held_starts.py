@@ -20,14 +20,14 @@ from flighttest.submodels.control_loading.responses.free_response import SURFACE
 def hold_starts(
     layout: UnknownVector, maximum: LikelihoodMaximum
 ) -> tuple[UnknownVector, tuple[int, ...]]:
-    """Return the unknowns with the starts of windows held where a search stalled, and the windows.
+    """Return the unknowns with the starts of windows held that a search left moving, and the windows.
 
     Friction holds a control at rest: the likelihood of its start has a kink where one end begins to
-    slide, and no gradient vanishes there. The other unknowns may then still reach their maximum.
-    No window is held if the search converged, or had too few iterations. The standard errors are
-    those with free starts.
+    slide, and no gradient vanishes there. A search then stalls, or creeps along the kink until its
+    iterations end. The other unknowns may still reach their maximum; `release_starts` proves it.
+    No window is held if the search converged. The standard errors are those with free starts.
     """
-    if maximum.stop != STALLED:
+    if maximum.converged:
         return layout, ()
     moves = steps_in_errors(maximum) > PROVEN
     windows = set()
