@@ -1,4 +1,4 @@
-"""An aircraft of two engines with a cross-feed as an FMU: the bits of the kernel, a serialised state, the names."""
+"""An aircraft of two engines with a cross-feed as an FMU: bits, serialised state, names."""
 
 from __future__ import annotations
 
