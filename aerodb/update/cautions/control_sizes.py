@@ -72,8 +72,9 @@ def control_sizes(
     DataFrame
         Index control, for each that is a term of a fit; ``coefficient`` that is compared,
         ``ratio`` (NaN if the a-priori effect is zero or less than two of its standard errors),
-        ``stderr`` of the fits, ``prior_stderr`` of the a-priori effect, over it, ``fits`` (number), ``damping`` (the same ratio of the rate derivative
-        about this axis), ``others`` (ratios of the other coefficients, a text). [1]
+        ``stderr`` of the fits, ``prior_stderr`` (of the a-priori effect, as a share of it),
+        ``fits`` (number), ``damping`` (the same ratio of the rate derivative about this axis),
+        ``others`` (ratios of the other coefficients, a text). [1]
 
     Raises
     ------
