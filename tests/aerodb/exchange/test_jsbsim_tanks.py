@@ -42,7 +42,7 @@ def database(craft: flightmech.Aircraft):
 
 
 def test_tanks_of_the_cessna_172p(cessna):
-    """Two tanks of 185 lb with 100 lb each, 112 in beside the plane of symmetry."""
+    """Two tanks of 185 lb with 100 lb each, 112 in from the plane of symmetry."""
     left, right = cessna.fuel.tanks
     assert (left.name, right.name) == ("tank0", "tank1")
     assert left.content == right.content == pytest.approx(100.0 * POUND)

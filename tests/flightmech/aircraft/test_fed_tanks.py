@@ -14,7 +14,7 @@ from flightmech.aircraft.aircraft_file import aircraft_schema
 from flightmech.errors import SchemaError
 
 FILE = """
-name = "twin"
+name = "two_engines"
 S = 17.0
 cbar = 1.67
 b = 10.3
