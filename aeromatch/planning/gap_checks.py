@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import xarray as xr
 
 from flighttest.records.sensors.measurements import inertial_channels
-from flighttest.records.signals.clock_gaps import gap_text, gaps_in, sample_gaps
+from flighttest.records.signals.clock_gaps import channel_gaps, gap_text, gaps_in, sample_gaps
 from pom.cases.case import PomCase
 from pom.cases.reference_states import GAP_REMEDY, drives
 
@@ -49,7 +49,7 @@ def gap_departures(
         # channel that is blank alone is an error of the reconstruction.
         inertial = inertial_channels(data)
         for channel in (item for item in names if item not in inertial):
-            for gap in sample_gaps(data, [channel]):
+            for gap in channel_gaps(data, channel):
                 if gap not in shared:
                     leaves.setdefault(gap, []).append(f"{leaf}/{channel}")
                     channels.setdefault(gap, []).append(channel)

@@ -139,7 +139,7 @@ def _check_tanks(fuel: Fuel) -> Iterator[str]:
     if len(fuel.tanks) > _MOST_ITEMS:
         yield f"{len(fuel.tanks)} tanks; a model holds {_MOST_ITEMS}, combine some"
     for number, tank in enumerate(fuel.tanks, 1):
-        if not re.match(_NAME, tank.name):
+        if not re.fullmatch(_NAME, tank.name):
             yield (
                 f"tank {number} has the name {tank.name!r}; give small letters, digits and _, e.g. "
                 f"left, by which engines state what feeds them"

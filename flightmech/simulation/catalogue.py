@@ -135,9 +135,14 @@ def input_rows(aircraft: Aircraft) -> list[CatalogueEntry]:
     return _list_rows(INPUT, aircraft, _input_row)
 
 
-def output_rows(aircraft: Aircraft) -> list[CatalogueEntry]:
-    """Return the rows of the outputs."""
-    return _list_rows(OUTPUT, aircraft, lambda name, _: _output_row(name))
+def output_rows(
+    aircraft: Aircraft, items: Mapping[str, Sequence[str]] | None = None
+) -> list[CatalogueEntry]:
+    """Return the rows of the outputs.
+
+    `items` are those of the groups, unless they are those of the aircraft alone.
+    """
+    return _list_rows(OUTPUT, aircraft, lambda name, _: _output_row(name), items=items)
 
 
 def state_rows(aircraft: Aircraft) -> list[CatalogueEntry]:
@@ -171,11 +176,16 @@ def variable_rows(names: Sequence[str], aircraft: Aircraft) -> list[CatalogueEnt
 
 
 def _list_rows(
-    kind: int, aircraft: Aircraft, make_core_row: Callable[[str, Aircraft], CatalogueEntry]
+    kind: int,
+    aircraft: Aircraft,
+    make_core_row: Callable[[str, Aircraft], CatalogueEntry],
+    items: Mapping[str, Sequence[str]] | None = None,
 ) -> list[CatalogueEntry]:
     """Return the rows of one kind: those of the core, and those of the submodels."""
     rows = []
-    for group, item, name in _expand_patterns(kind, submodels.submodel_items(aircraft)):
+    if items is None:
+        items = submodels.submodel_items(aircraft)
+    for group, item, name in _expand_patterns(kind, items):
         if group:
             rows.append(submodels.submodel_row(kind, group, item, name=name, aircraft=aircraft))
         else:

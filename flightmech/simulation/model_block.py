@@ -22,9 +22,7 @@ from flightmech.build_up import COEFFICIENTS
 from flightmech.envelope.envelope import Envelope, pack_envelope
 from flightmech.simulation import catalogue, submodels
 from flightmech.simulation.kernel import (
-    OUTPUT,
     CatalogueEntry,
-    computable_names,
     list_name_groups,
 )
 from flightmech.simulation.kernel_library import load_kernel
@@ -140,7 +138,7 @@ class Packer:
         sections = [
             (1, self._pack_geometry()),
             self._pack_entries(catalogue.input_rows(self.aircraft)),
-            self._pack_entries(self._list_outputs()),
+            self._pack_entries(catalogue.output_rows(self.aircraft, self._list_items())),
             self._pack_entries(catalogue.parameter_rows(self.aircraft, names, powers)),
             self._pack_entries(catalogue.state_rows(self.aircraft)),
             self._pack_entries(catalogue.variable_rows(self.variables, self.aircraft)),
@@ -158,22 +156,16 @@ class Packer:
             sections.append((len(tables), tables))
         return _join_sections(sections)
 
-    def _list_outputs(self) -> list[CatalogueEntry]:
-        """Return the rows of the outputs; those of the envelope are the last."""
-        rows = catalogue.output_rows(self.aircraft)
-        if self.envelope is None:
-            return rows
-        group = submodels.envelope.GROUP
-        for name in computable_names(OUTPUT):
-            if name.group == group:
-                rows.append(submodels.submodel_row(OUTPUT, group, "", name.pattern, self.aircraft))
-        return rows
-
-    def _pack_items(self) -> list[bytes]:
-        """Return number of the group and name of each item of a submodel."""
+    def _list_items(self) -> dict[str, tuple[str, ...]]:
+        """Return the items of every group, with the envelope if there is one."""
         items = submodels.submodel_items(self.aircraft)
         if self.envelope is not None:
             items[submodels.envelope.GROUP] = ("",)
+        return items
+
+    def _pack_items(self) -> list[bytes]:
+        """Return number of the group and name of each item of a submodel."""
+        items = self._list_items()
         records = []
         for number, group in enumerate(list_name_groups()):
             for item in items.get(group, ()):

@@ -21,7 +21,7 @@ from flighttest.reconstruction.problem.problem import body_rates, specific_force
 from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.sensors.measurements import MEASURED, lies_in_windows, without_blanks
-from flighttest.records.signals.clock_gaps import gaps_in, sample_gaps
+from flighttest.records.signals.clock_gaps import channel_gaps, gaps_in
 from flighttest.records.signals.conditioning import SLOW, demand_numbers
 from flighttest.records.signals.resampling import resample_to_grid
 
@@ -76,7 +76,7 @@ def _channel_gaps(record: xr.DataTree) -> dict[str, list[tuple[float, float]]]:
     for node in record.children.values():
         data = node.to_dataset()
         for name in map(str, data.data_vars):
-            if name not in _RAW and (found := sample_gaps(data, [name])):
+            if name not in _RAW and (found := channel_gaps(data, name)):
                 gaps[name] = found
     return gaps
 
@@ -233,7 +233,7 @@ def _warn_of_bridges(node: xr.Dataset, windows: list[tuple[float, float]]) -> No
     for name in map(str, node.data_vars):
         if np.isfinite(node[name].values).all():
             continue
-        gaps = [gap for gap in sample_gaps(node, [name]) if _is_inside(gap, windows)]
+        gaps = [gap for gap in channel_gaps(node, name) if _is_inside(gap, windows)]
         texts += [f"{name} from {start:g} to {stop:g} s" for start, stop in gaps]
     if texts:
         text = (

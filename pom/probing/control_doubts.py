@@ -40,6 +40,8 @@ def size_remarks(evidence: xr.DataTree, case: PomCase, states: xr.Dataset) -> tu
             continue
         # a control that the record holds in [constants] has one number
         values = np.broadcast_to(states.variables[control].values.astype(float), time.shape)
-        if inside.any() and np.ptp(values[inside]) >= _MOVED:
+        # a control may be blank for a part of the window
+        known = values[inside & np.isfinite(values)]
+        if known.size and np.ptp(known) >= _MOVED:
             remarks.append(RowRemark("departure", f"departure: {text}", control))
     return tuple(remarks)

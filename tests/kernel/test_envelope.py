@@ -4,6 +4,7 @@ without one keep their bytes.
 
 import struct
 import zlib
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 import xarray as xr
 
 import flightmech
+from flightmech.aircraft.engine import Engine
+from flightmech.aircraft.fuel import Fuel, Tank
 from flightmech.envelope.envelope import make_envelope
 from flightmech.errors import SchemaError
 from flightmech.flown_states import FLOWN_STATES, gather_states, pack_states
@@ -197,3 +200,17 @@ def test_model_description_states_the_codes(version):
     texts = {item.get("name"): item.get("description") for item in xml.iter() if item.get("name")}
     assert "0 flown, 1 between flown points, 2 a-priori, 3 extrapolated" in texts["envelope.region"]
     assert "0 none, 1 alpha, 2 beta, 3 mach, 4 delta_f" in texts["envelope.axis"]
+
+
+def test_a_model_with_tanks_has_the_outputs_of_the_envelope_in_the_order_of_the_kernel():
+    """Groups of the tanks follow that of the envelope."""
+    engine = Engine((0.0, 0.0, 0.0), feed=("left",))
+    tank = Tank((0.0, -2.0, 0.0), 200.0, name="left", content=100.0)
+    craft = replace(jet(), engines=(engine,), fuel=Fuel(100.0, tanks=(tank,)))
+    sim = compile_with_envelope(craft, DATABASE)
+    plain = flightmech.compile(craft, DATABASE)
+    added = set(sim.outputs) - set(plain.outputs)
+    assert added == {"envelope.region", "envelope.axis"}
+    y = flightmech.simulate(sim, xr.Dataset(coords={"time": [0.0, 0.1]}), {"init.V": 120.0})
+    assert float(y["tank.left.fuel"][-1]) == float(y["fuel"][-1]) == 100.0
+    assert float(y["envelope.region"][-1]) in range(4)

@@ -24,7 +24,7 @@ from aerodb.update.observations import (
 )
 from flightmech import terms as _terms
 
-COLUMNS = ("coefficient", "ratio", "stderr", "fits", "damping", "others")
+COLUMNS = ("coefficient", "ratio", "stderr", "prior_stderr", "fits", "damping", "others")
 _START = "size of "  # of a warning
 LEAST, MOST = 0.35, 1.3
 """Effect in flight over the a-priori one, beyond which the size of a control is doubted.
@@ -32,7 +32,9 @@ LEAST, MOST = 0.35, 1.3
 The records of the T-37, the C182 and the commuter have 0.42 to 0.97.
 """
 _CERTAIN = 3.0  # standard errors by which the ratio is beyond its limit
-_KNOWN = 2.0  # a-priori standard errors that an effect must have to be compared
+# A-priori standard errors that an effect must have to be compared, and by which the flights must
+# differ from it: a guess of half the effect leaves room for both limits.
+_KNOWN = 2.0
 _EXPECTED = (0.7, 1.4)  # ratio of a damping that is as expected
 # By control: coefficients in the order in which one is compared, and regressor of the damping.
 _EFFECTS = {
@@ -48,6 +50,7 @@ class _Ratio:
 
     value: float
     stderr: float
+    prior_stderr: float
     fits: int
 
 
@@ -69,8 +72,9 @@ def control_sizes(
     DataFrame
         Index control, for each that is a term of a fit; ``coefficient`` that is compared,
         ``ratio`` (NaN if the a-priori effect is zero or less than two of its standard errors),
-        ``stderr`` of the fits, ``fits`` (number), ``damping`` (the same ratio of the rate derivative
-        about this axis), ``others`` (ratios of the other coefficients, a text). [1]
+        ``stderr`` of the fits, ``prior_stderr`` (of the a-priori effect, as a share of it),
+        ``fits`` (number), ``damping`` (the same ratio of the rate derivative about this axis),
+        ``others`` (ratios of the other coefficients, a text). [1]
 
     Raises
     ------
@@ -97,7 +101,8 @@ def control_sizes(
         damping = _ratio_of(rate, *observed[first])
         others = ", ".join(f"{name} {ratios[name].value:.2f}" for name in known[1:])
         ratio = ratios[first]
-        rows.append((first, ratio.value, ratio.stderr, ratio.fits, damping.value, others))
+        errors = (ratio.stderr, ratio.prior_stderr)
+        rows.append((first, ratio.value, *errors, ratio.fits, damping.value, others))
         index.append(control)
     return pd.DataFrame(rows, columns=list(COLUMNS), index=pd.Index(index, name="control"))
 
@@ -110,14 +115,14 @@ def _ratio_of(
     errors = np.concatenate([_errors_by(regressor, leaf) for leaf in group.free.values()])
     rows = list(_rows_of(regressor, observed, nodes, errors))
     if not rows:
-        return _Ratio(np.nan, np.nan, 0)
+        return _Ratio(np.nan, np.nan, np.nan, 0)
     theta, expected, unknown, variance, common = np.array(rows).T
     # Where the a-priori effect may as well be zero, a ratio to it has no meaning.
     is_known = np.abs(expected) > _KNOWN * unknown
     if not is_known.any() or not (unknown[is_known] > 0.0).any():
-        return _Ratio(np.nan, np.nan, len(rows))
-    theta, expected, variance, common = (
-        column[is_known] for column in (theta, expected, variance, common)
+        return _Ratio(np.nan, np.nan, np.nan, len(rows))
+    theta, expected, unknown, variance, common = (
+        column[is_known] for column in (theta, expected, unknown, variance, common)
     )
     # Least squares of theta = ratio expected; the common errors are those of all fits at once.
     weight = expected / np.maximum(variance + common**2, np.finfo(float).tiny)
@@ -125,7 +130,8 @@ def _ratio_of(
     ratio = float(weight @ theta)
     own = np.maximum(variance, (theta - ratio * expected) ** 2)
     stderr = float(np.hypot(np.sqrt(weight**2 @ own), np.abs(weight) @ common))
-    return _Ratio(ratio, stderr, len(rows))
+    prior_stderr = float(np.abs(weight) @ unknown)
+    return _Ratio(ratio, stderr, prior_stderr, len(rows))
 
 
 def _rows_of(
@@ -166,6 +172,8 @@ def doubtful_sizes(sizes: pd.DataFrame) -> dict[str, str]:
     for control, row in sizes.iterrows():
         margin = _CERTAIN * row["stderr"]
         if not (row["ratio"] - margin > MOST or row["ratio"] + margin < LEAST):
+            continue
+        if abs(row["ratio"] - 1.0) < _KNOWN * row["prior_stderr"]:
             continue
         rate = _EFFECTS[str(control)][1]
         also = f" and in {row['others']}" if row["others"] else ""

@@ -79,7 +79,28 @@ def sample_gaps(data: xr.Dataset, names: Sequence[str]) -> list[tuple[float, flo
     A device that is recorded on change, such as a flap, has no samples while it stands still.  Gaps
     in more than half of its time are not a loss, and are not returned.
     """
-    clock = filled_instants(data, names)
+    return _gaps_of_samples(filled_instants(data, names), names)
+
+
+def channel_gaps(data: xr.Dataset, name: str) -> list[tuple[float, float]]:
+    """Return the gaps of one channel as `sample_gaps`, with those at both ends of its clock. [s]
+
+    A channel that is blank up to the end, while others of its clock have values, has no samples
+    there.
+    """
+    filled = filled_instants(data, [name])
+    gaps = _gaps_of_samples(filled, [name])
+    if filled.size < 3:
+        return gaps
+    clock = data["time"].values.astype(float)
+    longest = max(BRIDGED, GAP * float(np.median(np.diff(filled))))
+    first, last = (clock[0], filled[0]), (filled[-1], clock[-1])
+    ends = [(float(start), float(stop)) for start, stop in (first, last) if stop - start > longest]
+    return sorted([*gaps, *ends])
+
+
+def _gaps_of_samples(clock: np.ndarray, names: Sequence[str]) -> list[tuple[float, float]]:
+    """Return the gaps between the instants (time,) of channels, unless they stood still. [s]"""
     gaps = clock_gaps(clock)
     if not gaps or _CONTINUOUS.intersection(names):
         return gaps

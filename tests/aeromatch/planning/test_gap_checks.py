@@ -76,6 +76,11 @@ def test_blank_cells_of_one_control_are_a_gap_of_this_channel():
     (line,) = gap_departures("slow", record, [CASE], {})
     assert "from 39.95 to 42 s (controls/delta_a)" in line
     assert "case phugoid is not flown across it, and its rows are invalid" in line
+    # ailerons that end before the window does
+    late = {**controls, "delta_a": ("time", np.where(CLOCK > 42.0, np.nan, 0.01))}
+    record = xr.DataTree.from_dict({"/controls": xr.Dataset(late, {"time": CLOCK})})
+    (line,) = gap_departures("slow", record, [CASE], {})
+    assert f"from 42 to {CLOCK[-1]:g} s (controls/delta_a)" in line
 
 
 def test_gaps_that_take_nothing_are_not_named():

@@ -14,7 +14,7 @@ from flightmech.aircraft.aircraft_file import aircraft_schema
 from flightmech.errors import SchemaError
 
 FILE = """
-name = "two engines"
+name = "two_engines"
 S = 17.0
 cbar = 1.67
 b = 10.3
@@ -126,6 +126,11 @@ def test_parts_of_the_fuel_take_the_feeds_along(file):
         ('name = "tip"', 'name = "left"', "fuel: 2 tanks have the name left; give each its own"),
         ('name = "tip", ', "", "fuel: tank 3 has the name ''; give small letters, digits and _"),
         ('name = "tip"', 'name = "Tip 1"', "fuel: tank 3 has the name 'Tip 1'; give small letters"),
+        (
+            'name = "tip"',
+            r'name = "tip\n"',
+            r"fuel: tank 3 has the name 'tip\n'; give small letters",
+        ),
     ],
 )
 def test_feeds_and_contents_that_do_not_fit_are_refused(file, old, new, message):

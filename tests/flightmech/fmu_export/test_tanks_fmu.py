@@ -1,4 +1,4 @@
-"""An aircraft of two engines with a cross-feed as an FMU: bits, serialised state, names."""
+"""An aircraft with a cross-feed as an FMU: the bits of the kernel, a serialised state, the names."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def sim(plain, plain_aircraft) -> flightmech.SimModel:
 
 @pytest.fixture(scope="module")
 def fmu(sim, tmp_path_factory):
-    path = tmp_path_factory.mktemp("fmu") / "engines.fmu"
+    path = tmp_path_factory.mktemp("fmu") / "tanks.fmu"
     write_fmu(sim, path, version="2.0")
     return path
 
@@ -53,8 +53,8 @@ def fmu(sim, tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_names_of_tanks_are_those_of_fmi(sim, tmp_path, version):
-    path = write_fmu(sim, tmp_path / "engines.fmu", version=version) or tmp_path / "engines.fmu"
-    assert validate_fmu(tmp_path / "engines.fmu") == []
+    path = write_fmu(sim, tmp_path / "tanks.fmu", version=version) or tmp_path / "tanks.fmu"
+    assert validate_fmu(tmp_path / "tanks.fmu") == []
     description = fmpy.read_model_description(path)
     variables = {variable.name: variable for variable in description.modelVariables}
     assert variables["crossfeed"].causality == "input"

@@ -32,7 +32,7 @@ def sim(craft, plain) -> flightmech.SimModel:
 
 
 def test_controls_hold_the_wings_level_against_an_imbalance(sim):
-    """CY, Cl and Cn of sideslip, ailerons and rudder against the weight off the reference point:
+    """CY, Cl and Cn of sideslip, ailerons and rudder against the weight at its distance:
     M = (y W cos(theta), ., y W sin(theta)) / (qbar S b).
     """
     y = flightmech.trim(sim, LEVEL | LOADS)

@@ -38,3 +38,14 @@ def test_a_channel_without_values_is_an_error():
         _recorded_channels(record((CLOCK > 0.5) & (CLOCK < 19.5)), GRIDS, set())
     with pytest.raises(SchemaError, match="controls/delta_a"):
         _recorded_channels(record(CLOCK[100] == CLOCK, np.inf), GRIDS, set())
+
+
+def test_a_channel_blank_at_an_end_of_its_clock_has_a_gap_there():
+    """A constant value would stand for the missing ailerons."""
+    tree = record((CLOCK < 2.99) | (CLOCK > 17.01))
+    with pytest.warns(
+        UserWarning, match=r"delta_a from 0 to 3 s, delta_a from 17 to 19.95 s; leave"
+    ):
+        _recorded_channels(tree, GRIDS, set())
+    assert _channel_gaps(tree) == {"delta_a": [(0.0, 3.0), (17.0, CLOCK[-1])]}
+    assert _channel_gaps(record(CLOCK < 0.49)) == {}

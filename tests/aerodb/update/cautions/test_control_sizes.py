@@ -103,6 +103,15 @@ def test_an_effect_that_is_not_known_before_is_not_compared():
         assert "delta_a has no known a-priori effect" in sizes_text(sizes)
 
 
+def test_a_wide_prior_leaves_room_for_its_errors():
+    """1.54 of a guess with 40 % of error is expected; 2.0 of one with 20 % is not."""
+    sizes = control_sizes(fits(1.0), prior(-0.13, 0.052))
+    assert sizes.loc["delta_a", "prior_stderr"] == pytest.approx(0.4, abs=1e-6)
+    assert sizes.loc["delta_a", "ratio"] == pytest.approx(1.54, abs=0.02)
+    assert doubtful_sizes(sizes) == {}
+    assert list(doubtful_sizes(control_sizes(fits(1.0), prior(-0.1, 0.02)))) == ["delta_a"]
+
+
 def test_the_doubt_is_a_warning_and_a_notice_of_the_database():
     db = prior()
     with pytest.warns(AeromatchWarning, match="size of delta_a"):
