@@ -65,7 +65,7 @@ from flightmech.aircraft.controls import (
 )
 from flightmech.aircraft.engine import Engine, EngineTable, engine_of
 from flightmech.aircraft.facts import FactsTable, fact_problems
-from flightmech.aircraft.fuel import FuelSection, check_feeds, fuel_of
+from flightmech.aircraft.fuel import FuelSection, check_feeds, fuel_of, warn_of_full_tanks
 from flightmech.aircraft.landing_gear_file import GearTable, gear_of
 from flightmech.aircraft.propulsion.engine_deck import DeckFiles
 from flightmech.aircraft.separation import StallSection, separation_of
@@ -110,6 +110,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
     problems += fact_problems(facts, content.mass, cbar=content.cbar, engines=len(engines))
     if problems:
         raise SchemaError(str(path), problems)
+    warn_of_full_tanks(engines, str(path))
     parts: dict[str, Any] = {
         "engines": engines,
         "controls": controls,

@@ -37,6 +37,7 @@ from __future__ import annotations
 
 import re
 import sys
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -47,7 +48,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.aircraft.propulsion.engine_deck import open_tables
-from flightmech.errors import SchemaError
+from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.short_text import ShortText
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
@@ -197,6 +198,31 @@ def _check_feed(engine: Engine, names: Sequence[str]) -> Iterator[str]:
             yield f"{name} is not a tank; allowed: {', '.join(names)}"
         if count > 1:
             yield f"{name} is there {count} times in feed and crossfeed; keep one"
+
+
+def warn_of_full_tanks(engines: Sequence[Engine], file: str) -> None:
+    """Warn of engines that tanks feed and that burn no fuel, so that the tanks are never empty.
+
+    Parameters
+    ----------
+    engines : sequence of Engine
+    file : str
+        Name of the aircraft file.
+    """
+    idle = []
+    for number, engine in enumerate(engines, 1):
+        tables = () if engine.deck is None else tuple(engine.deck.tables)
+        # a piston engine has its consumption by its power
+        burns = engine.piston is not None or any(name.endswith("fuel_flow") for name in tables)
+        if engine.feed and not burns:
+            idle.append(str(number))
+    if idle:
+        warnings.warn(
+            f"{file}: tanks feed engine {', '.join(idle)}, which burns no fuel, so that they stay "
+            f"as full as they are; give a table fuel_flow or corrected_fuel_flow",
+            AeromatchWarning,
+            stacklevel=3,
+        )
 
 
 def tank_tables(tanks: Sequence[Tank]) -> dict[str, xr.Dataset]:

@@ -11,8 +11,10 @@ import pytest
 
 import flightmech
 from flightmech.aircraft.aircraft_file import aircraft_schema
-from flightmech.errors import SchemaError
+from flightmech.errors import AeromatchWarning, SchemaError
 
+# the engines of the file have no tables
+pytestmark = pytest.mark.filterwarnings("ignore:.*burns no fuel")
 FILE = """
 name = "two_engines"
 S = 17.0
@@ -154,3 +156,9 @@ def test_a_feed_without_fuel_is_refused(file):
     path.write_text(text)
     with pytest.raises(SchemaError, match="the engines have a feed, but there are no tanks; add"):
         flightmech.read_aircraft(path)
+
+
+def test_tanks_of_engines_that_burn_nothing_are_named(file):
+    """Their fuel would stay as it is in every flight."""
+    with pytest.warns(AeromatchWarning, match="tanks feed engine 1, 2, which burns no fuel"):
+        flightmech.read_aircraft(file())

@@ -253,7 +253,10 @@ def _lift_findings(
     if any(_RESTORED[0] <= ratio <= _RESTORED[1] for ratio in areas):
         text += "; or S, cbar and b are all in another unit"
     # The record of another aeroplane has a lift curve of its own mass and wing.
-    text += "; or the record is of another aeroplane; or height or airspeed, on which dynamic pressure rests, is wrong"
+    text += (
+        "; or the record is of another aeroplane; or height or airspeed, on which dynamic "
+        "pressure rests, is wrong"
+    )
     remedy = _REMEDY
     if channel and likely:
         remedy = map_entry(record, channel, likely[0][2])
