@@ -19,6 +19,8 @@ from aeromatch.planning import model_checks
 from aeromatch.planning.case_checks import CaseChecks
 from aeromatch.planning.record_look import LookTask, RecordLook
 from aeromatch.planning.record_looks import RecordLooks
+from aeromatch.planning.remarks import project_remarks
+from aeromatch.planning.repeated_samples import repeated_sample_problems
 from aeromatch.planning.steps import (
     join_equal_lines,
     products_of,
@@ -59,6 +61,9 @@ class MatchPlan:
     departures : list of str
         Departures of the windows of cases from normal practice, and gaps in the clocks of records.
         The match runs with them, and its verdicts state them.
+    remarks : list of str
+        Unusual numbers and models that are mostly mistakes. The match runs with them and prints
+        them as warnings.
     """
 
     project: Project
@@ -68,6 +73,7 @@ class MatchPlan:
     products: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     departures: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     def demand(self) -> None:
         """Raise all problems, if there are any.
@@ -163,6 +169,7 @@ class MatchPlan:
             "products": self.products,
             "problems": self.problems,
             "departures": self.departures,
+            "remarks": self.remarks,
         }
 
 
@@ -210,6 +217,7 @@ def make_plan(
     plan.cases += filter(None, cases)
     problems += contradictions(plan.cases)
     problems += model_checks.name_problems(project)
+    plan.remarks += project_remarks(project)
     # a case that cannot be read would be missed by its recording, too
     if len(plan.cases) == len(project.cases):
         run_collecting_problems(problems, "", read_devices, project, plan.cases)
@@ -227,12 +235,15 @@ def make_plan(
         for look in plan.looks.values():
             problems += look.problems
             plan.departures += look.departures
+        samples = {name: look.samples for name, look in plan.looks.items()}
+        problems += repeated_sample_problems(samples)
         checks.run()
     if options.samples:
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)
     # Two checks may report one problem, and many records have a common one.
     plan.problems = join_equal_lines(problems)
     plan.departures = join_equal_lines(plan.departures)
+    plan.remarks = join_equal_lines(plan.remarks)
     plan.steps = steps_of(project, names, len(plan.cases), options.compare_tables)
     plan.products = products_of(project, plan.cases, options.compare_tables)
     return plan

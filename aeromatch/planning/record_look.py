@@ -13,6 +13,7 @@ import xarray as xr
 
 import flighttest
 from aeromatch.planning.gap_checks import gap_departures
+from aeromatch.planning.repeated_samples import used_samples
 from aeromatch.planning.sample_checks import fit_problems, manoeuvre_problems, submodel_problems
 from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.model_sections import FitSection
@@ -124,6 +125,8 @@ class RecordLook:
         The first states of a record that identifies something. [SI]
     windows : dict of str to Dataset (time,)
         States of each case that has no problem with the record. [SI]
+    samples : dict of str to array of uint64
+        Hashes of the samples that identify a coefficient, or a submodel by its position.
     """
 
     name: str
@@ -135,6 +138,7 @@ class RecordLook:
     uses: dict[str, tuple[int, float]] = field(default_factory=dict)
     start: xr.Dataset | None = None
     windows: dict[str, xr.Dataset] = field(default_factory=dict)
+    samples: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def look_at(
@@ -165,6 +169,7 @@ def look_at(
     look.first, look.last = float(time[0]), float(time[-1])
     if task.fits or task.submodels:
         _check_identification(task, states, spans=spans, look=look)
+        look.samples = used_samples(task.fits, record, spans)
     for case in task.cases:
         problems = case_problems(case, states, {})
         look.problems += problems

@@ -1,0 +1,70 @@
+"""Remarks on the numbers and models of a project file: unusual, and mostly a mistake.
+
+A match runs with them, so that an unusual project is possible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from aeromatch.project.project import Project
+from flightmech.names import REDUCED_RATES
+from flighttest.regression.equation_error.least_squares import intercept_mask
+from flighttest.regression.equation_error.model import RegressionModel
+
+_LARGEST_ERROR = 0.2
+"""Relative standard error from which a number is mostly one in per cent; of the timing, seconds."""
+_REDUCED = {rate: reduced for reduced, (rate, _) in REDUCED_RATES.items()}
+
+
+def project_remarks(project: Project) -> list[str]:
+    """Return the remarks on the standard errors and on the models of the fits of a project.
+
+    Parameters
+    ----------
+    project : Project
+
+    Returns
+    -------
+    list of str
+        One line each, with the position in the project file.
+    """
+    return [*_error_remarks(project), *_model_remarks(project)]
+
+
+def _error_remarks(project: Project) -> Iterator[str]:
+    """Yield the relative standard errors that are too large for any aircraft."""
+    for source, error in project.errors.items():
+        if error < _LARGEST_ERROR:
+            continue
+        if source == "timing":
+            yield (
+                f"errors.timing = {error:g} is a standard error of the clock of {error:g} s; "
+                f"0.002 is usual: give it in seconds"
+            )
+            continue
+        yield (
+            f"errors.{source} = {error:g} is a standard error of {100.0 * error:g} %; it is a "
+            f"share, 0.005 for half a per cent: correct it, or nearly nothing is identified"
+        )
+
+
+def _model_remarks(project: Project) -> Iterator[str]:
+    """Yield the models without a constant, and those with rates that have a dimension."""
+    models = [(f"fit {fit.name!r}", text) for fit in project.fit for text in fit.models]
+    if project.ground_effect is not None:
+        models += [("ground_effect.models", text) for text in project.ground_effect.models]
+    for position, text in models:
+        model = RegressionModel.parse(text)
+        if not intercept_mask(model.terms).any():
+            yield (
+                f"{position}: {model} has no constant: its curve goes through zero, and all slopes "
+                f"change; write {model.coefficient} = 1 + ..., or leave it so on purpose"
+            )
+        for rate in model.variables:
+            if rate in _REDUCED:
+                yield (
+                    f"{position}: {model} has the regressor {rate} with a dimension; the tables "
+                    f"multiply {_REDUCED[rate]}, and a slope over {rate} holds at one airspeed "
+                    f"only: write {_REDUCED[rate]}"
+                )
