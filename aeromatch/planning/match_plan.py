@@ -19,7 +19,7 @@ from aeromatch.planning import model_checks
 from aeromatch.planning.case_checks import CaseChecks
 from aeromatch.planning.record_look import LookTask, RecordLook
 from aeromatch.planning.record_looks import RecordLooks
-from aeromatch.planning.remarks import project_remarks
+from aeromatch.planning.remarks import aircraft_remarks, project_remarks
 from aeromatch.planning.repeated_samples import repeated_sample_problems
 from aeromatch.planning.steps import (
     join_equal_lines,
@@ -224,6 +224,7 @@ def make_plan(
     aircraft = run_collecting_problems(problems, "", flightmech.read_aircraft, project.aircraft)
     apriori: Aircraft | None = None
     if aircraft is not None:
+        plan.remarks += aircraft_remarks(aircraft)
         apriori = run_collecting_problems(problems, "", before_flight, project, aircraft)
     names = _record_names(project, plan.cases, problems)
     if aircraft is not None and apriori is not None:
@@ -235,6 +236,7 @@ def make_plan(
         for look in plan.looks.values():
             problems += look.problems
             plan.departures += look.departures
+            plan.remarks += look.remarks
         samples = {name: look.samples for name, look in plan.looks.items()}
         problems += repeated_sample_problems(samples)
         checks.run()

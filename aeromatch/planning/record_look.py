@@ -22,6 +22,7 @@ from aeromatch.project.sections import RecordSelection
 from aeromatch.workflow.windows import find_case_overlaps, spans_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept
+from flighttest.reconstruction.quality.declarations.rigging import past_stops
 from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
 from pom.checking.case_check import case_problems
@@ -125,6 +126,8 @@ class RecordLook:
         The first states of a record that identifies something. [SI]
     windows : dict of str to Dataset (time,)
         States of each case that has no problem with the record. [SI]
+    remarks : list of str
+        Controls past the stops of the aircraft file.
     samples : dict of str to array of uint64
         Hashes of the samples that identify a coefficient, or a submodel by its position.
     """
@@ -138,6 +141,7 @@ class RecordLook:
     uses: dict[str, tuple[int, float]] = field(default_factory=dict)
     start: xr.Dataset | None = None
     windows: dict[str, xr.Dataset] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
     samples: dict[str, np.ndarray] = field(default_factory=dict)
 
 
@@ -165,6 +169,7 @@ def look_at(
         return look, None
     look.departures += gap_departures(task.name, record, task.cases, spans)
     look.problems += manoeuvre_problems(task.name, table, states)
+    look.remarks += stop_remarks(task, states)
     time = states["time"].values
     look.first, look.last = float(time[0]), float(time[-1])
     if task.fits or task.submodels:
@@ -178,6 +183,21 @@ def look_at(
             for text in window_departures(case, states):
                 look.departures.append(f"case {case.name}: {text}")
     return look, states
+
+
+def stop_remarks(task: LookTask, states: xr.Dataset) -> list[str]:
+    """Return the recorded controls that pass the stops of the aircraft file, a line each."""
+    unknown = str(states.attrs.get("unknown", "")).split()
+    remarks = []
+    for control, stops in task.aircraft.limits.items():
+        if control not in states or control in unknown:
+            continue
+        values = states.variables[control].values
+        values = values[np.isfinite(values)]
+        text = past_stops(control, values, stops) if values.size else ""
+        if text:
+            remarks.append(f"record {task.name}: {text}; correct unit, zero or scale, or the stops")
+    return remarks
 
 
 def _manoeuvres_of(task: LookTask, record: xr.DataTree) -> pd.DataFrame:

@@ -8,7 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from aeromatch.project.project import Project
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.propulsion.usual_sizes import unusual_sizes
+from flightmech.errors import SchemaError
 from flightmech.names import REDUCED_RATES
+from flighttest.reconstruction.quality.declarations.positions import (
+    position_findings,
+    sensor_positions,
+)
+from flighttest.records.sensors.instruments import instruments_of
 from flighttest.regression.equation_error.least_squares import intercept_mask
 from flighttest.regression.equation_error.model import RegressionModel
 
@@ -30,6 +38,20 @@ def project_remarks(project: Project) -> list[str]:
         One line each, with the position in the project file.
     """
     return [*_error_remarks(project), *_model_remarks(project)]
+
+
+def aircraft_remarks(aircraft: Aircraft) -> list[str]:
+    """Return the remarks on engines and places of instruments of an aircraft, one line each."""
+    remarks = [f"aircraft: {size.text}; {size.remedy}" for size in unusual_sizes(aircraft)]
+    try:
+        specification = instruments_of(aircraft, {}) if aircraft.instruments else None
+    except SchemaError:
+        # The look at each record reports a faulty instrument.
+        specification = None
+    places = sensor_positions(specification, aircraft)
+    for finding in position_findings(places, aircraft):
+        remarks.append(f"aircraft: {finding.text}; {finding.remedy}")
+    return remarks
 
 
 def _error_remarks(project: Project) -> Iterator[str]:
