@@ -121,6 +121,7 @@ from flighttest.reconstruction.quality.recording.offsets import (
     without_constant_errors,
     without_offsets,
 )
+from flighttest.reconstruction.quality.recording.staircases import staircase_findings
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import marked_manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
@@ -179,7 +180,7 @@ def assess(
     signals = resample_channels(record, faults)
     channels = channel_table(record)
     findings = clock_findings(scale) + sample_findings + lost
-    findings += channel_findings(record, channels, specification)
+    findings += channel_findings(record, channels, specification) + staircase_findings(record)
     # mistakes of columns, signs, units and axes
     shared, wrong = column_findings(record, signals)
     gyros = gyro_offsets(signals.without(wrong))

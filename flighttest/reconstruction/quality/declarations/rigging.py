@@ -11,7 +11,7 @@ import numpy as np
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import TRAVEL
-from flightmech.names import value_text
+from flightmech.names import lookup, value_text
 from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import Finding
@@ -23,6 +23,7 @@ _SHORTEST = 5.0  # s of samples valid in both channels
 # differential of ailerons give 0.85 to 1.01 in the records of the T-37.
 _GEARING = (0.8, 1.2)
 # Share of a stop, and angle, by which a surface may pass it: zero and scale of a pick-up.
+_FRACTION = 0.01  # of 1 rad, within which the largest deflection is that of a position of 0 to 1
 _PAST, _PAST_ANGLE = 0.08, 1.0 * DEGREE
 
 
@@ -77,7 +78,14 @@ def past_stops(control: str, values: np.ndarray, stops: tuple[float, float]) -> 
             past.append(f"reaches {reached}, past its {side} stop of {limit}")
     if not past:
         return ""
-    return f"{control} {' and '.join(past)} in [limits] of the aircraft file"
+    text = f"{control} {' and '.join(past)} in [limits] of the aircraft file"
+    # a position of 0 to 1 that was taken for an angle
+    largest = float(np.max(np.abs(values)))
+    if lookup(control).units == "rad" and abs(largest - 1.0) < _FRACTION:
+        text += (
+            f", 1 rad: a position of 0 to 1; give it scale = '{value_text(control, stops[1], 'g')}'"
+        )
+    return text
 
 
 def _gearing_findings(
