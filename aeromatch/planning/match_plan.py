@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ import xarray as xr
 
 import aerodb
 import flightmech
-import flighttest
 import pom
 from aeromatch.planning import model_checks
 from aeromatch.planning.case_checks import CaseChecks
@@ -32,13 +31,14 @@ from aeromatch.rebuilding.match_options import MatchOptions
 from aeromatch.workflow.aerodynamics import a_priori, add_missing_terms, before_flight
 from aeromatch.workflow.devices import read_devices
 from aeromatch.workflow.identified import databases_before
-from aeromatch.workflow.windows import AERODYNAMIC, records_of
+from aeromatch.workflow.windows import AERODYNAMIC, EVERY_MANOEUVRE, records_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.atomic_write import resolve_folder
 from flightmech.support.kept_stages.sharing import demand_scheduler
 from flightmech.support.kept_stages.stages import Kept, Stages
 from flightmech.terms import list_model_variables
+from flighttest.records.manoeuvre_table import read_sound_manoeuvres
 from pom.cases.case import PomCase
 from pom.cases.fact_agreement import contradictions
 from pom.replaying.idle_devices import idle_devices
@@ -294,17 +294,23 @@ def _look_tasks(plan: MatchPlan, aircraft: Aircraft, names: Mapping[str, bool]) 
     """Return the tasks of the looks at the records, with the project's table of manoeuvres."""
     project = plan.project
     tables: Mapping[str, pd.DataFrame] = {}
+    faulty: Mapping[str, Collection[str]] = {}
     if project.manoeuvres is not None:
-        read = flighttest.records.read_manoeuvres
-        tables = (
-            run_collecting_problems(plan.problems, "manoeuvres", read, project.manoeuvres) or {}
+        found = run_collecting_problems(
+            plan.problems, "manoeuvres", read_sound_manoeuvres, project.manoeuvres
         )
+        # A table without a row that can be read has no manoeuvre for any record.
+        faulty = dict.fromkeys(names, (EVERY_MANOEUVRE,))
+        if found is not None:
+            tables, faulty, problems = found
+            plan.problems += [f"manoeuvres: {text}" for text in problems]
     for name in tables:
         if name not in project.flights:
             plan.problems.append(f"manoeuvres: {UnknownName(name, project.flights, 'record')}")
     tasks = []
     for name in names:
-        task = LookTask.of(name, project, aircraft, cases=plan.cases, table=tables.get(name))
+        table, known = tables.get(name), faulty.get(name, ())
+        task = LookTask.of(name, project, aircraft, cases=plan.cases, table=table, faulty=known)
         tasks.append(task)
     return tasks
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -50,6 +50,8 @@ class LookTask:
         Parts that submodels use, by the position in the project file.
     sections : dict of str to EngineSection, ControlSection, GearSection or GroundEffectSection
         Sections of the project file, by the same position.
+    faulty : frozenset of str
+        Manoeuvres of the record whose rows of the table are faulty, as in `spans_of`.
     """
 
     name: str
@@ -59,6 +61,7 @@ class LookTask:
     fits: dict[str, FitSection] = field(default_factory=dict)
     submodels: dict[str, list[RecordSelection]] = field(default_factory=dict)
     sections: dict[str, Any] = field(default_factory=dict)
+    faulty: frozenset[str] = frozenset()
 
     @classmethod
     def of(
@@ -68,11 +71,12 @@ class LookTask:
         aircraft: Aircraft,
         cases: Sequence[PomCase],
         table: pd.DataFrame | None,
+        faulty: Iterable[str] = (),
     ) -> LookTask:
         """Return the use of a record in a project."""
         alone = {"records": (name,)}
         replayed = [case for case in cases if Path(case.record).stem == name]
-        task = cls(name, aircraft, replayed, table=table)
+        task = cls(name, aircraft, replayed, table=table, faulty=frozenset(faulty))
         for fit in project.fit:
             if name in fit.records:
                 task.fits[f"fit {fit.name!r}"] = fit.model_copy(update=alone)
@@ -93,6 +97,7 @@ class LookTask:
             "fits": self.fits,
             "submodels": self.submodels,
             "sections": self.sections,
+            "faulty": sorted(self.faulty),
         }
 
 
@@ -224,7 +229,9 @@ def _find_spans(
         return {}
     spans: dict[str, list[tuple[float, float]]] = {}
     for position, selections in users.items():
-        by_record = spans_of(position, selections, {task.name: table}, look.problems)
+        by_record = spans_of(
+            position, selections, {task.name: table}, look.problems, faulty=task.faulty
+        )
         look.problems += find_case_overlaps(position, by_record, task.cases)
         spans[position] = by_record[task.name]
     return spans
