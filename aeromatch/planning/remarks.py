@@ -9,13 +9,13 @@ from collections.abc import Iterator
 
 from aeromatch.project.project import Project
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.aircraft.propulsion.usual_sizes import unusual_sizes
 from flightmech.errors import SchemaError
 from flightmech.names import REDUCED_RATES
 from flighttest.reconstruction.quality.declarations.positions import (
     position_findings,
     sensor_positions,
 )
+from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
 from flighttest.records.sensors.instruments import instruments_of
 from flighttest.regression.equation_error.least_squares import intercept_mask
 from flighttest.regression.equation_error.model import RegressionModel

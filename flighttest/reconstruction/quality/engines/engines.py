@@ -17,7 +17,6 @@ import xarray as xr
 from flightmech.air import R_AIR
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.propulsion.propeller import Propeller
-from flightmech.aircraft.propulsion.usual_sizes import unusual_sizes
 from flightmech.units import POUND_FORCE
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.air_temperature import first_coefficient
@@ -27,6 +26,7 @@ from flighttest.reconstruction.quality.engines.usual_readings import (
     growing_findings,
     manifold_findings,
 )
+from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
 from flighttest.reconstruction.quality.finding import Finding
 from flighttest.regression.uncertainty.jackknife import block_jackknife
 

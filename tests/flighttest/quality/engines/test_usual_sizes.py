@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 import flightmech
-from flightmech.aircraft.propulsion.usual_sizes import unusual_sizes
 from flightmech.terms import make_term
+from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
 
-DATA = Path(__file__).parents[3] / "data"
+DATA = Path(__file__).parents[4] / "data"
 
 
 @pytest.fixture(scope="module")

@@ -100,7 +100,7 @@ def _unusual_propeller(engine: Engine, propeller: Propeller, number: int) -> Ite
     remedy = "correct diameter and rpm_high with their units, such as '75 in' and '2700 rpm'"
     if tip > _FASTEST_TIP:
         text = f"engine {number}: the blade tips reach {tip:.0f} m/s ({sizes}); 340 m/s is much"
-        # beyond it the power says the same
+        # the power would show the same mistake once more
         yield UnusualSize("rpm_high", text, remedy)
         return
     given, taken = _engine_power(engine, propeller), _static_powers(propeller)
