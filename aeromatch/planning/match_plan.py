@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,13 @@ import xarray as xr
 
 import aerodb
 import flightmech
-import flighttest
 import pom
 from aeromatch.planning import model_checks
 from aeromatch.planning.case_checks import CaseChecks
 from aeromatch.planning.record_look import LookTask, RecordLook
 from aeromatch.planning.record_looks import RecordLooks
+from aeromatch.planning.remarks import aircraft_remarks, project_remarks
+from aeromatch.planning.repeated_samples import repeated_sample_problems
 from aeromatch.planning.steps import (
     join_equal_lines,
     products_of,
@@ -30,13 +31,14 @@ from aeromatch.rebuilding.match_options import MatchOptions
 from aeromatch.workflow.aerodynamics import a_priori, add_missing_terms, before_flight
 from aeromatch.workflow.devices import read_devices
 from aeromatch.workflow.identified import databases_before
-from aeromatch.workflow.windows import AERODYNAMIC, records_of
+from aeromatch.workflow.windows import AERODYNAMIC, EVERY_MANOEUVRE, records_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.atomic_write import resolve_folder
 from flightmech.support.kept_stages.sharing import demand_scheduler
 from flightmech.support.kept_stages.stages import Kept, Stages
 from flightmech.terms import list_model_variables
+from flighttest.records.manoeuvre_table import read_sound_manoeuvres
 from pom.cases.case import PomCase
 from pom.cases.fact_agreement import contradictions
 from pom.replaying.idle_devices import idle_devices
@@ -59,6 +61,9 @@ class MatchPlan:
     departures : list of str
         Departures of the windows of cases from normal practice, and gaps in the clocks of records.
         The match runs with them, and its verdicts state them.
+    remarks : list of str
+        Unusual numbers and models that are mostly mistakes. The match runs with them and prints
+        them as warnings.
     """
 
     project: Project
@@ -68,6 +73,7 @@ class MatchPlan:
     products: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     departures: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     def demand(self) -> None:
         """Raise all problems, if there are any.
@@ -163,6 +169,7 @@ class MatchPlan:
             "products": self.products,
             "problems": self.problems,
             "departures": self.departures,
+            "remarks": self.remarks,
         }
 
 
@@ -210,12 +217,14 @@ def make_plan(
     plan.cases += filter(None, cases)
     problems += contradictions(plan.cases)
     problems += model_checks.name_problems(project)
+    plan.remarks += project_remarks(project)
     # a case that cannot be read would be missed by its recording, too
     if len(plan.cases) == len(project.cases):
         run_collecting_problems(problems, "", read_devices, project, plan.cases)
     aircraft = run_collecting_problems(problems, "", flightmech.read_aircraft, project.aircraft)
     apriori: Aircraft | None = None
     if aircraft is not None:
+        plan.remarks += aircraft_remarks(aircraft)
         apriori = run_collecting_problems(problems, "", before_flight, project, aircraft)
     names = _record_names(project, plan.cases, problems)
     if aircraft is not None and apriori is not None:
@@ -227,12 +236,16 @@ def make_plan(
         for look in plan.looks.values():
             problems += look.problems
             plan.departures += look.departures
+            plan.remarks += look.remarks
+        samples = {name: look.samples for name, look in plan.looks.items()}
+        problems += repeated_sample_problems(samples)
         checks.run()
     if options.samples:
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)
     # Two checks may report one problem, and many records have a common one.
     plan.problems = join_equal_lines(problems)
     plan.departures = join_equal_lines(plan.departures)
+    plan.remarks = join_equal_lines(plan.remarks)
     plan.steps = steps_of(project, names, len(plan.cases), options.compare_tables)
     plan.products = products_of(project, plan.cases, options.compare_tables)
     return plan
@@ -281,17 +294,23 @@ def _look_tasks(plan: MatchPlan, aircraft: Aircraft, names: Mapping[str, bool]) 
     """Return the tasks of the looks at the records, with the project's table of manoeuvres."""
     project = plan.project
     tables: Mapping[str, pd.DataFrame] = {}
+    faulty: Mapping[str, Collection[str]] = {}
     if project.manoeuvres is not None:
-        read = flighttest.records.read_manoeuvres
-        tables = (
-            run_collecting_problems(plan.problems, "manoeuvres", read, project.manoeuvres) or {}
+        found = run_collecting_problems(
+            plan.problems, "manoeuvres", read_sound_manoeuvres, project.manoeuvres
         )
+        # A table without a row that can be read has no manoeuvre for any record.
+        faulty = dict.fromkeys(names, (EVERY_MANOEUVRE,))
+        if found is not None:
+            tables, faulty, problems = found
+            plan.problems += [f"manoeuvres: {text}" for text in problems]
     for name in tables:
         if name not in project.flights:
             plan.problems.append(f"manoeuvres: {UnknownName(name, project.flights, 'record')}")
     tasks = []
     for name in names:
-        task = LookTask.of(name, project, aircraft, cases=plan.cases, table=tables.get(name))
+        table, known = tables.get(name), faulty.get(name, ())
+        task = LookTask.of(name, project, aircraft, cases=plan.cases, table=table, faulty=known)
         tasks.append(task)
     return tasks
 

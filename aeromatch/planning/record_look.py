@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import xarray as xr
 
 import flighttest
 from aeromatch.planning.gap_checks import gap_departures
+from aeromatch.planning.repeated_samples import used_samples
 from aeromatch.planning.sample_checks import fit_problems, manoeuvre_problems, submodel_problems
 from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.model_sections import FitSection
@@ -21,6 +22,7 @@ from aeromatch.project.sections import RecordSelection
 from aeromatch.workflow.windows import find_case_overlaps, spans_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept
+from flighttest.reconstruction.quality.declarations.rigging import past_stops
 from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
 from pom.checking.case_check import case_problems
@@ -48,6 +50,8 @@ class LookTask:
         Parts that submodels use, by the position in the project file.
     sections : dict of str to EngineSection, ControlSection, GearSection or GroundEffectSection
         Sections of the project file, by the same position.
+    faulty : frozenset of str
+        Manoeuvres of the record whose rows of the table are faulty, as in `spans_of`.
     """
 
     name: str
@@ -57,6 +61,7 @@ class LookTask:
     fits: dict[str, FitSection] = field(default_factory=dict)
     submodels: dict[str, list[RecordSelection]] = field(default_factory=dict)
     sections: dict[str, Any] = field(default_factory=dict)
+    faulty: frozenset[str] = frozenset()
 
     @classmethod
     def of(
@@ -66,11 +71,12 @@ class LookTask:
         aircraft: Aircraft,
         cases: Sequence[PomCase],
         table: pd.DataFrame | None,
+        faulty: Iterable[str] = (),
     ) -> LookTask:
         """Return the use of a record in a project."""
         alone = {"records": (name,)}
         replayed = [case for case in cases if Path(case.record).stem == name]
-        task = cls(name, aircraft, replayed, table=table)
+        task = cls(name, aircraft, replayed, table=table, faulty=frozenset(faulty))
         for fit in project.fit:
             if name in fit.records:
                 task.fits[f"fit {fit.name!r}"] = fit.model_copy(update=alone)
@@ -91,6 +97,7 @@ class LookTask:
             "fits": self.fits,
             "submodels": self.submodels,
             "sections": self.sections,
+            "faulty": sorted(self.faulty),
         }
 
 
@@ -124,6 +131,10 @@ class RecordLook:
         The first states of a record that identifies something. [SI]
     windows : dict of str to Dataset (time,)
         States of each case that has no problem with the record. [SI]
+    remarks : list of str
+        Controls past the stops of the aircraft file.
+    samples : dict of str to array of uint64
+        Hashes of the samples that identify a coefficient, or a submodel by its position.
     """
 
     name: str
@@ -135,6 +146,8 @@ class RecordLook:
     uses: dict[str, tuple[int, float]] = field(default_factory=dict)
     start: xr.Dataset | None = None
     windows: dict[str, xr.Dataset] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    samples: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def look_at(
@@ -161,10 +174,12 @@ def look_at(
         return look, None
     look.departures += gap_departures(task.name, record, task.cases, spans)
     look.problems += manoeuvre_problems(task.name, table, states)
+    look.remarks += stop_remarks(task, states)
     time = states["time"].values
     look.first, look.last = float(time[0]), float(time[-1])
     if task.fits or task.submodels:
         _check_identification(task, states, spans=spans, look=look)
+        look.samples = used_samples(task.fits, record, spans)
     for case in task.cases:
         problems = case_problems(case, states, {})
         look.problems += problems
@@ -173,6 +188,21 @@ def look_at(
             for text in window_departures(case, states):
                 look.departures.append(f"case {case.name}: {text}")
     return look, states
+
+
+def stop_remarks(task: LookTask, states: xr.Dataset) -> list[str]:
+    """Return the recorded controls that pass the stops of the aircraft file, a line each."""
+    unknown = str(states.attrs.get("unknown", "")).split()
+    remarks = []
+    for control, stops in task.aircraft.limits.items():
+        if control not in states or control in unknown:
+            continue
+        values = states.variables[control].values
+        values = values[np.isfinite(values)]
+        text = past_stops(control, values, stops) if values.size else ""
+        if text:
+            remarks.append(f"record {task.name}: {text}; correct unit, zero or scale, or the stops")
+    return remarks
 
 
 def _manoeuvres_of(task: LookTask, record: xr.DataTree) -> pd.DataFrame:
@@ -199,7 +229,9 @@ def _find_spans(
         return {}
     spans: dict[str, list[tuple[float, float]]] = {}
     for position, selections in users.items():
-        by_record = spans_of(position, selections, {task.name: table}, look.problems)
+        by_record = spans_of(
+            position, selections, {task.name: table}, look.problems, faulty=task.faulty
+        )
         look.problems += find_case_overlaps(position, by_record, task.cases)
         spans[position] = by_record[task.name]
     return spans

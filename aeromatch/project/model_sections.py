@@ -12,6 +12,7 @@ from flightmech.errors import SchemaError
 from flightmech.names import lookup
 from flightmech.quantities import parse_quantity
 from flightmech.support.toml_models import Strict
+from flightmech.units import DEGREE
 
 
 class NewTerm(Strict):
@@ -42,12 +43,21 @@ class NewTerm(Strict):
         Raises
         ------
         SchemaError
-            The number of standard errors is not 1 and not the number of nodes.
+            The number of standard errors is not 1 and not the number of nodes, or an angle without
+            a unit is beyond 90 deg.
         """
         axes: dict[str, list[float]] = {}
         for name, points in self.axes.items():
             units = lookup(name).units
             axes[name] = [parse_quantity(point, units) for point in points]
+            # A text has its unit; 0 and 6 are degrees that were taken for radians.
+            bare = [abs(point) for point in points if not isinstance(point, str)]
+            if units == "rad" and max(bare, default=0.0) > np.pi / 2.0:
+                problem = (
+                    f"axis {name} reaches {max(bare):g} rad, {max(bare) / DEGREE:.4g} deg; a number "
+                    f"without a unit is in rad: write '{max(bare):g} deg'"
+                )
+                raise SchemaError("term", [problem])
         value = np.zeros(tuple(len(points) for points in axes.values()))
         if np.ndim(self.stderr) and np.shape(self.stderr) != value.shape:
             problem = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,8 @@ SharedByRecord = dict[str, dict[str, SharedSamples]]
 
 AERODYNAMIC = ("ground_effect", "stall")
 """Sections that are identified from coefficients, as the fits are."""
+EVERY_MANOEUVRE = "*"
+"""In place of names of manoeuvres: all manoeuvres of a record."""
 SHORTEST = 1.0
 """Shortest part of a window that a cut leaves; a shorter one holds no response. [s]"""
 
@@ -230,6 +232,7 @@ def spans_of(
     selections: Iterable[RecordSelection],
     tables: Mapping[str, pd.DataFrame],
     problems: list[str],
+    faulty: Collection[str] = (),
 ) -> Spans:
     """Return start and end of manoeuvres and windows by record.
 
@@ -245,6 +248,9 @@ def spans_of(
     problems : list of str
         Gets a line for every manoeuvre that a record does not have, and for every part of a record
         that is selected twice.
+    faulty : collection of str
+        Manoeuvres whose rows are faulty, which is another problem; `EVERY_MANOEUVRE` for a table
+        that cannot be read.
     """
     spans: Spans = {}
     for selection in selections:
@@ -255,6 +261,7 @@ def spans_of(
                 manoeuvres=selection.manoeuvres,
                 table=tables[record],
                 problems=problems,
+                faulty=faulty,
             )
             parts += selection.window
             # A selection of neither selects the whole record.
@@ -272,6 +279,7 @@ def _manoeuvre_spans(
     manoeuvres: Iterable[str],
     table: pd.DataFrame,
     problems: list[str],
+    faulty: Collection[str],
 ) -> list[tuple[float, float]]:
     """Return the windows of manoeuvres in one record: ``"3211 elevator"``, or a kind:
     ``"trim"``.
@@ -285,7 +293,7 @@ def _manoeuvre_spans(
     spans: list[tuple[float, float]] = []
     for name in manoeuvres:
         selected = [i for i, kind in enumerate(kinds) if name in (kind, labels[i])]
-        if not selected:
+        if not selected and name not in faulty and EVERY_MANOEUVRE not in faulty:
             problems.append(
                 f"{position}, record {record}: {UnknownName(name, set(labels), 'manoeuvre')}"
             )

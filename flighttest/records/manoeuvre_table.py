@@ -10,14 +10,14 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from flightmech.errors import SchemaError, UnitError
 from flightmech.quantities import parse_quantity
@@ -121,10 +121,56 @@ def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
     SchemaError
         Unknown or missing columns, cells that are not a time, ends before their start; all of them.
     """
-    tables = {}
-    for record, rows in _read_rows(Path(path)).items():
-        tables[record] = pd.DataFrame(rows)[_RECORD_COLUMNS]
-    return tables
+    return _tables_of(_read_rows(Path(path)))
+
+
+def _tables_of(rows: dict[str, list[dict[str, Any]]]) -> dict[str, pd.DataFrame]:
+    """Return the rows of each record as a table without confidence."""
+    return {record: pd.DataFrame(items)[_RECORD_COLUMNS] for record, items in rows.items()}
+
+
+def read_sound_manoeuvres(
+    path: str | Path,
+) -> tuple[dict[str, pd.DataFrame], dict[str, set[str]], list[str]]:
+    """Return the manoeuvres of the rows without a fault, and what is wrong with the others.
+
+    Parameters
+    ----------
+    path : path
+        As for `read_manoeuvres`.
+
+    Returns
+    -------
+    tables : dict of str to DataFrame
+        As of `read_manoeuvres`. [s]
+    faulty : dict of str to set of str
+        Names of the manoeuvres of faulty rows by record: the kind, and kind and control.
+    problems : list of str
+        Those of `read_manoeuvres`.
+
+    Raises
+    ------
+    ParseError, SchemaError
+        No row can be read: as of `read_manoeuvres`.
+    """
+    try:
+        return read_manoeuvres(path), {}, []
+    except SchemaError as error:
+        content = _read_content(Path(path))
+        rows = content.get("manoeuvre")
+        if not isinstance(rows, list | tuple) or not all(isinstance(row, dict) for row in rows):
+            raise
+        problems = error.problems
+    sound: list[Marked] = []
+    faulty: dict[str, set[str]] = {}
+    for row in rows:
+        try:
+            sound.append(Marked.model_validate(row))
+        except ValidationError:
+            kind = str(row.get("kind", ""))
+            names = faulty.setdefault(str(row.get("record", "")), set())
+            names |= {kind, f"{kind} {row.get('control', '')}".strip()}
+    return _tables_of(_rows_by_record(sound)), faulty, problems
 
 
 def _read_rows(path: Path) -> dict[str, list[dict[str, Any]]]:
@@ -132,8 +178,17 @@ def _read_rows(path: Path) -> dict[str, list[dict[str, Any]]]:
 
     A row without a confidence has an empty text.
     """
-    content = read_toml(path) if path.suffix.lower() == ".toml" else _read_csv(path)
-    manoeuvres = validate_content(_ManoeuvreRows, content, str(path)).manoeuvre
+    content = _read_content(path)
+    return _rows_by_record(validate_content(_ManoeuvreRows, content, str(path)).manoeuvre)
+
+
+def _read_content(path: Path) -> dict[str, Any]:
+    """Return the content of a table, CSV as that of a TOML file."""
+    return read_toml(path) if path.suffix.lower() == ".toml" else _read_csv(path)
+
+
+def _rows_by_record(manoeuvres: Iterable[Marked]) -> dict[str, list[dict[str, Any]]]:
+    """Return manoeuvres as rows of each record in order of time."""
     rows: dict[str, list[dict[str, Any]]] = {}
     for manoeuvre in sorted(manoeuvres, key=lambda manoeuvre: manoeuvre.start):
         row = {"confidence": "", **manoeuvre.as_row()}

@@ -87,6 +87,31 @@ def inertial_channels(record: xr.DataTree) -> Channels:
     return channels
 
 
+def sample_hashes(channels: Channels) -> tuple[np.ndarray, np.ndarray]:
+    """Return time and a hash of each sample over the inertial channels of one clock.
+
+    Equal hashes in two records are samples of one flight: noise makes all channels together differ
+    in any two flights.
+
+    Parameters
+    ----------
+    channels : mapping
+        Result of `inertial_channels`.
+
+    Returns
+    -------
+    time : array (time,)
+        Clock of the most channels. [s] Empty with fewer than `LEAST_CHANNELS` on one clock.
+    hashes : array of uint64 (time,)
+    """
+    counts = [channels[name][1].size for name in channels]
+    usual = max(sorted(set(counts)), key=counts.count, default=0)
+    names = [name for name in channels if channels[name][1].size == usual]
+    if len(names) < LEAST_CHANNELS:
+        return np.zeros(0), np.zeros(0, np.uint64)
+    return channels[names[0]][0], _sample_rows(channels, names)
+
+
 def _find_equal(one: Channels, other: Channels, names: list[str]) -> SharedSamples | None:
     """Return the instants at which all channels of one clock are equal; None for too few."""
     # One channel of a coarse converter has equal samples in any two flights, all together do not.

@@ -63,6 +63,8 @@ def print_plan(plan: Any) -> None:
     click.echo("\nProducts\n" + "\n".join(plan.products))
     if plan.departures:
         click.echo("\nDepartures, which the verdicts state\n" + "\n".join(plan.departures))
+    if plan.remarks:
+        click.echo("\nRemarks: unusual, correct what is a mistake\n" + "\n".join(plan.remarks))
     ending = "" if plan.problems else "; nothing was computed or written"
     click.echo(f"\n{count_text(len(plan.problems), 'problem')}{ending}")
     click.echo(

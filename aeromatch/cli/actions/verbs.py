@@ -216,6 +216,8 @@ def _perform_match(
             warnings.simplefilter("ignore", AeromatchWarning)
             plan = _make_plan(project, request, options, stages=stages, keep_records=True)
         plan.demand()
+        for text in plan.remarks:
+            warnings.warn(text, AeromatchWarning, stacklevel=2)
         for text in dict.fromkeys(stages.remarks if store is not None else ()):
             warnings.warn(text, AeromatchWarning, stacklevel=2)
         outcome = perform_match(

@@ -73,6 +73,10 @@ from flighttest.reconstruction.quality.declarations.inertia import (
     product_findings,
 )
 from flighttest.reconstruction.quality.declarations.inertia_scale import exchange_findings
+from flighttest.reconstruction.quality.declarations.positions import (
+    position_findings,
+    sensor_positions,
+)
 from flighttest.reconstruction.quality.declarations.rigging import rigging_findings
 from flighttest.reconstruction.quality.declarations.weight import MASS_LEVEL, weight_findings
 from flighttest.reconstruction.quality.engines.engines import engine_findings, lever_findings
@@ -117,6 +121,7 @@ from flighttest.reconstruction.quality.recording.offsets import (
     without_constant_errors,
     without_offsets,
 )
+from flighttest.reconstruction.quality.recording.staircases import staircase_findings
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import marked_manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
@@ -175,7 +180,7 @@ def assess(
     signals = resample_channels(record, faults)
     channels = channel_table(record)
     findings = clock_findings(scale) + sample_findings + lost
-    findings += channel_findings(record, channels, specification)
+    findings += channel_findings(record, channels, specification) + staircase_findings(record)
     # mistakes of columns, signs, units and axes
     shared, wrong = column_findings(record, signals)
     gyros = gyro_offsets(signals.without(wrong))
@@ -193,7 +198,14 @@ def assess(
     findings += temperature_findings(corrected, record)
     findings += kinematic_findings(explanations, comparisons, signals=corrected, record=record)
     # the aircraft file
-    positions = _sensor_positions(specification, aircraft)
+    positions = sensor_positions(specification, aircraft)
+    if aircraft is not None:
+        misplaced = position_findings(positions, aircraft)
+        findings += misplaced
+        # An impossible place would look like a delay of the channel. The c.g. is nearer.
+        for finding in misplaced:
+            for name in finding.channels:
+                del positions[name]
     corrected_at_cg = at_cg(corrected, positions)
     kinematics = kinematic_table(corrected_at_cg)
     constant = offset_findings(kinematics, corrected_at_cg, record)
@@ -391,21 +403,6 @@ def _airspeed_channel(channels: MeasuredChannels) -> str:
         if name in channels:
             return name
     return "q_c"
-
-
-def _sensor_positions(
-    specification: Instruments | None, aircraft: Aircraft | None
-) -> dict[str, np.ndarray]:
-    """Return the positions of accelerometers and vanes relative to the c.g. [m]"""
-    if specification is None or aircraft is None:
-        return {}
-    cg = np.asarray(aircraft.cg, float)
-    positions = {}
-    for name in ("ax_imu", "alpha_vane", "beta_vane"):
-        position = specification.of(name).position
-        if position is not None:
-            positions[name] = np.asarray(position, float) - cg
-    return positions
 
 
 def _facts(

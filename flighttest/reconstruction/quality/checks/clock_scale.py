@@ -22,6 +22,18 @@ _FEWEST = 512  # samples of a record
 _CORRELATION = 0.9
 _AGREE = 1.06  # largest ratio of the factors of two angles
 _RIGHT = 1.25  # factor below which the clock is correct: scale errors are another finding
+# A smaller factor, from _SLIGHT on, is that of the clock if three angles agree within _SAME, and the
+# integral of a velocity over the change of its coordinate has the factor within _NEAR_VELOCITY:
+# gyros of one wrong scale leave the velocity as it is.  Sound records have 0.956 to 1.058 there, by
+# the delay of receivers and the temperature.
+_SLIGHT, _SAME, _NEAR_VELOCITY = 1.15, 1.02, 1.07
+_COORDINATES = (
+    ("vd", "h_gps"),
+    ("vn", "north"),
+    ("ve", "east"),
+    ("vd", "h_baro"),
+    ("hdot", "h_baro"),
+)
 _OF_ANGLES = 1.04  # ratio to 57.3 or 1/57.3 of rates or angles in degrees: another finding
 _NEAR = 1.04  # ratio of a factor to the factor of a unit
 _UNITS = {"ms": 1e3, "us": 1e6, "ns": 1e9, "min": 1.0 / 60.0, "h": 1.0 / 3600.0}
@@ -47,7 +59,7 @@ class ClockScale:
     taken : str
         Unit in the name map or the file.
     angles : tuple of str
-        Angles that determine the factor.
+        Angles, and a coordinate, that determine the factor.
     """
 
     factor: float
@@ -71,13 +83,51 @@ def clock_scale(record: xr.DataTree) -> ClockScale | None:
     if len(factors) < 2 or max(factors.values()) > _AGREE * min(factors.values()):
         return None
     factor, rate = float(np.median(list(factors.values()))), float(data.attrs["rate"])
-    if _ratio(factor, 1.0) < _RIGHT or _ratio(max(factor, 1.0 / factor), 1.0 / DEGREE) < _OF_ANGLES:
+    if _ratio(factor, 1.0) < _RIGHT:
+        return _slight_scale(record, factors, factor, rate)
+    if _ratio(max(factor, 1.0 / factor), 1.0 / DEGREE) < _OF_ANGLES:
         return None
     unit, file_unit = _clock_units(factor)
     # Rates in mrad/s have the same factor. If the rate is possible as read, the clock is correct.
     if unit in ("s", "ms", "us", "ns") and _POSSIBLE[0] <= rate <= _POSSIBLE[1]:
         return None
     return ClockScale(factor, factor * rate, unit=unit, taken=file_unit, angles=tuple(factors))
+
+
+def _slight_scale(
+    record: xr.DataTree, factors: dict[str, float], factor: float, rate: float
+) -> ClockScale | None:
+    """Return a clock that is stretched by a little; None if angles and velocity do not show it."""
+    agree = max(factors.values()) < _SAME * min(factors.values())
+    if _ratio(factor, 1.0) < _SLIGHT or len(factors) < len(_ANGLES) or not agree:
+        return None
+    for velocity, coordinate in _COORDINATES:
+        of_velocity = _velocity_factor(record, velocity, coordinate)
+        if of_velocity is not None:
+            if _ratio(of_velocity, factor) > _NEAR_VELOCITY:
+                return None
+            angles = (*factors, coordinate)
+            return ClockScale(factor, factor * rate, unit="", taken="s", angles=angles)
+    return None
+
+
+def _velocity_factor(record: xr.DataTree, velocity: str, coordinate: str) -> float | None:
+    """Return the ratio of the integral of a velocity to the change of its coordinate.
+
+    The result is None if one of them is not recorded, or if the two are not correlated.
+    """
+    columns = {}
+    for node in record.children.values():
+        for name in {velocity, coordinate} & set(node.data_vars):
+            data = node.to_dataset()
+            columns[name] = data["time"].values, data[name].values.astype(float)
+    if len(columns) < 2:
+        return None
+    (time, speed), (other_time, place) = columns[velocity], columns[coordinate]
+    if len(time) != len(other_time) or not np.array_equal(time, other_time):
+        place = np.interp(time, other_time, place)
+    # heights are positive up, and vd down
+    return _integral_ratio(time, -speed if velocity == "vd" else speed, place)
 
 
 def _attitude_leaf(record: xr.DataTree) -> xr.Dataset | None:
@@ -110,8 +160,8 @@ def clock_findings(scale: ClockScale | None) -> list[Finding]:
         fault = f"counts {scale.factor:.4g} in a second"
         line = f'rate = "{scale.rate:.4g} Hz"'
     text = (
-        f"the clock {fault}: {', '.join(scale.angles)} change {scale.factor:.4g} times as much "
-        f"as their rates say"
+        f"the clock {fault}: the rates of {', '.join(scale.angles)}, summed over it, are "
+        f"{scale.factor:.4g} times their changes"
     )
     remedy = f"{line}   # in [time] of the name map, with the column of the clock"
     evidence = {"factor": scale.factor, "rate": scale.rate}
@@ -145,11 +195,15 @@ def _rate_factor(data: xr.Dataset, name: str) -> float | None:
     if name not in data:
         return None
     angle = data[name].values.astype(float)
-    rate, step = _angle_rate(data, name), np.diff(data["time"].values)
-    # Integral of the rate by the trapezoidal rule.
-    integral = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step)])
     if name != "theta" and np.isfinite(angle).all():
         angle = np.unwrap(angle)
+    return _integral_ratio(data["time"].values, _angle_rate(data, name), angle)
+
+
+def _integral_ratio(time: np.ndarray, rate: np.ndarray, angle: np.ndarray) -> float | None:
+    """Return the size of the integral of a rate over that of the change; None if uncorrelated."""
+    # Integral of the rate by the trapezoidal rule.
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])
     # Blocks without trend: biases of gyros do not count.
     y, z = _detrend_blocks(angle), _detrend_blocks(integral)
     finite = np.isfinite(y).all(axis=1) & np.isfinite(z).all(axis=1)

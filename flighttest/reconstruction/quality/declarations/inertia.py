@@ -28,7 +28,7 @@ _INCLINED = radians(25.0)
 MAIN = ("Ixx", "Iyy", "Izz")
 _INERTIA = (("lb ft2", "kg m2", POUND * FOOT**2), ("kg m2", "lb ft2", 1.0 / (POUND * FOOT**2)))
 # share by which the largest moment may exceed the sum of the others: moments are estimates
-_TRIANGLE, _TRIANGLE_CERTAIN = 0.01, 0.1
+_TRIANGLE, _TRIANGLE_DOUBTFUL, _TRIANGLE_CERTAIN = 0.01, 0.03, 0.1
 _YAW = 0.85  # of the largest other moment that Izz must reach; long fuselages have Izz near Iyy
 
 # Coupling of roll and yaw into pitch
@@ -72,7 +72,9 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
     excess = float(principal[2] / (principal[0] + principal[1]) - 1.0)
     if excess > _TRIANGLE:
         names, text = _explain_excess(aircraft, moments, excess)
-        severity = "error" if excess > _TRIANGLE_CERTAIN else "note"
+        severity = "note"
+        if excess > _TRIANGLE_DOUBTFUL:
+            severity = "error" if excess > _TRIANGLE_CERTAIN else "warning"
         text = f"{listed} kg m2: {text}"
         findings.append(Finding(severity, "inertia", names, text, remedy=remedy))
     elif moments["Izz"] < _YAW * max(moments["Ixx"], moments["Iyy"]):

@@ -11,7 +11,7 @@ import numpy as np
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import TRAVEL
-from flightmech.names import value_text
+from flightmech.names import lookup, value_text
 from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import Finding
@@ -23,6 +23,7 @@ _SHORTEST = 5.0  # s of samples valid in both channels
 # differential of ailerons give 0.85 to 1.01 in the records of the T-37.
 _GEARING = (0.8, 1.2)
 # Share of a stop, and angle, by which a surface may pass it: zero and scale of a pick-up.
+_FRACTION = 0.01  # of 1 rad, within which the largest deflection is that of a position of 0 to 1
 _PAST, _PAST_ANGLE = 0.08, 1.0 * DEGREE
 
 
@@ -41,7 +42,7 @@ def rigging_findings(signals: ResampledChannels, aircraft: Aircraft) -> list[Fin
     -------
     list of Finding
         Of kind ``scale`` for a slope of surface over cockpit control outside 0.8 to 1.2 of the
-        gearing, and for a deflection of 8 % and 1 deg or more past a stop.
+        gearing, and for a control of the limits that is 8 % and 1 deg or more past a stop.
     """
     findings = []
     for surface, (travel, _) in TRAVEL.items():
@@ -50,9 +51,41 @@ def rigging_findings(signals: ResampledChannels, aircraft: Aircraft) -> list[Fin
         control = aircraft.controls.get(surface)
         if travel in signals and control is not None and control.gearing:
             findings += _gearing_findings(signals, surface, travel, control.gearing)
-        if surface in aircraft.limits:
-            findings += _stop_findings(signals, surface, aircraft.limits[surface])
+    for control, stops in aircraft.limits.items():
+        if control in signals:
+            findings += _stop_findings(signals, control, stops)
     return findings
+
+
+def past_stops(control: str, values: np.ndarray, stops: tuple[float, float]) -> str:
+    """Return, in words, the stops that a recorded control passes; empty if it passes none.
+
+    Parameters
+    ----------
+    control : str
+        Canonical name.
+    values : array (time,)
+        Valid samples. [SI]
+    stops : (float, float)
+        Lower and upper stop. [SI]
+    """
+    past = []
+    extremes = ("lower", stops[0], values.min()), ("upper", stops[1], values.max())
+    for side, stop, extreme in extremes:
+        beyond = (extreme - stop) * (1.0 if side == "upper" else -1.0)
+        if beyond > max(_PAST * abs(stop), _PAST_ANGLE):
+            reached, limit = (value_text(control, value, ".3g") for value in (extreme, stop))
+            past.append(f"reaches {reached}, past its {side} stop of {limit}")
+    if not past:
+        return ""
+    text = f"{control} {' and '.join(past)} in [limits] of the aircraft file"
+    # a position of 0 to 1 that was taken for an angle
+    largest = float(np.max(np.abs(values)))
+    if lookup(control).units == "rad" and abs(largest - 1.0) < _FRACTION:
+        text += (
+            f", 1 rad: a position of 0 to 1; give it scale = '{value_text(control, stops[1], 'g')}'"
+        )
+    return text
 
 
 def _gearing_findings(
@@ -94,15 +127,9 @@ def _stop_findings(
     if not good.any():
         return []
     x = signals[surface][good]
-    past = []
-    for side, stop, extreme in (("lower", stops[0], x.min()), ("upper", stops[1], x.max())):
-        beyond = (extreme - stop) * (1.0 if side == "upper" else -1.0)
-        if beyond > max(_PAST * abs(stop), _PAST_ANGLE):
-            reached, limit = (value_text(surface, value, ".3g") for value in (extreme, stop))
-            past.append(f"reaches {reached}, past its {side} stop of {limit}")
-    if not past:
+    text = past_stops(surface, x, stops)
+    if not text:
         return []
-    text = f"{surface} {' and '.join(past)} in [limits] of the aircraft file"
     remedy = f"check unit, zero and scale of {surface}, and the stops in the aircraft file"
     evidence = {"least": float(x.min()), "largest": float(x.max())}
     return [Finding("warning", "scale", (surface,), text, remedy, evidence=evidence)]

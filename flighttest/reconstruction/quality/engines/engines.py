@@ -22,6 +22,11 @@ from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.air_temperature import first_coefficient
 from flighttest.reconstruction.quality.engines.engine_sides import side_findings
 from flighttest.reconstruction.quality.engines.fuel import fuel_findings
+from flighttest.reconstruction.quality.engines.usual_readings import (
+    growing_findings,
+    manifold_findings,
+)
+from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
 from flighttest.reconstruction.quality.finding import Finding
 from flighttest.regression.uncertainty.jackknife import block_jackknife
 
@@ -93,6 +98,9 @@ def engine_findings(
         found, reasons = check(signals, aircraft)
         findings += found
         unchecked += reasons
+    for size in unusual_sizes(aircraft):
+        findings.append(Finding("warning", "unit", (size.name,), size.text, size.remedy))
+    findings += manifold_findings(signals) + growing_findings(signals, aircraft)
     return findings, unchecked
 
 

@@ -57,3 +57,25 @@ def test_clock_of_milliseconds_stated_twice():
 @pytest.mark.parametrize("degrees", [False, True])
 def test_seconds_are_seconds(degrees):
     assert clock_scale(flight(1.0, degrees)) is None
+
+
+def with_height(record, counts):
+    """Return the record with a climb whose velocity is right on a clock of these counts."""
+    data = record["imu"].to_dataset()
+    time = data["time"].values / counts
+    climb = {
+        "h_gps": ("time", 1000.0 + 40.0 * np.sin(0.4 * time)),
+        "vd": ("time", -16.0 * np.cos(0.4 * time)),
+    }
+    return xr.DataTree.from_dict({"/imu": data.assign(climb)})
+
+
+@pytest.mark.parametrize("counts", [1.16, 1.24, 0.82])
+def test_a_stretched_clock_is_not_a_scale_of_the_gyros(counts):
+    scale = clock_scale(with_height(flight(counts), counts))
+    assert scale.factor == pytest.approx(counts, rel=0.01)
+    assert scale.rate == pytest.approx(25.0, rel=0.01)
+    assert scale.angles == ("phi", "theta", "psi", "h_gps")
+    # gyros of one scale: the velocity fits its height; without a velocity nothing shows which
+    assert clock_scale(with_height(flight(counts), 1.0)) is None
+    assert clock_scale(flight(counts)) is None

@@ -129,3 +129,12 @@ def test_one_moment_in_another_unit():
     found = inertia_findings(Shape(16.17, 1.494, 10.91, 1034.0, 2827.0, 1913.0 / 23.73, 4169.0))
     assert {name for finding in found for name in finding.channels} == {"Iyy"}
     assert "Iyy were in kg m2 and taken as lb ft2" in found[-1].text
+
+
+def test_a_moment_a_little_above_the_sum_of_the_others():
+    def severity(Izz):
+        (finding,) = inertia_findings(Shape(16.17, 1.494, 10.91, 1034.0, 2827.0, 1913.0, Izz))
+        return finding.severity
+
+    # 2, 9 and 15 % above
+    assert [severity(Izz) for Izz in (4835.0, 5169.0, 5450.0)] == ["note", "warning", "error"]

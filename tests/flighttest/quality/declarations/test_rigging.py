@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
-from flighttest.reconstruction.quality.declarations.rigging import rigging_findings
+from flighttest.reconstruction.quality.declarations.rigging import past_stops, rigging_findings
 
 TIME = np.arange(0.0, 20.0, 0.05)
 WHEEL = 0.5 * np.sin(TIME)
@@ -43,6 +43,16 @@ def test_controls_that_do_not_go_together_or_rest_show_no_gearing():
     assert judged(0.5 * GEARING * np.cos(TIME)) == []  # a quarter of a period late
     assert judged(-0.5 * GEARING * WHEEL) == []  # the wrong sign is a finding of its own
     assert judged(np.zeros(TIME.size)) == []
+
+
+def test_a_position_of_0_to_1_taken_for_an_angle():
+    flap = 0.5 + 0.5 * np.sin(TIME)
+    text = past_stops("delta_f", flap, (0.0, np.radians(40.0)))
+    assert text == (
+        "delta_f reaches 57.3 deg, past its upper stop of 40 deg in [limits] of the aircraft file, "
+        "1 rad: a position of 0 to 1; give it scale = '40 deg'"
+    )
+    assert past_stops("delta_f", np.radians(40.0) * flap, (0.0, np.radians(40.0))) == ""
 
 
 def test_a_surface_past_its_stop():

@@ -1,0 +1,78 @@
+"""Samples of one flight that identify a coefficient twice, because a record is there twice.
+
+A copy under another name halves the variance of what it identifies without any information.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+import numpy as np
+import xarray as xr
+
+from aeromatch.project.model_sections import FitSection
+from flighttest.records.shared_samples import LEAST_SAMPLES, inertial_channels, sample_hashes
+from flighttest.regression.equation_error.model import RegressionModel
+
+Samples = Mapping[str, np.ndarray]
+"""Hashes of samples by the coefficient or submodel that they identify."""
+
+
+def used_samples(
+    fits: Mapping[str, FitSection],
+    record: xr.DataTree,
+    spans: Mapping[str, Sequence[tuple[float, float]]],
+) -> dict[str, np.ndarray]:
+    """Return the hashes of the samples of a record, by what they identify.
+
+    Parameters
+    ----------
+    fits : mapping of str to FitSection
+        By position.
+    record : DataTree
+    spans : mapping
+        Windows by the position of a fit or submodel. [s]
+
+    Returns
+    -------
+    dict of str to array of uint64
+        By coefficient, and by position of a submodel.
+    """
+    time, hashes = sample_hashes(inertial_channels(record))
+    parts: dict[str, list[np.ndarray]] = {}
+    for position, windows in spans.items():
+        targets = [position]
+        if position in fits:
+            models = map(RegressionModel.parse, fits[position].models)
+            targets = list(dict.fromkeys(model.coefficient for model in models))
+        for start, end in windows:
+            inside = hashes[(time >= start) & (time < end)]
+            for target in targets:
+                parts.setdefault(target, []).append(inside)
+    return {target: np.unique(np.concatenate(arrays)) for target, arrays in parts.items()}
+
+
+def repeated_sample_problems(samples: Mapping[str, Samples]) -> list[str]:
+    """Return a line for every two records with common samples that identify one thing.
+
+    Parameters
+    ----------
+    samples : mapping of str to mapping
+        Results of `used_samples` by record.
+    """
+    problems = []
+    for (first, one), (second, other) in combinations(samples.items(), 2):
+        counts = {}
+        for target in one:
+            if target in other:
+                common = np.intersect1d(one[target], other[target], assume_unique=True)
+                counts[target] = common.size
+        targets = [target for target, count in counts.items() if count > LEAST_SAMPLES]
+        if targets:
+            problems.append(
+                f"record {second}: {max(counts.values())} samples in its windows are samples of "
+                f"record {first}, and both identify {', '.join(targets)}: they count twice, and "
+                f"standard errors are too small; take one of both records out of the fits"
+            )
+    return problems

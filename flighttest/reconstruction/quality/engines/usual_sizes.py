@@ -1,0 +1,159 @@
+"""Sizes of engines and propellers that no aeroplane has: mostly numbers in another unit.
+
+A propeller at standstill and rated speed takes CP rho n^3 D^5.  The fifth power shows a diameter in
+another unit: 81 cm in place of 81 in takes a hundredth of the power of its engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+import xarray as xr
+
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.engine import Engine, list_leaves
+from flightmech.aircraft.propulsion.propeller import Propeller
+from flightmech.terms import evaluate_term, list_regressors
+from flightmech.units import FOOT
+
+_FAR = 3.0  # factor beyond usual numbers, or between two powers
+_USUAL_BSFC = (4e-8, 4e-7)  # kg/J: diesel engine to idling turbine
+_BSFC_UNITS = (("lb/(hp h)", 1.69e-7), ("kg/(kW h)", 1.0 / 3.6e6), ("g/(kW h)", 1.0 / 3.6e9))
+_FASTEST_TIP = 400.0  # m/s at rated speed; blades of aeroplanes reach 340 m/s
+_RHO_0 = 1.225  # sea level [kg/m3]
+_INCH = FOOT / 12.0
+# true length over the one that was read
+_LENGTHS = (
+    ("in were given as cm", 100.0 * _INCH),
+    ("cm were given as in", 0.01 / _INCH),
+    ("in were given as m", _INCH),
+    ("cm were given as m", 0.01),
+    ("ft were given as m", FOOT),
+    ("m were given as ft", 1.0 / FOOT),
+)
+_ENGINE_POWERS = ("power", "corrected_power", "shaft_power", "corrected_shaft_power")
+
+
+@dataclass(frozen=True)
+class UnusualSize:
+    """A number of an engine that no aeroplane has.
+
+    Attributes
+    ----------
+    name : str
+        ``bsfc``, ``propeller_diameter`` or ``rpm_high``.
+    text, remedy : str
+        What came and what is usual, and what the user does.
+    """
+
+    name: str
+    text: str
+    remedy: str
+
+
+def unusual_sizes(aircraft: Aircraft) -> list[UnusualSize]:
+    """Return the numbers of engines and propellers far outside those of aeroplanes.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+
+    Returns
+    -------
+    list of UnusualSize
+        Specific consumption a factor of 3 beyond 4e-8 to 4e-7 kg/J, blade tips faster than 400 m/s,
+        and a propeller that takes less than a third or more than the threefold of the power of its
+        engine at standstill and rated speed, over all its blade angles.
+    """
+    sizes: list[UnusualSize] = []
+    for number, engine in enumerate(aircraft.engines, 1):
+        sizes += _unusual_consumption(engine, number)
+        if engine.propeller is not None:
+            sizes += _unusual_propeller(engine, engine.propeller, number)
+    return sizes
+
+
+def _unusual_consumption(engine: Engine, number: int) -> Iterator[UnusualSize]:
+    low, high = _USUAL_BSFC
+    for name, leaf in list_leaves(engine).items():
+        if not name.endswith("bsfc") or not _is_plain(leaf):
+            continue
+        usual = float(np.median(leaf["value"].values))
+        if low / _FAR <= usual <= high * _FAR:
+            continue
+        text = f"engine {number}: {name} is {usual:.4g} kg/J; engines have {low:g} to {high:g}"
+        fitting = [unit for unit, factor in _BSFC_UNITS if low <= usual * factor <= high]
+        if fitting:
+            text += f", as if it were in {' or '.join(fitting)}"
+        remedy = (
+            "give the specific consumption in kg/J: 1 lb/(hp h) is 1.69e-7, 1 g/(kW h) 2.78e-10"
+        )
+        yield UnusualSize("bsfc", text, remedy)
+
+
+def _unusual_propeller(engine: Engine, propeller: Propeller, number: int) -> Iterator[UnusualSize]:
+    tip = 0.5 * propeller.diameter * propeller.rpm_high
+    sizes = f"diameter {propeller.diameter:.4g} m, rpm_high {propeller.rpm_high:.4g} rad/s"
+    remedy = "correct diameter and rpm_high with their units, such as '75 in' and '2700 rpm'"
+    if tip > _FASTEST_TIP:
+        text = f"engine {number}: the blade tips reach {tip:.0f} m/s ({sizes}); 340 m/s is much"
+        # the power would show the same mistake once more
+        yield UnusualSize("rpm_high", text, remedy)
+        return
+    given, taken = _engine_power(engine, propeller), _static_powers(propeller)
+    if given is None or taken is None:
+        return
+    low, high = taken
+    if low / _FAR <= given <= high * _FAR:
+        return
+    text = (
+        f"engine {number}: its propeller takes {low / 1e3:.3g} to {high / 1e3:.3g} kW at "
+        f"standstill and rated speed ({sizes}), and the engine gives {given / 1e3:.3g} kW"
+    )
+    # the power goes with the fifth power of the diameter
+    factors = sorted((given / power) ** 0.2 for power in taken)
+    causes = [cause for cause, factor in _LENGTHS if factors[0] <= factor <= factors[1]]
+    fitting = [propeller.diameter * factor for factor in factors]
+    text += f"; a diameter of {fitting[0]:.2g} to {fitting[1]:.2g} m takes that power"
+    if causes:
+        text += f", as if {' or '.join(causes)}"
+    remedy = "correct the diameter, rpm_high, CP_prop or the power of the engine, with their units"
+    yield UnusualSize("propeller_diameter", text, remedy)
+
+
+def _engine_power(engine: Engine, propeller: Propeller) -> float | None:
+    """Return the largest power of the tables of an engine at sea level [W]; None without one."""
+    leaves = list_leaves(engine)
+    powers = [leaves[name] for name in _ENGINE_POWERS if name in leaves]
+    if not powers or not all(map(_is_plain, powers)):
+        return None
+    limit = min(propeller.power_limit, propeller.torque_limit * propeller.rpm_high)
+    largest = min(max(float(leaf["value"].max()) for leaf in powers), limit)
+    return largest if largest > 0.0 else None
+
+
+def _static_powers(propeller: Propeller) -> tuple[float, float] | None:
+    """Return the least and largest power at standstill and rated speed over the blade angles [W].
+
+    None for a table over other variables, or without power at standstill.
+    """
+    leaf = propeller.tables["CP_prop"]
+    if not _is_plain(leaf) or not set(map(str, leaf["value"].dims)) <= {"J", "blade_angle"}:
+        return None
+    revolutions = propeller.rpm_high / (2.0 * pi)
+    angles = np.array([propeller.low_pitch, propeller.highest])
+    point = {"J": np.zeros(2), "blade_angle": angles}
+    used = {name: point[name] for name in map(str, leaf["value"].dims)}
+    CP = np.broadcast_to(evaluate_term(leaf, used, outside="clamp"), (2,))
+    powers = CP * _RHO_0 * revolutions**3 * propeller.diameter**5
+    if not (powers > 0.0).all():
+        return None
+    return float(powers.min()), float(powers.max())
+
+
+def _is_plain(leaf: xr.Dataset) -> bool:
+    """Return whether the values of a leaf are those of the quantity: no regressor, no factor."""
+    return not list_regressors(leaf) and "K1" not in leaf and not leaf.attrs.get("power")

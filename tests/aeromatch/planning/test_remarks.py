@@ -1,0 +1,76 @@
+"""Unusual numbers and models of a project file are remarks of the plan."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import xarray as xr
+
+import flightmech
+from aeromatch.planning.record_look import stop_remarks
+from aeromatch.planning.remarks import aircraft_remarks, project_remarks
+from aeromatch.project.model_sections import NewTerm
+from flightmech.errors import SchemaError
+
+C182 = Path(__file__).parents[3] / "data" / "c182"
+
+
+def remarks(*models, **errors):
+    fit = SimpleNamespace(name="pitch", models=models)
+    project = SimpleNamespace(fit=(fit,), errors=errors, ground_effect=None)
+    return project_remarks(project)
+
+
+def test_usual_errors_and_models_have_no_remark():
+    assert remarks("Cm = 1 + alpha + qhat", mass=0.005, thrust=0.1, timing=0.02) == []
+
+
+def test_standard_errors_in_per_cent():
+    mass, thrust = remarks(mass=0.5, thrust=3.0)
+    assert "errors.mass = 0.5 is a standard error of 50 %" in mass
+    assert "0.005 for half a per cent" in mass
+    assert "300 %" in thrust
+    assert "2 s" in remarks(timing=2.0)[0]
+
+
+def test_a_model_without_its_constant():
+    (line,) = remarks("Cm = alpha + qhat + delta_e")
+    assert "has no constant" in line
+    assert "write Cm = 1 + ..." in line
+
+
+def test_a_rate_with_a_dimension():
+    (line,) = remarks("Cm = 1 + alpha + q")
+    assert "write qhat" in line
+
+
+def test_an_angle_without_a_unit_that_is_one_in_degrees():
+    with pytest.raises(SchemaError) as caught:
+        NewTerm(axes={"alpha": [0, 6]}, stderr=0.1).leaf()
+    assert caught.value.problems == [
+        "axis alpha reaches 6 rad, 343.8 deg; a number without a unit is in rad: write '6 deg'"
+    ]
+    # small numbers are radians, a text has its unit, and other axes have no angle
+    NewTerm(axes={"alpha": [0, 0.1]}, stderr=0.1).leaf()
+    NewTerm(axes={"alpha": ["0 deg", "180 deg"], "mach": [0, 3]}, stderr=0.1).leaf()
+
+
+def test_engines_and_instruments_of_the_aircraft_file():
+    aircraft = flightmech.read_aircraft(C182 / "aircraft.toml")
+    assert aircraft_remarks(aircraft) == []
+    engine = aircraft.engines[0]
+    small = replace(engine, propeller=replace(engine.propeller, diameter=0.81))
+    unit = {**aircraft.instruments["inertial"], "position": [15.7, 5.9, 9.8]}
+    instruments = {**aircraft.instruments, "inertial": unit}
+    power, place = aircraft_remarks(replace(aircraft, engines=(small,), instruments=instruments))
+    assert "as if in were given as cm" in power
+    assert "accelerometers: position = [15.7, 5.9, 9.8] m is outside" in place
+
+
+def test_a_control_past_its_stops():
+    aircraft = SimpleNamespace(limits={"delta_e": (-0.05, 0.05), "delta_r": (-0.3, 0.3)})
+    moved = ("time", [-0.02, 0.0, 0.14])
+    states = xr.Dataset({"delta_e": moved, "delta_r": moved})
+    (line,) = stop_remarks(SimpleNamespace(name="cruise", aircraft=aircraft), states)
+    assert line.startswith("record cruise: delta_e reaches 8.02 deg, past its upper stop")

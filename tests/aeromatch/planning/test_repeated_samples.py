@@ -1,0 +1,46 @@
+"""A record under two names must not identify twice."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from aeromatch.planning.repeated_samples import repeated_sample_problems, used_samples
+
+TIME = np.arange(0.0, 60.0, 0.1)
+
+
+def record(seed, cut=0):
+    noise = np.random.default_rng(seed).normal(size=(6, TIME.size))
+    names = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
+    channels = {name: ("time", row[cut:]) for name, row in zip(names, noise, strict=True)}
+    return xr.DataTree.from_dict({"/imu": xr.Dataset(channels, coords={"time": TIME[cut:]})})
+
+
+def samples(of, start=10.0, end=40.0, model="Cm = 1 + alpha"):
+    fits = {"fit": SimpleNamespace(models=[model])}
+    return used_samples(fits, of, {"fit": [(start, end)]})
+
+
+@pytest.mark.parametrize("cut", [0, 50])
+def test_a_copy_also_one_that_was_trimmed(cut):
+    (line,) = repeated_sample_problems({"a": samples(record(1)), "b": samples(record(1, cut))})
+    assert line.startswith("record b: 300 samples in its windows are samples of record a")
+    assert "both identify Cm" in line
+    assert "take one of both records out of the fits" in line
+
+
+def test_other_flights_windows_and_coefficients_do_not_count_twice():
+    first = samples(record(1))
+    assert repeated_sample_problems({"a": first, "b": samples(record(2))}) == []
+    assert repeated_sample_problems({"a": first, "b": samples(record(1), 40.0, 55.0)}) == []
+    other = samples(record(1), model="Cl = 1 + beta")
+    assert repeated_sample_problems({"a": first, "b": other}) == []
+
+
+def test_a_record_without_inertial_channels():
+    plain = xr.Dataset({"delta_e": ("time", TIME)}, coords={"time": TIME})
+    found = samples(xr.DataTree.from_dict({"/controls": plain}))
+    assert found["Cm"].size == 0
+    assert repeated_sample_problems({"a": found, "b": found}) == []
