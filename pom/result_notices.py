@@ -12,6 +12,7 @@ from pom.status import (
     DEPARTURES,
     NOTICES,
     PASSED,
+    RECORDING_FAULT,
     UNCHECKED,
     has_remark,
 )
@@ -43,12 +44,13 @@ def run_notices(result: PomResult, run: str) -> list[str]:
     return collect_texts(result, run, NOTICES)
 
 
-def window_notices(result: PomResult, run: str) -> list[str]:
-    """Return the departures of the window of a case from normal practice, each once."""
+def input_notices(result: PomResult, run: str) -> list[str]:
+    """Return the departures of the window of a case and of the recording of a device, each once."""
+    kinds = (CASE_WINDOW, RECORDING_FAULT)
     texts: dict[str, None] = {}
     for row in result.rows:
         if row["run"] == run:
-            remarks = [item.text for item in row["remarks"] if item.quantity == CASE_WINDOW]
+            remarks = [item.text for item in row["remarks"] if item.quantity in kinds]
             texts |= dict.fromkeys(remarks)
     return list(texts)
 
