@@ -29,6 +29,7 @@ from aerodb.exchange.tables.csv_checks import export_checkcases
 from aerodb.exchange.tables.csv_terms import export_csv
 from aerodb.exchange.tables.matlab import export_matlab
 from aeromatch.delivery.flown_checks import flight_conditions_of, write_flown_checks
+from aeromatch.delivery.match_inputs import demand_match_of_project
 from aeromatch.delivery.package_documents import format_roadmap, readme_text
 from aeromatch.delivery.places import (
     CONTENT,
@@ -111,7 +112,8 @@ def write_package(
     Raises
     ------
     SchemaError
-        The folder is not the output of a complete match.
+        The folder is not the output of a complete match, or a file of the project is not the one
+        that the match used.
     """
     problems = []
     if wishes.sign:
@@ -145,6 +147,7 @@ def _fill(
     folder: Path, project: Project, match: Path, wishes: PackageOptions, step: Step
 ) -> dict[str, str]:
     """Write the content of a package into a folder."""
+    demand_match_of_project(project, match)
     database = aerodb.open(match / "final.nc")
     aircraft = flightmech.read_aircraft(match / "final.toml")
     archive = pom.read_archive(match / REPORT)

@@ -158,7 +158,7 @@ def list_repeated_sources(databases: Sequence[xr.DataTree]) -> list[str]:
     for (first, db), (second, other) in combinations(enumerate(databases, 1), 2):
         ours, theirs = terms(db), terms(other)
         common = ours.keys() & theirs.keys()
-        if common and all(_has_same_table(ours[name], theirs[name]) for name in common):
+        if common and all(has_same_table(ours[name], theirs[name]) for name in common):
             problems.append(
                 f"sources {first} and {second} ({other.attrs.get('title', '')!r}) hold the same "
                 f"numbers; a repeated source adds nothing, give it once"
@@ -166,7 +166,8 @@ def list_repeated_sources(databases: Sequence[xr.DataTree]) -> list[str]:
     return problems
 
 
-def _has_same_table(first: xr.Dataset, second: xr.Dataset) -> bool:
+def has_same_table(first: xr.Dataset, second: xr.Dataset) -> bool:
+    """Return whether two leaves hold the same values and standard errors at the same nodes."""
     tables = [key for key in ("value", "stderr") if key in first or key in second]
     return all(key in first and key in second for key in tables) and all(
         first[key].equals(second[key]) for key in tables
