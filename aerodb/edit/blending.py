@@ -36,10 +36,10 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from aerodb.edit.joined_sources.prior_sources import has_same_table
 from aerodb.edit.term_edits import match_names
 from aerodb.store.grids import (
     fold_factors,
+    has_same_table,
     is_within,
     known_source,
     node_text,

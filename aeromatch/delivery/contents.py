@@ -29,7 +29,6 @@ from aerodb.exchange.tables.csv_checks import export_checkcases
 from aerodb.exchange.tables.csv_terms import export_csv
 from aerodb.exchange.tables.matlab import export_matlab
 from aeromatch.delivery.flown_checks import flight_conditions_of, write_flown_checks
-from aeromatch.delivery.match_inputs import demand_match_of_project
 from aeromatch.delivery.package_documents import format_roadmap, readme_text
 from aeromatch.delivery.places import (
     CONTENT,
@@ -45,6 +44,7 @@ from aeromatch.delivery.places import (
 )
 from aeromatch.delivery.signing import read_private_key, signature_text
 from aeromatch.project.project import Project
+from aeromatch.workflow.match_inputs import demand_match_of_project
 from aeromatch.workflow.steps import REPORT
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from aeromatch.delivery import match_inputs
+from aeromatch.workflow import match_inputs
 from flightmech.errors import SchemaError
 from flightmech.support.input_files import file_sha256
 from pom.archive.origins import BUILD
