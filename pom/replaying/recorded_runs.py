@@ -24,8 +24,8 @@ from pom.cases.job import ReplayJob
 from pom.judging.signals import signals_of_run, traces_of
 from pom.judging.verdict import judge_all
 from pom.probing.scatter_probe import measure_scatter
-from pom.replaying.device_inputs import compare_inputs
-from pom.replaying.recording_sizes import size_remarks
+from pom.replaying.recordings.device_inputs import compare_inputs
+from pom.replaying.recordings.recording_sizes import size_remarks
 from pom.replaying.replay_channels import judged_channels, sampled_channels
 from pom.replaying.result_assembly import assemble_result
 from pom.result import PomResult, make_verdict_table

@@ -12,9 +12,9 @@ from aeromatch.cli.command import main
 from flightmech.errors import OutOfRange, SchemaError
 from pom.archive.masters import read_masters
 from pom.cli.actions.batch_files import _parse_starts
-from pom.replaying.device_inputs import compare_inputs
 from pom.replaying.recorded_runs import RecordedRun, read_recording, resample_run
-from pom.replaying.recording_sizes import size_remarks
+from pom.replaying.recordings.device_inputs import compare_inputs
+from pom.replaying.recordings.recording_sizes import size_remarks
 
 DEGREE = np.pi / 180.0
 # headings of a host recorder: name, factor from SI
