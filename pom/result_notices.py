@@ -11,6 +11,7 @@ from pom.status import (
     CASE_WINDOW,
     DEPARTURES,
     NOTICES,
+    OTHER_AIRCRAFT,
     PASSED,
     RECORDING_FAULT,
     UNCHECKED,
@@ -45,8 +46,11 @@ def run_notices(result: PomResult, run: str) -> list[str]:
 
 
 def input_notices(result: PomResult, run: str) -> list[str]:
-    """Return the departures of the window of a case and of the recording of a device, each once."""
-    kinds = (CASE_WINDOW, RECORDING_FAULT)
+    """Return the departures of inputs that can be why a case fails, each once.
+
+    They are those of the window of a case, the recording of a device and the aeroplane of a model.
+    """
+    kinds = (CASE_WINDOW, RECORDING_FAULT, OTHER_AIRCRAFT)
     texts: dict[str, None] = {}
     for row in result.rows:
         if row["run"] == run:
