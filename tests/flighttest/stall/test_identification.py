@@ -310,3 +310,10 @@ def test_rounding_does_not_move_the_estimates(flights):
     for name in first.flow.parameters:
         value, stderr = first.value(name)
         assert abs(second.value(name)[0] - value) <= 1e-4 * stderr
+
+
+def test_records_without_a_stall_are_refused():
+    """A cruise gave a separation at 2 deg with standard errors."""
+    alpha = xr.Dataset({"alpha": ("time", np.radians([-1.0, 3.5]))}, {"time": [0.0, 1.0]})
+    with pytest.raises(IdentificationError, match=r"reach an angle of attack of 3\.5 deg"):
+        identify_stall([alpha], records.STATION, records.CBAR)

@@ -23,6 +23,7 @@ from flighttest.reconstruction.flight_programme import open_biases
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.ground_effect.database_terms import replace_ground_effect
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
+from flighttest.submodels.ground_effect.structure import demand_low_flight
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
 from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
 from flighttest.submodels.stall.database_terms import add_stall, continue_attached_flow, reach_of
@@ -106,6 +107,7 @@ def run_ground_effect(
     database = aerodb.open(database_file) if database_file else None
     with show_progress(f"coefficients along {len(paths)} paths"):
         data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
+    demand_low_flight(data, aircraft.b)
     changed = {
         model.coefficient: model.terms for model in map(RegressionModel.parse, options.ground)
     }
