@@ -11,7 +11,9 @@ from pom.status import (
     CASE_WINDOW,
     DEPARTURES,
     NOTICES,
+    OTHER_AIRCRAFT,
     PASSED,
+    RECORDING_FAULT,
     UNCHECKED,
     has_remark,
 )
@@ -43,12 +45,16 @@ def run_notices(result: PomResult, run: str) -> list[str]:
     return collect_texts(result, run, NOTICES)
 
 
-def window_notices(result: PomResult, run: str) -> list[str]:
-    """Return the departures of the window of a case from normal practice, each once."""
+def input_notices(result: PomResult, run: str) -> list[str]:
+    """Return the departures of inputs that can be why a case fails, each once.
+
+    They are those of the window of a case, the recording of a device and the aeroplane of a model.
+    """
+    kinds = (CASE_WINDOW, RECORDING_FAULT, OTHER_AIRCRAFT)
     texts: dict[str, None] = {}
     for row in result.rows:
         if row["run"] == run:
-            remarks = [item.text for item in row["remarks"] if item.quantity == CASE_WINDOW]
+            remarks = [item.text for item in row["remarks"] if item.quantity in kinds]
             texts |= dict.fromkeys(remarks)
     return list(texts)
 

@@ -13,6 +13,10 @@ UNCHECKED = "not_checked"
 """Kind of the remark on a condition of the row that the program does not check."""
 CASE_WINDOW = "case.window"
 """Quantity of the remarks on a window that starts or ends wrongly."""
+RECORDING_FAULT = "device.recording"
+"""Quantity of the remarks on a recording of a device that is not of this flight."""
+OTHER_AIRCRAFT = "aircraft"
+"""Quantity of the remarks on a model of another aeroplane than that of the case."""
 DEPARTURES = (
     "departure",
     "trim_allowed",

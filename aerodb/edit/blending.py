@@ -39,6 +39,7 @@ import xarray as xr
 from aerodb.edit.term_edits import match_names
 from aerodb.store.grids import (
     fold_factors,
+    has_same_table,
     is_within,
     known_source,
     node_text,
@@ -61,6 +62,7 @@ UNLIKELY = 0.01
 # A node has the second source if that reduced the standard error below this share.
 COUNTED = 0.9
 _SAME = ("S", "cbar", "b", "x_ref", "y_ref", "z_ref", "force_axes")
+_MOST_NAMES = 5  # of terms in a problem
 _AGREE = 1e-6  # relative and absolute difference of equal quantities
 _PSEUDO_INVERSE = 1e-12  # eigenvalue over the largest, below which it counts as zero
 COLUMNS = ("nodes", "chi2", "probability", "worst", "location")
@@ -105,8 +107,8 @@ def blend(
     UnknownName
         A term that one of the two does not have, or an unknown rule.
     SchemaError
-        Reference quantities or axes differ, terms have other regressors or no standard errors, or
-        both are exact and differ; all faults.
+        Reference quantities or axes differ, terms have other regressors or no standard errors, both
+        are exact and differ, or both are the same table; all faults.
 
     Warns
     -----
@@ -218,9 +220,23 @@ def _match_pairs(
         if not same_factors(pair.ours, pair.theirs):
             pair = _TermPair(fold_factors(pair.ours), fold_factors(pair.theirs))
         pairs[name] = pair
+    repeated = [name for name, pair in pairs.items() if _is_repeated(pair)]
+    if repeated:
+        more = f" and {len(repeated) - _MOST_NAMES} more" if len(repeated) > _MOST_NAMES else ""
+        problems.append(
+            f"{', '.join(repeated[:_MOST_NAMES])}{more}: both databases hold the same values and standard errors; the "
+            f"same numbers twice are one source, and their blend would state smaller errors "
+            f"without new knowledge: give an independent database, or name the terms to blend"
+        )
     if problems:
         raise SchemaError("blend", problems)
     return pairs
+
+
+def _is_repeated(pair: _TermPair) -> bool:
+    """Return whether both tables of a term are the same, with errors that a blend would reduce."""
+    is_same = has_same_table(pair.ours, pair.theirs)
+    return is_same and "stderr" in pair.ours and bool((pair.ours["stderr"] > 0.0).any())
 
 
 def _pair_faults(name: str, ours: xr.Dataset, theirs: xr.Dataset) -> list[str]:

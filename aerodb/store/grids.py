@@ -310,3 +310,11 @@ def node_text(points: Mapping[str, np.ndarray], node: Sequence[int]) -> str:
 def _single_source(present: np.ndarray) -> np.ndarray:
     """Return the only source that is present, else judgement: (sources, ...) to (...)."""
     return np.where(present.sum(axis=0) == 1, present.argmax(axis=0), JUDGEMENT)
+
+
+def has_same_table(first: xr.Dataset, second: xr.Dataset) -> bool:
+    """Return whether two leaves hold the same values and standard errors at the same nodes."""
+    tables = [key for key in ("value", "stderr") if key in first or key in second]
+    return all(key in first and key in second for key in tables) and all(
+        first[key].equals(second[key]) for key in tables
+    )

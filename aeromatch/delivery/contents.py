@@ -44,6 +44,7 @@ from aeromatch.delivery.places import (
 )
 from aeromatch.delivery.signing import read_private_key, signature_text
 from aeromatch.project.project import Project
+from aeromatch.workflow.match_inputs import demand_match_of_project
 from aeromatch.workflow.steps import REPORT
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError
@@ -111,7 +112,8 @@ def write_package(
     Raises
     ------
     SchemaError
-        The folder is not the output of a complete match.
+        The folder is not the output of a complete match, or a file of the project is not the one
+        that the match used.
     """
     problems = []
     if wishes.sign:
@@ -145,6 +147,7 @@ def _fill(
     folder: Path, project: Project, match: Path, wishes: PackageOptions, step: Step
 ) -> dict[str, str]:
     """Write the content of a package into a folder."""
+    demand_match_of_project(project, match)
     database = aerodb.open(match / "final.nc")
     aircraft = flightmech.read_aircraft(match / "final.toml")
     archive = pom.read_archive(match / REPORT)

@@ -192,6 +192,8 @@ def check_events(
     for name in events:
         if name not in allowed:
             problems.append(f"events: {UnknownName(name, allowed, 'event')}")
+        if name.endswith("_start"):
+            _check_event_order(events, name, f"{name.removesuffix('_start')}_end", problems)
 
 
 def check_names(
@@ -305,10 +307,13 @@ def _resolve_window(
     # without an event, a bound is the default
     bounds = []
     for bound, default in zip((row["applies_from"], row["applies_to"]), defaults, strict=True):
-        time = collect_case_problems(
-            problems, f"events, row {name}", table.bound_time, bound, file.events, default
-        )
-        bounds.append(default if time is None else float(time))
+        try:
+            bounds.append(float(table.bound_time(bound, file.events, default)))
+        except UnknownName as error:
+            bounds.append(default)
+            _add_missing_event(error.name, name, file.events, problems)
+    named = [table.event_of(row[key]) for key in ("applies_from", "applies_to")]
+    _check_event_order(file.events, named[0], named[1], problems)
     first, last = bounds
     required = f"{first:g} ... {last:g} s"
     inside = max(first, start), min(last, stop)
@@ -324,6 +329,37 @@ def _resolve_window(
             f"or give the reason in case.shortened"
         )
     return inside
+
+
+def _add_missing_event(
+    event: str, row: str, events: Mapping[str, float], problems: list[str]
+) -> None:
+    """Add the problem of an event that bounds a row and has no time; once for all rows."""
+    start = f"events.{event}: missing; "
+    if any(problem.startswith(start) for problem in problems):
+        return
+    given = ", ".join(events) or "no events"
+    problems.append(
+        f"{start}row {row} is judged from or to this event, and the case has {given}; write its "
+        f"time on the clock of the record, such as [events] {event} = 6.0"
+    )
+
+
+def _check_event_order(
+    events: Mapping[str, Any], first: str, last: str, problems: list[str]
+) -> None:
+    """Add the problem of an event that is not before the event that follows it."""
+    # an event of another form is already among the problems
+    times = [events.get(name) for name in (first, last)]
+    numbers = [time for time in times if isinstance(time, int | float)]
+    if first == last or len(numbers) < 2 or numbers[0] < numbers[1]:
+        return
+    text = (
+        f"events: {first} {numbers[0]:g} s is not before {last} {numbers[1]:g} s, which follows "
+        f"it; exchange or correct the two times"
+    )
+    if text not in problems:
+        problems.append(text)
 
 
 def scale_tolerances(

@@ -25,8 +25,9 @@ from pom.cases.reference_states import RECORD_SPAN
 from pom.cases.resolve import SEGMENTS
 from pom.judging.applicability import reason_not_judged
 from pom.tolerances import rows
+from pom.tolerances.band_sizes import limit_ratio, row_size_text, size_text, unit_hint, width_ratio
 from pom.tolerances.bands import RowRemark
-from pom.tolerances.channels import limit_to_si_factor, plain_words, quantity_words
+from pom.tolerances.channels import plain_words, quantity_words
 from pom.tolerances.criteria import PARTS, Band, Criterion, Limit
 from pom.tolerances.editions import RESTS_ON, different_rows
 
@@ -154,16 +155,20 @@ def _printed_criteria(case: PomCase) -> dict[str, Criterion]:
 def _own_table_departures(case: PomCase) -> Iterator[RowRemark]:
     """Yield the departures of a table of the user from the shipped table of the same edition.
 
-    A company table has a name of its own and departs from nothing.  A table under the name of a
+    A company table has a name of its own, and only a width of another size departs.  A table under the name of a
     regulation has its rows; where it does not, the reader must see both.
     """
     if not case.table:
         return
+    own = case.printed_rows()
     try:
         shipped = rows.rows_of_test(case.id, case.standard, case.edition)
     except UnknownName:
+        # a width in a wrong unit is a mistake under any name
+        for row, name in zip(own, rows.names_of(own), strict=True):
+            if size := row_size_text(row, name):
+                yield _departure(f"{size} ({case.table['file']})", name)
         return
-    own = case.printed_rows()
     file = case.table["file"]
     printed = dict(zip(rows.names_of(shipped), shipped, strict=True))
     applied = dict(zip(rows.names_of(own), own, strict=True))
@@ -180,13 +185,29 @@ def _own_table_departures(case: PomCase) -> Iterator[RowRemark]:
         yield _departure(text, name)
 
 
+def size_departures(case: PomCase) -> Iterator[str]:
+    """Yield the tolerances of a case that are many times as wide or as narrow as the printed ones.
+
+    The widths are those of the case file, and those of a table of the user.
+    """
+    printed = _printed_criteria(case)
+    for criterion in case.criteria:
+        row = printed.get(criterion.name)
+        if row is not None and criterion.provenance == "case file" and criterion.applies:
+            yield from filter(None, [size_text(criterion, [row.band])])
+    if case.table:
+        own = case.printed_rows()
+        for table_row, name in zip(own, rows.names_of(own), strict=True):
+            yield from filter(None, [row_size_text(table_row, name)])
+
+
 def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[RowRemark]:
     """Yield the departures of a row with a band, window or group of the case file."""
     if not is_within(own, row.band):
-        times = _width_ratio(own, row.band)
+        times = width_ratio(own, row.band)
         # limits of another kind have no ratio, so the common one may be equal
         is_wider = times is not None and times > 1.0 + _ROUNDING
-        ratio = f", {times:.3g} times as wide" if is_wider else ""
+        ratio = f", {times:.3g} times as wide{unit_hint(times)}" if is_wider and times else ""
         printed = f"printed {row.band.text}" if row.band.limits else "its number was not read"
         text = f"tolerance of {plain_words(own.name)} {own.band.text}, {printed}{ratio}"
         yield _departure(text, own.name)
@@ -238,35 +259,8 @@ def is_within(criterion: Criterion, printed: Band) -> bool:
 
 def _is_smaller(criterion: Criterion, own: Limit, limit: Limit, printed: Band) -> bool:
     """Return whether a limit is of the same kind as a printed one and not larger."""
-    ratio = _limit_ratio(criterion, own, limit, printed)
+    ratio = limit_ratio(criterion, own, limit, printed)
     return ratio is not None and ratio <= 1.0 + _ROUNDING
-
-
-def _limit_ratio(criterion: Criterion, own: Limit, limit: Limit, printed: Band) -> float | None:
-    """Return own over printed limit; None if they are of different kinds."""
-    if own.quantity != limit.quantity or not limit.value:
-        return None
-    if own.quantity == "absolute":
-        try:
-            own_size = limit_to_si_factor(criterion.measure, criterion.channel, own.unit)
-            size = limit_to_si_factor(criterion.measure, criterion.channel, limit.unit)
-        except AeromatchError:
-            return None
-        return own.value * own_size / (limit.value * size)
-    if criterion.band.base != printed.base:
-        return None
-    return own.value / limit.value
-
-
-def _width_ratio(criterion: Criterion, printed: Band) -> float | None:
-    """Return the largest ratio of limits of the same kind; None without one."""
-    ratios = []
-    for own in criterion.band.limits:
-        for limit in printed.limits:
-            ratio = _limit_ratio(criterion, own, limit, printed)
-            if ratio is not None:
-                ratios.append(ratio)
-    return max(ratios, default=None)
 
 
 def _asked_window(case: PomCase, criterion: Criterion) -> tuple[float, float]:

@@ -24,6 +24,7 @@ from pom.cases.fact_agreement import demand_agreement
 from pom.fmu.models import FmuModel, Models
 from pom.fmu.run_cache import KeptFlights, RunCache
 from pom.judging.measures.modal import mode_table
+from pom.probing.aircraft_identity import demand_own_evidence
 from pom.replaying.batch_plans import check_plans, make_plans, path_of_case
 from pom.replaying.caches import KeptResults, KeptStates, ResultKeys
 from pom.replaying.recorded_runs import RecordedRuns, add_recorded_runs
@@ -122,7 +123,8 @@ def replay_all(
     Raises
     ------
     SchemaError
-        A model cannot fly a case. All such cases are reported before the first run.
+        A model cannot fly a case. All such cases are reported before the first run.  Or the
+        evidence is of another aeroplane.
     OutOfRange
         A window is not inside its record, or an input holds a NaN.
     SimulationError
@@ -135,6 +137,7 @@ def replay_all(
     models, paths = Models(runs, names), paths or {}
     # Report a wrong name table before records are reconstructed, which takes long.
     demand_agreement(cases)
+    demand_own_evidence(evidence, cases)
     for case in cases:
         models.of(case)
     records, store = KeptStates(settings.folder, biases), KeptResults(settings.folder)

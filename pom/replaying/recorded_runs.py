@@ -17,35 +17,27 @@ import xarray as xr
 
 import flighttest
 from flightmech.errors import OutOfRange, ParseError, SchemaError
-from flightmech.names import WRAPPED, lookup
+from flightmech.names import WRAPPED
 from flightmech.support.input_files import file_sha256
-from flightmech.units import from_si
 from pom.cases.case import PomCase
-from pom.cases.case_file import WIND
 from pom.cases.job import ReplayJob
-from pom.judging.signals import traces_of
+from pom.judging.signals import signals_of_run, traces_of
 from pom.judging.verdict import judge_all
 from pom.probing.scatter_probe import measure_scatter
-from pom.replaying.replay_channels import judged_channels
+from pom.replaying.recordings.device_inputs import compare_inputs
+from pom.replaying.recordings.recording_sizes import size_remarks
+from pom.replaying.replay_channels import judged_channels, sampled_channels
 from pom.replaying.result_assembly import assemble_result
 from pom.result import PomResult, make_verdict_table
 from pom.status import PASSED
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import output_of, plain_words
 
-MOST_DELAY = 0.1  # [s] between the inputs of device and flight; larger ones are a departure
-MOST_DIFFERENCE = 0.08
-"""Largest rms difference of an input of the device, as a share of the movement of the input."""
-MOST_GAIN = 0.1
-"""Largest difference from 1 of the size of an input of the device over that of the flight."""
-LEAST_MOVED = {"rad": 0.0175, "1": 0.02, "m": 0.005, "N": 5.0}
-"""By unit: movement below which an input counts as held.  Others: 2 % of the largest size. [SI]"""
 SAME_FLIGHT = 0.1
 """Tolerances by which two reconstructions of one flight may differ; our number."""
 OF_EARLIER = "of an earlier report"  # words of the source of a master
 RECORDING = "recording of a device"  # words of the source of a recording
 GAP = 0.25  # [s] a longer gap of a recording is not bridged
-_LAGS = np.arange(-1.0, 1.001, 0.02)  # [s]
 
 
 @dataclass(frozen=True)
@@ -231,6 +223,7 @@ def add_recorded_runs(
     runs = dict(recorded.runs)
     for master in recorded.masters.values():
         runs[master.name] = master.run
+    flight = signals_of_run(result.case, sampled_channels(states), job.time)
     for name, run in runs.items():
         if refusal:
             outputs[name] = {}
@@ -238,7 +231,10 @@ def add_recorded_runs(
         outputs[name] = resample_run(run, job.time)
         remarks[name] = (RowRemark("device", run.source),)
         if run.has_inputs:
-            remarks[name] += tuple(_compare_inputs(job, outputs[name]))
+            remarks[name] += (
+                *compare_inputs(job, outputs[name]),
+                *size_remarks(flight, outputs[name], job.needed_inputs),
+            )
     added = assemble_result(
         result.case,
         states,
@@ -292,90 +288,6 @@ def _with_remarks(result: PomResult, remarks: Mapping[str, tuple[RowRemark, ...]
         more = remarks.get(row["run"], ())
         rows.append({**row, "remarks": (*row["remarks"], *more)})  # type: ignore[dict-item]
     return replace(result, verdict=make_verdict_table(rows))
-
-
-def _compare_inputs(job: ReplayJob, outputs: Mapping[str, np.ndarray]) -> Iterator[RowRemark]:
-    """Yield the remarks on the inputs that drove a device, compared with those of the flight.
-
-    A device that was driven otherwise proves nothing, and a clock that is off looks like a delay.
-    """
-    missing: list[str] = []
-    held: list[str] = []
-    compared: list[str] = []
-    for name in job.needed_inputs:
-        if name in WIND:
-            continue
-        values = job.inputs[name]
-        # the drive of an engine is recorded as the quantity itself
-        quantity = name.removesuffix("_drive")
-        source = output_of(quantity, outputs)
-        if source not in outputs:
-            is_moved = np.ptp(values) > _least_moved(quantity, values)
-            (missing if is_moved else held).append(quantity)
-            continue
-        size = max(float(np.ptp(values)), _least_moved(quantity, values))
-        difference = outputs[source] - values
-        rms = float(np.sqrt(np.nanmean(difference**2)))
-        unit = lookup(quantity.rpartition(".")[2] or quantity).display_units
-        shown = f"{float(from_si(rms, unit)):.3g} {unit}".replace(" 1", "")
-        text = f"{quantity} {shown} rms, {100.0 * rms / size:.3g} % of its movement"
-        is_other = rms > MOST_DIFFERENCE * size
-        if np.ptp(values) > _least_moved(quantity, values):
-            delay = _delay(job.time, values, outputs[source])
-            # a short input in a long window has a small rms, whatever its size
-            gain = _gain(job.time, values, outputs[source], delay=delay)
-            text += f", {gain:.2f} times its size, {delay:+.2f} s"
-            is_other = is_other or abs(delay) > MOST_DELAY or not abs(gain - 1.0) <= MOST_GAIN
-        compared.append(text)
-        if is_other:
-            yield RowRemark(
-                "departure",
-                f"departure: the inputs of the device are not those of the flight: {text}",
-            )
-    if compared:
-        yield RowRemark(
-            "device", f"inputs of the device from those of the flight: {'; '.join(compared)}"
-        )
-    if held:
-        text = f"not checked: {', '.join(held)} of the device, held in flight (not recorded)"
-        yield RowRemark("not_checked", text)
-    if missing:
-        yield RowRemark(
-            "departure",
-            f"departure: the recording has no {', '.join(missing)}, so nothing shows that the "
-            f"inputs of the flight drove the device",
-        )
-
-
-def _least_moved(quantity: str, values: np.ndarray) -> float:
-    unit = lookup(quantity.rpartition(".")[2] or quantity).units
-    return LEAST_MOVED.get(unit, 0.02 * float(np.max(np.abs(values))) or 1.0)
-
-
-def _delay(time: np.ndarray, flight: np.ndarray, device: np.ndarray) -> float:
-    """Return the delay of the input of a device after that of the flight. [s]"""
-    good = np.isfinite(device)
-    if good.sum() < 2:
-        return 0.0
-    sums = []
-    for lag in _LAGS:
-        # The best lag leaves the least variance; a constant difference does not count.
-        inside = (time + lag >= time[good][0]) & (time + lag <= time[good][-1])
-        shifted = np.interp(time[inside] + lag, time[good], device[good])
-        difference = shifted - flight[inside]
-        sums.append(float(np.var(difference)))
-    return float(_LAGS[int(np.argmin(sums))])
-
-
-def _gain(time: np.ndarray, flight: np.ndarray, device: np.ndarray, *, delay: float) -> float:
-    """Return the size of the movement of an input of a device over that of the flight."""
-    good = np.isfinite(device)
-    if good.sum() < 2:
-        return np.nan
-    inside = (time + delay >= time[good][0]) & (time + delay <= time[good][-1])
-    shifted = np.interp(time[inside] + delay, time[good], device[good])
-    moved = flight[inside] - np.mean(flight[inside])
-    return float(np.dot(shifted - np.mean(shifted), moved) / np.dot(moved, moved))
 
 
 def recurrent_remarks(result: PomResult, run: str, master: MasterRun) -> tuple[RowRemark, ...]:

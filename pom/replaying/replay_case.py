@@ -28,6 +28,7 @@ from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_rem
 from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
 from pom.judging.stall_checks import reach_remarks
 from pom.judging.window_checks import with_window_check
+from pom.probing.aircraft_identity import aircraft_remarks, demand_own_evidence
 from pom.probing.control_doubts import size_remarks
 from pom.probing.flight_consistency import on_wheels
 from pom.probing.input_probe import SIZES
@@ -124,10 +125,11 @@ def replay(
     ------
     SchemaError
         A model lacks an input, output or parameter that the case needs, declares another unit, or
-        its table of names does not fit.
+        its table of names does not fit.  Or the evidence is of another aeroplane.
     OutOfRange
         The window is not inside the record, or an input holds a NaN.
     """
+    demand_own_evidence(evidence, [case])
     models = Models(runs, names).of(case)
     plan = plan_of(case, path)
     for model in models.values():
@@ -232,6 +234,7 @@ def perform_plan(
         tables = tables_of(model)
         if tables is not None:
             remarks[name] += idle_remarks(plan.case, plan.states, tables.variables)
+        remarks[name] += tuple(aircraft_remarks(plan.case, tables))
         remarks[name] += (*distances.get(name, ()), *_waiver_remarks(plan.job, model))
     result = assemble_result(
         plan.case,

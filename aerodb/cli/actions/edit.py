@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import click
@@ -20,6 +21,9 @@ from aerodb.store.undo_history import drop_undo_history, undo_edits
 from flightmech.errors import AeromatchWarning
 from flightmech.quantities import number_or_text, parse_quantity
 from flightmech.support.console import print_remark, print_table
+
+MOST_CHORDS = 1.0
+"""Distance of a moved reference point that is stated as unusual, in chords."""
 
 
 def run_scale(
@@ -99,6 +103,21 @@ def run_extend(
     _write(file, output, edit)
 
 
+def _warn_far_point(db: xr.DataTree, point: Sequence[float]) -> None:
+    """Warn of a reference point more than `MOST_CHORDS` from the former one."""
+    old = [float(db.attrs[key]) for key in ("x_ref", "y_ref", "z_ref")]
+    chords = math.dist(old, point) / float(db.attrs["cbar"])
+    if chords > MOST_CHORDS:
+        places = [", ".join(f"{value:.4g}" for value in place) for place in (old, point)]
+        warnings.warn(
+            f"the moment reference point moves by {chords:.3g} chords, from ({places[0]}) to "
+            f"({places[1]}) m; more than {MOST_CHORDS:g} is unusual: check the sign (x is forward "
+            f"of the datum of the drawing, so a point behind it is negative) and the unit",
+            AeromatchWarning,
+            stacklevel=2,
+        )
+
+
 def run_move_reference(
     file: str,
     x: str | None,
@@ -120,6 +139,7 @@ def run_move_reference(
                 point.append(float(db.attrs[key]))
             else:
                 point.append(parse_quantity(number_or_text(text), "m"))
+        _warn_far_point(db, point)
         return reference_point.move_reference(db, point, tolerance=tolerance, flow=flow, note=note)
 
     _write(file, output, edit)

@@ -24,7 +24,13 @@ import xarray as xr
 from aerodb.edit.reference_point import move_reference
 from aerodb.prior.reference_quantities import FAR, NEAR, describe_other_quantities
 from aerodb.store.effects import Effect, change_reference_quantities
-from aerodb.store.grids import fold_factors, same_factors, union_axes, value_breakpoints
+from aerodb.store.grids import (
+    fold_factors,
+    has_same_table,
+    same_factors,
+    union_axes,
+    value_breakpoints,
+)
 from aerodb.store.schema import make_database, terms
 from aerodb.store.undo_history import COLUMNS, edit_rows
 from flightmech import terms as _terms
@@ -158,19 +164,12 @@ def list_repeated_sources(databases: Sequence[xr.DataTree]) -> list[str]:
     for (first, db), (second, other) in combinations(enumerate(databases, 1), 2):
         ours, theirs = terms(db), terms(other)
         common = ours.keys() & theirs.keys()
-        if common and all(_has_same_table(ours[name], theirs[name]) for name in common):
+        if common and all(has_same_table(ours[name], theirs[name]) for name in common):
             problems.append(
                 f"sources {first} and {second} ({other.attrs.get('title', '')!r}) hold the same "
                 f"numbers; a repeated source adds nothing, give it once"
             )
     return problems
-
-
-def _has_same_table(first: xr.Dataset, second: xr.Dataset) -> bool:
-    tables = [key for key in ("value", "stderr") if key in first or key in second]
-    return all(key in first and key in second for key in tables) and all(
-        first[key].equals(second[key]) for key in tables
-    )
 
 
 def _has_flight_nodes(leaf: xr.Dataset) -> bool:

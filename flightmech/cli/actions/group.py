@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import re
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.errors import ParseError, UnitError, UnknownName
+from flightmech.errors import AeromatchWarning, ParseError, UnitError, UnknownName
 from flightmech.fmu_export.fmu_file import write_fmu
-from flightmech.names import lookup
+from flightmech.names import lookup, value_text
 from flightmech.quantities import finite_number, parse_quantity
 from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
@@ -148,6 +151,8 @@ def _print(sim: SimModel, found: xr.Dataset) -> None:
     )
 
 
+BEYOND = 2.0
+"""Size of an input over its limit that is stated."""
 _HEADING = re.compile(r"^\s*([A-Za-z_0-9.*]+)\s*(?:\[([^\]]*)\])?\s*$")
 
 
@@ -167,6 +172,7 @@ def run_simulate(
     inputs = _read(record)
     with show_progress("fly the model"):
         sim = compile_files(aircraft, database)
+        _warn_large_inputs(sim, inputs)
         found = fly(sim, inputs, _values(sim, given), hold, terms=terms)
         _write(found, output)
     summary = {
@@ -186,6 +192,24 @@ def run_simulate(
     if summary["below_runway"]:
         click.echo(summary["below_runway"])
     click.echo(f"written: {output}")
+
+
+def _warn_large_inputs(sim: SimModel, inputs: xr.Dataset) -> None:
+    """Warn of inputs more than `BEYOND` times as large as their limit: a unit that is missing."""
+    for row in sim.entries(INPUT):
+        limit = max(abs(row.low), abs(row.high))
+        if row.name not in inputs or not 0.0 < limit < math.inf:
+            continue
+        largest = float(np.nanmax(np.abs(inputs[row.name].values), initial=0.0))
+        if largest > BEYOND * limit:
+            shown = [value_text(row.name, value) for value in (largest, limit)]
+            warnings.warn(
+                f"{row.name} reaches {shown[0]}, its limit is {shown[1]}; a column without a unit "
+                f"is in {row.units}: write the unit into the heading, such as "
+                f"'{row.name} [{lookup(row.name).display_units}]'",
+                AeromatchWarning,
+                stacklevel=2,
+            )
 
 
 def _values(sim: SimModel, given: tuple[Any, ...]) -> dict[str, float]:

@@ -22,6 +22,8 @@ FREE_AIR = 1e4
 BANK = "CL*phi"
 # Coefficients of which the ground may change all terms.
 _LONGITUDINAL = ("CL", "CD", "Cm", "CX", "CZ")
+LOW = 2.0
+"""Height over span above which a record shows no ground effect; at 1 span it is some per cent."""
 
 
 def height_breakpoints(
@@ -76,6 +78,31 @@ def ground_terms(model: RegressionModel) -> tuple[str, ...]:
         f"no form of ground effect for {model.coefficient}; name its terms in `ground`, as "
         f"{{'CY': ['beta']}}"
     )
+
+
+def demand_low_flight(data: Sequence[xr.Dataset], b: float) -> None:
+    """Raise if no manoeuvre comes near the ground.
+
+    Parameters
+    ----------
+    data : sequence of Dataset (time,)
+        Manoeuvres; those without a height are in free air.
+    b : float
+        Span. [m]
+
+    Raises
+    ------
+    IdentificationError
+        The least height over the runway is more than `LOW` spans.
+    """
+    heights = [np.asarray(item[HEIGHT].values, float) for item in data if HEIGHT in item]
+    least = min((float(np.nanmin(h)) for h in heights), default=np.nan)
+    if least > LOW * b:
+        raise IdentificationError(
+            f"the least height over the runway is {least:.4g} m, {least / b:.3g} spans; above "
+            f"{LOW:g} spans the ground has no effect that flight shows: give landings or low "
+            f"passes, and check the elevation of the runway"
+        )
 
 
 def with_heights(data: Sequence[xr.Dataset], names: Sequence[str]) -> list[xr.Dataset]:

@@ -78,6 +78,10 @@ _START_TAU = (4.0, 12.0)
 _PASSES = 2  # of selection and search
 
 
+LEAST_ALPHA = np.radians(8.0)
+"""Angle of attack that a record of a stall reaches; our number, below that of an iced wing."""
+
+
 @dataclass(frozen=True)
 class _Task:
     """Records, coefficients and the parameters of the separation that are estimated."""
@@ -138,7 +142,8 @@ def identify_stall(
     Raises
     ------
     IdentificationError
-        No record, a coefficient without a model, or data that do not determine the terms.
+        No record, no record that reaches `LEAST_ALPHA`, a coefficient without a model, or data that
+        do not determine the terms.
 
     Notes
     -----
@@ -153,6 +158,7 @@ def identify_stall(
             f"{len(data)} records, coefficients {' '.join(coefficients)}; give at least one record "
             f"and CL among {' '.join(SEPARATED)}"
         )
+    _demand_stall(data)
     records = tuple(with_half_flow(record, station, cbar) for record in data)
     if database is not None:
         records = tuple(_without_database(record, database, coefficients) for record in records)
@@ -178,6 +184,18 @@ def identify_stall(
         records=records,
         with_database=database is not None,
     )
+
+
+def _demand_stall(data: Sequence[xr.Dataset]) -> None:
+    """Raise if no record reaches an angle of attack at which a wing separates."""
+    highest = max(float(record["alpha"].max()) for record in data)
+    if highest < LEAST_ALPHA:
+        raise IdentificationError(
+            f"the records reach an angle of attack of {np.rad2deg(highest):.3g} deg; no wing "
+            f"separates below {np.rad2deg(LEAST_ALPHA):.3g} deg, so they show no stall and any "
+            f"separation would be a curve in attached flow: give records of stalls, flown through "
+            f"the break of the lift"
+        )
 
 
 def _without_database(

@@ -14,6 +14,7 @@ from pom.cases.reference_states import join_channels, record_leaves, window_prob
 from pom.cli.actions.report import case_files
 from pom.fmu.description import demand_platform, read_fmu_interface
 from pom.judging.applicability import reason_not_judged
+from pom.judging.departures import size_departures
 from pom.judging.window_checks import MOTION, check_window
 from pom.tolerances.own_tables import read_own_table
 
@@ -35,6 +36,7 @@ def check_cases(cases: tuple[Path, ...], tolerances_file: str | None, as_json: b
             checked.append(case)
             found, departing = _check_record(case)
             problems += found
+            departures += [f"case {case.name}: {text}" for text in size_departures(case)]
             departures += departing
     problems += contradictions(checked)
     if not problems:

@@ -16,10 +16,10 @@ from pom.report.presentation.verdict_text import reason_text
 from pom.result import PomResult
 from pom.result_notices import (
     departure_remarks,
+    input_notices,
     run_notices,
     spread_notice,
     trim_remarks,
-    window_notices,
 )
 from pom.status import status_text
 
@@ -114,8 +114,8 @@ def result_lines(result: PomResult, verbose: bool = False) -> list[str]:
         if result.status(run) != "fail" or verbose:
             lines += [f"{indent}notice {text}" for text in run_notices(result, run)]
         else:
-            # but a window that starts or ends wrongly may be why it fails
-            lines += [f"{indent}notice {text}" for text in window_notices(result, run)]
+            # but a wrong window, or the recording of another run, may be why it fails
+            lines += [f"{indent}notice {text}" for text in input_notices(result, run)]
         if run in result.samples:
             lines.append(f"{indent}{sampled_line(result, run)}")
             unexplained = spread_notice(result, run)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,17 +12,19 @@ from typing import Any
 
 import click
 
-from flightmech.errors import SchemaError, UnknownName
+from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import count_text, print_json, print_table
 from flightmech.support.input_files import file_sha256
 from pom.tolerances import rows
+from pom.tolerances.band_sizes import table_size_texts
 from pom.tolerances.channels import plain_id
 from pom.tolerances.editions import different_rows
 from pom.tolerances.own_tables import read_own_table
 from pom.tolerances.rows import Row
 
 SHIPPED = "aeromatch"
+MOST_SIZES = 10  # of the printed remarks on widths
 _SHIPPED_FILE = Path(rows.__file__).with_name("tolerances.csv")
 
 
@@ -53,6 +56,7 @@ def list_tolerances(
     """Perform the command ``tolerances``."""
     editions = list(_editions_of(SHIPPED, file_sha256(_SHIPPED_FILE), rows.tolerance_rows()))
     problems = []
+    sizes: list[str] = []
     for file in files:
         try:
             table = read_own_table(file)
@@ -61,8 +65,14 @@ def list_tolerances(
             problems += [f"{error.what}: {text}" for text in error.problems]
             continue
         editions += _editions_of(Path(file).name, table.sha256, table.rows)
+        sizes += [f"{Path(file).name}: {text}" for text in table_size_texts(table.rows)]
     if problems:
         raise SchemaError("tolerance tables", problems)
+    for text in sizes[:MOST_SIZES]:
+        warnings.warn(text, AeromatchWarning, stacklevel=2)
+    if len(sizes) > MOST_SIZES:
+        more = f"{len(sizes) - MOST_SIZES} more tolerances of a size that is not usual"
+        warnings.warn(more, AeromatchWarning, stacklevel=2)
     if copy is not None:
         write_text(copy, _SHIPPED_FILE.read_text(encoding="utf-8"))
     if compared is not None:

@@ -23,6 +23,7 @@ from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 from pom.cases.case import PomCase
 from pom.diagnosis.sampling.shares import flown_conditions
+from pom.probing.aircraft_identity import other_quantities, refuse_other_aircraft
 
 
 def demand_cases(cases: Sequence[PomCase], wanted: Sequence[str] | None) -> None:
@@ -68,9 +69,12 @@ def demand_evidence(
     UnknownName
         A term with a rationale that has no standard errors.
     SchemaError
-        The evidence has no standard errors. Or, with all problems: a table that the model does not
+        The evidence is of another aeroplane, or has no standard errors. Or, with all problems: a table that the model does not
         have, a rationale without words.
     """
+    # the tables of another aeroplane have other breakpoints, too
+    words = ("the evidence", "the model")
+    refuse_other_aircraft(other_quantities(evidence.attrs, database.attrs, words))
     model = aerodb.terms(database)
     bounding: dict[str, xr.Dataset] = {}
     for name, leaf in aerodb.terms(evidence).items():

@@ -208,3 +208,14 @@ def test_bad_arguments(file, output):
     with pytest.raises(UnitError, match="cannot be converted to 'm'"):
         run("edit", file, "move-reference", "--x", "3 deg", "-o", output)
     assert run("edit", file, "scale", "CL/flap", "--by", "2", "-o", "/nowhere/x.nc").exit_code == 2
+
+
+def test_a_reference_point_far_away_is_stated(file, output):
+    """A point behind the datum is negative; its sign is often forgotten."""
+    x = float(aerodb.open(file).attrs["x_ref"])
+    result = run("edit", file, "move-reference", "--x", f"{-x}", "-o", output)
+    assert result.exit_code == 0
+    assert "the moment reference point moves by" in result.stderr
+    assert "check the sign" in result.stderr
+    near = run("edit", file, "move-reference", "--x", f"{x + 0.1}", "-o", output)
+    assert "moves by" not in near.stderr

@@ -255,3 +255,15 @@ def test_neither_tree_changes(small, flown):
     aerodb.edit.blend(small, flown)
     xr.testing.assert_identical(small, copies[0])
     xr.testing.assert_identical(flown, copies[1])
+
+
+def test_the_same_numbers_twice_are_one_source(small, flown):
+    with pytest.raises(SchemaError, match="the same numbers twice are one source") as caught:
+        aerodb.edit.blend(flown, flown.copy(deep=True))
+    assert caught.value.problems[0].startswith("CL/qhat, CL/flap: both databases")
+    # one repeated term among others is named, and the others can be blended
+    leaves = {"CL/flap": aerodb.terms(small)["CL/flap"]}
+    other = aerodb.replace_terms(flown, leaves)
+    with pytest.raises(SchemaError, match=r"^blend: 1 problem\n  - CL/flap: both"):
+        aerodb.edit.blend(small, other)
+    aerodb.edit.blend(small, other, "CL/qhat")

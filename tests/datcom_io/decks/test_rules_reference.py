@@ -78,3 +78,26 @@ def test_a_style_without_what_it_needs(card: str, text: str) -> None:
     found = [item for item in texts if "$ASYFLP: STYPE" in item]
     assert len(found) == bool(text)
     assert all(text in item for item in found)
+
+
+TAIL = " $HTPLNF CHRDR=6.0,CHRDTP=3.0,SSPN=15.0,SSPNE=14.0,SAVSI=10.0,CHSTAT=0.25,TYPE=1.0$"
+FIN = " $VTPLNF CHRDR=8.0,CHRDTP=4.0,SSPN=10.0,SSPNE=9.0,SAVSI=30.0,CHSTAT=0.25,TYPE=1.0$"
+BODY = " $BODY NX=3.0,X(1)=0.0,30.0,60.0,R(1)=0.0,4.0,0.5$"
+
+
+@pytest.mark.parametrize(
+    ("places", "text"),
+    [
+        ("XW=25.81,XH=51.23,XCG=28.0,XV=48.0", ""),
+        ("XW=25.81,XH=51.23,XCG=280.0,XV=48.0", "XCG=280 is outside of the body, whose X is 0 ..."),
+        ("XW=25.81,XH=5.123,XCG=28.0,XV=48.0", "in front of that of the wing, and the wing is"),
+        ("XW=25.81,XH=33.0,XCG=28.0,XV=48.0", "behind that of the wing: a tail volume of 0.11"),
+        ("XW=25.81,XH=51.23,XCG=28.0,XV=4.8", "XV=4.8 with CHRDR=8 puts the fin in front of XCG"),
+    ],
+)
+def test_a_surface_or_the_centre_of_gravity_in_an_unusual_place(places: str, text: str) -> None:
+    lines = [" $FLTCON NMACH=1.0,MACH(1)=0.2,NALT=1.0,ALT(1)=0.0,NALPHA=1.0,ALSCHD(1)=0.0$"]
+    lines += [f" $SYNTHS {places}$", WING, TAIL, FIN, BODY]
+    found = [item.text for item in check_deck(read_deck(lines)) if "$SYNTHS: X" in item.text]
+    assert len(found) == bool(text)
+    assert text in "".join(found)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
 
 import flightmech
+from flightmech.cli.actions.group import _warn_large_inputs
 from flightmech.cli.group import fmu
 from flightmech.errors import ParseError, UnitError, UnknownName
 from flightmech.terms import make_term
@@ -107,3 +111,20 @@ def test_wrong_input(files, text, setting, error, message):
     with pytest.raises(error, match=message.replace("[", r"\[")):
         run(files, "--inputs", str(path), "--set", setting, "-o", str(files[2] / "z.nc"))
     assert not (files[2] / "z.nc").exists()
+
+
+@pytest.mark.parametrize(("size", "is_stated"), [(5.0, True), (0.1, False)])
+def test_an_input_far_beyond_its_limit_is_stated(size, is_stated):
+    """Degrees under a heading without a unit are read as radians."""
+    rows = [
+        SimpleNamespace(name="delta_e", units="rad", low=-0.5, high=0.4),
+        SimpleNamespace(name="delta_f", units="rad", low=-1.8e308, high=1.8e308),
+    ]
+    sim = SimpleNamespace(entries=lambda kind: rows)
+    inputs = xr.Dataset({name: ("time", [0.0, size]) for name in ("delta_e", "delta_f")})
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        _warn_large_inputs(sim, inputs)
+    texts = [str(item.message) for item in caught]
+    assert len(texts) == is_stated
+    assert not texts or "delta_e reaches 286.5 deg, its limit is 28.65 deg" in texts[0]

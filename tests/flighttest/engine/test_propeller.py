@@ -550,3 +550,14 @@ def test_shaft_and_manifold_come_back_from_a_slam_and_a_chop():
         value, stderr = found.values[name]
         assert found.determined[name]
         assert abs(value - true) < max(3.0 * stderr, 0.02 * true), name
+
+
+def test_a_constant_at_its_bound_is_not_called_a_priori():
+    """The estimate is 0.05 of the inertia of the file; the file keeps its own."""
+    search = SimpleNamespace(remarks=[])
+    values = {"inertia": (0.48, 0.0), "pitch_rate": (0.3, 0.15)}
+    shown = dict.fromkeys(values, False)
+    dynamics = ShaftDynamics(values, shown, search, {"inertia": 9.6, "pitch_rate": 0.3})
+    assert dynamics.note_of("inertia") == "   at its bound and not used: 9.6 of the file stays"
+    assert dynamics.note_of("pitch_rate") == "   as a priori"
+    assert not dynamics.constants()

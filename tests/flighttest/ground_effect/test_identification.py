@@ -22,7 +22,7 @@ from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.ground_effect.database_terms import replace_ground_effect
 from flighttest.submodels.ground_effect.evidence import rank_forms, select_form
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
-from flighttest.submodels.ground_effect.structure import height_breakpoints
+from flighttest.submodels.ground_effect.structure import demand_low_flight, height_breakpoints
 
 SHARED = Path(__file__).parents[3] / ".." / "shared" / "data" / "identification"
 LIFT = RegressionModel.parse("CL = 1 + alpha + qhat")
@@ -396,3 +396,14 @@ def test_the_command_prints_table_2_and_writes_the_database(records, database, t
     assert abs(first["k"] - 0.5) < 3 * first["k_stderr"]
     with pytest.raises(SchemaError, match="give --database"):
         CliRunner().invoke(ground_effect_command, [*base[:-2], "--hold"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize(("least", "refused"), [(15.0, False), (25.0, True)])
+def test_records_far_above_the_runway_show_no_ground_effect(least, refused):
+    low = xr.Dataset({"h_agl": ("time", [100.0, least])})
+    free = xr.Dataset({"alpha": ("time", [0.0, 0.1])})
+    if not refused:
+        demand_low_flight([low, free], 10.0)
+        return
+    with pytest.raises(IdentificationError, match=r"25 m, 2\.5 spans; above 2 spans"):
+        demand_low_flight([low, free], 10.0)

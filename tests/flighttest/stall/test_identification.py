@@ -12,10 +12,11 @@ import xarray as xr
 import aerodb
 import flightmech
 from flightmech.aircraft.separation import FlowSeparation
-from flightmech.errors import IdentificationError, SchemaError
+from flightmech.errors import IdentificationError, SchemaError, UnitError
 from flightmech.flown_samples import FLOWN_SAMPLES, unpack_windows
 from flightmech.flown_states import FLOWN_STATES, unpack_states
 from flightmech.terms import SOURCES, evaluate_term, make_term
+from flighttest.cli.actions.submodels.airframe import _option_value
 from flighttest.regression.expression_functions import Pieces
 from flighttest.submodels.stall.database_terms import (
     add_stall,
@@ -24,7 +25,7 @@ from flighttest.submodels.stall.database_terms import (
 )
 from flighttest.submodels.stall.flow import SeparationFlow, with_half_flow
 from flighttest.submodels.stall.identification import SEPARATED, identify_stall
-from flighttest.submodels.stall.model import COEFFICIENTS, SeparatedTerm
+from flighttest.submodels.stall.model import COEFFICIENTS, SeparatedTerm, demand_attached
 
 TRUTH = {
     "a1_0": records.TRUE["a1"],
@@ -314,3 +315,16 @@ def test_rounding_does_not_move_the_estimates(flights):
     for name in first.flow.parameters:
         value, stderr = first.value(name)
         assert abs(second.value(name)[0] - value) <= 1e-4 * stderr
+
+
+def test_records_without_a_stall_are_refused():
+    """A cruise gave a separation at 2 deg with standard errors."""
+    alpha = xr.Dataset({"alpha": ("time", np.radians([-1.0, 3.5]))}, {"time": [0.0, 1.0]})
+    with pytest.raises(IdentificationError, match=r"reach an angle of attack of 3\.5 deg"):
+        identify_stall([alpha], records.STATION, records.CBAR)
+
+
+def test_an_error_of_an_angle_names_its_option():
+    with pytest.raises(UnitError, match=r"^--attached-to: found '8'; expected a number and a unit"):
+        _option_value("--attached-to", demand_attached, "8")
+    assert _option_value("--attached-to", demand_attached, "8 deg") == pytest.approx(0.13963, 1e-4)

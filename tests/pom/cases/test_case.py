@@ -84,9 +84,27 @@ def test_window_of_a_change_runs_from_5_s_before_to_15_s_after(write_case):
 
 def test_a_bounding_event_must_be_marked(write_case):
     with pytest.raises(
-        SchemaError, match=r"unknown event 'input_end'.*give its time in \[events\]"
+        SchemaError, match=r"events.input_end: missing; row period .*no events; write its time"
     ):
         read_case(write_case("2.c.9"))
+
+
+@pytest.mark.parametrize(
+    ("test", "events", "names"),
+    [
+        ("2.c.4", {"change_start": 8.69, "change_end": 6.0}, "change_start 8.69 s is not before"),
+        ("2.c.10", {"segment_start": 5.0, "segment_end": 5.0}, "segment_start 5 s is not before"),
+        ("1.b.1", {"brake_release": 8.0, "vr": 3.0}, "brake_release 8 s is not before vr 3 s"),
+    ],
+)
+def test_events_in_the_wrong_order_are_refused(write_case, test, events, names):
+    times = "\n".join(f"{name} = {time}" for name, time in events.items())
+    with pytest.raises(SchemaError) as caught:
+        read_case(write_case(test, more=f"[events]\n{times}"))
+    assert [text for text in caught.value.problems if "is not before" in text] == [
+        text for text in caught.value.problems if names in text
+    ]
+    assert any(names in text for text in caught.value.problems)
 
 
 def test_rows_with_a_condition_apply_only_with_the_feature(write_case):
@@ -260,7 +278,7 @@ def test_a_key_of_wrong_form_does_not_hide_the_rest(write_case, wrong):
     for part in (
         "conditions.gear: unit 'ft'",
         "unknown criterion 'none'",
-        "unknown event 'input_end'",
+        "events.input_end: missing",
     ):
         assert part in problems
     assert len(caught.value.problems) == len(set(caught.value.problems))

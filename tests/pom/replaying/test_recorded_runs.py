@@ -12,8 +12,9 @@ from aeromatch.cli.command import main
 from flightmech.errors import OutOfRange, SchemaError
 from pom.archive.masters import read_masters
 from pom.cli.actions.batch_files import _parse_starts
-from pom.replaying import recorded_runs
 from pom.replaying.recorded_runs import RecordedRun, read_recording, resample_run
+from pom.replaying.recordings.device_inputs import compare_inputs
+from pom.replaying.recordings.recording_sizes import size_remarks
 
 DEGREE = np.pi / 180.0
 # headings of a host recorder: name, factor from SI
@@ -174,9 +175,46 @@ def test_the_size_of_a_short_input_is_compared(gain, departs):
     time = np.arange(0.0, 20.0, 0.02)
     elevator = 0.05 * (np.where((time > 5) & (time < 6), 1.0, 0.0) - ((time > 6) & (time < 7)))
     job = SimpleNamespace(needed_inputs=["delta_e"], inputs={"delta_e": elevator}, time=time)
-    remarks = list(recorded_runs._compare_inputs(job, {"applied.delta_e": gain * elevator}))
+    remarks = list(compare_inputs(job, {"applied.delta_e": gain * elevator}))
     assert (remarks[0].kind == "departure") == departs
     assert f"{gain:.2f} times its size" in remarks[0].text
+
+
+def test_an_input_of_opposite_sign_is_named():
+    """Half a period later, a doublet looks like one of the other sign at half its size."""
+    time = np.arange(0.0, 20.0, 0.02)
+    elevator = 0.05 * (np.where((time > 5) & (time < 6), 1.0, 0.0) - ((time > 6) & (time < 7)))
+    job = SimpleNamespace(needed_inputs=["delta_e"], inputs={"delta_e": elevator}, time=time)
+    first, *_ = compare_inputs(job, {"applied.delta_e": -elevator})
+    assert "-1.00 times its size, +0.00 s, of opposite sign" in first.text
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "text"),
+    [
+        ("theta", lambda x: x / DEGREE, "57.3 times that of the flight, as deg read as rad"),
+        ("theta", lambda x: x * DEGREE, "0.0175 times that of the flight, as rad read as deg"),
+        ("theta", lambda x: -x, "-1.00 times that of the flight, of opposite sign"),
+        ("theta", lambda x: 0.0 * x, "holds one value for the whole case in theta"),
+        ("V", lambda x: 1.95 * x, "1.95 times that of the flight, as kt read as m/s"),
+        ("h", lambda x: 0.3048 * x, "0.305 times that of the flight, as m read as ft"),
+        ("nz", lambda x: 9.81 * x, "9.81 times that of the flight, as m/s2 read as g"),
+        ("theta", lambda x: 1.3 * x + 0.01, ""),
+    ],
+)
+def test_size_and_sign_of_a_recorded_channel_are_compared(name, change, text):
+    """A row with two alternatives passes by the other one."""
+    time = np.arange(0.0, 20.0, 0.05)
+    flight = {
+        "theta": 0.1 * np.sin(time),
+        "V": 50.0 + np.sin(time),
+        "h": 1500.0 + time,
+        "nz": 1.0 + 0.3 * np.sin(time),
+    }
+    device = flight | {name: change(flight[name])}
+    found = [remark.text for remark in size_remarks(flight, device)]
+    assert len(found) == bool(text)
+    assert text in "".join(found)
 
 
 def test_a_gap_is_invalid(aeromatch, case, record):

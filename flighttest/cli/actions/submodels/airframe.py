@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ import h5py
 import aerodb
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.writing import write_aircraft
-from flightmech.errors import SchemaError
+from flightmech.errors import SchemaError, UnitError
 from flightmech.quantities import parse_quantity
 from flightmech.support.console import collect_options, print_json, show_progress
 from flightmech.support.hdf5_seal import decoding_errors
@@ -23,6 +25,7 @@ from flighttest.reconstruction.flight_programme import open_biases
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.ground_effect.database_terms import replace_ground_effect
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
+from flighttest.submodels.ground_effect.structure import demand_low_flight
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
 from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
 from flighttest.submodels.stall.database_terms import add_stall, continue_attached_flow, reach_of
@@ -106,6 +109,7 @@ def run_ground_effect(
     database = aerodb.open(database_file) if database_file else None
     with show_progress(f"coefficients along {len(paths)} paths"):
         data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
+    demand_low_flight(data, aircraft.b)
     changed = {
         model.coefficient: model.terms for model in map(RegressionModel.parse, options.ground)
     }
@@ -127,6 +131,14 @@ def run_ground_effect(
     click.echo(effect.report(heights))
     if output:
         click.echo(f"written: {output}")
+
+
+def _option_value(option: str, read: Callable[[str], float], text: str) -> float:
+    """Return the value of an option in SI; an error names the option."""
+    try:
+        return read(text)
+    except UnitError as error:
+        raise UnitError(f"{option}: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -170,19 +182,21 @@ def run_stall(
     if (into or options.attached_to) and not database_file:
         raise SchemaError("flight stall", ["--into and --attached-to need --database; give it"])
     aircraft = read_aircraft(aircraft_file)
+    station, last = 0.25 * aircraft.b, 0.0
+    # options are read before the paths, which take long
+    if options.station:
+        station = _option_value("--station", partial(parse_quantity, expected="m"), options.station)
+    if options.attached_to:
+        last = _option_value("--attached-to", demand_attached, options.attached_to)
     database = aerodb.open(database_file) if database_file else None
     with show_progress(f"coefficients along {len(paths)} paths"):
         data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
     if database is not None and options.attached_to:
-        last = demand_attached(options.attached_to)
         database = continue_attached_flow(database, last, reach_of(data))
     models = [RegressionModel.parse(text) for text in options.attached]
     choices: dict[str, Any] = {"attached": {model.coefficient: model.terms for model in models}}
     if options.names:
         choices["coefficients"] = options.names
-    station = 0.25 * aircraft.b
-    if options.station:
-        station = parse_quantity(options.station, "m")
     with show_progress("identify the stall"):
         stall = identify_stall(data, station, aircraft.cbar, database, options.over, **choices)
     if figure:

@@ -9,7 +9,7 @@ power changes do not show keeps its value.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
@@ -81,11 +81,14 @@ class ShaftDynamics(ShortText):
         Whether the records determine a value.
     search : OutputError
         Fit with residuals.
+    first : mapping of str to float
+        The a-priori values: constants of the aircraft file in SI units, and 1 for factors.
     """
 
     values: dict[str, tuple[float, float]]
     determined: dict[str, bool]
     search: OutputError
+    first: Mapping[str, float] = field(default_factory=dict)
 
     def constants(self) -> dict[str, float]:
         """Return the constants that the records determine, by name. [SI]"""
@@ -105,9 +108,17 @@ class ShaftDynamics(ShortText):
         lines = [f"{'shaft, governor and lever':<34}{'estimate':>11}{'std. error':>12}"]
         for name, (value, stderr) in self.values.items():
             title = name if name in _CONSTANTS else f"factor of {name}"
-            note = "" if self.determined[name] else "   as a priori"
-            lines.append(f"{title:<34}{value:>11.4g}{stderr:>12.2g}{note}")
+            lines.append(f"{title:<34}{value:>11.4g}{stderr:>12.2g}{self.note_of(name)}")
         return lines + bench.search_lines(self.search)[1:]
+
+    def note_of(self, name: str) -> str:
+        """Return the words behind a value that the records do not determine, else nothing."""
+        if self.determined[name]:
+            return ""
+        # the search ended at a bound, which has no standard error
+        if not self.values[name][1] > 0.0 and name in self.first:
+            return f"   at its bound and not used: {self.first[name]:.4g} of the file stays"
+        return "   as a priori"
 
     def report(self) -> str:
         """Return the values as text."""
@@ -212,7 +223,7 @@ def identify_shaft(records: Sequence[xr.Dataset], aircraft: Aircraft) -> ShaftDy
         size = 1.0 if name in _TABLES else first[name]
         values[name] = float(factor * size), float(error * size)
         determined[name] = bool(0.0 < error < _DETERMINED * unknowns[name].sigma)
-    return ShaftDynamics(values, determined, search)
+    return ShaftDynamics(values, determined, search, first)
 
 
 def _is_output(name: str, engine: Engine) -> bool:

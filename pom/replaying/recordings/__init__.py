@@ -1,0 +1,1 @@
+"""Recordings of a device compared with the flight: inputs, sizes and signs."""
