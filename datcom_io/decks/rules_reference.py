@@ -103,7 +103,11 @@ def _position_texts(deck: Deck) -> Iterator[tuple[str, str]]:
             f"{max(stations):g}; all moments are about it, so check the decimal point and the unit",
         )
     apex, root = deck.value("SYNTHS", "XV"), deck.value("VTPLNF", "CHRDR")
-    if None not in (cg, apex, root) and apex + root < cg <= max(stations, default=cg):
+    if cg is None or apex is None or root is None:
+        is_in_front = False
+    else:
+        is_in_front = apex + root < cg <= max(stations, default=cg)
+    if is_in_front:
         yield (
             "XV",
             f"XV={apex:g} with CHRDR={root:g} puts the fin in front of XCG={cg:g}; a fin is "

@@ -31,7 +31,7 @@ SAME_MASS = 0.2
 
 
 def other_quantities(
-    ours: Mapping[str, Any], theirs: Mapping[str, Any], words: tuple[str, str]
+    ours: Mapping[Any, Any], theirs: Mapping[Any, Any], words: tuple[str, str]
 ) -> list[str]:
     """Return the reference quantities that differ between two sources.
 

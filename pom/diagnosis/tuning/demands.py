@@ -69,8 +69,8 @@ def demand_evidence(
     UnknownName
         A term with a rationale that has no standard errors.
     SchemaError
-        The evidence is of another aeroplane, or has no standard errors. Or, with all problems: a table that the model does not
-        have, a rationale without words.
+        The evidence is of another aeroplane, or has no standard errors. Or, with all problems: a
+        table that the model does not have, a rationale without words.
     """
     # the tables of another aeroplane have other breakpoints, too
     words = ("the evidence", "the model")

@@ -51,9 +51,9 @@ def rigging_findings(signals: ResampledChannels, aircraft: Aircraft) -> list[Fin
         control = aircraft.controls.get(surface)
         if travel in signals and control is not None and control.gearing:
             findings += _gearing_findings(signals, surface, travel, control.gearing)
-    for control, stops in aircraft.limits.items():
-        if control in signals:
-            findings += _stop_findings(signals, control, stops)
+    for name, stops in aircraft.limits.items():
+        if name in signals:
+            findings += _stop_findings(signals, name, stops)
     return findings
 
 
