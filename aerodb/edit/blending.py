@@ -224,9 +224,10 @@ def _match_pairs(
     if repeated:
         more = f" and {len(repeated) - _MOST_NAMES} more" if len(repeated) > _MOST_NAMES else ""
         problems.append(
-            f"{', '.join(repeated[:_MOST_NAMES])}{more}: both databases hold the same values and standard errors; the "
-            f"same numbers twice are one source, and their blend would state smaller errors "
-            f"without new knowledge: give an independent database, or name the terms to blend"
+            f"{', '.join(repeated[:_MOST_NAMES])}{more}: both databases hold the same "
+            f"values and standard errors; the same numbers twice are one source, and their blend "
+            f"would state smaller errors without new knowledge: give an independent database, or "
+            f"name the terms to blend"
         )
     if problems:
         raise SchemaError("blend", problems)

@@ -155,8 +155,8 @@ def _printed_criteria(case: PomCase) -> dict[str, Criterion]:
 def _own_table_departures(case: PomCase) -> Iterator[RowRemark]:
     """Yield the departures of a table of the user from the shipped table of the same edition.
 
-    A company table has a name of its own, and only a width of another size departs.  A table under the name of a
-    regulation has its rows; where it does not, the reader must see both.
+    A company table has a name of its own, and only a width of another size departs.  A table under
+    the name of a regulation has its rows; where it does not, the reader must see both.
     """
     if not case.table:
         return

@@ -1,8 +1,8 @@
 """Disagreements of two sources that a unit, a sign or a reference quantity explains.
 
 Two sources of a term that differ by 57.3 are seldom two opinions: one is per degree.  Their mean
-would be neither.  For each pair of sources, groups of terms are compared with the factors that usual
-slips leave: an angle in degrees, a rate reduced by V in place of 2V, the other reference length, the
+would be neither. For each pair of sources, groups of terms are compared with the factors that usual
+slips leave: an angle in degrees, a rate reduced by V instead of 2V, the other reference length, the
 other sign, the area of one half.
 
 The errors of the sources are partly proportional to the value.  A difference then hardly exceeds
@@ -36,7 +36,7 @@ UNLIKELY_BY_CHANCE = 1e-4
 """Probability of a disagreement below which a blend with a known cause is refused."""
 
 # Probability that two sources have after a correction that leaves no disagreement, and the share of
-# the sum of z^2 that may be left otherwise: the standard errors of the guide are too small for some.
+# the sum of z^2 that may be left otherwise: some standard errors of the guide are too small.
 _EXPLAINED, _LEFT = 0.05, 0.2
 # Probability below which terms disagree at all, as for a single term.
 _UNLIKELY = 0.01
@@ -52,7 +52,7 @@ _ANGLES = ("beta", "elevator", "aileron", "rudder", "flap", "spoiler", "differen
 _PITCH_RATES, _LATERAL_RATES = ("qhat", "alphadothat"), ("phat", "rhat")
 _RATES = (*_PITCH_RATES, *_LATERAL_RATES)
 _SIGNED = ("CL", "CY", "Cl", "Cm", "Cn")  # drag does not change its sign with an angle
-# Term in which body and fin cancel: two good estimates may differ by 30.  Alone it shows a slip only
+# Term in which body and fin cancel: two good estimates may differ by 30. Alone it shows a slip only
 # where the ratio is near its factor.
 _CANCELLING, _NEAR = "Cn/beta", 1.5
 _MOST_TERMS = 3  # terms with their values in a message
@@ -237,7 +237,7 @@ def find_convention_faults(
     Notes
     -----
     A slip is stated if the terms disagree (probability below 0.01), its correction leaves no
-    disagreement or a small share of it, and no other slip makes them more probable.  Every term that
+    disagreement or a small share of it, and no other slip makes them more probable. Every term that
     disagrees clearly must come nearer by it.
     """
     faults = []
@@ -344,8 +344,8 @@ def _describe(slip: _Slip, members: Sequence[SourcePair], probability: float) ->
         takes = " ".join(f"--take '{pattern}={first}'" for pattern in patterns)
         remedy = f"take one of them ({takes}; in a project the key take)"
     text = (
-        f"{', '.join(stated)}{others}: {relation}; probable cause: {slip.cause}; correct the file or "
-        f"what was stated of it (columns, units, controls), or {remedy}"
+        f"{', '.join(stated)}{others}: {relation}; probable cause: {slip.cause}; correct the file "
+        f"or what was stated of it (columns, units, controls), or {remedy}"
     )
     names = tuple(pair.name for pair in ordered)
     return ConventionFault(names, (first, second), probability, text)

@@ -110,9 +110,10 @@ def export_jsbsim(
     the file.  Tanks that feed them are written with their priorities; JSBSim draws equal shares of
     tanks of one priority, and has no cross-feed valve.  Other engines become external forces
     ``engine1`` ..., with first-order lag.  The angular momentum of their rotors is lost.  The file
-    has no landing gear, since an aircraft file has none.  JSBSim takes the load factor of its last step, and so do terms with ``dnz``.  Our
-    simulation solves for the load factor of the same instant.  A drag polar ``CL CL`` becomes
-    ``aero/cl-squared``, the lift of the last step of JSBSim.  Comments summarise standard errors
+    has no landing gear, since an aircraft file has none.  JSBSim takes the load factor of its last
+    step, and so do terms with ``dnz``.  Our simulation solves for the load factor of the same
+    instant.  A drag polar ``CL CL`` becomes ``aero/cl-squared``, the lift of the last step of
+    JSBSim.  Comments summarise standard errors
     and sources of the nodes, which the database file has in full.  `import_jsbsim` reads the file,
     term by term.
     """

@@ -99,8 +99,8 @@ class Finding:
         Kind of the finding in one word. Consistency: ``sign unit axis definition inconsistent range
         scale lag``. Name map: ``column column_name stated_unit``. Aircraft file: ``geometry inertia
         weight``. Samples: ``gap stray duplicate reset lost correction missing outside held spike
-        jump wrap saturation stuck staircase noise``. Inputs: ``excitation collinear``. Information: ``absent
-        coarse offset minimum_speed``.
+        jump wrap saturation stuck staircase noise``. Inputs: ``excitation collinear``. Information:
+        ``absent coarse offset minimum_speed``.
     channels : tuple of str
         Canonical names of the channels; the first one is at fault.
     text : str

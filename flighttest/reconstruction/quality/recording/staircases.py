@@ -39,8 +39,9 @@ def staircase_findings(record: xr.DataTree) -> list[Finding]:
             if count < _FEWEST_SAMPLES or hold < _LONGEST:
                 continue
             text = (
-                f"{name} changes at every {count}th sample only: it is recorded at {1.0 / hold:.3g} "
-                f"Hz and held, {0.5 * hold:.2g} s late on average, and its movements between are lost"
+                f"{name} changes at every {count}th sample only: it is recorded at "
+                f"{1.0 / hold:.3g} Hz and held, {0.5 * hold:.2g} s late on average, and its "
+                f"movements between are lost"
             )
             remedy = (
                 f"map a column of {name} that is recorded at 10 Hz or more; a delay in the name "

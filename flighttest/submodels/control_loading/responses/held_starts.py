@@ -20,7 +20,7 @@ from flighttest.submodels.control_loading.responses.free_response import SURFACE
 def hold_starts(
     layout: UnknownVector, maximum: LikelihoodMaximum
 ) -> tuple[UnknownVector, tuple[int, ...]]:
-    """Return the unknowns with the starts of windows held that a search left moving, and the windows.
+    """Return the unknowns with the starts of moving windows held, and these windows.
 
     Friction holds a control at rest: the likelihood of its start has a kink where one end begins to
     slide, and no gradient vanishes there. A search then stalls, or creeps along the kink until its
