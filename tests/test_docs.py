@@ -446,6 +446,15 @@ def test_names_in_python_examples_exist(page):
                     resolved(node, name(page))
 
 
+def test_readme_and_start_page_have_the_same_lines_of_python():
+    """The page is read in the repository as well, where nothing inserts the lines."""
+    ours = [block.text for block in blocks(ROOT / "README.md") if block.language == "python"]
+    page = [
+        block.text for block in blocks(ROOT / "docs" / "index.md") if block.language == "python"
+    ]
+    assert ours and ours == page
+
+
 def check_import(node: ast.AST, place: str) -> None:
     """Import what an example imports from the packages."""
     if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PACKAGES:
