@@ -452,7 +452,8 @@ def test_readme_and_start_page_have_the_same_lines_of_python():
     page = [
         block.text for block in blocks(ROOT / "docs" / "index.md") if block.language == "python"
     ]
-    assert ours and ours == page
+    assert ours
+    assert page == ours
 
 
 def check_import(node: ast.AST, place: str) -> None:
