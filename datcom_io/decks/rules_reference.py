@@ -22,7 +22,7 @@ _WHAT = {
 }
 # A reference quantity this near to another number of the planform is that number.
 _EQUAL = 0.02
-SLENDER = 5.0  # aspect ratio of a wing of an aeroplane that is no fighter
+SLENDER = 5.0  # aspect ratio of a wing of an aeroplane other than a fighter
 LEAST_VOLUME, LEAST_VOLUME_FIGHTER = 0.3, 0.2
 """Tail volumes, arm x area over area x mean chord of the wing, below which they are stated.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -151,3 +151,35 @@ def inertia_tensor(aircraft: Any) -> np.ndarray:
     Ixy, Ixz, Iyz = aircraft.Ixy, aircraft.Ixz, aircraft.Iyz
     # products are the integrals of xy dm and so on, so they have a minus sign here
     return np.array([[Ixx, -Ixy, -Ixz], [-Ixy, Iyy, -Iyz], [-Ixz, -Iyz, Izz]])
+
+
+class InertiaFields(TypedDict):
+    """Moments and products of inertia about the c.g., body axes. [kg m2]"""
+
+    Ixx: float
+    Iyy: float
+    Izz: float
+    Ixy: float
+    Ixz: float
+    Iyz: float
+
+
+def inertia_fields(tensor: np.ndarray) -> InertiaFields:
+    """Return the moments and products of an inertia tensor (3, 3), as fields of an aircraft.
+
+    The inverse of `inertia_tensor`. [kg m2]
+    """
+    return {
+        "Ixx": float(tensor[0, 0]),
+        "Iyy": float(tensor[1, 1]),
+        "Izz": float(tensor[2, 2]),
+        "Ixy": float(-tensor[0, 1]),
+        "Ixz": float(-tensor[0, 2]),
+        "Iyz": float(-tensor[1, 2]),
+    }
+
+
+def point_inertia(mass: float, arm: np.ndarray) -> np.ndarray:
+    """Return the inertia tensor (3, 3) about the origin of a mass point at `arm` [m]. [kg m2]"""
+    # parallel axes: m (r^T r I - r r^T)
+    return mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))

@@ -20,7 +20,7 @@ from aerodb.exchange.jsbsim.metrics import (
 from aerodb.exchange.jsbsim.propulsion.installation import read_engines
 from aerodb.exchange.jsbsim.propulsion.tanks import read_fed_tanks
 from aerodb.exchange.xml_reader import Element, read_xml
-from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft import Aircraft, inertia_fields, point_inertia
 from flightmech.units import FOOT, SLUG
 
 _INERTIA = {"SLUG*FT2": SLUG * FOOT**2, "KG*M2": 1.0}
@@ -107,12 +107,7 @@ def import_jsbsim_aircraft(
         cbar=sizes["cbar"],
         b=sizes["b"],
         mass=float(mass),
-        Ixx=float(J[0, 0]),
-        Iyy=float(J[1, 1]),
-        Izz=float(J[2, 2]),
-        Ixy=float(-J[0, 1]),
-        Ixz=float(-J[0, 2]),
-        Iyz=float(-J[1, 2]),
+        **inertia_fields(J),
         reference=(float(datum[0]), float(datum[1]), float(datum[2])),
         x_ref_mac=x_ref_mac,
         cg=tuple(map(float, cg - datum)),  # type: ignore[arg-type]
@@ -247,7 +242,4 @@ def _read_number(element: Element, units: dict[str, float], default: str) -> flo
 
 def _inertia_about(point: _PointMass, cg: np.ndarray) -> np.ndarray:
     """Return the inertia tensor (3, 3) of a mass about the c.g. [kg m2]"""
-    # Parallel axes: m (r^T r I - r r^T) + J_own.
-    arm = point.position - cg
-    steiner = arm @ arm * np.eye(3) - np.outer(arm, arm)
-    return point.mass * steiner + np.diag(point.inertia)
+    return point_inertia(point.mass, point.position - cg) + np.diag(point.inertia)

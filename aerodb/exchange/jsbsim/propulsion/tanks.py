@@ -14,7 +14,12 @@ import numpy as np
 
 from aerodb.exchange.jsbsim.metrics import LENGTH_UNITS, MASS_UNITS, unit_of_element
 from aerodb.exchange.xml_reader import Element
-from flightmech.aircraft.aircraft import Aircraft, inertia_tensor
+from flightmech.aircraft.aircraft import (
+    Aircraft,
+    inertia_fields,
+    inertia_tensor,
+    point_inertia,
+)
 from flightmech.aircraft.engine import Engine
 from flightmech.aircraft.fuel import Fuel, Tank, check_feeds
 from flightmech.errors import SchemaError
@@ -133,31 +138,21 @@ def without_fuel(aircraft: Aircraft) -> Aircraft:
     """Return the aircraft with its tanks empty: mass, c.g. and inertia about it."""
     assert aircraft.fuel is not None, "only aircraft with tanks are emptied"
     mass, moment = aircraft.mass, aircraft.mass * np.array(aircraft.cg)
-    J = inertia_tensor(aircraft) + _steiner(mass, np.array(aircraft.cg))
+    J = inertia_tensor(aircraft) + point_inertia(mass, np.array(aircraft.cg))
     for tank in aircraft.fuel.tanks:
         position = np.array(tank.position)
         mass -= tank.content
         moment -= tank.content * position
-        J -= _steiner(tank.content, position)
+        J -= point_inertia(tank.content, position)
     x, y, z = (float(value) for value in moment / mass)
-    J -= _steiner(mass, np.array([x, y, z]))
+    J -= point_inertia(mass, np.array([x, y, z]))
     return replace(
         aircraft,
         mass=mass,
         cg=(x, y, z),
-        Ixx=float(J[0, 0]),
-        Iyy=float(J[1, 1]),
-        Izz=float(J[2, 2]),
-        Ixy=float(-J[0, 1]),
-        Ixz=float(-J[0, 2]),
-        Iyz=float(-J[1, 2]),
+        **inertia_fields(J),
         fuel=None,
     )
-
-
-def _steiner(mass: float, arm: np.ndarray) -> np.ndarray:
-    """Return the inertia tensor (3, 3) of a mass point about the origin. [kg m2]"""
-    return mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
 
 
 def write_feeds(element: ET.Element, engine: Engine, fuel: Fuel) -> None:

@@ -34,7 +34,7 @@ def test_coarse_steps_of_a_slow_surface_are_none():
     assert held_samples(coarse) == 1
     assert held_samples(np.round(0.1 * np.sin(0.7 * TIME) / 0.01)) == 1
     assert staircase_findings(record(SURFACE)) == []
-    # 12.5 Hz are enough, and a satellite receiver is no control
+    # 12.5 Hz are enough, and a satellite receiver is not a control
     assert staircase_findings(record(held(SURFACE, 2))) == []
     assert staircase_findings(record(held(SURFACE, 25), "vn")) == []
 
