@@ -13,8 +13,8 @@ _CERTAIN, _MISFIT = 3.0, 2.0
 _DIVISION = (
     "not checked: how the mass is divided between cockpit and surface. Friction that builds up "
     "over a small travel, which the model does not have, moved the mass of the cockpit end by -19 "
-    "% and the inertia of the surface by 17 % on simulated pedals, beyond the standard errors; "
-    "their sum is not moved. Compare the two with drawings"
+    "% and the inertia of the surface by 17 % on simulated pedals, beyond the standard errors, and "
+    "their sum by -2 %. Compare the two with drawings"
 )
 
 
