@@ -23,8 +23,9 @@ _SHORTEST = 5.0  # s of samples valid in both channels
 # differential of ailerons give 0.85 to 1.01 in the records of the T-37.
 _GEARING = (0.8, 1.2)
 # Share of a stop, and angle, by which a surface may pass it: zero and scale of a pick-up.
-_FRACTION = 0.01  # of 1 rad, within which the largest deflection is that of a position of 0 to 1
 _PAST, _PAST_ANGLE = 0.08, 1.0 * DEGREE
+# Of 1 rad: a largest deflection nearer to it is a position of 0 to 1 that was taken for an angle.
+_FRACTION = 0.01
 
 
 def rigging_findings(signals: ResampledChannels, aircraft: Aircraft) -> list[Finding]:

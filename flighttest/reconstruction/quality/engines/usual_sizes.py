@@ -17,19 +17,18 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.engine import Engine, list_leaves
 from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.terms import evaluate_term, list_regressors
-from flightmech.units import FOOT
+from flightmech.units import FOOT, INCH
 
 _FAR = 3.0  # factor beyond usual numbers, or between two powers
 _USUAL_BSFC = (4e-8, 4e-7)  # kg/J: diesel engine to idling turbine
 _BSFC_UNITS = (("lb/(hp h)", 1.69e-7), ("kg/(kW h)", 1.0 / 3.6e6), ("g/(kW h)", 1.0 / 3.6e9))
 _FASTEST_TIP = 400.0  # m/s at rated speed; blades of aeroplanes reach 340 m/s
 _RHO_0 = 1.225  # sea level [kg/m3]
-_INCH = FOOT / 12.0
 # true length over the one that was read
 _LENGTHS = (
-    ("in were given as cm", 100.0 * _INCH),
-    ("cm were given as in", 0.01 / _INCH),
-    ("in were given as m", _INCH),
+    ("in were given as cm", 100.0 * INCH),
+    ("cm were given as in", 0.01 / INCH),
+    ("in were given as m", INCH),
     ("cm were given as m", 0.01),
     ("ft were given as m", FOOT),
     ("m were given as ft", 1.0 / FOOT),
@@ -99,7 +98,10 @@ def _unusual_propeller(engine: Engine, propeller: Propeller, number: int) -> Ite
     sizes = f"diameter {propeller.diameter:.4g} m, rpm_high {propeller.rpm_high:.4g} rad/s"
     remedy = "correct diameter and rpm_high with their units, such as '75 in' and '2700 rpm'"
     if tip > _FASTEST_TIP:
-        text = f"engine {number}: the blade tips reach {tip:.0f} m/s ({sizes}); 340 m/s is much"
+        text = (
+            f"engine {number}: the blade tips reach {tip:.0f} m/s ({sizes}); those of aeroplanes "
+            f"reach 340 m/s"
+        )
         # the power would show the same mistake once more
         yield UnusualSize("rpm_high", text, remedy)
         return
