@@ -20,7 +20,7 @@ class StatedCondition:
     Attributes
     ----------
     name : str
-        Name of its check in `pom.judging.condition_checks`, `stall_checks` or `report_conditions`.
+        Name of its check in `pom.judging.conditions.condition_checks`, `stall_checks` or `report_conditions`.
     text : str
         The condition as the row states it.
     how : str
