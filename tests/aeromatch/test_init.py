@@ -176,7 +176,8 @@ def test_a_lever_without_a_unit_is_to_be_confirmed():
 
 @pytest.mark.parametrize(
     ("column", "reason"),
-    [("MAG HDG", "a magnetic heading"), ("ELEV_CMD", "a demand (cmd)"), ("EGT1", "a temperature of the engine"), ("spare_7", "")],
+    [("MAG HDG", "a magnetic heading"), ("ELEV_CMD", "a demand (cmd)"),
+        ("EGT1", "a temperature of the engine"), ("spare_7", "")],
 )  # fmt: skip
 def test_a_known_heading_of_another_subject_has_a_reason(column, reason):
     assert explain_unknown(column).startswith(reason)
@@ -379,7 +380,9 @@ def test_texts_are_toml_with_a_comment_for_every_key(drafted):
 
 @pytest.mark.nightly
 def test_folders_inside_are_looked_into_and_cases_have_names_of_their_own(tmp_path):
-    """The light-aircraft example: listings and recordings in a folder each, two cases of one test."""
+    """The light-aircraft example: listings and recordings in a folder each, two cases of one
+    test.
+    """
     copy_example("c182", tmp_path / "new", inputs_only=True)
     flight = tmp_path / "new" / "flight"
     # A case needs the propeller.
@@ -576,7 +579,9 @@ def _check_propelled(columns, folder, aircraft):
 
 @pytest.mark.nightly
 def test_without_thrust_and_propeller_the_match_still_accepts(propelled, tmp_path):
-    """Nothing is drafted that no thrust can serve; the propeller in the file makes fit and cases."""
+    """Nothing is drafted that no thrust can serve; the propeller in the file makes fit and
+    cases.
+    """
     folder = tmp_path / "new"
     done, plan = _check_propelled(propelled, folder, aircraft=False)
     assert plan.problems == []

@@ -100,7 +100,9 @@ def exported(path: Path) -> set[str]:
 
 @pytest.fixture(scope="module")
 def uses() -> dict[str, set[str]]:
-    """Units that a unit uses: those whose header it includes, and those whose functions it calls."""
+    """Units that a unit uses: those whose header it includes, and those whose functions it
+    calls.
+    """
     home = {name: path.stem for path in UNITS if path.suffix == ".c" for name in exported(path)}
     found: dict[str, set[str]] = {path.stem: set() for path in UNITS}
     for path in UNITS:

@@ -1,4 +1,4 @@
-"""A flown case as the check of a condition sees it: signals, configuration, facts, control travel."""
+"""A flown case as the check of a condition sees it: signals, facts, travel of the controls."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 A condition that does not hold is a departure, and so is one that record and aircraft file do not
 show.  A condition that the program does not check is a notice of the kind ``not_checked``.
-`pom.tolerances.stated_conditions` lists the conditions, `pom.judging.conditions.report_conditions` checks
+`pom.tolerances.stated_conditions` lists the conditions.  `report_conditions` of this folder checks
 those over several cases.
 """
 

@@ -101,7 +101,9 @@ def local_fits(truth, rng, **more):
 
 @pytest.fixture(scope="module")
 def study():
-    """Twenty truths drawn from the prior, flown and joined: (prior leaves, [(truth, tabulation)])."""
+    """Twenty truths drawn from the prior, flown and joined: (prior leaves, [(truth,
+    tabulation)]).
+    """
     leaves = prior_leaves()
     db = make_database(leaves, **ROOT)
     found = []

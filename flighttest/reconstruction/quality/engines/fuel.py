@@ -55,7 +55,7 @@ Unchecked = list[tuple[str, str, tuple[str, ...], str]]
 
 
 @dataclass(frozen=True)
-class _Ratio:
+class _FlowRatio:
     """Recorded flow over the one that a reference shows, with its standard error [1]."""
 
     reference: str  # a tank, or the tables
@@ -141,7 +141,7 @@ def _judge_total(
     aircraft: Aircraft,
     *,
     names: tuple[str, ...],
-    tanks: list[_Ratio],
+    tanks: list[_FlowRatio],
 ) -> list[Finding]:
     """Return the findings on the flow of all engines against all that shows the fuel."""
     ratios = list(tanks)
@@ -163,7 +163,7 @@ def _judge_total(
 
 
 def _engine_alone(
-    signals: ResampledChannels, names: tuple[str, ...], ratio: _Ratio
+    signals: ResampledChannels, names: tuple[str, ...], ratio: _FlowRatio
 ) -> Finding | None:
     """Return the finding on one engine alone in lb/h; None if total and engines do not show it."""
     # With one of n flows 2.2 times too large the total is (2.2 + n - 1) / n of the true one.
@@ -187,7 +187,7 @@ def _engine_alone(
     return None
 
 
-def _flow_findings(ratio: _Ratio, names: tuple[str, ...], engines: int) -> list[Finding]:
+def _flow_findings(ratio: _FlowRatio, names: tuple[str, ...], engines: int) -> list[Finding]:
     """Return the finding on a flow that is not the one of its references; none if it is usual."""
     if ratio.usual:
         return []
@@ -205,7 +205,7 @@ def _flow_findings(ratio: _Ratio, names: tuple[str, ...], engines: int) -> list[
     return [Finding("warning", kind, names, text, remedy, evidence=evidence)]
 
 
-def _cause_text(ratio: _Ratio, engines: int) -> str:
+def _cause_text(ratio: _FlowRatio, engines: int) -> str:
     """Return what explains a ratio: a unit, or a number of engines or tanks; or nothing."""
     unit = ratio.unit()
     if unit is not None:
@@ -223,7 +223,7 @@ def _cause_text(ratio: _Ratio, engines: int) -> str:
 
 
 def _both_sides(
-    ratios: list[_Ratio], unusual: list[_Ratio], names: tuple[str, ...], engines: int
+    ratios: list[_FlowRatio], unusual: list[_FlowRatio], names: tuple[str, ...], engines: int
 ) -> Finding:
     """Return the warning that the flow, or what shows the fuel, is of another unit or scale."""
     suspects = [ratio.reference for ratio in unusual if ratio.reference != _TABLES]
@@ -250,7 +250,7 @@ def _both_sides(
     return Finding("warning", kind, channels, text, remedy, evidence=evidence)
 
 
-def _burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -> _Ratio | None:
+def _burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -> _FlowRatio | None:
     """Return the fuel that was burned over the fuel that left; None if nothing shows it.
 
     The tank is a straight line over the time integral of the flow.
@@ -270,7 +270,7 @@ def _burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -
     error = _stderr(lambda kept: first_coefficient(X[kept], y[kept]), len(y))
     if not lost > 0.0 or not error < _KNOWN * lost:
         return None
-    return _Ratio(tank, 1.0 / lost, error / lost**2)
+    return _FlowRatio(tank, 1.0 / lost, error / lost**2)
 
 
 def _stderr(estimate: Callable[[np.ndarray], float], samples: int) -> float:
@@ -279,7 +279,7 @@ def _stderr(estimate: Callable[[np.ndarray], float], samples: int) -> float:
 
 def _recorded_over_table(
     signals: ResampledChannels, engines: Mapping[int, Engine]
-) -> _Ratio | None:
+) -> _FlowRatio | None:
     """Return the recorded flow of engines over that of their tables; None without such tables."""
     full = signals.completed(("mach", "p_static", "temperature"))
     recorded, table = np.zeros(signals.time.shape), np.zeros(signals.time.shape)
@@ -300,7 +300,7 @@ def _recorded_over_table(
     if not value > 0.0:
         return None
     error = _stderr(lambda kept: float(np.median(quotient[kept])), len(quotient))
-    return _Ratio(_TABLES, value, error)
+    return _FlowRatio(_TABLES, value, error)
 
 
 def _engine_channels(full: ResampledChannels, number: int) -> dict[str, np.ndarray]:
