@@ -1,5 +1,6 @@
 #include "drive.h"
 
+#include "drive_path.h"
 #include "image.h"
 #include "simulation.h"
 

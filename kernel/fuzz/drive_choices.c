@@ -1,5 +1,4 @@
-/* Choices by bytes, promises and exact memory, which all calls of the fuzzers share. */
-#include "drive.h"
+#include "drive_choices.h"
 
 #include <math.h>
 #include <stdio.h>
