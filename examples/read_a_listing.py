@@ -1,8 +1,10 @@
-"""Read a DATCOM listing: its cases, a printed table, and lift, drag and pitching moment as a figure.
+"""Read a DATCOM listing: its cases, a printed table, and lift, drag and pitching moment as a
+figure.
 
     python examples/read_a_listing.py [folder]
 
-Writes ``listing.png`` and prints the cases. Needs matplotlib (``pip install 'aeromatch[figures]'``).
+Writes ``listing.png`` and prints the cases. Needs matplotlib (``pip install
+'aeromatch[figures]'``).
 """
 
 from __future__ import annotations

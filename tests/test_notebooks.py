@@ -54,7 +54,9 @@ def test_notebook_runs_and_every_cell_shows_its_result(file, tmp_path, monkeypat
 
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 def test_notebooks_are_kept_with_tables_and_figures(file):
-    """`python docs/scripts/make_notebooks.py` runs them and keeps what does not change by itself."""
+    """`python docs/scripts/make_notebooks.py` runs them and keeps what does not change by
+    itself.
+    """
     text = file.read_text(encoding="utf-8")
     figures = 0
     for cell in json.loads(text)["cells"]:

@@ -61,7 +61,8 @@ for example in EXAMPLES:
     assert example_folder(example).is_relative_to(installed)
 copy_example("c182", installed / "c182")
 assert len(read_project(installed / "c182" / "aeromatch.toml").flights) == 8
-model = flightmech.compile(aircraft, xr.DataTree.from_dict({"/CL/basic": flightmech.terms.make_term(0.3)}))
+database = xr.DataTree.from_dict({"/CL/basic": flightmech.terms.make_term(0.3)})
+model = flightmech.compile(aircraft, database)
 flightmech.write_fmu(model, installed / "model.fmu")
 """
 

@@ -193,7 +193,9 @@ def find_faults_of_verbs(folder: Path) -> None:
 
 @pytest.fixture(scope="session")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of the stages of all matches: many verbs need the same match as an input."""
+    """Return the folder of the stages of all matches: many verbs need the same match as an
+    input.
+    """
     return tmp_path_factory.mktemp("stages")
 
 
@@ -218,7 +220,9 @@ def writing_verbs(command: click.Command, words: tuple[str, ...] = ()) -> Iterat
 
 
 def is_call(name: str, words: Iterable[str]) -> bool:
-    """Return whether a command line is one of a verb; the file of ``db edit`` is between its words."""
+    """Return whether a command line is one of a verb; the file of ``db edit`` is between its
+    words.
+    """
     rest = iter(words)
     return all(word in rest for word in name.split())
 

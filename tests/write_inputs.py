@@ -1,4 +1,6 @@
-"""Small inputs of verbs, for `test_write_failures`: files of simulated records and their aircraft."""
+"""Small inputs of verbs, for `test_write_failures`: files of simulated records and their
+aircraft.
+"""
 
 from __future__ import annotations
 

@@ -311,8 +311,9 @@ class EstimateTables:
         if worst > _SLOPE_TOLERANCE:
             self.remarks.append(
                 f"the slope of the {words} that {self.one.program} prints differs by "
-                f"{100.0 * worst:.0f} % of the lift slope from that of its coefficients over alpha: "
-                f"separated flow, wide steps of alpha, a damaged number, or runs of several models"
+                f"{100.0 * worst:.0f} % of the lift slope from that of its coefficients over "
+                f"alpha: separated flow, wide steps of alpha, a damaged number, or runs of several "
+                f"models"
             )
 
 

@@ -65,7 +65,7 @@ def unpack_package(package: str | Path) -> Iterator[Path]:
 
 def _copy_folder(package: Path, target: Path) -> None:
     """Copy a folder; links and devices become links and pipes of the copy."""
-    left, count = MOST_BYTES, 0
+    bytes_left, count = MOST_BYTES, 0
     # folders that are not copied yet, relative to the package
     waiting = [PurePosixPath()]
     while waiting:
@@ -83,8 +83,8 @@ def _copy_folder(package: Path, target: Path) -> None:
                 copy.mkdir()
                 waiting.append(relative / entry.name)
             elif entry.is_file(follow_symlinks=False):
-                left -= _copy_file(Path(entry.path), copy, left)
-                if left < 0:
+                bytes_left -= _copy_file(Path(entry.path), copy, bytes_left)
+                if bytes_left < 0:
                     raise SchemaError(str(package), [f"more than {MOST_BYTES:g} bytes"])
             elif hasattr(os, "mkfifo"):
                 os.mkfifo(copy)

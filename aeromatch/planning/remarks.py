@@ -73,7 +73,9 @@ def _error_remarks(project: Project) -> Iterator[str]:
 
 def _model_remarks(project: Project) -> Iterator[str]:
     """Yield the models without a constant, and those with rates that have a dimension."""
-    models = [(f"fit {fit.name!r}", text) for fit in project.fit for text in fit.models]
+    models = []
+    for fit in project.fit:
+        models += [(f"fit {fit.name!r}", text) for text in fit.models]
     if project.ground_effect is not None:
         models += [("ground_effect.models", text) for text in project.ground_effect.models]
     for position, text in models:

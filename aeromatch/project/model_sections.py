@@ -54,8 +54,8 @@ class NewTerm(Strict):
             bare = [abs(point) for point in points if not isinstance(point, str)]
             if units == "rad" and max(bare, default=0.0) > np.pi / 2.0:
                 problem = (
-                    f"axis {name} reaches {max(bare):g} rad, {max(bare) / DEGREE:.4g} deg; a number "
-                    f"without a unit is in rad: write '{max(bare):g} deg'"
+                    f"axis {name} reaches {max(bare):g} rad, {max(bare) / DEGREE:.4g} deg; a "
+                    f"number without a unit is in rad: write '{max(bare):g} deg'"
                 )
                 raise SchemaError("term", [problem])
         value = np.zeros(tuple(len(points) for points in axes.values()))

@@ -25,14 +25,22 @@ PRESSURES = [6.0, 12.0, 18.0, 24.0, 30.0]  # [inHg]
 SPEEDS = [1000.0, 1500.0, 2000.0, 2500.0]  # [rpm]
 
 
-def run(kcas: float, throttle: float, lever: float = 1.0, angle: float | None = None) -> list[dict[str, float]]:
+def run(
+    kcas: float, throttle: float, lever: float = 1.0, angle: float | None = None
+) -> list[dict[str, float]]:
     """Return what the stand reads every half second of five, at first at a speed of the air, by the
     governor or at a blade angle [deg]."""
     f = jsbsim.FGFDMExec(os.path.dirname(jsbsim.__file__))
     f.set_debug_level(0)
     f.load_model("c182")
     f.set_dt(1.0 / 200.0)
-    start = {"lat-geod-deg": 45.0, "terrain-elevation-ft": 0.0, "h-sl-ft": 3000.0, "vc-kts": kcas, "gamma-deg": 0.0}
+    start = {
+        "lat-geod-deg": 45.0,
+        "terrain-elevation-ft": 0.0,
+        "h-sl-ft": 3000.0,
+        "vc-kts": kcas,
+        "gamma-deg": 0.0,
+    }
     for name, value in start.items():
         f["ic/" + name] = value
     f["fcs/throttle-cmd-norm"], f["fcs/advance-cmd-norm"] = 1.0, lever
@@ -52,7 +60,10 @@ def run(kcas: float, throttle: float, lever: float = 1.0, angle: float | None = 
 
 def read(f: jsbsim.FGFDMExec) -> dict[str, float]:
     """Return coefficients of the propeller, and power of the engine at standard temperature."""
-    engine = {name: f["propulsion/engine/" + name] for name in ("propeller-rpm", "thrust-lbs", "propeller-power-ftlbps", "power-hp", "map-pa")}
+    engine = {
+        name: f["propulsion/engine/" + name]
+        for name in ("propeller-rpm", "thrust-lbs", "propeller-power-ftlbps", "power-hp", "map-pa")
+    }
     n, rho = engine["propeller-rpm"] / 60.0, f["atmosphere/rho-slugs_ft3"] * LBF / FT**4
     pressure = f["atmosphere/P-psf"] * LBF / FT**2
     warm = np.sqrt(f["atmosphere/T-R"] / 1.8 / (288.15 * (pressure / 101325.0) ** 0.190263))
@@ -69,7 +80,10 @@ def read(f: jsbsim.FGFDMExec) -> dict[str, float]:
 
 def propeller_chart() -> dict[str, np.ndarray]:
     """Return CT and CP over advance ratio and blade angle."""
-    chart = {"CT": np.empty((len(ADVANCE), len(ANGLES))), "CP": np.empty((len(ADVANCE), len(ANGLES)))}
+    chart = {
+        "CT": np.empty((len(ADVANCE), len(ANGLES))),
+        "CP": np.empty((len(ADVANCE), len(ANGLES))),
+    }
     for k, angle in enumerate(ANGLES):
         runs = []
         for kcas in (10.0, 30.0, 60.0, 90.0, 120.0, 145.0):
@@ -77,14 +91,18 @@ def propeller_chart() -> dict[str, np.ndarray]:
                 runs += run(kcas, throttle, angle=angle)
         runs.sort(key=lambda item: item["J"])
         for name, error in (("CT", THRUST_ERROR), ("CP", TORQUE_ERROR)):
-            chart[name][:, k] = error * continued(np.array([r["J"] for r in runs]), np.array([r[name] for r in runs]))
+            chart[name][:, k] = error * continued(
+                np.array([r["J"] for r in runs]), np.array([r[name] for r in runs])
+            )
     return chart
 
 
 def continued(J: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the readings at `ADVANCE`; beyond the last one their line goes on down to zero thrust."""
+    """Return the readings at `ADVANCE`; beyond the last one their line goes on to zero thrust."""
     slope = np.polyfit(J[-6:], values[-6:], 1)[0]
-    beyond = np.maximum(values[-1] + min(slope, 0.0) * (np.array(ADVANCE) - J[-1]), min(0.0, values.min()))
+    beyond = np.maximum(
+        values[-1] + min(slope, 0.0) * (np.array(ADVANCE) - J[-1]), min(0.0, values.min())
+    )
     return np.where(np.array(ADVANCE) > J[-1], beyond, np.interp(ADVANCE, J, values))
 
 
@@ -133,7 +151,9 @@ if __name__ == "__main__":
         print(rows(table, "{:.4f}"))
     power = engine_chart()
     print("\n[engine.piston.tables.corrected_power]")
-    print("manifold_pressure = [" + ", ".join(f'"{pressure:g} inHg"' for pressure in PRESSURES) + "]")
+    print(
+        "manifold_pressure = [" + ", ".join(f'"{pressure:g} inHg"' for pressure in PRESSURES) + "]"
+    )
     print("engine_rpm = [" + ", ".join(f'"{speed:g} rpm"' for speed in SPEEDS) + "]")
     print(rows(power / 1000.0, '"{:.1f} kW"'))
     print("# impedances [s]:", manifold())

@@ -1,12 +1,12 @@
-"""Fly the recordings of ``flight/`` and ``stall/``: the aircraft ``c182`` of the pip package ``jsbsim``, its
-motion passed through modelled instruments.
+"""Fly the recordings of ``flight/`` and ``stall/``: the aircraft ``c182`` of the pip package
+``jsbsim``, its motion passed through modelled instruments.
 
     pip install jsbsim==1.3.3 numpy pandas
     python make_records.py [FOLDER]    # writes FOLDER/flight and FOLDER/stall
 
 Nothing of the files of that package is copied; recordings are what this script flies.  Each run
-starts after the pilot has settled.  Between inputs a simple pilot holds heading, height and speed; during an input all
-other controls stay where they were.  Body axes x forward, y right, z down.
+starts after the pilot has settled.  Between inputs a simple pilot holds heading, height and speed;
+during an input all other controls stay where they were.  Body axes x forward, y right, z down.
 """
 
 from __future__ import annotations
@@ -30,20 +30,74 @@ IMU = np.array([0.40, 0.15, 0.25])  # [m] from that point, surveyed
 VANES = np.array([1.10, -3.60, -0.55])  # boom on the left wing, carries the pitot tube as well
 
 # Constant errors of the instruments, one set for the whole programme
-BIAS = {"p": 0.05, "q": -0.04, "r": 0.06, "phi": -0.08, "theta": 0.07, "psi": 0.20, "nx": 0.003, "ny": -0.004, "nz": 0.006}
-BIAS |= {"alpha": 0.45, "beta": -0.35, "elevator": 0.12, "aileron": -0.10, "rudder": 0.15, "oat": 0.5, "weight": 9.0}
+BIAS = {
+    "p": 0.05,
+    "q": -0.04,
+    "r": 0.06,
+    "phi": -0.08,
+    "theta": 0.07,
+    "psi": 0.20,
+    "nx": 0.003,
+    "ny": -0.004,
+    "nz": 0.006,
+}
+BIAS |= {
+    "alpha": 0.45,
+    "beta": -0.35,
+    "elevator": 0.12,
+    "aileron": -0.10,
+    "rudder": 0.15,
+    "oat": 0.5,
+    "weight": 9.0,
+}
 FACTOR = {"alpha": 1.07, "beta": 1.04, "elevator": 1.008}
 POSITION_ERROR = 0.012  # of the static pressure, over the impact pressure
 # [s]
-DELAY = {"cas": 0.12, "altitude": 0.12, "oat": 0.12, "vn": 0.15, "ve": 0.15, "vs": 0.15, "gps": 0.15}
+DELAY = {
+    "cas": 0.12,
+    "altitude": 0.12,
+    "oat": 0.12,
+    "vn": 0.15,
+    "ve": 0.15,
+    "vs": 0.15,
+    "gps": 0.15,
+}
 VANE_LAG = 0.04  # [s]
 PROP_LEVER = 0.9  # 0 for 900, 1 for 2400 rpm
 TRIMMED = 100.0  # speed at which the simulation starts [kt]
 SETTLING = 60.0  # before the recorder starts [s]
 # White noise per sample, in the units of the columns
-NOISE = {"p": 0.03, "q": 0.03, "r": 0.03, "phi": 0.03, "theta": 0.03, "psi": 0.05, "nx": 0.002, "ny": 0.002, "nz": 0.004}
-NOISE |= {"alpha": 0.08, "beta": 0.08, "cas": 0.15, "altitude": 1.5, "oat": 0.1, "elevator": 0.03, "aileron": 0.03, "rudder": 0.03}
-NOISE |= {"lever": 0.1, "prop_lever": 0.1, "rpm": 3.0, "map": 0.05, "vn": 0.10, "ve": 0.10, "vs": 10.0, "gps": 2.0}
+NOISE = {
+    "p": 0.03,
+    "q": 0.03,
+    "r": 0.03,
+    "phi": 0.03,
+    "theta": 0.03,
+    "psi": 0.05,
+    "nx": 0.002,
+    "ny": 0.002,
+    "nz": 0.004,
+}
+NOISE |= {
+    "alpha": 0.08,
+    "beta": 0.08,
+    "cas": 0.15,
+    "altitude": 1.5,
+    "oat": 0.1,
+    "elevator": 0.03,
+    "aileron": 0.03,
+    "rudder": 0.03,
+}
+NOISE |= {
+    "lever": 0.1,
+    "prop_lever": 0.1,
+    "rpm": 3.0,
+    "map": 0.05,
+    "vn": 0.10,
+    "ve": 0.10,
+    "vs": 10.0,
+    "gps": 2.0,
+}
 
 COLUMNS = {  # heading of the file: (quantity, decimals)
     "Time (s)": ("time", 2),
@@ -91,7 +145,14 @@ class Aeroplane:
         fdm.load_model("c182")
         fdm.set_dt(1.0 / (RATE * FRAMES))
         fdm["atmosphere/delta-T"] = 9.0  # [R], 5 K warmer than standard
-        start = {"lat-geod-deg": 45.0, "terrain-elevation-ft": 0.0, "h-sl-ft": altitude, "psi-true-deg": 60.0, "vc-kts": kcas, "gamma-deg": 0.0}
+        start = {
+            "lat-geod-deg": 45.0,
+            "terrain-elevation-ft": 0.0,
+            "h-sl-ft": altitude,
+            "psi-true-deg": 60.0,
+            "vc-kts": kcas,
+            "gamma-deg": 0.0,
+        }
         for name, value in start.items():
             fdm["ic/" + name] = value
         fdm["fcs/advance-cmd-norm"] = PROP_LEVER
@@ -115,20 +176,59 @@ class Aeroplane:
     def read(self) -> dict[str, float]:
         """Return what there is to measure, without errors, in SI."""
         f = self.fdm
-        names = {"p": "velocities/p-rad_sec", "q": "velocities/q-rad_sec", "r": "velocities/r-rad_sec", "p_dot": "accelerations/pdot-rad_sec2"}
-        names |= {"q_dot": "accelerations/qdot-rad_sec2", "r_dot": "accelerations/rdot-rad_sec2", "phi": "attitude/phi-rad"}
-        names |= {"theta": "attitude/theta-rad", "psi": "attitude/psi-rad", "mach": "velocities/mach", "elevator": "fcs/elevator-pos-rad"}
-        names |= {"aileron": "fcs/left-aileron-pos-rad", "rudder": "fcs/rudder-pos-rad", "lever": "fcs/throttle-pos-norm"}
-        names |= {"rpm": "propulsion/engine/propeller-rpm", "map": "propulsion/engine/map-pa", "prop_lever": "fcs/advance-pos-norm"}
+        names = {
+            "p": "velocities/p-rad_sec",
+            "q": "velocities/q-rad_sec",
+            "r": "velocities/r-rad_sec",
+            "p_dot": "accelerations/pdot-rad_sec2",
+        }
+        names |= {
+            "q_dot": "accelerations/qdot-rad_sec2",
+            "r_dot": "accelerations/rdot-rad_sec2",
+            "phi": "attitude/phi-rad",
+        }
+        names |= {
+            "theta": "attitude/theta-rad",
+            "psi": "attitude/psi-rad",
+            "mach": "velocities/mach",
+            "elevator": "fcs/elevator-pos-rad",
+        }
+        names |= {
+            "aileron": "fcs/left-aileron-pos-rad",
+            "rudder": "fcs/rudder-pos-rad",
+            "lever": "fcs/throttle-pos-norm",
+        }
+        names |= {
+            "rpm": "propulsion/engine/propeller-rpm",
+            "map": "propulsion/engine/map-pa",
+            "prop_lever": "fcs/advance-pos-norm",
+        }
         d = {name: f[path] for name, path in names.items()}
-        feet = {"u": "velocities/u-aero-fps", "v": "velocities/v-aero-fps", "w": "velocities/w-aero-fps", "vn": "velocities/v-north-fps"}
-        feet |= {"ve": "velocities/v-east-fps", "vd": "velocities/v-down-fps", "h": "position/h-sl-ft"}
+        feet = {
+            "u": "velocities/u-aero-fps",
+            "v": "velocities/v-aero-fps",
+            "w": "velocities/w-aero-fps",
+            "vn": "velocities/v-north-fps",
+        }
+        feet |= {
+            "ve": "velocities/v-east-fps",
+            "vd": "velocities/v-down-fps",
+            "h": "position/h-sl-ft",
+        }
         d |= {name: f[path] * FT for name, path in feet.items()}
-        d["p_static"], d["temperature"] = f["atmosphere/P-psf"] * LBF / FT**2, f["atmosphere/T-R"] / 1.8
+        d["p_static"], d["temperature"] = (
+            f["atmosphere/P-psf"] * LBF / FT**2,
+            f["atmosphere/T-R"] / 1.8,
+        )
         d["mass"] = f["inertia/weight-lbs"] * LB
-        d["x_cg"], d["z_cg"] = (STATION - f["inertia/cg-x-in"]) * INCH, (WATERLINE - f["inertia/cg-z-in"]) * INCH
+        d["x_cg"], d["z_cg"] = (
+            (STATION - f["inertia/cg-x-in"]) * INCH,
+            (WATERLINE - f["inertia/cg-z-in"]) * INCH,
+        )
         for axis in "xyz":
-            d["a" + axis] = sum(f[f"forces/fb{axis}-{part}-lbs"] for part in ("aero", "prop")) * LBF / d["mass"]
+            d["a" + axis] = (
+                sum(f[f"forces/fb{axis}-{part}-lbs"] for part in ("aero", "prop")) * LBF / d["mass"]
+            )
         return d
 
     @property
@@ -155,7 +255,9 @@ class Pilot:
         now, trim, want = self.a.now, self.a.trim, self.a.want
         turn = (self.psi - now["psi"] + np.pi) % (2 * np.pi) - np.pi
         phi = float(np.clip(1.2 * turn, -0.35, 0.35)) if bank is None else bank
-        want["aileron"] = trim["aileron"] + float(np.clip(1.2 * (phi - now["phi"]) - 0.5 * now["p"], -0.5, 0.5))
+        want["aileron"] = trim["aileron"] + float(
+            np.clip(1.2 * (phi - now["phi"]) - 0.5 * now["p"], -0.5, 0.5)
+        )
         want["rudder"] = trim["rudder"]
 
     def vertically(self) -> None:
@@ -164,12 +266,20 @@ class Pilot:
         # of the flight-path angle
         error = float(np.clip((climb + now["vd"]) / self.airspeed(), -0.15, 0.15))
         self.sum["elevator"] = float(np.clip(self.sum["elevator"] - 0.6 * error / RATE, -0.5, 0.5))
-        want["elevator"] = self.a.trim["elevator"] + self.sum["elevator"] + float(np.clip(-1.4 * error + 1.2 * now["q"], -0.4, 0.4))
+        want["elevator"] = (
+            self.a.trim["elevator"]
+            + self.sum["elevator"]
+            + float(np.clip(-1.4 * error + 1.2 * now["q"], -0.4, 0.4))
+        )
 
     def speeds(self) -> None:
         error = self.speed - self.airspeed()
-        self.sum["throttle"] = float(np.clip(self.sum["throttle"] + 0.004 * error / RATE, -0.5, 0.5))
-        self.a.want["throttle"] = float(np.clip(self.a.trim["throttle"] + self.sum["throttle"] + 0.05 * error, 0.0, 1.0))
+        self.sum["throttle"] = float(
+            np.clip(self.sum["throttle"] + 0.004 * error / RATE, -0.5, 0.5)
+        )
+        self.a.want["throttle"] = float(
+            np.clip(self.a.trim["throttle"] + self.sum["throttle"] + 0.05 * error, 0.0, 1.0)
+        )
 
     def holds(self, _t: float = 0.0) -> None:
         """Hold everything."""
@@ -201,7 +311,8 @@ def fly(kcas: float, altitude: float, cards: list[tuple]) -> pd.DataFrame:
             free(values[0])
         elif kind == "hold":
             during(values[0], pilot.holds)
-        elif kind == "steps":  # control, amplitude, unit of time, signs in units of time, seconds after
+        # control, amplitude, unit of time, signs in units of time, seconds after
+        elif kind == "steps":
             control, size, unit, signs, after = values
             for sign, units in signs:
                 a.want[control] = start[control] + sign * size
@@ -214,12 +325,20 @@ def fly(kcas: float, altitude: float, cards: list[tuple]) -> pd.DataFrame:
         elif kind == "pull_push":
             size, seconds = values
 
-            def pull_push(t: float, size: float = size, seconds: float = seconds, start: dict[str, float] = start) -> None:
+            def pull_push(
+                t: float,
+                size: float = size,
+                seconds: float = seconds,
+                start: dict[str, float] = start,
+            ) -> None:
                 pilot.laterally()
-                a.want["elevator"] = start["elevator"] - size * float(np.sin(2 * np.pi * t / seconds))
+                a.want["elevator"] = start["elevator"] - size * float(
+                    np.sin(2 * np.pi * t / seconds)
+                )
 
             during(seconds, pull_push)
-        elif kind == "stall":  # lever, bank, angle of attack at the top, seconds up, at the top, down, after
+        # lever, bank, angle of attack at the top, seconds up, at the top, down, after
+        elif kind == "stall":
             lever, bank, top, *seconds = values
             times = np.cumsum([0.0, *seconds])
             first, held = float(np.arctan2(a.now["w"], a.now["u"])), [0.0]
@@ -227,7 +346,9 @@ def fly(kcas: float, altitude: float, cards: list[tuple]) -> pd.DataFrame:
             def stall(t: float, top: float = top, bank: float = bank) -> None:
                 # a hand that follows an angle of attack, with a shake that moves it about
                 pilot.laterally(bank * float(np.clip(t / 4.0, 0.0, 1.0)))
-                wanted = float(np.interp(t, times[:4], [first, top, top, first])) + 0.012 * float(np.sin(2.0 * np.pi * 0.7 * t))
+                wanted = float(np.interp(t, times[:4], [first, top, top, first])) + 0.012 * float(
+                    np.sin(2.0 * np.pi * 0.7 * t)
+                )
                 error = wanted - float(np.arctan2(a.now["w"], a.now["u"]))
                 held[0] -= 0.8 * error / RATE
                 a.want["elevator"] = start["elevator"] + held[0] - 1.6 * error + 0.5 * a.now["q"]
@@ -241,9 +362,15 @@ def fly(kcas: float, altitude: float, cards: list[tuple]) -> pd.DataFrame:
             def sideslip(t: float, size: float = size, seconds: float = seconds) -> None:
                 pilot.holds()
                 now = a.now
-                bank = float(np.clip(2.0 * ((pilot.psi - now["psi"] + np.pi) % (2 * np.pi) - np.pi), -0.25, 0.25))
+                bank = float(
+                    np.clip(
+                        2.0 * ((pilot.psi - now["psi"] + np.pi) % (2 * np.pi) - np.pi), -0.25, 0.25
+                    )
+                )
                 pilot.laterally(bank)
-                a.want["rudder"] = a.trim["rudder"] + size * float(np.clip(t / 2.5, 0, 1) * np.clip((seconds - t) / 1.5, 0, 1))
+                a.want["rudder"] = a.trim["rudder"] + size * float(
+                    np.clip(t / 2.5, 0, 1) * np.clip((seconds - t) / 1.5, 0, 1)
+                )
 
             during(seconds, sideslip)
         else:
@@ -264,7 +391,11 @@ def measured(motion: pd.DataFrame, wind: np.ndarray, seed: int) -> pd.DataFrame:
     omega, omega_dot = (np.stack([m[n + tail] for n in "pqr"], 1) for tail in ("", "_dot"))
     cg = np.stack([m["x_cg"], 0 * time, m["z_cg"]], 1)
     arm = IMU - cg
-    force = np.stack([m["ax"], m["ay"], m["az"]], 1) + np.cross(omega_dot, arm) + np.cross(omega, np.cross(omega, arm))
+    force = (
+        np.stack([m["ax"], m["ay"], m["az"]], 1)
+        + np.cross(omega_dot, arm)
+        + np.cross(omega, np.cross(omega, arm))
+    )
     air = np.stack([m["u"], m["v"], m["w"]], 1) + np.cross(omega, VANES - cg)
 
     def behind(x: np.ndarray) -> np.ndarray:
@@ -300,13 +431,20 @@ def measured(motion: pd.DataFrame, wind: np.ndarray, seed: int) -> pd.DataFrame:
         "weight": m["mass"] / LB,
         "station": STATION - m["x_cg"] / INCH,
     }
-    x |= {name: m[name] / DEG for name in ("phi", "theta", "p", "q", "r", "elevator", "aileron", "rudder")}
+    x |= {
+        name: m[name] / DEG
+        for name in ("phi", "theta", "p", "q", "r", "elevator", "aileron", "rudder")
+    }
     for name in x:
-        x[name] = np.interp(time - DELAY.get(name, 0.0), time, x[name]) * FACTOR.get(name, 1.0) + BIAS.get(name, 0.0)
+        x[name] = np.interp(time - DELAY.get(name, 0.0), time, x[name]) * FACTOR.get(
+            name, 1.0
+        ) + BIAS.get(name, 0.0)
         x[name] += rng.normal(0.0, NOISE.get(name, 0.0), len(time))
     x["psi"] %= 360.0
     x["time"] = time
-    return pd.DataFrame({heading: np.round(x[name], digits) for heading, (name, digits) in COLUMNS.items()})
+    return pd.DataFrame(
+        {heading: np.round(x[name], digits) for heading, (name, digits) in COLUMNS.items()}
+    )
 
 
 STEPS_3211 = [(1, 3), (-1, 2), (1, 1), (-1, 1)]
@@ -341,19 +479,51 @@ PROGRAMME = {
     "slow": (75.0, 5000.0, test_point(1.3)),
     "cruise": (100.0, 5000.0, test_point(1.0)),
     "fast": (112.0, 5000.0, test_point(0.8)),
-    "check_short_period": (95.0, 6000.0, [("free", 5.0), ("steps", "elevator", 0.12, 1.0, DOUBLET, 10.0)]),
-    "check_phugoid": (100.0, 6000.0, [("free", 5.0), ("steps", "elevator", 0.06, 3.0, [(-1, 1)], 90.0)]),
+    "check_short_period": (
+        95.0,
+        6000.0,
+        [("free", 5.0), ("steps", "elevator", 0.12, 1.0, DOUBLET, 10.0)],
+    ),
+    "check_phugoid": (
+        100.0,
+        6000.0,
+        [("free", 5.0), ("steps", "elevator", 0.06, 3.0, [(-1, 1)], 90.0)],
+    ),
     "check_roll": (90.0, 6000.0, [("free", 5.0), ("steps", "aileron", 0.4, 2.5, [(1, 1)], 5.0)]),
-    "check_dutch_roll": (95.0, 6000.0, [("free", 5.0), ("steps", "rudder", 0.35, 0.9, DOUBLET, 15.0)]),
+    "check_dutch_roll": (
+        95.0,
+        6000.0,
+        [("free", 5.0), ("steps", "rudder", 0.35, 0.9, DOUBLET, 15.0)],
+    ),
     "check_power": (100.0, 6000.0, [("free", 6.0), ("lever", 0.25, 20.0)]),
 }
 # stalls: quasi-steady and accelerated ones identify, the last two prove
 STALLS = {
-    "stall_quasi_steady": (72.0, 6500.0, [("free", 4.0), ("stall", 0.0, 0.0, 20 * DEG, 26.0, 2.0, 4.0, 2.0)]),
-    "stall_accelerated": (75.0, 6500.0, [("free", 4.0), ("stall", 0.2, 0.0, 20 * DEG, 5.0, 1.5, 3.0, 2.0)]),
-    "stall_turning": (75.0, 6500.0, [("free", 4.0), ("stall", 0.3, -30 * DEG, 20 * DEG, 9.0, 1.5, 3.0, 2.0)]),
-    "check_stall": (72.0, 6000.0, [("free", 4.0), ("stall", 0.0, 0.0, 19 * DEG, 30.0, 1.0, 5.0, 3.0)]),
-    "check_stall_turn": (75.0, 6000.0, [("free", 4.0), ("stall", 0.15, 30 * DEG, 20 * DEG, 14.0, 1.0, 4.0, 2.5)]),
+    "stall_quasi_steady": (
+        72.0,
+        6500.0,
+        [("free", 4.0), ("stall", 0.0, 0.0, 20 * DEG, 26.0, 2.0, 4.0, 2.0)],
+    ),
+    "stall_accelerated": (
+        75.0,
+        6500.0,
+        [("free", 4.0), ("stall", 0.2, 0.0, 20 * DEG, 5.0, 1.5, 3.0, 2.0)],
+    ),
+    "stall_turning": (
+        75.0,
+        6500.0,
+        [("free", 4.0), ("stall", 0.3, -30 * DEG, 20 * DEG, 9.0, 1.5, 3.0, 2.0)],
+    ),
+    "check_stall": (
+        72.0,
+        6000.0,
+        [("free", 4.0), ("stall", 0.0, 0.0, 19 * DEG, 30.0, 1.0, 5.0, 3.0)],
+    ),
+    "check_stall_turn": (
+        75.0,
+        6000.0,
+        [("free", 4.0), ("stall", 0.15, 30 * DEG, 20 * DEG, 14.0, 1.0, 4.0, 2.5)],
+    ),
 }
 
 
@@ -361,9 +531,13 @@ def main(folder: Path, programme: dict[str, tuple], first: int = 0) -> None:
     """Write a CSV for each run of a programme; `first` is the number of the first run."""
     folder.mkdir(exist_ok=True)
     winds = np.random.default_rng(182 + first).uniform(-9.0, 9.0, (len(programme), 2))  # [kt]
-    for number, ((name, (kcas, altitude, cards)), wind) in enumerate(zip(programme.items(), winds), first):
+    for number, ((name, (kcas, altitude, cards)), wind) in enumerate(
+        zip(programme.items(), winds), first
+    ):
         motion = fly(kcas, altitude, cards)
-        measured(motion, wind, number).to_csv(folder / f"{name}.csv", index=False, float_format="%.7g")
+        measured(motion, wind, number).to_csv(
+            folder / f"{name}.csv", index=False, float_format="%.7g"
+        )
         print(f"{name:20s} {len(motion) / RATE:6.1f} s")
 
 

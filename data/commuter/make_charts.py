@@ -77,7 +77,8 @@ def main(folder: Path) -> None:
     write_tables(propeller_tables(rng), folder / "propeller.nc")
     write_tables(engine_tables(), folder / "engine.nc")
     print(
-        f"written: propeller.nc engine.nc; stops {math.degrees(aeroplane.LOW):g} and {math.degrees(aeroplane.HIGH):g} deg"
+        f"written: propeller.nc engine.nc; stops {math.degrees(aeroplane.LOW):g} and "
+        f"{math.degrees(aeroplane.HIGH):g} deg"
     )
 
 

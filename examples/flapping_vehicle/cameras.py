@@ -16,11 +16,13 @@ from scipy.spatial.transform import Rotation
 FLAPPING = 5.0  # [Hz]
 NOISE = 5e-4  # of a coordinate of a marker [m]
 MARKERS = {
-    "nose": (0.20, 0.0, 0.0), "left": (0.02, -0.09, -0.03), "right": (0.01, 0.09, -0.03), "back": (-0.15, 0.01, -0.05),
+    "nose": (0.20, 0.0, 0.0), "left": (0.02, -0.09, -0.03), "right": (0.01, 0.09, -0.03),
+    "back": (-0.15, 0.01, -0.05),
     "belly": (-0.03, 0.0, 0.06),
 }  # fmt: skip
 SETUP = "\n".join(
-    ['flapping_frequency = "5 Hz"', "multiples = 8", 'axes = "north west up"', "", "[body.fuselage]"]
+    ['flapping_frequency = "5 Hz"', "multiples = 8", 'axes = "north west up"', "",
+        "[body.fuselage]"]
     + [f"{name} = [{', '.join(f'{x}' for x in place)}]" for name, place in MARKERS.items()]
 ) + "\n"  # fmt: skip
 
@@ -52,7 +54,8 @@ def truth(time: np.ndarray) -> dict[str, np.ndarray]:
     force = to_ned.inv().apply(a - [0.0, 0.0, 9.80665])
     position = np.stack([place["north"][0], place["east"][0], down[0]], axis=1)
     return {
-        "position": position, "turn": to_ned, "phi": phi, "theta": theta, "psi": psi, "p": p, "q": q, "r": r,
+        "position": position, "turn": to_ned, "phi": phi, "theta": theta, "psi": psi, "p": p,
+        "q": q, "r": r,
         "vn": np.full(len(time), 4.0), "ve": place["east"][1], "vd": d_down, "h": -position[:, 2],
         "ax": force[:, 0], "ay": force[:, 1], "az": force[:, 2],
     }  # fmt: skip

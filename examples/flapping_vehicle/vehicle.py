@@ -84,10 +84,12 @@ BODIES = {
 }
 NAMES = list(BODIES)
 MARKERS = {
-    "fuselage": {"nose": (0.20, 0.0, 0.01), "left": (0.02, -0.05, -0.06), "right": (0.0, 0.05, -0.06), "back": (-0.20, 0.01, -0.03),
+    "fuselage": {"nose": (0.20, 0.0, 0.01), "left": (0.02, -0.05, -0.06),
+        "right": (0.0, 0.05, -0.06), "back": (-0.20, 0.01, -0.03),
                  "belly": (-0.03, 0.0, 0.06)},
     "wing_right": {"wr1": (-0.01, 0.15, 0.0), "wr2": (-0.01, 0.45, 0.0), "wr3": (-0.15, 0.25, 0.0)},
-    "wing_left": {"wl1": (-0.01, -0.15, 0.0), "wl2": (-0.01, -0.45, 0.0), "wl3": (-0.15, -0.25, 0.0)},
+    "wing_left": {"wl1": (-0.01, -0.15, 0.0), "wl2": (-0.01, -0.45, 0.0),
+        "wl3": (-0.15, -0.25, 0.0)},
     "tail": {"t1": (-0.02, 0.08, 0.0), "t2": (-0.02, -0.08, 0.0), "t3": (-0.12, 0.0, 0.0)},
 }  # fmt: skip
 S, WING_POINT = 0.27, np.array([-0.0615, HALF, 0.0])
@@ -422,7 +424,8 @@ def fly(seed: int | None, duration: float = 1.6, rate: float = 500.0) -> dict[st
     v_dot = np.array([accelerations(a, b, c)[0] for a, b, c in zip(p, v, given)])
     loads = np.array([air_loads(tree, b) for tree, b in zip(trees, v)])
     return {
-        "time": times, "p": p, "v": v, "v_dot": v_dot, "commands": given, "CL": lift, "CD": drag, "angle": angle, "rate": wing_rate,
+        "time": times, "p": p, "v": v, "v_dot": v_dot, "commands": given, "CL": lift, "CD": drag,
+        "angle": angle, "rate": wing_rate,
         "wings": loads[:, 0], "tail": loads[:, 1],
     }  # fmt: skip
 

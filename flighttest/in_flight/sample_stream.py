@@ -41,10 +41,10 @@ class SampleStream:
     Attributes
     ----------
     wanted : callable
-        From the names that the stream can give to those that are read; it raises for missing ones.
+        Returns the names to read, from the names that the stream offers.  It raises for missing
+        names.
     names : NameMap, optional
-        Without it, headings are canonical names, with a unit in brackets where it is not the SI
-        one.
+        Without it, headings are canonical names; a unit that is not SI stands in brackets.
     read, left_out : int
         Samples so far, and lines that were left out.
     """
@@ -151,10 +151,10 @@ class SampleStream:
         if len(heads) < 2:
             raise ParseError("<stream>", 1, repr(heading[:80]), "a heading of CSV with a clock")
         if self.names is not None:
-            found = self._mapped_columns(self.names, heads, plain, units)
+            offered = self._mapped_columns(self.names, heads, plain, units)
         else:
-            found = _canonical_columns(heads, plain, units)
-        by_name = {column.name: column for column in found}
+            offered = _canonical_columns(heads, plain, units)
+        by_name = {column.name: column for column in offered}
         self.columns = [by_name[name] for name in self.wanted(list(by_name))]
         position, unit = self._find_clock(heads, plain, units)
         seconds = float(to_si(1.0, unit or "s", "s"))
@@ -187,7 +187,7 @@ class SampleStream:
         clock = names.clock
         if clock.wrap or clock.rate or clock.drift or clock.reset or names.decode or names.utc:
             problems.append("wrap, rate, drift, reset, [utc] and [decode] need the whole record")
-        found = []
+        columns = []
         for channels in names.leaves.values():
             for name, channel in channels.items():
                 if channel.delay or channel.lag or channel.rate_limit or channel.stops:
@@ -196,12 +196,12 @@ class SampleStream:
                 position = _find_column(channel, heads, plain)
                 if position < 0:
                     continue
-                found.append(_Column(name, position, _converter(channel, units[position], name)))
+                columns.append(_Column(name, position, _converter(channel, units[position], name)))
         if problems:
             raise SchemaError(f"name map {names.source} for a stream", problems)
         for name, value in names.constants.items():
-            found.append(_Column(name, -1, _constant(value)))
-        return found
+            columns.append(_Column(name, -1, _constant(value)))
+        return columns
 
 
 def _find_column(channel: Channel, heads: list[str], plain: list[str]) -> int:
@@ -229,7 +229,7 @@ def _canonical_columns(
     heads: list[str], plain: list[str], units: list[str | None]
 ) -> list[_Column]:
     """Return the columns whose headings are canonical names."""
-    found = []
+    columns = []
     for k, name in enumerate(plain):
         try:
             si = lookup(name).units
@@ -238,9 +238,9 @@ def _canonical_columns(
         unit = units[k] or si
         if name in plain[:k]:
             raise ParseError("<stream>", 1, f"the heading {name} twice", "each quantity once")
-        found.append(_Column(name, k, _unit_change(unit, si)))
-    if not found:
+        columns.append(_Column(name, k, _unit_change(unit, si)))
+    if not columns:
         raise ParseError(
             "<stream>", 1, ", ".join(heads[:20]), "canonical names, or a name map (--names)"
         )
-    return found
+    return columns

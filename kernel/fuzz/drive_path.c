@@ -1,7 +1,9 @@
 /* The calls of kernel.h that an estimation makes, chosen by bytes: a path that an inertial unit
  * drives, sums over its steps and readings, and the elimination of its states. Every array has
  * exactly the size that kernel.h states. */
-#include "drive.h"
+#include "drive_path.h"
+
+#include "kernel.h"
 
 #include <math.h>
 #include <stdlib.h>

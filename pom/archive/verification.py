@@ -18,10 +18,10 @@ from pom.archive.archive import read_archive
 from pom.archive.origins import dependency_path, read_report_manifest
 from pom.archive.program_files import compare_program
 from pom.archive.statements import CLOSE, compare_statements, run_of
-from pom.judging.beyond_the_bands import watch_channels
 from pom.judging.departures import case_departures
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all, verdict_row
+from pom.judging.watched_channels import watch_channels
 from pom.probing.scatter_probe import measure_scatter, noise_of_inputs
 from pom.replaying.recorded_runs import shows_master
 from pom.replaying.table_agreement import shows_own_tables

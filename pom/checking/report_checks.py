@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from pom.checking.model_identity import MODEL, identity_remarks
 from pom.checking.record_agreement import OTHERS, disagreement_remarks
-from pom.judging.condition_coverage import SHARED, SHARED_TESTS
-from pom.judging.report_conditions import REPORT_CHECKS, with_report_conditions
+from pom.judging.conditions.condition_coverage import SHARED, SHARED_TESTS
+from pom.judging.conditions.report_conditions import REPORT_CHECKS, with_report_conditions
 from pom.probing.model_probes import with_run_remarks
 from pom.probing.shared_flights import shared_flight_remarks
 from pom.result import PomResult, make_verdict_table

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from flightmech.envelope.regions import A_PRIORI, EXTRAPOLATED, axis_name
-from pom.judging.beyond_the_bands import SLOWEST
+from pom.judging.watched_channels import SLOWEST
 from pom.tolerances.bands import RowRemark
 
 REGION, AXIS = "envelope.region", "envelope.axis"

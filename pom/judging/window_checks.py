@@ -19,7 +19,7 @@ from flightmech.support.arrays import true_runs
 from flightmech.units import DEGREE
 from pom.cases.case import PomCase
 from pom.cases.drafting.event_detection import input_channels
-from pom.judging.condition_checks import FORCED, MOVED, SMOOTH
+from pom.judging.conditions.condition_checks import FORCED, MOVED, SMOOTH
 from pom.judging.signals import RunSignals
 from pom.status import CASE_WINDOW
 from pom.tolerances.bands import RowRemark

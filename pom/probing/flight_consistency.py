@@ -27,7 +27,7 @@ from flightmech.simulation.kernel import Simulation
 from flightmech.support.arrays import rms
 from flighttest.regression.uncertainty.jackknife import block_jackknife
 from pom.cases.reference_states import CALIBRATION
-from pom.judging.beyond_the_bands import SLOWEST
+from pom.judging.watched_channels import SLOWEST
 from pom.probing.input_probe import SCALE, SIZES
 from pom.tolerances.bands import RowRemark
 

@@ -18,8 +18,9 @@ from pom.cases.job import ReplayJob
 from pom.fmu.models import FmuModel
 from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import fly_job
-from pom.judging.beyond_the_bands import SLOWEST, kept_model
+from pom.judging.beyond_the_bands import kept_model
 from pom.judging.signals import traces_of
+from pom.judging.watched_channels import SLOWEST
 from pom.probing.flight_consistency import (
     CHANNELS,
     LEAST_EFFECT,

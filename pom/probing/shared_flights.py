@@ -19,7 +19,7 @@ import scipy
 
 from flightmech.flown_samples import FlownWindow, cut_windows, find_shared_windows
 from pom.cases.case import PomCase
-from pom.judging.condition_coverage import SHARED, SHARED_TESTS
+from pom.judging.conditions.condition_coverage import SHARED, SHARED_TESTS
 from pom.judging.signals import traces_of
 from pom.probing.scatter_probe import CHANNELS, cut_steps, is_noisy
 from pom.result import PomResult

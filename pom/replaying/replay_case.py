@@ -24,9 +24,10 @@ from pom.fmu.models import FmuModel, Models
 from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
-from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
+from pom.judging.beyond_the_bands import Evidence, evidence_remarks
+from pom.judging.conditions.stall_checks import reach_remarks
 from pom.judging.envelope_remarks import AXIS, REGION, envelope_remarks
-from pom.judging.stall_checks import reach_remarks
+from pom.judging.watched_channels import GROUND_VELOCITY
 from pom.judging.window_checks import with_window_check
 from pom.probing.aircraft_identity import aircraft_remarks, demand_own_evidence
 from pom.probing.control_doubts import size_remarks

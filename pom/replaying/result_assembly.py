@@ -16,12 +16,12 @@ from pom.cases.case_file import SHOWN
 from pom.cases.job import STATED, ReplayJob, initial_configuration, stated_only
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.air_checks import air_remarks
-from pom.judging.beyond_the_bands import watch_channels, watch_track
+from pom.judging.conditions.report_conditions import VALUES, report_values
+from pom.judging.conditions.row_conditions import condition_remarks
 from pom.judging.departures import case_departures, record_departures
-from pom.judging.report_conditions import VALUES, report_values
-from pom.judging.row_conditions import condition_remarks
 from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
 from pom.judging.verdict import band_widths, formed_channels, judge_match, verdict_row
+from pom.judging.watched_channels import watch_channels, watch_track
 from pom.judging.window_checks import input_end_remarks, window_remarks
 from pom.replaying.replay_channels import (
     Traces,

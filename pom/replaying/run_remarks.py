@@ -19,8 +19,9 @@ from flightmech.support.arrays import rms
 from flightmech.units import from_si, parse_unit
 from pom.cases.pilot import Pilot, PilotLoop, shortest_error
 from pom.cases.reference_states import CALIBRATION
-from pom.judging.beyond_the_bands import SLOWEST, flown_model
+from pom.judging.beyond_the_bands import flown_model
 from pom.judging.signals import trace_of
+from pom.judging.watched_channels import SLOWEST
 from pom.result import PomResult
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import output_of

@@ -11,7 +11,7 @@ import xarray as xr
 
 from flightmech.support.console import count_text
 from pom.cases.signatures import signature_rows
-from pom.judging.condition_coverage import case_departs, cover_conditions
+from pom.judging.conditions.condition_coverage import case_departs, cover_conditions
 from pom.report.case.page import run_line_classes
 from pom.report.presentation.quantities import quantity_label
 from pom.report.presentation.unit_sets import units_in_text

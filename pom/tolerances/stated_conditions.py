@@ -20,7 +20,8 @@ class StatedCondition:
     Attributes
     ----------
     name : str
-        Name of its check in `pom.judging.condition_checks`, `stall_checks` or `report_conditions`.
+        Name of its check in `condition_checks`, `stall_checks` or `report_conditions` of
+        `pom.judging.conditions`.
     text : str
         The condition as the row states it.
     how : str

@@ -132,7 +132,9 @@ def make_case():
 
 @pytest.fixture(scope="session")
 def corpus():
-    """Return a reader of third-party listings by name, and by case; tests without them are skipped."""
+    """Return a reader of third-party listings by name, and by case; tests without them are
+    skipped.
+    """
     if not CORPUS.is_dir():
         pytest.skip("needs the corpus ../shared/data/datcom")
     import datcom_io

@@ -33,7 +33,9 @@ CRASH = (
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A database and an FMU of the T-37, and five seconds of level flight as a reconstructed path."""
+    """A database and an FMU of the T-37, and five seconds of level flight as a reconstructed
+    path.
+    """
     folder = tmp_path_factory.mktemp("made")
     aircraft = flightmech.read_aircraft(DATA / "aircraft.toml")
     db = aerodb.from_datcom(aircraft, clean=datcom_io.read(DATA / "datcom" / "t37_clean.out"))

@@ -275,7 +275,8 @@ def test_models_from_elsewhere_come_with_their_tables_of_names(write, tmp_path):
     found = problems(write(("[listings]", wrong)))
     assert (
         found[0]
-        == "models.final: the name is taken; call it otherwise than flight, datcom, prior, corrected, "
+        == "models.final: the name is taken; call it otherwise than flight, datcom, prior, "
+        "corrected, "
         "final"
     )
     assert found[1].startswith("models.final.fmu: no file 'gone.fmu' in ")

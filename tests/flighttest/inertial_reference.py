@@ -45,7 +45,8 @@ NOISE = {
 }  # fmt: skip
 TURN = 1.2  # rad, half of the change of heading
 INERTIAL = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
-SPREAD = {"p": 0.01 * DEGREE, "q": 0.01 * DEGREE, "r": 0.01 * DEGREE, "ax_imu": 0.05, "ay_imu": 0.05, "az_imu": 0.05,
+SPREAD = {"p": 0.01 * DEGREE, "q": 0.01 * DEGREE, "r": 0.01 * DEGREE, "ax_imu": 0.05,
+    "ay_imu": 0.05, "az_imu": 0.05,
           "alpha_vane": 2.0 * DEGREE, "beta_vane": 2.0 * DEGREE}  # fmt: skip
 SPEED_SPREAD = {"V": 1.0, "V_cas": 1.0, "mach": 0.003, "q_c": 30.0}
 
@@ -281,7 +282,8 @@ def fly(
 
     def record(*names):
         return leaf(true.t, {
-            n: error.get(f"factor.{n}", 1.0) * shown[n] + error.get(f"bias.{n}", 0.0) + rng.normal(0.0, noise * NOISE[n], len(true.t))
+            n: error.get(f"factor.{n}", 1.0) * shown[n] + error.get(f"bias.{n}",
+                0.0) + rng.normal(0.0, noise * NOISE[n], len(true.t))
             for n in names
         })  # fmt: skip
 

@@ -14,7 +14,9 @@ from flighttest.reconstruction.dynamics.kinematics import (
 
 
 def over_steps(values, linked):
-    """Return the mean over each step (N-1, m) of what is a cubic between the samples of a window."""
+    """Return the mean over each step (N-1, m) of what is a cubic between the samples of a
+    window.
+    """
     second = np.zeros_like(values)
     inner = np.concatenate([[False], linked[1:] & linked[:-1], [False]])
     second[1:-1] = np.diff(values, 2, axis=0)

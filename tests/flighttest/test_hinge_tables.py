@@ -97,7 +97,9 @@ def test_samples_beyond_the_nodes_are_an_error():
 
 
 def test_a_node_without_samples_has_an_error_of_its_size():
-    """Nobody has flown at Mach 0.9: a small standard error there would be that of a straight line."""
+    """Nobody has flown at Mach 0.9: a small standard error there would be that of a straight
+    line.
+    """
     found = identify((0.2, 0.35, 0.9))
     (remark,) = [one for one in found.remarks if one.kind == "range"]
     assert remark.text.startswith("no samples near the node mach 0.9: the samples have mach 0.2 to")

@@ -8,9 +8,10 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["datcom_io"]):
-    from datcom_io.arrays import frames  # noqa: F401  a name of the package is loaded late, past the instrumentation
-    from datcom_io.arrays import trees as dataset  # noqa: F401  a name of the package is loaded late, past the instrumentation
-    from datcom_io.reading import reader  # noqa: F401  a name of the package is loaded late, past the instrumentation
+    # a name of the package is loaded late, past the instrumentation: the modules are imported here
+    from datcom_io.arrays import frames  # noqa: F401
+    from datcom_io.arrays import trees as dataset  # noqa: F401
+    from datcom_io.reading import reader  # noqa: F401
 
 import harm
 import promises

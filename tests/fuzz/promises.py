@@ -79,7 +79,9 @@ def use(listing: datcom_io.Listing) -> pd.DataFrame:
 
 
 def allow(call, *arguments, **options):
-    """Return what a call returns, None when it raises ParseError; every other exception comes out."""
+    """Return what a call returns, None when it raises ParseError; every other exception comes
+    out.
+    """
     try:
         return call(*arguments, **options)
     except ParseError:

@@ -262,7 +262,9 @@ def make_kinds(
     run_command: Callable[[Sequence[str], Path], Any],
     without_seal: Callable[[bytes], bytes],
 ) -> list[Kind]:
-    """Write the sound files of kinds into a folder and return the kinds; all if no name is given."""
+    """Write the sound files of kinds into a folder and return the kinds; all if no name is
+    given.
+    """
     _copy_examples(folder)
     chosen = [kind for kind in KINDS if not names or kind.name in names]
     if any(kind.name in _WRITTEN for kind in chosen):

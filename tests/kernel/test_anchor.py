@@ -9,7 +9,9 @@ import pytest
 
 
 def whole_step(run, x: np.ndarray, u: np.ndarray, h: float) -> np.ndarray:
-    """Classical Runge-Kutta on `Simulation.derivative`, which finds every place from the beginning."""
+    """Classical Runge-Kutta on `Simulation.derivative`, which finds every place from the
+    beginning.
+    """
     k1 = run.derivative(x, u)
     k2 = run.derivative(x + 0.5 * h * k1, u)
     k3 = run.derivative(x + 0.5 * h * k2, u)

@@ -87,7 +87,7 @@ def grid(end: float, h: float = 0.01) -> np.ndarray:
 
 
 # ---- surfaces drive
-# ------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_hinge_moment_and_the_force_that_holds_it(every):
@@ -210,7 +210,7 @@ def test_surface_is_held_by_its_cable(build):
 
 
 # ---- forces drive
-# --------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
@@ -307,7 +307,9 @@ def test_pull_raises_the_nose(every):
 
 
 def test_controls_at_rest_in_flight_stay_at_rest(build):
-    """Trimmed, hands off: friction holds every circuit to the last bit, however the loads wander."""
+    """Trimmed, hands off: friction holds every circuit to the last bit, however the loads
+    wander.
+    """
     items = {
         "column": replace(COLUMN, friction=12.0, **CABLE),
         "wheel": replace(WHEEL, friction=1.5),
@@ -360,7 +362,7 @@ def test_stop_takes_the_rest(build):
 
 
 # ---- trim
-# ----------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("order", [2, 4])
@@ -468,7 +470,7 @@ def test_positions_and_surfaces_trim_to_the_same_flight(every):
 
 
 # ---- loads
-# ---------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_ailerons_each_see_their_own_air(build):
@@ -725,7 +727,7 @@ def test_parameters_without_meaning_are_refused(every, start, name, value, text)
 
 
 # ---- catalogue
-# ---------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_rows_have_units_and_start_values(every):

@@ -175,7 +175,9 @@ def test_centre_of_gravity_in_chords(body, flown):
     ],
 )
 def test_wind_is_the_velocity_of_the_air(wind, found, body, start):
-    """Flying north at 100 m/s, then the wind sets in; atan 0.1 = 0.0996687, atan 0.05 = 0.0499584."""
+    """Flying north at 100 m/s, then the wind sets in; atan 0.1 = 0.0996687, atan 0.05 =
+    0.0499584.
+    """
     sim = body({"CD/a": 0.0})
     run = start(sim, **LEVEL)
     run.set_inputs([wind.get(name, 0.0) for name in sim.inputs])

@@ -25,7 +25,9 @@ TIME = np.arange(0.0, 3.0, 0.02)
 
 @pytest.fixture(scope="module")
 def models() -> dict[str, flightmech.SimModel]:
-    """The models of the fuzzers: every submodel; one engine and body axes; one constant; no term."""
+    """The models of the fuzzers: every submodel; one engine and body axes; one constant; no
+    term.
+    """
     spec = importlib.util.spec_from_file_location("models", MODELS)
     found = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(found)

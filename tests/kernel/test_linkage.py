@@ -140,7 +140,9 @@ def energy(c: Linkage, m: Motion) -> float:
 
 
 def test_step_response_of_second_order(advance):
-    """m s'' + W s' + C s = F from rest; midpoint rule, error (omega h)^2 / 12 per radian of phase."""
+    """m s'' + W s' + C s = F from rest; midpoint rule, error (omega h)^2 / 12 per radian of
+    phase.
+    """
     mass, W, C, F, h = 8.0, 30.0, 900.0, 45.0, 1e-3
     t = h * np.arange(1501)
     omega, damping = np.sqrt(C / mass), W / (2.0 * np.sqrt(C * mass))
@@ -244,7 +246,7 @@ def test_step_response_of_fourth_order(advance):
 
 
 # ---- dry friction
-# --------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_amplitude_falls_linearly_under_dry_friction(advance):
@@ -280,7 +282,9 @@ def test_time_of_half_a_cycle_is_not_changed_by_dry_friction(advance):
 
 
 def test_rest_lasts_for_ever(advance):
-    """At 99.9 % of the breakout force nothing moves, in any of 100 000 sub-steps and at either end."""
+    """At 99.9 % of the breakout force nothing moves, in any of 100 000 sub-steps and at either
+    end.
+    """
     given = linkage(
         2,
         mass=[5.0, 2.0, 1.0],

@@ -205,6 +205,7 @@ def test_the_library_itself_refuses_what_it_cannot_solve_for(sim):
     record = terms + 48 * sim.terms.index("Cm/elevator")
     with pytest.raises(
         SchemaError,
-        match="term Cm/elevator has two of alphadothat, betadothat, dnz; only one can be solved for",
+        match="term Cm/elevator has two of alphadothat, betadothat, dnz; only one can be solved "
+        "for",
     ):
         KernelModel(patched(sim.block, record + 20, struct.pack("<2I", *(1 + i for i in implicit))))

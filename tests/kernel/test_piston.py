@@ -165,7 +165,9 @@ FUEL = PistonEngine(
 
 
 def test_power_of_the_fuel(compiled):
-    """Air, mixture, indicated power, friction and pumping by hand, in balance with the propeller."""
+    """Air, mixture, indicated power, friction and pumping by hand, in balance with the
+    propeller.
+    """
     bench = _Bench(compiled(piston=FUEL), engine1__throttle=0.8, engine1__mixture=0.9)
     atm, w = air.atmosphere(1000.0), bench["rpm"]
     p, manifold = pressure(), bench["manifold_pressure"]

@@ -1,4 +1,6 @@
-"""Flow separation of the wing halves: closed forms, order of the integration, limits, trim, roll."""
+"""Flow separation of the wing halves: closed forms, order of the integration, limits, trim,
+roll.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,9 @@ ROLLING = {
 
 @pytest.fixture(scope="module")
 def falling(make_aircraft, make_tree):
-    """A body without aerodynamic force: in a vertical fall its alpha is what it was at the start."""
+    """A body without aerodynamic force: in a vertical fall its alpha is what it was at the
+    start.
+    """
     craft = make_aircraft(stall=separation(), engines=())
     return flightmech.compile(craft, make_tree({"CD/basic": make_term(0.0)}))
 
@@ -144,7 +148,9 @@ def test_terms_see_the_variables(make_aircraft, make_tree, start):
 
 
 def test_halves_alike_do_not_roll(make_aircraft, content, make_tree):
-    """Symmetric aircraft, no asymmetry: through the stall and back without a roll to the last bit."""
+    """Symmetric aircraft, no asymmetry: through the stall and back without a roll to the last
+    bit.
+    """
     symmetric = {k: v for k, v in content.items() if k not in ("Cn/basic", "Cm/power")}
     craft = make_aircraft(stall=separation(), cg=(0.06, 0.0, 0.22), Ixy=0.0, Iyz=0.0, engines=())
     sim = flightmech.compile(craft, make_tree(symmetric | ROLLING))

@@ -20,7 +20,9 @@ SOURCE = Path(__file__).parents[2] / "kernel" / "shell"
 # are the same
 SHIM = """
 #include "sha256.c"
-void blocks_portable(uint32_t h[8], const unsigned char *bytes, size_t n) { absorb_portable(h, bytes, n); }
+void blocks_portable(uint32_t h[8], const unsigned char *bytes, size_t n) {
+    absorb_portable(h, bytes, n);
+}
 void blocks_as_called(uint32_t h[8], const unsigned char *bytes, size_t n) { absorb(h, bytes, n); }
 """
 

@@ -137,7 +137,9 @@ def test_rotational_energy_and_momentum_of_a_tumbling_body(make_aircraft, make_t
 
 
 def test_energy_in_the_rotating_frame_is_conserved(make_aircraft, make_tree, start):
-    """Without air, v^2/2 + U - (omega s)^2/2 is constant over the ellipsoid; U from the J2 field."""
+    """Without air, v^2/2 + U - (omega s)^2/2 is constant over the ellipsoid; U from the J2
+    field.
+    """
     sim = empty(make_aircraft, make_tree)
     run = start(
         sim,
@@ -178,7 +180,9 @@ def test_flat_earth_parabola(make_aircraft, make_tree, start):
 
 
 def test_euler_angles_pass_the_vertical(make_aircraft, make_tree, start):
-    """A looping body: theta stays inside 90 degrees, phi and psi jump by 180, nothing else happens."""
+    """A looping body: theta stays inside 90 degrees, phi and psi jump by 180, nothing else
+    happens.
+    """
     sim = empty(make_aircraft, make_tree, Ixy=0.0, Ixz=0.0, Iyz=0.0)
     run = start(sim, mode__earth=0.0, init__q=1.0, init__V=0.0)
     u = np.zeros(len(sim.inputs))

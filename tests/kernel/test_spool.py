@@ -431,7 +431,9 @@ def test_too_slow_to_light_or_to_go_on(compiled, start):
 
 
 def test_envelopes(compiled, flown, start):
-    """The flame goes out where burn_margin is negative and lights only where light_margin is not."""
+    """The flame goes out where burn_margin is negative and lights only where light_margin is
+    not.
+    """
     margin = {
         "burn_margin": make_term([1.0, -1.0], {"h": [8000.0, 12000.0]}),
         "light_margin": make_term([1.0, -1.0], {"h": [5000.0, 7000.0]}),
@@ -501,7 +503,9 @@ def test_recorded_thrust_is_net(static, flown, make_aircraft):
 
 
 def test_rotors_keep_the_angular_momentum(compiled, start, make_aircraft):
-    """Without outer moments, J w + H of the rotors that speed up stays what it was, in magnitude."""
+    """Without outer moments, J w + H of the rotors that speed up stays what it was, in
+    magnitude.
+    """
     craft = {"cg": (0.0, 0.0, 0.0), "Ixy": 0.0, "Ixz": 0.0, "Iyz": 0.0}
     sim = compiled(
         EngineDeck(

@@ -115,7 +115,9 @@ def test_what_stands_stays(earth, more, wheels):
 
 
 def test_the_start_of_a_run_stands_up_by_itself(wheels):
-    """mode.trim 3: inputs and init.psi are all it needs, and init.* stay what they were given as."""
+    """mode.trim 3: inputs and init.psi are all it needs, and init.* stay what they were given
+    as.
+    """
     values = {
         "mode.earth": 0.0,
         "mode.trim": 3.0,

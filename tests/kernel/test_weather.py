@@ -63,7 +63,7 @@ def wind(sim: flightmech.SimModel, **parameters: float) -> np.ndarray:
 
 
 # ---- steady wind
-# ----------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_linear_shear_by_hand(probe):
@@ -580,7 +580,9 @@ def test_gust_velocity_and_rates_reach_the_coefficients():
 
 
 def test_axes_of_the_gust(probe):
-    """Below 1000 ft along the heading and level, above 2000 ft along the body; the same deviates."""
+    """Below 1000 ft along the heading and level, above 2000 ft along the body; the same
+    deviates.
+    """
     attitude = {"init.theta": 30.0 * DEG, "init.psi": 90.0 * DEG, "init.phi": 40.0 * DEG}
     low, high = (
         fly(probe, [0.0, 1.0], {**GIVEN, **attitude, "init.h": h}) for h in (100.0, 5000.0)
@@ -620,7 +622,7 @@ def test_one_minus_cosine_by_hand(probe, hold):
 
 
 # ---- parameters
-# -----------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,8 @@ VARIABLE = (
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="toy" guid="{kind}">
 <CoSimulation modelIdentifier="toy" canHandleVariableCommunicationStepSize="true" canInterpolateInputs="{interpolates}"/>
-<UnitDefinitions><Unit name="rad"/><Unit name="deg"/><Unit name="rad/s"/><Unit name="1"/></UnitDefinitions>
+<UnitDefinitions><Unit name="rad"/><Unit name="deg"/><Unit name="rad/s"/><Unit name="1"/>
+</UnitDefinitions>
 <ModelVariables>
 {variables}
 </ModelVariables><ModelStructure/></fmiModelDescription>

@@ -226,7 +226,8 @@ def roll_result():
         "roll_response_clean", "Roll response, clean", "2.d.2", STANDARD, EDITION,
         "cases/roll.toml", "flight/t37_31_roll.nc", (30.0, 40.0),
         description="Aileron held for five seconds.",
-        criteria=(criterion("roll_rate", "p", "g1", window, Limit("percent", 10.0, "%"), Limit("absolute", 2.0, "deg/s")),),
+        criteria=(criterion("roll_rate", "p", "g1", window, Limit("percent", 10.0, "%"),
+            Limit("absolute", 2.0, "deg/s")),),
     )  # fmt: skip
     data = signals(time, flight, models)
     tolerance, verdict = judge(case, data, RUNS)
@@ -309,7 +310,9 @@ def results():
 
 
 def databases():
-    """A prior and a final database: one table family replaced, one scalar, one added, one dropped."""
+    """A prior and a final database: one table family replaced, one scalar, one added, one
+    dropped.
+    """
     alpha, mach, flap = (
         np.radians(np.arange(-4.0, 17.0, 2.0)),
         np.array([0.1, 0.3, 0.5]),
@@ -406,7 +409,8 @@ PROVENANCE = {
         "flight/t37_31_roll.nc": "77aa" + "1" * 56 + "c0de",
         "t37.toml": "beef" + "2" * 60,
     },
-    "models": {run: {"file": f"{run}.fmu", "sha256": f"{i}{i}ab" + "3" * 60} for i, run in enumerate(RUNS)},
+    "models": {run: {"file": f"{run}.fmu", "sha256": f"{i}{i}ab" + "3" * 60} for i,
+        run in enumerate(RUNS)},
 }  # fmt: skip
 
 

@@ -69,7 +69,7 @@ def flown(case: int, step: float = 0.01, lon: float = 0.0) -> xr.Dataset:
 
 
 # ---- the reference implementation
-# -------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def density(h: float) -> float:
@@ -193,7 +193,7 @@ def largest(found: xr.Dataset, other: dict[str, np.ndarray], *names: str) -> flo
 
 
 # ---- tests
-# ----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_case_4_values_at_30_s():
@@ -281,7 +281,9 @@ def test_case_on_the_sphere_does_not_depend_on_longitude(case):
 
 
 def test_case_5_is_case_4_with_rotation_added():
-    """The rotation takes W^2 r = 0.034 m/s2 off the fall and leaves the ball east of its meridian."""
+    """The rotation takes W^2 r = 0.034 m/s2 off the fall and leaves the ball east of its
+    meridian.
+    """
     still, turning = flown(4), flown(5)
     assert float(turning.h[-1]) > float(still.h[-1])
     assert float(turning.ve[-1]) > 0.0

@@ -197,7 +197,9 @@ def test_subsonic_trim_over_the_rotating_earth():
 
 @pytest.mark.nightly
 def test_supersonic_trim():
-    """Published: pitch -0.741575 deg, Mach 2.0105; speed and height stay without control for 180 s."""
+    """Published: pitch -0.741575 deg, Mach 2.0105; speed and height stay without control for
+    180 s.
+    """
     run = fly("12", hold=0.02)
     assert run.theta[0] / DEG == pytest.approx(-0.741575, abs=1e-6)
     assert run.mach[0] == pytest.approx(2.0105, abs=5e-5)

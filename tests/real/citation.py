@@ -107,7 +107,9 @@ def stationary_windows(year, *series):
 
 @lru_cache
 def stationary(year):
-    """Return the path through all stationary points; its constants are the prior of the manoeuvres."""
+    """Return the path through all stationary points; its constants are the prior of the
+    manoeuvres.
+    """
     return flighttest.reconstruct(
         record(year), aircraft(), windows=stationary_windows(year, "clcd", "trim"), rate=10.0
     )

@@ -83,9 +83,9 @@ def fits(citation, ce500_db, folder):
         for step in ("pitch", "side"):
             shutil.copy(citation.HERE / "maps" / f"fit_{step}_{year}.toml", folder)
             done = perform_fit_job(read_specification(folder / f"fit_{step}_{year}.toml"))
-            assert (
-                done.fit.warnings == ()
-            )  # what the residuals of several outputs share moves the estimates by less than 2 % of the motion
+            # what the residuals of several outputs share moves the estimates by less than 2 % of
+            # the motion
+            assert done.fit.warnings == ()
             done.write_database(folder / f"{step}_{year}.nc")
             found[step, year] = done
     return found
@@ -132,7 +132,9 @@ def judged(citation, models, motion, year, folder, drive=""):
 
 @pytest.fixture(scope="module")
 def verdicts(citation, models, folder):
-    """Ratio of worst difference to half width, and verdict, by motion, flight, criterion and model."""
+    """Ratio of worst difference to half width, and verdict, by motion, flight, criterion and
+    model.
+    """
     return {
         (motion, year): judged(
             citation,

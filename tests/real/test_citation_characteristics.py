@@ -107,7 +107,9 @@ def test_trim_slope(citation):
 
 @pytest.mark.slow
 def test_stability_of_the_published_model(citation):
-    """h_n = 0.25 - Cm_alpha/CL_alpha and the roll mode b^2 rho S V Cl_p / (4 Ixx), by the textbook."""
+    """h_n = 0.25 - Cm_alpha/CL_alpha and the roll mode b^2 rho S V Cl_p / (4 Ixx), by the
+    textbook.
+    """
     mass, V, h, delta_T = at(citation, 2018, "aperiodic_roll")
     craft, db = published(citation.aircraft(), mass, V, h, delta_T)
     found = flightmech.characteristics(craft, db, {"V": V, "h": h, "delta_T": delta_T})
@@ -153,9 +155,9 @@ def test_linear_output_error_finds_the_flown_dutch_roll(citation, year, period, 
         model, citation.path(year, "dutch_roll", -3.0, 16.0).states, unknowns
     )
     assert fit.estimates.attrs["converged"] == 1
-    assert (
-        fit.warnings == ()
-    )  # bank and roll rate share a disturbance, through which an estimate moves the outputs by 1.3 and 0.6 %
+    # bank and roll rate share a disturbance, through which an estimate moves the outputs by 1.3 and
+    # 0.6 %
+    assert fit.warnings == ()
     mode = next(x for x in np.linalg.eigvals(model.at(fit.parameters).A) if x.imag > 0.0)
     assert 2.0 * np.pi / mode.imag == pytest.approx(period, abs=0.01)
     assert -mode.real / abs(mode) == pytest.approx(ratio, abs=0.002)

@@ -1,4 +1,6 @@
-"""Estimates during flight on eigenmotions of the Citation II, second by second, against the batch."""
+"""Estimates during flight on eigenmotions of the Citation II, second by second, against the
+batch.
+"""
 
 import numpy as np
 import pytest

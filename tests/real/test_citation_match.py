@@ -69,9 +69,9 @@ def test_replay_gives_verdicts(citation, models, motion, tmp_path):
     # the a-priori model has no rudder and does not oscillate at all: its ratios of the Dutch roll
     # are not numbers
     assert motion == "dutch_roll" or np.isfinite(ratio["datcom"]).all()
-    if (
-        motion == "phugoid"
-    ):  # the period of the a-priori model depends on the speed alone, and its damping on how far it rolls away
+    # the period of the a-priori model depends on the speed alone, and its damping on how far it
+    # rolls away
+    if motion == "phugoid":
         assert set(result.groups("corrected").values()) == {"pass"}
     else:
         assert ratio["corrected"].max() < ratio["datcom"].fillna(np.inf).max()

@@ -23,7 +23,8 @@ pytestmark = [
 ]
 FILES = {2018: "flight_20180312_1", 2019: "flight_20190305_2_partial", 2020: "flight_20200310_2"}
 MORE = {
-    2018: '\n[more]\nF_column = "column_fe"\nhdot = { column = "Dadc1_altRate", unit = "ft/min" }\n',
+    2018: '\n[more]\nF_column = "column_fe"\nhdot = { column = "Dadc1_altRate", unit = "ft/min" '
+    "}\n",
     2019: '\n[more]\nF_column = "column_fe"\n',
 }
 MORE[2020] = MORE[2018] + 'column = { column = "column_Se", scale = "1 cm" }\n'
@@ -112,7 +113,9 @@ def test_column_position_is_dead(as_mapped):
 
 @pytest.mark.parametrize("year", FILES)
 def test_pitch_rate_scale(as_mapped, year):
-    """README: theta_dot = 0.986 ... 0.993 (q cos phi - r sin phi), R2 0.999; phi_dot slope 0.999."""
+    """README: theta_dot = 0.986 ... 0.993 (q cos phi - r sin phi), R2 0.999; phi_dot slope
+    0.999.
+    """
     table = as_mapped[year].kinematics.set_index("relation")
     assert 0.9855 <= table.loc["theta_rate", "slope"] <= 0.9945
     assert table.loc["theta_rate", "correlation"] ** 2 == pytest.approx(0.999, abs=1e-3)

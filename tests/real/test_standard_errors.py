@@ -141,7 +141,9 @@ def module(path):
     return made
 
 citation, these = map(module, sys.argv[1:])
-fits = {name: flighttest.regress(flighttest.Model.parse(model), data) for name, data, model in these.cases(citation)}
+fits = {}
+for name, data, model in these.cases(citation):
+    fits[name] = flighttest.regress(flighttest.Model.parse(model), data)
 print(json.dumps({name: fit.report() for name, fit in fits.items()}))
 """
     here = Path(__file__)

@@ -37,10 +37,10 @@ def run_envelope(database: str, output: str | None, as_json: bool) -> None:
         text = standalone_svg(maps) if kind == ".svg" else _csv_text(map_rows(maps))
         write_text(output, text)
     if as_json:
-        print_json({"file": output, "maps": [_describe(own) for own in maps]})
+        print_json({"file": output, "maps": [_describe(region_map) for region_map in maps]})
         return
-    for own in maps:
-        click.echo(f"{own.report()}\n")
+    for region_map in maps:
+        click.echo(f"{region_map.report()}\n")
     listed = ", ".join(f"{mark} {word}" for mark, word in zip(MARKS, REGIONS, strict=True))
     click.echo(listed)
     everywhere = everywhere_text(maps[0].everywhere if maps else ())
@@ -50,18 +50,18 @@ def run_envelope(database: str, output: str | None, as_json: bool) -> None:
         click.echo(f"written: {output}")
 
 
-def _describe(own: RegionMap) -> dict[str, Any]:
+def _describe(region_map: RegionMap) -> dict[str, Any]:
     """Return configuration, plane and shares of the regions of a map."""
     shares = {}
     for code, word in enumerate(REGIONS):
-        shares[word] = float((own.regions == code).mean())
+        shares[word] = float((region_map.regions == code).mean())
     return {
-        "configuration": own.configuration,
-        "words": configuration_text(own.configuration),
-        "plane": list(own.plane),
-        "held": own.held,
+        "configuration": region_map.configuration,
+        "words": configuration_text(region_map.configuration),
+        "plane": list(region_map.plane),
+        "held": region_map.held,
         "shares": shares,
-        "everywhere": list(own.everywhere),
+        "everywhere": list(region_map.everywhere),
     }
 
 

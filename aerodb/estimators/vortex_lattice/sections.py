@@ -1,7 +1,11 @@
 """Mean lines of aerofoil sections, from the cards of a DATCOM deck.
 
-A thin-surface method uses the mean line alone. Ordinates: I. H. Abbott, A. E. von Doenhoff, Theory
-of Wing Sections, 1959, sections 4.4 (four and five digits) and 4.6 (mean line a = 1).
+A thin-surface method uses the mean line alone.
+
+References
+----------
+.. [Abbott1959] I. H. Abbott, A. E. von Doenhoff, Theory of Wing Sections, 1959: mean lines of four
+   and five digits, sections 6.4 and 6.5; mean line a = 1, chapter 4.
 """
 
 from __future__ import annotations
@@ -47,7 +51,7 @@ def read_mean_line(deck: Deck, surface: str) -> tuple[np.ndarray, str]:
         return np.zeros_like(STATIONS), f"section {digits} of {surface}: its camber is not computed"
     # Without a NACA card, WGSCHR and its like have the section: ordinates or a design lift.
     characteristics = {"W": "WGSCHR", "H": "HTSCHR", "V": "VTSCHR", "F": "VFSCHR"}[surface]
-    ordinates = _given_line(deck, characteristics)
+    ordinates = _ordinate_line(deck, characteristics)
     if ordinates is not None:
         return ordinates, ""
     design_lift = deck.value(characteristics, "CLI")
@@ -63,7 +67,7 @@ def _designated_line(kind: str, digits: str) -> np.ndarray | None:
     if kind == "5" and digits[:3] in _FIVE_DIGITS:
         end, factor = _FIVE_DIGITS[digits[:3]]
         x = STATIONS
-        # NACA five-digit mean line: a cubic up to the point `end`, a straight line behind it.
+        # [Abbott1959] 6.5: a cubic up to the point `end`, a straight line behind it
         front = factor / 6.0 * (x**3 - 3.0 * end * x**2 + end**2 * (3.0 - end) * x)
         return np.where(x < end, front, factor / 6.0 * end**3 * (1.0 - x))
     series = _SIX_SERIES.match(digits)
@@ -77,7 +81,7 @@ def _four_digit_line(height: float, place: float) -> np.ndarray:
     x = STATIONS
     if height == 0.0 or place == 0.0:
         return np.zeros_like(x)
-    # NACA four-digit mean line (Abbott and von Doenhoff, Theory of Wing Sections, 6.4).
+    # [Abbott1959] 6.4: a parabola on each side of the largest camber
     front = height / place**2 * (2.0 * place * x - x**2)
     rear = height / (1.0 - place) ** 2 * (1.0 - 2.0 * place + 2.0 * place * x - x**2)
     return np.where(x < place, front, rear)
@@ -86,13 +90,14 @@ def _four_digit_line(height: float, place: float) -> np.ndarray:
 def _uniform_load_line(design_lift: float) -> np.ndarray:
     """Return the mean line a = 1 of a design lift coefficient."""
     x = STATIONS
+    # [Abbott1959] z = -cl / (4 pi) [(1 - x) ln(1 - x) + x ln x], which is zero at both ends
     inner = x[1:-1]
     line = np.zeros_like(x)
     line[1:-1] = (1.0 - inner) * np.log(1.0 - inner) + inner * np.log(inner)
     return -design_lift / (4.0 * np.pi) * line
 
 
-def _given_line(deck: Deck, namelist: str) -> np.ndarray | None:
+def _ordinate_line(deck: Deck, namelist: str) -> np.ndarray | None:
     """Return the mean line of section ordinates, None without them."""
     x = np.array(deck.values(namelist, "XCORD"))
     mean = np.array(deck.values(namelist, "MEAN"))

@@ -73,7 +73,7 @@ def lr743_charts(
     names = list(databases)
     prior = {names[0]: databases[names[0]]}
     final = {names[-1]: databases[names[-1]]}
-    aircrafts = aircraft or {}
+    aircraft_by_name = aircraft or {}
     yield (
         "Fig. 1",
         "lift coefficient at zero angle of attack",
@@ -94,10 +94,10 @@ def lr743_charts(
     yield (
         "Fig. 9",
         "flight envelope and test points",
-        partial(flight_envelope_chart, databases, aircrafts, flown, buffet),
+        partial(flight_envelope_chart, databases, aircraft_by_name, flown, buffet),
     )
     yield "Fig. 10", "sweeps of angle of attack", partial(elevator_sweep_chart, databases, flown)
-    yield "Fig. 11", "lift over drag", partial(polars_clean, databases, aircrafts, flown)
+    yield "Fig. 11", "lift over drag", partial(polars_clean, databases, aircraft_by_name, flown)
     yield "Fig. 12", "lift by Mach number", partial(lift_by_mach, databases, flown)
     yield (
         "Fig. 13",
@@ -112,7 +112,7 @@ def lr743_charts(
     yield "Fig. 15", "lift by pitch rate", partial(pitch_rate, final, flown)
     yield "Fig. 16", "lift near the ground", partial(near_the_ground, final, flown)
     yield "Fig. 17", "rolling moment near the ground", partial(bank_near_the_ground, final, flown)
-    yield "", "drag polars", partial(drag_polars, final, aircrafts, flown)
+    yield "", "drag polars", partial(drag_polars, final, aircraft_by_name, flown)
 
 
 def write_lr743(

@@ -45,7 +45,7 @@ _EFFECTS = {
 
 
 @dataclass(frozen=True)
-class _Ratio:
+class _ControlSize:
     """Estimates of one regressor over what the a-priori tables give; NaN if that is not known."""
 
     value: float
@@ -81,7 +81,9 @@ def control_sizes(
     SchemaError, UnknownName
         As in `aerodb.tabulate`.
     """
-    wanted = {name for coefficients, _ in _EFFECTS.values() for name in coefficients}
+    wanted: set[str] = set()
+    for coefficients, _ in _EFFECTS.values():
+        wanted.update(coefficients)
     used = [fit for fit in fits if coefficient_of(fit) in wanted]
     observed: dict[str, tuple[CoefficientTerms, list[tuple[Any, Observation]]]] = {}
     for group, observations in observe_fits(used, prior, held):
@@ -92,13 +94,13 @@ def control_sizes(
         ratios = {}
         for name in coefficients:
             if name in observed:
-                ratios[name] = _ratio_of(control, *observed[name])
+                ratios[name] = _size_of(control, *observed[name])
         ratios = {name: ratio for name, ratio in ratios.items() if ratio.fits}
         if not ratios:
             continue
         known = [name for name, ratio in ratios.items() if np.isfinite(ratio.value)]
         first = known[0] if known else next(iter(ratios))
-        damping = _ratio_of(rate, *observed[first])
+        damping = _size_of(rate, *observed[first])
         others = ", ".join(f"{name} {ratios[name].value:.2f}" for name in known[1:])
         ratio = ratios[first]
         errors = (ratio.stderr, ratio.prior_stderr)
@@ -107,20 +109,20 @@ def control_sizes(
     return pd.DataFrame(rows, columns=list(COLUMNS), index=pd.Index(index, name="control"))
 
 
-def _ratio_of(
+def _size_of(
     regressor: str, group: CoefficientTerms, observed: Sequence[tuple[Any, Observation]]
-) -> _Ratio:
+) -> _ControlSize:
     """Return the ratio of a regressor over all fits of a coefficient that have it as a term."""
     nodes = np.concatenate([leaf["value"].values.ravel() for leaf in group.free.values()])
     errors = np.concatenate([_errors_by(regressor, leaf) for leaf in group.free.values()])
     rows = list(_rows_of(regressor, observed, nodes, errors))
     if not rows:
-        return _Ratio(np.nan, np.nan, np.nan, 0)
+        return _ControlSize(np.nan, np.nan, np.nan, 0)
     theta, expected, unknown, variance, common = np.array(rows).T
     # Where the a-priori effect may as well be zero, a ratio to it has no meaning.
     is_known = np.abs(expected) > _KNOWN * unknown
     if not is_known.any() or not (unknown[is_known] > 0.0).any():
-        return _Ratio(np.nan, np.nan, np.nan, len(rows))
+        return _ControlSize(np.nan, np.nan, np.nan, len(rows))
     theta, expected, unknown, variance, common = (
         column[is_known] for column in (theta, expected, unknown, variance, common)
     )
@@ -131,7 +133,7 @@ def _ratio_of(
     own = np.maximum(variance, (theta - ratio * expected) ** 2)
     stderr = float(np.hypot(np.sqrt(weight**2 @ own), np.abs(weight) @ common))
     prior_stderr = float(np.abs(weight) @ unknown)
-    return _Ratio(ratio, stderr, prior_stderr, len(rows))
+    return _ControlSize(ratio, stderr, prior_stderr, len(rows))
 
 
 def _rows_of(

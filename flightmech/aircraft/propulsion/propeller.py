@@ -359,7 +359,9 @@ def _evaluate(leaf: xr.Dataset, at: Mapping[str, float]) -> float:
     """Return a coefficient; other axes are at their first node, such as the Mach number of the
     tips.
     """
-    names = {str(name) for table in leaf.data_vars.values() for name in table.dims}
+    names = set()
+    for table in leaf.data_vars.values():
+        names.update(map(str, table.dims))
     point = {}
     for name in (*names, *list_regressors(leaf)):
         first = float(leaf[name][0]) if name in leaf.coords else 1.0

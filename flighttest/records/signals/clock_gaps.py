@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 import xarray as xr
@@ -162,7 +162,7 @@ def split_at_gaps(
             stretches.append(window)
             continue
         # ends of the window and of the gaps in turn: start, gap, gap, ..., stop
-        edges = [window[0], *(edge for gap in inside for edge in gap), window[1]]
+        edges = [window[0], *chain.from_iterable(inside), window[1]]
         pieces = list(pairwise(edges))[::2]
         kept = [piece for piece in pieces if piece[1] - piece[0] >= SHORTEST_STRETCH]
         if not kept:

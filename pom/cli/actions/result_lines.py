@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from pom.checking.case_check import RecordCheck, with_record_checks
-from pom.judging.report_conditions import has_report_conditions
+from pom.judging.conditions.report_conditions import has_report_conditions
 from pom.replaying.run_remarks import calibration, drift, pilot_activity
 from pom.report.case.remarks import run_notes, sampled_line
 from pom.report.presentation.verdict_text import reason_text

@@ -14,9 +14,9 @@ import numpy as np
 from flightmech.errors import UnitError, UnknownName
 from flightmech.names import WRAPPED, lookup
 from flightmech.units import parse_unit
-from pom.judging.beyond_the_bands import SLOWEST
 from pom.judging.measures.damped_sine import fit_linear_part
 from pom.judging.measures.modal import mode_table
+from pom.judging.watched_channels import SLOWEST
 from pom.report.presentation.quantities import QuantityLabel, fixed_decimals, pretty_unit
 from pom.result import PomResult, to_records
 

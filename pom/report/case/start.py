@@ -10,7 +10,7 @@ import numpy as np
 
 from pom.cases.job import STATED
 from pom.cases.reference_states import CALIBRATION
-from pom.judging.beyond_the_bands import SLOWEST
+from pom.judging.watched_channels import SLOWEST
 from pom.replaying import run_remarks
 from pom.replaying.trim import CONTROLS, result_trim_limits
 from pom.report.case.panel_marks import FLOW_ANGLES

@@ -14,7 +14,7 @@ from flightmech.envelope.envelope import make_envelope
 from flightmech.envelope.maps import RegionMap, draw_maps, everywhere_text, region_maps
 from flightmech.envelope.regions import EXTRAPOLATED, REGIONS
 from flightmech.flown_states import CELL, FLOWN_STATES
-from pom.judging.beyond_the_bands import SLOWEST
+from pom.judging.watched_channels import SLOWEST
 from pom.report.submodels.section import Picture, Section, SectionTable
 from pom.result import PomResult
 

@@ -18,17 +18,23 @@ MODELS = (
 )
 samples = pytest.mark.skipif(not MODELS.exists(), reason="needs the DAVE-ML samples of ../shared")
 
-JSBSIM = """<fdm_config name="trainer" version="2.0"><metrics><wingarea unit="FT2">180</wingarea><wingspan unit="FT">30</wingspan>
-<chord unit="FT">6</chord><location name="AERORP" unit="IN"><x>100</x><y>0</y><z>10</z></location></metrics>
-<mass_balance negated_crossproduct_inertia="true"><ixx unit="SLUG*FT2">1000</ixx><iyy unit="SLUG*FT2">2000</iyy>
+JSBSIM = """<fdm_config name="trainer" version="2.0"><metrics><wingarea unit="FT2">180</wingarea>
+<wingspan unit="FT">30</wingspan>
+<chord unit="FT">6</chord><location name="AERORP" unit="IN"><x>100</x><y>0</y><z>10</z></location>
+</metrics>
+<mass_balance negated_crossproduct_inertia="true"><ixx unit="SLUG*FT2">1000</ixx>
+<iyy unit="SLUG*FT2">2000</iyy>
 <izz unit="SLUG*FT2">2500</izz><ixz unit="SLUG*FT2">50</ixz><emptywt unit="LBS">3000</emptywt>
 <location name="CG" unit="IN"><x>98</x><y>0</y><z>8</z></location>
-<pointmass name="pilot"><weight unit="LBS">200</weight><location unit="IN"><x>50</x><y>10</y><z>20</z></location></pointmass></mass_balance>
-<propulsion><tank type="FUEL"><location unit="IN"><x>110</x><y>-5</y><z>0</z></location><radius unit="IN">20</radius>
+<pointmass name="pilot"><weight unit="LBS">200</weight><location unit="IN"><x>50</x><y>10</y>
+<z>20</z></location></pointmass></mass_balance>
+<propulsion><tank type="FUEL"><location unit="IN"><x>110</x><y>-5</y><z>0</z></location>
+<radius unit="IN">20</radius>
 <capacity unit="LBS">500</capacity><contents unit="LBS">300</contents></tank></propulsion>
 <ground_reactions/><aerodynamics><axis name="DRAG"/><axis name="SIDE"/><axis name="LIFT">
 <function name="aero/force/lift"><product><property>aero/qbar-psf</property>
-<property>metrics/Sw-sqft</property><sin><property>aero/alpha-rad</property></sin></product></function></axis></aerodynamics></fdm_config>"""
+<property>metrics/Sw-sqft</property><sin><property>aero/alpha-rad</property></sin></product>
+</function></axis></aerodynamics></fdm_config>"""
 
 
 def run(*arguments):

@@ -32,7 +32,8 @@ _MODEL = """<?xml version="1.0"?>
 <dependentVarRef varID="CL"/><functionDefn><griddedTable><breakpointRefs><bpRef bpID="a"/>
 <bpRef bpID="h"/></breakpointRefs><dataTable>0.2, 0.0, 1.4, 1.0</dataTable></griddedTable>
 </functionDefn></function><checkData>{}</checkData></DAVEfunc>"""
-SHOT = """<staticShot name="at {0}"><checkInputs><signal><varID>ALP</varID><signalValue>5</signalValue>
+SHOT = """<staticShot name="at {0}"><checkInputs><signal><varID>ALP</varID>
+<signalValue>5</signalValue>
 </signal><signal><varID>H_rwy</varID><signalValue>{0}</signalValue></signal></checkInputs>
 <checkOutputs><signal><varID>CL</varID><signalValue>{1}</signalValue><tol>1e-9</tol></signal>
 </checkOutputs></staticShot>"""

@@ -115,7 +115,9 @@ def unchanged_apart_from(before, after, names):
 
 
 def sound(before, after, copy):
-    """What every edit owes: a sound tree, one more line, the way back, and the old tree as it was."""
+    """What every edit owes: a sound tree, one more line, the way back, and the old tree as it
+    was.
+    """
     assert aerodb.check(after) == []
     assert after.attrs["history"].splitlines()[:-1] == before.attrs["history"].splitlines()
     assert aerodb.store.undo_edits(after).identical(before)

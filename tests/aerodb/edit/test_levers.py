@@ -1,4 +1,6 @@
-"""The moment of a force coefficient about a point, against the cross product with the rotated axis."""
+"""The moment of a force coefficient about a point, against the cross product with the rotated
+axis.
+"""
 
 import numpy as np
 import pytest

@@ -33,7 +33,9 @@ ORIGIN = {
 
 @pytest.fixture(scope="module")
 def trainer():
-    """Return a database whose forces depend on alpha, on controls, rates, flaps, gear and height."""
+    """Return a database whose forces depend on alpha, on controls, rates, flaps, gear and
+    height.
+    """
     over = {"mach": MACH, "alpha": ALPHA}
     ground = [[0.1, 0.2], [0.0, 0.0]]
     K1 = terms.make_term([0.0, 0.4, 1.0], {"gear": [0.0, 0.5, 1.0]})["value"]

@@ -100,7 +100,8 @@ def test_all_faults_are_reported_with_file_and_line(folder):
         (
             "0.4,0.0,",
             "0.2,0.0,",
-            r"001_CL_basic.csv, lines 7, 11: the same node mach 0.2 alpha 0; every node stands once",
+            r"001_CL_basic.csv, lines 7, 11: the same node mach 0.2 alpha 0; every node stands "
+            r"once",
         ),
         ("0.4,0.0,", "0.2,0.0,", r"1 of 8 nodes have no row, the first is mach 0.4 alpha 0"),
         ("0.4,0.0,", "# 0.4,0.0,", r"001_CL_basic.csv, line 11: found '# 0.4,0.0,"),

@@ -12,15 +12,22 @@ from flightmech.terms import evaluate_term
 from flightmech.units import FOOT, POUND_FORCE, SLUG
 
 INERTIA = """
-<variableDef name="vrsPositionOfCM" varID="CG" units="pct" initialValue="35.0"><isInput/></variableDef>
+<variableDef name="vrsPositionOfCM" varID="CG" units="pct" initialValue="35.0"><isInput/>
+</variableDef>
 <variableDef name="totalMass" varID="M" units="slug" initialValue="100.0"><isOutput/></variableDef>
-<variableDef name="bodyMomentOfInertia_Roll" varID="IX" units="slugft2" initialValue="1000.0"><isOutput/></variableDef>
-<variableDef name="bodyMomentOfInertia_Pitch" varID="IY" units="slugft2" initialValue="2000.0"><isOutput/></variableDef>
-<variableDef name="bodyMomentOfInertia_Yaw" varID="IZ" units="slugft2" initialValue="2500.0"><isOutput/></variableDef>
-<variableDef name="bodyProductOfInertia_ZX" varID="IXZ" units="slugft2" initialValue="50.0"><isOutput/></variableDef>
-<variableDef name="bodyPositionOfCmWrtMrc_X" varID="DX" units="ft" sign="FWD"><calculation><math><apply><times/><cn>0.1</cn>
+<variableDef name="bodyMomentOfInertia_Roll" varID="IX" units="slugft2" initialValue="1000.0">
+<isOutput/></variableDef>
+<variableDef name="bodyMomentOfInertia_Pitch" varID="IY" units="slugft2" initialValue="2000.0">
+<isOutput/></variableDef>
+<variableDef name="bodyMomentOfInertia_Yaw" varID="IZ" units="slugft2" initialValue="2500.0">
+<isOutput/></variableDef>
+<variableDef name="bodyProductOfInertia_ZX" varID="IXZ" units="slugft2" initialValue="50.0">
+<isOutput/></variableDef>
+<variableDef name="bodyPositionOfCmWrtMrc_X" varID="DX" units="ft" sign="FWD"><calculation><math>
+<apply><times/><cn>0.1</cn>
 <apply><minus/><cn>35</cn><ci>CG</ci></apply></apply></math></calculation><isOutput/></variableDef>
-<variableDef name="bodyPositionOfCmWrtMrc_Z" varID="DZ" units="ft" sign="UP" initialValue="0.5"><isOutput/></variableDef>
+<variableDef name="bodyPositionOfCmWrtMrc_Z" varID="DZ" units="ft" sign="UP" initialValue="0.5">
+<isOutput/></variableDef>
 """
 # idle and full thrust over height, joined by the lever in per cent
 THRUST = """
@@ -30,13 +37,15 @@ THRUST = """
 <variableDef name="full" varID="FULL" units="lbf"/>
 <variableDef name="thrustBodyForce_X" varID="FX" units="lbf" sign="FWD">
 <calculation><math>FORCE</math></calculation><isOutput/></variableDef>
-<variableDef name="thrustBodyForce_Z" varID="FZ" units="lbf" sign="DWN" initialValue="SIDE"><isOutput/></variableDef>
+<variableDef name="thrustBodyForce_Z" varID="FZ" units="lbf" sign="DWN" initialValue="SIDE">
+<isOutput/></variableDef>
 <function name="IDLE"><independentVarPts varID="ALT">0 20000</independentVarPts>
 <dependentVarPts varID="IDLE">100 50</dependentVarPts></function>
 <function name="FULL"><independentVarPts varID="ALT">0 10000 40000</independentVarPts>
 <dependentVarPts varID="FULL">1000 800 200</dependentVarPts></function>
 """
-LINEAR = """<apply><plus/><ci>IDLE</ci><apply><times/><apply><divide/><ci>PWR</ci><cn>100</cn></apply>
+LINEAR = """<apply><plus/><ci>IDLE</ci><apply><times/><apply><divide/><ci>PWR</ci><cn>100</cn>
+</apply>
 <apply><minus/><ci>FULL</ci><ci>IDLE</ci></apply></apply></apply>"""
 SQUARE = "<apply><times/><ci>FULL</ci><ci>PWR</ci><ci>PWR</ci></apply>"
 

@@ -44,7 +44,10 @@ def test_a_model_like_the_hl20(tmp_path):
     cubic = ci("CZ3")
     for name in ("CZ2", "CZ1", "CZ0"):
         cubic = apply("plus", ci(name), apply("times", ci("AL"), cubic))
-    turn = f"<piece>{apply('minus', ci('CNR'))}{apply('lt', ci('RUD'), cn(0.0))}</piece><otherwise>{ci('CNR')}</otherwise>"
+    turn = (
+        f"<piece>{apply('minus', ci('CNR'))}{apply('lt', ci('RUD'), cn(0.0))}</piece>"
+        f"<otherwise>{ci('CNR')}</otherwise>"
+    )
     variables = (
         "".join(
             variable(name) for name in ("CZ0", "CZ1", "CZ2", "CZ3", "CNR", "CLP", "CMAD", "CM0")
@@ -145,8 +148,10 @@ def test_ends_of_tables_hold_or_go_on_as_the_file_states(tmp_path, ends):
         apply("abs", apply("plus", apply("abs", ci("AL")), cn(-7.0))),
         apply("divide", apply("times", ci("AL"), cn(4.0)), cn(3.0)),
         cn(4.0),
-        f"<piecewise><piece>{cn(0.0)}{apply('leq', ci('AL'), cn(0.0))}</piece><otherwise>{ci('AL')}</otherwise></piecewise>",
-        f"<piecewise><piece>{cn(8.0)}{apply('gt', cn(0.0), cn(1.0))}</piece><otherwise>{ci('AL')}</otherwise></piecewise>",
+        f"<piecewise><piece>{cn(0.0)}{apply('leq', ci('AL'), cn(0.0))}</piece>"
+        f"<otherwise>{ci('AL')}</otherwise></piecewise>",
+        f"<piecewise><piece>{cn(8.0)}{apply('gt', cn(0.0), cn(1.0))}</piece>"
+        f"<otherwise>{ci('AL')}</otherwise></piecewise>",
     ],
 )
 @pytest.mark.parametrize("ends", ["", 'extrapolate="both"', 'extrapolate="min"'])
@@ -375,7 +380,8 @@ ALL = "".join(variable(name) for name in ("T", "U"))
             "its input TOT cannot be an axis: it depends on alpha, beta together",
         ),
         (
-            f"<piecewise><piece>{cn(1.0)}{apply('lt', ci('BE'), cn(0.0))}</piece><otherwise>{cn(2.0)}</otherwise></piecewise>",
+            f"<piecewise><piece>{cn(1.0)}{apply('lt', ci('BE'), cn(0.0))}</piece>"
+            f"<otherwise>{cn(2.0)}</otherwise></piecewise>",
             "",
             "it jumps where beta passes 0",
         ),
@@ -385,7 +391,8 @@ ALL = "".join(variable(name) for name in ("T", "U"))
             "a piecewise without otherwise",
         ),
         (
-            f"<piecewise><piece>{ci('AL')}{apply('lt', ci('BE'), ci('AL'))}</piece><otherwise>{ci('BE')}</otherwise></piecewise>",
+            f"<piecewise><piece>{ci('AL')}{apply('lt', ci('BE'), ci('AL'))}</piece>"
+            f"<otherwise>{ci('BE')}</otherwise></piecewise>",
             "",
             "it depends on alpha, beta together",
         ),

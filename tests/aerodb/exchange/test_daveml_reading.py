@@ -99,7 +99,8 @@ def function(tmp_path, attributes, element="independentVarRef"):
             f'name="f"><independentVarRef varID="x" '
             f'{attributes}/><dependentVarRef varID="y"/><functionDefn><griddedTableDef '
             f'gtID="T"><breakpointRefs><bpRef bpID="B"/>'
-            f"</breakpointRefs><dataTable>{values}</dataTable></griddedTableDef></functionDefn></function>",
+            f"</breakpointRefs><dataTable>{values}</dataTable></griddedTableDef></functionDefn>"
+            f"</function>",
         )
     )
 
@@ -230,7 +231,8 @@ def test_pieces_are_tried_in_order_over_arrays_and_a_branch_that_does_not_count_
     tmp_path,
 ):
     pieces = (
-        f"<piece>{cn(10)}{apply('gt', ci('a'), cn(2))}</piece><piece>{apply('divide', cn(1), ci('a'))}{apply('gt', ci('a'), cn(0))}</piece>"
+        f"<piece>{cn(10)}{apply('gt', ci('a'), cn(2))}</piece>"
+        f"<piece>{apply('divide', cn(1), ci('a'))}{apply('gt', ci('a'), cn(0))}</piece>"
         f"<otherwise>{cn(-1)}</otherwise>"
     )
     # with an apply around it, as NASA's files have it
@@ -388,7 +390,8 @@ def shot(value, tolerance, units="nd"):
     return (
         f"{variable('a', '<isInput/>')}{variable('y', calculation(apply('times', ci('a'), cn(2))))}<checkData><staticShot "
         f'name="one">'
-        f"<checkInputs><signal>{signal}</signal></checkInputs><checkOutputs><signal>{answer}</signal></checkOutputs></staticShot></checkData>"
+        f"<checkInputs><signal>{signal}</signal></checkInputs><checkOutputs>"
+        f"<signal>{answer}</signal></checkOutputs></staticShot></checkData>"
     )
 
 
@@ -434,13 +437,18 @@ def two_angles(units, value):
     )
     given = [("angleOfAttack", "deg", 3), ("angleOfAttack", units, value)]
     signals = "".join(
-        f"<signal><signalName>{name}</signalName><signalUnits>{unit}</signalUnits><signalValue>{number}</signalValue></signal>"
+        f"<signal><signalName>{name}</signalName><signalUnits>{unit}</signalUnits>"
+        f"<signalValue>{number}</signalValue></signal>"
         for name, unit, number in given
     )
-    answer = "<signal><signalName>y</signalName><signalUnits>nd</signalUnits><signalValue>203</signalValue><tol>1e-9</tol></signal>"
+    answer = (
+        "<signal><signalName>y</signalName><signalUnits>nd</signalUnits>"
+        "<signalValue>203</signalValue><tol>1e-9</tol></signal>"
+    )
     shots = (
         f"<staticShot "
-        f'name="one"><checkInputs>{signals}</checkInputs><checkOutputs>{answer}</checkOutputs></staticShot>'
+        f'name="one"><checkInputs>{signals}</checkInputs><checkOutputs>{answer}</checkOutputs>'
+        f"</staticShot>"
     )
     return f"{body}<checkData>{shots}</checkData>"
 
@@ -474,7 +482,8 @@ def test_check_values_in_other_units_of_the_same_quantity_are_converted(tmp_path
         read(document(tmp_path, speed.replace("<signalValue>6.0", "<signalValue>5.0")))
     with pytest.raises(
         SchemaError,
-        match="given in deg, the variable is in nd: no conversion between them; correct signalUnits",
+        match="given in deg, the variable is in nd: no conversion between them; correct "
+        "signalUnits",
     ):
         read(document(tmp_path, shot(6.0, 0.1, "deg")))  # an angle is not a plain number
 
@@ -490,7 +499,8 @@ def test_a_check_case_of_an_unknown_signal_is_a_failure(tmp_path):
 
 
 def test_units_are_read_as_s119_encodes_them():
-    assert [unit_of_code(code) for code in ("ft_s", "rad_s2", "slugft2", "ftlbf", "_deg", "nmi_h", "kg_m3", "d", "ND", "")] == [
+    assert [unit_of_code(code) for code in ("ft_s", "rad_s2", "slugft2", "ftlbf", "_deg", "nmi_h",
+        "kg_m3", "d", "ND", "")] == [
         "ft/s", "rad/s2", "slug ft2", "ft lbf", "1/deg", "nmi/h", "kg/m3", "deg", "1", "1",
     ]  # fmt: skip
     assert same_units("d", "deg")

@@ -118,7 +118,10 @@ def test_the_grid_of_a_sampled_function_is_chosen_or_given(tmp_path):
 
 
 def test_jumps_and_functions_of_too_many_variables_cannot_be_sampled(tmp_path):
-    jump = f"<piecewise><piece>{cn(1.0)}{apply('lt', ci('BE'), cn(1.0))}</piece><otherwise>{cn(2.0)}</otherwise></piecewise>"
+    jump = (
+        f"<piecewise><piece>{cn(1.0)}{apply('lt', ci('BE'), cn(1.0))}</piece>"
+        f"<otherwise>{cn(2.0)}</otherwise></piecewise>"
+    )
     with pytest.raises(SchemaError, match=r"cannot be sampled: it jumps near beta = 0\.01745"):
         aerodb.exchange.import_daveml(one(tmp_path, jump), sample=1e-3, grid={"beta": (-0.2, 0.3)})
     many = apply("sin", apply("plus", *(ci(name) for name in ("AL", "BE", "XMACH", "RUD", "EL"))))

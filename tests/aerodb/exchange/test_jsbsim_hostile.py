@@ -232,7 +232,8 @@ UNFIT = {
         "a table with alpha on two axes",
     ),
     "not of the air": (
-        "<quotient><v>1</v><product><p>velocities/vt-fps</p><p>aero/qbar-psf</p></product></quotient>",
+        "<quotient><v>1</v><product><p>velocities/vt-fps</p><p>aero/qbar-psf</p></product>"
+        "</quotient>",
         "it is not proportional to the dynamic pressure",
     ),
     "unknown": (

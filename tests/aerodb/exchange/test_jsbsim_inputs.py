@@ -17,11 +17,13 @@ METRICS = """<metrics><wingarea unit="FT2">200</wingarea><wingspan unit="FT">30<
 <location name="AERORP" unit="IN"><x>100</x><y>0</y><z>0</z></location>
 <location name="EYEPOINT" unit="IN"><x>0</x><y>0</y><z>0</z></location>
 <location name="VRP" unit="IN"><x>0</x><y>0</y><z>0</z></location></metrics>"""
-BALANCE = """<mass_balance>{empty}<pointmass name="a"><form shape="{shape}"><radius unit="FT">2</radius>
+BALANCE = """<mass_balance>{empty}<pointmass name="a"><form shape="{shape}">
+<radius unit="FT">2</radius>
 <length unit="FT">9</length></form><weight unit="LBS">400</weight>
 <location unit="IN"><x>90</x><y>10</y><z>20</z></location></pointmass>
 <location name="CG" unit="IN"><x>100</x><y>0</y><z>0</z></location></mass_balance>"""
-EMPTY = """<ixx unit="SLUG*FT2">900</ixx><iyy unit="SLUG*FT2">1200</iyy><izz unit="SLUG*FT2">1900</izz>
+EMPTY = """<ixx unit="SLUG*FT2">900</ixx><iyy unit="SLUG*FT2">1200</iyy>
+<izz unit="SLUG*FT2">1900</izz>
 <emptywt unit="LBS">2000</emptywt>"""
 FORCE = "<p>aero/qbar-psf</p><p>metrics/Sw-sqft</p>"
 LINE = (

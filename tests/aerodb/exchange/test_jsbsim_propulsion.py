@@ -138,7 +138,9 @@ def test_frames_of_the_cessna(frames):
 
 
 def test_own_points_of_the_cessna():
-    """Power and thrust of nine recorded points of JSBSim, from rpm, manifold pressure and density."""
+    """Power and thrust of nine recorded points of JSBSim, from rpm, manifold pressure and
+    density.
+    """
     path = SHARED / "own_jsbsim_c172p_engine_points.csv"
     if not path.is_file():
         pytest.skip(f"no {path}: the shared material is not next to the checkout")
@@ -159,7 +161,9 @@ def test_own_points_of_the_cessna():
 
 
 def test_comment_is_not_a_table():
-    """An old table in an XML comment stands before the valid one: CT at rest is 0.073, not 0.068."""
+    """An old table in an XML comment stands before the valid one: CT at rest is 0.073, not
+    0.068.
+    """
     blades, remarks = import_jsbsim_propeller(ENGINES / "prop_75in2f.xml", engine_rpm=280.0)
     assert float(blades.tables["CT_prop"]["value"][0]) == 0.073
     assert blades.diameter == pytest.approx(75.0 * 0.0254)

@@ -30,8 +30,10 @@ def loaded(name):
 flight, writing = loaded("jsbsim_flight"), loaded("test_jsbsim_write")
 ROUNDING = 1e-12  # as in test_jsbsim_write
 S, CBAR, B = 200.0, 5.0, 30.0  # ft2, ft, ft
-METRICS = f"""<metrics><wingarea unit="FT2">{S}</wingarea><wingspan unit="FT">{B}</wingspan><chord unit="FT">{CBAR}</chord>
-<htailarea unit="FT2">40</htailarea><location name="AERORP" unit="IN"><x>100</x><y>2</y><z>-5</z></location></metrics>"""
+METRICS = f"""<metrics><wingarea unit="FT2">{S}</wingarea><wingspan unit="FT">{B}</wingspan>
+<chord unit="FT">{CBAR}</chord>
+<htailarea unit="FT2">40</htailarea><location name="AERORP" unit="IN"><x>100</x><y>2</y><z>-5</z>
+</location></metrics>"""
 FORCE = "<property>aero/qbar-psf</property><property>metrics/Sw-sqft</property>"
 LINE = "<table><independentVar>{}</independentVar><tableData>\n0 1\n1 3\n</tableData></table>"
 ALPHA = LINE.format("aero/alpha-rad")
@@ -208,7 +210,9 @@ def test_what_is_no_term_is_named():
 
 
 def test_units_and_reduced_rates(tmp_path):
-    """Degrees, feet and knots become SI; a rate over 2V/b is the reduced one, a rate alone stays."""
+    """Degrees, feet and knots become SI; a rate over 2V/b is the reduced one, a rate alone
+    stays.
+    """
     assert value(
         lift(tmp_path, prop("fcs/elevator-pos-deg"), "<value>0.01</value>"), delta_e=10 * DEGREE
     ) == pytest.approx(0.1)
@@ -269,7 +273,10 @@ def test_sums_become_terms(tmp_path):
     numbered.
     """
     sum_ = f"<sum><value>0.5</value><product>{ALPHA}{prop('aero/beta-rad')}</product></sum>"
-    ratio = "<quotient><difference><property>velocities/mach</property><value>1</value></difference><value>4</value></quotient>"
+    ratio = (
+        "<quotient><difference><property>velocities/mach</property><value>1</value>"
+        "</difference><value>4</value></quotient>"
+    )
     db = lift(tmp_path, sum_, ratio)
     assert set(aerodb.terms(db)) == {"CL/CLx", "CL/CLx_2", "CL/CLx_3", "CL/CLx_4"}
     at = {"alpha": 0.3, "beta": 0.2, "mach": 0.6}
@@ -287,7 +294,10 @@ def test_functions_that_others_use(tmp_path):
     circle is found.
     """
     kge = f"<function name='aero/function/k'>{LINE.format('aero/h_b-mac-ft')}</function>"
-    twice = f"<function name='aero/function/k2'><product><value>2</value>{prop('aero/function/k')}</product></function>"
+    twice = (
+        f"<function name='aero/function/k2'><product>"
+        f"<value>2</value>{prop('aero/function/k')}</product></function>"
+    )
     db = lift(tmp_path, prop("aero/function/k2"), ALPHA, more=kge + twice)
     assert value(db, alpha=0.5, h_agl=0.5 * B * FOOT) == pytest.approx(2 * 2.0 * 2.0)
     leaf = aerodb.terms(db)["CL/CLx"]
@@ -395,7 +405,10 @@ def test_sampling_only_on_demand(tmp_path):
 
 def test_the_square_of_the_lift_is_a_polar(tmp_path):
     """CD = k CL^2 with CL of the same instant, there and back."""
-    induced = f"<function name='aero/coefficient/CDi'><product>{FORCE}{prop('aero/cl-squared')}<value>0.08</value></product></function>"
+    induced = (
+        f"<function name='aero/coefficient/CDi'>"
+        f"<product>{FORCE}{prop('aero/cl-squared')}<value>0.08</value></product></function>"
+    )
     body = (
         f"<axis name='LIFT'><function "
         f"name='aero/coefficient/CLalpha'><product>{FORCE}{ALPHA}</product></function></axis>"
@@ -425,7 +438,9 @@ def test_the_travel_that_a_file_states(tmp_path):
     elsewhere, states none.
     """
     flap, elevator = (
-        f"<aerosurface_scale><input>fcs/{name}-pos-{unit}</input>{ends}<output>fcs/{name}-pos-norm</output></aerosurface_scale>"
+        f"<aerosurface_scale>"
+        f"<input>fcs/{name}-pos-{unit}</input>{ends}<output>fcs/{name}-pos-norm</output>"
+        f"</aerosurface_scale>"
         for name, unit, ends in (
             (
                 "flap",

@@ -109,7 +109,9 @@ def loaded(cessna: flightmech.Aircraft) -> flightmech.Aircraft:
 
 
 def test_written_tanks_are_read_again(cessna, tmp_path):
-    """Mass, c.g. and inertia are split between the empty aircraft and its tanks, and added again."""
+    """Mass, c.g. and inertia are split between the empty aircraft and its tanks, and added
+    again.
+    """
     craft = loaded(cessna)
     path = tmp_path / "c.xml"
     aerodb.exchange.export_jsbsim(database(craft), path, craft)

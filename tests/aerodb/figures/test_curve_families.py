@@ -124,7 +124,8 @@ def test_what_cannot_be_drawn_is_stated(small, other):
     )
     with pytest.raises(
         SchemaError,
-        match="regressors differ: a has qhat, b has alphadothat; compare the coefficient CL instead",
+        match="regressors differ: a has qhat, b has alphadothat; compare the coefficient CL "
+        "instead",
     ):
         curve_family({"a": small, "b": swapped}, "CL/qhat")
     with pytest.raises(SchemaError, match="has the one axis mach; a map needs two"):

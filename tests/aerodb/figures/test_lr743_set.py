@@ -468,7 +468,8 @@ def test_partial_residuals_find_the_term_that_made_the_samples():
     true = {"CY/beta": -0.9, "CY/beta_flap": -0.4, "CY/basic": 0.003}
     db = aerodb.make_database(
         {
-            "CY/beta": terms.make_term([true["CY/beta"]] * 2, {"alpha": np.array([-0.1, 0.3])}, ["beta"]),
+            "CY/beta": terms.make_term([true["CY/beta"]] * 2, {"alpha": np.array([-0.1, 0.3])},
+                ["beta"]),
             "CY/beta_flap": terms.make_term(0.0, regressors=["beta", "delta_f"]),
             "CY/basic": terms.make_term(true["CY/basic"]),
         },

@@ -292,7 +292,9 @@ def test_without_downwash_the_angle_of_attack_of_the_tail_is_not_known(jet, corp
 
 @pytest.mark.nightly
 def test_aileron_hinge_from_a_flap_page_of_the_wing(jet, corpus, clean):
-    """ce500_flaps.out, second case, Mach 0.15, 0 m: plain flap of the wing, taken for an aileron."""
+    """ce500_flaps.out, second case, Mach 0.15, 0 m: plain flap of the wing, taken for an
+    aileron.
+    """
     case = corpus("ce500_flaps").cases[1]
     page = case.to_datatree()["symflp"].to_dataset().isel(condition=0)
     db = aerodb.from_datcom(jet, clean=clean, aileron_hinge=case, altitude=0.0)

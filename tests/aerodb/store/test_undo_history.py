@@ -131,7 +131,8 @@ def test_a_group_that_no_edit_wrote_is_named(small, name):
     ):
         with pytest.raises(
             SchemaError,
-            match=rf"/previous/{name} is not the undo entry of an edit; aerodb\.store\.forget drops",
+            match=rf"/previous/{name} is not the undo entry of an edit; aerodb\.store\.forget "
+            rf"drops",
         ):
             ask(foreign)
     assert aerodb.store.drop_undo_history(foreign).identical(small)

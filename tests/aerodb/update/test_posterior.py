@@ -32,7 +32,9 @@ FLOWN = {"alpha": np.linspace(0, 7, 15) * DEG, "mach": 0.35, "qhat": 0.001, "del
 
 @pytest.fixture(scope="module")
 def flown():
-    """Prior, fits, their tabulation, and the database after them; Cm/basic is there without fits."""
+    """Prior, fits, their tabulation, and the database after them; Cm/basic is there without
+    fits.
+    """
     leaves = prior_leaves()
     leaves["Cm/basic"] = terms.make_term(
         [0.1, -0.1], {"alpha": [0.0, 0.2]}, stderr=[0.02, 0.03], source="datcom"
@@ -143,7 +145,9 @@ def test_without_flight_the_a_priori_correlation_stays(flown):
 
 
 def test_draws_have_the_covariance_and_repeat(flown):
-    """4000 draws: a variance has a standard error of 2.2 %, so 10 % is 4.5 of them; 15 conditions."""
+    """4000 draws: a variance has a standard error of 2.2 %, so 10 % is 4.5 of them; 15
+    conditions.
+    """
     _, _, _, db = flown
     found = draw(db, 4000, seed=5)
     assert set(found) == {"CL/basic", "CL/qhat", "CL/elevator", "Cm/basic"}
@@ -313,7 +317,9 @@ def test_a_difference_of_conditions_has_the_joint_covariance_of_all_terms(flown)
 
 
 def least_eigenvalues(db):
-    """Return the least eigenvalue over the largest of the correlation of the nodes, by coefficient."""
+    """Return the least eigenvalue over the largest of the correlation of the nodes, by
+    coefficient.
+    """
     found = {}
     for coefficient in dict.fromkeys(name.split("/")[0] for name in aerodb.terms(db)):
         _, V = covariance(db, coefficient)

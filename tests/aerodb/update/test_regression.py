@@ -157,7 +157,9 @@ def test_a_held_term_stays_and_its_error_counts():
 
 
 def test_published_values_count_as_they_do_among_fits():
-    """A lift of 0.30 +/- 0.001 at 1 deg, known from elsewhere, next to a flight at 6 deg and above."""
+    """A lift of 0.30 +/- 0.001 at 1 deg, known from elsewhere, next to a flight at 6 deg and
+    above.
+    """
     prior = leaves()
     values = xr.Dataset(
         {

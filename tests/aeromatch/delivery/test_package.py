@@ -187,7 +187,11 @@ models = ["Cm = 1 + alpha + qhat + delta_e"]
 name = "lateral"
 records = ["t37_02_clean_cruise_5kft"]
 manoeuvres = ["doublet aileron", "doublet rudder", "3211 aileron"]
-models = ["CY = 1 + beta + delta_r", "Cl = 1 + beta + phat + rhat + delta_a + delta_r", "Cn = 1 + beta + phat + rhat + delta_a + delta_r"]
+models = [
+    "CY = 1 + beta + delta_r",
+    "Cl = 1 + beta + phat + rhat + delta_a + delta_r",
+    "Cn = 1 + beta + phat + rhat + delta_a + delta_r",
+]
 """
     (project / "aeromatch.toml").write_text(head + fit)
     from aeromatch.project.project import read_project
@@ -202,7 +206,8 @@ def run(*words):
     return CliRunner().invoke(package, [str(word) for word in words], catch_exceptions=False)
 
 
-@pytest.mark.nightly  # docs/how-to/data-package.md makes, verifies and compares the package of the demo
+# docs/how-to/data-package.md makes, verifies and compares the package of the demo
+@pytest.mark.nightly
 def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path):
     project, match = matched
     for name in ("one.zip", "two.zip", "folder"):

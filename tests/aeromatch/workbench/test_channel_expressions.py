@@ -290,7 +290,9 @@ def test_curve_and_spectrum(opened):
 
 
 def test_density_of_a_sine():
-    """A sine of amplitude 2 has the mean square 2; white noise is level at twice variance x step."""
+    """A sine of amplitude 2 has the mean square 2; white noise is level at twice variance x
+    step.
+    """
     rng, step = np.random.default_rng(1), 0.02
     time = np.arange(20_000) * step
     line = {"sine": 2.0 * np.sin(2.0 * np.pi * 3.0 * time), "noise": rng.standard_normal(20_000)}

@@ -55,14 +55,16 @@ def context(new_page):
 
 
 FETCH = """async ([url, options]) => {
-    try { const answer = await fetch(url, options); return [answer.type, answer.status, await answer.text()]; }
+    try { const answer = await fetch(url, options);
+      return [answer.type, answer.status, await answer.text()]; }
     catch (error) { return error.name; }
 }"""
 FRAME = """(url) => new Promise((done) => {
     const frame = document.createElement("iframe");
     frame.onload = () => {
         let seen;
-        try { seen = frame.contentDocument && frame.contentDocument.body.textContent; } catch (error) { seen = error.name; }
+        try { seen = frame.contentDocument && frame.contentDocument.body.textContent;
+          } catch (error) { seen = error.name; }
         done(seen);
     };
     frame.src = url;
@@ -81,7 +83,8 @@ SOCKET = """(url) => new Promise((done) => {
     socket.onerror = () => done("refused");
 })"""
 FORM = """([url, text]) => {
-    const form = Object.assign(document.createElement("form"), { method: "post", action: url, enctype: "text/plain" });
+    const form = Object.assign(document.createElement("form"), { method: "post", action: url,
+      enctype: "text/plain" });
     const [name, value] = text.split("=");
     form.append(Object.assign(document.createElement("input"), { name, value }));
     document.body.append(form);

@@ -159,7 +159,9 @@ def test_the_prior_is_what_the_tables_say(opened):
 
 
 def test_partial_regression_has_the_estimate_as_its_slope(opened):
-    """To rounding, with and without weights; the residual of the line is the residual of the fit."""
+    """To rounding, with and without weights; the residual of the line is the residual of the
+    fit.
+    """
     for more in ({}, {"weights": "robust"}, {"intercepts": "separate", "weights": "manoeuvre"}):
         found = page._fit(opened, page.FitRequest(**wanted(opened, **more)))
         for term, estimate in zip(

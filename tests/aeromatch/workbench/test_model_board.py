@@ -1,4 +1,6 @@
-"""Selection, output error and the board of models: the page and the commands have the same numbers."""
+"""Selection, output error and the board of models: the page and the commands have the same
+numbers.
+"""
 
 import json
 import os

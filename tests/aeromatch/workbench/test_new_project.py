@@ -1,4 +1,6 @@
-"""Page of a new project on the server: dropped files, columns, values, and the draft that is kept."""
+"""Page of a new project on the server: dropped files, columns, values, and the draft that is
+kept.
+"""
 
 import asyncio
 import json

@@ -31,7 +31,8 @@ MASSES = {
 }
 # Elements of a page that are wider than the column around them, or that the window cuts.
 CUT = """() => [...document.querySelectorAll("#page .column:not(.closed)")].filter((column) =>
-    column.scrollWidth > column.clientWidth + 1 || column.getBoundingClientRect().right > innerWidth + 1)
+    column.scrollWidth > column.clientWidth + 1
+      || column.getBoundingClientRect().right > innerWidth + 1)
     .map((column) => column.getAttribute("aria-label") || column.id)"""
 
 

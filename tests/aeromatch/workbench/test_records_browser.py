@@ -97,7 +97,8 @@ def test_edges_of_adjoining_and_of_narrow_marks_are_dragged(page, tmp_path):
     record = "t37_24_val_power_slam"  # its marks adjoin
     project = small_project(tmp_path / "t37")
     (project.parent / "manoeuvres.csv").write_text(
-        f"record,kind,control,start,end,note\n{record},trim,,0,5,\n{record},power_lever,throttle,5,17.5,\n"
+        f"record,kind,control,start,end,note\n{record},trim,,0,5,\n{record},power_lever,throttle,"
+        f"5,17.5,\n"
         f"{record},pulse,elevator,17.5,18.0,\n{record},power_lever,throttle,18.0,31,\n"
     )
     project.write_text(

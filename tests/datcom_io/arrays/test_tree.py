@@ -1,4 +1,6 @@
-"""Trees in SI and radians; numbers typed from the listings in data/t37/datcom, at the lines named."""
+"""Trees in SI and radians; numbers typed from the listings in data/t37/datcom, at the lines
+named.
+"""
 
 import math
 

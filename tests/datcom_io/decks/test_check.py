@@ -101,7 +101,8 @@ def test_the_corpus_holds_every_kind_of_error():
 
 
 GOOD = {
-    "FLTCON": "LOOP=2.0,NMACH=2.0,MACH(1)=0.2,0.3,NALT=1.0,ALT(1)=0.0,NALPHA=3.0,ALSCHD(1)=0.0,2.0,4.0",
+    "FLTCON": "LOOP=2.0,NMACH=2.0,MACH(1)=0.2,0.3,NALT=1.0,ALT(1)=0.0,NALPHA=3.0,ALSCHD(1)=0.0,"
+    "2.0,4.0",
     "OPTINS": "SREF=24.2,CBARR=2.022,BLREF=13.36",
     "SYNTHS": "XCG=6.3,XW=5.42,XH=11.3",
     "BODY": "NX=3.0,X(1)=0.0,6.0,13.0,R(1)=0.0,0.8,0.1",

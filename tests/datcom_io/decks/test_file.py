@@ -269,7 +269,8 @@ def untidy(draw):
     end = draw(st.sampled_from(["$", " $", "$END", "\n $END"]))
     return (
         item,
-        f" ${item.name} {text if draw(st.booleans()) or not text.endswith(',') else text[:-1]}{end}",
+        f" ${item.name} "
+        f"{text if draw(st.booleans()) or not text.endswith(',') else text[:-1]}{end}",
     )
 
 

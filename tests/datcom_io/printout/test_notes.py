@@ -177,7 +177,9 @@ def test_footnote_of_a_control_page(flap_lines, word):
 
 
 def test_notes_without_control_column(clean_lines):
-    """A printer filter takes the first asterisk of the two notes that begin in the control column."""
+    """A printer filter takes the first asterisk of the two notes that begin in the control
+    column.
+    """
     lines = with_note(clean_lines, "DYNAMIC DERIVATIVES", DYNAMIC_NOTES["tail_increments"])
     printed = []
     for line in lines:

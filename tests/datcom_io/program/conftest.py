@@ -1,4 +1,6 @@
-"""The real Digital DATCOM program, which is not part of the project, and decks of our own for it."""
+"""The real Digital DATCOM program, which is not part of the project, and decks of our own for
+it.
+"""
 
 import os
 from pathlib import Path

@@ -215,7 +215,9 @@ def test_factors_to_the_quantities_of_the_wing() -> None:
 
 
 def test_limits_of_size_do_not_depend_on_the_mean_chord() -> None:
-    """With a tenth of the chord CMQ and CMAD are a hundred times as large, CLQ and CLAD ten times."""
+    """With a tenth of the chord CMQ and CMAD are a hundred times as large, CLQ and CLAD ten
+    times.
+    """
     case = deck(FORWARD.replace("CBARR=16.3", "CBARR=1.63"))
     powers = {"CL_qhat": 1, "CL_alphadothat": 1, "Cm_qhat": 2, "Cm_alphadothat": 2}
     printed = {name: x * 10.0 ** powers.get(name, 0) for name, x in page(-20.67).items()}

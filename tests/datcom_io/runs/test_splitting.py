@@ -228,7 +228,9 @@ BANNER = "***************\n*  Symmetrical Flap Deflection parameters\n**********
 
 
 def test_a_heading_above_a_device_is_no_name():
-    """Above the elevator of a DATCOM+ deck stands what SYMFLP means; its span fits the tail only."""
+    """Above the elevator of a DATCOM+ deck stands what SYMFLP means; its span fits the tail
+    only.
+    """
     elevator = f"{BANNER} $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=0.0,10.0,SPANFI=0.2,SPANFO=2.8$"
     assert list(datcom_io.split_deck(study(flap=elevator)))[1] == "elevator_m0.2_h0"
     inside = elevator.replace("SPANFI=0.2", "SPANFI=0.0")  # the program takes 0.1

@@ -226,7 +226,9 @@ def test_impossible_ratios_are_refused(known):
 
 @pytest.fixture(scope="module")
 def pair(plain_aircraft, plain_tree):
-    """The plain jet, which knows no Mach number, and one 1.7 times as long, over the same database."""
+    """The plain jet, which knows no Mach number, and one 1.7 times as long, over the same
+    database.
+    """
     small = plain_aircraft()
     return [
         (craft, flightmech.compile(craft, plain_tree()))

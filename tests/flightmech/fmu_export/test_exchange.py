@@ -128,7 +128,9 @@ def test_euler_comes_closer_in_proportion_to_its_step(fmus, condition, stepped, 
 def test_a_runge_kutta_of_the_importer_is_that_of_the_kernel(
     trainer, exchange, instance, condition, version
 ):
-    """Classical Runge-Kutta over the functions of model exchange: co-simulation does the same sums."""
+    """Classical Runge-Kutta over the functions of model exchange: co-simulation does the same
+    sums.
+    """
     me, cs, h = exchange(version).start(), instance("2.0").start(), 0.01
     n = len(states_of(me))
     open_continuous(me)

@@ -98,7 +98,9 @@ def test_calls_in_any_order_never_crash(fmus, version):
 
 
 def sealed(image: bytes) -> bytes:
-    """Return an image with the digest that belongs to its bytes, as a hostile hand would write it."""
+    """Return an image with the digest that belongs to its bytes, as a hostile hand would write
+    it.
+    """
     return image[:64] + hashlib.sha256(image[128:]).hexdigest().encode() + image[128:]
 
 

@@ -1,4 +1,6 @@
-"""An aircraft with a cross-feed as an FMU: the bits of the kernel, a serialised state, the names."""
+"""An aircraft with a cross-feed as an FMU: the bits of the kernel, a serialised state, the
+names.
+"""
 
 from __future__ import annotations
 

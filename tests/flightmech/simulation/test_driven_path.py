@@ -140,7 +140,9 @@ def test_products_and_series_are_those_of_dense_rows():
 
 
 def test_noise_of_the_inertial_unit_by_differences():
-    """Each sample of each channel disturbed in turn: what it does to weighted sums of the states."""
+    """Each sample of each channel disturbed in turn: what it does to weighted sums of the
+    states.
+    """
     rng = np.random.default_rng(8)
     before = followed(driven())
     nominal, noise = followed(driven(before=before)), np.array([1e-3, 2e-3, 3e-3, 0.02, 0.03, 0.01])

@@ -1,4 +1,6 @@
-"""Sums of normal equations and the elimination of the states by the kernel, against dense matrices."""
+"""Sums of normal equations and the elimination of the states by the kernel, against dense
+matrices.
+"""
 
 import numpy as np
 import pytest

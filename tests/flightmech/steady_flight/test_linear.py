@@ -82,7 +82,9 @@ def test_lateral_entries_by_hand(plain, plain_aircraft):
 
 
 def test_the_step_does_not_matter(plain):
-    """Three decades about the derived step agree, and the error that is reported bounds the change."""
+    """Three decades about the derived step agree, and the error that is reported bounds the
+    change.
+    """
     sim = plain(CD={"alpha alpha": 1.4})
     best = flightmech.linearize(sim, LEVEL)
     for step in (1e-6, 1e-5, 1e-4):

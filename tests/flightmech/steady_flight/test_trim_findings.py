@@ -66,7 +66,9 @@ def test_a_flight_within_the_tables_states_nothing():
 
 
 def test_an_elevator_beyond_its_table_is_named():
-    """Cm needs 0.55 nose up, the table ends at 0.5: the search stops where nothing acts any more."""
+    """Cm needs 0.55 nose up, the table ends at 0.5: the search stops where nothing acts any
+    more.
+    """
     found = trim_level(Cm_0=-0.5)
     assert not found.attrs["converged"]
     text = found.attrs["tables_left"]

@@ -284,7 +284,9 @@ def ended():
 
 @pytest.fixture
 def little_room():
-    """Files of this process may not grow beyond a kilobyte, which ends a write as a full disk does."""
+    """Files of this process may not grow beyond a kilobyte, which ends a write as a full disk
+    does.
+    """
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))

@@ -128,7 +128,9 @@ def test_a_ridge_in_frequency_is_the_same_rule():
 
 
 def database(slope=5.0, error=0.08):
-    """CL over alpha with nodes of their own, pitch rate and elevator, each with a standard error."""
+    """CL over alpha with nodes of their own, pitch rate and elevator, each with a standard
+    error.
+    """
     alpha = np.linspace(-0.2, 0.4, 13)
 
     def leaf(value, stderr, axes, regressors=()):

@@ -24,7 +24,9 @@ NOISE = {"alpha": ANGLE, "qhat": REDUCED}
 
 
 def short_period(seed, duration=30.0, noise=1.0, disturbance=2e-4, gain=1.0):
-    """A short period driven by the elevator, with noise on alpha and qhat, and a coloured moment."""
+    """A short period driven by the elevator, with noise on alpha and qhat, and a coloured
+    moment.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, duration, STEP)
     k = np.arange(3, 45, 2)

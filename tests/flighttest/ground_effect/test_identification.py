@@ -291,7 +291,9 @@ def test_a_factor_without_terms_in_free_air_is_refused(found, database):
 @pytest.mark.nightly
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the simulated records of ../shared are not here")
 def test_simulated_landings_low_passes_and_free_air():
-    """Truth within three standard errors, k h^s within 0.03 at 2, 3 and 8.5 m, CL_q not identified."""
+    """Truth within three standard errors, k h^s within 0.03 at 2, 3 and 8.5 m, CL_q not
+    identified.
+    """
     data = []
     for file in sorted((SHARED / "ground_effect").glob("*.csv.gz")):
         one = pd.read_csv(file)

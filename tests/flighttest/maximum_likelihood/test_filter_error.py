@@ -102,7 +102,9 @@ def test_frequency_and_time_agree_on_one_record(model):
 
 
 def test_constants_and_the_end_of_the_record_do_not_matter_in_frequency(model):
-    """Cut in mid-motion, with instruments that are off: the same estimates as for the whole motion."""
+    """Cut in mid-motion, with instruments that are off: the same estimates as for the whole
+    motion.
+    """
     record = flight(2, noise=0.0).isel(time=slice(40, 400))
     record["alpha"], record["delta_e"] = record["alpha"] + 0.1, record["delta_e"] + 0.02
     fit = flighttest.maximum_likelihood.frequency_output_error(

@@ -166,7 +166,9 @@ def test_error_free_readings_give_the_truth_to_rounding(sim, monkeypatch):
 
 
 def test_slopes_flown_with_the_response_change_nothing_but_the_number_of_batches(sim, monkeypatch):
-    """Two instruments among the unknowns, one factor and one constant, whose slopes are not flown."""
+    """Two instruments among the unknowns, one factor and one constant, whose slopes are not
+    flown.
+    """
     record = flight(sim, 7, alpha_bias=0.01)
     unknowns = {name: 1.0 for name in TRUTH} | STARTS | {"sensor.alpha": 0.0, "factor.q": 1.0}
     batches: list[int] = []

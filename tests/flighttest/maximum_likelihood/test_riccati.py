@@ -9,7 +9,9 @@ from flighttest.maximum_likelihood.linear.riccati import steady_covariance
 
 
 def test_a_motion_that_grows_without_noise_has_the_stable_filter_of_the_equation():
-    """Doubling stays at zero covariance there, and the error would grow; its neighbour is stable."""
+    """Doubling stays at zero covariance there, and the error would grow; its neighbour is
+    stable.
+    """
     F = np.array([np.diag([1.02, 0.9]), np.diag([0.8, 0.9])])
     H = np.array([[[1.0, 0.3], [0.0, 1.0]]] * 2)
     Q = np.array([np.diag([0.0, 1e-4]), np.diag([2e-4, 1e-4])])

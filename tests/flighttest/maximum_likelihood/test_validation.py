@@ -98,7 +98,9 @@ def test_figures_of_windows():
 
 
 def test_a_window_of_the_fit_validates_nothing():
-    """It has a remark, and is not in the figure of the model; neither is what cannot be predicted."""
+    """It has a remark, and is not in the figure of the model; neither is what cannot be
+    predicted.
+    """
     first, second = coefficients(1), coefficients(2)
     pieces = [ValidationWindow("a", first), ValidationWindow("b", second)]
     good = state_windows(regress("Cm = 1 + alpha + qhat", first), pieces[:1])

@@ -78,7 +78,9 @@ def test_the_spread_enters_the_standard_errors(found, quadratic, tmp_path):
 
 
 def test_a_slope_is_compared_at_the_mean_and_not_at_zero(quadratic):
-    """A model with another square has another slope at alpha = 0 and nearly the same at the mean."""
+    """A model with another square has another slope at alpha = 0 and nearly the same at the
+    mean.
+    """
     found = select_by_prediction("Cm", CANDIDATES, quadratic)
     assert float(found.estimates["stderr_models"].sel(term="alpha")) < 0.02
 
@@ -154,7 +156,9 @@ def test_densities_of_left_out_parts_are_those_of_the_normal_distribution():
 
 @pytest.mark.slow
 def test_manoeuvres_are_the_parts_and_a_term_of_one_of_them_is_judged():
-    """The flaps move in one of nine manoeuvres: left out, they cannot be predicted, and are kept."""
+    """The flaps move in one of nine manoeuvres: left out, they cannot be predicted, and are
+    kept.
+    """
     rng = np.random.default_rng(5)
     parts = []
     for k in range(9):

@@ -284,7 +284,8 @@ def test_the_verb_fits_the_wings_and_predicts(folder):
         candidates,
     ]
     run = CliRunner().invoke(
-        flight, [*args, "--model", f"CD = 1 + {RATE} + {ANGLE}**2 + {RATE}**2", "--band", "1.3", "25"]
+        flight, [*args, "--model", f"CD = 1 + {RATE} + {ANGLE}**2 + {RATE}**2", "--band", "1.3",
+            "25"]
         + ["--predict", str(folder / "flight_2.csv"), "-o", str(folder / "out")]
     )  # fmt: skip
     assert run.exit_code == 0, run.output
@@ -316,7 +317,8 @@ def test_bad_recordings_are_refused(folder, tree, tmp_path):
     hidden.to_csv(tmp_path / "c.csv", index=False)
     with pytest.raises(
         IdentificationError,
-        match=r"do not determine the motion.*fewer than three markers were seen from 0\.2 to 0\.4 s",
+        match=r"do not determine the motion.*fewer than three markers were seen from 0\.2 to "
+        r"0\.4 s",
     ):
         fit_tree_motion(tree, read_flight(tmp_path / "c.csv", tree)[0])
     positions, _ = read_flight(folder / "flight_1.csv", tree)

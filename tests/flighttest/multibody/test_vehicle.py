@@ -21,8 +21,10 @@ WING = {
 }
 GOOD = {
     "body": {
-        "body": {"mass": "0.3 kg", "inertia": [1e-3, 2e-3, 2e-3], "markers": {"a": [0.1, 0, 0], "b": [0, 0.1, 0], "c": [0, 0, 0.1]}},
-        "crank": {"parent": "body", "at": [0.06, 0.03, 0.03], "axis": [1, 0, 0], "mass": "0.003 kg"},
+        "body": {"mass": "0.3 kg", "inertia": [1e-3, 2e-3, 2e-3],
+            "markers": {"a": [0.1, 0, 0], "b": [0, 0.1, 0], "c": [0, 0, 0.1]}},
+        "crank": {"parent": "body", "at": [0.06, 0.03, 0.03], "axis": [1, 0, 0],
+            "mass": "0.003 kg"},
         "rod": {"parent": "crank", "at": [0, 0, -0.011], "axis": [1, 0, 0], "mass": "0.002 kg"},
         "right": WING,
         "left": {**WING, "at": [0.06, -0.03, -0.03]},

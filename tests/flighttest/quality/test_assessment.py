@@ -41,7 +41,9 @@ def leaf_of(record, name):
 
 
 def planted(record, **changes):
-    """Return the record with each channel replaced by what its function makes of clock and values."""
+    """Return the record with each channel replaced by what its function makes of clock and
+    values.
+    """
     for name, change in changes.items():
         data = record[leaf_of(record, name)]
         data[name].values[:] = change(data["time"].values, data[name].values)
@@ -407,7 +409,9 @@ def test_command_recorded_instead_of_a_surface(name, lead, recordings, aircraft)
 
 @pytest.mark.nightly
 def test_without_a_vane_nothing_is_reported_of_when_the_elevator_acts():
-    """The light aircraft without angle of attack: delaying the elevator by 0.2 s makes up for it."""
+    """The light aircraft without angle of attack: delaying the elevator by 0.2 s makes up for
+    it.
+    """
     record = flighttest.read(C182 / "flight" / "cruise.csv", C182 / "names.toml")
     (leaf,) = [leaf for leaf, node in record.children.items() if "alpha_vane" in node.data_vars]
     record[leaf] = xr.DataTree(record[leaf].to_dataset().drop_vars("alpha_vane"))

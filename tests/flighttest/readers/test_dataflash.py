@@ -32,10 +32,14 @@ MESSAGES = {
     "ATT": ("QcccCf", "TimeUS,DesRoll,Roll,Pitch,Yaw,AEKF", "sdddh-", "FBBBB-",
             [(t, 0, 0.25 * i % 90, -0.5, 359.99, 0.1) for i, t in enumerate(stamps())]),
     "IMU": ("QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", "s#EEEooo", "F-000000",
-            [(t, k, 0.01 * i, 0.0, 0.0, 0.0, 0.0, -9.5 - k) for i, t in enumerate(stamps()) for k in (0, 1)]),
-    "BARO": ("QfffH", "TimeUS,Alt,Press,Temp,Raw", "smPO-", "F00-C", [(t, 100.0 + i, 95000.0, 40.0, 1234) for i, t in enumerate(stamps())]),
-    "GPS": ("QLLf", "TimeUS,Lat,Lng,Alt", "sDDm", "FGG0", [(t, 48.1, -11.5, 500.0) for t in stamps()[::10]]),
-    "RCOU": ("QHH", "TimeUS,C1,C2", "sYY", "F--", [(t, 1500, 1100 + i) for i, t in enumerate(stamps())]),
+            [(t, k, 0.01 * i, 0.0, 0.0, 0.0, 0.0, -9.5 - k) for i,
+                t in enumerate(stamps()) for k in (0, 1)]),
+    "BARO": ("QfffH", "TimeUS,Alt,Press,Temp,Raw", "smPO-", "F00-C",
+        [(t, 100.0 + i, 95000.0, 40.0, 1234) for i, t in enumerate(stamps())]),
+    "GPS": ("QLLf", "TimeUS,Lat,Lng,Alt", "sDDm", "FGG0",
+        [(t, 48.1, -11.5, 500.0) for t in stamps()[::10]]),
+    "RCOU": ("QHH", "TimeUS,C1,C2", "sYY", "F--",
+        [(t, 1500, 1100 + i) for i, t in enumerate(stamps())]),
     "MSG": ("QZ", "TimeUS,Message", "s-", "F-", [(1_000_000, b"ArduPlane V4.5")]),
 }  # fmt: skip
 

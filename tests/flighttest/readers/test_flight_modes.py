@@ -159,6 +159,7 @@ def test_the_verb_shows_modes_and_writes_them_as_a_table(tmp_path):
 
 
 def test_records_of_other_recorders_have_none(tmp_path):
+    t37 = Path(__file__).parents[3] / "data" / "t37"
+    record = t37 / "flight" / "t37_23_val_power_chop.nc"
     with pytest.raises(SchemaError, match="no flight modes; logs of PX4 and ArduPilot have them"):
-        call("manoeuvres", Path(__file__).parents[3] / "data" / "t37" / "flight" / "t37_23_val_power_chop.nc", "--names",
-             Path(__file__).parents[3] / "data" / "t37" / "names.toml", "--modes")  # fmt: skip
+        call("manoeuvres", record, "--names", t37 / "names.toml", "--modes")

@@ -137,7 +137,8 @@ def test_arrays_and_sides_in_brackets_are_names(tmp_path):
         T,
         T,
     )
-    assert list(flighttest.records.contents(file, None)["tables"][0]["columns"][k]["column"] for k in range(1, 5)) == [
+    assert list(flighttest.records.contents(file,
+        None)["tables"][0]["columns"][k]["column"] for k in range(1, 5)) == [
         "xyz[0]", "xyz[1]", "Elevator (left)", "Elevator (right)"
     ]  # fmt: skip
 

@@ -42,7 +42,9 @@ def topics(extra=()):
     ]
     found = {
         ("vehicle_attitude", 0): ([("uint64_t", "timestamp"), ("float[4]", "q")], attitude),
-        ("vehicle_angular_velocity", 0): ([("uint64_t", "timestamp"), ("uint64_t", "timestamp_sample"), ("float[3]", "xyz")], rates),
+        ("vehicle_angular_velocity",
+            0): ([("uint64_t", "timestamp"), ("uint64_t", "timestamp_sample"), ("float[3]", "xyz")],
+                rates),
         ("vehicle_acceleration", 0): ([("uint64_t", "timestamp"), ("float[3]", "xyz")], force),
         ("actuator_servos", 0): ([("uint64_t", "timestamp"), ("float[8]", "control")], servos),
         ("vehicle_gps_position", 0): (
@@ -58,8 +60,12 @@ def topics(extra=()):
             [("uint64_t", "timestamp"), ("float", "windspeed_north"), ("float", "windspeed_east")],
             [(t, 3.0, -4.0) for t in STAMPS]
         ),
-        ("differential_pressure", 0): ([("uint64_t", "timestamp"), ("float", "differential_pressure_pa")], [(t, 100.0) for t in STAMPS]),
-        ("differential_pressure", 1): ([("uint64_t", "timestamp"), ("float", "differential_pressure_pa")], [(t, 101.0) for t in STAMPS]),
+        ("differential_pressure",
+            0): ([("uint64_t", "timestamp"), ("float", "differential_pressure_pa")],
+                [(t, 100.0) for t in STAMPS]),
+        ("differential_pressure",
+            1): ([("uint64_t", "timestamp"), ("float", "differential_pressure_pa")],
+                [(t, 101.0) for t in STAMPS]),
     }  # fmt: skip
     return {**found, **dict(extra)}
 

@@ -57,7 +57,9 @@ def test_an_exact_fit_has_no_growth():
 
 @pytest.mark.nightly
 def test_coverage_of_the_term_that_the_residual_grows_with():
-    """Rates over sixty records: 88 %, with stationary standard errors 72 %; here the first thirty."""
+    """Rates over sixty records: 88 %, with stationary standard errors 72 %; here the first
+    thirty.
+    """
     truth, new, old = LIFT["qhat"], [], []
     for seed in range(30):
         e = fitted(seed, "|qhat|").estimates.sel(term="qhat")

@@ -193,7 +193,8 @@ def test_time_that_runs_backwards_is_refused():
     ):
         with pytest.raises(
             IdentificationError,
-            match=r"time of manoeuvre 0 does not rise: .*all of its 1000 samples, from 19.98 to 0 s",
+            match=r"time of manoeuvre 0 does not rise: .*all of its 1000 samples, from 19.98 to "
+            r"0 s",
         ):
             fit(reversed_record)
     time = data["time"].values.copy()
@@ -262,7 +263,9 @@ def test_whiteness_against_the_definition():
 
 
 def test_degrees_of_freedom_are_those_of_the_frequencies_that_count():
-    """An estimate that looks at one frequency has two; one that looks at m of equal weight has 2 m."""
+    """An estimate that looks at one frequency has two; one that looks at m of equal weight has
+    2 m.
+    """
     rng = np.random.default_rng(10)
     t = np.arange(2000)
     for m in (1, 10, 40):

@@ -114,7 +114,9 @@ def test_every_changed_file_is_named(made):
 
 
 def rehash(folder, name):
-    """Write the new hash of a file into the manifest, as somebody would who wants to hide a change."""
+    """Write the new hash of a file into the manifest, as somebody would who wants to hide a
+    change.
+    """
     path = folder / "report" / manifest.NAME
     statement = json.loads(path.read_text(encoding="utf-8"))
     for item in statement["subject"]:

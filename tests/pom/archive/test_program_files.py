@@ -1,4 +1,6 @@
-"""A manifest states the program that judged; another installation finds an edited table or module."""
+"""A manifest states the program that judged; another installation finds an edited table or
+module.
+"""
 
 import json
 from pathlib import Path

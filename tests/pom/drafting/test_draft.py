@@ -113,7 +113,9 @@ def test_events_of_a_takeoff_and_a_landing():
 
 
 def test_a_control_is_released_where_it_leaves_the_hand():
-    """Held at 0.1 m until 15 s, then two cycles of its own about neutral, of 50 and 20 % of that."""
+    """Held at 0.1 m until 15 s, then two cycles of its own about neutral, of 50 and 20 % of
+    that.
+    """
     free = [(15.0, 0.1), (15.2, -0.05), (15.5, 0.02), (15.8, 0.0)]
     found = find_events(
         ["control_release"],

@@ -23,7 +23,8 @@ DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName="toy" instantiationToken="toy">
 {kind}
 <TypeDefinitions>
-<EnumerationType name="Positions"><Item name="up" value="0"/><Item name="down" value="1"/></EnumerationType>
+<EnumerationType name="Positions"><Item name="up" value="0"/><Item name="down" value="1"/>
+</EnumerationType>
 </TypeDefinitions>
 <ModelVariables>
 <Float32 name="delta_e" valueReference="0" causality="input" start="0"/>
@@ -36,7 +37,8 @@ DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <Float64 name="nz" valueReference="12" causality="output"/>
 {parameters}
 </ModelVariables>
-<ModelStructure><ContinuousStateDerivative valueReference="11"/></ModelStructure></fmiModelDescription>
+<ModelStructure><ContinuousStateDerivative valueReference="11"/></ModelStructure>
+</fmiModelDescription>
 """
 PARAMETER = (
     '<Float64 name="{}" valueReference="{}" causality="parameter" variability="fixed" start="0"/>'

@@ -34,15 +34,20 @@ DESCRIPTIONS = {
 <fmiModelDescription fmiVersion="2.0" modelName="sim" guid="sim">
 <CoSimulation modelIdentifier="toy" canHandleVariableCommunicationStepSize="true"/>
 <UnitDefinitions><Unit name="deg"/><Unit name="deg/s"/></UnitDefinitions>
-<TypeDefinitions><SimpleType name="Switch"><Enumeration><Item name="off" value="0"/><Item name="on" value="1"/></Enumeration></SimpleType>
+<TypeDefinitions><SimpleType name="Switch"><Enumeration><Item name="off" value="0"/>
+<Item name="on" value="1"/></Enumeration></SimpleType>
 </TypeDefinitions>
 <ModelVariables>
 <ScalarVariable name="ELEV" valueReference="1" causality="input"><Real start="0"/></ScalarVariable>
-<ScalarVariable name="PITCH" valueReference="2" causality="output"><Real unit="deg"/></ScalarVariable>
-<ScalarVariable name="PITCH_RATE" valueReference="3" causality="output"><Real unit="deg/s"/></ScalarVariable>
+<ScalarVariable name="PITCH" valueReference="2" causality="output"><Real unit="deg"/>
+</ScalarVariable>
+<ScalarVariable name="PITCH_RATE" valueReference="3" causality="output"><Real unit="deg/s"/>
+</ScalarVariable>
 <ScalarVariable name="NZ" valueReference="4" causality="output"><Real/></ScalarVariable>
-<ScalarVariable name="PITCH_IC" valueReference="5" causality="parameter" variability="fixed"><Real unit="deg" start="0"/></ScalarVariable>
-<ScalarVariable name="ACTUATOR" valueReference="6" causality="input" variability="discrete"><Enumeration declaredType="Switch" start="0"/>
+<ScalarVariable name="PITCH_IC" valueReference="5" causality="parameter" variability="fixed">
+<Real unit="deg" start="0"/></ScalarVariable>
+<ScalarVariable name="ACTUATOR" valueReference="6" causality="input" variability="discrete">
+<Enumeration declaredType="Switch" start="0"/>
 </ScalarVariable>
 </ModelVariables><ModelStructure/></fmiModelDescription>
 """,
@@ -50,7 +55,8 @@ DESCRIPTIONS = {
 <fmiModelDescription fmiVersion="3.0" modelName="sim" instantiationToken="sim">
 <CoSimulation modelIdentifier="toy" canHandleVariableCommunicationStepSize="true"/>
 <UnitDefinitions><Unit name="deg"/><Unit name="deg/s"/></UnitDefinitions>
-<TypeDefinitions><EnumerationType name="Switch"><Item name="off" value="0"/><Item name="on" value="1"/></EnumerationType></TypeDefinitions>
+<TypeDefinitions><EnumerationType name="Switch"><Item name="off" value="0"/>
+<Item name="on" value="1"/></EnumerationType></TypeDefinitions>
 <ModelVariables>
 <Float64 name="ELEV" valueReference="1" causality="input" start="0"/>
 <Float64 name="PITCH" valueReference="2" causality="output" unit="deg"/>

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from flightmech.units import DEGREE
-from pom.judging.condition_checks import CONFIGURATION_CHECKS
-from pom.judging.condition_coverage import WANTED, cover_conditions
+from pom.judging.conditions.condition_coverage import WANTED, cover_conditions
+from pom.judging.conditions.configurations import CONFIGURATION_CHECKS
 from pom.report.overview import table_coverage
 from pom.result import make_verdict_table
 from pom.status import PASSED

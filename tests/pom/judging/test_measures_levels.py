@@ -93,7 +93,9 @@ def test_a_snapshot_judges_the_elevator_that_the_trim_found(judged):
 
 
 def test_a_lone_percentage_is_of_the_largest_value_in_service(judged):
-    """5 % of net thrust (2.c.5): rule R3.  8000 N in flight, 8700 N in the model, 20 kN in service."""
+    """5 % of net thrust (2.c.5): rule R3.  8000 N in flight, 8700 N in the model, 20 kN in
+    service.
+    """
     model = TRIM | {"engine1.thrust": 8700.0 * FLAT}
     kwargs = {"drive": RECORDED, "events": {"capture": 30.0}}
     got = judged("2.c.5", TIME, TRIM, model, **kwargs)["net_thrust"]
@@ -169,7 +171,9 @@ def test_descent_rate_counts_downwards_and_a_short_segment_is_invalid(judged):
 
 
 def test_a_gradient_below_the_certified_one_fails_inside_its_band(judged):
-    """V 50 m/s, 1.25 and 1.15 m/s up: gradients 1.25 / sqrt(50^2 - 1.25^2) = 0.025008 and 0.023006."""
+    """V 50 m/s, 1.25 and 1.15 m/s up: gradients 1.25 / sqrt(50^2 - 1.25^2) = 0.025008 and
+    0.023006.
+    """
     flight = {"h": 500.0 + 1.25 * TIME, "V": 50.0 * FLAT, "V_cas": 48.0 * FLAT}
     model = flight | {"h": 500.0 + 1.15 * TIME}
     kwargs = {"certified": {"climb_gradient": 0.024}, "shortened": "one engine out, 60 s"}

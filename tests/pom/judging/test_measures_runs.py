@@ -78,7 +78,9 @@ def test_80_percent_of_the_run_is_enough_and_only_the_common_part_is_compared(ju
 
 
 def test_a_model_that_never_comes_there_fails_when_it_is_too_late_already(judged):
-    """0.7 m/s2 reaches 38.5 m/s of 60 in the 55 s that the record goes on; 55 s are 25 s too many."""
+    """0.7 m/s2 reaches 38.5 m/s of 60 in the 55 s that the record goes on; 55 s are 25 s too
+    many.
+    """
     got = judged("1.b.1", TIME, rolling(2.0), rolling(0.7), events=EVENTS)["time"]
     assert got["verdict"] == "fail"
     assert got["worst"] == pytest.approx(25.0)

@@ -9,12 +9,12 @@ from flightmech.units import DEGREE, FOOT
 from pom.cases.case import PomCase
 from pom.cases.case_inputs import CaseInputs
 from pom.judging.applicability import settle_criterion
-from pom.judging.beyond_the_bands import watch_track
-from pom.judging.condition_checks import NotChecked
-from pom.judging.report_conditions import MEASURED_AT, REPORT_CHECKS
-from pom.judging.row_conditions import CASE_CHECKS, condition_remarks
+from pom.judging.conditions.flown_case import NotChecked
+from pom.judging.conditions.report_conditions import MEASURED_AT, REPORT_CHECKS
+from pom.judging.conditions.row_conditions import CASE_CHECKS, condition_remarks
+from pom.judging.conditions.stall_checks import REACH
 from pom.judging.signals import RunSignals
-from pom.judging.stall_checks import REACH
+from pom.judging.watched_channels import watch_track
 from pom.status import NOTICES
 from pom.tolerances import rows
 from pom.tolerances.stated_conditions import CONDITIONS, CONFIGURATIONS, STATED
@@ -160,7 +160,7 @@ def test_a_gear_that_is_not_recorded_is_fixed_only_without_positions(monkeypatch
             raise NotChecked(f"no limits of {control}")
         return travels[control]
 
-    monkeypatch.setattr("pom.judging.condition_checks.control_travel", travel)
+    monkeypatch.setattr("pom.judging.conditions.configurations.control_travel", travel)
     case = made("2.d.7", {"input_end": 1.0})
     assert texts(case, delta_f=0.0, delta_a=step(0.1)) == []
     travels["gear"] = 1.0

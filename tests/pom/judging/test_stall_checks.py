@@ -15,10 +15,10 @@ from flightmech.terms import SOURCES, make_term
 from flightmech.units import DEGREE, KNOT
 from pom.cases.case import PomCase
 from pom.judging.beyond_the_bands import BLOCK
-from pom.judging.report_conditions import REPORT_CHECKS, VALUES, report_values
-from pom.judging.row_conditions import condition_remarks
+from pom.judging.conditions.report_conditions import REPORT_CHECKS, VALUES, report_values
+from pom.judging.conditions.row_conditions import condition_remarks
+from pom.judging.conditions.stall_checks import reach_remarks
 from pom.judging.signals import RunSignals
-from pom.judging.stall_checks import reach_remarks
 from pom.tolerances import rows
 
 TIME = np.linspace(0.0, 40.0, 801)

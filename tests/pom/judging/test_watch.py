@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pom.cases.case import PomCase
-from pom.judging.beyond_the_bands import BANDS, watch_channels
+from pom.judging.watched_channels import BANDS, watch_channels
 from pom.tolerances import rows as table
 
 TIME = np.arange(0.0, 120.0, 0.05)

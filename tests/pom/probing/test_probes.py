@@ -372,7 +372,9 @@ def test_noise_in_an_answer_by_tables_is_of_the_inputs():
 
 
 def test_the_bound_of_the_effect_of_inputs_is_never_exceeded():
-    """A fit is not larger than what it fits, so a probe below the bound would have found nothing."""
+    """A fit is not larger than what it fits, so a probe below the bound would have found
+    nothing.
+    """
     generator = np.random.default_rng(6)
     before, after = short_period(elevator()), short_period(SCALE * elevator())
     for size in (0.002, 0.004):

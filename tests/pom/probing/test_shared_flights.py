@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pom.checking.report_checks import with_report_checks
-from pom.judging.condition_coverage import cover_conditions
+from pom.judging.conditions.condition_coverage import cover_conditions
 from pom.probing.shared_flights import ALIKE, compare_noise
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

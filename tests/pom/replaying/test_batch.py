@@ -319,7 +319,8 @@ import sys, numpy as np
 from pom.fmu.process import Child
 child = Child(sys.argv[1])
 print(child._start().process.pid, flush=True)
-child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "outputs": ["theta"]}, 600.0)
+job = {"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "outputs": ["theta"]}
+child.run(job, 600.0)
 """
     parent = subprocess.Popen(
         [sys.executable, "-c", script, str(toy("hang"))], stdout=subprocess.PIPE, text=True

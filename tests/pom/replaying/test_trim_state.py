@@ -89,7 +89,10 @@ def test_a_bias_beyond_the_limit_of_the_case_file_makes_the_run_invalid(flown):
     reason = '\n[rationale]\n"trim.delta_e" = "J. Smith, 2026-11-28, calibrated to 2 deg"'
     stated = flown(wide + reason, trim_delta_e=2.0 * DEGREE)
     assert stated.status("model") == "pass_with_departures"
-    text = "trim: elevator deflection +2 deg is beyond 1 deg ('trim.delta_e'); allowed: J. Smith, 2026-11-28, calibrated to 2 deg"
+    text = (
+        "trim: elevator deflection +2 deg is beyond 1 deg ('trim.delta_e'); allowed: J. Smith,"
+        " 2026-11-28, calibrated to 2 deg"
+    )
     assert run_notices(stated, "model") == [text]
     assert stated.verdict["remarks"].map(remarks_text).str.contains(text, regex=False).all()
     assert flown(wide + reason, trim_delta_e=4.0 * DEGREE).status("model") == "invalid"

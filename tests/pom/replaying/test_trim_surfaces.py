@@ -21,7 +21,9 @@ def model(outputs=OUTPUTS):
 
 @pytest.fixture
 def forces(monkeypatch):
-    """A model whose forces are a function of both trim surfaces; returns how long its starts were."""
+    """A model whose forces are a function of both trim surfaces; returns how long its starts
+    were.
+    """
     lengths = []
 
     def answer(law):

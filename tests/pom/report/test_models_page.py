@@ -1,4 +1,6 @@
-"""The pages of the databases and of the identification: what differs, local models, shared figures."""
+"""The pages of the databases and of the identification: what differs, local models, shared
+figures.
+"""
 
 import re
 

@@ -1,4 +1,6 @@
-"""The report on paper: a PDF/A-3 document with tags, fonts of our own, data attached; its drawings."""
+"""The report on paper: a PDF/A-3 document with tags, fonts of our own, data attached; its
+drawings.
+"""
 
 import datetime
 import io

@@ -108,7 +108,8 @@ def expect_spans(page, start, stop):
 
 
 PIXELS = """canvas => {
-  const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data, seen = new Set();
+  const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data,
+    seen = new Set();
   for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) seen.add(data[i] + ',' + data[i + 1] + ',' + data[i + 2]);
   return [...seen];
 }"""
@@ -285,7 +286,8 @@ def test_filters_and_order_of_the_overview(page, address):
 
 
 ROWS = """rows => rows.map(row => [row.dataset.criterion, row.dataset.run,
-                               row.querySelector('.ratio').textContent, row.querySelector('.state').textContent])"""
+                               row.querySelector('.ratio').textContent,
+                                 row.querySelector('.state').textContent])"""
 
 
 def printed(page):
@@ -493,15 +495,18 @@ def test_a_narrow_screen_needs_no_sideways_scrolling(new_page, address):
 
 PROBLEMS = """() => {
   const all = (query) => [...document.querySelectorAll(query)].filter((node) => node.checkVisibility()), found = [];
-  const nameOf = (node) => node.getAttribute('aria-label') || node.textContent.trim() || node.closest('label')?.textContent.trim();
-  const hasText = (image) => image.closest('[aria-hidden]') || (image.getAttribute('role') === 'img' && image.getAttribute('aria-label'));
+  const nameOf = (node) => node.getAttribute('aria-label') || node.textContent.trim()
+    || node.closest('label')?.textContent.trim();
+  const hasText = (image) => image.closest('[aria-hidden]')
+    || (image.getAttribute('role') === 'img' && image.getAttribute('aria-label'));
   const start = (node) => node.outerHTML.slice(0, 80);
   for (const node of all('button, a[href], input, select')) if (!nameOf(node)) found.push('no name: ' + start(node));
   for (const table of all('table')) if (!table.querySelector('th[scope]')) found.push('no heads: ' + start(table));
   for (const cell of all('th')) if (!cell.scope) found.push('no scope: ' + start(cell));
   for (const image of all('svg')) if (!hasText(image)) found.push('no text: ' + start(image));
   for (const panel of all('.panel')) if (!panel.getAttribute('aria-label')) found.push('no text: ' + start(panel));
-  const ids = [...document.querySelectorAll('[id]')].map((node) => node.id), twice = ids.filter((id, i) => ids.indexOf(id) !== i);
+  const ids = [...document.querySelectorAll('[id]')].map((node) => node.id),
+    twice = ids.filter((id, i) => ids.indexOf(id) !== i);
   if (twice.length) found.push('id twice: ' + twice);
   if (all('h1').length !== 1) found.push('headings of first level: ' + all('h1').length);
   const unlabelled = (node) => !document.getElementById(node.getAttribute('aria-labelledby'));
@@ -519,7 +524,8 @@ def test_tables_have_heads_and_controls_have_names(page, address):
 # WCAG 2.2: relative luminance, and the least contrast of texts against the ground of the page
 CONTRAST = """() => {
   const channel = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
-  const light = (text) => text.match(/[\\d.]+/g).slice(0, 3).reduce((sum, v, i) => sum + channel(v / 255) * [0.2126, 0.7152, 0.0722][i], 0);
+  const light = (text) => text.match(/[\\d.]+/g).slice(0, 3).reduce((sum, v,
+    i) => sum + channel(v / 255) * [0.2126, 0.7152, 0.0722][i], 0);
   const ground = light(getComputedStyle(document.documentElement).backgroundColor);
   const texts = [...document.querySelectorAll('p, td, th, a, h1, h2, .verdict, .quiet, button:enabled')];
   const shown = texts.filter((node) => node.checkVisibility() && node.textContent.trim());

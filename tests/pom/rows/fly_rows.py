@@ -267,7 +267,9 @@ def stop(left, right, length, throttle=0.0, reverse=(), steer=True, cut=False):
 
 
 def pedals(length):
-    """Sweep the pedals to both sides while the aeroplane rolls; the nose wheel follows the rudder."""
+    """Sweep the pedals to both sides while the aeroplane rolls; the nose wheel follows the
+    rudder.
+    """
 
     def law(a, pilot, t, d, first):
         a.want["rudder"] = (

@@ -54,7 +54,9 @@ def test_every_verdict_that_is_no_pass_has_its_reason():
 
 
 def criteria(row):
-    """Return the criteria that were judged; an alternative that does not decide may pass or fail."""
+    """Return the criteria that were judged; an alternative that does not decide may pass or
+    fail.
+    """
     return [text.rpartition(" ")[0] for text in row["judged"].split("; ")]
 
 

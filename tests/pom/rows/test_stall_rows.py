@@ -14,7 +14,7 @@ import xarray as xr
 from flightmech.units import DEGREE, KNOT
 from pom.cases.case import read_case
 from pom.checking.report_checks import with_report_checks
-from pom.judging.row_conditions import condition_remarks
+from pom.judging.conditions.row_conditions import condition_remarks
 from pom.judging.signals import RunSignals
 from pom.replaying.batch import replay_all
 

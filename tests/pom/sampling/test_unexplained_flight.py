@@ -1,4 +1,6 @@
-"""A flight outside the spread of the draws is stated: their probability is not that of the flight."""
+"""A flight outside the spread of the draws is stated: their probability is not that of the
+flight.
+"""
 
 import numpy as np
 import pandas as pd

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -60,7 +61,7 @@ def read_fed_tanks(
     if reason:
         return None, engines, [f"fuel is a mass that stays: {reason}"]
     names = _name_tanks(tanks)
-    used = sorted({index for feed in feeds for index in feed})
+    used = sorted(set(chain.from_iterable(feeds)))
     read = {index: _read_tank(tanks[index], names[index], reference) for index in used}
     fed = []
     for engine, feed in zip(engines, feeds, strict=True):

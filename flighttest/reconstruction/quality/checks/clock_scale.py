@@ -22,10 +22,10 @@ _FEWEST = 512  # samples of a record
 _CORRELATION = 0.9
 _AGREE = 1.06  # largest ratio of the factors of two angles
 _RIGHT = 1.25  # factor below which the clock is correct: scale errors are another finding
-# A smaller factor, from _SLIGHT on, is that of the clock if three angles agree within _SAME, and the
-# integral of a velocity over the change of its coordinate has the factor within _NEAR_VELOCITY:
-# gyros of one wrong scale leave the velocity as it is.  Sound records have 0.956 to 1.058 there, by
-# the delay of receivers and the temperature.
+# A smaller factor, from _SLIGHT on, is that of the clock under two conditions.  Three angles agree
+# within _SAME, and the integral of a velocity over the change of its coordinate has the factor
+# within _NEAR_VELOCITY: a wrong scale of all gyros does not change the velocity.  Sound records
+# have 0.956 to 1.058 there, by the delay of receivers and the temperature.
 _SLIGHT, _SAME, _NEAR_VELOCITY = 1.15, 1.02, 1.07
 _COORDINATES = (
     ("vd", "h_gps"),

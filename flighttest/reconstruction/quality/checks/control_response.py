@@ -31,21 +31,21 @@ SIGNIFICANT = 6.0  # standard errors a coefficient must have before its sign cou
 FOLLOWS = 0.5  # correlation of a surface with the control that moves it
 FLOW = {"alpha_vane", "beta_vane"}
 MOVED = 1.0 * DEGREE  # total movement without which a delay is not informative
-SHORTEST = 5.0  # s of usable samples
-_AMBIGUOUS = 0.1  # by which the other sign must correlate better at some delay
-_TRIM = 0.3  # Hz, below which nothing counts
-_EARLY, _LATE = 0.05, -0.15  # s of lead beyond which a surface was not recorded when it acted
-# R2 that the time of a surface must gain, and share of the variance unexplained without that time
+SHORTEST = 5.0  # [s] of usable samples
+_AMBIGUOUS = 0.1  # difference of correlations by which the unexpected sign must be better
+_TRIM = 0.3  # [Hz] high-pass: slower motion is trim and drift
+_EARLY, _LATE = 0.05, -0.15  # [s] a lead beyond these limits: the surface has another clock
+# A shift in time must gain this R2, and this share of the variance that is unexplained without it.
 _GAINS, _SHARE = 0.003, 0.05
 _CERTAIN = 3.0  # standard errors by which the lead must lie beyond its limit
 _EXPLAINED = 0.4  # R2 that the equation must reach about the movements with the best delay
-# samples that show when a surface acts: share of the largest movement, and s around it
+# Samples that show when a surface acts: share of the largest movement, and time around it. [s]
 _ACTIVE, _AROUND = 0.25, 1.5
-_FLOW_DELAYS = np.arange(0.1, 3.05, 0.1)  # s, of a flow angle behind which a sign may hide
-_LESS = 0.8  # share of the unexplained variance that such a delay may leave
+_FLOW_DELAYS = np.arange(0.1, 3.05, 0.1)  # [s] a flow angle so late can reverse a sign
+_LESS = 0.8  # largest share of the unexplained variance that may remain with such a delay
 _MOVES = 0.05 * DEGREE  # rms of quick movement that makes an input
-_SMALLEST_SPEED = 0.3  # of the median speed, below which the dynamic pressure is limited
-_ENDS = 1.0  # s at the ends of a record, in which the filters lack what lies beyond
+_SMALLEST_SPEED = 0.3  # of the median speed: lower bound in the dynamic pressure
+_ENDS = 1.0  # [s] ends of a record, where the filters lack the samples beyond
 _COLUMNS = (
     "surface",
     "rate",
@@ -195,7 +195,7 @@ def effect_in(
     float or None
         Angular acceleration per radian; None if the record does not determine it. [s-2]
     """
-    # SciPy takes half a second to import; only this function needs it
+    # deferred: the import of SciPy is slow, and only this function needs it
     from scipy.interpolate import make_interp_spline
 
     (equation,) = (item for item in EQUATIONS if item.surface == surface)
@@ -364,7 +364,7 @@ def pilot_to_surface(signals: ResampledChannels) -> pd.DataFrame:
         control [s]. The expected sign has priority if it correlates nearly as well, because half a
         period of delay looks like the opposite sign.
     """
-    table: list = []
+    rows: list[tuple] = []
     for control, surface, sign, position in HANDS:
         if not {control, surface} <= set(signals.values):
             continue
@@ -373,9 +373,9 @@ def pilot_to_surface(signals: ResampledChannels) -> pd.DataFrame:
         y = remove_trim(lowpass_channel(signals, surface), signals)
         if mask.sum() * signals.step > SHORTEST and np.std(y[mask]) > _MOVES:
             best = _correlate(x, y, expected=sign, mask=mask, step=signals.step)
-            table.append((control, surface, sign, *best, position))
+            rows.append((control, surface, sign, *best, position))
     return pd.DataFrame(
-        table, columns=["control", "surface", "expected", "correlation", "delay", "position"]
+        rows, columns=["control", "surface", "expected", "correlation", "delay", "position"]
     )
 
 

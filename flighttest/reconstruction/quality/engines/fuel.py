@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -54,8 +55,16 @@ _ROW = ("fuel_flow", "unit of the fuel flow")
 Unchecked = list[tuple[str, str, tuple[str, ...], str]]
 
 
+class _UnitMistake(NamedTuple):
+    """A unit that was taken as another one."""
+
+    recorded: str
+    taken: str
+    is_certain: bool
+
+
 @dataclass(frozen=True)
-class _Ratio:
+class _FlowRatio:
     """Recorded flow over the one that a reference shows, with its standard error [1]."""
 
     reference: str  # a tank, or the tables
@@ -76,17 +85,14 @@ class _Ratio:
             return f"{shown} times the flow that the tables of the aircraft file give"
         return f"{shown} times the change of {self.reference}"
 
-    def unit(self) -> tuple[str, str, bool] | None:
-        """Return the unit of the file, the unit it was taken as, and whether that is certain.
-
-        None if no unit is near.
-        """
+    def unit(self) -> _UnitMistake | None:
+        """Return the mistaken unit that explains the ratio; None if no unit is near."""
         margin = _SIGMAS * self.stderr / self.value
         for place, (wrong, right, low, high) in enumerate(_UNITS):
             nearest = min(max(self.value, low), high)
             if abs(self.value / nearest - 1.0) < _NEAR:
                 certain = abs(self.value / nearest - 1.0) + margin < _NEAR
-                return wrong, right, certain and place < _CERTAIN
+                return _UnitMistake(wrong, right, certain and place < _CERTAIN)
         return None
 
 
@@ -141,7 +147,7 @@ def _judge_total(
     aircraft: Aircraft,
     *,
     names: tuple[str, ...],
-    tanks: list[_Ratio],
+    tanks: list[_FlowRatio],
 ) -> list[Finding]:
     """Return the findings on the flow of all engines against all that shows the fuel."""
     ratios = list(tanks)
@@ -163,7 +169,7 @@ def _judge_total(
 
 
 def _engine_alone(
-    signals: ResampledChannels, names: tuple[str, ...], ratio: _Ratio
+    signals: ResampledChannels, names: tuple[str, ...], ratio: _FlowRatio
 ) -> Finding | None:
     """Return the finding on one engine alone in lb/h; None if total and engines do not show it."""
     # With one of n flows 2.2 times too large the total is (2.2 + n - 1) / n of the true one.
@@ -187,16 +193,16 @@ def _engine_alone(
     return None
 
 
-def _flow_findings(ratio: _Ratio, names: tuple[str, ...], engines: int) -> list[Finding]:
+def _flow_findings(ratio: _FlowRatio, names: tuple[str, ...], engines: int) -> list[Finding]:
     """Return the finding on a flow that is not the one of its references; none if it is usual."""
     if ratio.usual:
         return []
     unit = ratio.unit()
     listed = ", ".join(names)
     evidence = {"ratio": ratio.value, "stderr": ratio.stderr}
-    if unit is not None and unit[2]:
-        text = f"{listed}: {unit[0]} taken as {unit[1]}: the flow is {ratio.text}"
-        remedy = f'give {names[0]} unit = "{unit[0]}" in the name map'
+    if unit is not None and unit.is_certain:
+        text = f"{listed}: {unit.recorded} taken as {unit.taken}: the flow is {ratio.text}"
+        remedy = f'give {names[0]} unit = "{unit.recorded}" in the name map'
         return [Finding("error", "unit", names, text, remedy, evidence=evidence)]
     text = f"{listed}: the flow is {ratio.text}; {_USUAL[0]:g} to {_USUAL[1]:g} are usual"
     text += _cause_text(ratio, engines)
@@ -205,11 +211,11 @@ def _flow_findings(ratio: _Ratio, names: tuple[str, ...], engines: int) -> list[
     return [Finding("warning", kind, names, text, remedy, evidence=evidence)]
 
 
-def _cause_text(ratio: _Ratio, engines: int) -> str:
+def _cause_text(ratio: _FlowRatio, engines: int) -> str:
     """Return what explains a ratio: a unit, or a number of engines or tanks; or nothing."""
     unit = ratio.unit()
     if unit is not None:
-        return f", as if the flow were in {unit[0]} and taken as {unit[1]}"
+        return f", as if the flow were in {unit.recorded} and taken as {unit.taken}"
     # a mass holds all tanks
     tank = ratio.reference if ratio.reference in ("fuel", "fuel_used") else ""
     for number in sorted({2, max(engines, 2)}):
@@ -223,7 +229,7 @@ def _cause_text(ratio: _Ratio, engines: int) -> str:
 
 
 def _both_sides(
-    ratios: list[_Ratio], unusual: list[_Ratio], names: tuple[str, ...], engines: int
+    ratios: list[_FlowRatio], unusual: list[_FlowRatio], names: tuple[str, ...], engines: int
 ) -> Finding:
     """Return the warning that the flow, or what shows the fuel, is of another unit or scale."""
     suspects = [ratio.reference for ratio in unusual if ratio.reference != _TABLES]
@@ -236,8 +242,8 @@ def _both_sides(
     unit = unusual[0].unit()
     kind = "scale" if unit is None else "unit"
     # the inverse error of the tank gives the same ratio
-    if suspects and unit is not None and unit[2]:
-        of_tank, taken = unit[1].partition("/")[0], unit[0].partition("/")[0]
+    if suspects and unit is not None and unit.is_certain:
+        of_tank, taken = unit.taken.partition("/")[0], unit.recorded.partition("/")[0]
         text += f", or {suspects[0]} in {of_tank} and taken as {taken}"
     if trusted:
         text += f"; the flow agrees with {', '.join(trusted)}"
@@ -250,7 +256,7 @@ def _both_sides(
     return Finding("warning", kind, channels, text, remedy, evidence=evidence)
 
 
-def _burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -> _Ratio | None:
+def _burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -> _FlowRatio | None:
     """Return the fuel that was burned over the fuel that left; None if nothing shows it.
 
     The tank is a straight line over the time integral of the flow.
@@ -267,10 +273,10 @@ def _burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -
     if not np.std(X[:, 0]) > 0.0:
         return None
     lost = first_coefficient(X, y)
-    error = _stderr(lambda kept: first_coefficient(X[kept], y[kept]), len(y))
+    error = _stderr(lambda rows: first_coefficient(X[rows], y[rows]), len(y))
     if not lost > 0.0 or not error < _KNOWN * lost:
         return None
-    return _Ratio(tank, 1.0 / lost, error / lost**2)
+    return _FlowRatio(tank, 1.0 / lost, error / lost**2)
 
 
 def _stderr(estimate: Callable[[np.ndarray], float], samples: int) -> float:
@@ -279,7 +285,7 @@ def _stderr(estimate: Callable[[np.ndarray], float], samples: int) -> float:
 
 def _recorded_over_table(
     signals: ResampledChannels, engines: Mapping[int, Engine]
-) -> _Ratio | None:
+) -> _FlowRatio | None:
     """Return the recorded flow of engines over that of their tables; None without such tables."""
     full = signals.completed(("mach", "p_static", "temperature"))
     recorded, table = np.zeros(signals.time.shape), np.zeros(signals.time.shape)
@@ -299,8 +305,8 @@ def _recorded_over_table(
     value = float(np.median(quotient))
     if not value > 0.0:
         return None
-    error = _stderr(lambda kept: float(np.median(quotient[kept])), len(quotient))
-    return _Ratio(_TABLES, value, error)
+    error = _stderr(lambda rows: float(np.median(quotient[rows])), len(quotient))
+    return _FlowRatio(_TABLES, value, error)
 
 
 def _engine_channels(full: ResampledChannels, number: int) -> dict[str, np.ndarray]:

@@ -37,7 +37,7 @@ _LEVEL_ROW = ("h_baro_level", "level of h_baro: altimeter setting")
 
 
 @dataclass(frozen=True)
-class _Ratio:
+class _SideRatio:
     """First over second side of a relation: median and scatter."""
 
     middle: float
@@ -113,12 +113,12 @@ def _is_recorded(check: RelationCheck, signals: ResampledChannels) -> bool:
     return "temperature" not in check.relation.needs or "temperature" in signals
 
 
-def _ratio(check: RelationCheck) -> _Ratio:
+def _ratio(check: RelationCheck) -> _SideRatio:
     first, second = check.first[check.mask], check.second[check.mask]
     fast = second > _FAST * np.percentile(second, 95.0)
     ratio = first[fast] / second[fast]
     middle = float(np.median(ratio))
-    return _Ratio(middle, float(1.4826 * np.median(np.abs(ratio - middle))))
+    return _SideRatio(middle, float(1.4826 * np.median(np.abs(ratio - middle))))
 
 
 def _unit_findings(check: RelationCheck, channels: tuple[str, ...]) -> list[Finding]:
@@ -139,7 +139,7 @@ def _unit_findings(check: RelationCheck, channels: tuple[str, ...]) -> list[Find
 def _ratio_finding(
     check: RelationCheck,
     channels: tuple[str, ...],
-    ratio: _Ratio,
+    ratio: _SideRatio,
     powers: tuple[float, float],
     signals: ResampledChannels,
 ) -> Finding:

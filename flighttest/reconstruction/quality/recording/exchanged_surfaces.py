@@ -8,7 +8,7 @@ rudder do not act on each other's axis.  Aileron and rudder do, with less than a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 import pandas as pd
@@ -127,7 +127,7 @@ def without_surfaces(answers: list[Finding], exchanged: list[Finding]) -> list[F
 
     Their lines of the name map would be those of the other surface.
     """
-    surfaces = {name for finding in exchanged for name in finding.channels}
+    surfaces = set(chain.from_iterable(finding.channels for finding in exchanged))
     return [finding for finding in answers if finding.channels[0] not in surfaces]
 
 

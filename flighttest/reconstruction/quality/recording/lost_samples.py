@@ -7,6 +7,7 @@ it, those that move jump at one instant.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import pandas as pd
@@ -102,7 +103,7 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
         for i in _simultaneous(clock.scores, clock.names, clock.time, known):
             instant = float(clock.time[i])
             # the channels of a recorder may have several clocks
-            names = [name for other in clocks for name in other.jumping(instant)]
+            names = list(chain.from_iterable(other.jumping(instant) for other in clocks))
             kind = _kind_of_jump(names, clock.names)
             jumps.setdefault(kind, []).append((i, names))
             flag = "lost" if kind == "lost" else "correction"
@@ -181,7 +182,7 @@ def _jump_finding(kind: str, places: list[tuple[int, list[str]]], clock: ClockJu
     """Return the finding on jumps of one kind after samples of a clock."""
     time, groups = clock.time, _groups_of(clock.names)
     indices = [i for i, _ in places]
-    channels = tuple(dict.fromkeys(name for _, names in places for name in names))
+    channels = tuple(dict.fromkeys(chain.from_iterable(names for _, names in places)))
     listed = ", ".join(f"{time[i]:.2f} s" for i in indices[:_MOST_NAMED])
     if len(indices) > _MOST_NAMED:
         listed += f" and {len(indices) - _MOST_NAMED} more"

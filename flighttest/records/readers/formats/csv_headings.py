@@ -40,7 +40,7 @@ def own_names(heads: Sequence[str]) -> tuple[list[str], dict[str, list[str]]]:
     """
     names: list[str] = []
     shared: dict[str, list[str]] = {}
-    # A file of others may have 20 000 headings: no list is searched for each of them.
+    # An untrusted file may have 20 000 headings: sets and counters keep the search linear.
     counts = Counter(heads)
     taken = set(heads)
     last: dict[str, int] = {}

@@ -16,7 +16,9 @@ PHUGOID = (DATA / "t37" / "flight" / "t37_26_val_phugoid.nc", DATA / "t37" / "na
 
 
 def mistakes_of(files, reverse):
-    """Return the channels of each mistake, and of its alternatives, in a record with wrong signs."""
+    """Return the channels of each mistake, and of its alternatives, in a record with wrong
+    signs.
+    """
     record = flighttest.read(*files)
     signals = resample_channels(record, faults_of(record))
     signals = signals.with_values({name: -signals[name] for name in reverse})

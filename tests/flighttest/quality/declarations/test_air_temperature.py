@@ -45,7 +45,9 @@ def test_fahrenheit_taken_as_celsius(flight):
 @pytest.mark.slow
 @pytest.mark.parametrize(("scale", "kind"), [(1.0615, "unit"), (1.02, "scale"), (0.94, "scale")])
 def test_scale_of_the_airspeed_that_fahrenheit_explains(flight, scale, kind):
-    """At 2.1 degC, 35.8 degF, an airspeed of the root of the temperature is 1.059 of the true one."""
+    """At 2.1 degC, 35.8 degF, an airspeed of the root of the temperature is 1.059 of the true
+    one.
+    """
     record = flight.copy(deep=True)
     values = record["air_data/temperature"].values
     values[:] = 273.15 + 1.8 * (values - values.mean() + 2.1) + 32.0

@@ -7,30 +7,20 @@ holds, and raises `NotChecked` if record or aircraft file lack what it needs.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
-from flightmech.errors import AeromatchError
-from flightmech.names import lookup
-from flightmech.quantities import parse_quantity
 from flightmech.units import DEGREE, FOOT, KNOT, POUND_FORCE
-from pom.cases.case import PomCase
 from pom.cases.case_facts import file_facts
-from pom.cases.case_file import CONDITIONS
-from pom.judging.signals import RunSignals
-from pom.tolerances.bands import RowRemark
+from pom.judging.conditions.configurations import FLAPS_OUT, flap_angle
+from pom.judging.conditions.flown_case import FlownCase, NotChecked, control_travel
 from pom.tolerances.channels import channel_value_text, plain_id
-from pom.tolerances.criteria import Criterion
 
 BRAKED, RELEASED = 0.95, 0.02  # of the pedal; our numbers for a full and for no brake
 SHARE_OF_RUN = 0.8  # tests 1.b.1, 1.e.1, 1.e.2
 SHARE_OF_V1 = 0.8  # test 1.b.7
 NEAR_MAXIMUM = 0.8  # rule R13: of the range between basic operating and largest weight
-FLAPS_OUT = 2.0 * DEGREE  # our number: more is an extended flap
-GEAR_UP, GEAR_DOWN = 0.05, 0.95
-FLYING = 15.0  # [m s-1] a trimmed aeroplane at this airspeed is not on the ground
 MOVED = 1.0 * DEGREE  # of a surface of a free response; the elevator of the trim row 2.c.5
 FORCED = {"F_column": 5.0 * POUND_FORCE, "F_rim": 3.0 * POUND_FORCE, "F_pedal": 5.0 * POUND_FORCE}
 """Pilot force of a free response: the tolerances of the static rows 2.a.1.a to 2.a.3.a. [N]"""
@@ -39,182 +29,6 @@ ALLOWANCE = 1.0 * DEGREE  # of a bank angle that a pilot holds
 STOPPED_ENGINE = 0.1  # thrust over that of the other engines
 BACK = 0.1  # of the largest change: a control is back at neutral
 _RATES = {"2.b.4": "q", "2.b.5": "p", "2.b.6": "r"}
-_SECOND = 1e-9
-
-
-class NotChecked(Exception):
-    """A condition cannot be checked; the text states what is missing.
-
-    `is_ours`: the program has no check of it.  Otherwise record, case or aircraft lack what the
-    check needs, so the case does not show the condition.
-    """
-
-    def __init__(self, reason: str, *, is_ours: bool = False):
-        super().__init__(reason)
-        self.is_ours = is_ours
-
-    def remark(self, text: str, name: str) -> RowRemark:
-        """Return the remark on the condition `text`: a departure unless the check is missing."""
-        if self.is_ours:
-            return RowRemark("not_checked", f"not checked: {text} ({self})", name)
-        return RowRemark("departure", f"departure: not shown: {text} ({self})", name)
-
-
-@dataclass(frozen=True)
-class FlownCase:
-    """What the check of a condition looks at.
-
-    Attributes
-    ----------
-    case : PomCase
-        With its criteria fitted to the flight.
-    flight : RunSignals
-        Signals of the flight inside the window of the case. [SI]
-    """
-
-    case: PomCase
-    flight: RunSignals
-
-    def channel(self, *names: str) -> np.ndarray:
-        """Return the first of several channels that the record has, or that the case states
-        (time,).
-
-        Raises
-        ------
-        NotChecked
-            The record has none of them, and the case states none. [SI]
-        """
-        for name in names:
-            if name in self.flight:
-                return np.asarray(self.flight[name], float)
-        for name in names:
-            # a configuration that is not recorded is stated in the case file
-            if name in self.case.conditions:
-                return np.full(self.flight.time.size, self.case.conditions[name])
-        remedy = ""
-        if any(name in CONDITIONS for name in names):
-            remedy = ": record it, or state it in [conditions] of the case"
-        raise NotChecked(f"the record has no {' or '.join(names)}{remedy}")
-
-    def inside(self, start: float, stop: float) -> np.ndarray:
-        """Return the samples between two instants (time,)."""
-        time = self.flight.time
-        return (time >= start - _SECOND) & (time <= stop + _SECOND)
-
-    def judged(self) -> list[Criterion]:
-        """Return the criteria of the table that apply."""
-        return [item for item in self.case.criteria if item.applies and item.parameter]
-
-    def fact(self, name: str) -> float:
-        """Return a fact of the aircraft. [SI]
-
-        Raises
-        ------
-        NotChecked
-            It is not known.
-        """
-        value = self.case.facts.get(name)
-        if value is None:
-            raise NotChecked(f"{name} is not stated in [facts] of the aircraft file")
-        return float(value)
-
-
-def control_travel(case: PomCase, control: str) -> float:
-    """Return the larger travel of a control by the aircraft file. [SI]
-
-    Raises
-    ------
-    NotChecked
-        The file has no limits of it.
-    """
-    stated = file_facts(case.aircraft)
-    limits = stated.limits.get(control) if stated is not None else None
-    if not isinstance(limits, list) or len(limits) != 2:
-        raise NotChecked(f"the aircraft file has no limits of {control}")
-    try:
-        values = [parse_quantity(limit, lookup(control).units) for limit in limits]
-    except AeromatchError as error:
-        raise NotChecked(f"limits of {control}: {error}") from None
-    return max(map(abs, values))
-
-
-def _flaps(flown: FlownCase) -> float:
-    return abs(float(flown.channel("delta_f")[0]))
-
-
-def _gear_failure(flown: FlownCase, is_down: bool) -> str:
-    """Return the position of the gear if it is another one; empty without a retractable gear."""
-    if "gear" not in flown.flight and not _is_retractable(flown.case):
-        return ""
-    position = float(flown.channel("gear")[0])
-    if is_down and position < GEAR_DOWN:
-        return f"gear at {position:.2g}"
-    if not is_down and position > GEAR_UP:
-        return f"gear at {position:.2g}"
-    return ""
-
-
-def _is_retractable(case: PomCase) -> bool:
-    """Return whether the aircraft file states positions of the gear."""
-    try:
-        return control_travel(case, "gear") > 0.0
-    except NotChecked:
-        return False
-
-
-def _flap_failure(flown: FlownCase, is_out: bool) -> str:
-    angle = _flaps(flown)
-    if is_out == (angle > FLAPS_OUT):
-        return ""
-    return f"flaps at {angle / DEGREE:.3g} deg"
-
-
-def _clean(flown: FlownCase) -> str:
-    parts = _flap_failure(flown, is_out=False), _gear_failure(flown, is_down=False)
-    return ", ".join(filter(None, parts))
-
-
-def _extended(flown: FlownCase) -> str:
-    return _flap_failure(flown, is_out=True)
-
-
-def _landing(flown: FlownCase) -> str:
-    parts = _flap_failure(flown, is_out=True), _gear_failure(flown, is_down=True)
-    return ", ".join(filter(None, parts))
-
-
-def _take_off(flown: FlownCase) -> str:
-    angle = _flaps(flown)
-    try:
-        is_full = angle > 0.98 * control_travel(flown.case, "delta_f")
-    except NotChecked:
-        is_full = False
-    parts = [f"full flaps, {angle / DEGREE:.3g} deg"] if is_full else []
-    # a test that starts in the air may have its gear up
-    if flown.case.drive.trim == "ground":
-        parts.append(_gear_failure(flown, is_down=True))
-    return ", ".join(filter(None, parts))
-
-
-def _on_ground(flown: FlownCase) -> str:
-    if flown.case.drive.trim == "ground":
-        return ""
-    speed = float(flown.channel("V_cas", "V")[0])
-    if speed > FLYING and flown.case.drive.trim is True:
-        return f"{speed / KNOT:.3g} kt of airspeed"
-    return ""
-
-
-CONFIGURATION_CHECKS: dict[str, Callable[[FlownCase], str]] = {
-    "clean": _clean,
-    "extended": _extended,
-    "landing": _landing,
-    "takeoff": _take_off,
-    "gear_up": lambda flown: _gear_failure(flown, is_down=False),
-    "gear_down": lambda flown: _gear_failure(flown, is_down=True),
-    "ground": _on_ground,
-}
-"""By configuration: returns what differs from it; empty if nothing does."""
 
 
 def _brakes(flown: FlownCase) -> np.ndarray:
@@ -397,7 +211,7 @@ def _check_turn(flown: FlownCase) -> str:
         raise NotChecked("the event capture is not given")
     bank = abs(float(np.interp(instant, flown.flight.time, flown.channel("phi"))))
     most = 45.0
-    if "delta_f" in flown.flight and _flaps(flown) > FLAPS_OUT:
+    if "delta_f" in flown.flight and flap_angle(flown) > FLAPS_OUT:
         most = 30.0
     if bank <= most * DEGREE + ALLOWANCE:
         return ""

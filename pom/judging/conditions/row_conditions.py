@@ -2,7 +2,7 @@
 
 A condition that does not hold is a departure, and so is one that record and aircraft file do not
 show.  A condition that the program does not check is a notice of the kind ``not_checked``.
-`pom.tolerances.stated_conditions` lists the conditions, `pom.judging.report_conditions` checks
+`pom.tolerances.stated_conditions` lists the conditions.  `report_conditions` of this folder checks
 those over several cases.
 """
 
@@ -18,19 +18,12 @@ from pom.cases.case import PomCase
 from pom.cases.case_facts import REVERSIBLE
 from pom.cases.case_file import FORCES
 from pom.cases.drafting.event_detection import NOISE, POWER, input_channels, sample_noise
-from pom.judging.condition_checks import (
-    CHECKS,
-    CONFIGURATION_CHECKS,
-    FLAPS_OUT,
-    FORCED,
-    MOVED,
-    SMOOTH,
-    FlownCase,
-    NotChecked,
-)
+from pom.judging.conditions.condition_checks import CHECKS, FORCED, MOVED, SMOOTH
+from pom.judging.conditions.configurations import CONFIGURATION_CHECKS, FLAPS_OUT
+from pom.judging.conditions.flown_case import FlownCase, NotChecked
+from pom.judging.conditions.stall_checks import STALL_CHECKS
 from pom.judging.measures.control_release import measure_free_motion
 from pom.judging.signals import RunSignals
-from pom.judging.stall_checks import STALL_CHECKS
 from pom.tolerances.bands import Invalid, RowRemark
 from pom.tolerances.channels import channel_value_text
 from pom.tolerances.conditions import KINDS

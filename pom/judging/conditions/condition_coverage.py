@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flightmech.errors import UnknownName
-from pom.judging.condition_checks import CONFIGURATION_CHECKS, FlownCase, NotChecked
+from pom.judging.conditions.configurations import CONFIGURATION_CHECKS
+from pom.judging.conditions.flown_case import FlownCase, NotChecked
 from pom.judging.signals import RunSignals, traces_of
 from pom.result import PomResult
 from pom.status import PASSED, has_departure
@@ -52,7 +53,7 @@ WANTED: dict[str, tuple[tuple[str, str], ...]] = {
     "takeoff_and_landing": (("takeoff", "takeoff"), ("landing", "landing")),
 }
 """By flight condition of a row that wants several: their words, and the configuration of each
-(`pom.judging.condition_checks.CONFIGURATION_CHECKS`).  Other rows want one condition.
+(`pom.judging.conditions.configurations.CONFIGURATION_CHECKS`).  Other rows want one condition.
 """
 
 

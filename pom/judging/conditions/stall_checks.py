@@ -22,7 +22,7 @@ from flightmech.simulation.kernel import AXIS
 from flightmech.units import DEGREE, KNOT
 from pom.cases.case import PomCase
 from pom.judging.beyond_the_bands import flown_model
-from pom.judging.condition_checks import FlownCase, NotChecked
+from pom.judging.conditions.flown_case import FlownCase, NotChecked
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import output_of, plain_id
 from pom.tolerances.conditions import WARNING_EVENTS

@@ -11,9 +11,9 @@ import numpy as np
 from flightmech.aircraft.controls import ICE
 from flightmech.units import DEGREE, KNOT
 from pom.cases.case import PomCase
-from pom.judging.condition_checks import NotChecked, control_travel
+from pom.judging.conditions.flown_case import NotChecked, control_travel
+from pom.judging.conditions.stall_checks import LEVEL_BANK
 from pom.judging.signals import RunSignals
-from pom.judging.stall_checks import LEVEL_BANK
 from pom.result import PomResult, make_verdict_table
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import plain_id
