@@ -121,6 +121,10 @@ from flighttest.reconstruction.quality.recording.offsets import (
     without_constant_errors,
     without_offsets,
 )
+from flighttest.reconstruction.quality.recording.smoothed_surfaces import (
+    smoothed_surfaces,
+    smoothing_findings,
+)
 from flighttest.reconstruction.quality.recording.staircases import staircase_findings
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import marked_manoeuvres
@@ -228,9 +232,11 @@ def assess(
     on_time = _undelayed(corrected_at_cg, delays, lags)
     exchanged = exchanged_findings(on_time, record)
     on_time, corrected = with_surfaces(on_time, exchanged), with_surfaces(corrected, exchanged)
-    responses = control_responses(on_time)
+    smoothed, alike = smoothed_surfaces(on_time)
+    findings += smoothing_findings(smoothed)
+    responses = control_responses(alike)
     unchecked = _append_rows(unchecked, answers_not_checked(responses, on_time))
-    gains, no_gain = gain_findings(responses, on_time, aircraft, database)
+    gains, no_gain = gain_findings(responses, alike, aircraft, database)
     unchecked = _append_rows(unchecked, no_gain)
     hands = pilot_to_surface(corrected)
     excitation, correlation = axis_excitation(corrected), input_correlations(corrected)

@@ -50,6 +50,7 @@ _TITLES = {
     "scale": "scale of",
     "sign": "sign of",
     "small_scale": "small error of scale of",
+    "smoothed": "smoothing of",
     "spike": "spikes of",
     "staircase": "slow recording of",
     "stated_unit": "stated unit of",
@@ -68,8 +69,8 @@ _CAUSES = {
     "range": ("unit", "axis", "definition", "spike"),
     "jump": ("held", "spike", "missing", "wrap", "lost", "correction"),
     "saturation": ("held", "unit"),
-    "lag": ("staircase",),
-    "undecided": ("staircase",),
+    "lag": ("staircase", "smoothed"),
+    "undecided": ("staircase", "smoothed"),
     "column_name": ("column", "axis"),
     "inconsistent": (
         "column",
@@ -99,8 +100,8 @@ class Finding:
         Kind of the finding in one word. Consistency: ``sign unit axis definition inconsistent range
         scale lag``. Name map: ``column column_name stated_unit``. Aircraft file: ``geometry inertia
         weight``. Samples: ``gap stray duplicate reset lost correction missing outside held spike
-        jump wrap saturation stuck staircase noise``. Inputs: ``excitation collinear``. Information:
-        ``absent coarse offset minimum_speed``.
+        jump wrap saturation stuck staircase smoothed noise``. Inputs: ``excitation collinear``.
+        Information: ``absent coarse offset minimum_speed``.
     channels : tuple of str
         Canonical names of the channels; the first one is at fault.
     text : str

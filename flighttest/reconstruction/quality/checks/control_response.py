@@ -46,6 +46,7 @@ _LESS = 0.8  # largest share of the unexplained variance that may remain with su
 _MOVES = 0.05 * DEGREE  # rms of quick movement that makes an input
 _SMALLEST_SPEED = 0.3  # of the median speed: lower bound in the dynamic pressure
 _ENDS = 1.0  # [s] ends of a record, where the filters lack the samples beyond
+_STILL = 1e-9  # [rad, rad/s] range of a channel that is constant
 _COLUMNS = (
     "surface",
     "rate",
@@ -90,7 +91,7 @@ HANDS = (  # control of the pilot, surface, sign of the vocabulary, whether it i
 
 
 @dataclass(frozen=True)
-class _Regression:
+class Regression:
     """Data of one moment equation.
 
     The acceleration y and the columns are high-passed and divided by powers of the dynamic
@@ -199,7 +200,7 @@ def effect_in(
     from scipy.interpolate import make_interp_spline
 
     (equation,) = (item for item in EQUATIONS if item.surface == surface)
-    data = _prepare_regression(equation, signals)
+    data = prepare_regression(equation, signals)
     if data is None:
         return None
     used = data.mask & known
@@ -222,7 +223,7 @@ def _shift_surface(signals: ResampledChannels, name: str, lead: float) -> Resamp
 
 def _respond(equation: Equation, signals: ResampledChannels) -> _Response | None:
     """Return the response of one equation; None if a channel or its movement is missing."""
-    data = _prepare_regression(equation, signals)
+    data = prepare_regression(equation, signals)
     if data is None:
         return None
     timing = surface_timing(
@@ -258,11 +259,12 @@ def _respond(equation: Equation, signals: ResampledChannels) -> _Response | None
     return _Response(row, timing.lead, displacement)
 
 
-def _prepare_regression(equation: Equation, signals: ResampledChannels) -> _Regression | None:
+def prepare_regression(equation: Equation, signals: ResampledChannels) -> Regression | None:
     """Return the data of an equation; None if a channel or its movement is missing."""
     if not {equation.rate, equation.surface} <= set(signals.values):
         return None
-    names = [name for name in equation.others if name in signals and np.ptp(signals[name]) > 0.0]
+    # the filters leave rounding errors of a channel that is constant
+    names = [name for name in equation.others if name in signals and np.ptp(signals[name]) > _STILL]
     mask = signals.mask((equation.rate, *names, equation.surface))
     if mask.sum() * signals.step < SHORTEST:
         return None
@@ -290,7 +292,7 @@ def _prepare_regression(equation: Equation, signals: ResampledChannels) -> _Regr
     active = mask & _about_movements(surface, mask, signals.step)
     if active.sum() <= 10 * (len(columns) + 1):
         active = mask
-    return _Regression(
+    return Regression(
         names,
         y,
         columns=columns,
@@ -311,7 +313,7 @@ def _filtered_acceleration(
     return remove_trim(acceleration / relative_pressure(signals, mask), signals)
 
 
-def _flow_delay(data: _Regression, most: float) -> float:
+def _flow_delay(data: Regression, most: float) -> float:
     """Return the delay of the flow angles with which a reversed surface acts as it should. [s]
 
     The delay must leave less than `most` of the variance. The result is 0 without such a delay.
