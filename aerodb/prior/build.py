@@ -37,9 +37,9 @@ from aerodb.store.plausible_ranges import CANARD, REAR_WING, SUSPECT_NUMBERS, TA
 from aerodb.store.schema import make_prior_database
 from aerodb.update.cautions.notices import note_plausibility, with_notices
 from datcom_io.decks.aircraft_rules import ROUNDED_SPAN
+from datcom_io.decks.check import describe_doubts
 from datcom_io.decks.device_fit import advise_on_misfit, describe_misfit, weigh_device_on_tail
 from datcom_io.decks.planforms import measure_main_wing, measure_wing
-from datcom_io.decks.rules_reference import describe_reference_quantities
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.quantities import value_in_si
@@ -196,8 +196,8 @@ def from_datcom(
             f"damping (qhat, phat, rhat): "
             "run the deck with a card DAMP"
         )
-    for remark in _list_reference_remarks(clean_source):
-        warn_user(f"clean: {remark}")
+    for remark in _list_doubts_of_decks(sources):
+        warn_user(remark)
     if clean_source.powered:
         prior = with_power_in_it(prior, clean_source)
     if clean_source.idle:
@@ -316,12 +316,14 @@ def _assemble_database(
     )
 
 
-def _list_reference_remarks(clean: Source) -> list[str]:
-    """Return a clause for each reference quantity that does not belong to the planform, once."""
-    remarks: dict[str, None] = {}
-    for deck in clean.decks:
-        remarks.update(dict.fromkeys(describe_reference_quantities(deck).values()))
-    return list(remarks)
+def _list_doubts_of_decks(sources: Mapping[str, Source]) -> list[str]:
+    """Return a clause for each number of the cards that no aeroplane has, once, after its role."""
+    remarks: dict[str, str] = {}
+    for role, source in sources.items():
+        for deck in source.decks:
+            for doubt in describe_doubts(deck):
+                remarks.setdefault(doubt, f"{role}: {doubt}")
+    return list(remarks.values())
 
 
 def _describe_configuration(clean: Source) -> str:

@@ -32,6 +32,15 @@ from flightmech.errors import SchemaError
 NEAR = 5e-4
 FAR = 0.1  # distance of moment centres that is a mistake unless it is stated [chords]
 _REFERENCE_DIFFERENCE = 0.01  # relative difference of reference quantities from which on to warn
+_UNIT_TOLERANCE = 0.03
+# Ratios of all lengths at once, by which a unit is mistaken.
+_UNIT_FACTORS = {
+    1.0 / 0.3048: "all lengths are 3.281 times those, as of feet taken as metres",
+    0.3048: "all lengths are 0.3048 times those, as of metres taken as feet",
+    1.0 / 0.0254: "all lengths are 39.4 times those, as of inches taken as metres",
+    12.0: "all lengths are 12 times those, as of inches taken as feet",
+    1.0 / 12.0: "all lengths are 1/12 of those, as of feet taken as inches",
+}
 # Difference of places on the mean chord from which on to warn. [chords]
 _DIFFERENCE = 0.02
 # Difference of the mean chord of the cards from that of the aircraft from which on the place means
@@ -97,16 +106,22 @@ def describe_other_quantities(
 
     The text is empty if they do not.
     """
-    differences = []
+    differences, ratios = [], []
     for key, item in quantities.items():
+        # of an area the ratio of the lengths
+        ratios.append((reference[key] / item) ** (0.5 if key == "S" else 1.0))
         if abs(reference[key] / item - 1) > _REFERENCE_DIFFERENCE:
             differences.append(f"{key} {reference[key]:.5g} against {item:.5g}")
     if not differences:
         return ""
-    return (
+    text = (
         f"{', '.join(differences)}: not the reference quantities of the aircraft; the coefficients "
         f"are referred to the aircraft's"
     )
+    for factor, what in _UNIT_FACTORS.items():
+        if all(abs(ratio / factor - 1.0) <= _UNIT_TOLERANCE for ratio in ratios):
+            text += f"; {what}: check DIM of the deck and the units of the aircraft file"
+    return text
 
 
 def _reference_arm(source: Source, reference: Point) -> Point:

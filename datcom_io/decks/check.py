@@ -15,13 +15,21 @@ from datcom_io.decks import rules_cards as cards
 from datcom_io.decks import rules_devices as devices
 from datcom_io.decks import rules_flight as flight
 from datcom_io.decks import rules_reference as reference
+from datcom_io.decks import rules_sizes as sizes
 from datcom_io.decks.cards import WARNING, DeckFinding
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import DeckFile, read_deck
 
 # Cases with such a namelist are not the clean aeroplane.
 _DEVICES = {"SYMFLP", "ASYFLP", "GRNDEF", "JETPWR", "PROPWR", "CONTAB"}
-_RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES, *devices.RULES, *reference.RULES)
+_RULES = (
+    *cards.RULES,
+    *flight.RULES,
+    *aircraft.RULES,
+    *devices.RULES,
+    *reference.RULES,
+    *sizes.RULES,
+)
 
 
 def check_deck(
@@ -71,6 +79,18 @@ def check_case(case: Deck) -> list[DeckFinding]:
     for rule in _RULES:
         findings += rule(case)
     return findings
+
+
+def describe_doubts(case: Deck) -> list[str]:
+    """Return the texts about sizes, places, angles and conditions that no aeroplane has.
+
+    They are those of `check_deck` that the program computes with and that its print does not show,
+    so that whoever takes a listing with its cards states them.
+    """
+    doubts: dict[str, None] = {}
+    for rule in (*sizes.RULES, *reference.RULES, devices.check_section_numbers):
+        doubts.update(dict.fromkeys(finding.text for finding in rule(case)))
+    return list(doubts)
 
 
 def _check_run(cases: list[Deck]) -> Iterator[DeckFinding]:

@@ -20,6 +20,10 @@ _WHAT = {
     "CBARR": "the mean aerodynamic chord of the planform",
     "BLREF": "the span of the planform",
 }
+# When both others are those of the planform, the third one is narrower: an area and a span are then
+# rounded only, and a chord is at least the mean geometric one of a cranked wing, 0.88.
+_AGREEING = 0.015
+_NARROW_RANGES = {"SREF": (0.97, 1.03), "CBARR": (0.86, 1.05), "BLREF": (0.97, 1.03)}
 # A reference quantity this near to another number of the planform is that number.
 _EQUAL = 0.02
 SLENDER = 5.0  # aspect ratio of a wing of an aeroplane other than a fighter
@@ -48,10 +52,22 @@ def describe_reference_quantities(deck: Deck) -> dict[str, str]:
         factor, square = _FEET_IN_METRE**power, "2" if power == 2 else ""
         others[name][f"that in ft{square}, with a planform in m"] = planform[name] * factor
         others[name][f"that in m{square}, with a planform in ft"] = planform[name] / factor
+    half = 0.5 * wing.span
+    ratios = {}
+    for name, measured in planform.items():
+        given = deck.value("OPTINS", name)
+        if given is not None:
+            ratios[name] = given / measured
+    # With a whole span in SSPN the planform has twice the area too.
+    if abs(ratios.get("SREF", 1.0) - 0.5) <= _EQUAL:
+        others["BLREF"] = {f"SSPN={half:g}, which is the semispan: write half the span": half}
     clauses = {}
     for name, measured in planform.items():
         given = deck.value("OPTINS", name)
         low, high = _RANGES[name]
+        agreeing = [abs(ratio - 1.0) <= _AGREEING for key, ratio in ratios.items() if key != name]
+        if len(agreeing) == 2 and all(agreeing):
+            low, high = _NARROW_RANGES[name]
         if given is None or low * measured <= given <= high * measured:
             continue
         text = f"$OPTINS: {name}={given:g} is {given / measured:.3g} times {_WHAT[name]}"

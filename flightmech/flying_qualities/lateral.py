@@ -28,7 +28,7 @@ from flightmech.steady_flight.engine_thrust import (
 )
 from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import Point
-from flightmech.steady_flight.trim_search import trim
+from flightmech.steady_flight.trim_search import find_trim
 from flightmech.support.arrays import integrate_trapezoids
 from flightmech.units import DEGREE
 
@@ -318,7 +318,7 @@ def _fly_on_one_engine(point: Point, V: float, failed: int) -> _EngineOut:
     start = {**point.parameters, "init.V": V, "mode.engine": 0.0}
     for name in ("init.gamma", "init.phi"):
         start.pop(name, None)
-    flown = trim(point.sim, start, kind="engine_out", fixed=fixed)
+    flown = find_trim(point.sim, start, "engine_out", fixed=fixed)
     stopped = set(flown.attrs["at_limit"].split())
     obstacle = ""
     if not flown.attrs["converged"]:

@@ -22,6 +22,7 @@ from flightmech.simulation.kernel_library import (
     LoopStruct,
     load_kernel,
 )
+from flightmech.simulation.odd_values import warn_of_odd_values
 from flightmech.simulation.run import (
     Stated,
     check_hold,
@@ -140,6 +141,7 @@ def simulate_batch(
     time = read_time(inputs)
     constant = {"mode.step": step, **values_in_si(sim, parameters)}
     u = read_inputs(sim, inputs, constant, count=len(time), runs=len(values))
+    warn_of_odd_values(sim, constant, inputs)
     y, done, failures = fly_batch(
         sim,
         time,

@@ -12,6 +12,7 @@ import xarray as xr
 from flightmech.errors import OutOfRange, UnknownName
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT
+from flightmech.simulation.odd_values import warn_of_odd_values
 from flightmech.simulation.run import (
     RUNWAY,
     Stated,
@@ -109,6 +110,7 @@ def simulate_closed_loop(
     time = read_time(inputs)
     values = {"mode.step": step, **values_in_si(sim, parameters)}
     u = read_inputs(sim, inputs, values, len(time))
+    warn_of_odd_values(sim, values, inputs)
     chosen = output_indices(sim, outputs)
     # the record gives all inputs that the law does not command
     loop = _ControlLaw(sim, law, delay, record=_InputRecord(time, u, hold == "zero"))

@@ -13,6 +13,7 @@ from flightmech.names import is_quantity, lookup
 from flightmech.quantities import value_in_si
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
+from flightmech.simulation.odd_values import warn_of_odd_values
 
 RUNWAY = "env.runway_elevation"  # parameter [m]
 _CONTRIBUTION = {"long_name": "contribution of each term to its coefficient"}
@@ -30,7 +31,7 @@ def simulate(
     outputs: Sequence[str] | None = None,
     terms: bool = False,
 ) -> xr.Dataset:
-    """Simulate under recorded inputs.
+    """Simulate under recorded inputs, with a warning of values that no aeroplane has.
 
     Parameters
     ----------
@@ -75,6 +76,7 @@ def simulate(
     # `mode.step` among the parameters replaces the argument
     values = {"mode.step": step, **values_in_si(sim, parameters)}
     u = read_inputs(sim, inputs, values, len(time))
+    warn_of_odd_values(sim, values, inputs)
     chosen = output_indices(sim, outputs)
     run = initialise_run(sim, values, u[0], time=float(time[0]))
     # the height is judged, also if the caller does not want it

@@ -38,6 +38,7 @@ from flightmech.steady_flight.linear_plant import (
     submodel_states,
     trim_plant,
 )
+from flightmech.steady_flight.odd_speeds import warn_of_odd_flight
 from flightmech.steady_flight.trim_kinds import DRIVES
 from flightmech.units import G0
 
@@ -129,6 +130,7 @@ def linearize(
         The condition has no meaning.
     """
     stated = dict(values_in_si(sim, parameters))
+    warn_of_odd_flight(sim, stated)
     steps = dict(steps or {})
     if inputs is None:
         inputs = _default_inputs(sim, stated)

@@ -24,6 +24,7 @@ from flightmech.simulation.run import Stated, constant_inputs, values_in_si
 from flightmech.steady_flight.compiled_aircraft import CompiledAircraft
 from flightmech.steady_flight.flight_condition import condition_parameters, flight_condition_text
 from flightmech.steady_flight.glide_angle import find_glide_angle
+from flightmech.steady_flight.odd_speeds import describe_odd_flight
 from flightmech.steady_flight.trim_findings import (
     STATED,
     TRIMMED,
@@ -398,10 +399,10 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, Stat
     point = _trim_flight(compiled, condition_parameters(sim, condition))
     if not point.is_trimmed:
         kind = "flight" if aircraft.engines else "glide (the aircraft file has no engines)"
+        reasons = "; ".join([_describe_residual(point), *describe_odd_flight(sim, condition)])
         raise SimulationError(
-            f"no steady {kind} at {flight_condition_text(condition)}: "
-            f"{_describe_residual(point)}; change the condition, the limits of the controls or the "
-            f"terms of the database"
+            f"no steady {kind} at {flight_condition_text(condition)}: {reasons}; change the "
+            f"condition, the limits of the controls or the terms of the database"
         )
     return point
 
@@ -439,12 +440,11 @@ def _describe_lift(point: Point) -> list[str]:
     if not angles.size:
         return []
     lift = point.coefficients(alpha=angles)[0]
-    text = describe_greatest_lift(point["CL"], point["alpha"], (angles, lift))
-    return [text] if text else []
+    return list(filter(None, [describe_greatest_lift(point["CL"], point["alpha"], (angles, lift))]))
 
 
 def _is_at_limit(point: Point, control: str) -> bool:
     limits = point.aircraft.limits.get(control)
-    if limits is None:
-        return False
-    return bool(np.isclose(point[f"applied.{control}"], limits, atol=1e-9).any())
+    return limits is not None and bool(
+        np.isclose(point[f"applied.{control}"], limits, atol=1e-9).any()
+    )

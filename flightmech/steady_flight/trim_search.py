@@ -19,6 +19,7 @@ from flightmech.simulation.run import (
     output_attributes,
     values_in_si,
 )
+from flightmech.steady_flight.odd_speeds import warn_of_odd_flight
 from flightmech.steady_flight.trim_findings import describe_tables_left
 from flightmech.steady_flight.trim_kinds import CLIMB
 from flightmech.steady_flight.trim_request import make_trim_request
@@ -121,6 +122,12 @@ def trim(
     SimulationError
         A parameter has no meaning, e.g. no speed.
 
+    Warns
+    -----
+    AeromatchWarning
+        A value that no aeroplane has, an input beyond its limits, or a speed far outside of the
+        tables: mostly a number without its unit.
+
     Notes
     -----
     Body rates follow from the turn: p = -psi_dot sin(theta), q = psi_dot sin(phi) cos(theta), r =
@@ -142,6 +149,27 @@ def trim(
     parameters = values_in_si(sim, parameters)
     if fixed is not None or quantities:
         fixed = values_in_si(sim, {**(fixed or {}), **quantities})
+    stated = {**(parameters or {}), **(fixed or {})}
+    if fixed is not None:
+        # the verdict names the inputs beyond their limits
+        stated = {name: value for name, value in stated.items() if name not in sim.inputs}
+    warn_of_odd_flight(sim, stated)
+    return find_trim(sim, parameters, kind, unknowns, fixed=fixed, residuals=residuals)
+
+
+def find_trim(
+    sim: SimModel,
+    parameters: Mapping[str, float] | None,
+    kind: str | None,
+    unknowns: Sequence[str] | None = None,
+    *,
+    fixed: Mapping[str, float] | None = None,
+    residuals: Sequence[str] | None = None,
+) -> xr.Dataset:
+    """Return the steady flight of `trim` from numbers in SI, without a look at their sizes.
+
+    A search over speeds goes beyond the tables on purpose.
+    """
     if kind is None and unknowns is None and fixed is None and residuals is None:
         y = trimmed_outputs(sim, parameters or {})
         state = dict(zip(sim.outputs, map(float, y), strict=True))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flightmech.errors import OutOfRange
+from flightmech.names import is_quantity, lookup
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -94,6 +95,15 @@ def is_inside_axis(points: np.ndarray, x: np.ndarray) -> np.ndarray:
     return (x >= points[0]) & (x <= points[-1])
 
 
+def _meant_degrees(axis: str, points: np.ndarray, value: float) -> str:
+    """Return the question whether degrees are meant; empty if they are outside the axis, too."""
+    if not is_quantity(axis) or lookup(axis).units != "rad":
+        return ""
+    if not is_inside_axis(points, np.radians(value)):
+        return ""
+    return f"; angles are in rad: if {value:g} deg is meant, give '{value:g} deg'"
+
+
 def demand_inside(axis: str, points: np.ndarray, x: np.ndarray) -> None:
     """Raise `OutOfRange` with the worst sample if samples lie outside the ends of an axis."""
     mask = ~is_inside_axis(points, x)
@@ -104,7 +114,8 @@ def demand_inside(axis: str, points: np.ndarray, x: np.ndarray) -> None:
         raise OutOfRange(
             f"{axis} = {worst:.6g} lies outside {points[0]:.6g} ... {points[-1]:.6g} in "
             f"{int(mask.sum())} of {len(x)} samples, "
-            f"first at sample {int(np.argmax(mask))}; extend the table or pass outside='clamp'",
+            f"first at sample {int(np.argmax(mask))}; extend the table or pass outside='clamp'"
+            f"{_meant_degrees(axis, points, worst)}",
             mask,
         )
 

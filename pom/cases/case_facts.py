@@ -13,6 +13,7 @@ from typing import Any
 
 from flightmech.aircraft.facts import MASS_ROUNDING, FactsTable, FileFacts, read_facts
 from flightmech.errors import AeromatchError, SchemaError, UnitError
+from flightmech.names import lookup, value_text
 from flightmech.quantities import parse_quantity
 from pom.cases.case_file import CaseFile
 
@@ -23,6 +24,7 @@ OF_CASE = ("v1",)
 """Facts that may differ from case to case."""
 
 _SAME = 1e-3  # relative difference of two numbers that is rounding
+_CONTROL_SLACK = 0.01  # of the travel: rounding
 ENGINE = re.compile(r"^engine(\d+)\.")
 _TEXTS = {"mtow": "kg", "basic_operating_weight": "kg", "v1": "m/s", "mean_chord": "m"}
 
@@ -76,6 +78,8 @@ def resolve_facts(
         features = (*features, REVERSIBLE)
     _check_engines(file, facts, problems)
     _check_mass(file, facts, problems)
+    if stated is not None:
+        _check_controls(file, stated.limits, problems)
     return facts, features
 
 
@@ -145,6 +149,25 @@ def _check_mass(file: CaseFile, facts: Mapping[str, Any], problems: list[str]) -
     problem = overweight_text(mass, facts["mtow"])
     if problem:
         problems.append(f"conditions.mass: {problem}")
+
+
+def _check_controls(file: CaseFile, limits: Mapping[str, Any], problems: list[str]) -> None:
+    """Check that the conditions hold no control beyond the limits of the aircraft file."""
+    for name in file.conditions.keys() & limits.keys():
+        try:
+            units = lookup(name).units
+            low, high = (parse_quantity(limit, units) for limit in limits[name])
+            value = parse_quantity(file.conditions[name], units)
+        except (AeromatchError, TypeError, ValueError):
+            # the conditions and the reader of the aircraft report it
+            continue
+        slack = _CONTROL_SLACK * (high - low)
+        if not low - slack <= value <= high + slack:
+            problems.append(
+                f"conditions.{name}: {value_text(name, value)} is beyond the limits of the "
+                f"aircraft file, {value_text(name, low)} to {value_text(name, high)}; a number "
+                f"without a unit is in {units}: correct the value, or [limits]"
+            )
 
 
 def overweight_text(mass: float, most: float) -> str:

@@ -19,6 +19,7 @@ from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import is_quantity, lookup
 from flightmech.quantities import parse_quantity
+from flightmech.simulation.odd_values import describe_odd_quantity
 from pom.cases.case_file import CONDITIONS, ENGINE_LEVER, FORCES, CaseFile
 from pom.tolerances import rows as table
 from pom.tolerances.conditions import missing_claims
@@ -154,9 +155,14 @@ def resolve_conditions(entries: Mapping[str, Any], problems: list[str]) -> dict[
     devices = [name for name in entries if name.startswith(DEVICE) and is_quantity(name)]
     levers = [name for name in entries if ENGINE_LEVER.match(name)]
     units |= {name: lookup(name).units for name in (*devices, *levers)}
-    return resolve_quantities(
+    values = resolve_quantities(
         "conditions", entries, units=units, what="condition", problems=problems
     )
+    for name, value in values.items():
+        # a bare number in degrees or feet makes a flight that no aeroplane has
+        if odd := describe_odd_quantity(name, value):
+            problems.append(f"conditions.{name}: {odd}")
+    return values
 
 
 def resolve_trim_limits(entries: Mapping[str, Any], problems: list[str]) -> dict[str, float]:

@@ -18,6 +18,7 @@ from flightmech.errors import UnknownName
 from flightmech.flying_qualities.evaluation import characteristics as compute
 from flightmech.names import VOCABULARY
 from flightmech.quantities import number_or_text, parse_quantity
+from flightmech.simulation.odd_values import describe_bare_numbers
 from flightmech.support.console import print_json, print_table, show_progress
 
 
@@ -52,6 +53,8 @@ def run_characteristics(
             )
     if not as_json:
         click.echo(result.report())
+        if line := describe_bare_numbers(_bare_numbers(speed, cas, altitude, further)):
+            click.echo(line)
         return
     document = {
         "title": result.title,
@@ -66,6 +69,18 @@ def run_characteristics(
     for name, curve in curves.items():
         document[name] = {str(key): curve[key].values for key in curve.variables}
     print_json(document)
+
+
+def _bare_numbers(
+    speed: str | None, cas: str | None, altitude: str, further: tuple[Any, ...]
+) -> dict[str, float]:
+    """Return the values of the condition that have no unit. [SI]"""
+    texts = {"V": speed, "V_cas": cas, "h": altitude, **dict(further)}
+    numbers = {name: number_or_text(text) for name, text in texts.items() if text is not None}
+    # height zero needs no unit
+    return {
+        name: number for name, number in numbers.items() if isinstance(number, float) and number
+    }
 
 
 def run_rescale(

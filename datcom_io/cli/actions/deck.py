@@ -10,6 +10,7 @@ import click
 
 from datcom_io.decks.check import check_deck
 from datcom_io.decks.deck_file import read_deck, write_deck
+from datcom_io.decks.rules_sizes import describe_size
 from datcom_io.runs.running import ProgramRun, run_deck, run_folder
 from datcom_io.runs.splitting import split_deck
 from flightmech.support import console
@@ -93,7 +94,11 @@ def run_check_deck(ctx: click.Context, deck: str, as_json: bool) -> None:
         counts = ", ".join(
             count_text(number, severity) for severity, number in numbers.items() if number
         )
-        click.echo(f"{read.file}: {count_text(len(read), 'case')}, {counts or 'nothing found'}")
+        sizes = dict.fromkeys(filter(None, map(describe_size, read)))
+        click.echo(
+            f"{read.file}: "
+            + "; ".join([f"{count_text(len(read), 'case')}, {counts or 'nothing found'}", *sizes])
+        )
     if numbers["error"]:
         ctx.exit(1)
 

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import math
 import re
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.errors import AeromatchWarning, ParseError, UnitError, UnknownName
+from flightmech.errors import ParseError, UnitError, UnknownName
 from flightmech.fmu_export.fmu_file import write_fmu
-from flightmech.names import lookup, value_text
-from flightmech.quantities import finite_number, parse_quantity
+from flightmech.names import lookup
+from flightmech.quantities import finite_number, number_or_text, parse_quantity
 from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
+from flightmech.simulation.odd_values import describe_bare_numbers
 from flightmech.simulation.run import simulate as fly
 from flightmech.simulation.run import units_of_names
+from flightmech.steady_flight.odd_speeds import warn_of_odd_speed
 from flightmech.steady_flight.trim_findings import describe_limits_beyond_tables
 from flightmech.steady_flight.trim_search import start_of
 from flightmech.steady_flight.trim_search import trim as search
@@ -65,19 +64,15 @@ def run_trim(
     with show_progress("compile the model, search the steady flight"):
         sim = compile_files(aircraft, database)
         units = units_of_names(sim)
-        found = search(
-            sim,
-            {},
-            kind,
-            unknowns or None,
-            {name: si_value(name, text, units) for name, text in fixed},
-        )
+        values = {name: si_value(name, text, units) for name, text in fixed}
+        found = search(sim, {}, kind, unknowns or None, values)
     if as_json:
         outputs = {str(name): float(item) for name, item in found.items() if not item.dims}
         parts = {name: found[name].to_series().to_dict() for name in ("found", "left")}
         print_json({**found.attrs, **parts, "outputs": outputs, "start": start_of(found)})
     else:
         _print(sim, found)
+        _echo_bare_numbers(fixed)
     ctx.exit(0 if found.attrs["converged"] else 1)
 
 
@@ -102,6 +97,14 @@ def si_value(name: str, text: str, units: Mapping[str, str]) -> float:
         return parse_quantity(text, units[name])
     except UnitError as error:
         raise UnitError(f"{name}={text}: {error}") from error
+
+
+def _echo_bare_numbers(given: tuple[tuple[str, str], ...]) -> None:
+    """Print in which unit the values were taken that have none."""
+    numbers = {name: number_or_text(text) for name, text in given}
+    bare = {name: value for name, value in numbers.items() if not isinstance(value, str)}
+    if line := describe_bare_numbers(bare):
+        click.echo(line)
 
 
 def _print(sim: SimModel, found: xr.Dataset) -> None:
@@ -151,8 +154,6 @@ def _print(sim: SimModel, found: xr.Dataset) -> None:
     )
 
 
-BEYOND = 2.0
-"""Size of an input over its limit that is stated."""
 _HEADING = re.compile(r"^\s*([A-Za-z_0-9.*]+)\s*(?:\[([^\]]*)\])?\s*$")
 
 
@@ -172,8 +173,10 @@ def run_simulate(
     inputs = _read(record)
     with show_progress("fly the model"):
         sim = compile_files(aircraft, database)
-        _warn_large_inputs(sim, inputs)
-        found = fly(sim, inputs, _values(sim, given), hold, terms=terms)
+        values = _values(sim, given)
+        if values.get("mode.trim"):
+            warn_of_odd_speed(sim, values)
+        found = fly(sim, inputs, values, hold, terms=terms)
         _write(found, output)
     summary = {
         "file": output,
@@ -191,25 +194,8 @@ def run_simulate(
     )
     if summary["below_runway"]:
         click.echo(summary["below_runway"])
+    _echo_bare_numbers(given)
     click.echo(f"written: {output}")
-
-
-def _warn_large_inputs(sim: SimModel, inputs: xr.Dataset) -> None:
-    """Warn of inputs more than `BEYOND` times as large as their limit: a unit that is missing."""
-    for row in sim.entries(INPUT):
-        limit = max(abs(row.low), abs(row.high))
-        if row.name not in inputs or not 0.0 < limit < math.inf:
-            continue
-        largest = float(np.nanmax(np.abs(inputs[row.name].values), initial=0.0))
-        if largest > BEYOND * limit:
-            shown = [value_text(row.name, value) for value in (largest, limit)]
-            warnings.warn(
-                f"{row.name} reaches {shown[0]}, its limit is {shown[1]}; a column without a unit "
-                f"is in {row.units}: write the unit into the heading, such as "
-                f"'{row.name} [{lookup(row.name).display_units}]'",
-                AeromatchWarning,
-                stacklevel=2,
-            )
 
 
 def _values(sim: SimModel, given: tuple[Any, ...]) -> dict[str, float]:

@@ -23,7 +23,13 @@ from flighttest.regression.separable_model import ShapeParameter
 from flighttest.regression.uncertainty import collinearity
 from flighttest.submodels.ground_effect.evidence import independent_samples, schwarz_criterion
 from flighttest.submodels.ground_effect.identification import AT_REST
-from flighttest.submodels.stall.flow import PER_NODE, SHARED, SIDES, SeparationFlow, with_half_flow
+from flighttest.submodels.stall.break_of_lift import (
+    NodeLift,
+    demand_stall_records,
+    describe_smooth_lift,
+    reach_of_halves,
+)
+from flighttest.submodels.stall.flow import PER_NODE, SHARED, SeparationFlow, with_half_flow
 from flighttest.submodels.stall.model import SeparatedModel, SeparatedTerm, term_label
 from flighttest.submodels.stall.result import StallIdentification
 
@@ -76,10 +82,6 @@ _STARTS_STAR = (0.35, 0.5, 0.65, 0.8)
 _STARTS_A1 = (12.0, 30.0)
 _START_TAU = (4.0, 12.0)
 _PASSES = 2  # of selection and search
-
-
-LEAST_ALPHA = np.radians(8.0)
-"""Angle of attack that a record of a stall reaches; our number, below that of an iced wing."""
 
 
 @dataclass(frozen=True)
@@ -142,14 +144,15 @@ def identify_stall(
     Raises
     ------
     IdentificationError
-        No record, no record that reaches `LEAST_ALPHA`, a coefficient without a model, or data that
-        do not determine the terms.
+        No record, no record that reaches `LEAST_ALPHA`, no record with a break of the lift, a
+        coefficient without a model, or data that do not determine the terms.
 
     Notes
     -----
     tau2, tau1 and asymmetry that the records do not determine are fixed at zero, one and zero, and
-    the rest is fitted again. The criteria are those of `separable.identifiability`. a1 is also not
-    identified if no sample of its configuration is beyond alpha_star.
+    the rest is fitted again. The criteria are those of `separable.identifiability`. a1 and
+    alpha_star of a configuration are also not identified if no sample is beyond alpha_star, or if a
+    lift without a separation describes its records as well (`break_of_lift`).
     """
     wanted = {**ATTACHED, **(attached or {})}
     unknown = [name for name in coefficients if name not in SEPARATED]
@@ -158,7 +161,7 @@ def identify_stall(
             f"{len(data)} records, coefficients {' '.join(coefficients)}; give at least one record "
             f"and CL among {' '.join(SEPARATED)}"
         )
-    _demand_stall(data)
+    demand_stall_records(data)
     records = tuple(with_half_flow(record, station, cbar) for record in data)
     if database is not None:
         records = tuple(_without_database(record, database, coefficients) for record in records)
@@ -173,6 +176,7 @@ def identify_stall(
     for _ in range(_PASSES):
         task = _select_terms(task)
     fit, task, reasons = _fit_determined(task)
+    reasons |= _list_unseen(fit, task)
     return StallIdentification(
         fit=fit,
         station=station,
@@ -184,18 +188,6 @@ def identify_stall(
         records=records,
         with_database=database is not None,
     )
-
-
-def _demand_stall(data: Sequence[xr.Dataset]) -> None:
-    """Raise if no record reaches an angle of attack at which a wing separates."""
-    highest = max(float(record["alpha"].max()) for record in data)
-    if highest < LEAST_ALPHA:
-        raise IdentificationError(
-            f"the records reach an angle of attack of {np.rad2deg(highest):.3g} deg; no wing "
-            f"separates below {np.rad2deg(LEAST_ALPHA):.3g} deg, so they show no stall and any "
-            f"separation would be a curve in attached flow: give records of stalls, flown through "
-            f"the break of the lift"
-        )
 
 
 def _without_database(
@@ -371,7 +363,7 @@ def _fit_determined(task: _Task) -> tuple[SeparableFit, _Task, dict[str, str]]:
     for name in task.shape:
         if name.startswith(PER_NODE) and why.get(name):
             reasons[name] = why[name]
-    return fit, task, {**reasons, **_not_reached(fit, task)}
+    return fit, task, reasons
 
 
 def _weakest_term(fit: SeparableFit, task: _Task) -> tuple[str, str] | None:
@@ -388,23 +380,53 @@ def _weakest_term(fit: SeparableFit, task: _Task) -> tuple[str, str] | None:
     return weakest
 
 
-def _not_reached(fit: SeparableFit, task: _Task) -> dict[str, str]:
-    """Return the nodes whose records stay below alpha_star on both wing halves."""
-    reasons = {}
-    for k, (name, star) in enumerate(
+def _list_unseen(fit: SeparableFit, task: _Task) -> dict[str, str]:
+    """Return the parameters of the nodes whose records do not show the separation, with a reason.
+
+    Raises
+    ------
+    IdentificationError
+        The records of no node show a break of the lift.
+    """
+    reasons: dict[str, str] = {}
+    smooth = 0
+    for k, (a1, star) in enumerate(
         zip(task.flow.names("a1"), task.flow.names("alpha_star"), strict=True)
     ):
+        records = _at_node(task.records, task.flow, k)
         value, _ = fit.value(star)
-        highest = -np.inf
-        for record in _at_node(task.records, task.flow, k):
-            for side in SIDES:
-                highest = max(highest, float(record[f"alpha_{side}"].max()))
-        if highest < value:
-            reasons[name] = (
+        highest = reach_of_halves(records)
+        if text := describe_smooth_lift(_lift_of_node(fit, task, records), highest):
+            reasons |= {a1: text, star: text}
+            smooth += 1
+        elif highest < value:
+            reasons[a1] = reasons[star] = (
                 f"the records reach {np.rad2deg(highest):.1f} deg, alpha_star is "
                 f"{np.rad2deg(value):.1f} deg: the shape beyond half a chord is an assumption"
             )
+    if smooth == len(task.flow.nodes):
+        raise IdentificationError(
+            f"alpha_star is not identified: {text}; give records of stalls, flown through the "
+            f"break of the lift"
+        )
     return reasons
+
+
+def _lift_of_node(fit: SeparableFit, task: _Task, records: Sequence[xr.Dataset]) -> NodeLift:
+    """Return the lift of some records with its design at the minimum of the fit."""
+    part = replace(task, records=tuple(records), terms={"CL": task.terms["CL"]})
+    problem = _problem(part)
+    s = np.array([fit.value(name)[0] for name in problem.names])
+    (design,) = problem.designs(s)
+    candidates = {term.text for term in SEPARATED["CL"]}
+    return NodeLift(
+        z=problem.z[0],
+        A=design.A,
+        terms=task.terms["CL"],
+        separated=tuple(name in candidates for name in task.terms["CL"]),
+        shapes=len(problem.names),
+        samples=problem.samples[0],
+    )
 
 
 def _separated_terms(

@@ -48,7 +48,9 @@ def test_check_reports_findings_and_states_so_by_its_code(bad):
 
 
 def test_check_of_a_good_deck():
-    assert call("check", T37 / "t37_clean.inp") == "t37_clean.inp: 1 case, nothing found\n"
+    assert call("check", T37 / "t37_clean.inp") == (
+        "t37_clean.inp: 1 case, nothing found; span 10.31 m (33.83 with DIM FT)\n"
+    )
 
 
 def test_deck_shows_and_writes(bad, tmp_path):

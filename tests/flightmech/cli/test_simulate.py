@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,9 +10,10 @@ import xarray as xr
 from click.testing import CliRunner
 
 import flightmech
-from flightmech.cli.actions.group import _warn_large_inputs
 from flightmech.cli.group import fmu
 from flightmech.errors import ParseError, UnitError, UnknownName
+from flightmech.simulation.kernel import INPUT
+from flightmech.simulation.odd_values import describe_odd_values
 from flightmech.terms import make_term
 
 
@@ -117,14 +117,14 @@ def test_wrong_input(files, text, setting, error, message):
 def test_an_input_far_beyond_its_limit_is_stated(size, is_stated):
     """Degrees under a heading without a unit are read as radians."""
     rows = [
-        SimpleNamespace(name="delta_e", units="rad", low=-0.5, high=0.4),
-        SimpleNamespace(name="delta_f", units="rad", low=-1.8e308, high=1.8e308),
+        SimpleNamespace(name="delta_e", units="rad", display_units="deg", low=-0.5, high=0.4),
+        SimpleNamespace(
+            name="delta_f", units="rad", display_units="deg", low=-1.8e308, high=1.8e308
+        ),
     ]
-    sim = SimpleNamespace(entries=lambda kind: rows)
-    inputs = xr.Dataset({name: ("time", [0.0, size]) for name in ("delta_e", "delta_f")})
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        _warn_large_inputs(sim, inputs)
-    texts = [str(item.message) for item in caught]
+    names = [row.name for row in rows]
+    sim = SimpleNamespace(inputs=names, entries=lambda kind: rows if kind == INPUT else [])
+    inputs = xr.Dataset({name: ("time", [0.0, size]) for name in names})
+    texts = describe_odd_values(sim, {}, inputs)
     assert len(texts) == is_stated
-    assert not texts or "delta_e reaches 286.5 deg, its limit is 28.65 deg" in texts[0]
+    assert not texts or "delta_e reaches 286.5 deg, its limit is 22.92 deg" in texts[0]

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import flightmech
 from flightmech.aircraft.engine import Engine
 from flightmech.cli.group import fmu
-from flightmech.errors import SimulationError
+from flightmech.errors import AeromatchWarning, SimulationError
 from flightmech.steady_flight.trim_findings import (
     describe_inputs_beyond_limits,
     describe_limits_beyond_tables,
@@ -108,7 +108,8 @@ def test_a_fixed_input_beyond_its_limit_is_named():
 
 def test_a_trim_at_the_greatest_lift_states_it():
     """At 25 m/s level flight needs CL 1.77, the table has 1.3 at 12 deg."""
-    slow = trim_level(V=25.0)
+    with pytest.warns(AeromatchWarning, match="below the stall: the greatest lift of the tables"):
+        slow = trim_level(V=25.0)
     assert not slow.attrs["converged"]
     assert "is at its maximum, near alpha 12 deg" in slow.attrs["verdict"]
     assert "maximum" not in trim_level(Cm_0=-0.5).attrs["verdict"]
@@ -129,7 +130,8 @@ def test_characteristics_of_a_steady_flight_beyond_a_table_state_it():
         make_term([0.0, 0.001], {"mach": np.array([0.0, 0.1])}), name="mach"
     )
     condition = {"V": 60.0, "h": 0.0, "mode.engine": 2.0}
-    found = flightmech.characteristics(make_aircraft(), database, condition)
+    with pytest.warns(AeromatchWarning, match=r"is Mach 0\.176, and the tables end at Mach 0\.1"):
+        found = flightmech.characteristics(make_aircraft(), database, condition)
     assert found.tables_left == ("mach 0.1763 is beyond its table, which ends at 0.1",)
     assert found.tables_left[0] in found.report()
     plain = flightmech.characteristics(make_aircraft(), make_database(), condition)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from flightmech.flown_states import FLOWN_STATES, unpack_states
 from flightmech.terms import SOURCES, evaluate_term, make_term
 from flighttest.cli.actions.submodels.airframe import _option_value
 from flighttest.regression.expression_functions import Pieces
+from flighttest.submodels.stall import break_of_lift
 from flighttest.submodels.stall.database_terms import (
     add_stall,
     continue_attached_flow,
@@ -163,11 +165,18 @@ def test_stalls_below_alpha_star_do_not_identify_the_steepness():
 
 
 @pytest.mark.nightly
-def test_a_parameter_at_its_bound_has_the_standard_error_of_the_bounds():
-    """Stalls that end below alpha_star: 80 of 4 ... 80 for a1, which has no error of the fit."""
+def test_a_parameter_at_its_bound_has_the_standard_error_of_the_bounds(monkeypatch):
+    """Stalls that end below alpha_star: 80 of 4 ... 80 for a1, which has no error of the fit.
+
+    Their lift has no break, for which they are refused; here any lift counts as broken.
+    """
     rng = np.random.default_rng(6)
     data = [records.stall_record(rng, "accelerated", top=7.0, noise=0.1) for _ in range(3)]
-    found = identify([record.isel(time=slice(0, 180)) for record in data], axis="")
+    short = [record.isel(time=slice(0, 180)) for record in data]
+    with pytest.raises(IdentificationError, match=r"no break up to the flown 10\.8 deg"):
+        identify(short, axis="")
+    monkeypatch.setattr(break_of_lift, "LEAST_EVIDENCE", -np.inf)
+    found = identify(short, axis="")
     assert {"a1", "alpha_star"} <= set(found.not_identified)
     assert np.isnan(found.value("a1")[1])
     leaf = found.separation().tables["a1"]
@@ -322,6 +331,25 @@ def test_records_without_a_stall_are_refused():
     alpha = xr.Dataset({"alpha": ("time", np.radians([-1.0, 3.5]))}, {"time": [0.0, 1.0]})
     with pytest.raises(IdentificationError, match=r"reach an angle of attack of 3\.5 deg"):
         identify_stall([alpha], records.STATION, records.CBAR)
+
+
+@pytest.mark.parametrize(("bend", "is_broken"), [(0.0, False), (2.0, False), (None, True)])
+def test_a_lift_without_a_break_is_no_stall(bend, is_broken):
+    """A straight lift, a slightly curved one, and one that breaks at 13 deg, up to 15 deg."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 60.0, 0.04)
+    alpha = np.radians(10.0 - 5.0 * np.cos(0.6 * time))
+    X = 0.5 * (1.0 - np.tanh(25.0 * (alpha - np.radians(13.0))))
+    loss = 1.0 - (0.5 * (1.0 + np.sqrt(X))) ** 2
+    lift = 0.25 + 4.8 * alpha + records.coloured(rng, len(time), 0.02)
+    lift -= 4.8 * alpha * loss if bend is None else bend * alpha**2
+    A = np.column_stack([np.ones_like(time), alpha, alpha * loss])
+    samples = SimpleNamespace(pieces=lambda: ([slice(0, len(time))], [0.04]))
+    names, separated = ("1", "alpha", "alpha * loss"), (False, False, True)
+    node = break_of_lift.NodeLift(lift, A, names, separated, shapes=5, samples=samples)
+    text = break_of_lift.describe_smooth_lift(node, float(alpha.max()))
+    assert bool(text) is not is_broken
+    assert is_broken or "the lift has no break up to the flown 15.0 deg: without a sep" in text
 
 
 def test_an_error_of_an_angle_names_its_option():

@@ -163,6 +163,15 @@ def test_wrong_tolerances_are_refused(write_case, entry, text):
     assert text in str(caught.value)
 
 
+def test_a_condition_in_degrees_or_feet_is_a_problem(write_case):
+    with pytest.raises(SchemaError) as caught:
+        read_case(write_case(more="[conditions]\ndelta_f = 40\nh = 50000"))
+    text = str(caught.value)
+    assert "conditions.delta_f: delta_f 40 rad (2292 deg) is outside" in text
+    assert "is 40 deg meant? write '40 deg'" in text
+    assert "is 50000 ft meant? write '50000 ft'" in text
+
+
 def test_conditions_carry_units(write_case):
     case = read_case(write_case(more='[conditions]\ndelta_f = "40 deg"'))
     assert case.conditions["delta_f"] == pytest.approx(math.radians(40.0), rel=1e-15)
