@@ -24,6 +24,87 @@ from flightmech.terms import make_term
 ROOT = Path(__file__).parents[1]
 COPIED = {"avl": ROOT / "data" / "avl", "listing": ROOT / "tests" / "datcom_io" / "listings"}
 """Folders whose files are copied, by the name of an input."""
+# A catalogue with one manoeuvre.
+CONDITION = """
+title = "T-37, pitch"
+margin = 0.8
+held = [
+  "CL/altitude", "CL/flap", "CL/flap_slope", "CL/elevator", "CL/qhat", "CL/alphadothat",
+  "CL/ground", "CL/ground_flap", "Cm/altitude", "Cm/flap", "Cm/elevator", "Cm/alphadothat",
+  "Cm/ground", "Cm/ground_flap",
+]
+[limits]
+alpha = ["-6 deg", "14 deg"]
+nz = [0.0, 2.5]
+[[condition]]
+name = "clean 5000 ft"
+setup = "60 s"
+fixed = { V = "175 kt", h = "5000 ft" }
+[[manoeuvre]]
+name = "3211 elevator"
+kind = "multistep"
+[manoeuvre.axis.delta_e]
+amplitude = "2 deg"
+pattern = "3-2-1-1"
+step = "0.6 s"
+rise = "0.1 s"
+free = "4 s"
+[[fit]]
+name = "pitch"
+manoeuvres = ["3211 elevator"]
+models = ["CL = 1 + alpha + qhat + delta_e", "Cm = 1 + alpha + qhat + delta_e"]
+"""
+# Small inputs by the name of their file.
+TEXTS = {
+    "inputs.csv": "time,delta_e\n0,0\n1,0.01\n2,0\n",
+    "design.toml": """
+kind = "multisine"
+title = "elevator"
+period = "10 s"
+band = ["0.2 Hz", "1 Hz"]
+[axis.delta_e]
+amplitude = "2 deg"
+""",
+    "ice.toml": """
+title = "tail ice"
+reference = "NASA, 1993"
+valid = "flap 0"
+[terms."CL/basic"]
+factor = 0.9
+factor_stderr = 0.05
+""",
+    "fit.toml": """
+title = "C182, roll"
+aircraft = "aircraft.toml"
+database = "db.nc"
+outputs = ["p", "r"]
+[[record]]
+file = "p.nc"
+window = [3.0, 8.0]
+[parameter]
+"term.Cl.phat" = { sigma = 0.2 }
+"bias.Cl" = { sigma = 0.05 }
+"init.p" = { own = true }
+"init.r" = { own = true }
+""",
+    "catalogue.toml": f"""
+{CONDITION}
+[[wanted_row]]
+row = "2.c.10"
+condition = "clean 5000 ft"
+manoeuvre = "3211 elevator"
+ratio = 0.5
+""",
+    "plan.toml": f"""
+{CONDITION}
+[[wanted]]
+term = "CL/basic"
+within = {{ alpha = ["0 deg", "6 deg"], mach = [0.2, 0.3] }}
+ratio = 0.5
+""",
+    # stands for the program: it prints what it printed of the shipped deck
+    "datcom.sh": f"#!/bin/sh\ncp {ROOT / 'data' / 'c182'}/datcom/aileron.out for006.dat\n",
+}
 # Terms that keep their standard errors: the plan and the rows rest on few of them.
 _UNCERTAIN = ("Cm/basic", "Cm/qhat", "CL/basic")
 

@@ -22,87 +22,6 @@ FLIGHT = "flight/check_roll.csv"
 GROUND = ("t37_61_taxi_turns_slow", "t37_63_coast_down_from_70kt")
 PASSES = ("t37_12_low_pass_1p7m", "t37_15_low_pass_9m")
 FORCES = ("t37_42_forces_clean_low_speed_5kft", "t37_44_forces_clean_high_speed_5kft")
-# A catalogue with one manoeuvre.
-CONDITION = """
-title = "T-37, pitch"
-margin = 0.8
-held = [
-  "CL/altitude", "CL/flap", "CL/flap_slope", "CL/elevator", "CL/qhat", "CL/alphadothat",
-  "CL/ground", "CL/ground_flap", "Cm/altitude", "Cm/flap", "Cm/elevator", "Cm/alphadothat",
-  "Cm/ground", "Cm/ground_flap",
-]
-[limits]
-alpha = ["-6 deg", "14 deg"]
-nz = [0.0, 2.5]
-[[condition]]
-name = "clean 5000 ft"
-setup = "60 s"
-fixed = { V = "175 kt", h = "5000 ft" }
-[[manoeuvre]]
-name = "3211 elevator"
-kind = "multistep"
-[manoeuvre.axis.delta_e]
-amplitude = "2 deg"
-pattern = "3-2-1-1"
-step = "0.6 s"
-rise = "0.1 s"
-free = "4 s"
-[[fit]]
-name = "pitch"
-manoeuvres = ["3211 elevator"]
-models = ["CL = 1 + alpha + qhat + delta_e", "Cm = 1 + alpha + qhat + delta_e"]
-"""
-# Small inputs by the name of their file.
-TEXTS = {
-    "inputs.csv": "time,delta_e\n0,0\n1,0.01\n2,0\n",
-    "design.toml": """
-kind = "multisine"
-title = "elevator"
-period = "10 s"
-band = ["0.2 Hz", "1 Hz"]
-[axis.delta_e]
-amplitude = "2 deg"
-""",
-    "ice.toml": """
-title = "tail ice"
-reference = "NASA, 1993"
-valid = "flap 0"
-[terms."CL/basic"]
-factor = 0.9
-factor_stderr = 0.05
-""",
-    "fit.toml": """
-title = "C182, roll"
-aircraft = "aircraft.toml"
-database = "db.nc"
-outputs = ["p", "r"]
-[[record]]
-file = "p.nc"
-window = [3.0, 8.0]
-[parameter]
-"term.Cl.phat" = { sigma = 0.2 }
-"bias.Cl" = { sigma = 0.05 }
-"init.p" = { own = true }
-"init.r" = { own = true }
-""",
-    "catalogue.toml": f"""
-{CONDITION}
-[[wanted_row]]
-row = "2.c.10"
-condition = "clean 5000 ft"
-manoeuvre = "3211 elevator"
-ratio = 0.5
-""",
-    "plan.toml": f"""
-{CONDITION}
-[[wanted]]
-term = "CL/basic"
-within = {{ alpha = ["0 deg", "6 deg"], mach = [0.2, 0.3] }}
-ratio = 0.5
-""",
-    # stands for the program: it prints what it printed of the shipped deck
-    "datcom.sh": f"#!/bin/sh\ncp {C182}/datcom/aileron.out for006.dat\n",
-}
 
 
 @dataclass(frozen=True)
@@ -162,7 +81,11 @@ VERBS = {
         "c182",
         "m.csv m.png",
     ),
-    "reconstruct": Verb("flight reconstruct r.nc --aircraft aircraft.toml -o p.nc", "r.nc", "p.nc"),
+    "reconstruct": Verb(
+        "flight reconstruct r.nc --aircraft aircraft.toml -o p.nc --figure p.png",
+        "r.nc",
+        "p.nc p.png",
+    ),
     "reconstruct several": Verb(
         f"flight reconstruct {FLIGHT} flight/check_dutch_roll.csv --names names.toml "
         "--aircraft aircraft.toml -o paths -j1",
@@ -247,6 +170,11 @@ VERBS = {
     "pom run": Verb(
         "pom run cases/dutch_roll.toml --model m=m.fmu --no-pdf -o rep -j1", "m.fmu", "rep"
     ),
+    "resume": Verb(
+        "pom run cases/dutch_roll.toml --model m=m.fmu --no-pdf -o rep --resume kept -j1",
+        "m.fmu",
+        "rep",
+    ),
     "pom report": Verb("pom report rep -o again --no-pdf", "rep", "again"),
     "tolerances": Verb("pom tolerances --write t.csv", "c182", "t.csv"),
     "pom schema": Verb("pom schema -o s.json", "c182", "s.json"),
@@ -282,12 +210,10 @@ VERBS = {
         "flight fit-linear p.nc --motion lateral --window 2 6 -o lat.nc", "p.nc", "lat.nc"
     ),
     "balance": Verb(
-        (
-            "flight balance tail_1.csv tail_2.csv --setup balance.toml --model 'CL = 1 + alpha' -o "
-            "fits"
-        ),
+        "flight balance tail_1.csv tail_2.csv --setup balance.toml --model 'CL = 1 + alpha' "
+        "-o fits --figure fits.png",
         "tunnel",
-        "fits",
+        "fits fits.png",
     ),
     "balance at set points": Verb(
         "flight balance tail_1.csv tail_2.csv --setup balance.toml --table points "
@@ -304,7 +230,7 @@ VERBS = {
         "db.nc e.nc",
         "c.nc c.toml",
     ),
-    "match": Verb("match aeromatch.toml -o out -j1", "c182", "out/*"),
+    "match": Verb("match aeromatch.toml -o out --resume kept -j1", "c182", "out/*"),
     "reconstruct all": Verb("match aeromatch.toml -o paths -j1 --paths", "c182", "paths/*"),
     "demo": Verb("demo -o out -j1", "c182", "out/*", before=demonstrate_c182),
     "view": Verb("view aeromatch.toml -o work --no-browser", "c182", "work/*", True, do_not_serve),
@@ -319,7 +245,7 @@ VERBS = {
     ),
     "tune": Verb(
         "pom tune cases/short_period.toml --database out/datcom.nc --aircraft out/datcom.toml "
-        "-o tuned --log tuning.json --fmu -j1",
+        "-o tuned --log tuning.json --fmu --resume kept -j1",
         "out",
         "tuned tuning.json",
     ),
@@ -433,7 +359,7 @@ def run_verb(words: list[str]) -> int:
 def make_inputs(names: str, folder: Path) -> None:
     """Fill a folder with the inputs of a verb, in their order."""
     shutil.copytree(C182, folder, dirs_exist_ok=True)
-    for file, text in TEXTS.items():
+    for file, text in write_inputs.TEXTS.items():
         (folder / file).write_text(text)
         (folder / file).chmod(0o700 if file.endswith(".sh") else 0o600)
     for name in names.split():

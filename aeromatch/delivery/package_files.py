@@ -29,6 +29,8 @@ from flightmech.support.foreign_code.process import printable
 from flightmech.support.input_files import file_sha256, json_content
 
 _LARGEST_MANIFEST = 64_000_000  # byte
+# Longest name in a manifest, and what is printed of one that no package has. [characters]
+_LONGEST_NAME, _SHOWN = 1000, 100
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 # Every package has these files, so that a check is not avoided by leaving its file out.
 _NEEDED = (
@@ -165,7 +167,11 @@ def _manifest_faults(manifest: Mapping[str, Any]) -> dict[str, str]:
             faults[f"{MANIFEST}: {key}"] = "missing, or not as a package states it"
     for name, digest in manifest["files"].items():
         if not _is_plain(name):
-            faults[repr(name)] = f"a name in {MANIFEST} that leads out of the package"
+            # a name of megabytes would push the verdict off the screen
+            faults[repr(name[:_SHOWN])] = f"a name in {MANIFEST} that leads out of the package"
+        elif len(name) > _LONGEST_NAME:
+            fault = f"a name of {len(name)} characters in {MANIFEST}; at most {_LONGEST_NAME}"
+            faults[name[:_SHOWN]] = fault
         elif not (isinstance(digest, str) and _DIGEST.fullmatch(digest)):
             faults[name] = f"no SHA-256 in {MANIFEST}"
     return faults

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from aeromatch.delivery.places import MANIFEST
-from flightmech.errors import AeromatchError, SchemaError
+from flightmech.errors import AeromatchError, ParseError, SchemaError
 from flightmech.support.foreign_code.process import printable
 
 # Largest size of a package. [byte]
@@ -44,6 +44,8 @@ def unpack_package(package: str | Path) -> Iterator[Path]:
     SchemaError
         The path is not a data package; it is too large or too deep; or the zip is damaged, has
         members outside of its folder, two of one name, links, or bytes that belong to no member.
+    ParseError
+        A file of the copy could not be read; the error names the package and the file in it.
     """
     package = Path(package)
     with tempfile.TemporaryDirectory() as temporary:
@@ -60,7 +62,14 @@ def unpack_package(package: str | Path) -> Iterator[Path]:
         if not (root / MANIFEST).is_file():
             fault = f"no {MANIFEST}; give what `aeromatch package make` wrote"
             raise SchemaError(str(package), [fault])
-        yield root
+        try:
+            yield root
+        except ParseError as error:
+            # the user has the package; the copy that the error names is gone when it is printed
+            if not Path(error.file).is_relative_to(root):
+                raise
+            name = f"{package}: {Path(error.file).relative_to(root).as_posix()}"
+            raise ParseError(name, error.line, error.found, error.expected) from None
 
 
 def _copy_folder(package: Path, target: Path) -> None:

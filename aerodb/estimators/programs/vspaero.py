@@ -99,6 +99,14 @@ def _read_stab(file: Path, text: str) -> CoefficientSet:
     for begin, end in zip(starts, [*starts[1:], len(lines)]):
         block = _StabBlock(file, lines, begin + 1, end)
         if not block.is_empty():
+            # the controls are columns of all numbers: every condition must have the same
+            if header and block.controls != controls:
+                raise ParseError(
+                    str(file),
+                    begin + 1,
+                    f"a block with the controls {' '.join(block.controls) or '(none)'}",
+                    f"those of the block before it: {' '.join(controls) or '(none)'}",
+                )
             rows += block.rows()
             controls, header = block.controls, block.header
             is_stated &= set(controls) <= set(block.settings)

@@ -260,6 +260,16 @@ def test_a_run_of_vspaero_that_was_cut_off_is_refused(tmp_path, share):
 
 
 @needs_outputs
+def test_conditions_of_vspaero_with_different_controls_are_refused(tmp_path):
+    lines = (SHARED / "vspaero" / "c182.stab").read_text().splitlines(keepends=True)
+    last = max(number for number, line in enumerate(lines) if line.startswith("Aileron"))
+    lines[last] = lines[last].replace("Aileron", "Spoiler")
+    (tmp_path / "two.stab").write_text("".join(lines))
+    with pytest.raises(ParseError, match="controls Spoiler Elevator.*those of the block before"):
+        read_estimate(tmp_path / "two.stab")
+
+
+@needs_outputs
 @pytest.mark.parametrize(
     ("file", "name"),
     [

@@ -15,7 +15,7 @@ from aeromatch.delivery.package_opening import unpack_package
 from aeromatch.delivery.places import CONTENT, FORMATS
 from aeromatch.delivery.signing import check_signature, make_key, read_private_key, signature_text
 from aeromatch.workflow.steps import REPORT
-from flightmech.errors import AeromatchError, SchemaError
+from flightmech.errors import AeromatchError, ParseError, SchemaError
 from flightmech.support.input_files import file_sha256
 from flightmech.support.temporary_names import temporary_name
 
@@ -134,6 +134,14 @@ def test_every_change_of_a_manifest_is_refused(delivery, tmp_path):
     assert (count, texts) == (251, 28)
 
 
+@pytest.mark.parametrize("text", ["[]", "[" * 100000, '{"files": {}} x', "\ufeff{}"])
+def test_an_error_names_the_package_and_not_the_copy(delivery, text):
+    (delivery / "manifest.json").write_text(text, encoding="utf-8")
+    with pytest.raises(ParseError) as caught, unpack_package(delivery) as folder:
+        check_structure(folder)
+    assert caught.value.file == f"{delivery}: manifest.json"
+
+
 def test_a_key_that_stands_twice_is_refused(delivery):
     text = (delivery / "manifest.json").read_text()
     for twice in ('{"title": "other", ', '{"files": {}, '):
@@ -208,6 +216,16 @@ def test_more_files(delivery, name, word):
 
 
 @pytest.mark.nightly
+@pytest.mark.parametrize("name", ["a" * 70_000, "../" + "a" * 70_000])
+def test_a_long_name_of_a_manifest_is_refused_and_not_printed(delivery, name):
+    manifest = json.loads((delivery / "manifest.json").read_text())
+    manifest["files"][name] = "0" * 64
+    write(delivery, manifest)
+    found = check_structure(delivery)
+    assert [item.good for item in found] == [False]
+    assert len(found[0].name + found[0].detail) < 300
+
+
 def test_folders_in_many_folders_are_refused(delivery):
     deep = delivery.joinpath(*["a"] * 1500)
     os.makedirs(delivery / "b")

@@ -16,7 +16,7 @@ from recorders import chapter10, dataflash, ulog
 
 import flighttest
 from flightmech.errors import AeromatchError, ParseError, SchemaError
-from flighttest.records.readers.formats import csv_text
+from flighttest.records.readers.formats import csv_text, ulog_topics
 
 T = np.arange(200) / 50
 NAMES = '[imu]\nq = { column = ["q", "IMU/q", "imu/q", "bus.q"], unit = "rad/s" }\n'
@@ -175,3 +175,19 @@ def test_a_clock_of_two_equal_stamps_is_refused(tmp_path):
     path.write_text("time [s],q [rad/s]\n0,0\n0,1\n")
     with pytest.raises(SchemaError, match="2 samples of one stamp; at least two stamps"):
         flighttest.read(path)
+
+
+@pytest.mark.parametrize("size", [100, 1, 0xFFFF])
+def test_formats_of_ulog_in_each_other_are_counted_before_they_are_listed(
+    tmp_path, monkeypatch, size
+):
+    """Three kilobytes whose sixty formats ask for `size` to the power of sixty fields."""
+    monkeypatch.setattr(ulog_topics, "MOST_FIELDS", 5000)
+    formats = [f"a{k}:uint64_t timestamp;a{k + 1}[{size}] x;" for k in range(60)]
+    # a topic of arrays of one element has some hundred fields; there are many topics
+    content = [ulog.written({})]
+    content += [ulog.message("F", text.encode()) for text in [*formats, "a60:float y;"]]
+    content += [ulog.message("A", bytes(3) + b"a0")] * (1 if size > 1 else 100)
+    (tmp_path / "a.ulg").write_bytes(b"".join(content))
+    with pytest.raises(ParseError, match="more than 5000 fields"):
+        flighttest.read(tmp_path / "a.ulg")

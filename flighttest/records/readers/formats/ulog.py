@@ -43,7 +43,8 @@ def read(path: Path, names: NameMap) -> Recording:
     ParseError
         The file is damaged so that no topic can be read.
     """
-    from pyulog import ULog
+    # only this format needs pyulog
+    from flighttest.records.readers.formats.ulog_topics import BoundedLog
 
     topics = _requested_topics(names)
     # pyulog prints its warnings on standard output.
@@ -51,7 +52,7 @@ def read(path: Path, names: NameMap) -> Recording:
         decoding_errors(path, "a whole ULog file"),
         contextlib.redirect_stdout(io.StringIO()),
     ):
-        log = ULog(str(path), None if topics is None else [*topics, _STATUS])
+        log = BoundedLog(str(path), None if topics is None else [*topics, _STATUS])
         tables: dict[str, RecordedTable] = {}
         for topic in sorted(log.data_list, key=lambda topic: (topic.name, topic.multi_id)):
             if len(topic.data.get("timestamp", ())):
