@@ -4,6 +4,7 @@ called.
 
 from __future__ import annotations
 
+import atexit
 import gc
 import json
 import os
@@ -119,6 +120,8 @@ def main() -> None:
     """
     # most objects of a command live to its end: frequent collections find nothing to free
     gc.set_threshold(_COLLECT_AFTER)
+    # the system frees the memory: to search it for cycles at the end would take 0.6 s after a match
+    atexit.register(gc.freeze)
     # the matrices of flight records are small: threads of the linear algebra would wait for each
     # other, and sum in an order of their own
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when NumPy is imported, below

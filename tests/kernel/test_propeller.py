@@ -9,9 +9,10 @@ import xarray as xr
 import flightmech
 from flightmech import air
 from flightmech.aircraft import Engine, EngineDeck, Propeller
+from flightmech.aircraft.propulsion import propeller as propeller_module
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.kernel import STATE, Simulation
-from flightmech.terms import make_term
+from flightmech.terms import evaluate_term, make_term
 
 D, INERTIA, RATED = 2.0, 5.0, 200.0
 LOW, HIGH, FEATHER = np.radians([10.0, 40.0, 85.0])
@@ -454,6 +455,20 @@ def test_refusals():
     assert "nothing turns the propeller" in refusal(
         lambda: Engine((0.0, 0.0, 0.0), propeller=powerless)
     )
+
+
+def test_a_check_reads_all_nodes_of_a_table_in_one_call(monkeypatch):
+    """A call per node took a third of a second for the propeller of the C182."""
+    calls = []
+
+    def counted(leaf, point):
+        calls.append(leaf)
+        return evaluate_term(leaf, point)
+
+    monkeypatch.setattr(propeller_module, "evaluate_term", counted)
+    turning()
+    # end of the tables, feathered blades, thrust and power over power, torque over the blade angle
+    assert len(calls) == 5
 
 
 def test_kernel_refuses_an_inertia_of_zero(compiled):

@@ -287,6 +287,8 @@ def _open_store() -> StageStore | None:
     folder = store_folder()
     if folder is None:
         return None
+    # A text that is not a size is an error before the computation, not after it.
+    size_limit()
     try:
         return StageStore(folder)
     except OSError as error:

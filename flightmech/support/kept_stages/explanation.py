@@ -26,8 +26,8 @@ class StageTrace:
         self._file = file
         self._before: dict[str, dict[str, str]] = {}
         with suppress(OSError):
-            for line in file.read_text(encoding="utf-8").splitlines():
-                # the last line of a killed job can be incomplete
+            for line in file.read_bytes().splitlines():
+                # a line can be damaged, and the last line of a killed job can be incomplete
                 with suppress(ValueError, TypeError):
                     name, inputs = json.loads(line)
                     self._before[name] = dict(inputs)

@@ -60,16 +60,19 @@ class StageStore:
         _demand_private(self.folder)
 
     def head(self, stage: str, key: str) -> tuple[str, list[str]] | None:
-        """Return the hash and the remarks of a result, None if there is no result."""
+        """Return the hash and the remarks of a result, None if there is no result.
+
+        The remarks are checked, the result itself only when it is read.
+        """
         try:
             with self._file(stage, key).open("rb") as file:
-                digest, remarks = file.read(DIGEST), json.loads(file.readline())
-        except (OSError, ValueError):
+                digest, remarks = file.read(DIGEST), _read_remarks(file.readline())
+        except OSError:
             return None
-        return digest.hex(), [str(text) for text in remarks]
+        return None if remarks is None else (digest.hex(), remarks)
 
     def read(self, stage: str, key: str) -> tuple[Any, ...]:
-        """Return a result as a tuple of one, an empty tuple if it is missing or damaged."""
+        """Return a result as a tuple of one, an empty tuple if it is missing or cannot be read."""
         file = self._file(stage, key)
         # checked before the pickle is loaded
         content = read_checked(file)
@@ -81,14 +84,17 @@ class StageStore:
         stream = io.BytesIO(content)
         # the line of remarks
         stream.readline()
-        return (pickle.load(stream),)
+        # a pickle of another version of a library can fail with any exception
+        with suppress(Exception):
+            return (pickle.load(stream),)
+        return ()
 
     def write(self, stage: str, key: str, value: Any, remarks: Sequence[str] = ()) -> str:
         """Store a result with its remarks, and return the hash of the stored bytes."""
         # a match without a change reads no stage
         from flightmech.support.kept_stages.pickles import to_pickle
 
-        head = json.dumps(list(remarks)).encode() + b"\n"
+        head = _remarks_line(remarks)
         try:
             body = to_pickle(value)
         except (pickle.PicklingError, TypeError, AttributeError):
@@ -140,6 +146,23 @@ class StageStore:
 
     def _file(self, stage: str, key: str) -> Path:
         return self.folder / "joblib" / stage.replace(" ", "_") / key[:32] / "output.pkl"
+
+
+def _remarks_line(remarks: Sequence[str]) -> bytes:
+    """Return the line of remarks in front of a result, with its own hash.
+
+    The remarks of a result are printed although the result is not read and checked.
+    """
+    text = json.dumps(list(remarks)).encode()
+    return hashlib.sha256(text).hexdigest().encode() + b" " + text + b"\n"
+
+
+def _read_remarks(line: bytes) -> list[str] | None:
+    """Return the remarks of a line, None if it is damaged."""
+    digest, _, text = line.rstrip(b"\n").partition(b" ")
+    if hashlib.sha256(text).hexdigest().encode() != digest:
+        return None
+    return list(json.loads(text))
 
 
 def store_folder() -> Path | None:

@@ -265,7 +265,7 @@ def test_conditions_of_vspaero_with_different_controls_are_refused(tmp_path):
     last = max(number for number, line in enumerate(lines) if line.startswith("Aileron"))
     lines[last] = lines[last].replace("Aileron", "Spoiler")
     (tmp_path / "two.stab").write_text("".join(lines))
-    with pytest.raises(ParseError, match="controls Spoiler Elevator.*those of the block before"):
+    with pytest.raises(ParseError, match=r"controls Spoiler Elevator.*those of the block before"):
         read_estimate(tmp_path / "two.stab")
 
 

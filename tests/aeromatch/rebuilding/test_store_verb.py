@@ -52,3 +52,15 @@ def test_a_store_that_is_switched_off_and_a_size_that_is_none_are_errors(
     found = aeromatch("store", "info")
     assert found.returncode == 2
     assert "switched off" in found.stderr
+
+
+@pytest.mark.parametrize("words", [["match"], ["match", "--plan"]])
+def test_a_size_that_is_none_is_an_error_before_the_match(aeromatch, filled, monkeypatch, words):
+    """The match would compute for minutes, and fail when it shortens the store at its end."""
+    monkeypatch.setenv(LIMIT, "much")
+    # the project, which is no TOML, is not read before the size
+    project = filled.parent / "project.toml"
+    project.write_text("= no TOML", encoding="utf-8")
+    found = aeromatch(*words, "-o", filled.parent / "out", project)
+    assert found.returncode == 2
+    assert "'much' is not a size" in found.stderr

@@ -13,6 +13,7 @@ import pytest
 
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.support.kept_stages import stages as module
+from flightmech.support.kept_stages.checked_files import DIGEST, write_checked
 from flightmech.support.kept_stages.explanation import StageTrace
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flightmech.support.kept_stages.store import (
@@ -101,6 +102,44 @@ def test_a_damaged_entry_is_computed_again(store, damage):
     assert (again.value == first.value).all()
     assert make.calls == 2
     assert file.read_bytes() == whole
+
+
+@pytest.mark.parametrize("body", [b"", b"no pickle", b"cno_such_module\nX\n."])
+def test_an_intact_entry_that_cannot_be_loaded_is_computed_again(store, body):
+    """For example a pickle of another version of a library."""
+    make = Counted()
+    Stages(store).one("a", {}, make)
+    (file,) = entries(store)
+    line = file.read_bytes()[DIGEST:].partition(b"\n")[0] + b"\n"
+    write_checked(file, line, body)
+    assert Stages(store).one("a", {}, make).value == 1.0
+    assert Stages(store).one("a", {}, make).value == 1.0
+    assert make.calls == 2
+
+
+def test_a_damaged_remark_is_not_printed(store):
+    """The remarks of a result are printed although the result itself is not read."""
+
+    def make():
+        warnings.warn("the mass is 12 kg", AeromatchWarning, stacklevel=2)
+
+    for _ in range(2):
+        stages = Stages(store)
+        with pytest.warns(AeromatchWarning, match="the mass is 12 kg"):
+            stages.one("a", {}, make)
+        (file,) = entries(store)
+        file.write_bytes(file.read_bytes().replace(b"12 kg", b"92 kg"))
+    assert stages.computed["a"] == 1
+
+
+@pytest.mark.parametrize("line", [b"1\n", b"null\n", b"\xff\n", b"\n"])
+def test_an_entry_without_a_line_of_remarks_is_computed_again(store, line):
+    make = Counted()
+    Stages(store).one("a", {}, make)
+    (file,) = entries(store)
+    write_checked(file, line, b"x")
+    assert Stages(store).one("a", {}, make).value == 1.0
+    assert make.calls == 2
 
 
 def test_an_entry_that_another_job_clears_meanwhile_is_computed_again(store):
@@ -257,6 +296,19 @@ def test_a_trace_with_half_a_line_is_read_as_far_as_it_goes(store, tmp_path):
     assert StageTrace.of(store.folder, tmp_path).reason("a", {"x": "2"}) == "changed: x"
     assert (
         StageTrace.of(store.folder, tmp_path).reason("b", {"x": "2"})
+        == "not computed for this folder before"
+    )
+
+
+def test_a_damaged_line_of_a_trace_counts_as_missing(store, tmp_path):
+    trace = StageTrace.of(store.folder, tmp_path)
+    trace.note("a", {"x": "1"})
+    trace.note("b", {"x": "1"})
+    (file,) = (store.folder / "traces").iterdir()
+    file.write_bytes(file.read_bytes().replace(b'["a"', b'["\xff"'))
+    assert StageTrace.of(store.folder, tmp_path).reason("b", {"x": "2"}) == "changed: x"
+    assert (
+        StageTrace.of(store.folder, tmp_path).reason("a", {"x": "2"})
         == "not computed for this folder before"
     )
 
