@@ -1,13 +1,15 @@
 """Control loading identified from simulated elevator circuits: bias without noise, and coverage.
 
     python benchmarks/control_loading.py [--sets 12] [--seed 1] [--method regression]
+        [--bristle 4e-5]
 
 Every set has other constants, drawn within 25 % of those of an engineer's guess, and other noise.
 It has four slow sweeps, four records of two pulses and four of two releases, at three speeds and
 four tab settings, 100 samples per second: F is prescribed, and column, surface and air are
 recorded. The simulation shares no code with the identification; dry friction is R tanh(v / v0) with
-v0 = 0.2 mm/s. With ``--quiet`` nothing is added to the records: what remains is the bias of the
-method. ``--perturb 1e-12`` changes all channels by that part.
+v0 = 0.2 mm/s. With ``--bristle`` it builds up over this travel [m]: R y, dy/ds = (1 - y sgn(v)) / b.
+With ``--quiet`` nothing is added to the records: what remains is the bias of the method.
+``--perturb 1e-12`` changes all channels by that part.
 """
 
 from __future__ import annotations
@@ -87,8 +89,13 @@ def air(kind: str, alpha0: float, time: float) -> tuple[float, float]:
     return alpha0 + surge, 1.0 + 9.2 * surge
 
 
-def simulate_kind(kind: str, sets: list[dict[str, float]]) -> list[list[dict[str, np.ndarray]]]:
-    """Return the error-free records (set, condition) of one kind; all are integrated together."""
+def simulate_kind(
+    kind: str, sets: list[dict[str, float]], bristle: float | None = None
+) -> list[list[dict[str, np.ndarray]]]:
+    """Return the error-free records (set, condition) of one kind; all are integrated together.
+
+    `bristle` is the travel that builds friction up; None: friction by the rate. [m]
+    """
     p = {name: np.repeat([one[name] for one in sets], len(CONDITIONS)) for name in GUESS}
     qbar, alpha0, tab = (np.tile(x, len(sets)) for x in np.array(CONDITIONS).T)
     load, aft = qbar * S_HINGE * C_HINGE * GEARING, p["inertia"] * GEARING**2
@@ -98,6 +105,7 @@ def simulate_kind(kind: str, sets: list[dict[str, float]]) -> list[list[dict[str
     )
     s = a.copy()
     v, w = np.zeros_like(s), np.zeros_like(s)
+    bent, bent_aft = np.zeros_like(s), np.zeros_like(s)
     count, per = round(LONG[kind] * RATE), round(1.0 / RATE / STEP)
     kept = []
     # Two seconds at rest come first, in which the control settles.
@@ -112,10 +120,17 @@ def simulate_kind(kind: str, sets: list[dict[str, float]]) -> list[list[dict[str
         cable = p["cable_stiffness"] * (s - a) + p["cable_damping"] * (v - w)
         hand = F - p["offset"] - p["bob_weight"] * G0 * (nz - 1.0) - cable
         hand = hand - p["preload"] * np.tanh(s / SMOOTH_TRAVEL) - p["damping"] * v
-        # The tanh of the next rate: friction is stiff.
-        v = implicit_rate(v + STEP * hand / p["mass"], STEP * p["friction"] / p["mass"])
         pull = cable - load * Ch - p["hinge_damping"] * GEARING**2 * w
-        w = implicit_rate(w + STEP * pull / aft, STEP * p["hinge_friction"] * GEARING / aft)
+        grip, grip_aft = p["friction"], p["hinge_friction"] * GEARING
+        if bristle is None:
+            # The tanh of the next rate: friction is stiff.
+            v = implicit_rate(v + STEP * hand / p["mass"], STEP * grip / p["mass"])
+            w = implicit_rate(w + STEP * pull / aft, STEP * grip_aft / aft)
+        else:
+            bent = bend(bent, STEP * v / bristle)
+            bent_aft = bend(bent_aft, STEP * w / bristle)
+            v = v + STEP * (hand - grip * bent) / p["mass"]
+            w = w + STEP * (pull - grip_aft * bent_aft) / aft
         s, a = s + STEP * v, a + STEP * w
     columns = [np.array(column) for column in zip(*kept)]
     records = []
@@ -135,6 +150,11 @@ def simulate_kind(kind: str, sets: list[dict[str, float]]) -> list[list[dict[str
         )
     n = len(CONDITIONS)
     return [records[i * n : (i + 1) * n] for i in range(len(sets))]
+
+
+def bend(y: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Return the deflection of bristles after a part of their travel; never beyond 1."""
+    return (y + part) / (1.0 + np.abs(part))
 
 
 def implicit_rate(free: np.ndarray, grip: np.ndarray) -> np.ndarray:
@@ -166,10 +186,11 @@ def main() -> None:
     parser.add_argument("--quiet", action="store_true")
     parser.add_argument("--method", default="output error")
     parser.add_argument("--perturb", type=float, default=0.0)
+    parser.add_argument("--bristle", type=float)
     given = parser.parse_args()
     rng = np.random.default_rng(given.seed)
     truths = [draw_constants(rng) for _ in range(given.sets)]
-    simulated = {kind: simulate_kind(kind, truths) for kind in LONG}
+    simulated = {kind: simulate_kind(kind, truths, given.bristle) for kind in LONG}
     loading = flighttest.control_loading.ControlLoading(
         "column", -GEARING, S_HINGE, C_HINGE, "Ch_e = 1 + alpha + delta_e + delta_t"
     )
@@ -205,7 +226,11 @@ def main() -> None:
         if found.response is not None:
             end = found.response.convergence
             widths = {n: f"{v:.2g} ({e:.1g})" for n, (v, e) in found.response.widths.items()}
-            print(f"  converged: {end.converged}, {end.iterations} iterations; widths {widths}")
+            weights = {n: f"{w:.2g}" for n, w in found.response.friction_models.items()}
+            print(
+                f"  converged: {end.converged}, {end.iterations} iterations; widths {widths}; "
+                f"friction models {weights}"
+            )
         print(
             f"set {k}: {np.mean(z < 2.0):.0%} within two, worst {names[int(z.argmax())]} "
             f"{z.max():.1f}; {clock.process_time() - begin:.1f} s of processor time; "

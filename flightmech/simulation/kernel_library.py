@@ -204,6 +204,7 @@ class CircuitStruct(ctypes.Structure):
 
     _fields_ = [
         ("bodies", c_int),
+        ("bristles", c_int),
         ("unknowns", c_int),
         ("powers", c_int),
         ("parts", c_int),

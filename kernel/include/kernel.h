@@ -468,7 +468,8 @@ enum { AM_MOST_CIRCUIT_UNKNOWNS = 128 };
 /* Constants of a circuit, reduced to the travel s in the cockpit: mass, damping and friction of the
  * cockpit end and of the surface end of the cable, stiffness and damping of the cable; preload and
  * stiffness of the centring spring; deflection at zero travel [rad].  Friction is developed over
- * the rate width, preload over the place width: F tanh(x / width). [SI] */
+ * the rate width, preload over the place width: F tanh(x / width); with bristles, friction is built
+ * up over the bristle travel. [SI] */
 enum {
     AM_MASS,
     AM_DAMPING,
@@ -483,18 +484,19 @@ enum {
     AM_RATE_WIDTH,
     AM_PLACE_WIDTH,
     AM_RIGGING,
+    AM_BRISTLE_TRAVEL,
     AM_CIRCUIT_CONSTANTS
 };
 
 /* A circuit at rest at its start, and what drives it, at uniform steps; by_* are derivatives by the
  * unknowns, which follow each number.
  *
- * bodies: 1, or 2 with a cable.  constants[AM_CIRCUIT_CONSTANTS]; start[2]: travel of both ends;
+ * bodies: 1, or 2 with a cable.  bristles: 0 friction by rate, 1 by bristles.  constants[AM_CIRCUIT_CONSTANTS]; start[2]: travel of both ends;
  * force[samples]: at the hand; moment[samples * powers]: hinge moment as a polynomial of the
  * deflection rigging + gearing s, from power 0; edge[samples]: part of the step after a jump of the
  * force between this sample and the next one, NaN without a jump.  parts: sub-steps of a step. */
 typedef struct {
-    int bodies, unknowns, powers, parts;
+    int bodies, bristles, unknowns, powers, parts;
     double step, gearing;
     const double *constants, *by_constants;
     const double *start, *by_start;

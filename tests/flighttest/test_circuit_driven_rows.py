@@ -66,3 +66,29 @@ def test_samples_in_which_a_low_pass_smears_the_first_and_last_motion_are_left_o
     clear = 3.0 * 0.1325 / CUTOFF
     assert 2.0 + clear < used[0] < 2.0 + 2.0 * clear
     assert 6.0 - 2.0 * clear < used[-1] < 6.0 - clear
+
+
+def test_friction_builds_up_from_the_other_side_over_a_travel():
+    """Exact bristles after a reversal, and derivatives of the prediction."""
+    b, time = 4e-4, np.arange(0.0, 10.0, STEP)
+    # Back and forth at a constant rate, with one reversal.
+    travel = 0.03 * (np.abs(time - 5.0) - 2.5)
+    driven = driven_stretches(LOADING, [record_of(travel, travel, np.zeros(len(time)))], CUTOFF)
+    stretches = driven_rows(LOADING, driven, CUTOFF, has_cable=False)
+    assert len(stretches) == 2
+    later = stretches[1]
+    # The low-pass turns the travel a little later than the control turns.
+    assert 0.0 < later.slid[0] < later.slid[-1] < 0.15
+    values = {"offset": 0.0, "friction": 7.0, "damping": 24.0, "mass": 5.0, "Ch_e: 1": 0.0}
+    values |= {"Ch_e: delta_e": 0.0, "rigging": 0.0, "hand_damping": 0.0}
+    values |= {"bristle_travel": np.log(b)}
+    piece, theta = DrivenPiece(later, tuple(values)), np.array(list(values.values()))
+    friction = piece.predict(theta)[:, 0] * later.scale[0] - 24.0 * later.rate
+    np.testing.assert_allclose(friction, 7.0 * (1.0 - 2.0 * np.exp(-later.slid / b)), atol=0.05)
+    slopes = piece.slopes(theta, theta, False)
+    for name in ("friction", "bristle_travel"):
+        k = list(values).index(name)
+        up, down = theta.copy(), theta.copy()
+        up[k], down[k] = theta[k] + 1e-5, theta[k] - 1e-5
+        difference = (piece.predict(up) - piece.predict(down)) / 2e-5
+        np.testing.assert_allclose(slopes[:, :, k], difference, rtol=1e-5, atol=1e-6)

@@ -30,13 +30,16 @@ CONSTANTS = {
     "rate_width": 2e-3,
     "place_width": 1e-3,
     "rigging": 0.01,
+    "bristle_travel": 4e-4,
 }
 # Unknowns: every constant, the start of both ends, offset of the force, hinge moment by the square
 # of the deflection, and the time of the jump.
 OTHERS = {"start": 0.004, "aft_start": 0.006, "offset": 2.0, "square": -300.0, "edge": 0.37}
 
 
-def circuit(parts: int, has_cable: bool = True) -> tuple[DrivenCircuit, np.ndarray]:
+def circuit(
+    parts: int, has_cable: bool = True, has_bristles: bool = False
+) -> tuple[DrivenCircuit, np.ndarray]:
     """Return a circuit that is pushed and released between two samples; and unknowns."""
     theta = np.array([*CONSTANTS.values(), *OTHERS.values()])
     names = [*CONSTANTS, *OTHERS]
@@ -60,15 +63,18 @@ def circuit(parts: int, has_cable: bool = True) -> tuple[DrivenCircuit, np.ndarr
     edge = linear((SAMPLES,), np.nan)
     edge.at_zero[JUMP] = 0.0
     edge.slope[JUMP, names.index("edge")] = 1.0
-    given = DrivenCircuit(has_cable, GEARING, STEP, parts, constants, start, force, moment, edge)
+    given = DrivenCircuit(
+        has_cable, has_bristles, GEARING, STEP, parts, constants, start, force, moment, edge
+    )
     return given, theta
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("has_bristles", [False, True])
 @pytest.mark.parametrize("has_cable", [True, False])
 @pytest.mark.parametrize("edge", [0.37, 0.0, 1.0])
-def test_derivatives_are_those_of_differences(has_cable, edge):
-    given, theta = circuit(20, has_cable)
+def test_derivatives_are_those_of_differences(has_cable, edge, has_bristles):
+    given, theta = circuit(20, has_cable, has_bristles)
     theta[-1] = edge
     _, Y = given.follow(theta, wants_slopes=True)
     names = [*CONSTANTS, *OTHERS]
@@ -85,10 +91,11 @@ def test_derivatives_are_those_of_differences(has_cable, edge):
         assert np.abs(difference - Y[:, :, k]).max() <= 2e-3 * size + 1e-12, name
 
 
-def test_error_falls_with_the_square_of_the_sub_step():
+@pytest.mark.parametrize("has_bristles", [False, True])
+def test_error_falls_with_the_square_of_the_sub_step(has_bristles):
     motion = []
     for parts in (20, 40, 320):
-        given, theta = circuit(parts)
+        given, theta = circuit(parts, has_bristles=has_bristles)
         motion.append(given.follow(theta, wants_slopes=False)[0])
     errors = [np.abs(y - motion[-1]).max() / np.ptp(motion[-1]) for y in motion[:2]]
     assert errors[0] < 2e-4
@@ -129,3 +136,52 @@ def test_a_sub_step_that_does_not_converge_gives_no_motion():
     y, Y = given.follow(theta, wants_slopes=True)
     assert np.isnan(y).all()
     assert np.isnan(Y).all()
+
+
+def resting(force: float) -> tuple[DrivenCircuit, np.ndarray]:
+    """Return a circuit with bristles under a constant force, with both ends at zero travel."""
+    given, theta = circuit(20, has_bristles=True)
+    for name in ("start", "aft_start", "rigging", "offset", "square"):
+        theta[[*CONSTANTS, *OTHERS].index(name)] = 0.0
+    given.force.at_zero[:] = force
+    given.edge.at_zero[:] = np.nan
+    given.edge.slope[:] = 0.0
+    return given, theta
+
+
+def test_bristles_hold_a_force_below_friction_and_not_one_above():
+    held, _ = resting(0.9 * CONSTANTS["friction"])[0].follow(resting(0.0)[1], False)
+    assert np.abs(held).max() < 1e-12
+    given, theta = resting(2.0 * CONSTANTS["friction"])
+    moved, Y = given.follow(theta, wants_slopes=True)
+    assert moved[-1, 0] > 1e-3
+    # Bristles that are bent fully at the start hold no more of a larger start.
+    assert np.isfinite(Y).all()
+
+
+def test_balance_at_rest_depends_on_the_start_of_the_ends():
+    """The cable of a displaced end bends the bristles of both: derivatives are those of this."""
+    given, theta = resting(3.0)
+    names = [*CONSTANTS, *OTHERS]
+    k = names.index("aft_start")
+    theta[k] = 5e-5
+    _, Y = given.follow(theta, wants_slopes=True)
+    up, down = theta.copy(), theta.copy()
+    up[k], down[k] = 5.0001e-5, 4.9999e-5
+    difference = (given.follow(up, False)[0] - given.follow(down, False)[0]) / 2e-9
+    np.testing.assert_allclose(Y[:, :, k], difference, atol=1e-6)
+
+
+def test_a_small_bristle_travel_is_dry_friction():
+    given, theta = circuit(100, has_bristles=True)
+    names = [*CONSTANTS, *OTHERS]
+    changes = {"bristle_travel": 2e-6, "place_width": 2e-5, "preload": 0.0, "stiffness": 0.0}
+    changes |= {"rigging": 0.0, "start": 0.0, "aft_start": 0.0, "offset": 0.0, "square": 0.0}
+    for name, value in changes.items():
+        theta[names.index(name)] = value
+    given.moment.at_zero[:, 1] = -700.0
+    bristles, _ = given.follow(theta, wants_slopes=False)
+    edges = np.full((SAMPLES, 1), np.nan)
+    edges[JUMP] = OTHERS["edge"]
+    dry, _ = linkage(TRUTH | CABLE, given.force.at(theta), -700.0, STEP, edges)
+    assert np.abs(bristles[:, 0] - dry[:, 0]).max() < 2e-3 * np.ptp(dry)

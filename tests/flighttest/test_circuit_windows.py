@@ -8,7 +8,10 @@ from flightmech.errors import IdentificationError
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.responses import circuit_fit
 from flighttest.submodels.control_loading.responses.free_response import FreeWindow, find_windows
-from flighttest.submodels.control_loading.responses.window_response import LONGEST_STEP
+from flighttest.submodels.control_loading.responses.window_response import (
+    FRICTION_RATE,
+    LONGEST_STEP,
+)
 
 LOADING = ControlLoading("pedal", 1.0, 1.0, 0.3, "Ch_r = 1", ("offset", "friction", "mass"))
 START = {"offset": 0.0, "friction": 5.0, "mass": 4.0, "Ch_r: 1": 0.0, "rigging": 0.0}
@@ -34,7 +37,8 @@ def window(step: float, samples: int = 40, errors: int = 0) -> FreeWindow:
 
 
 def likelihood_of(windows):
-    unknowns = circuit_fit._common_unknowns(START, {}) | circuit_fit._with_widths(START, windows)
+    widths = circuit_fit._with_widths(START, windows, FRICTION_RATE)
+    unknowns = circuit_fit._common_unknowns(START, {}) | widths
     layout = circuit_fit._lay_out_records(unknowns, windows, 0)
     return circuit_fit.CircuitLikelihood(LOADING, windows, [], layout, START)
 

@@ -1,4 +1,4 @@
-"""Free motion of a control circuit with smooth dry friction, computed by the kernel.
+"""Free motion of a control circuit with dry friction, computed by the kernel.
 
 The integration is that of ``am_follow_circuit`` of kernel.h.  All that enters it, the constants and
 the inputs, is a linear function of the unknowns.
@@ -33,6 +33,7 @@ CIRCUIT_CONSTANTS = (
     "rate_width",
     "place_width",
     "rigging",
+    "bristle_travel",
 )
 # Most unknowns of one call: AM_MOST_CIRCUIT_UNKNOWNS of kernel.h.
 MOST_UNKNOWNS = 128
@@ -67,6 +68,8 @@ class DrivenCircuit(NamedTuple):
     ----------
     has_cable : bool
         Whether cockpit end and surface end are two bodies.
+    has_bristles : bool
+        Whether friction builds up over ``bristle_travel``, not with the rate over ``rate_width``.
     gearing : float
         d(delta)/ds. [rad per unit of travel]
     step : float
@@ -87,6 +90,7 @@ class DrivenCircuit(NamedTuple):
     """
 
     has_cable: bool
+    has_bristles: bool
     gearing: float
     step: float
     parts: int
@@ -126,6 +130,7 @@ class DrivenCircuit(NamedTuple):
         Y = np.full((samples, 2, unknowns), np.nan) if wants_slopes else None
         circuit = CircuitStruct(
             bodies=2 if self.has_cable else 1,
+            bristles=int(self.has_bristles),
             unknowns=unknowns,
             powers=powers,
             parts=self.parts,
@@ -140,9 +145,11 @@ class DrivenCircuit(NamedTuple):
             if Y is not None:
                 Y[:] = np.nan
         elif code:
+            widths = {}
+            for name in ("rate_width", "place_width", "bristle_travel"):
+                widths[name] = float(arrays["constants"][CIRCUIT_CONSTANTS.index(name)])
             raise ValueError(
                 f"the kernel follows no circuit of {samples} samples, {powers} powers, {unknowns} "
-                f"unknowns (at most {MOST_UNKNOWNS}) and widths "
-                f"{arrays['constants'][10:12].tolist()}"
+                f"unknowns (at most {MOST_UNKNOWNS}) and widths {widths}"
             )
         return y, Y

@@ -25,13 +25,13 @@ from flighttest.submodels.control_loading.joint_fit import JointFit, estimates_c
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import CUTOFF, loading_channels
 from flighttest.submodels.control_loading.regression import SlidingFit, sliding_fit
-from flighttest.submodels.control_loading.responses.circuit_fit import fit_circuit
 from flighttest.submodels.control_loading.responses.driven_rows import DrivenRows, driven_rows
 from flighttest.submodels.control_loading.responses.free_response import (
     HAND,
     FreeWindow,
     find_windows,
 )
+from flighttest.submodels.control_loading.responses.friction_models import fit_friction_models
 from flighttest.submodels.control_loading.responses.response_fit import ResponseFit
 from flighttest.submodels.control_loading.responses.window_response import WIDTHS
 from flighttest.submodels.control_loading.result import DRAWINGS_ERROR, SHARED, IdentifiedLoading
@@ -206,8 +206,8 @@ def _fit_responses(
     start = {**start, HAND: 0.0} if has_cable else {**start, "rigging": 0.0, HAND: 0.0}
     prior = drawn_constants(started, drawings, error)
     windows, rows = records.pieces(loading, has_cable, None)
-    fit = fit_circuit(loading, windows, rows, start, prior)
-    covariance = fit.covariance
+    friction = fit_friction_models(loading, windows, rows, start, prior)
+    fit, covariance = friction.fit, friction.fit.covariance
     changes = []
     for source in sources:
         changes.append(fit.change(*records.pieces(loading, has_cable, source)))
@@ -234,6 +234,8 @@ def _fit_responses(
             rms=fit.rms,
             hand_damping=fit.value(HAND),
             widths={name: fit.value(name) for name in WIDTHS if name in fit.names},
+            friction_models=friction.weights,
+            widened=friction.widened,
             held=tuple(f"{number} ({windows[number - 1].span})" for number in fit.held),
         ),
     )

@@ -21,8 +21,14 @@ from flighttest.remarks import Convergence, PrintedResult, Remark, remarks_to_js
 from flighttest.submodels.control_loading.joint_fit import convergence_remarks
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.regression import SlidingFit
-from flighttest.submodels.control_loading.responses.response_fit import ResponseFit
-from flighttest.submodels.control_loading.responses.window_response import FRICTION_RATE
+from flighttest.submodels.control_loading.responses.response_fit import (
+    FRICTION_MODELS,
+    ResponseFit,
+)
+from flighttest.submodels.control_loading.responses.window_response import (
+    BRISTLE_TRAVEL,
+    FRICTION_RATE,
+)
 from flighttest.submodels.control_loading.simulation import SimulatedWindow, fly_windows
 from flighttest.submodels.control_loading.table_coverage import list_coverage_remarks
 
@@ -392,8 +398,16 @@ class IdentifiedLoading(PrintedResult):
             for name, (value, stderr) in self.response.widths.items():
                 per = "rad" if is_wheel else "m"
                 unit_of = f"{per}/s" if name == FRICTION_RATE else per
-                label = "friction" if name == FRICTION_RATE else "preload"
-                lines.append(f"{label} acts as tanh(x / {value:.2g} ({stderr:.1g}) {unit_of})")
+                number = f"{value:.2g} ({stderr:.1g}) {unit_of}"
+                if name == BRISTLE_TRAVEL:
+                    lines.append(f"friction builds up as 1 - exp(-s / {number})")
+                else:
+                    label = "friction" if name == FRICTION_RATE else "preload"
+                    lines.append(f"{label} acts as tanh(x / {number})")
+            weights = []
+            for name, weight in self.response.friction_models.items():
+                weights.append(f"{FRICTION_MODELS[name]} {weight:.0%}")
+            lines.append(f"likelihood of friction that develops {', '.join(weights)}")
         rows = self._rows()
         width = max(len(name) for name, _, _ in rows) + 2
         lines.append(f"{'':<{width}}{'estimate':>12}{'stderr':>10}")

@@ -10,7 +10,16 @@
  * field of Quispel and McLaren, J. Phys. A 41, 2008).  A reversal inside a sub-step has the
  * friction of its time, wherever it lies, so the motion is a smooth function of all constants: a
  * pointwise rule would add the impulse of a part of a sub-step.  The derivatives are those of the
- * scheme. */
+ * scheme.
+ *
+ * With bristles, friction is R y with a deflection y of -1 to 1 that the travel builds up (P. Dahl,
+ * A solid friction model, 1968; LuGre without Stribeck effect):
+ *
+ *     dy/ds = (1 - y sgn(v)) / b
+ *
+ * It is solved exactly along the path of a velocity that changes evenly from v to w, back and forth
+ * if the sub-step has a reversal, so y is smooth in both velocities.  The friction of a sub-step is
+ * R times the mean of y at its ends.  At the start y balances the forces at rest. */
 #include "elementary.h"
 #include "kernel.h"
 
@@ -36,6 +45,12 @@ typedef struct {
     double mean, by_first, by_last, by_width;
 } mean_t;
 
+/* Deflection of a bristle at the end of a sub-step, and its derivatives by the deflection and the
+ * velocity at the start, by the velocity at the end, by the length and by the bristle travel. */
+typedef struct {
+    double end, by_start, by_first, by_last, by_h, by_travel;
+} bristle_t;
+
 /* A sub-step in the record, by its middle. */
 typedef struct {
     size_t k;
@@ -48,8 +63,10 @@ typedef struct {
 typedef struct {
     double h, force;
     double s[BODIES], v[BODIES], w[BODIES];
+    double y[BODIES]; /* deflections of the bristles at its start */
     double place[BODIES], rate[BODIES];
     mean_t rub[BODIES], centre;
+    bristle_t bristle[BODIES];
     double deflection, pull, pull_slope; /* pull: hinge moment at the travel */
     double f[BODIES], J[BODIES][BODIES];
 } sub_step_t;
@@ -57,6 +74,7 @@ typedef struct {
 /* Derivatives of the motion by the unknowns. */
 typedef struct {
     double s[BODIES][AM_MOST_CIRCUIT_UNKNOWNS], v[BODIES][AM_MOST_CIRCUIT_UNKNOWNS];
+    double y[BODIES][AM_MOST_CIRCUIT_UNKNOWNS];
 } change_t;
 
 static double hyperbolic_tangent(double x) {
@@ -98,6 +116,50 @@ static mean_t mean_tangent(double first, double last, double width) {
     return m;
 }
 
+/* Bend a bristle over a travel d one way; by_first and by_last are unused: by_h is dy/dd. */
+static bristle_t bend_one_way(double y, double d, double travel) {
+    bristle_t b = {y, 1.0, 0.0, 0.0, 0.0, 0.0};
+    const double sign = d < 0.0 ? -1.0 : 1.0;
+    b.by_start = am_exp(-fabs(d) / travel);
+    b.end = sign + (y - sign) * b.by_start;
+    b.by_h = (1.0 - sign * y) * b.by_start / travel;
+    b.by_travel = -d / travel * b.by_h;
+    return b;
+}
+
+static bristle_t bend_bristle(double y, double v, double w, double h, double travel) {
+    if (v * w >= 0.0) {
+        bristle_t b = bend_one_way(y, 0.5 * h * (v + w), travel);
+        b.by_first = b.by_last = 0.5 * h * b.by_h;
+        b.by_h *= 0.5 * (v + w);
+        return b;
+    }
+    /* one way to the reversal, then back */
+    const double D = v - w;
+    const bristle_t to = bend_one_way(y, 0.5 * h * v * v / D, travel);
+    const bristle_t back = bend_one_way(to.end, -0.5 * h * w * w / D, travel);
+    const double scale = 0.5 * h / (D * D);
+    bristle_t b = {.end = back.end, .by_start = back.by_start * to.by_start};
+    b.by_first = scale * (back.by_start * to.by_h * v * (v - 2.0 * w) + back.by_h * w * w);
+    b.by_last = scale * (back.by_start * to.by_h * v * v - back.by_h * w * (2.0 * v - w));
+    b.by_h = 0.5 * (back.by_start * to.by_h * v * v - back.by_h * w * w) / D;
+    b.by_travel = back.by_start * to.by_travel + back.by_travel;
+    return b;
+}
+
+/* Friction over its size in a sub-step from v to w: mean, and its derivatives. */
+static mean_t mean_friction(const am_circuit *c, sub_step_t *p, int i) {
+    const double *q = c->constants;
+    if (!c->bristles) return mean_tangent(p->v[i], p->w[i], q[AM_RATE_WIDTH]);
+    bristle_t *b = p->bristle + i;
+    *b = bend_bristle(p->y[i], p->v[i], p->w[i], p->h, q[AM_BRISTLE_TRAVEL]);
+    const mean_t m = {.mean = 0.5 * (p->y[i] + b->end),
+                      .by_first = 0.5 * b->by_first,
+                      .by_last = 0.5 * b->by_last,
+                      .by_width = 0.5 * b->by_travel};
+    return m;
+}
+
 static double between(const double *x, size_t stride, const middle_t *at) {
     const double first = x[at->k * stride];
     return first + at->part * (x[(at->k + 1) * stride] - first);
@@ -130,7 +192,7 @@ static void form_equations(const am_circuit *c, const middle_t *at, sub_step_t *
         const double friction = body[i][2];
         p->rate[i] = 0.5 * (p->v[i] + p->w[i]);
         p->place[i] = p->s[i] + 0.5 * h * p->rate[i];
-        p->rub[i] = mean_tangent(p->v[i], p->w[i], q[AM_RATE_WIDTH]);
+        p->rub[i] = mean_friction(c, p, i);
         p->f[i] = mass * (p->w[i] - p->v[i]) / h + damping * p->rate[i] + friction * p->rub[i].mean;
         p->J[i][i] = mass / h + 0.5 * damping + friction * p->rub[i].by_last;
     }
@@ -174,6 +236,9 @@ static bool solve_sub_step(const am_circuit *c, const middle_t *at, sub_step_t *
     double x[BODIES], from[BODIES];
     memcpy(p->w, p->v, sizeof p->w);
     form_equations(c, at, p);
+    /* a velocity that counts as none */
+    const double *q = c->constants;
+    const double least = c->bristles ? q[AM_BRISTLE_TRAVEL] / p->h : q[AM_RATE_WIDTH];
     bool near = false;
     for (int round = 0; round < MOST_ROUNDS; round++) {
         const double before = misfit(p, c->bodies);
@@ -182,7 +247,7 @@ static bool solve_sub_step(const am_circuit *c, const middle_t *at, sub_step_t *
         bool small = true;
         near = true;
         for (int i = 0; i < c->bodies; i++) {
-            const double size = fabs(from[i]) + c->constants[AM_RATE_WIDTH];
+            const double size = fabs(from[i]) + least;
             small = small && fabs(x[i]) <= SAME * size;
             near = near && fabs(x[i]) <= ROUNDED * size;
         }
@@ -205,6 +270,7 @@ static void change_equations(const am_circuit *c, const middle_t *at, const sub_
     const double *by = c->by_constants + j;
     const double *body[BODIES] = {q + AM_MASS, q + AM_AFT_MASS};
     const int last = c->bodies - 1;
+    const double width = by[(c->bristles ? AM_BRISTLE_TRAVEL : AM_RATE_WIDTH) * n];
     double place[BODIES], rate[BODIES];
     for (int i = 0; i <= last; i++) {
         const double *own = by + (i ? AM_AFT_MASS : AM_MASS) * n;
@@ -213,7 +279,8 @@ static void change_equations(const am_circuit *c, const middle_t *at, const sub_
         out[i] = own[0] * (p->w[i] - p->v[i]) / p->h - body[i][0] * d->v[i][j] / p->h;
         out[i] += own[n] * p->rate[i] + body[i][1] * rate[i] + own[2 * n] * p->rub[i].mean;
         out[i] += body[i][2]
-                  * (p->rub[i].by_first * d->v[i][j] + p->rub[i].by_width * by[AM_RATE_WIDTH * n]);
+                  * (p->rub[i].by_first * d->v[i][j] + p->rub[i].by_width * width);
+        if (c->bristles) out[i] += body[i][2] * 0.5 * (1.0 + p->bristle[i].by_start) * d->y[i][j];
     }
     const double to = d->s[0][j] + p->h * rate[0];
     out[0] += by[AM_PRELOAD * n] * p->centre.mean
@@ -242,8 +309,12 @@ static void change_equations(const am_circuit *c, const middle_t *at, const sub_
 static void by_length(const am_circuit *c, const sub_step_t *p, double out[BODIES]) {
     const double *q = c->constants;
     const double mass[BODIES] = {q[AM_MASS], q[AM_AFT_MASS]};
+    const double friction[BODIES] = {q[AM_FRICTION], q[AM_AFT_FRICTION]};
     const int last = c->bodies - 1;
-    for (int i = 0; i <= last; i++) out[i] = -mass[i] * (p->w[i] - p->v[i]) / (p->h * p->h);
+    for (int i = 0; i <= last; i++) {
+        out[i] = -mass[i] * (p->w[i] - p->v[i]) / (p->h * p->h);
+        if (c->bristles) out[i] += 0.5 * friction[i] * p->bristle[i].by_h;
+    }
     out[0] += (q[AM_PRELOAD] * p->centre.by_last + 0.5 * q[AM_STIFFNESS]) * p->rate[0];
     out[last] -= 0.5 * p->pull_slope * p->rate[last];
     if (last == 0) return;
@@ -254,17 +325,24 @@ static void by_length(const am_circuit *c, const sub_step_t *p, double out[BODIE
 
 static void advance_changes(const am_circuit *c, const middle_t *at, const sub_step_t *p,
                             change_t *d) {
+    const size_t n = (size_t)c->unknowns;
     double f[BODIES], x[BODIES], longer[BODIES];
     if (at->by_edge != 0.0) by_length(c, p, longer);
-    for (size_t j = 0; j < (size_t)c->unknowns; j++) {
+    for (size_t j = 0; j < n; j++) {
         double length = 0.0;
         change_equations(c, at, p, d, j, f);
         if (at->by_edge != 0.0) {
-            length = at->by_edge * c->by_edge[at->k * (size_t)c->unknowns + j];
+            length = at->by_edge * c->by_edge[at->k * n + j];
             for (int i = 0; i < c->bodies; i++) f[i] += longer[i] * length;
         }
         divide(p, c->bodies, f, x);
         for (int i = 0; i < c->bodies; i++) {
+            if (c->bristles) {
+                const bristle_t *b = p->bristle + i;
+                const double by_travel = c->by_constants[AM_BRISTLE_TRAVEL * n + j];
+                d->y[i][j] = b->by_start * d->y[i][j] + b->by_first * d->v[i][j] - b->by_last * x[i]
+                             + b->by_h * length + b->by_travel * by_travel;
+            }
             d->s[i][j] += 0.5 * p->h * (d->v[i][j] - x[i]) + p->rate[i] * length;
             d->v[i][j] = -x[i];
         }
@@ -300,8 +378,35 @@ static bool take_sub_step(const am_circuit *c, const middle_t *at, sub_step_t *p
     for (int b = 0; b < c->bodies; b++) {
         p->s[b] += p->h * p->rate[b];
         p->v[b] = p->w[b];
+        p->y[b] = p->bristle[b].end;
     }
     return true;
+}
+
+/* Bristles that hold the ends at rest at the start; an end that they cannot hold slides. */
+static void balance_bristles(const am_circuit *c, sub_step_t *p, change_t *d) {
+    const size_t n = (size_t)c->unknowns;
+    const middle_t at = {0, 0.0, 0.0, c->step / c->parts, 0.0};
+    const int size[BODIES] = {AM_FRICTION, AM_AFT_FRICTION};
+    double y[BODIES] = {0.0, 0.0};
+    double f[BODIES];
+    p->h = at.h;
+    p->force = c->force[0];
+    form_equations(c, &at, p);
+    for (int i = 0; i < c->bodies; i++) {
+        const double friction = c->constants[size[i]];
+        /* f is the force that friction lacks: without motion and bristles, that of all others */
+        if (friction > 0.0) y[i] = fmax(-1.0, fmin(1.0, -p->f[i] / friction));
+    }
+    for (size_t j = 0; d && j < n; j++) {
+        change_equations(c, &at, p, d, j, f);
+        for (int i = 0; i < c->bodies; i++) {
+            const double friction = c->constants[size[i]];
+            if (!(friction > 0.0) || fabs(y[i]) >= 1.0) continue;
+            d->y[i][j] = -(f[i] + y[i] * c->by_constants[(size_t)size[i] * n + j]) / friction;
+        }
+    }
+    memcpy(p->y, y, sizeof y);
 }
 
 static void record_sample(const am_circuit *c, const sub_step_t *p, const change_t *d, double *y,
@@ -315,9 +420,10 @@ static void record_sample(const am_circuit *c, const sub_step_t *p, const change
 }
 
 static bool is_sound_circuit(const am_circuit *c, size_t samples) {
+    const int width = c->bristles ? AM_BRISTLE_TRAVEL : AM_RATE_WIDTH;
     return (c->bodies == 1 || c->bodies == BODIES) && c->powers > 0 && c->parts > 0 && samples > 0
            && c->unknowns >= 0 && c->unknowns <= AM_MOST_CIRCUIT_UNKNOWNS && c->gearing != 0.0
-           && c->constants[AM_RATE_WIDTH] > 0.0 && c->constants[AM_PLACE_WIDTH] > 0.0;
+           && c->constants[width] > 0.0 && c->constants[AM_PLACE_WIDTH] > 0.0;
 }
 
 int am_follow_circuit(const am_circuit *c, size_t samples, double *y, double *Y) {
@@ -330,6 +436,7 @@ int am_follow_circuit(const am_circuit *c, size_t samples, double *y, double *Y)
         p.s[i] = c->start[i];
         memcpy(d.s[i], c->by_start + (size_t)i * n, n * sizeof *d.s[i]);
     }
+    if (c->bristles && samples > 1) balance_bristles(c, &p, Y ? &d : NULL);
     for (size_t k = 0;; k++, y += BODIES) {
         record_sample(c, &p, &d, y, Y);
         if (Y) Y += BODIES * n;

@@ -50,6 +50,7 @@ from flighttest.submodels.control_loading.responses.held_starts import (
     steps_in_errors,
 )
 from flighttest.submodels.control_loading.responses.window_response import (
+    BRISTLE_TRAVEL,
     FRICTION_RATE,
     PRELOAD_TRAVEL,
     WIDTHS,
@@ -63,6 +64,8 @@ _ITERATIONS, _HELD_ITERATIONS = 60, 60
 # First and smallest width of friction and preload, over the largest rate and the range of the
 # travel in the records, and a-priori standard error of the logarithm of a width.
 _WIDE, _LEAST, _WIDTH_ERROR = 3e-3, 1e-4, 3.0
+# Smallest bristle travel over the range of the travel: sub-steps still resolve it at a reversal.
+_LEAST_BRISTLE = 1e-5
 # Standard deviation of a time that lies anywhere between two samples. [steps]
 _ANYWHERE = 12.0**-0.5
 # Constants that cannot be negative, and those that must be positive, with the smallest part of
@@ -156,6 +159,7 @@ def fit_circuit(
     rows: Sequence[DrivenRows],
     start: Mapping[str, float],
     prior: Mapping[str, tuple[float, float]],
+    width: str = FRICTION_RATE,
 ) -> CircuitFit:
     """Return the constants of a circuit by maximum likelihood.
 
@@ -168,13 +172,15 @@ def fit_circuit(
         First values of all constants, from the regressions.
     prior : mapping of str to (float, float)
         A-priori values and standard errors.
+    width : {"friction_rate", "bristle_travel"}
+        Width over which friction is developed: a rate, or a travel.
 
     Raises
     ------
     IdentificationError
         A window with more unknowns than the kernel has room for.
     """
-    unknowns = _common_unknowns(start, prior) | _with_widths(start, windows)
+    unknowns = _common_unknowns(start, prior) | _with_widths(start, windows, width)
     layout = _lay_out_records(unknowns, windows, len(rows))
     _demand_room(windows, layout, len(unknowns))
     begin = layout.start.copy()
@@ -207,18 +213,21 @@ def _demand_room(windows: Sequence[FreeWindow], layout: UnknownVector, common: i
         raise IdentificationError("; ".join(problems))
 
 
-def _with_widths(start: Mapping[str, float], windows: Sequence[FreeWindow]) -> dict[str, Unknown]:
+def _with_widths(
+    start: Mapping[str, float], windows: Sequence[FreeWindow], width: str
+) -> dict[str, Unknown]:
     """Return the logarithms of both widths as unknowns.
 
     A wide start makes the likelihood smooth; the search narrows it.
     """
     span, rate = largest_motion(windows)
-    sizes = {FRICTION_RATE: rate}
+    sizes = {width: rate if width == FRICTION_RATE else span}
     if "preload" in start:
         sizes[PRELOAD_TRAVEL] = span
     widths = {}
     for name, size in sizes.items():
-        first, least = np.log(_WIDE * size), np.log(_LEAST * size)
+        least_part = _LEAST_BRISTLE if name == BRISTLE_TRAVEL else _LEAST
+        first, least = np.log(_WIDE * size), np.log(least_part * size)
         widths[name] = Unknown(first, _WIDTH_ERROR, least)
     return widths
 

@@ -17,6 +17,7 @@ from flightmech.support.arrays import true_runs
 from flighttest.submodels.control_loading.loading import FORCES, ControlLoading
 from flighttest.submodels.control_loading.responses.free_response import HAND
 from flighttest.submodels.control_loading.responses.window_response import (
+    BRISTLE_TRAVEL,
     FRICTION_RATE,
     PRELOAD_TRAVEL,
     lower_slopes,
@@ -58,6 +59,8 @@ class DrivenRows:
         Forces on the surface end that the spring of the cable carries, by constant.
     travel, rate : array (samples,)
         Travel, and its rate. [m or rad, and per second]
+    slid : array (samples,)
+        Travel since the last reversal, with the sign of the rate. [m or rad]
     step : float
         Sampling interval. [s]
     gearing : float
@@ -70,6 +73,7 @@ class DrivenRows:
     surface: dict[str, np.ndarray]
     travel: np.ndarray
     rate: np.ndarray
+    slid: np.ndarray
     step: float
     gearing: float
 
@@ -112,12 +116,18 @@ class DrivenPiece:
         """Return friction of both ends and preload."""
         forces = []
         for name, (signal, width, outputs) in _SMOOTH.items():
-            if name in at:
-                factor = abs(self.rows.gearing) if name == "hinge_friction" else 1.0
-                x = getattr(self.rows, signal) / at[width]
-                forces.append(
-                    _SmoothForce(name, width, outputs, factor=factor, part=x, tangent=np.tanh(x))
+            if name not in at:
+                continue
+            if width not in at:
+                signal, width = "slid", BRISTLE_TRAVEL
+            factor = abs(self.rows.gearing) if name == "hinge_friction" else 1.0
+            x = getattr(self.rows, signal) / at[width]
+            curve, slope = (_bristle if width == BRISTLE_TRAVEL else _tangent)(x)
+            forces.append(
+                _SmoothForce(
+                    name, width, outputs, factor=factor, part=x, curve=curve, curve_slope=slope
                 )
+            )
         return forces
 
     def predict(self, values: np.ndarray) -> np.ndarray:
@@ -126,7 +136,7 @@ class DrivenPiece:
         at = dict(zip(self.names, values))
         forces = np.column_stack([self._force @ values, self._surface @ values])
         for force in self._smooth_forces(at):
-            forces[:, : force.outputs] += (at[force.name] * force.factor * force.tangent)[:, None]
+            forces[:, : force.outputs] += (at[force.name] * force.factor * force.curve)[:, None]
         # Without a cable only the rigging parts both ends.
         stretch = forces[:, 1] / at.get("cable_stiffness", 1.0) - at["rigging"] / self.rows.gearing
         return np.column_stack([forces[:, 0], stretch]) / self.rows.scale
@@ -139,9 +149,9 @@ class DrivenPiece:
         pull = self._surface @ values
         for force in self._smooth_forces(at):
             own = slice(0, force.outputs)
-            part = force.factor * force.tangent
+            part = force.factor * force.curve
             S[:, own, index(force.name)] += part[:, None]
-            by_width = -at[force.name] * force.factor * (1.0 - force.tangent**2) * force.part
+            by_width = -at[force.name] * force.factor * force.curve_slope * force.part
             S[:, own, index(force.width)] += (by_width / at[force.width])[:, None]
             if force.outputs > 1:
                 pull = pull + at[force.name] * part
@@ -154,14 +164,27 @@ class DrivenPiece:
 
 
 class _SmoothForce(NamedTuple):
-    """A force F tanh(x / width): its name, that of the width, outputs, x / width, and the tanh."""
+    """A force F f(x / width): its name, that of the width, outputs, x / width, f and its slope."""
 
     name: str
     width: str
     outputs: int
     factor: float
     part: np.ndarray
-    tangent: np.ndarray
+    curve: np.ndarray
+    curve_slope: np.ndarray
+
+
+def _tangent(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return tanh and its slope."""
+    t = np.tanh(x)
+    return t, 1.0 - t**2
+
+
+def _bristle(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the deflection of a bristle after a reversal from full deflection, and its slope."""
+    left = 2.0 * np.exp(-np.abs(x))
+    return np.sign(x) * (1.0 - left), left
 
 
 def driven_rows(
@@ -188,6 +211,7 @@ def driven_rows(
     stretches = []
     for record, z in zip(records, outputs):
         force, surface = _regressors(loading, record, has_cable)
+        slid = _travel_since_reversal(record.moved["travel"].values, -force[HAND])
         every = max(1, round(0.5 / cutoff / record.step))
         for start, stop in true_runs(np.asarray(record.used)):
             rows = slice(start + (stop - start - 1) % every // 2, stop, every)
@@ -199,11 +223,21 @@ def driven_rows(
                     surface={name: x[rows] for name, x in surface.items()},
                     travel=record.moved["travel"].values[rows],
                     rate=-force[HAND][rows],
+                    slid=slid[rows],
                     step=every * record.step,
                     gearing=loading.gearing,
                 )
             )
     return stretches
+
+
+def _travel_since_reversal(travel: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Return the travel since the last change of sign of the rate, with its sign, (samples,)."""
+    signs = np.sign(rate)
+    starts = np.maximum.accumulate(
+        np.where(np.append(True, signs[1:] != signs[:-1]), np.arange(len(rate)), 0)
+    )
+    return signs * np.abs(travel - travel[starts])
 
 
 def _outputs(loading: ControlLoading, record: PreparedRecord) -> np.ndarray:

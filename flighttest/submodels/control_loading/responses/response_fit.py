@@ -6,16 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from flighttest.remarks import Convergence, Remark
+from flighttest.submodels.control_loading.responses.window_response import (
+    BRISTLE_TRAVEL,
+    FRICTION_RATE,
+)
 
 # Standard errors from which on a nuisance is remarked; misfit over noise from which on it is.
 _CERTAIN, _MISFIT = 3.0, 2.0
-# What an output error cannot check: its friction has no travel over which it develops.
-_DIVISION = (
-    "not checked: how the mass is divided between cockpit and surface. Friction that builds up "
-    "over a small travel, which the model does not have, moved the mass of the cockpit end by -19 "
-    "% and the inertia of the surface by 17 % on simulated pedals, beyond the standard errors, and "
-    "their sum by -2 %. Compare the two with drawings"
-)
+# Growth of a standard error by another model of friction from which on it is remarked.
+_WIDENED = 1.05
+# Names of the models of friction by that of their width.
+FRICTION_MODELS = {FRICTION_RATE: "by the rate", BRISTLE_TRAVEL: "over a travel"}
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,14 @@ class ResponseFit:
     hand_damping : (float, float)
         Force over rate that driven records lack compared with free motion, and its standard error.
     widths : dict of str to (float, float)
-        Rate at which friction is developed to 76 %, and travel at which the preload is, with their
-        standard errors. [m/s and m, of the wheel rad/s and rad]
+        Rate at which friction is developed to 76 %, or travel over which it builds up to 63 %, and
+        travel at which the preload is developed to 76 %, with their standard errors. [m/s and m, of
+        the wheel rad/s and rad]
+    friction_models : dict of str to float
+        Weight of each model of friction by the name of its width, 0 to 1; the estimates are those
+        of the likeliest, the standard errors contain the difference.
+    widened : float
+        Largest factor by which this difference widens a standard error.
     held : tuple of str
         Windows of free motion whose starts were held, by number and time.
     """
@@ -44,12 +51,14 @@ class ResponseFit:
     rms: Mapping[str, float]
     hand_damping: tuple[float, float]
     widths: Mapping[str, tuple[float, float]]
+    friction_models: Mapping[str, float]
+    widened: float = 1.0
     held: tuple[str, ...] = ()
 
     @property
     def remarks(self) -> list[Remark]:
-        """Remarks on a force that driven and free motion do not share, on the misfit, and on the
-        division of the mass, which no record of this kind checks.
+        """Remarks on a force that driven and free motion do not share, on the misfit, and on models
+        of friction between which the records do not decide.
         """
         remarks = self.convergence.remarks(
             "output error of the circuit",
@@ -99,5 +108,23 @@ class ResponseFit:
                     severity="note",
                 )
             )
-        remarks.append(Remark("division", _DIVISION, "mass", severity="note"))
+        if self.widened > _WIDENED:
+            weights = []
+            for width, weight in self.friction_models.items():
+                weights.append(f"{FRICTION_MODELS[width]} {weight:.0%}")
+            text = (
+                f"the records do not decide how friction is developed: {', '.join(weights)} of the "
+                f"likelihood; the difference widens a standard error {self.widened:.2g} times. "
+                f"Pulses with small motion, and a faster pick-up of the travel, would decide"
+            )
+            remarks.append(
+                Remark(
+                    "friction model",
+                    text,
+                    "friction",
+                    value=self.widened,
+                    threshold=_WIDENED,
+                    severity="note",
+                )
+            )
         return remarks

@@ -1,8 +1,10 @@
 """Windows of free motion as pieces of a likelihood, simulated by the kernel.
 
-The friction of both ends is R tanh(rate / friction_rate), the preload is P tanh(travel /
-preload_travel).  Both widths are unknowns: dry friction is the limit of a small one.  The search
-moves their logarithms, because a width of zero has no effect that a search could follow.
+The friction of both ends is R tanh(rate / friction_rate), or it is R y with bristles whose
+deflection y builds up over the bristle travel, dy/ds = (1 - y sgn(rate)) / bristle_travel.  The
+preload is P tanh(travel / preload_travel).  The widths are unknowns: dry friction is the limit of a
+small one.  The search moves their logarithms, because a width of zero has no effect that a search
+could follow.
 """
 
 from __future__ import annotations
@@ -28,9 +30,10 @@ from flighttest.submodels.control_loading.responses.free_response import (
     FreeWindow,
 )
 
-# Names of both widths.
-FRICTION_RATE, PRELOAD_TRAVEL = "friction_rate", "preload_travel"
-WIDTHS = (FRICTION_RATE, PRELOAD_TRAVEL)
+# Names of the widths. A model has one of the first two.
+FRICTION_RATE, BRISTLE_TRAVEL = "friction_rate", "bristle_travel"
+PRELOAD_TRAVEL = "preload_travel"
+WIDTHS = (FRICTION_RATE, BRISTLE_TRAVEL, PRELOAD_TRAVEL)
 # Longest sub-step [s], and its largest phase of the cable mode [rad].
 LONGEST_STEP, PHASE = 2.5e-4, 0.1
 # Largest motion of a simulated end, in ranges of the recorded motion; beyond it the fit has failed.
@@ -89,6 +92,7 @@ class SimulatedPiece:
         """Circuit whose constants and inputs are linear in the unknowns."""
         return DrivenCircuit(
             has_cable="cable_stiffness" in self.names,
+            has_bristles=BRISTLE_TRAVEL in self.names,
             gearing=self.loading.gearing,
             step=self.window.step,
             parts=self.parts,
@@ -111,6 +115,7 @@ class SimulatedPiece:
             factors[name] = [(aft, g**power)]
         factors["nose_spring"] = [("stiffness", self.window.ground)]
         factors[FRICTION_RATE] = [("rate_width", 1.0)]
+        factors[BRISTLE_TRAVEL] = [("bristle_travel", 1.0)]
         factors[PRELOAD_TRAVEL] = [("place_width", 1.0)]
         if self.window.is_driven:
             # The record lacks this part of the force, as if the circuit had less damping.
