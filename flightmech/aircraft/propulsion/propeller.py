@@ -359,7 +359,7 @@ def _evaluate(leaf: xr.Dataset, at: Mapping[str, float]) -> float:
     """Return a coefficient; other axes are at their first node, such as the Mach number of the
     tips.
     """
-    names = set()
+    names: set[str] = set()
     for table in leaf.data_vars.values():
         names.update(map(str, table.dims))
     point = {}
