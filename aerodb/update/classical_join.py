@@ -23,10 +23,10 @@ speed brake and ground.  The errors of the base count among the errors of the in
 
 Parameters are estimated by least squares with the covariance of each submodel and the a-priori
 errors of the tables (mixed estimation, Theil and Goldberger 1961).  A parameter that no test point
-determines keeps the handbook value.  If the correction of a term is larger than its a-priori error allows, the
-a-priori error is increased.  Errors common to all fits are considered.  Beyond the flown range of
-incidence and Mach number a table is displaced by the correction at the edge.  Its standard error
-goes back to that of the handbook, times the same factor.
+determines keeps the handbook value.  If the correction of a term is larger than its a-priori error
+allows, the a-priori error is increased.  Errors common to all fits are considered.  Beyond the
+flown range of incidence and Mach number a table is displaced by the correction at the edge.  Its
+standard error goes back to that of the handbook, times the same factor.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ def _error_remarks(project: Project) -> Iterator[str]:
 
 def _model_remarks(project: Project) -> Iterator[str]:
     """Yield the models without a constant, and those with rates that have a dimension."""
-    models = []
+    models: list[tuple[str, str]] = []
     for fit in project.fit:
         models += [(f"fit {fit.name!r}", text) for text in fit.models]
     if project.ground_effect is not None:
