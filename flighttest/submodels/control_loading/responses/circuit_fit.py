@@ -207,7 +207,8 @@ def _search_with_held_starts(
     A search with held starts moves the constants. If this end is not proven, a search with free
     starts goes on from there: it may pass the kink at which the first one stalled.
     """
-    count, held = 0, ()
+    count = 0
+    held: tuple[int, ...] = ()
     for _ in range(_ROUNDS):
         maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
         count += maximum.iterations
