@@ -105,7 +105,7 @@ def simulate_kind(
     )
     s = a.copy()
     v, w = np.zeros_like(s), np.zeros_like(s)
-    bent, bent_aft = np.zeros_like(s), np.zeros_like(s)
+    deflection, deflection_aft = np.zeros_like(s), np.zeros_like(s)
     count, per = round(LONG[kind] * RATE), round(1.0 / RATE / STEP)
     kept = []
     # Two seconds at rest come first, in which the control settles.
@@ -127,10 +127,10 @@ def simulate_kind(
             v = implicit_rate(v + STEP * hand / p["mass"], STEP * grip / p["mass"])
             w = implicit_rate(w + STEP * pull / aft, STEP * grip_aft / aft)
         else:
-            bent = bend(bent, STEP * v / bristle)
-            bent_aft = bend(bent_aft, STEP * w / bristle)
-            v = v + STEP * (hand - grip * bent) / p["mass"]
-            w = w + STEP * (pull - grip_aft * bent_aft) / aft
+            deflection = deflect(deflection, STEP * v / bristle)
+            deflection_aft = deflect(deflection_aft, STEP * w / bristle)
+            v = v + STEP * (hand - grip * deflection) / p["mass"]
+            w = w + STEP * (pull - grip_aft * deflection_aft) / aft
         s, a = s + STEP * v, a + STEP * w
     columns = [np.array(column) for column in zip(*kept)]
     records = []
@@ -152,7 +152,7 @@ def simulate_kind(
     return [records[i * n : (i + 1) * n] for i in range(len(sets))]
 
 
-def bend(y: np.ndarray, part: np.ndarray) -> np.ndarray:
+def deflect(y: np.ndarray, part: np.ndarray) -> np.ndarray:
     """Return the deflection of bristles after a part of their travel; never beyond 1."""
     return (y + part) / (1.0 + np.abs(part))
 

@@ -13,12 +13,14 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flighttest.maximum_likelihood.likelihood import EXHAUSTED, STALLED
 from flighttest.maximum_likelihood.search import maximise_likelihood
-from flighttest.submodels.control_loading import simulation
+from flighttest.submodels.control_loading import identification, simulation
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.responses import circuit_fit
 from flighttest.submodels.control_loading.responses.free_response import find_windows
+from flighttest.submodels.control_loading.responses.friction_models import join_models
 from flighttest.submodels.control_loading.responses.quiet_inputs import quiet_lines
+from flighttest.submodels.control_loading.responses.window_response import FRICTION_RATE
 from flighttest.submodels.control_loading.simulation import simulate_linkages
 
 TRUTH = {
@@ -159,7 +161,19 @@ def test_output_error_finds_the_circuit_that_was_simulated(columns):
     assert fit.remarks == []
 
 
+@pytest.fixture
+def one_search(monkeypatch):
+    """Friction by the rate alone, and one search with free starts."""
+
+    def fit(*records):
+        return join_models({FRICTION_RATE: circuit_fit.fit_circuit(*records)})
+
+    monkeypatch.setattr(identification, "fit_friction_models", fit)
+    monkeypatch.setattr(circuit_fit, "_ROUNDS", 1)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("one_search")
 def test_regressions_replace_an_output_error_that_did_not_converge(columns, monkeypatch):
     loading, driven, free = columns
     monkeypatch.setattr(circuit_fit, "_ITERATIONS", 1)
@@ -183,6 +197,7 @@ def test_regressions_replace_an_output_error_that_did_not_converge(columns, monk
     ("first", "stop", "is_proven"),
     [(2, EXHAUSTED, False), (2, STALLED, False), (3, STALLED, True), (3, EXHAUSTED, True)],
 )
+@pytest.mark.usefixtures("one_search")
 def test_held_starts_are_proven_with_free_ones(columns, monkeypatch, first, stop, is_proven):
     """Starts are held after a search without an end. The first search is cut short: after two
     iterations the starts are too far off for the constants.

@@ -155,7 +155,7 @@ def test_bristles_hold_a_force_below_friction_and_not_one_above():
     given, theta = resting(2.0 * CONSTANTS["friction"])
     moved, Y = given.follow(theta, wants_slopes=True)
     assert moved[-1, 0] > 1e-3
-    # Bristles that are bent fully at the start hold no more of a larger start.
+    # Bristles that are fully deflected at the start hold no more of a larger start.
     assert np.isfinite(Y).all()
 
 

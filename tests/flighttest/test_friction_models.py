@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from flighttest.remarks import Convergence
+from flighttest.submodels.control_loading.identification import identify_control_loading
+from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.responses.circuit_fit import CircuitFit
 from flighttest.submodels.control_loading.responses.friction_models import join_models
 from flighttest.submodels.control_loading.responses.response_fit import ResponseFit
@@ -82,3 +85,68 @@ def test_a_choice_that_widens_a_standard_error_is_remarked(widened, is_open):
     )
     texts = [one.text for one in fit.remarks]
     assert any("by the rate 70%, over a travel 30%" in text for text in texts) == is_open
+
+
+GEARING, S_HINGE, C_HINGE, RATE, FINE = -1.8, 2.2, 0.33, 100, 1e-4
+TRUTH = {"mass": 6.0, "damping": 30.0, "friction": 9.0, "Ch_e: delta_e": -0.29}
+BRISTLE = 3e-4
+
+
+def record_with_bristles(qbar: float, size: float, rng: np.random.Generator) -> xr.Dataset:
+    """Return a column with bristles that a hand moves slowly, or lets go (4 s).
+
+    `size` is the force of a release, or 0 for a sweep; semi-implicit Euler with fine steps.
+    """
+    time = np.arange(0.0, 4.0 + 0.5 / RATE, 1.0 / RATE)
+    s = v = y = 0.0
+    spring = -TRUTH["Ch_e: delta_e"] * qbar * S_HINGE * C_HINGE * GEARING**2
+    forces, travels = [], []
+    for t in time:
+        travels.append(s)
+        for k in range(round(1.0 / RATE / FINE)):
+            now = t + k * FINE
+            F = 110.0 * np.sin(0.5 * np.pi * now)
+            if size:
+                # It lets go between two samples.
+                F = size * min(now / 1.5, 1.0) if now < 2.004 else 0.0
+            if not k:
+                forces.append(F)
+            y = (y + FINE * v / BRISTLE) / (1.0 + FINE * abs(v) / BRISTLE)
+            push = F - spring * s - TRUTH["damping"] * v - TRUTH["friction"] * y
+            v += FINE * push / TRUTH["mass"]
+            s += FINE * v
+    travel, count = np.array(travels), len(time)
+    channels = {
+        "F_column": np.array(forces) + rng.normal(0.0, 0.5, count),
+        "column": travel + rng.normal(0.0, 5e-5, count),
+        "delta_e": GEARING * travel + rng.normal(0.0, 1.5e-4, count),
+        "qbar": np.full(count, qbar),
+    }
+    return xr.Dataset({name: ("time", x) for name, x in channels.items()}, {"time": time})
+
+
+@pytest.mark.nightly
+def test_bristles_are_chosen_and_found():
+    rng = np.random.default_rng(3)
+    loading = ControlLoading(
+        "column",
+        GEARING,
+        S_HINGE,
+        C_HINGE,
+        "Ch_e = 1 + delta_e",
+        ("offset", "friction", "damping", "mass"),
+    )
+    driven, free = [], []
+    for qbar in (2500.0, 5000.0):
+        driven.append(record_with_bristles(qbar, 0.0, rng))
+        free += [record_with_bristles(qbar, size, rng) for size in (90.0, -70.0)]
+    fit = identify_control_loading(loading, driven, free, order=2, method="output error")
+    assert fit.response.friction_models[BRISTLE_TRAVEL] > 0.99
+    value, stderr = fit.response.widths[BRISTLE_TRAVEL]
+    assert abs(value - BRISTLE) < 3.5 * stderr
+    assert stderr < 0.2 * BRISTLE
+    for name, true in TRUTH.items():
+        value, stderr = fit.value(name)
+        assert abs(value - true) < 3.5 * stderr
+        assert stderr < 0.03 * abs(true)
+    assert "friction builds up as 1 - exp" in fit.report()

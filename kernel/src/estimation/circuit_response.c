@@ -116,7 +116,7 @@ static mean_t mean_tangent(double first, double last, double width) {
     return m;
 }
 
-/* Bend a bristle over a travel d one way; by_first and by_last are unused: by_h is dy/dd. */
+/* Bend a bristle over a path d one way; by_h is the derivative by d. */
 static bristle_t bend_one_way(double y, double d, double travel) {
     bristle_t b = {y, 1.0, 0.0, 0.0, 0.0, 0.0};
     const double sign = d < 0.0 ? -1.0 : 1.0;
@@ -153,11 +153,8 @@ static mean_t mean_friction(const am_circuit *c, sub_step_t *p, int i) {
     if (!c->bristles) return mean_tangent(p->v[i], p->w[i], q[AM_RATE_WIDTH]);
     bristle_t *b = p->bristle + i;
     *b = bend_bristle(p->y[i], p->v[i], p->w[i], p->h, q[AM_BRISTLE_TRAVEL]);
-    const mean_t m = {.mean = 0.5 * (p->y[i] + b->end),
-                      .by_first = 0.5 * b->by_first,
-                      .by_last = 0.5 * b->by_last,
-                      .by_width = 0.5 * b->by_travel};
-    return m;
+    const double mean = 0.5 * (p->y[i] + b->end);
+    return (mean_t){mean, 0.5 * b->by_first, 0.5 * b->by_last, 0.5 * b->by_travel};
 }
 
 static double between(const double *x, size_t stride, const middle_t *at) {
@@ -326,6 +323,7 @@ static void by_length(const am_circuit *c, const sub_step_t *p, double out[BODIE
 static void advance_changes(const am_circuit *c, const middle_t *at, const sub_step_t *p,
                             change_t *d) {
     const size_t n = (size_t)c->unknowns;
+    const double *by_travel = c->by_constants + AM_BRISTLE_TRAVEL * n;
     double f[BODIES], x[BODIES], longer[BODIES];
     if (at->by_edge != 0.0) by_length(c, p, longer);
     for (size_t j = 0; j < n; j++) {
@@ -337,12 +335,10 @@ static void advance_changes(const am_circuit *c, const middle_t *at, const sub_s
         }
         divide(p, c->bodies, f, x);
         for (int i = 0; i < c->bodies; i++) {
-            if (c->bristles) {
-                const bristle_t *b = p->bristle + i;
-                const double by_travel = c->by_constants[AM_BRISTLE_TRAVEL * n + j];
+            const bristle_t *b = p->bristle + i;
+            if (c->bristles)
                 d->y[i][j] = b->by_start * d->y[i][j] + b->by_first * d->v[i][j] - b->by_last * x[i]
-                             + b->by_h * length + b->by_travel * by_travel;
-            }
+                             + b->by_h * length + b->by_travel * by_travel[j];
             d->s[i][j] += 0.5 * p->h * (d->v[i][j] - x[i]) + p->rate[i] * length;
             d->v[i][j] = -x[i];
         }

@@ -61,6 +61,8 @@ from flighttest.submodels.control_loading.responses.window_response import (
 
 # Iterations of the search with free starts of the windows, and of that with held ones.
 _ITERATIONS, _HELD_ITERATIONS = 60, 60
+# Most searches with free starts, each of which follows an end that is not proven.
+_ROUNDS = 3
 # First and smallest width of friction and preload, over the largest rate and the range of the
 # travel in the records, and a-priori standard error of the logarithm of a width.
 _WIDE, _LEAST, _WIDTH_ERROR = 3e-3, 1e-4, 3.0
@@ -160,6 +162,7 @@ def fit_circuit(
     start: Mapping[str, float],
     prior: Mapping[str, tuple[float, float]],
     width: str = FRICTION_RATE,
+    follows: CircuitFit | None = None,
 ) -> CircuitFit:
     """Return the constants of a circuit by maximum likelihood.
 
@@ -174,6 +177,8 @@ def fit_circuit(
         A-priori values and standard errors.
     width : {"friction_rate", "bristle_travel"}
         Width over which friction is developed: a rate, or a travel.
+    follows : CircuitFit, optional
+        Fit of the same records with the other width, from whose maximum the search starts.
 
     Raises
     ------
@@ -185,17 +190,38 @@ def fit_circuit(
     _demand_room(windows, layout, len(unknowns))
     begin = layout.start.copy()
     for k, name in enumerate(layout.names):
-        if name in start:
+        if follows is not None and name != width:
+            begin[k] = follows.maximum.theta[k]
+        elif name in start:
             begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
     likelihood = CircuitLikelihood(loading, windows, rows, layout, start)
-    maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
-    held, windows_held = hold_starts(layout, maximum)
-    if windows_held:
-        kept = CircuitLikelihood(loading, windows, rows, held, start)
-        end = maximise_likelihood(kept, _HELD_ITERATIONS, maximum.theta)
-        end = replace(end, iterations=maximum.iterations + end.iterations)
-        maximum = release_starts(end, likelihood, len(unknowns))
+    maximum, windows_held = _search_with_held_starts(likelihood, begin, len(unknowns))
     return _fit_of(maximum, likelihood, tuple(unknowns), windows_held)
+
+
+def _search_with_held_starts(
+    likelihood: CircuitLikelihood, begin: np.ndarray, constants: int
+) -> tuple[LikelihoodMaximum, tuple[int, ...]]:
+    """Return the end of a search, and the numbers of the windows whose starts it held.
+
+    A search with held starts moves the constants. If this end is not proven, a search with free
+    starts goes on from there: it may pass the kink at which the first one stalled.
+    """
+    count = 0
+    held: tuple[int, ...] = ()
+    for _ in range(_ROUNDS):
+        maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
+        count += maximum.iterations
+        layout, held = hold_starts(likelihood.layout, maximum)
+        if held:
+            kept = likelihood.with_layout(layout)
+            end = maximise_likelihood(kept, _HELD_ITERATIONS, maximum.theta)
+            count += end.iterations
+            maximum = release_starts(end, likelihood, constants)
+        if maximum.converged:
+            break
+        begin = maximum.theta
+    return replace(maximum, iterations=count), held
 
 
 def _demand_room(windows: Sequence[FreeWindow], layout: UnknownVector, common: int) -> None:
@@ -344,6 +370,10 @@ class CircuitLikelihood(Likelihood):
     ) -> CircuitLikelihood:
         """Return the likelihood of other records with the same unknowns."""
         return CircuitLikelihood(self.loading, windows, rows, self.layout, self.start)
+
+    def with_layout(self, layout: UnknownVector) -> CircuitLikelihood:
+        """Return the likelihood of the same records with other bounds of the unknowns."""
+        return CircuitLikelihood(self.loading, self.windows, self.rows, layout, self.start)
 
 
 def _covariance(maximum: LikelihoodMaximum, likelihood: CircuitLikelihood) -> np.ndarray:

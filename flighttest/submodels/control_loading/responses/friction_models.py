@@ -75,7 +75,9 @@ def fit_friction_models(
         # The first model has the same windows and unknowns. If only the second one cannot be
         # searched, it does not explain these records.
         with suppress(IdentificationError):
-            fits[BRISTLE_TRAVEL] = fit_circuit(loading, windows, rows, start, prior, BRISTLE_TRAVEL)
+            fits[BRISTLE_TRAVEL] = fit_circuit(
+                loading, windows, rows, start, prior, BRISTLE_TRAVEL, fits[FRICTION_RATE]
+            )
     return join_models(fits)
 
 
