@@ -13,6 +13,7 @@ import xarray as xr
 
 import flighttest
 from aeromatch.planning.gap_checks import gap_departures
+from aeromatch.planning.held_checks import held_departures
 from aeromatch.planning.repeated_samples import used_samples
 from aeromatch.planning.sample_checks import fit_problems, manoeuvre_problems, submodel_problems
 from aeromatch.planning.steps import run_collecting_problems
@@ -118,8 +119,8 @@ class RecordLook:
     name : str
     problems : list of str
     departures : list of str
-        Departures of the windows of cases from normal practice, and gaps of the record. The match
-        runs with them.
+        Departures of the windows of cases from normal practice, gaps of the record, and values that
+        it repeats. The match runs with them.
     first, last : float
         Span of the clock of the path; NaN for a record that cannot be read. [s]
     channels : int
@@ -173,6 +174,7 @@ def look_at(
     if states is None:
         return look, None
     look.departures += gap_departures(task.name, record, task.cases, spans)
+    look.departures += held_departures(task.name, record, task.cases, spans)
     look.problems += manoeuvre_problems(task.name, table, states)
     look.remarks += stop_remarks(task, states)
     time = states["time"].values

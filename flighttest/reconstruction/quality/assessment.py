@@ -106,6 +106,7 @@ from flighttest.reconstruction.quality.navigation.motion_delays import (
     motion_delays,
 )
 from flighttest.reconstruction.quality.record_notes import quality_remarks
+from flighttest.reconstruction.quality.recording.control_ranges import control_range_findings
 from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
     answers_not_checked,
     exchanged_findings,
@@ -197,6 +198,8 @@ def assess(
     findings += shared
     findings += gyro_findings(gyros, record)
     findings += lever_findings(record, signals)
+    ranges, no_ranges = control_range_findings(signals, record)
+    findings += ranges
     findings += heading_findings(record, corrected, mistaken)
     findings += pressure_height_findings(corrected)
     findings += temperature_findings(corrected, record)
@@ -217,7 +220,7 @@ def assess(
     corrected_at_cg = without_constant_errors(recorded_at_cg, constant)
     findings += constant
     unseen = lost_not_checked(record) + slip_not_checked(kinematics, recorded_at_cg)
-    unchecked = _append_rows(not_checked(corrected), unseen)
+    unchecked = _append_rows(not_checked(corrected), unseen + no_ranges)
     if aircraft is not None:
         declared, reasons = _aircraft_findings(
             corrected_at_cg, aircraft, record=record, database=database, recorded=recorded_at_cg

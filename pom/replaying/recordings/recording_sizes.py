@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterator, Mapping
 import numpy as np
 
 from flightmech.names import WRAPPED, is_quantity, lookup, value_text
+from flightmech.support.arrays import true_runs
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
 from pom.status import RECORDING_FAULT
 from pom.tolerances.bands import RowRemark
@@ -38,6 +39,10 @@ LEAST_CORRELATION = 0.8
 """Of the movements of device and flight, so that their ratio is one of sizes."""
 LEVEL = 4.0
 """A channel whose mean is this many times its rms movement is compared by its mean."""
+FROZEN = 0.1
+"""Share of a case for which an output that moved before repeats one value, to be frozen."""
+FROZEN_MOVED = 3.0
+"""Movement of the flight meanwhile, in `LEAST_MOVED`: outputs have coarse steps."""
 LEAST_MOVED = {"rad": DEGREE, "rad s-1": DEGREE, "1": 0.02, "m": 10.0, "m s-1": 1.0, "N": 5.0}
 """By unit: movement of the flight below which a channel is not compared by it. [SI]"""
 
@@ -57,6 +62,7 @@ def size_remarks(
         Channels that are compared as inputs elsewhere, and are left out here.
     """
     frozen: list[str] = []
+    partly: list[str] = []
     for name, values in device.items():
         if name not in flight or name in inputs or name in WRAPPED or not is_quantity(name):
             continue
@@ -68,6 +74,10 @@ def size_remarks(
         if np.ptp(own) == 0.0 and np.ptp(reference) > LEAST_MOVED[unit]:
             frozen.append(f"{name} (flight {value_text(name, float(np.ptp(reference)), '.3g')})")
             continue
+        share, moved = _frozen_part(own, reference, FROZEN_MOVED * LEAST_MOVED[unit])
+        if share > 0.0:
+            meanwhile = value_text(name, moved, ".3g")
+            partly.append(f"{name} ({share:.0%} of the case; flight meanwhile {meanwhile})")
         text = _size_text(unit, own, reference)
         if text:
             yield _fault(f"{name} ({quantity_words(name)}) of the device is {text}")
@@ -77,6 +87,25 @@ def size_remarks(
             f"flight moves: these outputs are frozen; record the run again with the outputs of "
             f"the model",
         )
+    if partly:
+        yield _fault(
+            f"the recording repeats one value for a part of the case in {', '.join(partly)}: these "
+            f"outputs froze; record the run again with the outputs of the model",
+        )
+
+
+def _frozen_part(own: np.ndarray, reference: np.ndarray, least: float) -> tuple[float, float]:
+    """Return the share of the samples for which an output repeats a value after it moved, and the
+    movement of the flight meanwhile; zeros if the flight moves by no more than `least`. [1, SI]
+
+    A model is at rest before its first input, so that a run at the start does not count.
+    """
+    repeats = np.concatenate([[False], np.diff(own) == 0.0])
+    for start, stop in true_runs(repeats):
+        moved = float(np.ptp(reference[start:stop]))
+        if start > 1 and stop - start > FROZEN * len(own) and moved > least:
+            return (stop - start) / len(own), moved
+    return 0.0, 0.0
 
 
 def _fault(text: str) -> RowRemark:

@@ -196,6 +196,13 @@ def test_an_input_of_opposite_sign_is_named():
         ("theta", lambda x: x * DEGREE, "0.0175 times that of the flight, as rad read as deg"),
         ("theta", lambda x: -x, "-1.00 times that of the flight, of opposite sign"),
         ("theta", lambda x: 0.0 * x, "holds one value for the whole case in theta"),
+        (
+            "theta",
+            lambda x: np.where(np.arange(400) < 150, x, x[150]),
+            "for a part of the case in theta (62% of the case; flight meanwhile",
+        ),
+        # at rest before the first input
+        ("theta", lambda x: np.where(np.arange(400) < 60, x[60], x), ""),
         ("V", lambda x: 1.95 * x, "1.95 times that of the flight, as kt read as m/s"),
         ("h", lambda x: 0.3048 * x, "0.305 times that of the flight, as m read as ft"),
         ("nz", lambda x: 9.81 * x, "9.81 times that of the flight, as m/s2 read as g"),

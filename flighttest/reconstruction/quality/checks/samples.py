@@ -131,21 +131,31 @@ def _channel_faults(data: xr.Dataset, name: str) -> list[Flag]:
 def _frozen_runs(time: np.ndarray, x: np.ndarray, name: str, rate: float) -> list[Flag]:
     """Return the runs of equal samples in a channel whose noise changes every sample.
 
-    Runs at the ends of the range are saturations.
+    Runs at the ends of the range are saturations, unless they begin or end with the record.
     """
     size = np.abs(np.diff(x))
     typical = np.inf
     if (size > 0.0).any():
         typical = float(np.median(size[size > 0.0]))
+    needed = max(HELD_SAMPLES, HELD_TIME * rate)
+    still_runs = true_runs(np.concatenate([[False], size == 0.0]))
+    long_runs = [(start, stop) for start, stop in still_runs if stop - start >= needed]
+    # Controls and headings may move without noise. The ones with noise do not rest for long.
+    # The noise is that between the runs: a channel may be held for most of a record.
+    noise = np.nan
+    if long_runs and not name.rpartition(".")[2].startswith(_DEVICES):
+        moving = np.ones(len(x), bool)
+        for start, stop in long_runs:
+            moving[start:stop] = False
+        noise = _sixth_difference_noise(unwrap_angle(name, x[moving]))
     # the negation is true for a noise of NaN, of channels without noise
-    if not _white_noise(x, name) > _RESTLESS * typical:
+    if not noise > _RESTLESS * typical:
         return []
     inside_range = (x != np.nanmax(x)) & (x != np.nanmin(x))
-    still = np.concatenate([[False], size == 0.0]) & inside_range
-    needed = max(HELD_SAMPLES, HELD_TIME * rate)
     runs = []
-    for start, stop in true_runs(still):
-        if stop - start >= needed and _moves_around(size, start, stop, typical):
+    for start, stop in long_runs:
+        is_inside = start == 1 or stop == len(x) or inside_range[start]
+        if is_inside and _moves_around(size, start, stop, typical):
             # the sample before the run has the same value
             span = float(time[start - 1]), float(time[stop - 1])
             runs.append(Flag(name, "held", *span, stop - start + 1))
@@ -155,15 +165,17 @@ def _frozen_runs(time: np.ndarray, x: np.ndarray, name: str, rate: float) -> lis
 def _moves_around(size: np.ndarray, start: int, stop: int, typical: float) -> bool:
     """Return whether the channel moves by its typical step before and after a run.
 
-    The channels of a parked aeroplane are at rest before and after it.
+    The channels of a parked aeroplane are at rest before and after it. Only one side of a run
+    counts that begins or ends with the record; both ends are a channel that never changes.
     """
-    before = size[max(0, start - _NEIGHBOURS - 1) : start - 1]
-    after = size[stop : stop + _NEIGHBOURS]
-    if not (len(before) and len(after)):
-        return False
+    sides = []
+    if start > 1:
+        sides.append(size[max(0, start - _NEIGHBOURS - 1) : start - 1])
+    if stop <= len(size):
+        sides.append(size[stop : stop + _NEIGHBOURS])
     # a median of NaN is not larger than anything
-    moves_before = float(np.median(before)) > _LIVELY * typical
-    return moves_before and float(np.median(after)) > _LIVELY * typical
+    moves = [len(side) > 0 and float(np.median(side)) > _LIVELY * typical for side in sides]
+    return bool(moves) and all(moves)
 
 
 def _flags_overlap(first: Flag, second: Flag) -> bool:
@@ -278,6 +290,11 @@ def _white_noise(x: np.ndarray, name: str) -> float:
     """
     if is_control(name) or name in _ENDLESS or name.startswith(_DEVICES):
         return float("nan")
+    return _sixth_difference_noise(x)
+
+
+def _sixth_difference_noise(x: np.ndarray) -> float:
+    """Return the standard deviation of the white noise of a time history; NaN if it is short."""
     sixth = np.abs(np.diff(x, _DIFFERENCE))
     sixth = sixth[np.isfinite(sixth)]
     if len(sixth) < _ENOUGH:

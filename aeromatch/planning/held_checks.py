@@ -1,0 +1,55 @@
+"""Values that a record repeats while its channel should move, before a match."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import xarray as xr
+
+from flighttest.reconstruction.quality.checks.samples import (
+    channel_findings,
+    channel_table,
+    faults_of,
+)
+from pom.cases.case import PomCase
+
+Spans = Mapping[str, Sequence[tuple[float, float]]]
+_EFFECT = "fits leave these samples out, and a case with them shows no flight"
+
+
+def held_departures(
+    name: str, record: xr.DataTree, cases: Sequence[PomCase], spans: Spans
+) -> list[str]:
+    """Return a line for every channel that repeats its value, for a time or throughout.
+
+    Parameters
+    ----------
+    name : str
+        Name of the record.
+    record : DataTree
+    cases : sequence of PomCase
+        Cases that replay the record.
+    spans : mapping of str to sequence of (float, float)
+        Windows that identify something, by fit or position of a submodel. [s]
+    """
+    lines = []
+    faults = faults_of(record)
+    for row in faults[faults["kind"] == "held"].to_dict("records"):
+        span = float(row["start"]), float(row["stop"])
+        users = [f"case {case.name}" for case in cases if _overlaps(case.window, span)]
+        for user, windows in spans.items():
+            if any(_overlaps(window, span) for window in windows):
+                users.append(user)
+        used = f" (in {', '.join(users)})" if users else ""
+        lines.append(
+            f"record {name}: {row['channel']} repeats its value from {span[0]:g} to {span[1]:g} s"
+            f"{used}; {_EFFECT}; choose windows without it, or map a column that moves"
+        )
+    for finding in channel_findings(record, channel_table(record), None):
+        if finding.kind == "stuck" and finding.severity == "error":
+            lines.append(f"record {name}: {finding.text}; {finding.remedy}")
+    return lines
+
+
+def _overlaps(window: tuple[float, float], span: tuple[float, float]) -> bool:
+    return window[0] <= span[1] and span[0] <= window[1]

@@ -1,0 +1,133 @@
+"""Ranges of controls and devices that no aeroplane has: per cent for shares, mm for m, 1 for flaps.
+
+The motion of an aeroplane does not give the unit of a lever, of a flap or of a force of the pilot:
+the effect of a control takes the factor up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from flightmech.names import lookup
+from flightmech.units import DEGREE, INCH
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels
+from flighttest.reconstruction.quality.finding import Finding, map_entry
+
+_SHARES = ("throttle", "n1", "n2", "gear", "speedbrake", "brake", "brake_left", "brake_right")
+_LARGEST_SHARE = 1.3  # of full travel or rated speed: reheat and overspeed are below
+_PER_CENT = (20.0, 130.0)  # largest values of a share in per cent
+_HUNDREDTH = 0.0131  # largest value of a share that was divided by 100 twice
+_RUNNING = 0.004  # largest value of a speed that is not zero, noise included
+_TURNING = ("n1", "n2")  # shares that are larger while an engine runs
+_FLAPS = "delta_f"
+_ONE = 0.01  # rad about 1 rad of the largest flap that is a position of 0 to 1
+# largest excursion of a cockpit control from its middle: m, m and rad
+_EXCURSIONS = {"column": 0.5, "pedal": 0.3, "wheel": 3.5}
+# largest forces of a pilot: N, N m (wheel) and N, four times the limits of 14 CFR 23.143
+_FORCES = {"F_column": 1340.0, "F_wheel": 300.0, "F_pedal": 2670.0}
+_FLOW = 20.0  # kg/s of fuel of one engine
+Unchecked = list[tuple[str, str, tuple[str, ...], str]]
+
+
+@dataclass(frozen=True)
+class _Mistake:
+    """What a range shows: words, and factor of the correction (0 without a certain one)."""
+
+    text: str
+    factor: float = 0.0
+
+
+def control_range_findings(
+    signals: ResampledChannels, record: xr.DataTree
+) -> tuple[list[Finding], Unchecked]:
+    """Return the warnings on controls whose range fits another unit, and what was not checked.
+
+    Parameters
+    ----------
+    signals : ResampledChannels
+        Controls and devices as the name map gives them. [SI]
+    record : DataTree
+        Its channels carry their entries of the name map.
+
+    Returns
+    -------
+    list of Finding
+        Of kind ``unit``.
+    list of (str, str, tuple of str, str)
+        Forces of the pilot within the usual range: lbf and N differ by 4.4 and both are usual.
+    """
+    findings = []
+    forces: list[str] = []
+    for name, values in signals.values.items():
+        good = values[signals.good[name]]
+        if not good.size:
+            continue
+        mistake = _mistake_of(name, good)
+        if mistake is None:
+            if name in _FORCES and np.ptp(good) > 0.0:
+                forces.append(name)
+            continue
+        remedy = f"check column and unit of {name} in the name map"
+        if mistake.factor:
+            remedy = map_entry(record, name, mistake.factor)
+        evidence = {"least": float(good.min()), "largest": float(good.max())}
+        text = f"{name} {mistake.text}"
+        findings.append(Finding("warning", "unit", (name,), text, remedy, evidence=evidence))
+    unchecked: Unchecked = []
+    if forces:
+        reason = (
+            f"{', '.join(forces)}: lbf and N differ by 4.45, and a flight has both; compare with a "
+            f"force balance on the ground"
+        )
+        unchecked.append(("forces", "unit of the forces of the pilot", tuple(forces), reason))
+    return findings, unchecked
+
+
+def _mistake_of(name: str, x: np.ndarray) -> _Mistake | None:
+    """Return the mistake that the samples of a channel show; None without one."""
+    kind = name.rpartition(".")[2]
+    largest = float(np.max(np.abs(x)))
+    reaches = f"reaches {largest:.3g} {lookup(name).units}"
+    if kind in _SHARES:
+        return _share_mistake(kind, largest)
+    if name == _FLAPS and abs(largest - 1.0) < _ONE:
+        return _Mistake(
+            f"{reaches}, 57.3 deg, at most: a position of 0 to 1 that is taken for an angle; usual "
+            f"are 10 to 60 deg; give it scale = the angle of full flaps"
+        )
+    if name in _EXCURSIONS and largest > _EXCURSIONS[name]:
+        limit = f"usual are up to {_EXCURSIONS[name]:g} {lookup(name).units} from the middle"
+        if name == "wheel":
+            return _Mistake(f"{reaches}; {limit}; it fits deg taken for rad", DEGREE)
+        factor, unit = (1e-3, "mm") if largest > _EXCURSIONS[name] / INCH else (INCH, "in or cm")
+        return _Mistake(f"{reaches}; {limit}; it fits {unit} taken for m", factor)
+    if name in _FORCES and largest > _FORCES[name]:
+        return _Mistake(
+            f"{reaches}; no pilot exerts more than {_FORCES[name]:g} {lookup(name).units}; N was "
+            f"taken for lbf, or the raw signal for a force"
+        )
+    if kind == "fuel_flow" and largest > _FLOW:
+        return _Mistake(
+            f"{reaches}; an engine burns less than {_FLOW:g} kg/s; it fits kg/h or lb/h taken for "
+            f"kg/s"
+        )
+    return None
+
+
+def _share_mistake(kind: str, largest: float) -> _Mistake | None:
+    if largest > _LARGEST_SHARE:
+        fits = _PER_CENT[0] <= largest <= _PER_CENT[1]
+        reason = "it fits per cent; state unit = '%'" if fits else "it fits no share"
+        return _Mistake(
+            f"reaches {largest:.3g}, and its full value is 1: {reason}", 0.01 if fits else 0.0
+        )
+    if kind in _TURNING and _RUNNING < largest < _HUNDREDTH:
+        return _Mistake(
+            f"reaches {largest:.3g} only, and its full value is 1: a share that is taken for per "
+            f"cent",
+            100.0,
+        )
+    return None
