@@ -58,7 +58,7 @@ def term_remarks(project: Project, flown: Mapping[str, Mapping[str, Range]]) -> 
         coefficient = path.partition("/")[0]
         fits = _fits_of(project, coefficient)
         if not fits:
-            # the report of the terms says so
+            # the report of the terms states it
             continue
         variables = {name for names in fits.values() for name in names}
         absent = [name for name in term.regressors if name in _STEERED and name not in variables]

@@ -24,7 +24,7 @@ from aerodb.store.undo_history import drop_undo_history, undo_edits
 from flightmech.errors import AeromatchError, AeromatchWarning
 from flightmech.names import is_quantity
 from flightmech.quantities import number_or_text, parse_quantity
-from flightmech.simulation.odd_values import describe_odd_quantity
+from flightmech.simulation.stated_values.odd_values import describe_odd_quantity
 from flightmech.support.console import print_remark, print_table
 
 MOST_CHORDS = 1.0
