@@ -26,6 +26,7 @@ from aeromatch.planning.steps import (
     run_collecting_problems,
     steps_of,
 )
+from aeromatch.planning.term_remarks import Range, term_remarks
 from aeromatch.project.project import Project
 from aeromatch.rebuilding.match_options import MatchOptions
 from aeromatch.workflow.aerodynamics import a_priori, add_missing_terms, before_flight
@@ -239,6 +240,7 @@ def make_plan(
             plan.remarks += look.remarks
         samples = {name: look.samples for name, look in plan.looks.items()}
         problems += repeated_sample_problems(samples)
+        plan.remarks += term_remarks(project, _joined_ranges(plan.looks))
         checks.run()
     if options.samples:
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)
@@ -249,6 +251,18 @@ def make_plan(
     plan.steps = steps_of(project, names, len(plan.cases), options.compare_tables)
     plan.products = products_of(project, plan.cases, options.compare_tables)
     return plan
+
+
+def _joined_ranges(looks: Mapping[str, RecordLook]) -> dict[str, dict[str, Range]]:
+    """Return the flown ranges of the axes by fit, over all records of the fit. [SI]"""
+    joined: dict[str, dict[str, Range]] = {}
+    for look in looks.values():
+        for position, ranges in look.ranges.items():
+            known = joined.setdefault(position, {})
+            for name, (low, high) in ranges.items():
+                before = known.get(name, (low, high))
+                known[name] = (min(low, before[0]), max(high, before[1]))
+    return joined
 
 
 def _check_folders(folder: Path, options: MatchOptions, problems: list[str]) -> None:

@@ -15,8 +15,14 @@ import flighttest
 from aeromatch.planning.gap_checks import gap_departures
 from aeromatch.planning.held_checks import held_departures
 from aeromatch.planning.repeated_samples import used_samples
-from aeromatch.planning.sample_checks import fit_problems, manoeuvre_problems, submodel_problems
+from aeromatch.planning.sample_checks import (
+    fit_problems,
+    manoeuvre_problems,
+    sample_indices,
+    submodel_problems,
+)
 from aeromatch.planning.steps import run_collecting_problems
+from aeromatch.planning.term_remarks import Range, flown_ranges
 from aeromatch.project.model_sections import FitSection
 from aeromatch.project.project import Project
 from aeromatch.project.sections import RecordSelection
@@ -136,6 +142,8 @@ class RecordLook:
         Controls past the stops of the aircraft file.
     samples : dict of str to array of uint64
         Hashes of the samples that identify a coefficient, or a submodel by its position.
+    ranges : dict of str to dict of str to (float, float)
+        Flown ranges of the axes of tables, by fit. [SI]
     """
 
     name: str
@@ -149,6 +157,7 @@ class RecordLook:
     windows: dict[str, xr.Dataset] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     samples: dict[str, np.ndarray] = field(default_factory=dict)
+    ranges: dict[str, dict[str, Range]] = field(default_factory=dict)
 
 
 def look_at(
@@ -265,6 +274,8 @@ def _check_identification(
             continue
         if position in task.fits:
             look.problems += fit_problems(where, task.fits[position], states=states, spans=windows)
+            samples = sample_indices(states["time"].values, windows)
+            look.ranges[position] = flown_ranges(states, samples)
         else:
             look.problems += submodel_problems(
                 where,

@@ -97,7 +97,7 @@ def fit_problems(where: str, fit: FitSection, states: xr.Dataset, spans: Spans) 
     """
     if not spans:
         return []
-    samples = _sample_indices(states["time"].values, spans)
+    samples = sample_indices(states["time"].values, spans)
     count = int(samples.size - _on_wheels(states)[samples].sum())
     problems: list[str] = []
     for text in fit.models:
@@ -116,7 +116,7 @@ def fit_problems(where: str, fit: FitSection, states: xr.Dataset, spans: Spans) 
     return problems
 
 
-def _sample_indices(time: np.ndarray, spans: Spans) -> np.ndarray:
+def sample_indices(time: np.ndarray, spans: Spans) -> np.ndarray:
     """Return the indices of the samples in windows, one window after the other.
 
     The bounds are the bounds of `flighttest.select_time`.

@@ -22,7 +22,6 @@ from flightmech.simulation.kernel_library import (
     LoopStruct,
     load_kernel,
 )
-from flightmech.simulation.odd_values import warn_of_odd_values
 from flightmech.simulation.run import (
     Stated,
     check_hold,
@@ -33,6 +32,7 @@ from flightmech.simulation.run import (
     read_time,
     values_in_si,
 )
+from flightmech.simulation.stated_values.odd_values import warn_of_odd_values
 
 MOST_LOOPS = 16  # AM_MOST_LOOPS of kernel.h
 _TEXT_SIZE = 200  # AM_TEXT of kernel.h: size of the text of a failure [bytes]

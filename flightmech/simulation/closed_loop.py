@@ -12,7 +12,6 @@ import xarray as xr
 from flightmech.errors import OutOfRange, UnknownName
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT
-from flightmech.simulation.odd_values import warn_of_odd_values
 from flightmech.simulation.run import (
     RUNWAY,
     Stated,
@@ -27,6 +26,7 @@ from flightmech.simulation.run import (
     read_time,
     values_in_si,
 )
+from flightmech.simulation.stated_values.odd_values import warn_of_odd_values
 
 Law = Callable[[float, Mapping[str, float], Mapping[str, float]], Mapping[str, float]]
 """``law(t, outputs, inputs)`` returns the inputs that it commands, by name. [s], [SI]"""

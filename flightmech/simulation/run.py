@@ -13,7 +13,7 @@ from flightmech.names import is_quantity, lookup
 from flightmech.quantities import value_in_si
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
-from flightmech.simulation.odd_values import warn_of_odd_values
+from flightmech.simulation.stated_values.odd_values import warn_of_odd_values
 
 RUNWAY = "env.runway_elevation"  # parameter [m]
 _CONTRIBUTION = {"long_name": "contribution of each term to its coefficient"}

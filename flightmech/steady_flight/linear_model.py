@@ -38,7 +38,7 @@ from flightmech.steady_flight.linear_plant import (
     submodel_states,
     trim_plant,
 )
-from flightmech.steady_flight.odd_speeds import warn_of_odd_flight
+from flightmech.steady_flight.stated_speeds.odd_speeds import warn_of_odd_flight
 from flightmech.steady_flight.trim_kinds import DRIVES
 from flightmech.units import G0
 

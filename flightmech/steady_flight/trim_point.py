@@ -24,7 +24,7 @@ from flightmech.simulation.run import Stated, constant_inputs, values_in_si
 from flightmech.steady_flight.compiled_aircraft import CompiledAircraft
 from flightmech.steady_flight.flight_condition import condition_parameters, flight_condition_text
 from flightmech.steady_flight.glide_angle import find_glide_angle
-from flightmech.steady_flight.odd_speeds import describe_odd_flight
+from flightmech.steady_flight.stated_speeds.odd_speeds import describe_odd_flight
 from flightmech.steady_flight.trim_findings import (
     STATED,
     TRIMMED,

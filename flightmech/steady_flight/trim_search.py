@@ -19,7 +19,7 @@ from flightmech.simulation.run import (
     output_attributes,
     values_in_si,
 )
-from flightmech.steady_flight.odd_speeds import warn_of_odd_flight
+from flightmech.steady_flight.stated_speeds.odd_speeds import warn_of_odd_flight
 from flightmech.steady_flight.trim_findings import describe_tables_left
 from flightmech.steady_flight.trim_kinds import CLIMB
 from flightmech.steady_flight.trim_request import make_trim_request

@@ -7,6 +7,7 @@ editors, come from the same models, so that both allow the same keys.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
@@ -98,7 +99,7 @@ def validate_content(model: type[T], content: dict[str, Any], what: str, context
             found = error.errors()
             problems = [_describe_problem(model, item) for item in found[:_MOST_DESCRIBED]]
             # the search for similar names takes minutes for 100 000 unknown keys
-            problems += [".".join(map(str, item["loc"])) for item in found[_MOST_DESCRIBED:]]
+            problems += [position_text(item["loc"]) for item in found[_MOST_DESCRIBED:]]
         raise SchemaError(what, problems) from error
 
 
@@ -121,9 +122,25 @@ def _describe_other_kind(model: type[BaseModel], content: dict[str, Any]) -> str
     return ""
 
 
+def position_text(location: Sequence[str | int]) -> str:
+    """Return the position of a key in a file, ``engine.1.position``.
+
+    Engines count from 1, as in the names of channels and terms: ``engine1.thrust``.
+
+    Examples
+    --------
+    >>> position_text(("engine", 0, "position", 2)), position_text(("fit", 0, "models"))
+    ('engine.1.position.2', 'fit.0.models')
+    """
+    parts = list(location)
+    if len(parts) > 1 and parts[0] == "engine" and isinstance(parts[1], int):
+        parts[1] += 1
+    return ".".join(map(str, parts))
+
+
 def _describe_problem(model: type[BaseModel], item: Any) -> str:
     """Return the sentence of a problem that pydantic reports."""
-    position = ".".join(map(str, item["loc"]))
+    position = position_text(item["loc"])
     if item["type"] == "extra_forbidden":
         allowed = sorted(_allowed_keys(model, item["loc"][:-1]))
         near = near_names(str(item["loc"][-1]), allowed, 3)

@@ -19,7 +19,7 @@ from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import is_quantity, lookup
 from flightmech.quantities import parse_quantity
-from flightmech.simulation.odd_values import describe_odd_quantity
+from flightmech.simulation.stated_values.odd_values import describe_odd_quantity
 from pom.cases.case_file import CONDITIONS, ENGINE_LEVER, FORCES, CaseFile
 from pom.tolerances import rows as table
 from pom.tolerances.conditions import missing_claims

@@ -18,7 +18,7 @@ from flightmech.errors import UnknownName
 from flightmech.flying_qualities.evaluation import characteristics as compute
 from flightmech.names import VOCABULARY
 from flightmech.quantities import number_or_text, parse_quantity
-from flightmech.simulation.odd_values import describe_bare_numbers
+from flightmech.simulation.stated_values.odd_values import describe_bare_numbers
 from flightmech.support.console import print_json, print_table, show_progress
 
 

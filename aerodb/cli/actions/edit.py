@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import click
+import numpy as np
 import xarray as xr
 
 from aerodb.edit import blending, breakpoint_edits, reference_point, table_edits
@@ -16,10 +17,14 @@ from aerodb.edit.ice_file import read_ice
 from aerodb.edit.term_edits import delete_terms, match_names, replace_terms
 from aerodb.store.files import open as open_database
 from aerodb.store.files import save
+from aerodb.store.plausibility import check_plausibility
+from aerodb.store.plausibility_findings import PlausibilityFinding
 from aerodb.store.schema import terms
 from aerodb.store.undo_history import drop_undo_history, undo_edits
-from flightmech.errors import AeromatchWarning
+from flightmech.errors import AeromatchError, AeromatchWarning
+from flightmech.names import is_quantity
 from flightmech.quantities import number_or_text, parse_quantity
+from flightmech.simulation.stated_values.odd_values import describe_odd_quantity
 from flightmech.support.console import print_remark, print_table
 
 MOST_CHORDS = 1.0
@@ -75,6 +80,8 @@ def run_regrid(
     file: str, name: str, axes: tuple[Any, ...], tolerance: float | None, note: str, output: str
 ) -> None:
     """Perform the command ``regrid``."""
+    for axis, points in axes:
+        _demand_angles(axis, points)
 
     def edit(db: xr.DataTree) -> xr.DataTree:
         return breakpoint_edits.regrid(db, name, dict(axes), tolerance=tolerance, note=note)
@@ -94,6 +101,7 @@ def run_extend(
 ) -> None:
     """Perform the command ``extend``."""
     axis, points = axes
+    _demand_angles(axis, points)
     # Values on the command line take the place of the rule.
     rule = how if values is None else values
 
@@ -191,6 +199,28 @@ def run_forget(file: str, output: str) -> None:
     _write(file, output, drop_undo_history, show_change=False)
 
 
+def _new_doubts(before: xr.DataTree, after: xr.DataTree) -> list[str]:
+    """Return the implausible values that an edit brings into a database, a line each."""
+    try:
+        known = {finding.subject for finding in check_plausibility(before) if _is_doubt(finding)}
+        findings = check_plausibility(after)
+    except AeromatchError:
+        # a database without the tables of the check
+        return []
+    return [str(item) for item in findings if _is_doubt(item) and item.subject not in known]
+
+
+def _is_doubt(finding: PlausibilityFinding) -> bool:
+    return finding.kind == "implausible"
+
+
+def _demand_angles(axis: str, points: Any) -> None:
+    """Raise BadParameter for breakpoints of an angle that no aeroplane reaches: degrees as rad."""
+    for point in np.atleast_1d(np.asarray(points, float)):
+        if is_quantity(axis) and (odd := describe_odd_quantity(axis, float(point))):
+            raise click.BadParameter(odd, param_hint="--axis")
+
+
 def _write(
     file: str,
     output: str,
@@ -204,11 +234,14 @@ def _write(
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
-        tree = edit(open_database(file))
+        before = open_database(file)
+        tree = edit(before)
     save(tree, output)
     for warning in caught:
         if issubclass(warning.category, AeromatchWarning):
             print_remark(f"warning: {warning.message}")
+    for text in _new_doubts(before, tree):
+        print_remark(f"warning: {text}")
     if show_change:
         click.echo(str(tree.attrs["history"]).rsplit("\n", 1)[-1])
     click.echo(f"written: {output}")

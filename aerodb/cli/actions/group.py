@@ -27,6 +27,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchWarning
 from flightmech.quantities import parse_quantity
+from flightmech.simulation.model_checks import check_root
 from flightmech.support.console import (
     collect_options,
     print_json,
@@ -276,15 +277,19 @@ def check_database(file: str, aircraft: str | None, as_json: bool) -> None:
         craft = read_aircraft(aircraft)
     findings = note_plausibility(tree, craft)[1]
     count = len(terms(tree))
+    # a model of both is not compiled, so that the database is not sound for this aircraft
+    problems = [] if craft is None else check_root(craft, tree)
     is_implausible = any(finding.stops for finding in findings)
     counts = Counter(finding.kind for finding in findings)
-    if is_implausible:
+    if problems:
+        verdict = "not of this aircraft"
+    elif is_implausible:
         verdict = "implausible"
     else:
         verdict = "sound where checked" if counts["not checked"] else "sound"
     if as_json:
         rows = [without_missing(asdict(finding)) for finding in findings]
-        content = {"file": file, "terms": count, "verdict": verdict, "problems": []}
+        content = {"file": file, "terms": count, "verdict": verdict, "problems": problems}
         print_json({**content, "plausibility": rows})
     else:
         parts = [f"{file}: {verdict}", f"{count} terms"]
@@ -292,9 +297,9 @@ def check_database(file: str, aircraft: str | None, as_json: bool) -> None:
             if counts[kind]:
                 parts.append(f"{counts[kind]} {kind}")
         click.echo(", ".join(parts))
-        for finding in findings:
-            click.echo(f"  {finding}")
-    if is_implausible:
+        for line in (*problems, *findings):
+            click.echo(f"  {line}")
+    if problems or is_implausible:
         raise SystemExit(1)
 
 

@@ -17,10 +17,10 @@ from flightmech.names import lookup
 from flightmech.quantities import finite_number, number_or_text, parse_quantity
 from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
-from flightmech.simulation.odd_values import describe_bare_numbers
 from flightmech.simulation.run import simulate as fly
 from flightmech.simulation.run import units_of_names
-from flightmech.steady_flight.odd_speeds import warn_of_odd_speed
+from flightmech.simulation.stated_values.odd_values import describe_bare_numbers
+from flightmech.steady_flight.stated_speeds.odd_speeds import warn_of_odd_speed
 from flightmech.steady_flight.trim_findings import describe_limits_beyond_tables
 from flightmech.steady_flight.trim_search import start_of
 from flightmech.steady_flight.trim_search import trim as search

@@ -9,6 +9,7 @@ from click.testing import CliRunner
 import aerodb
 from aerodb.cli.group import db
 from flightmech.errors import OutOfRange, UnitError, UnknownName
+from flightmech.terms import make_term
 from flightmech.units import FOOT
 
 
@@ -219,3 +220,40 @@ def test_a_reference_point_far_away_is_stated(file, output):
     assert "check the sign" in result.stderr
     near = run("edit", file, "move-reference", "--x", f"{x + 0.1}", "-o", output)
     assert "moves by" not in near.stderr
+
+
+@pytest.fixture
+def plain(root, tmp_path):
+    """Return a file with the lift and the elevator of an ordinary light aeroplane."""
+    alpha, delta = np.radians([-4.0, 0.0, 8.0]), np.radians([-20.0, 0.0, 15.0])
+    leaves = {
+        "CL/basic": make_term(0.2 + 4.9 * alpha, {"alpha": alpha}, stderr=0.01),
+        "Cm/basic": make_term(0.02 - 0.7 * alpha, {"alpha": alpha}, stderr=0.01),
+        "Cm/elevator": make_term(-1.2 * delta, {"delta_e": delta}, stderr=0.01),
+    }
+    aerodb.save(aerodb.make_database(leaves, **{**root, "absent": ""}), tmp_path / "plain.nc")
+    return str(tmp_path / "plain.nc")
+
+
+def test_an_edit_that_makes_a_database_implausible_states_it(plain, output):
+    turned = run("edit", plain, "scale", "Cm/elevator", "--by", "-1", "-o", output)
+    assert "warning: Cm/delta_e = 1.2 is implausible" in turned.stderr
+    again = run("edit", output, "scale", "CL/basic", "--by", "1.01", "-o", plain)
+    assert "implausible" not in again.stderr
+
+
+def test_a_database_of_another_span_is_not_sound_for_an_aircraft(plain, tmp_path):
+    text = 'name = "other"\nS = 16.0\ncbar = 1.5\nb = 1.1\nmass = 1000.0\n'
+    (tmp_path / "a.toml").write_text(f"{text}Ixx = 1000.0\nIyy = 2000.0\nIzz = 2500.0\n")
+    result = run("check", plain, "--aircraft", str(tmp_path / "a.toml"))
+    assert result.exit_code == 1
+    assert "not of this aircraft" in result.stdout
+    assert "in the database and 1.1 in the aircraft; they must agree" in result.stdout
+
+
+def test_degrees_as_breakpoints_without_a_unit_are_refused(file, output):
+    words = ("CL/basic", "--axis", "alpha=20", "-o", output)
+    for verb in ("extend", "regrid"):
+        result = run("edit", file, verb, *words)
+        assert result.exit_code == 2
+        assert "is 20 deg meant? write '20 deg'" in result.stderr

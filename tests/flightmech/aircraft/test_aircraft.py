@@ -96,8 +96,8 @@ def test_all_problems_are_reported_at_once(write):
         "mass: missing; give it",
         "maas: unknown key; near it: mass",
         "Iyy: expected a positive number",
-        "engine.0.direction: expected a direction with a length",
-        "engine.0.timeconstant: unknown key; near it: time_constant",
+        "engine.1.direction: expected a direction with a length",
+        "engine.1.timeconstant: unknown key; near it: time_constant",
         "unknown control delta_x; allowed: delta_e",
     ):
         assert part in text, text

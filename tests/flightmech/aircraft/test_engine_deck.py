@@ -203,7 +203,7 @@ def test_written_and_read_again(file, tmp_path):
         (
             "angular_momentum = 3.0",
             "thrust = { throttle = [0.0, 1.0], value = [0.0, 1.0] }",
-            "engine.0: thrust and deck are both given; keep one",
+            "engine.1: thrust and deck are both given; keep one",
         ),
         ('mass = "380 kg"', 'mass = 2.0\nfile = "none.nc"', "fuel: .*none.nc"),
         ('mass = "380 kg"', "mass = -1.0", "fuel: expected zero or a positive mass"),

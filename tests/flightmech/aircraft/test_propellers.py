@@ -104,15 +104,15 @@ def test_a_similar_aircraft_needs_its_own_propeller(read):
     [
         (
             HEAD.replace("inertia = 2.26\n", "") + PISTON,
-            "engine.0.propeller.inertia: missing; give it",
+            "engine.1.propeller.inertia: missing; give it",
         ),
         (HEAD, "nothing turns the propeller"),
         (HEAD + PISTON + MOTOR, "piston and motor turn one propeller; keep one"),
         (HEAD.replace("1.2]", "0.7]").replace("-0.02]", "0.03]") + PISTON, "continue both tables"),
         (HEAD + PISTON.replace("tables.bsfc", "tables.bsfe"), "bsfe"),
-        (HEAD.replace('"75 in"', '"75 s"') + PISTON, "engine.0.propeller.diameter: unit .s."),
-        (HEAD + MOTOR.replace("0.03", '"30 V"'), "engine.0.motor.motor_resistance: unit .V."),
-        (HEAD + MOTOR.replace("18000.0", '"50 kW"'), "engine.0.motor.capacity: unit .kW."),
+        (HEAD.replace('"75 in"', '"75 s"') + PISTON, "engine.1.propeller.diameter: unit .s."),
+        (HEAD + MOTOR.replace("0.03", '"30 V"'), "engine.1.motor.motor_resistance: unit .V."),
+        (HEAD + MOTOR.replace("18000.0", '"50 kW"'), "engine.1.motor.capacity: unit .kW."),
     ],
 )
 def test_refusals_of_a_file(read, text, message):

@@ -13,7 +13,7 @@ import flightmech
 from flightmech.cli.group import fmu
 from flightmech.errors import ParseError, UnitError, UnknownName
 from flightmech.simulation.kernel import INPUT
-from flightmech.simulation.odd_values import describe_odd_values
+from flightmech.simulation.stated_values.odd_values import describe_odd_values
 from flightmech.terms import make_term
 
 

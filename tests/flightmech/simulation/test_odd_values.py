@@ -9,12 +9,12 @@ import xarray as xr
 import flightmech
 from flightmech.aircraft.engine import Engine
 from flightmech.errors import AeromatchWarning, OutOfRange, SimulationError
-from flightmech.simulation.odd_values import (
+from flightmech.simulation.stated_values.odd_values import (
     describe_bare_numbers,
     describe_odd_quantity,
     describe_odd_values,
 )
-from flightmech.steady_flight.odd_speeds import describe_odd_speed
+from flightmech.steady_flight.stated_speeds.odd_speeds import describe_odd_speed
 from flightmech.terms import evaluate_term, make_term
 
 DEG = np.pi / 180.0

@@ -1,4 +1,4 @@
-"""Sizes of engines and propellers that no aeroplane has: mostly numbers in another unit.
+"""Sizes of airframe, engines and propellers that no aeroplane has: mostly numbers in another unit.
 
 A propeller at standstill and rated speed takes CP rho n^3 D^5.  The fifth power shows a diameter in
 another unit: 81 cm in place of 81 in takes a hundredth of the power of its engine.
@@ -17,8 +17,11 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.engine import Engine, list_leaves
 from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.terms import evaluate_term, list_regressors
-from flightmech.units import FOOT, INCH
+from flightmech.units import FOOT, G0, INCH
 
+_USUAL_AREA = (0.6, 1.5)  # S over cbar x b
+_USUAL_LOADING, _SMALL_SPAN = (80.0, 12000.0), 8.0  # N/m2, m
+_USUAL_RADIUS = (0.04, 0.35)  # of roll, over the span
 _FAR = 3.0  # factor beyond usual numbers, or between two powers
 _USUAL_BSFC = (4e-8, 4e-7)  # kg/J: diesel engine to idling turbine
 _BSFC_UNITS = (("lb/(hp h)", 1.69e-7), ("kg/(kW h)", 1.0 / 3.6e6), ("g/(kW h)", 1.0 / 3.6e9))
@@ -38,12 +41,12 @@ _ENGINE_POWERS = ("power", "corrected_power", "shaft_power", "corrected_shaft_po
 
 @dataclass(frozen=True)
 class UnusualSize:
-    """A number of an engine that no aeroplane has.
+    """A number of an aircraft that no aeroplane has.
 
     Attributes
     ----------
     name : str
-        ``bsfc``, ``propeller_diameter`` or ``rpm_high``.
+        ``reference mass inertia``, ``bsfc``, ``propeller_diameter`` or ``rpm_high``.
     text, remedy : str
         What came and what is usual, and what the user does.
     """
@@ -54,7 +57,7 @@ class UnusualSize:
 
 
 def unusual_sizes(aircraft: Aircraft) -> list[UnusualSize]:
-    """Return the numbers of engines and propellers far outside those of aeroplanes.
+    """Return the numbers of airframe, engines and propellers far outside those of aeroplanes.
 
     Parameters
     ----------
@@ -65,14 +68,50 @@ def unusual_sizes(aircraft: Aircraft) -> list[UnusualSize]:
     list of UnusualSize
         Specific consumption a factor of 3 beyond 4e-8 to 4e-7 kg/J, blade tips faster than 400 m/s,
         and a propeller that takes less than a third or more than the threefold of the power of its
-        engine at standstill and rated speed, over all its blade angles.
+        engine at standstill and rated speed, over all its blade angles. Reference quantities that
+        do not fit each other, and a mass or an inertia of another size.
     """
-    sizes: list[UnusualSize] = []
+    sizes = list(_unusual_airframe(aircraft))
     for number, engine in enumerate(aircraft.engines, 1):
         sizes += _unusual_consumption(engine, number)
         if engine.propeller is not None:
             sizes += _unusual_propeller(engine, engine.propeller, number)
     return sizes
+
+
+def _unusual_airframe(aircraft: Aircraft) -> Iterator[UnusualSize]:
+    """Yield reference quantities, mass and inertia that do not fit each other."""
+    S, cbar, b = aircraft.S, aircraft.cbar, aircraft.b
+    ratio = S / (cbar * b)
+    low, high = _USUAL_AREA
+    if not low <= ratio <= high:
+        yield UnusualSize(
+            "reference",
+            f"S {S:.4g} m2 is {ratio:.3g} times cbar {cbar:.4g} m x b {b:.4g} m; usual is 0.8 to 1",
+            "check S, cbar, b and their units; a number without a unit is in m",
+        )
+        # mass and inertia are judged by these
+        return
+    loading = aircraft.mass * G0 / S
+    # of a model aeroplane it falls with its size
+    low, high = _USUAL_LOADING[0] * min(1.0, b / _SMALL_SPAN), _USUAL_LOADING[1]
+    if not low <= loading <= high:
+        yield UnusualSize(
+            "mass",
+            f"mass {aircraft.mass:.4g} kg is a wing loading of {loading:.3g} N/m2; usual is "
+            f"{low:.3g} to {high:g} N/m2",
+            "check mass and S and their units; a number without a unit is in kg",
+        )
+        return
+    low, high = _USUAL_RADIUS
+    radius = (aircraft.Ixx / aircraft.mass) ** 0.5 / b
+    if not low <= radius <= high:
+        yield UnusualSize(
+            "inertia",
+            f"Ixx {aircraft.Ixx:.4g} kg m2 is a radius of gyration of {radius:.3g} of the span; "
+            f"usual is 0.08 to 0.2",
+            "check Ixx, mass and their units; 1 slug ft2 is 1.356 kg m2",
+        )
 
 
 def _unusual_consumption(engine: Engine, number: int) -> Iterator[UnusualSize]:

@@ -50,3 +50,18 @@ def test_consumption_in_pounds_per_horsepower_and_hour(aircraft):
     assert size.name == "bsfc"
     assert "0.45 kg/J; engines have 4e-08 to 4e-07, as if it were in lb/(hp h)" in size.text
     assert "1 lb/(hp h) is 1.69e-7" in size.remedy
+
+
+@pytest.mark.parametrize(
+    ("changes", "name", "text"),
+    [
+        ({"b": 1.0911}, "reference", "S 16.17 m2 is 9.92 times cbar 1.494 m x b 1.091 m"),
+        ({"S": 174.0}, "reference", "is 10.7 times cbar"),
+        ({"mass": 103.4}, "mass", "mass 103.4 kg is a wing loading of 62.7 N/m2"),
+        ({"Ixx": 128500.0}, "inertia", "is a radius of gyration of 1.02 of the span"),
+    ],
+)
+def test_an_airframe_of_another_size(aircraft, changes, name, text):
+    (size,) = unusual_sizes(replace(aircraft, engines=(), **changes))
+    assert size.name == name
+    assert text in size.text

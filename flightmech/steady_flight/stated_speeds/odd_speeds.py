@@ -12,8 +12,8 @@ from flightmech.errors import AeromatchError, AeromatchWarning
 from flightmech.names import value_text
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS
-from flightmech.simulation.odd_values import describe_odd_values
 from flightmech.simulation.run import constant_inputs, initialise_run
+from flightmech.simulation.stated_values.odd_values import describe_odd_values
 from flightmech.steady_flight.flight_condition import condition_parameters
 from flightmech.steady_flight.trim_findings import shared_ranges
 from flightmech.units import from_si, to_si

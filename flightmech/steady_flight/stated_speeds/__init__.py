@@ -1,0 +1,1 @@
+"""Stated speeds of a flight that are far outside of the tables of a model."""
