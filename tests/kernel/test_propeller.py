@@ -310,19 +310,22 @@ def test_counter_rotating_propellers_cancel(compiled):
     assert failed["r_dot"] < 0.0
 
 
-def test_inflow_lifts_and_yaws(compiled):
+@pytest.mark.parametrize("rotation", [1, -1])
+def test_inflow_lifts_and_yaws(compiled, rotation):
     """At positive alpha the force in the disk points up, and a right-handed propeller yaws left."""
     tables = FIXED_TABLES | {"CN_prop": make_term(0.1), "CM_prop": make_term(0.02)}
     craft = {"Ixy": 0.0, "Ixz": 0.0, "Iyz": 0.0, "places": ((1.5, 0.0, 0.0),)}
-    sim = compiled(fixed(tables=tables), **craft)
+    sim = compiled(fixed(tables=tables, rotation=rotation), **craft)
     flight = _Flight(sim, engine1__throttle=1.0, init__alpha=0.1)
-    plain = _Flight(compiled(fixed(), **craft), engine1__throttle=1.0, init__alpha=0.1)
+    plain = compiled(fixed(rotation=rotation), **craft)
+    plain = _Flight(plain, engine1__throttle=1.0, init__alpha=0.1)
     load = density(flight) * (flight["engine1.rpm"] / (2.0 * np.pi)) ** 2 * D**4
     inflow = np.sin(0.1)
     lift = 0.1 * load * inflow
     assert flight["az"] - plain["az"] == pytest.approx(-lift / 2300.0, rel=1e-9)
     assert flight["q_dot"] - plain["q_dot"] == pytest.approx(1.5 * lift / 8100.0, rel=1e-9)
-    assert flight["r_dot"] == pytest.approx(-0.02 * load * D * inflow / 15100.0, rel=1e-9)
+    yaw = -rotation * 0.02 * load * D * inflow
+    assert flight["r_dot"] == pytest.approx(yaw / 15100.0, rel=1e-9)
 
 
 def test_yawing_aircraft_has_two_advance_ratios(compiled):

@@ -41,6 +41,18 @@ def test_tail_and_wing_together_are_the_print(name: str, printed: float) -> None
     assert TAIL[name] + wing[name] == pytest.approx(printed, rel=0.09)
 
 
+def test_a_rectangular_wing_by_hand() -> None:
+    """A = 6, the aerodynamic centre half a chord behind the moment centre, Mach 0.
+
+    CLq = (1/2 + 2/2) 12 pi/(2 + sqrt(40)), Cmq = -0.7 2 pi (6 (0.25 + 0.5)/(6 + 2) + 1/8).
+    """
+    text = " $SYNTHS XCG=-2.5,XW=0.0$\n"
+    text += " $WGPLNF CHRDR=10.0,CHRDTP=10.0,SSPN=30.0,SSPNE=30.0,SAVSI=0.0,CHSTAT=0.25,TYPE=1.0$\n"
+    wing = estimate_wing_share(deck(text), 0.0)
+    assert wing["CL_qhat"] == pytest.approx(6.7935, rel=1e-4)
+    assert wing["Cm_qhat"] == pytest.approx(-3.0238, rel=1e-4)
+
+
 def test_a_wing_body_of_the_t37_is_the_planform() -> None:
     """CLQ 2.11 and CMQ -0.50 per radian are printed at Mach 0.2."""
     case = datcom_io.read(T37 / "t37_build.out")[0]

@@ -118,6 +118,17 @@ def test_force_moves_to_the_cg_and_back():
     np.testing.assert_allclose(there[:, 0], ax, atol=1e-14)
 
 
+@pytest.mark.parametrize("arm", [[4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0]])
+@pytest.mark.parametrize("rate", range(3))
+def test_small_angle_vane_correction_has_every_arm_and_rate(arm, rate):
+    U, omega = np.array([[90.0, 0.02, 0.05]]), np.zeros((1, 3))
+    omega[0, rate] = 1e-3
+    at_vane, at_cg = vane_angles(U, omega, arm), vane_angles(U, omega, np.zeros(3))
+    corrected = vane_at_cg(*at_vane, np.linalg.norm(U, axis=1), omega, arm)
+    # a term of the first order is 4e-3/90 = 4.4e-5
+    np.testing.assert_allclose(corrected, at_cg, rtol=0.0, atol=1e-7)
+
+
 def test_small_angle_vane_correction_is_of_second_order():
     U, omega, arm = (
         np.array([[90.0, 2.0, 5.0]]),

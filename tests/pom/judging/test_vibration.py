@@ -80,6 +80,12 @@ def test_a_model_without_vibration_fails_and_a_calm_flight_is_invalid():
         vibration_peaks(TIME[:800], flight[:800])
 
 
+def test_two_peaks_within_two_hertz_are_not_three():
+    tick = {"normal_acceleration": "J. Doe"}
+    two = judged(shaken((4.0, 9.0, 15.0)), shaken((4.0, 9.0, 19.0), seed=5), ticks=tick)
+    assert two.verdict == "fail"
+
+
 def test_the_row_of_2016_has_no_number():
     (row,) = rows.rows_of_test("3.f.5", edition="2016-05-31 (Amdt 60-4)")
     criterion = rows.make_criterion(row, "normal_acceleration", (0.0, 30.0))
