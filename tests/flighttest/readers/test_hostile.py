@@ -181,7 +181,7 @@ def test_a_clock_of_two_equal_stamps_is_refused(tmp_path):
 def test_formats_of_ulog_in_each_other_are_counted_before_they_are_listed(
     tmp_path, monkeypatch, size
 ):
-    """Three kilobytes whose sixty formats ask for `size` to the power of sixty fields."""
+    """Three kilobytes whose sixty formats require `size` to the power of sixty fields."""
     monkeypatch.setattr(ulog_topics, "MOST_FIELDS", 5000)
     formats = [f"a{k}:uint64_t timestamp;a{k + 1}[{size}] x;" for k in range(60)]
     # a topic of arrays of one element has some hundred fields; there are many topics

@@ -1,4 +1,4 @@
-"""Topics of a PX4 log with a limit on the fields that its formats ask for.
+"""Topics of a PX4 log with a limit on the fields that its formats require.
 
 A format of ULog may contain arrays and other formats. Sixty formats of a hundred elements, each
 in the one before it, are 3 kB of a file and 1e120 fields, which pyulog lists one by one.
@@ -18,7 +18,7 @@ MOST_FIELDS = 200_000
 
 
 class BoundedLog(ULog):  # type: ignore[misc]
-    """A PX4 log; a ParseError ends the reading when its formats ask for too many fields."""
+    """A PX4 log; a ParseError ends the reading when its formats require too many fields."""
 
     def __init__(self, file: str, topics: list[str] | None) -> None:
         fields = 0
