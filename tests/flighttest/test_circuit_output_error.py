@@ -16,7 +16,7 @@ from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.submodels.control_loading import identification, simulation
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.responses import circuit_fit
+from flighttest.submodels.control_loading.responses import circuit_fit, held_starts
 from flighttest.submodels.control_loading.responses.free_response import find_windows
 from flighttest.submodels.control_loading.responses.friction_models import join_models
 from flighttest.submodels.control_loading.responses.quiet_inputs import quiet_lines
@@ -169,15 +169,15 @@ def one_search(monkeypatch):
         return join_models({FRICTION_RATE: circuit_fit.fit_circuit(*records)})
 
     monkeypatch.setattr(identification, "fit_friction_models", fit)
-    monkeypatch.setattr(circuit_fit, "_ROUNDS", 1)
+    monkeypatch.setattr(held_starts, "_ROUNDS", 1)
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("one_search")
 def test_regressions_replace_an_output_error_that_did_not_converge(columns, monkeypatch):
     loading, driven, free = columns
-    monkeypatch.setattr(circuit_fit, "_ITERATIONS", 1)
-    monkeypatch.setattr(circuit_fit, "_HELD_ITERATIONS", 1)
+    monkeypatch.setattr(held_starts, "_ITERATIONS", 1)
+    monkeypatch.setattr(held_starts, "_HELD_ITERATIONS", 1)
     output_error = identify_control_loading(loading, driven, free, order=2, method="output error")
     regression = identify_control_loading(loading, driven, free, order=2, method="regression")
     best = identify_control_loading(loading, driven, free, order=2)
@@ -194,13 +194,21 @@ def test_regressions_replace_an_output_error_that_did_not_converge(columns, monk
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("first", "stop", "is_proven"),
-    [(2, EXHAUSTED, False), (2, STALLED, False), (3, STALLED, True), (3, EXHAUSTED, True)],
+    ("first", "stop", "admitted", "is_proven"),
+    [
+        (2, EXHAUSTED, 0.3, False),
+        (2, STALLED, 0.3, False),
+        (2, STALLED, 1.0, True),
+        (3, STALLED, 1.0, True),
+        (3, EXHAUSTED, 1.0, True),
+    ],
 )
 @pytest.mark.usefixtures("one_search")
-def test_held_starts_are_proven_with_free_ones(columns, monkeypatch, first, stop, is_proven):
+def test_held_starts_are_proven_with_free_ones(
+    columns, monkeypatch, first, stop, admitted, is_proven
+):
     """Starts are held after a search without an end. The first search is cut short: after two
-    iterations the starts are too far off for the constants.
+    iterations the starts move the constants by 0.3 to 1 of their standard errors.
     """
     loading, driven, free = columns
     ends = []
@@ -212,8 +220,9 @@ def test_held_starts_are_proven_with_free_ones(columns, monkeypatch, first, stop
         ends.append((end, likelihood))
         return end
 
-    monkeypatch.setattr(circuit_fit, "maximise_likelihood", search)
-    monkeypatch.setattr(circuit_fit, "_ITERATIONS", first)
+    monkeypatch.setattr(held_starts, "maximise_likelihood", search)
+    monkeypatch.setattr(held_starts, "_ITERATIONS", first)
+    monkeypatch.setattr(held_starts, "ADMITTED", admitted)
     fit = identify_control_loading(loading, driven, free[::2], order=2)
     assert len(ends) == 2
     assert fit.has_converged == is_proven
@@ -226,7 +235,7 @@ def test_held_starts_are_proven_with_free_ones(columns, monkeypatch, first, stop
     assert held.any()
     np.testing.assert_array_equal(ends[1][0].theta[held], begin[held])
     if is_proven:
-        assert "the starts of 1 of 2 windows of free motion are held" in notes[0]
+        assert f"the starts of {4 - first} of 2 windows of free motion are held" in notes[0]
 
 
 def test_windows_end_before_a_stop_and_methods_are_named(columns):

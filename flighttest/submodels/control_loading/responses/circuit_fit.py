@@ -31,9 +31,7 @@ from flighttest.maximum_likelihood.likelihood import Likelihood, LikelihoodMaxim
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.search import (
     PROVEN,
-    ROUNDED,
     invert_information,
-    maximise_likelihood,
 )
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, lay_out
 from flighttest.remarks import Convergence
@@ -45,8 +43,8 @@ from flighttest.submodels.control_loading.responses.free_response import (
     FreeWindow,
 )
 from flighttest.submodels.control_loading.responses.held_starts import (
-    hold_starts,
-    release_starts,
+    ADMITTED,
+    search_with_held_starts,
     steps_in_errors,
 )
 from flighttest.submodels.control_loading.responses.window_response import (
@@ -59,10 +57,6 @@ from flighttest.submodels.control_loading.responses.window_response import (
     largest_motion,
 )
 
-# Iterations of the search with free starts of the windows, and of that with held ones.
-_ITERATIONS, _HELD_ITERATIONS = 60, 60
-# Most searches with free starts, each of which follows an end that is not proven.
-_ROUNDS = 3
 # First and smallest width of friction and preload, over the largest rate and the range of the
 # travel in the records, and a-priori standard error of the logarithm of a width.
 _WIDE, _LEAST, _WIDTH_ERROR = 3e-3, 1e-4, 3.0
@@ -128,12 +122,12 @@ class CircuitFit:
     def convergence(self) -> Convergence:
         """End of the search; the change is the remaining step in standard errors.
 
-        With held starts it is that of the constants, which must be below `ROUNDED`.
+        With held starts it is that of the constants, which must be below `ADMITTED`.
         """
         maximum, count = self.maximum, len(self.maximum.theta)
         tolerance = PROVEN
         if self.held:
-            count, tolerance = len(self.names), ROUNDED
+            count, tolerance = len(self.names), ADMITTED
         step = float(steps_in_errors(maximum)[:count].max(initial=0.0))
         return Convergence(maximum.converged, maximum.iterations, step / tolerance)
 
@@ -163,6 +157,7 @@ def fit_circuit(
     prior: Mapping[str, tuple[float, float]],
     width: str = FRICTION_RATE,
     follows: CircuitFit | None = None,
+    beyond: float = np.inf,
 ) -> CircuitFit:
     """Return the constants of a circuit by maximum likelihood.
 
@@ -178,7 +173,9 @@ def fit_circuit(
     width : {"friction_rate", "bristle_travel"}
         Width over which friction is developed: a rate, or a travel.
     follows : CircuitFit, optional
-        Fit of the same records with the other width, from whose maximum the search starts.
+        Fit of the same records, with this or the other width, from whose end the search starts.
+    beyond : float
+        Cost above which an end that is not proven is not searched further.
 
     Raises
     ------
@@ -190,38 +187,13 @@ def fit_circuit(
     _demand_room(windows, layout, len(unknowns))
     begin = layout.start.copy()
     for k, name in enumerate(layout.names):
-        if follows is not None and name != width:
+        if follows is not None and (name != width or width in follows.names):
             begin[k] = follows.maximum.theta[k]
         elif name in start:
             begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
     likelihood = CircuitLikelihood(loading, windows, rows, layout, start)
-    maximum, windows_held = _search_with_held_starts(likelihood, begin, len(unknowns))
+    maximum, windows_held = search_with_held_starts(likelihood, begin, len(unknowns), beyond)
     return _fit_of(maximum, likelihood, tuple(unknowns), windows_held)
-
-
-def _search_with_held_starts(
-    likelihood: CircuitLikelihood, begin: np.ndarray, constants: int
-) -> tuple[LikelihoodMaximum, tuple[int, ...]]:
-    """Return the end of a search, and the numbers of the windows whose starts it held.
-
-    A search with held starts moves the constants. If this end is not proven, a search with free
-    starts goes on from there: it may pass the kink at which the first one stalled.
-    """
-    count = 0
-    held: tuple[int, ...] = ()
-    for _ in range(_ROUNDS):
-        maximum = maximise_likelihood(likelihood, _ITERATIONS, begin)
-        count += maximum.iterations
-        layout, held = hold_starts(likelihood.layout, maximum)
-        if held:
-            kept = likelihood.with_layout(layout)
-            end = maximise_likelihood(kept, _HELD_ITERATIONS, maximum.theta)
-            count += end.iterations
-            maximum = release_starts(end, likelihood, constants)
-        if maximum.converged:
-            break
-        begin = maximum.theta
-    return replace(maximum, iterations=count), held
 
 
 def _demand_room(windows: Sequence[FreeWindow], layout: UnknownVector, common: int) -> None:
@@ -270,6 +242,8 @@ def _fit_of(
         _covariance(maximum, likelihood)[:count, :count],
         _scatter_covariance(maximum, likelihood, count)[:count, :count],
     )
+    if held:
+        covariance += np.outer(maximum.remaining[:count], maximum.remaining[:count])
     return CircuitFit(
         names=names,
         theta=maximum.theta[:count],

@@ -33,6 +33,9 @@ from flighttest.submodels.control_loading.responses.window_response import (
     FRICTION_RATE,
 )
 
+# Difference of two costs from which on the less likely model has a weight below 1e-8. [nats]
+_HOPELESS = 20.0
+
 
 class FrictionChoice(NamedTuple):
     """The likelier model of friction.
@@ -70,14 +73,21 @@ def fit_friction_models(
     IdentificationError
         As `fit_circuit`.
     """
-    fits = {FRICTION_RATE: fit_circuit(loading, windows, rows, start, prior)}
-    if "friction" in start:
-        # The first model has the same windows and unknowns. If only the second one cannot be
-        # searched, it does not explain these records.
-        with suppress(IdentificationError):
-            fits[BRISTLE_TRAVEL] = fit_circuit(
-                loading, windows, rows, start, prior, BRISTLE_TRAVEL, fits[FRICTION_RATE]
-            )
+    records = (loading, windows, rows, start, prior)
+    if "friction" not in start:
+        return join_models({FRICTION_RATE: fit_circuit(*records)})
+    # A search may take minutes. A model that is hopeless beside the other one is not searched to
+    # its end: its weight would be zero.
+    rate = fit_circuit(*records, beyond=-np.inf)
+    fits = {FRICTION_RATE: rate}
+    # The first model has the same windows and unknowns. If only the second one cannot be searched,
+    # it does not explain these records.
+    with suppress(IdentificationError):
+        limit = rate.maximum.cost + _HOPELESS
+        fits[BRISTLE_TRAVEL] = fit_circuit(*records, BRISTLE_TRAVEL, follows=rate, beyond=limit)
+    best = min(fit.maximum.cost for fit in fits.values())
+    if not rate.maximum.converged and rate.maximum.cost < best + _HOPELESS:
+        fits[FRICTION_RATE] = fit_circuit(*records, follows=rate)
     return join_models(fits)
 
 

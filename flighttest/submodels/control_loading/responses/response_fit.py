@@ -68,8 +68,9 @@ class ResponseFit:
         if self.held:
             text = (
                 f"the starts of {len(self.held)} of {self.windows} windows of free motion are "
-                f"held, where friction stops their search: {', '.join(self.held)}; the constants "
-                f"are at their maximum with free starts too, within 0.3 standard errors"
+                f"held, where friction stops their search: {', '.join(self.held)}; with "
+                f"free starts the constants would move by {self.convergence.change:.2g} standard "
+                f"errors at most, which their standard errors contain"
             )
             if not self.convergence.converged:
                 text = text.partition(";")[0]
