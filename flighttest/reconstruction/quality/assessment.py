@@ -78,6 +78,7 @@ from flighttest.reconstruction.quality.declarations.positions import (
     sensor_positions,
 )
 from flighttest.reconstruction.quality.declarations.rigging import rigging_findings
+from flighttest.reconstruction.quality.declarations.sides import side_findings
 from flighttest.reconstruction.quality.declarations.weight import MASS_LEVEL, weight_findings
 from flighttest.reconstruction.quality.engines.engines import engine_findings, lever_findings
 from flighttest.reconstruction.quality.finding import (
@@ -358,6 +359,7 @@ def _aircraft_findings(
     if no_product:
         unchecked.append(("Ixz", "sign of Ixz, and pitching in rolls", (), no_product))
     findings = [*geometry, *inertia_findings(aircraft), *weight, *product]
+    findings += side_findings(aircraft)
     findings += reference_findings(aircraft, database)
     findings += rigging_findings(signals, aircraft)
     for check in (exchange_findings, centre_findings, engine_findings):

@@ -55,7 +55,11 @@ def test_consumption_in_pounds_per_horsepower_and_hour(aircraft):
 @pytest.mark.parametrize(
     ("part", "changes", "words"),
     [
-        ("propeller", {"inertia": 23000.0}, "usual is 0.2212 to 36.86 kg m2, as if the number were"),
+        (
+            "propeller",
+            {"inertia": 23000.0},
+            "usual is 0.2212 to 36.86 kg m2, as if the number were",
+        ),
         ("propeller", {"inertia": 54.6}, "as if the number were in lb ft2"),
         ("propeller", {"feather_pitch": 82.0}, "is 82 rad; usual is -0.9 to 1.8 rad, as if"),
         ("propeller", {"pitch_rate": 10.0}, "as if the number were in deg/s"),
