@@ -71,7 +71,7 @@ _CAUSES = {
     "saturation": ("held", "unit"),
     "lag": ("staircase", "smoothed"),
     "undecided": ("staircase", "smoothed"),
-    "column_name": ("column", "axis"),
+    "column_name": ("column", "axis", "definition"),
     "inconsistent": (
         "column",
         "lag",
