@@ -127,6 +127,10 @@ from flighttest.reconstruction.quality.recording.smoothed_surfaces import (
     smoothing_findings,
 )
 from flighttest.reconstruction.quality.recording.staircases import staircase_findings
+from flighttest.reconstruction.quality.recording.unit_mounting import (
+    mounting_findings,
+    unit_mounting,
+)
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import marked_manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
@@ -188,14 +192,14 @@ def assess(
     findings += channel_findings(record, channels, specification) + staircase_findings(record)
     # mistakes of columns, signs, units and axes
     shared, wrong = column_findings(record, signals)
-    gyros = gyro_offsets(signals.without(wrong))
-    explanations, corrected, comparisons = find_mistakes(
-        without_offsets(signals.without(wrong), gyros)
-    )
+    known = signals.without(wrong)
+    turned, known = mounting_findings(unit_mounting(known), known)
+    gyros = gyro_offsets(known)
+    explanations, corrected, comparisons = find_mistakes(without_offsets(known, gyros))
     mistaken: list[str] = []
     for explanation in explanations:
         mistaken += explanation.repair.channels
-    findings += shared
+    findings += shared + turned
     findings += gyro_findings(gyros, record)
     findings += lever_findings(record, signals)
     findings += heading_findings(record, corrected, mistaken)
