@@ -30,6 +30,8 @@ from aeromatch.workflow.windows import find_case_overlaps, spans_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept
 from flighttest.reconstruction.quality.declarations.rigging import past_stops
+from flighttest.reconstruction.quality.engines.table_ranges import range_findings
+from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
 from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
 from pom.checking.case_check import case_problems
@@ -185,7 +187,7 @@ def look_at(
     look.departures += gap_departures(task.name, record, task.cases, spans)
     look.departures += held_departures(task.name, record, task.cases, spans)
     look.problems += manoeuvre_problems(task.name, table, states)
-    look.remarks += stop_remarks(task, states)
+    look.remarks += stop_remarks(task, states) + table_remarks(task, states)
     time = states["time"].values
     look.first, look.last = float(time[0]), float(time[-1])
     if task.fits or task.submodels:
@@ -214,6 +216,14 @@ def stop_remarks(task: LookTask, states: xr.Dataset) -> list[str]:
         if text:
             remarks.append(f"record {task.name}: {text}; correct unit, zero or scale, or the stops")
     return remarks
+
+
+def table_remarks(task: LookTask, states: xr.Dataset) -> list[str]:
+    """Return the conditions of a record beyond the tables of the engines, a line each."""
+    values = {str(name): states[name].values for name in states.data_vars if states[name].ndim == 1}
+    sizes = {size.name for size in unusual_sizes(task.aircraft)}
+    findings = range_findings(values, task.aircraft, sizes)
+    return [f"record {task.name}: {found.text}; {found.remedy}" for found in findings]
 
 
 def _manoeuvres_of(task: LookTask, record: xr.DataTree) -> pd.DataFrame:

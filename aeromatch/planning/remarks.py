@@ -15,6 +15,7 @@ from flighttest.reconstruction.quality.declarations.positions import (
     position_findings,
     sensor_positions,
 )
+from flighttest.reconstruction.quality.declarations.sides import side_findings
 from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
 from flighttest.records.sensors.instruments import instruments_of
 from flighttest.regression.equation_error.least_squares import intercept_mask
@@ -49,7 +50,7 @@ def aircraft_remarks(aircraft: Aircraft) -> list[str]:
         # The look at each record reports a faulty instrument.
         specification = None
     places = sensor_positions(specification, aircraft)
-    for finding in position_findings(places, aircraft):
+    for finding in [*position_findings(places, aircraft), *side_findings(aircraft)]:
         remarks.append(f"aircraft: {finding.text}; {finding.remedy}")
     return remarks
 

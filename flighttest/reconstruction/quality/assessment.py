@@ -78,6 +78,7 @@ from flighttest.reconstruction.quality.declarations.positions import (
     sensor_positions,
 )
 from flighttest.reconstruction.quality.declarations.rigging import rigging_findings
+from flighttest.reconstruction.quality.declarations.sides import side_findings
 from flighttest.reconstruction.quality.declarations.weight import MASS_LEVEL, weight_findings
 from flighttest.reconstruction.quality.engines.engines import engine_findings, lever_findings
 from flighttest.reconstruction.quality.finding import (
@@ -127,6 +128,10 @@ from flighttest.reconstruction.quality.recording.smoothed_surfaces import (
     smoothing_findings,
 )
 from flighttest.reconstruction.quality.recording.staircases import staircase_findings
+from flighttest.reconstruction.quality.recording.unit_mounting import (
+    mounting_findings,
+    unit_mounting,
+)
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import marked_manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
@@ -188,14 +193,14 @@ def assess(
     findings += channel_findings(record, channels, specification) + staircase_findings(record)
     # mistakes of columns, signs, units and axes
     shared, wrong = column_findings(record, signals)
-    gyros = gyro_offsets(signals.without(wrong))
-    explanations, corrected, comparisons = find_mistakes(
-        without_offsets(signals.without(wrong), gyros)
-    )
+    known = signals.without(wrong)
+    turned, known = mounting_findings(unit_mounting(known), known)
+    gyros = gyro_offsets(known)
+    explanations, corrected, comparisons = find_mistakes(without_offsets(known, gyros))
     mistaken: list[str] = []
     for explanation in explanations:
         mistaken += explanation.repair.channels
-    findings += shared
+    findings += shared + turned
     findings += gyro_findings(gyros, record)
     findings += lever_findings(record, signals)
     ranges, no_ranges = control_range_findings(signals, record)
@@ -361,6 +366,7 @@ def _aircraft_findings(
     if no_product:
         unchecked.append(("Ixz", "sign of Ixz, and pitching in rolls", (), no_product))
     findings = [*geometry, *inertia_findings(aircraft), *weight, *product]
+    findings += side_findings(aircraft)
     findings += reference_findings(aircraft, database)
     findings += rigging_findings(signals, aircraft)
     for check in (exchange_findings, centre_findings, engine_findings):

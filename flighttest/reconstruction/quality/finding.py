@@ -40,6 +40,7 @@ _TITLES = {
     "lost": "samples lost in",
     "minimum_speed": "below the least speed:",
     "missing": "missing values of",
+    "mounting": "mounting of",
     "noise": "noise of",
     "offset": "offset of",
     "outside": "beyond the calibration:",
@@ -71,7 +72,7 @@ _CAUSES = {
     "saturation": ("held", "unit"),
     "lag": ("staircase", "smoothed"),
     "undecided": ("staircase", "smoothed"),
-    "column_name": ("column", "axis"),
+    "column_name": ("column", "axis", "definition"),
     "inconsistent": (
         "column",
         "lag",
@@ -82,6 +83,7 @@ _CAUSES = {
         "offset",
         "lost",
         "correction",
+        "mounting",
     ),
 }
 # Kinds of findings that concern all their channels; others concern the first one.
@@ -98,7 +100,7 @@ class Finding:
         One of `SEVERITIES`.
     kind : str
         Kind of the finding in one word. Consistency: ``sign unit axis definition inconsistent range
-        scale lag``. Name map: ``column column_name stated_unit``. Aircraft file: ``geometry inertia
+        scale lag``. Name map: ``column column_name stated_unit``. Inertial unit: ``mounting``. Aircraft file: ``geometry inertia
         weight``. Samples: ``gap stray duplicate reset lost correction missing outside held spike
         jump wrap saturation stuck staircase smoothed noise``. Inputs: ``excitation collinear``.
         Information: ``absent coarse offset minimum_speed``.

@@ -58,7 +58,12 @@ from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import Above, InUnits
 from flightmech.units import fitted_unit, parse_unit, to_si
 from flighttest.records.readers.bus_words import Arinc429, Decode
-from flighttest.records.sensors.instruments import Instrument
+from flighttest.records.sensors.instruments import (
+    LONGEST_DELAY,
+    LONGEST_LAG,
+    Instrument,
+    demand_possible_time,
+)
 
 TOP = ("extends", "optional", "time", "record", "constants", "instruments", "utc", "decode")
 
@@ -146,7 +151,9 @@ class Channel(_Table):
 
     @model_validator(mode="after")
     def _check_limits(self) -> Self:
-        """Raise ValueError if limits of an actuator do not belong to a command."""
+        """Raise ValueError for impossible times, and limits that do not belong to a command."""
+        demand_possible_time("delay", self.delay, LONGEST_DELAY)
+        demand_possible_time("lag", self.lag, LONGEST_LAG)
         if (self.rate_limit is not None or self.stops is not None) and self.lag > 0.0:
             raise ValueError(
                 f"rate_limit and stops belong to an actuator behind a recorded command: its "

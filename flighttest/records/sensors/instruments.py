@@ -48,7 +48,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, WithJsonSchema, field_validator
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
@@ -75,6 +75,8 @@ COCKPIT = ("column", "wheel", "pedal", "F_column", "F_wheel", "F_pedal", "delta_
 # Default accuracy of rigging and calibration of a surface pick-up. [rad], [1]
 SURFACE_BIAS = 0.1 * DEGREE
 SURFACE_SCALE = 0.01
+LONGEST_DELAY, LONGEST_LAG = 5.0, 60.0
+"""Latency of a satellite receiver on a bus, and time constant of a temperature probe. [s]"""
 
 
 def _mean_and_sigma(units: str) -> Any:
@@ -107,6 +109,16 @@ def _parse_channels(table: Any) -> dict[str, float]:
     if any(value <= 0.0 for value in values.values()):
         raise ValueError("standard errors must be positive")
     return values
+
+
+def demand_possible_time(name: str, seconds: float, most: float) -> None:
+    """Raise ValueError for a delay or a lag that no instrument has: mostly milliseconds. [s]"""
+    if abs(seconds) <= most:
+        return
+    text = f"{name} is {seconds:g} s; allowed are at most {most:g} s"
+    if abs(seconds) * 1e-3 <= most:
+        text += f': a number without a unit is in seconds, write "{seconds:g} ms" if that is meant'
+    raise ValueError(text)
 
 
 # The annotations are made by a function, which a type checker does not evaluate.
@@ -194,6 +206,16 @@ class Instrument(Strict):
                 f"scale errors are known for {', '.join(allowed)} only, not for {', '.join(wrong)}"
             )
         return scale_sigma
+
+    @field_validator("delay", "lag")
+    @classmethod
+    def _check_times(
+        cls, time: tuple[float, float] | None, info: ValidationInfo
+    ) -> tuple[float, float] | None:
+        most = LONGEST_DELAY if info.field_name == "delay" else LONGEST_LAG
+        for part, seconds in zip(("mean", "sigma"), time or (), strict=False):
+            demand_possible_time(f"the {part} of {info.field_name}", seconds, most)
+        return time
 
     @field_validator("factor")
     @classmethod

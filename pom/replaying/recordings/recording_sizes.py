@@ -14,6 +14,7 @@ import numpy as np
 from flightmech.names import WRAPPED, is_quantity, lookup, value_text
 from flightmech.support.arrays import true_runs
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
+from pom.judging.watched_channels import BANDS
 from pom.status import RECORDING_FAULT
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import quantity_words
@@ -45,6 +46,13 @@ FROZEN_MOVED = 3.0
 """Movement of the flight meanwhile, in `LEAST_MOVED`: outputs have coarse steps."""
 LEAST_MOVED = {"rad": DEGREE, "rad s-1": DEGREE, "1": 0.02, "m": 10.0, "m s-1": 1.0, "N": 5.0}
 """By unit: movement of the flight below which a channel is not compared by it. [SI]"""
+
+STEADY = 0.25
+"""Scatter of a displacement, over the displacement, up to which it is constant."""
+INCREMENT = 0.1
+"""Load factor by which an offset of one may differ from one."""
+STARTED = ("V_cas", "h", "theta", "phi", "alpha")
+"""States that a device sets at the start."""
 
 Traces = Mapping[str, np.ndarray]
 
@@ -78,7 +86,9 @@ def size_remarks(
         if share > 0.0:
             meanwhile = value_text(name, moved, ".3g")
             partly.append(f"{name} ({share:.0%} of the case; flight meanwhile {meanwhile})")
-        text = _size_text(unit, own, reference)
+        # the small mean of an increment looks like another unit
+        text = _increment_text(name, own, reference) or _size_text(unit, own, reference)
+        text = text or _offset_text(name, own, reference)
         if text:
             yield _fault(f"{name} ({quantity_words(name)}) of the device is {text}")
     if frozen:
@@ -110,6 +120,56 @@ def _frozen_part(own: np.ndarray, reference: np.ndarray, least: float) -> tuple[
 
 def _fault(text: str) -> RowRemark:
     return RowRemark("departure", f"departure: {text}", RECORDING_FAULT)
+
+
+def _displacement(difference: np.ndarray) -> tuple[float, bool]:
+    """Return the middle of a difference, and whether it is constant.
+
+    A displacement of the whole run is a zero or an initial state, a model error grows.
+    """
+    offset = float(np.median(difference))
+    scatter = float(np.percentile(np.abs(difference - offset), 90.0))
+    return offset, scatter < STEADY * abs(offset)
+
+
+def _side_text(name: str, offset: float) -> str:
+    side = "above" if offset > 0.0 else "below"
+    return f"{value_text(name, abs(offset), '.3g')} {side} the flight throughout"
+
+
+def _increment_text(name: str, own: np.ndarray, reference: np.ndarray) -> str:
+    """Return that a load factor is recorded without its one; empty if it is not."""
+    offset, is_constant = _displacement(own - reference)
+    if name != "nz" or not is_constant or abs(abs(offset) - 1.0) > INCREMENT:
+        return ""
+    given = "nz - 1, the increment" if offset < 0.0 else "nz + 1"
+    return (
+        f"{_side_text(name, offset)}, as if the host recorded {given}; give it offset = "
+        f"{-np.sign(offset):g} in the name map of the recording"
+    )
+
+
+def _offset_text(name: str, own: np.ndarray, reference: np.ndarray) -> str:
+    """Return by how much a channel is displaced throughout, or at the start; empty if it is not."""
+    band = BANDS.get(name)
+    if band is None:
+        return ""
+    difference = own - reference
+    offset, is_constant = _displacement(difference)
+    if abs(offset) > band and is_constant:
+        return (
+            f"{_side_text(name, offset)}: another initial state or another zero; start the device "
+            f"at the {value_text(name, float(reference[0]), '.4g')} of the flight, or give the "
+            f"channel an offset in the name map of the recording"
+        )
+    begin = float(difference[0])
+    if name in STARTED and abs(begin) > band and abs(begin) > STEADY * np.ptp(reference):
+        return (
+            f"{value_text(name, float(own[0]), '.4g')} at the start, and the flight "
+            f"{value_text(name, float(reference[0]), '.4g')}; start the device in the initial "
+            f"state of the case, or cut its recording at the start of the case"
+        )
+    return ""
 
 
 def _size_text(unit: str, own: np.ndarray, reference: np.ndarray) -> str:

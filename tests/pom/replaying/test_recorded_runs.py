@@ -224,6 +224,26 @@ def test_size_and_sign_of_a_recorded_channel_are_compared(name, change, text):
     assert text in "".join(found)
 
 
+@pytest.mark.parametrize(
+    ("name", "change", "text"),
+    [
+        ("nz", lambda x: x - 1.0, "as if the host recorded nz - 1, the increment; give it offset"),
+        ("V_cas", lambda x: x + 7.7, "15 kt above the flight throughout: another initial state"),
+        ("V_cas", lambda x: x + np.linspace(7.7, 0.0, x.size), "at the start, and the flight"),
+        ("V_cas", lambda x: x + 2.0, ""),
+        ("V_cas", lambda x: x + np.linspace(0.0, 7.7, x.size), ""),
+        ("nz", lambda x: 1.1 * x, ""),
+    ],
+)
+def test_a_displaced_channel_of_a_recording_is_named(name, change, text):
+    time = np.arange(0.0, 20.0, 0.05)
+    flight = {"V_cas": 50.0 + 0.5 * np.sin(time), "nz": 1.0 + 0.3 * np.sin(time)}
+    device = flight | {name: change(flight[name])}
+    found = [remark.text for remark in size_remarks(flight, device)]
+    assert len(found) == bool(text)
+    assert text in "".join(found)
+
+
 def test_a_gap_is_invalid(aeromatch, case, record):
     record(gap=(3.0, 4.0))
     done = aeromatch(*words(case, *START))

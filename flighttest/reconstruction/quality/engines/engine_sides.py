@@ -186,7 +186,7 @@ def _lever_evidence(
         if not float(np.std(y)) > _ENGINE_MOVES * float(np.max(np.abs(y))):
             continue
         moving.append(y)
-        own, other = (_correlation(u[m], y, signals.step) for m in (k, 1 - k))
+        own, other = (lever_correlation(u[m], y, signals.step) for m in (k, 1 - k))
         if own > _FOLLOWS and own > other + _RATHER:
             text = f"{name} follows {levers[k]} (correlation {own:.2f})"
             evidence.append((True, text))
@@ -199,9 +199,9 @@ def _lever_evidence(
     if evidence or not moving:
         return evidence
     # What both levers do together cancels in the differences.
-    if _correlation(split, apart, signals.step) > _FOLLOWS:
+    if lever_correlation(split, apart, signals.step) > _FOLLOWS:
         return [(True, f"the difference of {' and '.join(names)} follows that of the levers")]
-    turned = _correlation(split, -apart, signals.step) > _FOLLOWS
+    turned = lever_correlation(split, -apart, signals.step) > _FOLLOWS
     # A single output that falls may be that of an engine that fails.
     both = len(moving) == len(names) or _rises(moving[0])
     if turned and both and len(against) == len(moving):
@@ -223,7 +223,7 @@ def _levers_of(signals: ResampledChannels, engines: tuple[int, int]) -> tuple[st
     return ()
 
 
-def _correlation(lever: np.ndarray, output: np.ndarray, step: float) -> float:
+def lever_correlation(lever: np.ndarray, output: np.ndarray, step: float) -> float:
     """Return the largest correlation of an output with a lever behind a first-order lag."""
     # reading a record filters nothing: SciPy's part takes half a second to import
     from scipy.signal import lfilter

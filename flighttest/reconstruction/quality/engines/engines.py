@@ -22,6 +22,8 @@ from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.air_temperature import first_coefficient
 from flighttest.reconstruction.quality.engines.engine_sides import side_findings
 from flighttest.reconstruction.quality.engines.fuel import fuel_findings
+from flighttest.reconstruction.quality.engines.lever_roles import role_findings
+from flighttest.reconstruction.quality.engines.table_ranges import range_findings
 from flighttest.reconstruction.quality.engines.usual_readings import (
     growing_findings,
     manifold_findings,
@@ -98,8 +100,13 @@ def engine_findings(
         found, reasons = check(signals, aircraft)
         findings += found
         unchecked += reasons
-    for size in unusual_sizes(aircraft):
+    sizes = unusual_sizes(aircraft)
+    for size in sizes:
         findings.append(Finding("warning", "unit", (size.name,), size.text, size.remedy))
+    complete = signals.completed(("V",))
+    in_flight = {name: x[complete.flying] for name, x in complete.values.items()}
+    findings += range_findings(in_flight, aircraft, {size.name for size in sizes})
+    findings += role_findings(signals)
     findings += manifold_findings(signals) + growing_findings(signals, aircraft)
     return findings, unchecked
 

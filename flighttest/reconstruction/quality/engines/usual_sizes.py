@@ -7,7 +7,6 @@ another unit: 81 cm in place of 81 in takes a hundredth of the power of its engi
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import pi
 
 import numpy as np
@@ -18,6 +17,13 @@ from flightmech.aircraft.engine import Engine, list_leaves
 from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.terms import evaluate_term, list_regressors
 from flightmech.units import FOOT, G0, INCH
+from flighttest.reconstruction.quality.engines.usual_constants import (
+    UnusualSize,
+    unusual_constants,
+    unusual_inertia,
+    unusual_speeds,
+    unusual_torque,
+)
 
 _USUAL_AREA = (0.6, 1.5)  # S over cbar x b
 _USUAL_LOADING, _SMALL_SPAN = (80.0, 12000.0), 8.0  # N/m2, m
@@ -39,23 +45,6 @@ _LENGTHS = (
 _ENGINE_POWERS = ("power", "corrected_power", "shaft_power", "corrected_shaft_power")
 
 
-@dataclass(frozen=True)
-class UnusualSize:
-    """A number of an aircraft that no aeroplane has.
-
-    Attributes
-    ----------
-    name : str
-        ``reference mass inertia``, ``bsfc``, ``propeller_diameter`` or ``rpm_high``.
-    text, remedy : str
-        What came and what is usual, and what the user does.
-    """
-
-    name: str
-    text: str
-    remedy: str
-
-
 def unusual_sizes(aircraft: Aircraft) -> list[UnusualSize]:
     """Return the numbers of airframe, engines and propellers far outside those of aeroplanes.
 
@@ -68,14 +57,31 @@ def unusual_sizes(aircraft: Aircraft) -> list[UnusualSize]:
     list of UnusualSize
         Specific consumption a factor of 3 beyond 4e-8 to 4e-7 kg/J, blade tips faster than 400 m/s,
         and a propeller that takes less than a third or more than the threefold of the power of its
-        engine at standstill and rated speed, over all its blade angles. Reference quantities that
-        do not fit each other, and a mass or an inertia of another size.
+        engine at standstill and rated speed, over all its blade angles. Constants, axes and values
+        of tables outside of the ranges of `unusual_constants`. Reference quantities that do not fit
+        each other, and a mass or an inertia of another size.
     """
     sizes = list(_unusual_airframe(aircraft))
     for number, engine in enumerate(aircraft.engines, 1):
         sizes += _unusual_consumption(engine, number)
+        sizes += unusual_constants(engine, number)
         if engine.propeller is not None:
-            sizes += _unusual_propeller(engine, engine.propeller, number)
+            sizes += _of_propeller(engine, engine.propeller, number)
+    return sizes
+
+
+def _of_propeller(engine: Engine, propeller: Propeller, number: int) -> list[UnusualSize]:
+    """Return the numbers of a propeller that do not belong to each other, without consequences."""
+    power = _table_power(engine)
+    # a torque limit in another unit limits the power of the engine
+    sizes = [] if power is None else list(unusual_torque(engine, number, power))
+    if not sizes:
+        sizes += _unusual_propeller(engine, propeller, number)
+    # a diameter in another unit shows in the inertia, a rated speed in the axes of speeds
+    if not sizes:
+        sizes += unusual_inertia(engine, number)
+    if all(size.name != "rpm_high" for size in sizes):
+        sizes += unusual_speeds(engine, number)
     return sizes
 
 
@@ -167,12 +173,19 @@ def _unusual_propeller(engine: Engine, propeller: Propeller, number: int) -> Ite
 
 def _engine_power(engine: Engine, propeller: Propeller) -> float | None:
     """Return the largest power of the tables of an engine at sea level [W]; None without one."""
+    power = _table_power(engine)
+    if power is None:
+        return None
+    return min(power, propeller.power_limit, propeller.torque_limit * propeller.rpm_high)
+
+
+def _table_power(engine: Engine) -> float | None:
+    """Return the largest power of the tables of an engine [W]; None without one."""
     leaves = list_leaves(engine)
     powers = [leaves[name] for name in _ENGINE_POWERS if name in leaves]
     if not powers or not all(map(_is_plain, powers)):
         return None
-    limit = min(propeller.power_limit, propeller.torque_limit * propeller.rpm_high)
-    largest = min(max(float(leaf["value"].max()) for leaf in powers), limit)
+    largest = max(float(leaf["value"].max()) for leaf in powers)
     return largest if largest > 0.0 else None
 
 

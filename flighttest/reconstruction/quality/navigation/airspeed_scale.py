@@ -13,6 +13,7 @@ from flightmech.units import FOOT, KNOT
 from flighttest.reconstruction.quality.checks.formed_channels import source_channels
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels, lowpass_if_possible
 from flighttest.reconstruction.quality.finding import Finding, map_entry_of
+from flighttest.reconstruction.quality.navigation.airspeed_definition import definition_finding
 from flighttest.reconstruction.quality.navigation.inertial_motion import (
     MotionFits,
     alone_names,
@@ -84,6 +85,11 @@ def airspeed_findings(
     deviation = abs(scale - 1.0) - _SIGMAS * stderr
     if deviation < _NOTE:
         return [], []
+    unit = explaining_unit(scale)
+    definition = definition_finding(channel, scale, stderr, signals=signals, record=record)
+    # a factor of units at the same place needs a heading that settles it
+    if definition is not None and (unit is None or definition.evidence["heading"]):
+        return [definition], []
     severity = "warning" if deviation > _WARNING else "note"
     return [_scale_finding(channel, scale, stderr, severity=severity, record=record)], []
 

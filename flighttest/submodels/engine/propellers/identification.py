@@ -10,6 +10,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError
+from flightmech.support.arrays import true_spans
 from flighttest.reconstruction.dynamics.reduced_rates import read_columns
 from flighttest.reconstruction.dynamics.shaft_condition import (
     has_shaft_speed,
@@ -21,7 +22,11 @@ from flighttest.submodels.engine.propellers.estimate import (
     estimate_points,
     separate_thrust_and_drag,
 )
-from flighttest.submodels.engine.propellers.points import DURATION, propeller_points
+from flighttest.submodels.engine.propellers.points import (
+    DURATION,
+    cut_off_samples,
+    propeller_points,
+)
 from flighttest.submodels.engine.propellers.result import PropellerFit
 from flighttest.submodels.engine.propellers.shaft_dynamics import identify_shaft, shaft_changes
 from flighttest.submodels.engine.records import engine_channels
@@ -92,6 +97,7 @@ def identify_propeller(
         estimate,
         separate_thrust_and_drag(equations, estimate),
         records=tuple(map(str, names)),
+        cut_off=_cut_off_stretches(records, aircraft),
     )
     changes = _cut_changes(power_changes, aircraft)
     if not changes:
@@ -129,6 +135,23 @@ def _cut_changes(records: Sequence[xr.Dataset], aircraft: Aircraft) -> list[xr.D
                 added[f"engine{number}.rpm"] = "time", shaft_speed(columns, engine, number)
         numbers = range(1, len(aircraft.engines) + 1)
         channels = engine_channels(states.assign(added), numbers)
-        if "throttle" in channels:
-            changes += shaft_changes(channels)
+        if "throttle" not in channels:
+            continue
+        time = states["time"].values
+        off = time[cut_off_samples(states, len(aircraft.engines))]
+        for change in shaft_changes(channels):
+            begin, end = (float(change["time"][k]) for k in (0, -1))
+            if not ((off >= begin) & (off <= end)).any():
+                changes.append(change)
     return changes
+
+
+def _cut_off_stretches(records: Sequence[xr.Dataset], aircraft: Aircraft) -> tuple[str, ...]:
+    """Return the stretches of records with an engine cut off, as text."""
+    stretches = []
+    for count, states in enumerate(records, 1):
+        name = states.attrs.get("record", f"record {count}")
+        off = cut_off_samples(states, len(aircraft.engines))
+        for begin, end in true_spans(states["time"].values, off):
+            stretches.append(f"{begin:.4g} ... {end:.4g} s of {name}")
+    return tuple(stretches)

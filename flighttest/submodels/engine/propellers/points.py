@@ -54,7 +54,8 @@ _LEAST_SPEED = 1.0  # [m/s]
 # Reasons to leave out a window, as in the message.
 _POWER_CHANGES, _BANKED, _ON_GROUND = "power changes", "banked", "on the ground"
 _NO_AIRSPEED, _MISSING = "without airspeed", "with missing numbers"
-_REASONS = (_POWER_CHANGES, _BANKED, _ON_GROUND, _NO_AIRSPEED, _MISSING)
+_CUT_OFF = "with an engine cut off"
+_REASONS = (_POWER_CHANGES, _BANKED, _ON_GROUND, _NO_AIRSPEED, _MISSING, _CUT_OFF)
 
 
 def propeller_points(
@@ -154,6 +155,8 @@ def _reason_to_omit(part: xr.Dataset, aircraft: Aircraft) -> str:
         return _NO_AIRSPEED
     if "phi" in part and float(np.abs(part["phi"].values).mean()) > _BANK:
         return _BANKED
+    if cut_off_samples(part, len(aircraft.engines)).any():
+        return _CUT_OFF
     for number in range(1, len(aircraft.engines) + 1):
         for lever in ("throttle", "prop_command", "feather"):
             name = f"engine{number}.{lever}"
@@ -164,6 +167,23 @@ def _reason_to_omit(part: xr.Dataset, aircraft: Aircraft) -> str:
         if float(speed.mean()) > 10.0 and _smooth_range(speed) > _SPEED_RANGE * mean:
             return _POWER_CHANGES
     return ""
+
+
+def cut_off_samples(states: xr.Dataset, engines: int) -> np.ndarray:
+    """Return the samples at which an engine is cut off and its propeller not feathered (time,).
+
+    The lever of such an engine says nothing about its power. A feathered propeller has none.
+    """
+    cut = np.zeros(states.sizes["time"], bool)
+    for number in range(1, engines + 1):
+        name, feather = f"engine{number}.cutoff", f"engine{number}.feather"
+        if name not in states:
+            continue
+        off = states[name].values > 0.5
+        if feather in states:
+            off &= states[feather].values < 0.5
+        cut |= off
+    return cut
 
 
 def _speed_of(part: xr.Dataset, aircraft: Aircraft, number: int) -> np.ndarray:

@@ -71,6 +71,8 @@ class PropellerFit(PrintedResult):
         Constants of shaft, governor and lever from chops and slams.
     records : tuple of str
         Names of the records.
+    cut_off : tuple of str
+        Stretches of the records with an engine cut off, which are left out.
     """
 
     equations: PropulsionEquations
@@ -78,6 +80,7 @@ class PropellerFit(PrintedResult):
     separability: Separability | None
     dynamics: ShaftDynamics | None = None
     records: tuple[str, ...] = ()
+    cut_off: tuple[str, ...] = ()
 
     @property
     def value(self) -> dict[str, float]:
@@ -275,6 +278,13 @@ class PropellerFit(PrintedResult):
         remarks = fit_remarks(self.equations, self.estimate, self.separability)
         if self.dynamics:
             remarks += self.dynamics.remarks
+        if self.cut_off:
+            text = (
+                f"an engine is cut off, and its lever says nothing about its power: "
+                f"{'; '.join(self.cut_off)}; these windows are left out: give records or windows "
+                f"that end before the cut-off"
+            )
+            remarks.append(Remark("points", text, "cutoff"))
         return remarks
 
     def drag_of_propellers(self) -> dict[str, tuple[float, float, int]]:

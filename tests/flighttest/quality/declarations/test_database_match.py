@@ -161,6 +161,18 @@ def test_reference_quantities(aircraft):
     assert finding.channels == ("reference",)
 
 
+def test_an_effect_that_the_motion_does_not_explain_well_is_not_a_gain(signals, aircraft):
+    """An alpha vane that is late or disturbed changes the effect of the elevator."""
+    answers = control_responses(signals)
+    elevator = answers[answers["surface"] == "delta_e"]
+    db = database(aircraft, -2.75)
+    (finding,), _ = gain_findings(elevator, signals, aircraft, db)
+    assert finding.evidence["ratio"] < 0.45
+    findings, (row,) = gain_findings(elevator.assign(R2=0.93), signals, aircraft, db)
+    assert findings == []
+    assert ratios_in(row[3])["delta_e"] == pytest.approx(finding.evidence["ratio"], abs=0.01)
+
+
 def test_gain_of_a_surface(signals, aircraft):
     answers = control_responses(signals)
     elevator = answers[answers["surface"] == "delta_e"]

@@ -65,3 +65,49 @@ def test_an_airframe_of_another_size(aircraft, changes, name, text):
     (size,) = unusual_sizes(replace(aircraft, engines=(), **changes))
     assert size.name == name
     assert text in size.text
+
+
+@pytest.mark.parametrize(
+    ("part", "changes", "words"),
+    [
+        (
+            "propeller",
+            {"inertia": 23000.0},
+            "usual is 0.2212 to 36.86 kg m2, as if the number were",
+        ),
+        ("propeller", {"inertia": 54.6}, "as if the number were in lb ft2"),
+        ("propeller", {"feather_pitch": 82.0}, "is 82 rad; usual is -0.9 to 1.8 rad, as if"),
+        ("propeller", {"pitch_rate": 10.0}, "as if the number were in deg/s"),
+        ("propeller", {"governor_time": 100.0}, "is 100 s; usual is 0.002 to 5 s, as if"),
+        ("propeller", {"torque_limit": 1.0}, "as if the number were in kN m"),
+        ("piston", {"boost_limit": 35.0}, "as if the number were in inHg or psi"),
+        ("piston", {"displacement": 5.4}, "as if the number were in litres"),
+        ("piston", {"crank_rpm": 200.0}, "is 200 rad/s; usual is 2 to 120 rad/s, as if"),
+    ],
+)
+def test_constants_in_another_unit(aircraft, part, changes, words):
+    engine = aircraft.engines[0]
+    wrong = replace(engine, **{part: replace(getattr(engine, part), **changes)})
+    (size,) = unusual_sizes(replace(aircraft, engines=(wrong,)))
+    assert words in size.text
+    assert size.remedy
+
+
+@pytest.mark.parametrize(
+    ("given", "typed", "words"),
+    [
+        ("inHg", "kPa", "manifold_pressure in the table corrected_power is 30000 Pa; usual is"),
+        (" rpm", " rad/s", "is 2500 rad/s; usual is 125.7 to 754 rad/s, as if the number were in"),
+    ],
+)
+def test_the_axis_of_a_chart_in_another_unit(tmp_path, given, typed, words):
+    text = (DATA / "c182" / "aircraft.toml").read_text(encoding="utf-8")
+    lines = []
+    for line in text.splitlines():
+        if line.startswith(("manifold_pressure =", "engine_rpm =")):
+            line = line.replace(given, typed)
+        lines.append(line)
+    path = tmp_path / "aircraft.toml"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    (size,) = unusual_sizes(flightmech.read_aircraft(path))
+    assert words in size.text
