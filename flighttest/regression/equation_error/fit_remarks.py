@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 # probability of F above which a fit is no better than noise: one noise record in a hundred passes
 EXCITED = 0.01
 SIGNIFICANT = 0.05  # probability of t above which a term is not significant
+LOST = 1.0  # systematic standard error over the estimate above which a slope has no value
 WRONG = 0.01  # probability of t below which a wrong sign is not a chance result
 # share of the variance that a model must explain for its terms to be the cause of the movement
 EXPLAINED = 0.5
@@ -97,6 +98,7 @@ def remarks_of(fit: FitData) -> list[Remark]:
     """Return all remarks on a fit; errors first."""
     remarks = [
         *_remark_significance(fit),
+        *_remark_systematic(fit),
         *_remark_unexplained(fit),
         *_remark_signs(fit),
         *remark_spikes(fit),
@@ -222,6 +224,33 @@ def _remark_significance(fit: FitData) -> list[Remark]:
     for k in np.flatnonzero(is_idle):
         text = f"not significant: {names[k]}, t {t[k]:.1f}, probability {p[k]:.2g}"
         remarks.append(Remark("not significant", text, names[k], p[k], SIGNIFICANT))
+    return remarks
+
+
+def _remark_systematic(fit: FitData) -> list[Remark]:
+    """Return the slopes that the common errors of the measurement leave without a value.
+
+    Neither t nor F contains these errors: with a wrong size of one, every test still passes.
+    """
+    e = fit.estimates
+    if not e.sizes.get("error"):
+        return []
+    names = [str(term) for term in e["term"].values]
+    sizes, stderr = np.abs(e["estimate"].values), e["stderr_systematic"].values
+    # a term that noise alone hides has its remark already
+    is_significant = (
+        e["p_value"].values <= SIGNIFICANT if "p_value" in e else np.ones(len(names), bool)
+    )
+    is_lost = is_significant & (stderr > LOST * sizes) & ~least_squares.intercept_mask(names)
+    remarks = []
+    for k in np.flatnonzero(is_lost):
+        largest = str(e["error"].values[np.abs(e["systematic"].values[k]).argmax()])
+        text = (
+            f"{names[k]} has no value: its systematic standard error {stderr[k]:.3g} is larger "
+            f"than the estimate {e['estimate'].values[k]:.3g}, mostly by {largest}; correct the "
+            f"size of that error, or measure its source better"
+        )
+        remarks.append(Remark("systematic", text, names[k], stderr[k] / sizes[k], LOST))
     return remarks
 
 
