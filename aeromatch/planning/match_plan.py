@@ -20,6 +20,7 @@ from aeromatch.planning.record_look import LookTask, RecordLook
 from aeromatch.planning.record_looks import RecordLooks
 from aeromatch.planning.remarks import aircraft_remarks, project_remarks
 from aeromatch.planning.repeated_samples import repeated_sample_problems
+from aeromatch.planning.resting_variables import resting_remarks
 from aeromatch.planning.steps import (
     join_equal_lines,
     products_of,
@@ -239,6 +240,7 @@ def make_plan(
             plan.remarks += look.remarks
         samples = {name: look.samples for name, look in plan.looks.items()}
         problems += repeated_sample_problems(samples)
+        plan.remarks += resting_remarks(project, plan.looks)
         checks.run()
     if options.samples:
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)

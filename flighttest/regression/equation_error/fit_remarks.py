@@ -12,10 +12,17 @@ import numpy as np
 import scipy
 
 from flightmech.errors import IdentificationError
+from flightmech.names import lookup
 from flightmech.support.figures import new_figure
+from flightmech.units import DEGREE
 from flighttest.parameter_constraints import constraint_remarks
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit_data import FitData
+from flighttest.regression.equation_error.movement import (
+    MOVED_LEAST,
+    judged_variable,
+    ranges_in_spans,
+)
 from flighttest.regression.equation_error.spike_remarks import TINY, remark_spikes
 from flighttest.regression.equation_error.structure_remarks import (
     remark_growth,
@@ -99,6 +106,7 @@ def remarks_of(fit: FitData) -> list[Remark]:
     remarks = [
         *_remark_significance(fit),
         *_remark_systematic(fit),
+        *_remark_rest(fit),
         *_remark_unexplained(fit),
         *_remark_signs(fit),
         *remark_spikes(fit),
@@ -251,6 +259,33 @@ def _remark_systematic(fit: FitData) -> list[Remark]:
             f"size of that error, or measure its source better"
         )
         remarks.append(Remark("systematic", text, names[k], stderr[k] / sizes[k], LOST))
+    return remarks
+
+
+def _remark_rest(fit: FitData) -> list[Remark]:
+    """Return the angles of the model that move in none of its manoeuvres."""
+    data = fit.data
+    if not {"time", "manoeuvre"} <= set(data.variables) or not data.sizes.get("sample"):
+        return []
+    names = [name for name in fit.model.variables if judged_variable(name) == name]
+    names = [name for name in names if lookup(name).units == "rad"]
+    columns = {name: data[name].values for name in names if name in data}
+    largest = dict.fromkeys(columns, 0.0)
+    for index in np.unique(data["manoeuvre"].values):
+        inside = data["manoeuvre"].values == index
+        time = data["time"].values[inside]
+        within = {name: values[inside] for name, values in columns.items()}
+        for name, size in ranges_in_spans(time, within, [(time[0], time[-1])])[0].items():
+            largest[name] = max(largest[name], size)
+    remarks = []
+    for name, size in largest.items():
+        if size < MOVED_LEAST:
+            text = (
+                f"{name} hardly moves: range {size / DEGREE:.2g} deg inside a manoeuvre, "
+                f"{MOVED_LEAST / DEGREE:g} deg is a movement; its estimate is noise, or the "
+                f"difference between manoeuvres: give a manoeuvre that moves it"
+            )
+            remarks.append(Remark("rest", text, name, size, MOVED_LEAST))
     return remarks
 
 
