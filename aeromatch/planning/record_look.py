@@ -13,7 +13,7 @@ import xarray as xr
 
 import flighttest
 from aeromatch.planning.gap_checks import gap_departures
-from aeromatch.planning.repeated_samples import used_samples
+from aeromatch.planning.repeated_samples import proving_samples, used_samples
 from aeromatch.planning.resting_variables import movements
 from aeromatch.planning.sample_checks import fit_problems, manoeuvre_problems, submodel_problems
 from aeromatch.planning.steps import run_collecting_problems
@@ -140,6 +140,8 @@ class RecordLook:
         By variable: the manoeuvres of the record that move it.
     samples : dict of str to array of uint64
         Hashes of the samples that identify a coefficient, or a submodel by its position.
+    proofs : dict of str to array of uint64
+        Hashes of the samples in the windows of cases, by case.
     """
 
     name: str
@@ -155,6 +157,7 @@ class RecordLook:
     moved: dict[str, dict[str, float]] = field(default_factory=dict)
     movers: dict[str, list[str]] = field(default_factory=dict)
     samples: dict[str, np.ndarray] = field(default_factory=dict)
+    proofs: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def look_at(
@@ -189,6 +192,8 @@ def look_at(
         look.samples = used_samples(task.fits, record, spans)
         fitted = {position: spans[position] for position in task.fits}
         look.moved, look.movers = movements(states, table, fitted)
+    if task.cases:
+        look.proofs = proving_samples(task.cases, record)
     for case in task.cases:
         problems = case_problems(case, states, {})
         look.problems += problems
