@@ -17,7 +17,7 @@ from flightmech.names import lookup
 from flightmech.quantities import finite_number, number_or_text, parse_quantity
 from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
-from flightmech.simulation.odd_values import describe_bare_numbers
+from flightmech.simulation.odd_values import describe_bare_numbers, warn_of_odd_time
 from flightmech.simulation.run import simulate as fly
 from flightmech.simulation.run import units_of_names
 from flightmech.steady_flight.odd_speeds import warn_of_odd_speed
@@ -174,6 +174,7 @@ def run_simulate(
     with show_progress("fly the model"):
         sim = compile_files(aircraft, database)
         values = _values(sim, given)
+        warn_of_odd_time(inputs["time"].values)
         if values.get("mode.trim"):
             warn_of_odd_speed(sim, values)
         found = fly(sim, inputs, values, hold, terms=terms)
