@@ -9,6 +9,7 @@ from typing import Any
 from flightmech.errors import UnitError
 from flightmech.units import to_si
 
+_COMMA = re.compile(r"\s*[-+]?\d+,\d")
 _QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 
 
@@ -26,6 +27,34 @@ def number_or_text(text: str) -> float | str:
         return finite_number(text)
     except ValueError:
         return text
+
+
+def option_quantity(option: str, text: str | float, expected: str) -> float:
+    """Return the SI value of an option of a command: a bare number is SI, a text has its unit.
+
+    Parameters
+    ----------
+    option : str
+        Name of the option, for an error.
+    text : str or number
+        Such as ``"8.95"``, ``"8.95 m"``.
+    expected : str
+        SI unit of the quantity.
+
+    Raises
+    ------
+    UnitError
+        With the name of the option.
+
+    Examples
+    --------
+    >>> option_quantity("--station", "8.95", "m")
+    8.95
+    """
+    try:
+        return parse_quantity(number_or_text(text) if isinstance(text, str) else text, expected)
+    except UnitError as error:
+        raise UnitError(f"{option}: {error}") from error
 
 
 def parse_quantity(text: str | float | int, expected: str) -> float:
@@ -53,11 +82,14 @@ def parse_quantity(text: str | float | int, expected: str) -> float:
         )
     if isinstance(text, int | float):
         return float(text)
+    comma = ""
+    if isinstance(text, str) and _COMMA.match(text):
+        comma = "; a decimal comma is not read, write a point"
     match = _QUANTITY.match(text) if isinstance(text, str) else None
-    if not match or not match.group(2):
+    if comma or not match or not match.group(2):
         raise UnitError(
             f"found {text!r}; expected a number and a unit such as '1.5 {expected}', or a "
-            f"bare number in {expected}"
+            f"bare number in {expected}{comma}"
         )
     value = float(to_si(float(match.group(1)), match.group(2), expected))
     if math.isinf(value):

@@ -28,8 +28,9 @@ class Remark:
     Attributes
     ----------
     kind : str
-        ``no excitation``, ``not significant``, ``sign``, ``unexplained``, ``spike``, ``collinear``,
-        ``offset``, ``disturbance``, ``prior``, ``scatter``, ``bound``, ``convergence`` ...
+        ``no excitation``, ``not significant``, ``sign``, ``unexplained``, ``systematic``,
+        ``spike``, ``collinear``, ``offset``, ``disturbance``, ``prior``, ``scatter``, ``bound``,
+        ``convergence`` ...
     text : str
         What was found, with numbers, and what to do.
     term : str

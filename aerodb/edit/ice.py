@@ -12,9 +12,13 @@ has a standard error, is estimated from flight, exchanged and proven as every ot
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator, Mapping
+
 import numpy as np
 import xarray as xr
 
+from aerodb.edit.ice_direction import improvements
 from aerodb.edit.ice_file import IceDifference, IceFile
 from aerodb.store.grids import (
     add_leaves,
@@ -31,7 +35,7 @@ from aerodb.store.undo_history import note_suffix, record_edit, update_absent
 from aerodb.update.cautions.notices import with_notices
 from flightmech import terms as _terms
 from flightmech.aircraft.controls import ICE
-from flightmech.errors import SchemaError, UnknownName
+from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.units import DEGREE
 
@@ -67,6 +71,11 @@ def add_ice(db: xr.DataTree, ice: IceFile, *, note: str = "") -> xr.DataTree:
         The database has ice, a term has no alpha axis for `about`, an offset acts where a term is
         zero by definition, an angle is beyond its range, or a term has too many multipliers or
         axes; all faults.
+
+    Warns
+    -----
+    AeromatchWarning
+        The ice improves the aeroplane: less drag, more lift, control power or damping.
     """
     leaves = terms(db)
     problems = []
@@ -85,6 +94,8 @@ def add_ice(db: xr.DataTree, ice: IceFile, *, note: str = "") -> xr.DataTree:
             problems += [f"{name}: {fault}" for fault in error.problems]
     if problems:
         raise SchemaError("ice", problems)
+    for text in _improvements(leaves, new):
+        warnings.warn(text, AeromatchWarning, stacklevel=2)
     notice = (
         f"ice: {', '.join(new)} hold a difference by ice ({ice.title}; {ice.reference}), which "
         f"acts with {ICE}; valid for {ice.valid}"
@@ -94,6 +105,18 @@ def add_ice(db: xr.DataTree, ice: IceFile, *, note: str = "") -> xr.DataTree:
     leaves |= {name: leaf.assign_attrs(history=line) for name, leaf in new.items()}
     attributes = {**update_absent(db, without=new), **with_notices(db.attrs, [notice])}
     return record_edit(db, leaves, "ice", summary=summary, note=note, attributes=attributes)
+
+
+def _improvements(leaves: Mapping[str, xr.Dataset], new: Mapping[str, xr.Dataset]) -> Iterator[str]:
+    """Yield how differences of terms improve the aeroplane."""
+    for name, leaf in new.items():
+        clean = leaves[name.removesuffix(SUFFIX)]
+        # an offset may have further axes
+        points = union_axes(clean, leaf)
+        whole, part = regrid_leaf(clean, points), regrid_leaf(leaf, points)
+        order = whole["value"].dims
+        change = part["value"].broadcast_like(whole["value"]).transpose(*order).values
+        yield from improvements(name.removesuffix(SUFFIX), whole, whole["value"].values + change)
 
 
 def _difference_leaf(clean: xr.Dataset, difference: IceDifference, ice: IceFile) -> xr.Dataset:

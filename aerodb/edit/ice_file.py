@@ -39,7 +39,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from flightmech.errors import ParseError, SchemaError, UnitError
 from flightmech.names import lookup
@@ -50,6 +50,7 @@ from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
 
 _NUMBERS = ("factor", "factor_stderr", "offset", "offset_stderr")
+_LARGEST = {"factor": 10.0, "factor_stderr": 1.0}
 _LINE = re.compile(r"#\s*(\w+)\s*:\s*(.*)")
 _AXIS = re.compile(r"(\w+)\s*(?:\[(.+)\])?$")
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -58,7 +59,7 @@ NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 class IceDifference(Strict):
     """Difference of one term by ice: iced table = factor x clean table + offset."""
 
-    factor: Annotated[float, Field(ge=0.0, le=10.0, allow_inf_nan=False)] | None = Field(
+    factor: NotNegative | None = Field(
         default=None, description="Factor on the clean table, 0 to 10 (0.88, not 88 or -12 %)."
     )
     factor_stderr: NotNegative | None = Field(
@@ -77,6 +78,18 @@ class IceDifference(Strict):
     axes: dict[str, tuple[float | str, ...]] = Field(
         default={}, description="One axis of the offset with its breakpoints."
     )
+
+    @field_validator("factor", "factor_stderr")
+    @classmethod
+    def _check_share(cls, share: float | None, info: ValidationInfo) -> float | None:
+        """Raise for a number in per cent."""
+        largest = _LARGEST[str(info.field_name)]
+        if share is not None and share > largest:
+            raise ValueError(
+                f"{share:g} is {share:g} times the clean table; at most {largest:g} is allowed: "
+                f"write {share / 100.0:g} for {share:g} %"
+            )
+        return share
 
     @model_validator(mode="after")
     def _check_numbers(self) -> IceDifference:

@@ -13,6 +13,7 @@ from aerodb.prior.clean_cases import (
     describe_other_aircraft,
     require_one_aircraft,
 )
+from aerodb.prior.listing_copies import warn_of_copy
 from datcom_io.arrays.conditions import control_surface
 from datcom_io.decks.aircraft_rules import has_thrust
 from datcom_io.decks.device_fit import (
@@ -356,6 +357,7 @@ def _without_repetitions(assigned: list[CaseRole], role: str) -> list[CaseRole]:
             reasons[id(item)] = f"another {device} than in {case_label(first)}"
         elif repeated is not None:
             reasons[id(item)] = f"conditions of {case_label(repeated)}"
+            warn_of_copy(item.case, repeated, role)
         else:
             used.append(item.case)
     result = []

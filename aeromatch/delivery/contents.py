@@ -9,7 +9,7 @@ import io
 import json
 import shutil
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -29,7 +29,12 @@ from aerodb.exchange.tables.csv_checks import export_checkcases
 from aerodb.exchange.tables.csv_terms import export_csv
 from aerodb.exchange.tables.matlab import export_matlab
 from aeromatch.delivery.flown_checks import flight_conditions_of, write_flown_checks
-from aeromatch.delivery.package_documents import format_roadmap, readme_text
+from aeromatch.delivery.package_documents import (
+    compare_model,
+    format_roadmap,
+    judged_files,
+    readme_text,
+)
 from aeromatch.delivery.places import (
     CONTENT,
     FLOWN,
@@ -148,6 +153,7 @@ def _fill(
 ) -> dict[str, str]:
     """Write the content of a package into a folder."""
     demand_match_of_project(project, match)
+    demand_proven_models(project.own_models, match)
     database = aerodb.open(match / "final.nc")
     aircraft = flightmech.read_aircraft(match / "final.toml")
     archive = pom.read_archive(match / REPORT)
@@ -186,6 +192,39 @@ def _fill(
         key = read_private_key(wishes.sign)
         _write_text(folder / SIGNATURE, signature_text(manifest.encode(), key))
     return refused
+
+
+def demand_proven_models(names: Iterable[str], match: Path) -> None:
+    """Raise if a model of a match is not the one that its report judged.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Models of the project; one without an FMU in the folder is not compared.
+    match : Path
+        Folder of `aeromatch match`.
+
+    Raises
+    ------
+    SchemaError
+        FMUs that were replaced, and FMUs whose database or aircraft file was changed after them.
+    """
+    judged = judged_files(match / REPORT)
+    problems = []
+    for name in names:
+        file = match / f"{name}.fmu"
+        if not file.is_file():
+            continue
+        parts = match / f"{name}.toml", match / f"{name}.nc"
+        text, is_proven = compare_model(file, parts, judged, version("aeromatch"))
+        if not is_proven:
+            problems.append(f"{file.name}: {text} ({parts[0].name}, {parts[1].name})")
+    if problems:
+        problems.append(
+            "a file was changed after the match: run `aeromatch match` again, and give changes of "
+            "the database in the project file"
+        )
+        raise SchemaError(str(match), problems)
 
 
 def _copy_files(folder: Path, project: Project, match: Path, wishes: PackageOptions) -> None:

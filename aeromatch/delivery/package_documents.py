@@ -193,10 +193,11 @@ def compare_documents(
     }
     for name, text in texts.items():
         yield (name, *_compare_text(folder / name, text, manifest["version"]))
-    judged = _judged_files(folder)
+    judged = judged_files(folder / "report")
     for file in sorted((folder / "models").glob("*.fmu")):
         name = file.relative_to(folder).as_posix()
-        yield (name, *_compare_model(folder, file, judged, manifest["version"]))
+        parts = folder / f"aircraft/{file.stem}.toml", folder / f"database/{file.stem}.nc"
+        yield (name, *compare_model(file, parts, judged, manifest["version"]))
     for file in sorted((folder / "cases").glob("*")):
         digests = judged.get(file.name, {})
         is_judged = file_sha256(file) in digests.values()
@@ -221,20 +222,39 @@ def _compare_text(file: Path, expected: str, made_by: str) -> tuple[str, bool]:
     return f"is not of version {made_by}, which the manifest states", False
 
 
-def _judged_files(folder: Path) -> dict[str, dict[str, str]]:
-    """Return the SHA-256 of the files that the report judged, by file name and by run or path."""
+def judged_files(report: Path) -> dict[str, dict[str, str]]:
+    """Return the SHA-256 of the files that a report judged, by file name and by run or path."""
     judged: dict[str, dict[str, str]] = {}
-    statement = read_report_manifest(folder / "report")
+    statement = read_report_manifest(report)
     for item in statement["predicate"]["buildDefinition"]["resolvedDependencies"]:
         name = PurePosixPath(item["name"]).name
         judged.setdefault(name, {})[run_of(item) or item["name"]] = item["digest"]["sha256"]
     return judged
 
 
-def _compare_model(
-    folder: Path, file: Path, judged: Mapping[str, Mapping[str, str]], made_by: str
+def compare_model(
+    file: Path, parts: tuple[Path, Path], judged: Mapping[str, Mapping[str, str]], made_by: str
 ) -> tuple[str, bool]:
-    """Return whether an FMU is the judged one, and has the model of its database and aircraft."""
+    """Return whether an FMU is the judged one, and has the model of its database and aircraft.
+
+    Parameters
+    ----------
+    file : Path
+        The FMU.
+    parts : (Path, Path)
+        Its aircraft and its database.
+    judged : mapping
+        Result of `judged_files`.
+    made_by : str
+        Version of the program that wrote the FMU.
+
+    Returns
+    -------
+    str
+        The result in words.
+    bool
+        Whether it is good.
+    """
     name = file.stem
     # The report calls a run by the name of its FMU.
     if judged.get(file.name, {}).get(name) != file_sha256(file):
@@ -244,8 +264,8 @@ def _compare_model(
             if content.getinfo(BLOCK).file_size > _LARGEST_BLOCK:
                 return "its model is too large", False
             block = content.read(BLOCK)
-        aircraft = flightmech.read_aircraft(folder / f"aircraft/{name}.toml")
-        sim = compile_with_envelope(aircraft, aerodb.open(folder / f"database/{name}.nc"))
+        aircraft = flightmech.read_aircraft(parts[0])
+        sim = compile_with_envelope(aircraft, aerodb.open(parts[1]))
     except (AeromatchError, OSError, KeyError, zipfile.BadZipFile) as error:
         return f"cannot be compared with its database and aircraft: {error}", False
     if bytes(sim.block) == block:

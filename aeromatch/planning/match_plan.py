@@ -19,7 +19,11 @@ from aeromatch.planning.case_checks import CaseChecks
 from aeromatch.planning.record_look import LookTask, RecordLook
 from aeromatch.planning.record_looks import RecordLooks
 from aeromatch.planning.remarks import aircraft_remarks, project_remarks
-from aeromatch.planning.repeated_samples import repeated_sample_problems
+from aeromatch.planning.repeated_samples import (
+    leaked_sample_problems,
+    repeated_sample_problems,
+)
+from aeromatch.planning.resting_variables import resting_remarks
 from aeromatch.planning.steps import (
     join_equal_lines,
     products_of,
@@ -239,7 +243,10 @@ def make_plan(
             plan.departures += look.departures
             plan.remarks += look.remarks
         samples = {name: look.samples for name, look in plan.looks.items()}
+        proofs = {name: look.proofs for name, look in plan.looks.items()}
         problems += repeated_sample_problems(samples)
+        problems += leaked_sample_problems(samples, proofs)
+        plan.remarks += resting_remarks(project, plan.looks)
         plan.remarks += term_remarks(project, _joined_ranges(plan.looks))
         checks.run()
     if options.samples:

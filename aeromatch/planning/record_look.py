@@ -14,7 +14,8 @@ import xarray as xr
 import flighttest
 from aeromatch.planning.gap_checks import gap_departures
 from aeromatch.planning.held_checks import held_departures
-from aeromatch.planning.repeated_samples import used_samples
+from aeromatch.planning.repeated_samples import proving_samples, used_samples
+from aeromatch.planning.resting_variables import movements
 from aeromatch.planning.sample_checks import (
     fit_problems,
     manoeuvre_problems,
@@ -142,10 +143,16 @@ class RecordLook:
         States of each case that has no problem with the record. [SI]
     remarks : list of str
         Controls past the stops of the aircraft file.
+    moved : dict of str to dict of str to float
+        By fit: largest range of a variable inside one of its windows. [rad], [rad s-1]
+    movers : dict of str to list of str
+        By variable: the manoeuvres of the record that move it.
     samples : dict of str to array of uint64
         Hashes of the samples that identify a coefficient, or a submodel by its position.
     ranges : dict of str to dict of str to (float, float)
         Flown ranges of the axes of tables, by fit. [SI]
+    proofs : dict of str to array of uint64
+        Hashes of the samples in the windows of cases, by case.
     """
 
     name: str
@@ -158,8 +165,11 @@ class RecordLook:
     start: xr.Dataset | None = None
     windows: dict[str, xr.Dataset] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    moved: dict[str, dict[str, float]] = field(default_factory=dict)
+    movers: dict[str, list[str]] = field(default_factory=dict)
     samples: dict[str, np.ndarray] = field(default_factory=dict)
     ranges: dict[str, dict[str, Range]] = field(default_factory=dict)
+    proofs: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def look_at(
@@ -193,6 +203,10 @@ def look_at(
     if task.fits or task.submodels:
         _check_identification(task, states, spans=spans, look=look)
         look.samples = used_samples(task.fits, record, spans)
+        fitted = {position: spans[position] for position in task.fits}
+        look.moved, look.movers = movements(states, table, fitted)
+    if task.cases:
+        look.proofs = proving_samples(task.cases, record)
     for case in task.cases:
         problems = case_problems(case, states, {})
         look.problems += problems

@@ -11,6 +11,7 @@ from aeromatch.project.project import Project
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.names import REDUCED_RATES
+from flighttest.reconstruction.dynamics.error_sizes import error_size_remarks
 from flighttest.reconstruction.quality.declarations.positions import (
     position_findings,
     sensor_positions,
@@ -21,8 +22,6 @@ from flighttest.records.sensors.instruments import instruments_of
 from flighttest.regression.equation_error.least_squares import intercept_mask
 from flighttest.regression.equation_error.model import RegressionModel
 
-_LARGEST_ERROR = 0.2
-"""Relative standard error from which a number is mostly one in per cent; of the timing, seconds."""
 _REDUCED = {rate: reduced for reduced, (rate, _) in REDUCED_RATES.items()}
 
 
@@ -38,7 +37,10 @@ def project_remarks(project: Project) -> list[str]:
     list of str
         One line each, with the position in the project file.
     """
-    return [*_error_remarks(project), *_model_remarks(project)]
+    remarks = error_size_remarks(project.errors, "errors.")
+    if project.gear is not None:
+        remarks += error_size_remarks(project.gear.errors, "gear.errors.")
+    return [*remarks, *_model_remarks(project)]
 
 
 def aircraft_remarks(aircraft: Aircraft) -> list[str]:
@@ -53,23 +55,6 @@ def aircraft_remarks(aircraft: Aircraft) -> list[str]:
     for finding in [*position_findings(places, aircraft), *side_findings(aircraft)]:
         remarks.append(f"aircraft: {finding.text}; {finding.remedy}")
     return remarks
-
-
-def _error_remarks(project: Project) -> Iterator[str]:
-    """Yield the relative standard errors that are too large for any aircraft."""
-    for source, error in project.errors.items():
-        if error < _LARGEST_ERROR:
-            continue
-        if source == "timing":
-            yield (
-                f"errors.timing = {error:g} is a standard error of the clock of {error:g} s; "
-                f"0.002 is usual: give it in seconds"
-            )
-            continue
-        yield (
-            f"errors.{source} = {error:g} is a standard error of {100.0 * error:g} %; it is a "
-            f"share, 0.005 for half a per cent: correct it, or nearly nothing is identified"
-        )
 
 
 def _model_remarks(project: Project) -> Iterator[str]:

@@ -1,11 +1,12 @@
-"""Samples of one flight that identify a coefficient twice, because a record is there twice.
+"""Samples of one flight that are there twice, because a record is there twice.
 
-A copy under another name halves the variance of what it identifies without any information.
+A copy under another name halves the variance of what it identifies without any information.  A copy
+that proves what its samples identified proves nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -14,6 +15,7 @@ import xarray as xr
 from aeromatch.project.model_sections import FitSection
 from flighttest.records.shared_samples import LEAST_SAMPLES, inertial_channels, sample_hashes
 from flighttest.regression.equation_error.model import RegressionModel
+from pom.cases.case import PomCase
 
 Samples = Mapping[str, np.ndarray]
 """Hashes of samples by the coefficient or submodel that they identify."""
@@ -51,6 +53,57 @@ def used_samples(
             for target in targets:
                 parts.setdefault(target, []).append(inside)
     return {target: np.unique(np.concatenate(arrays)) for target, arrays in parts.items()}
+
+
+def proving_samples(cases: Iterable[PomCase], record: xr.DataTree) -> dict[str, np.ndarray]:
+    """Return the hashes of the samples of a record in the window of each case, by its name.
+
+    Parameters
+    ----------
+    cases : iterable of PomCase
+        Cases that replay the record.
+    record : DataTree
+    """
+    time, hashes = sample_hashes(inertial_channels(record))
+    samples = {}
+    for case in cases:
+        start, stop = case.window
+        samples[case.name] = np.unique(hashes[(time >= start) & (time <= stop)])
+    return samples
+
+
+def leaked_sample_problems(
+    samples: Mapping[str, Samples], proofs: Mapping[str, Samples]
+) -> list[str]:
+    """Return a line for every case whose samples identify under the name of another record.
+
+    Parameters
+    ----------
+    samples : mapping of str to mapping
+        Results of `used_samples` by record.
+    proofs : mapping of str to mapping
+        Results of `proving_samples` by record.
+    """
+    problems = []
+    for proving, by_case in proofs.items():
+        for case, proof in by_case.items():
+            for record, used in samples.items():
+                # two windows of one record are compared by their times
+                if record == proving:
+                    continue
+                counts = {}
+                for target, hashes in used.items():
+                    common = np.intersect1d(hashes, proof, assume_unique=True)
+                    counts[target] = common.size
+                targets = [target for target, count in counts.items() if count > LEAST_SAMPLES]
+                if targets:
+                    problems.append(
+                        f"case {case}: {max(counts.values())} samples of its record {proving} are "
+                        f"samples of record {record}, which identify {', '.join(targets)}; what "
+                        f"identifies a model cannot prove it: prove with another flight, or take "
+                        f"that manoeuvre out of the fits"
+                    )
+    return problems
 
 
 def repeated_sample_problems(samples: Mapping[str, Samples]) -> list[str]:

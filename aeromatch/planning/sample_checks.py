@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import scipy
 import xarray as xr
 
 from aeromatch.planning.steps import run_collecting_problems
@@ -24,6 +23,7 @@ from flightmech.units import DEGREE
 from flighttest.flight_programme.manoeuvre_finding.finding import LEAST_SURFACE, SURFACES
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
+from flighttest.regression.equation_error.movement import ranges_in_spans
 from flighttest.regression.equation_error.problem import LEAST_MOVEMENT, SAMPLES_PER_TERM
 from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.control_loading.motion import loading_channels
@@ -41,7 +41,6 @@ _RUNNING = ("phi", "theta", "psi", "p", "q", "r", "vn", "ve", "vd")
 Spans = Sequence[tuple[float, float]]
 _INPUTS = ("3211", "doublet", "pulse", "block", "sweep", "multisine")
 """Manoeuvres in which the named control moves; in others it may hold a state, or be at rest."""
-_SMOOTH = 0.3  # [s] mean over which noise of a pick-up is not a movement
 
 
 def manoeuvre_problems(record: str, table: pd.DataFrame, states: xr.Dataset) -> list[str]:
@@ -56,18 +55,16 @@ def manoeuvre_problems(record: str, table: pd.DataFrame, states: xr.Dataset) -> 
         With the surfaces that the record has. [SI]
     """
     time = states["time"].values
-    width = max(1, round(_SMOOTH / float(np.median(np.diff(time)))))
-    smooth = {}
+    surfaces = {}
     for name, control in SURFACES.items():
         if name in states:
-            values = states.variables[name].values.astype(float)
-            smooth[control] = scipy.ndimage.uniform_filter1d(values, width, mode="nearest")
+            surfaces[control] = states.variables[name].values
     problems = []
-    for row in table.to_dict("records"):
-        inside = (time >= row["start"]) & (time <= row["end"])
-        if row["manoeuvre"] not in _INPUTS or not inside.any():
+    rows = [row for row in table.to_dict("records") if row["manoeuvre"] in _INPUTS]
+    spans = [(row["start"], row["end"]) for row in rows]
+    for row, moved in zip(rows, ranges_in_spans(time, surfaces, spans), strict=True):
+        if not ((time >= row["start"]) & (time <= row["end"])).any():
             continue
-        moved = {control: float(np.ptp(values[inside])) for control, values in smooth.items()}
         for control in str(row["control"]).split():
             if control not in moved or not moved[control] < LEAST_SURFACE:
                 continue

@@ -147,6 +147,12 @@ class Stacker:
             # NDM is printed for an angle that the cards do not give: NaN on both sides.
             if not (np.isnan(value) and np.isnan(exact_value)):
                 expected = f"{exact_value:g}{unit} as in the input cards of the case"
+                if len(printed) == len(exact) and np.allclose(printed, -np.array(exact)):
+                    expected += (
+                        f". The whole column {name} has the opposite sign: it was changed after "
+                        f"DATCOM had written it. Give the listing as DATCOM wrote it, with "
+                        f"deflections positive trailing edge down"
+                    )
                 raise ParseError(file, line, f"{name} = {value:g}{unit}", expected)
 
     # Numbers of one printed column.

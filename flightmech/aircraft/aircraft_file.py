@@ -213,6 +213,9 @@ class _ControlTable(_NumberOrText):
         return value
 
 
+_FARTHEST = 5.0  # mean chords from the leading edge back to the moment reference point
+
+
 # The descriptions are those of the JSON schema, which editors show.
 class _AircraftFile(_NumberOrText):
     name: str = Field(description="Name of the type.")
@@ -308,6 +311,18 @@ class _AircraftFile(_NumberOrText):
     @classmethod
     def _positive(cls, value: float) -> float:
         return _positive(value)
+
+    @field_validator("x_ref_mac")
+    @classmethod
+    def _share_of_chord(cls, value: float) -> float:
+        """Raise for a place in per cent: no aeroplane reaches five chords behind its wing."""
+        if value > _FARTHEST:
+            raise ValueError(
+                f"{value:g} is {value:g} mean chords behind the leading edge; it is a share of the "
+                f"mean chord, at most {_FARTHEST:g}: write {value / 100.0:g} or '{value:g} %' for "
+                f"{value:g} %"
+            )
+        return value
 
     @field_validator("control", mode="before")
     @classmethod

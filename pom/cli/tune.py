@@ -52,15 +52,15 @@ _FILE = InputFile()
     "--rationale",
     multiple=True,
     metavar="FILE.toml|TERM=TEXT",
-    help="Terms that may leave the bound and why: the table [rationale] of a file, or one term; "
-    "may be repeated.",
+    help="Terms that may leave the bound: 'NAME, YYYY-MM-DD, why', in the table [rationale] of a "
+    "file, or for one term; may be repeated.",
 )
 @click.option(
     "--bound",
     default=2.0,
     show_default=True,
     type=click.FloatRange(0.0, min_open=True),
-    help="Largest move of a node from the evidence. [standard errors]",
+    help="Largest move of a node from the evidence; beyond 3 it is a departure. [standard errors]",
 )
 @click.option(
     "-o",

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flightmech.errors import UnitError
-from flightmech.quantities import finite_number, number_or_text, parse_quantity
+from flightmech.quantities import finite_number, number_or_text, option_quantity, parse_quantity
 from flightmech.units import _BASE, fitted_unit, from_si, known_unit, parse_unit, to_si
 
 
@@ -202,3 +202,15 @@ def test_units_of_a_hostile_file_are_refused(text):
 def test_a_unit_beyond_the_floating_point_numbers_is_refused(text):
     with pytest.raises(UnitError, match=r"its factor to SI is (inf|0)"):
         parse_unit(text)
+
+
+def test_an_option_takes_a_bare_number_and_names_itself_in_an_error():
+    assert option_quantity("--station", "8.95", "m") == 8.95
+    assert option_quantity("--station", "10 ft", "m") == pytest.approx(3.048)
+    for text in ("8,95", "8,95 m"):
+        with pytest.raises(
+            UnitError, match=r"--station: found '8,95.*decimal comma.*write a point"
+        ):
+            option_quantity("--station", text, "m")
+    with pytest.raises(UnitError, match="--station: "):
+        option_quantity("--station", "2 deg", "m")

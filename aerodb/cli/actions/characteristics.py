@@ -17,7 +17,7 @@ from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import UnknownName
 from flightmech.flying_qualities.evaluation import characteristics as compute
 from flightmech.names import VOCABULARY
-from flightmech.quantities import number_or_text, parse_quantity
+from flightmech.quantities import number_or_text, option_quantity
 from flightmech.simulation.stated_values.odd_values import describe_bare_numbers
 from flightmech.support.console import print_json, print_table, show_progress
 
@@ -35,10 +35,10 @@ def run_characteristics(
     as_json: bool,
 ) -> None:
     """Perform the command ``characteristics``."""
-    condition: dict[str, float] = {"h": parse_quantity(number_or_text(altitude), "m")}
+    condition: dict[str, float] = {"h": option_quantity("--altitude", altitude, "m")}
     for name, text in (("V", speed), ("V_cas", cas)):
         if text is not None:
-            condition[name] = parse_quantity(number_or_text(text), "m s-1")
+            condition[name] = option_quantity(name, text, "m s-1")
     if mach is not None:
         condition["mach"] = mach
     for name, text in further:
@@ -118,7 +118,7 @@ def run_rescale(
 
 
 def _numbers(pairs: tuple[Any, ...]) -> dict[str, float]:
-    return {name: parse_quantity(number_or_text(text), "1") for name, text in pairs}
+    return {name: option_quantity(name, text, "1") for name, text in pairs}
 
 
 def _to_si(name: str, text: str) -> float:
@@ -127,7 +127,7 @@ def _to_si(name: str, text: str) -> float:
     Names of the vocabulary have a unit, parameters of the simulation are bare SI numbers.
     """
     units = VOCABULARY[name].units if name in VOCABULARY else "1"
-    return parse_quantity(number_or_text(text), units)
+    return option_quantity(name, text, units)
 
 
 def run_scheme(coefficient: str | None, as_json: bool) -> None:

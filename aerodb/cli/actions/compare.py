@@ -17,7 +17,7 @@ from aerodb.store.files import open as open_database
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.quantities import number_or_text, parse_quantity
+from flightmech.quantities import option_quantity
 from flightmech.support.console import print_json, print_remark, print_table, show_progress
 
 
@@ -123,7 +123,7 @@ def _read_fixed(text: str) -> tuple[str, float]:
     name, sign, value = (part.strip() for part in text.partition("="))
     if not (name and sign and value):
         raise SchemaError("--at", [f"found {text!r}; give NAME=VALUE, such as delta_f='40 deg'"])
-    return name, parse_quantity(number_or_text(value), lookup(name).units)
+    return name, option_quantity(f"--at {name}", value, lookup(name).units)
 
 
 def _print(frame: pd.DataFrame) -> None:

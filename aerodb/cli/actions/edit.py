@@ -23,7 +23,7 @@ from aerodb.store.schema import terms
 from aerodb.store.undo_history import drop_undo_history, undo_edits
 from flightmech.errors import AeromatchError, AeromatchWarning
 from flightmech.names import is_quantity
-from flightmech.quantities import number_or_text, parse_quantity
+from flightmech.quantities import option_quantity
 from flightmech.simulation.stated_values.odd_values import describe_odd_quantity
 from flightmech.support.console import print_remark, print_table
 
@@ -146,7 +146,7 @@ def run_move_reference(
             if text is None:
                 point.append(float(db.attrs[key]))
             else:
-                point.append(parse_quantity(number_or_text(text), "m"))
+                point.append(option_quantity(key, text, "m"))
         _warn_far_point(db, point)
         return reference_point.move_reference(db, point, tolerance=tolerance, flow=flow, note=note)
 

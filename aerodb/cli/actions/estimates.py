@@ -19,7 +19,7 @@ from aerodb.store.files import save
 from aerodb.store.overview import describe_database, summary
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchWarning
-from flightmech.quantities import finite_number, parse_quantity
+from flightmech.quantities import finite_number, option_quantity, parse_quantity
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import collect_options, print_json, print_remark, print_table
 from flightmech.units import DEGREE
@@ -157,9 +157,10 @@ class ReferenceOptions:
             raise click.UsageError(
                 f"--S, --cbar, --b and --x-ref go together; {missing[0]} is missing"
             )
-        area = parse_quantity(str(self.S), "m2")
-        lengths = (self.cbar, self.b, self.x_ref)
-        chord, span, x = (parse_quantity(str(text), "m") for text in lengths)
+        area = option_quantity("--S", str(self.S), "m2")
+        chord = option_quantity("--cbar", str(self.cbar), "m")
+        span = option_quantity("--b", str(self.b), "m")
+        x = option_quantity("--x-ref", str(self.x_ref), "m")
         return EstimateReference(area, chord, span, x)
 
 

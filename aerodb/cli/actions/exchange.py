@@ -28,7 +28,7 @@ from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import AeromatchWarning, UnknownName
 from flightmech.names import lookup
-from flightmech.quantities import finite_number, parse_quantity
+from flightmech.quantities import finite_number, option_quantity
 from flightmech.support.console import print_json, print_remark
 from flightmech.terms import power_factor
 
@@ -60,7 +60,7 @@ def reader_options(
     for name, text in reference.items():
         if text is not None:
             key = _only(f"--{name}", fmt, {"daveml": name})
-            options[key] = parse_quantity(text, lookup(name).units)
+            options[key] = option_quantity(f"--{name}", text, lookup(name).units)
     if sample is not None or grid:
         options |= _sampling(fmt, sample, grid)
     return options
@@ -162,7 +162,7 @@ def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
     ]
     if not closed:
         return db
-    top = parse_quantity(height, "m")
+    top = option_quantity("--height", height, "m")
     print_remark(
         f"{len(closed)} terms with a formula over the height are written as tables up to {top:g} m"
     )
@@ -214,7 +214,7 @@ def _deflection(text: str) -> tuple[str, float]:
         raise click.UsageError(
             f"--travel is {text!r}; write a control and its angle, such as 'delta_f=40 deg'"
         )
-    return name.strip(), parse_quantity(amount, "rad")
+    return name.strip(), option_quantity(f"--travel {name.strip()}", amount, "rad")
 
 
 _OF_DAVEML = ("inertia", "propulsion", "at")

@@ -26,7 +26,7 @@ from datcom_io.reading.reader import ListingCase, listings_in, read, read_place
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchWarning
-from flightmech.quantities import parse_quantity
+from flightmech.quantities import option_quantity
 from flightmech.simulation.model_checks import check_root
 from flightmech.support.console import (
     collect_options,
@@ -111,7 +111,7 @@ class BuildOptions:
         if self.altitude is None:
             del keywords["altitude"]
         else:
-            keywords["altitude"] = parse_quantity(self.altitude, "m")
+            keywords["altitude"] = option_quantity("--altitude", self.altitude, "m")
         return keywords
 
 

@@ -19,7 +19,7 @@ from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
 from flightmech.simulation.run import simulate as fly
 from flightmech.simulation.run import units_of_names
-from flightmech.simulation.stated_values.odd_values import describe_bare_numbers
+from flightmech.simulation.stated_values.odd_values import describe_bare_numbers, warn_of_odd_time
 from flightmech.steady_flight.stated_speeds.odd_speeds import warn_of_odd_speed
 from flightmech.steady_flight.trim_findings import describe_limits_beyond_tables
 from flightmech.steady_flight.trim_search import start_of
@@ -174,6 +174,7 @@ def run_simulate(
     with show_progress("fly the model"):
         sim = compile_files(aircraft, database)
         values = _values(sim, given)
+        warn_of_odd_time(inputs["time"].values)
         if values.get("mode.trim"):
             warn_of_odd_speed(sim, values)
         found = fly(sim, inputs, values, hold, terms=terms)

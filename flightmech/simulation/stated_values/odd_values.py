@@ -29,6 +29,9 @@ class UsualRange(NamedTuple):
     meant: str
 
 
+_LONGEST = 1800.0  # s, of a flight with controls: half an hour
+_COARSEST = 5.0  # s between two samples of such a flight
+
 _USUAL = {
     **dict.fromkeys(("alpha", "beta", "gamma", "theta", "lat"), UsualRange(-1.6, 1.6, "deg")),
     **dict.fromkeys(("phi", "psi", "lon"), UsualRange(-6.3, 6.3, "deg")),
@@ -231,3 +234,28 @@ def _both_units(plain: str, value: float) -> str:
     if row.display_units == row.units:
         return text
     return f"{text} ({float(from_si(value, row.display_units)):.4g} {row.display_units})"
+
+
+def warn_of_odd_time(time: np.ndarray) -> None:
+    """Warn of inputs over more than half an hour in coarse steps: mostly times in milliseconds.
+
+    Parameters
+    ----------
+    time : array (time,)
+        [s]
+
+    Warns
+    -----
+    AeromatchWarning
+        With duration and step.
+    """
+    if len(time) < 2:
+        return
+    span, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
+    if span > _LONGEST and step >= _COARSEST:
+        text = (
+            f"the inputs last {span:g} s in {len(time)} samples, {step:g} s apart; inputs of a "
+            f"flight last some minutes at most. A column 'time' is in s: write 'time [ms]' if its "
+            f"numbers are milliseconds"
+        )
+        warnings.warn(text, AeromatchWarning, stacklevel=2)

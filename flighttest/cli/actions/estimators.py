@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
-from flightmech.quantities import finite_number, parse_quantity
+from flightmech.quantities import finite_number, option_quantity
 from flighttest.cli.actions.manoeuvres import CutManoeuvres
 from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from flighttest.reconstruction.dynamics.saved_paths import open_states
@@ -109,16 +108,7 @@ class EstimatorOptions:
         """Return the standard deviations in SI by variable."""
         noise = {}
         for name, text in self.noises:
-            try:
-                # A number without a unit is in SI.
-                value: float | str = float(text)
-            except ValueError:
-                value = text
-            noise[name] = parse_quantity(value, lookup(name).units)
-            if not math.isfinite(noise[name]):
-                raise SchemaError(
-                    "flight identify", [f"--noise {name} is {text!r}; expected a finite size"]
-                )
+            noise[name] = option_quantity(f"--noise {name}", text, lookup(name).units)
         return noise
 
     def _read_instruments(

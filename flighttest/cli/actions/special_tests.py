@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import AeromatchWarning, SchemaError
-from flightmech.quantities import parse_quantity
+from flightmech.quantities import option_quantity
 from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 from flightmech.support.console import (
     collect_options,
@@ -297,8 +297,8 @@ def _write_table(
         data,
         setup,
         table,
-        step=parse_quantity(step, "rad"),
-        x=parse_quantity(x_ref, "m"),
+        step=option_quantity("--step", step, "rad"),
+        x=option_quantity("--x-ref", x_ref, "m"),
     )
     for name, terms in setup.nuisance.items():
         text = f"{name} of the table holds the terms {', '.join(terms)}, which only a fit removes"

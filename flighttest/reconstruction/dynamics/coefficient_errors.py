@@ -14,8 +14,8 @@ import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.errors import UnknownName
 from flightmech.names import REDUCED_RATES
+from flighttest.reconstruction.dynamics.error_sizes import complete_errors
 from flighttest.reconstruction.dynamics.loads import (
     air_load,
     engine_loads,
@@ -67,8 +67,15 @@ def load_changes(
     ------
     UnknownName
         `errors` names another source.
+    SchemaError
+        A standard error is negative or not finite.
+
+    Warns
+    -----
+    AeromatchWarning
+        A standard error is too large for any aeroplane.
     """
-    sigma = _standard_errors(errors)
+    sigma = complete_errors(ERRORS, errors)
     F, M = inertial_load(columns, aircraft)
     zero = np.zeros_like(F)
     by_mass = load_coefficients(F, zero, columns, aircraft)
@@ -170,11 +177,3 @@ def _rate_of_change(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     gap = np.diff(time) > _GAP * np.median(np.diff(time))
     next_to_gap = np.append(gap, False) | np.append(False, gap)
     return np.where(next_to_gap | ~np.isfinite(slope), 0.0, slope)
-
-
-def _standard_errors(errors: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the standard errors of all sources."""
-    for name in errors or {}:
-        if name not in ERRORS:
-            raise UnknownName(name, ERRORS, "source of error")
-    return {**ERRORS, **(errors or {})}

@@ -12,10 +12,17 @@ import numpy as np
 import scipy
 
 from flightmech.errors import IdentificationError
+from flightmech.names import lookup
 from flightmech.support.figures import new_figure
+from flightmech.units import DEGREE
 from flighttest.parameter_constraints import constraint_remarks
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit_data import FitData
+from flighttest.regression.equation_error.movement import (
+    MOVED_LEAST,
+    judged_variable,
+    ranges_in_spans,
+)
 from flighttest.regression.equation_error.spike_remarks import TINY, remark_spikes
 from flighttest.regression.equation_error.structure_remarks import (
     remark_growth,
@@ -32,6 +39,7 @@ if TYPE_CHECKING:
 # probability of F above which a fit is no better than noise: one noise record in a hundred passes
 EXCITED = 0.01
 SIGNIFICANT = 0.05  # probability of t above which a term is not significant
+LOST = 1.0  # systematic standard error over the estimate above which a slope has no value
 WRONG = 0.01  # probability of t below which a wrong sign is not a chance result
 # share of the variance that a model must explain for its terms to be the cause of the movement
 EXPLAINED = 0.5
@@ -97,6 +105,8 @@ def remarks_of(fit: FitData) -> list[Remark]:
     """Return all remarks on a fit; errors first."""
     remarks = [
         *_remark_significance(fit),
+        *_remark_systematic(fit),
+        *_remark_rest(fit),
         *_remark_unexplained(fit),
         *_remark_signs(fit),
         *remark_spikes(fit),
@@ -222,6 +232,60 @@ def _remark_significance(fit: FitData) -> list[Remark]:
     for k in np.flatnonzero(is_idle):
         text = f"not significant: {names[k]}, t {t[k]:.1f}, probability {p[k]:.2g}"
         remarks.append(Remark("not significant", text, names[k], p[k], SIGNIFICANT))
+    return remarks
+
+
+def _remark_systematic(fit: FitData) -> list[Remark]:
+    """Return the slopes that the common errors of the measurement leave without a value.
+
+    Neither t nor F contains these errors: with a wrong size of one, every test still passes.
+    """
+    e = fit.estimates
+    if not e.sizes.get("error"):
+        return []
+    names = [str(term) for term in e["term"].values]
+    sizes, stderr = np.abs(e["estimate"].values), e["stderr_systematic"].values
+    # a term that noise alone hides has its remark already
+    is_significant = (
+        e["p_value"].values <= SIGNIFICANT if "p_value" in e else np.ones(len(names), bool)
+    )
+    is_lost = is_significant & (stderr > LOST * sizes) & ~least_squares.intercept_mask(names)
+    remarks = []
+    for k in np.flatnonzero(is_lost):
+        largest = str(e["error"].values[np.abs(e["systematic"].values[k]).argmax()])
+        text = (
+            f"{names[k]} has no value: its systematic standard error {stderr[k]:.3g} is larger "
+            f"than the estimate {e['estimate'].values[k]:.3g}, mostly by {largest}; correct the "
+            f"size of that error, or measure its source better"
+        )
+        remarks.append(Remark("systematic", text, names[k], stderr[k] / sizes[k], LOST))
+    return remarks
+
+
+def _remark_rest(fit: FitData) -> list[Remark]:
+    """Return the angles of the model that move in none of its manoeuvres."""
+    data = fit.data
+    if not {"time", "manoeuvre"} <= set(data.variables) or not data.sizes.get("sample"):
+        return []
+    names = [name for name in fit.model.variables if judged_variable(name) == name]
+    names = [name for name in names if lookup(name).units == "rad"]
+    columns = {name: data[name].values for name in names if name in data}
+    largest = dict.fromkeys(columns, 0.0)
+    for index in np.unique(data["manoeuvre"].values):
+        inside = data["manoeuvre"].values == index
+        time = data["time"].values[inside]
+        within = {name: values[inside] for name, values in columns.items()}
+        for name, size in ranges_in_spans(time, within, [(time[0], time[-1])])[0].items():
+            largest[name] = max(largest[name], size)
+    remarks = []
+    for name, size in largest.items():
+        if size < MOVED_LEAST:
+            text = (
+                f"{name} hardly moves: range {size / DEGREE:.2g} deg inside a manoeuvre, "
+                f"{MOVED_LEAST / DEGREE:g} deg is a movement; its estimate is noise, or the "
+                f"difference between manoeuvres: give a manoeuvre that moves it"
+            )
+            remarks.append(Remark("rest", text, name, size, MOVED_LEAST))
     return remarks
 
 

@@ -10,9 +10,10 @@ import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.errors import IdentificationError, UnknownName
+from flightmech.errors import IdentificationError
 from flightmech.units import G0
 from flighttest.maximum_likelihood.result import OutputError
+from flighttest.reconstruction.dynamics.error_sizes import complete_errors
 from flighttest.reconstruction.flight_path import FlightPath
 from flighttest.remarks import Remark
 from flighttest.submodels.landing_gear.explicit import ROLLING
@@ -99,11 +100,7 @@ def identify_landing_gear(
     ----------
     .. [LR743] Report LR-743, 1993, 4.5.4 and Table 1.
     """
-    budget = {**ERRORS, **SYSTEMATIC, "wind": WIND_ERROR}
-    for name, stderr in (errors or {}).items():
-        if name not in budget:
-            raise UnknownName(name, budget, "source of error")
-        budget[name] = stderr
+    budget = complete_errors({**ERRORS, **SYSTEMATIC, "wind": WIND_ERROR}, errors)
     if not records:
         raise IdentificationError("no records; give ground runs or landings")
     fit = regress_gear(records, aircraft, database=database, errors=budget, cutoff=cutoff)

@@ -16,6 +16,7 @@ import numpy as np
 from flightmech.errors import UnitError
 from flightmech.names import SEPARATION
 from flightmech.quantities import parse_quantity
+from flightmech.units import DEGREE
 from flighttest.regression.expression_functions import Pieces
 from flighttest.regression.expressions import Expression, Scope, parse_terms
 from flighttest.regression.separable_model import SeparableModel, Slope, evaluate_columns
@@ -37,7 +38,12 @@ def demand_attached(alpha: float | str) -> float:
     """
     value = parse_quantity(alpha, "rad")
     if not 0.0 < value < _STEEPEST:
-        raise UnitError(f"found {alpha!r}; give an angle of attack between 0 and 60 deg")
+        found = f"{alpha!r}"
+        if not isinstance(alpha, str):
+            found = f"{alpha:g} rad, which is {value / DEGREE:.4g} deg"
+        raise UnitError(
+            f"found {found}; give an angle of attack between 0 and 60 deg, such as '8 deg'"
+        )
     return value
 
 

@@ -30,6 +30,7 @@ from flightmech.support.input_files import file_sha256
 from pom.cases.case import PomCase, read_case
 from pom.cases.reference_states import recorded_states
 from pom.checking.batch_check import check_batch
+from pom.cli.actions.evidence import open_evidence
 from pom.cli.actions.report import case_files, print_record_errors, read_biases
 from pom.diagnosis.corrected_model import corrected_aircraft, corrected_database, joint_terms
 from pom.diagnosis.culprits.project_ranking import (
@@ -118,7 +119,7 @@ def run_diagnose(
         )
     settings = swaps.keywords()
     before, after = aerodb.open(files.prior), aerodb.open(files.final)
-    estimates = aerodb.open(files.evidence) if files.evidence else after
+    estimates = open_evidence(files.evidence) if files.evidence else after
     old = read_aircraft(files.apriori) if files.apriori else None
     biases, read = read_biases(biases_file), _read_cases(cases)
     with show_progress("check the cases and their records"):

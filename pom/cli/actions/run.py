@@ -8,7 +8,6 @@ from typing import Any
 
 import click
 
-import aerodb
 from flightmech.errors import SimulationError
 from flightmech.support.console import (
     collect_options,
@@ -20,6 +19,7 @@ from pom.archive.origins import ReportProvenance, provenance
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks
 from pom.checking.report_checks import with_report_checks
 from pom.cli.actions.batch_files import BatchFiles, check_files, read_batch
+from pom.cli.actions.evidence import open_evidence
 from pom.cli.actions.report import read_biases, signatures_of
 from pom.cli.actions.result_lines import ProgressPrinter, counts_text, result_summary
 from pom.cli.actions.run_options import RunOptions
@@ -102,7 +102,7 @@ def _replay_batch(
         "jobs": options.jobs,
         "scheduler": options.scheduler,
         "resume": options.resume,
-        "evidence": aerodb.store.open(options.evidence) if options.evidence else None,
+        "evidence": open_evidence(options.evidence) if options.evidence else None,
         "recorded": batch.recorded,
         "progress": printer.print_result,
     }

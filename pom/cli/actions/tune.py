@@ -32,6 +32,7 @@ from flightmech.support.console import (
 from flightmech.support.toml_files import read_toml
 from pom.archive.archive import Custody
 from pom.cases.case import PomCase, read_case
+from pom.cli.actions.evidence import open_evidence
 from pom.cli.actions.report import case_files, read_biases
 from pom.diagnosis.tuning.demands import demand_cases, demand_evidence
 from pom.diagnosis.tuning.search import tune as search
@@ -129,7 +130,7 @@ def run_tune(
     files = _input_files(read, (database, aircraft, evidence, reasons_file, biases))
     custody.take(files.values())
     model = aerodb.open(database)
-    estimates = aerodb.open(evidence) if evidence else None
+    estimates = open_evidence(evidence) if evidence else None
     # without evidence, the standard errors of the model itself count
     demand_evidence(model, model if estimates is None else estimates, reasons)
     store = KeptStates(resume.resolve() if resume is not None else None, read_biases(biases))

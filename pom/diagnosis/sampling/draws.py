@@ -27,6 +27,7 @@ from flightmech.short_text import ShortText
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.node_values import table_values, with_table_values
 from flighttest.reconstruction.dynamics.coefficient_errors import ERRORS
+from flighttest.reconstruction.dynamics.error_sizes import complete_errors
 from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
 from flighttest.records.sensors.instruments import pick_up_errors
 from pom.archive.origins import file_sha256
@@ -124,7 +125,7 @@ class InstrumentErrors(ShortText):
             if variable.startswith(ERROR) and name in states:
                 flight[name] = states[variable].values.astype(float)
         # Standard errors of the sources that no channel shows.
-        sizes = {**ERRORS, **(errors or {})}
+        sizes = complete_errors(ERRORS, errors)
         inputs: dict[str, dict[str, np.ndarray]] = {}
         if WIND[0] in job.inputs:
             inputs |= _wind_changes(constants, flight, states)

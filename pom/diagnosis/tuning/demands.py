@@ -24,6 +24,7 @@ from flightmech.errors import SchemaError, UnknownName
 from pom.cases.case import PomCase
 from pom.diagnosis.sampling.shares import flown_conditions
 from pom.probing.aircraft_identity import other_quantities, refuse_other_aircraft
+from pom.replaying.trim import rationale_problem
 
 
 def demand_cases(cases: Sequence[PomCase], wanted: Sequence[str] | None) -> None:
@@ -70,7 +71,7 @@ def demand_evidence(
         A term with a rationale that has no standard errors.
     SchemaError
         The evidence is of another aeroplane, or has no standard errors. Or, with all problems: a
-        table that the model does not have, a rationale without words.
+        table that the model does not have, a rationale without name, date and reason.
     """
     # the tables of another aeroplane have other breakpoints, too
     words = ("the evidence", "the model")
@@ -91,16 +92,23 @@ def demand_evidence(
             raise UnknownName(name, bounding, "term with standard errors")
     problems: list[str] = []
     for name, reason in rationale.items():
-        if not reason.strip():
-            problems.append(
-                f"{name}: a rationale without words; write why the term may leave the bound"
-            )
-    advice = "give the evidence on the breakpoints of the model"
+        # the same rule as for a trim bias of a case: who allows it, when and why
+        lacking = rationale_problem(reason)
+        if lacking:
+            problems.append(f"{name}: the rationale is {reason!r}; {lacking}")
+    missing = [name for name in bounding if name not in model]
+    if missing:
+        problems.append(
+            f"the evidence has {len(missing)} terms that the model lacks ({', '.join(missing)}); "
+            f"tune a model with these terms, such as final.nc of the same match (--database), or "
+            f"give evidence that has only the terms of the model"
+        )
     for name, leaf in bounding.items():
-        if name not in model:
-            problems.append(f"{name}: the model has no such term; {advice}")
-        elif not _have_same_axes(leaf["value"], model[name]["value"]):
-            problems.append(f"{name}: the evidence has other breakpoints than the model; {advice}")
+        if name in model and not _have_same_axes(leaf["value"], model[name]["value"]):
+            problems.append(
+                f"{name}: the evidence has other breakpoints than the model; give the evidence on "
+                f"the breakpoints of the model"
+            )
     if problems:
         raise SchemaError("evidence", problems)
 

@@ -49,7 +49,7 @@ def tune(
         Database identified from flight, with standard errors and the axes of the model. Default:
         the model itself.
     rationale : mapping of str to str, optional
-        By term: why it may leave the bound.
+        By term: who allows it to leave the bound, when and why.
     bound : float
         Of every node of a term without a rationale. [standard errors]
     jobs : int
@@ -68,7 +68,7 @@ def tune(
     SchemaError
         A case with a control law or with trim surfaces to solve for, a requested case that cannot
         be flown or judged, an evidence without standard errors or with a table that the model does
-        not have, a rationale without words, a bound that is not positive.
+        not have, a rationale without name, date and reason, a bound that is not positive.
     """
     if not bound > 0.0:
         raise SchemaError(

@@ -21,6 +21,7 @@ from pom.status import status_text
 KIND = "log of aeromatch pom tune, 1"
 BASES = ("database", "aircraft", "evidence", "rationale", "biases")
 MISSING = "\N{EN DASH}"
+USUAL_BOUND = 3.0  # standard errors: a larger bound is a departure
 # A term is listed if it has so much of the squared distance, moved by so many standard errors, or
 # has a rationale. The others are counted in the text.
 LEAST_SHARE = 0.01
@@ -121,9 +122,15 @@ def outcome_sentence(log: Mapping[str, Any]) -> str:
     # The term that is farthest from the evidence.
     largest = max(log["moves"], key=lambda move: move["from_evidence"])
     size = f"{largest['from_evidence']:.2f} standard errors, {largest['term']}"
+    wide = ""
+    if log["bound"] > USUAL_BOUND:
+        wide = (
+            f" is a departure: beyond {USUAL_BOUND:g} standard errors flight contradicts a move, "
+            f"and no term needed a rationale"
+        )
     return (
         f"tuned for {requested}: distance {log['distance']:.2f} from the evidence, largest move "
-        f"from it {size}; bound {log['bound']:g}"
+        f"from it {size}; bound {log['bound']:g}{wide}"
     )
 
 

@@ -1,5 +1,7 @@
 """Differences of terms by ice."""
 
+import warnings
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -10,7 +12,7 @@ from aerodb.edit.ice import add_ice
 from aerodb.edit.ice_file import read_ice
 from flightmech import terms
 from flightmech.aircraft.controls import ICE
-from flightmech.errors import ParseError, SchemaError, UnknownName
+from flightmech.errors import AeromatchWarning, ParseError, SchemaError, UnknownName
 from flightmech.units import DEGREE
 
 ALPHA = np.array([-4.0, 0.0, 4.0, 8.0, 12.0]) * DEGREE
@@ -108,6 +110,48 @@ def test_a_factor_on_the_slope_leaves_the_value_at_its_angle(clean, ice):
     wrong = text.replace("Cm/basic", "Cm/elevator")
     with pytest.raises(SchemaError, match="about needs a table over alpha"):
         add_ice(clean, ice(HEAD + wrong))
+
+
+IMPROVED = [
+    ("CD/basic", "offset = -0.02\noffset_stderr = 0.005", "ice lowers the drag, by up to 0.02"),
+    ("CL/basic", "factor = 1.2\nfactor_stderr = 0.05", "raises the largest lift coefficient by"),
+    ("Cm/elevator", "factor = 1.12\nfactor_stderr = 0.05", "control power is 12 % larger"),
+    ("Cm/qhat", "factor = 1.1\nfactor_stderr = 0.05", "damping is 10 % larger"),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "words"), IMPROVED)
+def test_ice_that_improves_the_aeroplane_is_warned_of(clean, ice, name, text, words):
+    db = aerodb.replace_terms(clean, {"Cm/qhat": terms.make_term(-12.0, {}, ("qhat",), stderr=2.0)})
+    with pytest.warns(AeromatchWarning, match=words):
+        add_ice(db, ice(f'{HEAD}[terms."{name}"]\n{text}\n'))
+
+
+def test_ice_that_delays_the_stall_is_warned_of(clean, ice):
+    curve = np.array([-0.3, 0.2, 0.7, 0.9, 0.6])
+    db = aerodb.replace_terms(
+        clean, {"CL/basic": terms.make_term(curve, {"alpha": ALPHA}, stderr=0.02)}
+    )
+    text = '[terms."CL/basic"]\naxes = { alpha = ["-4 deg", "8 deg", "12 deg"] }\n'
+    text += "offset = [0.0, -0.4, 0.0]\noffset_stderr = 0.02\n"
+    with pytest.warns(AeromatchWarning, match="largest lift from alpha 8 to 12 deg"):
+        add_ice(db, ice(HEAD + text))
+
+
+def test_ice_that_makes_the_aeroplane_worse_has_no_warning(clean, ice):
+    drag = '[terms."CD/basic"]\nfactor = 1.5\nfactor_stderr = 0.1\n'
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        add_ice(clean, ice(HEAD + ELEVATOR + LIFT + drag))
+
+
+def test_factors_in_per_cent(ice):
+    text = ELEVATOR.replace("0.88", "88").replace("0.05", "5")
+    with pytest.raises(SchemaError) as caught:
+        ice(HEAD + text)
+    factor, stderr = caught.value.problems
+    assert "write 0.88 for 88 %" in factor
+    assert "write 0.05 for 5 %" in stderr
 
 
 def test_an_offset_must_not_act_without_the_cause_of_the_term(clean, ice):

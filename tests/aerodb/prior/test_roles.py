@@ -137,6 +137,15 @@ def test_the_same_angles_again_do_not_continue_a_case(read):
     assert [item.roles for item in assign_roles([case, case])] == [("clean",), ()]
 
 
+def test_a_listing_that_was_copied_over_another_is_warned_of(read):
+    case = read("angles")[0]
+    copy = dataclasses.replace(case, file="elevator_m0.2.out")
+    with pytest.warns(
+        AeromatchWarning, match=r"m0.2.out:1 is left out as clean: it prints the sam"
+    ):
+        assert [item.roles for item in assign_roles([case, copy])] == [("clean",), ()]
+
+
 def test_several_aircraft_are_refused(read):
     with pytest.raises(
         SchemaError,

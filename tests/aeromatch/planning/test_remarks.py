@@ -16,9 +16,9 @@ from flightmech.errors import SchemaError
 C182 = Path(__file__).parents[3] / "data" / "c182"
 
 
-def remarks(*models, **errors):
+def remarks(*models, gear=None, **errors):
     fit = SimpleNamespace(name="pitch", models=models)
-    project = SimpleNamespace(fit=(fit,), errors=errors, ground_effect=None)
+    project = SimpleNamespace(fit=(fit,), errors=errors, ground_effect=None, gear=gear)
     return project_remarks(project)
 
 
@@ -32,6 +32,8 @@ def test_standard_errors_in_per_cent():
     assert "0.005 for half a per cent" in mass
     assert "300 %" in thrust
     assert "2 s" in remarks(timing=2.0)[0]
+    (drag,) = remarks(gear=SimpleNamespace(errors={"drag": 3.0}))
+    assert drag.startswith("gear.errors.drag = 3 is a standard error of 3 in CD; 0.03")
 
 
 def test_a_model_without_its_constant():

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from aeromatch.planning.repeated_samples import repeated_sample_problems, used_samples
+from aeromatch.planning.repeated_samples import (
+    leaked_sample_problems,
+    proving_samples,
+    repeated_sample_problems,
+    used_samples,
+)
 
 TIME = np.arange(0.0, 60.0, 0.1)
 
@@ -44,3 +49,19 @@ def test_a_record_without_inertial_channels():
     found = samples(xr.DataTree.from_dict({"/controls": plain}))
     assert found["Cm"].size == 0
     assert repeated_sample_problems({"a": found, "b": found}) == []
+
+
+def test_a_proof_that_was_cut_out_of_an_identifying_record():
+    identifying = {"cruise": samples(record(1))}
+    for cut, window, count in ((100, (12.0, 30.0), 1), (100, (45.0, 58.0), 0), (0, (0.0, 8.0), 0)):
+        case = SimpleNamespace(name="pulse", window=window)
+        proofs = {"check": proving_samples([case], record(1, cut))}
+        problems = leaked_sample_problems(identifying, proofs)
+        assert len(problems) == count
+    proofs = {"check": proving_samples([SimpleNamespace(name="pulse", window=(12, 30))], record(1))}
+    (line,) = leaked_sample_problems(identifying, proofs)
+    assert line.startswith("case pulse: 181 samples of its record check are samples of record")
+    # another flight, and the record itself, whose windows are compared by time
+    other = {"check": proving_samples([case], record(2))}
+    assert leaked_sample_problems(identifying, other) == []
+    assert leaked_sample_problems({"check": identifying["cruise"]}, proofs) == []

@@ -2,6 +2,7 @@
 never another exception.
 """
 
+import re
 from pathlib import Path
 
 import pytest
@@ -79,6 +80,20 @@ def test_a_damaged_flight_condition_line(elevator_lines):
     static = datcom_io.read(lines, partial=True)[0].to_datatree()["static"]
     assert datcom_io.FLAGS[int(static["CL_flag"][0, 0])] == "absent"
     assert static["CL"].isnull().all("alpha").values.tolist() == [True, False, False, False, False]
+
+
+def test_a_column_of_deflections_with_the_opposite_sign(elevator_lines):
+    start = next(i for i, line in enumerate(elevator_lines) if "INCREMENTS DUE TO DEF" in line)
+    lines = list(elevator_lines)
+    for i in range(start + 1, start + 20):
+        match = re.match(r"^(\s+)(-?)(\d+\.\d)(\s+[-.\d].*)$", lines[i])
+        if match and float(match[3]):
+            sign = " " if match[2] else "-"
+            lines[i] = f"{match[1][:-1]}{match[2] and ' '}{sign}{match[3]}{match[4]}"
+    with pytest.raises(
+        ParseError, match=r"whole column DELTA has the opposite sign.*as DATCOM wro"
+    ):
+        datcom_io.read(lines)[0].to_datatree()
 
 
 def test_alphas_that_are_not_those_of_the_deck(elevator_lines):

@@ -77,6 +77,15 @@ def test_inertia_tensor(write):
     assert J.tolist() == [[10826.0, 0.0, -120.0], [0.0, 8135.0, 0.0], [-120.0, 0.0, 15162.0]]
 
 
+def test_a_reference_point_in_per_cent_of_the_chord(write):
+    text = GOOD.replace('thrust_file = "engine.nc"', "")
+    with pytest.raises(SchemaError, match=r"x_ref_mac: .*write 0.2925 or '29.25 %' for 29.25 %"):
+        read_aircraft(write(text.replace("[[engine]]", "x_ref_mac = 29.25\n[[engine]]", 1)))
+    # a point ahead of the wing, such as the nose, is allowed
+    nose = text.replace("[[engine]]", "x_ref_mac = -3.5\n[[engine]]", 1)
+    assert read_aircraft(write(nose)).x_ref_mac == -3.5
+
+
 def test_all_problems_are_reported_at_once(write):
     bad = (
         GOOD.replace('S = "182 ft2"', 'S = "182 ft"')

@@ -13,6 +13,7 @@ from flightmech.simulation.stated_values.odd_values import (
     describe_bare_numbers,
     describe_odd_quantity,
     describe_odd_values,
+    warn_of_odd_time,
 )
 from flightmech.steady_flight.stated_speeds.odd_speeds import describe_odd_speed
 from flightmech.terms import evaluate_term, make_term
@@ -110,6 +111,16 @@ def test_every_way_into_the_model_names_them() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         flightmech.trim(SIM, start)
+
+
+def test_inputs_over_milliseconds_in_place_of_seconds() -> None:
+    with pytest.warns(AeromatchWarning, match="last 5000 s in 4 samples, 2000 s apart; .*time .ms"):
+        warn_of_odd_time(np.array([0.0, 1000.0, 3000.0, 5000.0]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # few breakpoints of a short run, a long record, and one sample
+        for time in ([0.0, 100.0, 300.0], np.arange(0.0, 4000.0, 1.0), [0.0]):
+            warn_of_odd_time(np.array(time))
 
 
 def test_a_table_that_is_read_in_degrees() -> None:

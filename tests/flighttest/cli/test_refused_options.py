@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
-from flightmech.errors import SchemaError
+from flightmech.errors import SchemaError, UnitError
 from flighttest.cli.actions.estimators import EstimatorOptions
 from flighttest.cli.actions.identify import DisturbanceOptions
 from flighttest.cli.actions.manoeuvres import assign_windows
@@ -76,7 +76,7 @@ def test_a_ridge_is_finite(ridge):
 
 def test_a_size_of_noise_is_finite():
     assert replace(OPTIONS, noises=(("alpha", "0.01"),))._noise_in_si() == {"alpha": 0.01}
-    with pytest.raises(SchemaError, match="--noise alpha is 'inf'; expected a finite size"):
+    with pytest.raises(UnitError, match="--noise alpha: found 'inf'; expected a number"):
         replace(OPTIONS, noises=(("alpha", "inf"),))._noise_in_si()
 
 

@@ -17,7 +17,7 @@ from flightmech.errors import IdentificationError, SchemaError, UnitError
 from flightmech.flown_samples import FLOWN_SAMPLES, unpack_windows
 from flightmech.flown_states import FLOWN_STATES, unpack_states
 from flightmech.terms import SOURCES, evaluate_term, make_term
-from flighttest.cli.actions.submodels.airframe import _option_value
+from flighttest.cli.actions.submodels.airframe import attached_angle
 from flighttest.regression.expression_functions import Pieces
 from flighttest.submodels.stall import break_of_lift
 from flighttest.submodels.stall.database_terms import (
@@ -27,7 +27,7 @@ from flighttest.submodels.stall.database_terms import (
 )
 from flighttest.submodels.stall.flow import SeparationFlow, with_half_flow
 from flighttest.submodels.stall.identification import SEPARATED, identify_stall
-from flighttest.submodels.stall.model import COEFFICIENTS, SeparatedTerm, demand_attached
+from flighttest.submodels.stall.model import COEFFICIENTS, SeparatedTerm
 
 TRUTH = {
     "a1_0": records.TRUE["a1"],
@@ -353,6 +353,9 @@ def test_a_lift_without_a_break_is_no_stall(bend, is_broken):
 
 
 def test_an_error_of_an_angle_names_its_option():
-    with pytest.raises(UnitError, match=r"^--attached-to: found '8'; expected a number and a unit"):
-        _option_value("--attached-to", demand_attached, "8")
-    assert _option_value("--attached-to", demand_attached, "8 deg") == pytest.approx(0.13963, 1e-4)
+    with pytest.raises(UnitError, match=r"^--attached-to 8: found 8 rad, which is 458.4 deg; "):
+        attached_angle("8")
+    with pytest.raises(UnitError, match=r"^--attached-to: found '8 m'|^--attached-to: .*'m'"):
+        attached_angle("8 m")
+    assert attached_angle("8 deg") == pytest.approx(0.13963, 1e-4)
+    assert attached_angle("0.14") == 0.14

@@ -94,6 +94,18 @@ def test_systematic_errors_widen_the_interval_and_leave_the_test_alone():
     assert ((wide["high"] - wide["low"]) > (plain["high"] - plain["low"])).all()
 
 
+def test_a_systematic_error_larger_than_its_estimate_is_remarked():
+    data = record(np.random.default_rng(1), 20.0).assign_coords(error=["mass"])
+    for share, count in ((0.5, 0), (5.0, 3)):
+        change = np.stack([share * data["CL"].values])
+        fit = regress(LIFT, data.assign(CL_error=(("error", "time"), change)))
+        found = [remark for remark in fit.remarks if remark.kind == "systematic"]
+        # t and F contain no systematic error, and still pass
+        assert len(found) == count
+        assert fit.estimates.attrs["F_probability"] < 0.01
+    assert "mostly by mass" in found[0].text
+
+
 @pytest.mark.nightly
 def test_a_term_that_does_nothing_is_not_significant():
     """qhat takes no part: at five per cent it is remarked in nearly all of twenty records, the

@@ -12,7 +12,10 @@ import xarray as xr
 import aerodb
 import flightmech
 import pom
-from flightmech.errors import AeromatchError
+from flightmech import terms
+from flightmech.errors import AeromatchError, SchemaError
+from pom.cli.actions.evidence import open_evidence
+from pom.diagnosis.tuning.demands import demand_evidence
 from pom.diagnosis.tuning.tuning_log import read_log
 
 PULSE = [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]
@@ -39,6 +42,35 @@ def uncertain(db, share):
         for n in names
     }
     return aerodb.replace_terms(db, new)
+
+
+def from_flight(leaf):
+    """Return a term all of whose nodes are from flight."""
+    code = np.full(leaf["value"].shape, terms.SOURCES.index("flight"), np.uint8)
+    return leaf.assign(source=(leaf["value"].dims, code, terms.source_attributes(code)))
+
+
+def test_evidence_needs_nodes_from_flight(trainer, tmp_path):
+    db = uncertain(trainer.database(), 0.05)
+    aerodb.save(db, tmp_path / "prior.nc")
+    with pytest.raises(SchemaError, match="no node of its tables is from flight"):
+        open_evidence(tmp_path / "prior.nc")
+    flown = aerodb.replace_terms(db, {"Cm/qhat": from_flight(aerodb.terms(db)["Cm/qhat"])})
+    aerodb.save(flown, tmp_path / "final.nc")
+    assert "Cm/qhat" in aerodb.terms(open_evidence(tmp_path / "final.nc"))
+
+
+def test_terms_that_the_model_lacks_and_rationales_without_a_name(trainer):
+    model = uncertain(trainer.database(), 0.05)
+    leaf = aerodb.terms(model)["Cm/qhat"]
+    evidence = aerodb.replace_terms(model, {"Cm/first": leaf, "Cm/second": leaf})
+    with pytest.raises(SchemaError) as caught:
+        demand_evidence(model, evidence, {"Cm/elevator": "x"})
+    rationale, missing = caught.value.problems
+    assert "Cm/elevator: the rationale is 'x'; write who allows it, when and why" in rationale
+    assert missing.startswith("the evidence has 2 terms that the model lacks (Cm/first, Cm/second)")
+    assert "--database" in missing
+    demand_evidence(model, model, {"Cm/elevator": "A. Bell, 2026-11-28, horn changed"})
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +117,10 @@ BAD = [
         ["-o", "tuned", "--row", "a_case", "--rationale", "Cm/elevater=worn"],
         "unknown term with standard errors 'Cm/elevater'; near it: Cm/elevator",
     ),
-    (["-o", "tuned", "--rationale", "Cm/elevator="], "Cm/elevator: a rationale without words"),
+    (
+        ["-o", "tuned", "--rationale", "Cm/elevator="],
+        "Cm/elevator: the rationale is ''; write who allows it",
+    ),
     (["-o", "tuned", "--rationale", "trainer.toml"], r"one table \[rationale\] is needed"),
     (
         ["-o", "tuned", "--rationale", "Cm/qhat=a", "--rationale", "Cm/qhat=b"],
@@ -96,6 +131,7 @@ BAD = [
         "no netCDF-4 .* a database, as `aeromatch db build` writes it",
     ),
     (["-o", "tuned", "--database", "bare.nc"], "no term has standard errors"),
+    (["-o", "tuned", "--evidence", "model.nc"], "no node of its tables is from flight"),
     (
         ["-o", "tuned", "--evidence", "coarse.nc"],
         "Cm/basic: the evidence has other breakpoints than the model",
@@ -107,10 +143,8 @@ BAD = [
 def test_bad_input_is_named(aeromatch, files, trainer, tmp_path):
     db = uncertain(trainer.database(), 0.05)
     aerodb.save(trainer.database(), tmp_path / "bare.nc")
-    aerodb.save(
-        aerodb.replace_terms(db, {"Cm/basic": aerodb.terms(db)["Cm/basic"].isel(alpha=[0, 3])}),
-        tmp_path / "coarse.nc",
-    )
+    coarse = aerodb.terms(db)["Cm/basic"].isel(alpha=[0, 3])
+    aerodb.save(aerodb.replace_terms(db, {"Cm/basic": from_flight(coarse)}), tmp_path / "coarse.nc")
     for words, text in BAD:
         done = aeromatch("tune", *files, *words)
         message = done.output if isinstance(done.exception, SystemExit) else str(done.exception)
@@ -173,7 +207,7 @@ def test_refusal_price_rationale_and_report(aeromatch, files, trainer, tmp_path)
         read_log(tmp_path / "refusal.json")
 
     (tmp_path / "why.toml").write_text(
-        '[rationale]\n"Cm/elevator" = "the horn was changed after the flights"\n'
+        '[rationale]\n"Cm/elevator" = "A. Bell, 2026-11-28, the horn was changed after the flights"\n'
     )
     done = aeromatch("tune", *files, "--rationale", "why.toml", "-o", "tuned", "--fmu", "--json")
     assert done.exit_code == 0, done.output

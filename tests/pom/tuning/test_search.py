@@ -95,7 +95,7 @@ def test_what_the_evidence_contradicts_is_refused_with_the_price(plan, trainer):
         [plan],
         model,
         trainer.AIRCRAFT,
-        rationale={"Cm/elevator": "the horn was changed after the flights"},
+        rationale={"Cm/elevator": "A. Bell, 2026-11-28, the horn was changed after the flights"},
     )
     assert allowed.refusal == ""
     assert allowed.moves.loc["Cm/elevator", "from_evidence"] > 2.0

@@ -1,6 +1,6 @@
 """The table of a tuning lists what a reader has to judge."""
 
-from pom.diagnosis.tuning.tuning_log import moves_of
+from pom.diagnosis.tuning.tuning_log import moves_of, outcome_sentence
 
 
 def move(term, moved, share, from_evidence=0.0, rationale=""):
@@ -13,6 +13,18 @@ def move(term, moved, share, from_evidence=0.0, rationale=""):
         "at": "",
         "rationale": rationale,
     }
+
+
+def test_a_bound_beyond_three_standard_errors_is_a_departure():
+    log = {
+        "refusal": "",
+        "moves": [move("Cm/elevator", 8.8, 1.0)],
+        "rows": [{"case": "pulse", "wanted": True}],
+        "distance": 8.8,
+    }
+    assert outcome_sentence({**log, "bound": 3.0}).endswith("; bound 3")
+    wide = outcome_sentence({**log, "bound": 200.0})
+    assert "bound 200 is a departure: beyond 3 standard errors" in wide
 
 
 def test_small_moves_are_counted_and_not_listed():

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,7 @@ import aerodb
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError, UnitError
-from flightmech.quantities import parse_quantity
+from flightmech.quantities import option_quantity
 from flightmech.support.console import collect_options, print_json, show_progress
 from flightmech.support.hdf5_seal import decoding_errors
 from flighttest.cli.submodels import _MODELS
@@ -133,12 +131,19 @@ def run_ground_effect(
         click.echo(f"written: {output}")
 
 
-def _option_value(option: str, read: Callable[[str], float], text: str) -> float:
-    """Return the value of an option in SI; an error names the option."""
+def attached_angle(text: str) -> float:
+    """Return the angle of the option ``--attached-to``. [rad]
+
+    Raises
+    ------
+    UnitError
+        With the name of the option.
+    """
+    angle = option_quantity("--attached-to", text, "rad")
     try:
-        return read(text)
+        return demand_attached(angle)
     except UnitError as error:
-        raise UnitError(f"{option}: {error}") from error
+        raise UnitError(f"--attached-to {text}: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -185,9 +190,9 @@ def run_stall(
     station, last = 0.25 * aircraft.b, 0.0
     # options are read before the paths, which take long
     if options.station:
-        station = _option_value("--station", partial(parse_quantity, expected="m"), options.station)
+        station = option_quantity("--station", options.station, "m")
     if options.attached_to:
-        last = _option_value("--attached-to", demand_attached, options.attached_to)
+        last = attached_angle(options.attached_to)
     database = aerodb.open(database_file) if database_file else None
     with show_progress(f"coefficients along {len(paths)} paths"):
         data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
