@@ -491,7 +491,8 @@ enum {
 /* A circuit at rest at its start, and what drives it, at uniform steps; by_* are derivatives by the
  * unknowns, which follow each number.
  *
- * bodies: 1, or 2 with a cable.  bristles: 0 friction by rate, 1 by bristles.  constants[AM_CIRCUIT_CONSTANTS]; start[2]: travel of both ends;
+ * bodies: 1, or 2 with a cable.  bristles: 0 friction by rate, 1 by bristles.
+ * constants[AM_CIRCUIT_CONSTANTS]; start[2]: travel of both ends;
  * force[samples]: at the hand; moment[samples * powers]: hinge moment as a polynomial of the
  * deflection rigging + gearing s, from power 0; edge[samples]: part of the step after a jump of the
  * force between this sample and the next one, NaN without a jump.  parts: sub-steps of a step. */

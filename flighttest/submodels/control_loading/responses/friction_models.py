@@ -76,7 +76,7 @@ def fit_friction_models(
     records = (loading, windows, rows, start, prior)
     if "friction" not in start:
         return join_models({FRICTION_RATE: fit_circuit(*records)})
-    # A search may take minutes. A model that is hopeless beside the other one is not searched to
+    # A search may take minutes. A model that is hopeless against the other one is not searched to
     # its end: its weight would be zero.
     rate = fit_circuit(*records, beyond=-np.inf)
     fits = {FRICTION_RATE: rate}
