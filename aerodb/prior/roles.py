@@ -13,7 +13,7 @@ from aerodb.prior.clean_cases import (
     describe_other_aircraft,
     require_one_aircraft,
 )
-from aerodb.prior.listing_copies import warn_of_copy
+from aerodb.prior.print_remarks import warn_of_copy
 from datcom_io.arrays.conditions import control_surface
 from datcom_io.decks.aircraft_rules import has_thrust
 from datcom_io.decks.device_fit import (
