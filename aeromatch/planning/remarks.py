@@ -15,8 +15,8 @@ from flighttest.reconstruction.dynamics.error_sizes import error_size_remarks
 from flighttest.reconstruction.quality.declarations.positions import (
     position_findings,
     sensor_positions,
+    side_findings,
 )
-from flighttest.reconstruction.quality.declarations.sides import side_findings
 from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
 from flighttest.records.sensors.instruments import instruments_of
 from flighttest.regression.equation_error.least_squares import intercept_mask

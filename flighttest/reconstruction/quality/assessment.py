@@ -76,9 +76,9 @@ from flighttest.reconstruction.quality.declarations.inertia_scale import exchang
 from flighttest.reconstruction.quality.declarations.positions import (
     position_findings,
     sensor_positions,
+    side_findings,
 )
 from flighttest.reconstruction.quality.declarations.rigging import rigging_findings
-from flighttest.reconstruction.quality.declarations.sides import side_findings
 from flighttest.reconstruction.quality.declarations.weight import MASS_LEVEL, weight_findings
 from flighttest.reconstruction.quality.engines.engines import engine_findings, lever_findings
 from flighttest.reconstruction.quality.finding import (

@@ -64,11 +64,11 @@ _LASTING = (
 )
 _SPEEDS = ("V", "mach", "q_c")  # their smallest value, at rest, is not a saturation
 _REMEDY = {
-    "gap": "cut manoeuvres before or after it",
+    "gap": "cut manoeuvres before or after it; split the file if another flight begins there",
     "wrap": "check the clock of the recorder",
     "stray": "check the clock of the recorder",
     "duplicate": "none needed; the later sample of each pair was dropped",
-    "reset": "check that the joined parts belong together",
+    "reset": "check that the joined parts belong together; split the file if they are two flights",
     "missing": "choose windows without them",
     "outside": "extend the calibration table, or choose windows without them",
     "held": "choose windows without them; the recorder repeated its last value",

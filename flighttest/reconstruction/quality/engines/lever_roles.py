@@ -17,7 +17,7 @@ from flighttest.reconstruction.quality.finding import Finding
 _PROPELLER = re.compile(r"(engine\d+)\.prop_command")
 # A propeller that turns faster raises neither of the first two.
 _OUTPUTS = ("manifold_pressure", "n1", "torque", "fuel_flow", "thrust")
-_SURE = _OUTPUTS[:2]
+_CERTAIN = _OUTPUTS[:2]
 _LEVER_MOVES = 0.03  # standard deviation of a lever that moves [1]
 _OUTPUT_MOVES = 0.05  # that of an output, over its largest value
 _FOLLOWS, _RATHER = 0.8, 0.3  # correlation with a lever, and its excess over the other lever
@@ -53,8 +53,8 @@ def role_findings(signals: ResampledChannels) -> list[Finding]:
             own = lever_correlation(signals[power], signals[name], signals.step)
             other = lever_correlation(signals[propeller], signals[name], signals.step)
             own = max(own, 0.0)
-            sure = output in _SURE or not _sets_speed(signals, engine)
-            if sure and other > _FOLLOWS and other > own + _RATHER:
+            certain = output in _CERTAIN or not _sets_speed(signals, engine)
+            if certain and other > _FOLLOWS and other > own + _RATHER:
                 followers.append((name, other, own))
         if followers:
             findings.append(_role_finding(power, propeller, followers))

@@ -17,7 +17,7 @@ from flighttest.reconstruction.quality.finding import Finding
 
 _MARGIN = 0.05  # of the range of an axis, beyond which a sample is outside
 _SHARE = 0.2  # of the samples, from which they are named
-_TURNING = 0.5  # of the rated speed, below which an advance ratio says nothing about tables
+_TURNING = 0.5  # of the rated speed, below which an advance ratio does not belong to tables
 _OFTEN = 5.0  # percentile that is not a spike
 _OF_ENGINE = ("manifold_pressure", "throttle", "pla", "n1", "n2", "rpm", "blade_angle")
 # channels of the aircraft that stand for an axis, the best one first

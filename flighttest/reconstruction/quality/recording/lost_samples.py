@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.signals import unwrap_angle
 from flighttest.reconstruction.quality.finding import Finding
 from flighttest.reconstruction.quality.navigation.motion_delays import Unchecked
@@ -37,6 +38,15 @@ _NEAR = 2.0  # samples between jumps of one instant
 # half, give or take one sample; such a channel still shows jumps.
 _MOST_REPEATED = 0.55
 _MOST_NAMED = 5
+_MOST_CHANNELS = 0.6  # share of the continuous channels that jump where another flight begins
+# least jump that is another flight, its unit and its size
+_OTHER_FLIGHT = {
+    "h_baro": (10.0, "m", 1.0),
+    "h_gps": (10.0, "m", 1.0),
+    "V": (3.0, "m/s", 1.0),
+    "V_cas": (3.0, "m/s", 1.0),
+    "psi": (10.0 * DEGREE, "deg", DEGREE),
+}
 
 
 @dataclass(frozen=True)
@@ -48,6 +58,8 @@ class ClockJumps:
     leaves : list of str
     names : list of str
         Channels that can show a jump.
+    values : array (channel, time)
+        These channels. [SI]
     time : array (time,)
         [s]
     scores : array (channel, time)
@@ -56,6 +68,7 @@ class ClockJumps:
 
     leaves: list[str]
     names: list[str]
+    values: np.ndarray
     time: np.ndarray
     scores: np.ndarray
 
@@ -95,7 +108,9 @@ def lost_samples(record: xr.DataTree, faults: pd.DataFrame) -> tuple[list[Findin
         signals = _moving_channels(record, leaves)
         time = _clock_of(record, leaves[0])
         if signals and len(time) >= 8 * _SIDE:
-            clocks.append(ClockJumps(leaves, list(signals), time, _jump_scores(signals, time)))
+            values = np.stack(list(signals.values()))
+            scores = _jump_scores(signals, time)
+            clocks.append(ClockJumps(leaves, list(signals), values, time=time, scores=scores))
     findings, flags = [], []
     for clock in clocks:
         known = faults[faults["leaf"].isin(clock.leaves) & (faults["kind"] != "duplicate")]
@@ -194,6 +209,10 @@ def _jump_finding(kind: str, places: list[tuple[int, list[str]]], clock: ClockJu
         if len(groups) == 1 and groups == _groups_of(list(channels)):
             text += "; or their unit was corrected: the clock has no other channels that show it"
         remedy = f"restore the clock of the recorder; else {remedy}"
+        flights = _flights_text(clock, indices)
+        if flights:
+            text += f"; or another flight begins there: {flights}"
+            remedy += ", and split a file that holds two flights there"
     else:
         severity, name = "warning", "correction"
         cause = (
@@ -221,6 +240,29 @@ def _jump_finding(kind: str, places: list[tuple[int, list[str]]], clock: ClockJu
         float(time[indices[-1] + 1]),
         evidence={"places": len(indices)},
     )
+
+
+def _flights_text(clock: ClockJumps, indices: list[int]) -> str:
+    """Return the jumps that a few lost samples do not make; empty without them.
+
+    Most channels jump, and one of height, speed and heading by more than it moves in seconds.
+    """
+    shown = []
+    for i in indices:
+        jumping = clock.scores[:, max(i - 1, 0) : i + 2].max(axis=1) > _SIGNIFICANT
+        able = np.array([name in _CONTINUOUS for name in clock.names])
+        if np.mean(jumping[able]) < _MOST_CHANNELS:
+            continue
+        for name, (least, unit, size) in _OTHER_FLIGHT.items():
+            if name not in clock.names:
+                continue
+            x = unwrap_angle(name, clock.values[clock.names.index(name)])
+            step = float(x[i + 1] - x[i])
+            if name == "psi":
+                step = float((step + np.pi) % (2.0 * np.pi) - np.pi)
+            if abs(step) > least:
+                shown.append(f"{name} by {step / size:+.3g} {unit} at {clock.time[i]:.2f} s")
+    return ", ".join(shown[:_MOST_NAMED])
 
 
 def _leaves_by_clock(record: xr.DataTree) -> list[list[str]]:

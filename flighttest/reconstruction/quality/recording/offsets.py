@@ -31,6 +31,7 @@ GYRO, FORCE, VERTICAL, FLOW = 0.5 * DEGREE, 0.35, 0.5, 2.5 * DEGREE  # rad/s, m/
 _SIGMAS = 3.0
 _BLOCKS = 8  # of the jackknife
 _SAME = 0.35  # share of an offset within which two relations show the same one
+_MOST_TILT = 20.0 * DEGREE  # of accelerometers in their mounting
 _LEAST_SLIP = 0.5 * DEGREE  # standard deviation of sideslip that determines its zero
 _SLIP_CORRELATION = 0.9
 # standard error of the slope of az up to which it shows the cause, and difference that is none:
@@ -141,6 +142,7 @@ def offset_findings(
             f"ay_imu reads {abs(sideways):.2f} m/s2 too {_side(sideways)} throughout by the ground "
             f"velocity; or phi reads {abs(angle) / DEGREE:.1f} deg too {_side(angle)}"
         )
+        text += _tilt_text(sideways, "right side up", "right side down")
         finding = _offset_finding(("ay_imu", "phi"), sideways, text, record)
         findings.append(
             replace(finding, remedy=f"{finding.remedy}; or {map_entry(record, 'phi', 1.0, -angle)}")
@@ -225,6 +227,7 @@ def _pitch_findings(
     findings = []
     if large:
         text = f"ax_imu reads {abs(forward):.2f} m/s2 too {_side(forward)} throughout"
+        text += _tilt_text(forward, "nose up", "nose down")
         if "vane" not in present:
             text += f"; or theta reads {abs(by_force) / DEGREE:.1f} deg too {_side(by_force)}"
         findings.append(_offset_finding(("ax_imu", "theta"), forward, text, record))
@@ -368,6 +371,21 @@ def _fit_slip(signals: ResampledChannels) -> _SlipZero | None:
 def _slip_at_no_force(X: np.ndarray, y: np.ndarray) -> float:
     theta = np.linalg.lstsq(X, y, rcond=1e-10)[0]
     return float(-theta[0] / theta[1]) if theta[1] else 0.0
+
+
+def _tilt_text(offset: float, positive: str, negative: str) -> str:
+    """Return the tilt of the accelerometers that makes a constant error; empty if none does.
+
+    In level flight a horizontal axis that is tilted by an angle shows g times its sine.
+    """
+    if not abs(offset) < G0 * np.sin(_MOST_TILT):
+        return ""
+    angle = float(np.arcsin(abs(offset) / G0)) / DEGREE
+    way = positive if offset > 0.0 else negative
+    return (
+        f"; or the accelerometers are mounted {angle:.1f} deg {way} and show g times the sine of "
+        f"that angle: measure the mounting, and then turn the columns in place of the offset"
+    )
 
 
 def _side(value: float) -> str:

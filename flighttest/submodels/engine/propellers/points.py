@@ -172,7 +172,7 @@ def _reason_to_omit(part: xr.Dataset, aircraft: Aircraft) -> str:
 def cut_off_samples(states: xr.Dataset, engines: int) -> np.ndarray:
     """Return the samples at which an engine is cut off and its propeller not feathered (time,).
 
-    The lever of such an engine says nothing about its power. A feathered propeller has none.
+    The lever of such an engine does not show its power. A feathered propeller has none.
     """
     cut = np.zeros(states.sizes["time"], bool)
     for number in range(1, engines + 1):

@@ -280,7 +280,7 @@ class PropellerFit(PrintedResult):
             remarks += self.dynamics.remarks
         if self.cut_off:
             text = (
-                f"an engine is cut off, and its lever says nothing about its power: "
+                f"an engine is cut off, and its lever does not show its power: "
                 f"{'; '.join(self.cut_off)}; these windows are left out: give records or windows "
                 f"that end before the cut-off"
             )

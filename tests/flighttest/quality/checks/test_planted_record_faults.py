@@ -123,6 +123,8 @@ def test_constant_error_of_a_channel(signals, record, position, channel, error, 
     (finding,) = offset_findings(kinematic_table(wrong), wrong, record)
     assert finding.channels[0] == named
     assert channel in finding.channels
+    # a tilted mounting shows the same error
+    assert ("accelerometers are mounted" in finding.text) == (named in ("ax_imu", "ay_imu"))
 
 
 def test_small_error_of_the_side_force_does_not_blame_the_vane(signals, record):
