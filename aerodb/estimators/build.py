@@ -42,6 +42,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 
 _USUAL_DEFLECTION = 0.3  # [rad]
+_USUAL_CD0 = (0.004, 0.1)
 _NO_FRICTION = 0.03  # standard error of a drag coefficient without friction
 _LARGEST_MACH = 30.0
 _CONTROLS = ("aileron", "rudder")  # with rolling and yawing moments
@@ -225,6 +226,11 @@ def _complete_drag(
     if CD0 is not None and not 0.0 <= CD0 < 1.0:
         raise SchemaError(
             "estimate", [f"CD0: found {CD0:g}; give the friction drag coefficient, from 0 to 1"]
+        )
+    if CD0 is not None and not _USUAL_CD0[0] <= CD0 <= _USUAL_CD0[1]:
+        warn_user(
+            f"CD0 = {CD0:g} is unusual: the friction drag coefficient of an aeroplane is "
+            f"{_USUAL_CD0[0]:g} to {_USUAL_CD0[1]:g}, of most 0.02 to 0.04; correct it"
         )
     if CD0 is None:
         if not one.inviscid:

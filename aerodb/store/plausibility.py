@@ -342,6 +342,11 @@ def _check_derivatives(
                 why = found.source
                 if not configuration:
                     why += tailless_words(subject, slope, mach)
+                if variable.startswith("delta_") and found.low <= -slope <= found.high:
+                    why += (
+                        f"; with the other sign it is in the range: the sign of the control "
+                        f"{variable} of its source is wrong"
+                    )
                 yield from find_outside(
                     subject, slope, found.low, high=found.high, why=why, mach=mach
                 )

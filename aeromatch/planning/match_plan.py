@@ -40,6 +40,7 @@ from aeromatch.workflow.windows import AERODYNAMIC, EVERY_MANOEUVRE, records_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.atomic_write import resolve_folder
+from flightmech.support.kept_stages.captured_warnings import capture_warnings
 from flightmech.support.kept_stages.sharing import demand_scheduler
 from flightmech.support.kept_stages.stages import Kept, Stages
 from flightmech.terms import list_model_variables
@@ -353,7 +354,11 @@ class _ModelChecks:
 
     def databases(self) -> dict[str, Kept[xr.DataTree]]:
         """Return the databases before the flights by model, or no database after an error."""
-        if self._databases is None:
+        if self._databases is None and self._plan.project.prior:
+            # warnings of estimates are often slips of sign or unit, and belong to the remarks
+            self._databases, texts = capture_warnings(self._build_databases)
+            self._plan.remarks += [f"prior: {text}" for text in texts]
+        elif self._databases is None:
             self._databases = self._build_databases()
         return self._databases
 

@@ -12,6 +12,9 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.names import REDUCED_RATES
 from flighttest.reconstruction.dynamics.error_sizes import error_size_remarks
+from flighttest.reconstruction.quality.declarations.instrument_sizes import (
+    instrument_size_findings,
+)
 from flighttest.reconstruction.quality.declarations.positions import (
     position_findings,
     sensor_positions,
@@ -44,7 +47,7 @@ def project_remarks(project: Project) -> list[str]:
 
 
 def aircraft_remarks(aircraft: Aircraft) -> list[str]:
-    """Return the remarks on engines and places of instruments of an aircraft, one line each."""
+    """Return the remarks on engines and instruments of an aircraft, one line each."""
     remarks = [f"aircraft: {size.text}; {size.remedy}" for size in unusual_sizes(aircraft)]
     try:
         specification = instruments_of(aircraft, {}) if aircraft.instruments else None
@@ -52,7 +55,9 @@ def aircraft_remarks(aircraft: Aircraft) -> list[str]:
         # The look at each record reports a faulty instrument.
         specification = None
     places = sensor_positions(specification, aircraft)
-    for finding in [*position_findings(places, aircraft), *side_findings(aircraft)]:
+    findings = position_findings(places, aircraft) + side_findings(aircraft)
+    findings += instrument_size_findings(specification)
+    for finding in findings:
         remarks.append(f"aircraft: {finding.text}; {finding.remedy}")
     return remarks
 

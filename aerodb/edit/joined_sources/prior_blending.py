@@ -43,6 +43,8 @@ from flightmech.short_text import ShortText
 
 _JOINED = ("references", "comment")
 _OTHER_AREA = 0.05  # difference of reference areas that shows in coefficients
+# Difference of two sources from which on one of them is wrong. [standard errors]
+_FAR = 8.0
 # Root attributes that the blend sets itself.
 _OWN = (
     *("title", "aircraft", "S", "cbar", "b", "x_ref", "y_ref", "z_ref", "force_axes", "source"),
@@ -111,7 +113,8 @@ def blend_sources(
         Less than two databases, one that is not a-priori or is a blend, one twice, force axes other
         than stability axes, regressors of a term that differ, sources with opposite signs far
         beyond their errors, or sources that differ by a usual slip of units, signs or reference
-        quantities (`aerodb.edit.joined_sources.convention_faults`); all faults.
+        quantities (`aerodb.edit.joined_sources.convention_faults`), or sources of a term
+        that are eight standard errors from each other; all faults.
     UnknownName
         An unknown term or source in `take`.
 
@@ -210,11 +213,28 @@ def _blend_terms(
             if len(members) == 1:
                 term = replace(term, leaf=_cover_ranges(term.leaf, cover))
             blended[name] = term
+            if name not in explained:
+                problems += _find_far_sources(name, term)
         except SchemaError as error:
             problems += [] if name in explained else error.problems
     if problems:
         raise SchemaError("blend", problems)
     return blended
+
+
+def _find_far_sources(name: str, term: BlendedTerm) -> list[str]:
+    """Return the problem of two sources so far from each other that one of them is wrong."""
+    worst = term.worst
+    if worst is None or not term.is_widened or abs(worst.worst) < _FAR:
+        return []
+    first, second = worst.labels
+    values = f"{first} {_format_pair(term.stated[first])}, {second} "
+    values += _format_pair(term.stated[second])
+    return [
+        f"{name}: {first} and {second} disagree by {abs(worst.worst):.2g} standard errors "
+        f"({values} at {term.location}): one of them is wrong, and a mean would be neither; "
+        f"correct it, or decide for one: --take '{name}={first}' (take in a project)"
+    ]
 
 
 def _describe_disagreements(blended: Mapping[str, BlendedTerm]) -> list[str]:

@@ -73,6 +73,9 @@ from flighttest.reconstruction.quality.declarations.inertia import (
     product_findings,
 )
 from flighttest.reconstruction.quality.declarations.inertia_scale import exchange_findings
+from flighttest.reconstruction.quality.declarations.instrument_sizes import (
+    instrument_size_findings,
+)
 from flighttest.reconstruction.quality.declarations.positions import (
     position_findings,
     sensor_positions,
@@ -210,6 +213,7 @@ def assess(
     findings += temperature_findings(corrected, record)
     findings += kinematic_findings(explanations, comparisons, signals=corrected, record=record)
     # the aircraft file
+    findings += instrument_size_findings(specification)
     positions = sensor_positions(specification, aircraft)
     if aircraft is not None:
         misplaced = position_findings(positions, aircraft)

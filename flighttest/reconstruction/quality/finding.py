@@ -35,6 +35,7 @@ _TITLES = {
     "held": "held values of",
     "inconsistent": "inconsistent:",
     "inertia": "inertia against",
+    "instrument": "stated error of",
     "jump": "jump of",
     "lag": "delay of",
     "lost": "samples lost in",
@@ -100,8 +101,9 @@ class Finding:
         One of `SEVERITIES`.
     kind : str
         Kind of the finding in one word. Consistency: ``sign unit axis definition inconsistent range
-        scale lag``. Name map: ``column column_name stated_unit``. Inertial unit: ``mounting``. Aircraft file: ``geometry inertia
-        weight``. Samples: ``gap stray duplicate reset lost correction missing outside held spike
+        scale lag``. Name map: ``column column_name stated_unit``. Inertial unit: ``mounting``.
+        Aircraft file: ``geometry inertia instrument weight``. Samples: ``gap stray duplicate reset
+        lost correction missing outside held spike
         jump wrap saturation stuck staircase smoothed noise``. Inputs: ``excitation collinear``.
         Information: ``absent coarse offset minimum_speed``.
     channels : tuple of str

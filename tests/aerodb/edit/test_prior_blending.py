@@ -183,6 +183,15 @@ def test_sources_that_disagree_are_widened_and_named(aircraft):
     assert "widened" in leaf.attrs["history"]
 
 
+def test_sources_eight_standard_errors_apart_need_a_decision(aircraft):
+    first = database({"Cn/beta": table(0.10, stderr=0.01), "CY/beta": table(-0.5)}, "A")
+    second = database({"Cn/beta": table(0.27, stderr=0.01)}, "B")
+    with pytest.raises(SchemaError, match=r"A and B disagree by 12 .*one of them is wrong.*--take"):
+        blend_sources([first, second], aircraft)
+    blend = blend_sources([first, second], aircraft, take={"Cn/beta": "A"})
+    assert aerodb.terms(blend.database)["Cn/beta"]["value"].values == pytest.approx(0.10)
+
+
 def test_opposite_signs_far_beyond_the_errors_are_refused_unless_one_is_taken(aircraft):
     first = database({"Cn/beta": table(0.10, stderr=0.01), "CY/beta": table(-0.5)}, "A")
     second = database({"Cn/beta": table(-0.10, stderr=0.01)}, "B")

@@ -2,7 +2,9 @@
 
 import json
 import sys
+import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +12,9 @@ from click.testing import CliRunner
 
 import aerodb
 from aerodb.cli.group import db as group
-from aerodb.estimators.build import from_estimate
+from aerodb.estimators.build import _complete_drag, from_estimate
 from aerodb.estimators.coefficient_set import EstimateReference
+from aerodb.prior.prior_errors import PriorErrors
 from flightmech.errors import AeromatchWarning, SchemaError
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -243,3 +246,12 @@ def test_a_database_of_controls_that_cancel_is_warned_of(tmp_path):
         from_estimate(aircraft(), [tmp_path / "c.stab"], controls=OF_VSPAERO, **MORE)
     text = " ".join(str(warning.message) for warning in caught)
     assert "Aileron and Elevator are equal and opposite" in text
+
+
+def test_a_friction_drag_that_no_aeroplane_has():
+    one = SimpleNamespace(inviscid=True, files=["c182.st"], program="AVL")
+    with pytest.warns(AeromatchWarning, match=r"CD0 = 0.27 is unusual: .* is 0.004 to 0.1"):
+        _complete_drag(one, [], PriorErrors(), 0.27)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        _complete_drag(one, [], PriorErrors(), 0.027)

@@ -70,6 +70,19 @@ def test_engines_and_instruments_of_the_aircraft_file():
     assert "accelerometers: position = [15.7, 5.9, 9.8] m is outside" in place
 
 
+def test_errors_of_instruments_in_degrees_per_cent_or_milliseconds():
+    aircraft = flightmech.read_aircraft(C182 / "aircraft.toml")
+    tables = {name: dict(table) for name, table in aircraft.instruments.items()}
+    (vanes,) = [name for name, table in tables.items() if "alpha_vane" in table.get("noise", {})]
+    tables[vanes]["noise"] = {"alpha_vane": 0.3, "beta_vane": "0.3 deg"}
+    tables[vanes]["lag"] = [50.0, 30.0]
+    tables[vanes]["factor"] = {"alpha_vane": [105.0, 5.0]}
+    noise, factor, lag = aircraft_remarks(replace(aircraft, instruments=tables))
+    assert f"instruments.{vanes}: noise of alpha_vane is 17" in noise
+    assert "factor of alpha_vane is 105 +- 5; usual is 1.05 +- 0.05" in factor
+    assert "lag is 50 +- 30 s" in lag
+
+
 def test_a_control_past_its_stops():
     aircraft = SimpleNamespace(limits={"delta_e": (-0.05, 0.05), "delta_r": (-0.3, 0.3)})
     moved = ("time", [-0.02, 0.0, 0.14])
