@@ -73,14 +73,6 @@ from flighttest.reconstruction.quality.declarations.inertia import (
     product_findings,
 )
 from flighttest.reconstruction.quality.declarations.inertia_scale import exchange_findings
-from flighttest.reconstruction.quality.declarations.instrument_sizes import (
-    instrument_size_findings,
-)
-from flighttest.reconstruction.quality.declarations.positions import (
-    position_findings,
-    sensor_positions,
-    side_findings,
-)
 from flighttest.reconstruction.quality.declarations.rigging import rigging_findings
 from flighttest.reconstruction.quality.declarations.weight import MASS_LEVEL, weight_findings
 from flighttest.reconstruction.quality.engines.engines import engine_findings, lever_findings
@@ -91,6 +83,14 @@ from flighttest.reconstruction.quality.finding import (
     without_consequences,
     without_doubts,
     without_explained,
+)
+from flighttest.reconstruction.quality.instruments.instrument_sizes import (
+    instrument_size_findings,
+)
+from flighttest.reconstruction.quality.instruments.positions import (
+    position_findings,
+    sensor_positions,
+    side_findings,
 )
 from flighttest.reconstruction.quality.navigation.air_data_closure import (
     closure_findings,

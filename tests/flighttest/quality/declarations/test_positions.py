@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from flighttest.reconstruction.quality.declarations.positions import position_findings
+from flighttest.reconstruction.quality.instruments.positions import position_findings
 
 C182 = SimpleNamespace(b=10.9, cbar=1.49, cg=(0.0, 0.0, 0.0))
 

@@ -7,7 +7,7 @@ import pytest
 
 import flightmech
 from flightmech.aircraft.fuel import Fuel, Tank
-from flighttest.reconstruction.quality.declarations.positions import side_findings
+from flighttest.reconstruction.quality.instruments.positions import side_findings
 
 DATA = Path(__file__).parents[4] / "data"
 
