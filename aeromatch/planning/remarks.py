@@ -12,14 +12,14 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.names import REDUCED_RATES
 from flighttest.reconstruction.dynamics.error_sizes import error_size_remarks
-from flighttest.reconstruction.quality.declarations.instrument_sizes import (
-    instrument_size_findings,
-)
 from flighttest.reconstruction.quality.declarations.positions import (
     position_findings,
     sensor_positions,
 )
 from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
+from flighttest.reconstruction.quality.instrument_sizes import (
+    instrument_size_findings,
+)
 from flighttest.records.sensors.instruments import instruments_of
 from flighttest.regression.equation_error.least_squares import intercept_mask
 from flighttest.regression.equation_error.model import RegressionModel

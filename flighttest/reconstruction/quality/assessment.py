@@ -73,9 +73,6 @@ from flighttest.reconstruction.quality.declarations.inertia import (
     product_findings,
 )
 from flighttest.reconstruction.quality.declarations.inertia_scale import exchange_findings
-from flighttest.reconstruction.quality.declarations.instrument_sizes import (
-    instrument_size_findings,
-)
 from flighttest.reconstruction.quality.declarations.positions import (
     position_findings,
     sensor_positions,
@@ -90,6 +87,9 @@ from flighttest.reconstruction.quality.finding import (
     without_consequences,
     without_doubts,
     without_explained,
+)
+from flighttest.reconstruction.quality.instrument_sizes import (
+    instrument_size_findings,
 )
 from flighttest.reconstruction.quality.navigation.air_data_closure import (
     closure_findings,
