@@ -28,7 +28,7 @@ class Remark:
     Attributes
     ----------
     kind : str
-        ``no excitation``, ``not significant``, ``sign``, ``unexplained``, ``systematic``,
+        ``no excitation``, ``not significant``, ``sign``, ``unexplained``, ``systematic``, ``rest``,
         ``spike``, ``collinear``, ``offset``, ``disturbance``, ``prior``, ``scatter``, ``bound``,
         ``convergence`` ...
     text : str

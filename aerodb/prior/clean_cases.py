@@ -1,4 +1,4 @@
-"""Cases of one aircraft: which cases are of another one, and chains over angles of attack.
+"""Cases of one aircraft: those of another one, copies, and chains over angles of attack.
 
 The program takes at most 20 angles of attack a case. A deck over more of them is a chain of cases
 that differ in ALSCHD alone.
@@ -6,6 +6,7 @@ that differ in ALSCHD alone.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -192,3 +193,48 @@ def require_one_reynolds_number(role: str, dataset: xr.Dataset) -> None:
         advice = "give one case for each Reynolds number and build from one of them, or write ALT"
         problem = f"Mach {text} is printed at several Reynolds numbers, and no altitude; {advice}"
         raise SchemaError(role, [problem])
+
+
+def describe_copy(case: Case, used: Case, role: str) -> str:
+    """Return the warning of a case that is left out of a role as a copy; empty for another one.
+
+    Parameters
+    ----------
+    case, used : Case
+        The case that is left out, and the one with its conditions.
+    role : str
+        Role in `from_datcom`.
+
+    Returns
+    -------
+    str
+        The names of the listings state other numbers, such as m0.1 and m0.2, and their pages print
+        the same ones.
+    """
+    if not (_has_other_numbers(case, used) and _is_copy(case, used)):
+        return ""
+    return (
+        f"{case_label(case)} is left out as {role}: it prints the same numbers as "
+        f"{case_label(used)}; if it is a case of other conditions, its listing was copied over: "
+        f"give the listing that DATCOM wrote for it, else delete the copy"
+    )
+
+
+def _has_other_numbers(one: Case, other: Case) -> bool:
+    """Return whether the names of two listings state other numbers, such as m0.1 and m0.2.
+
+    The print of another program may have the same numbers on its pages and in its name.
+    """
+    first, second = (re.findall(r"\d+(?:\.\d+)?", case.file) for case in (one, other))
+    return first != second
+
+
+def _is_copy(one: Case, other: Case) -> bool:
+    """Return whether two cases print the same numbers on all pages."""
+    tables = []
+    for case in (one, other):
+        tables.append([table.values for page in case.pages for table in page.tables])
+    pairs = zip(*tables, strict=False)
+    return len(tables[0]) == len(tables[1]) and all(
+        np.array_equal(first, second, equal_nan=True) for first, second in pairs
+    )

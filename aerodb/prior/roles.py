@@ -10,10 +10,11 @@ from aerodb.prior.clean_cases import (
     alphas_of,
     case_label,
     comparable_cards,
+    describe_copy,
     describe_other_aircraft,
     require_one_aircraft,
 )
-from aerodb.prior.print_remarks import warn_of_copy
+from aerodb.prior.sources import warn_user
 from datcom_io.arrays.conditions import control_surface
 from datcom_io.decks.aircraft_rules import has_thrust
 from datcom_io.decks.device_fit import (
@@ -357,7 +358,8 @@ def _without_repetitions(assigned: list[CaseRole], role: str) -> list[CaseRole]:
             reasons[id(item)] = f"another {device} than in {case_label(first)}"
         elif repeated is not None:
             reasons[id(item)] = f"conditions of {case_label(repeated)}"
-            warn_of_copy(item.case, repeated, role)
+            if text := describe_copy(item.case, repeated, role):
+                warn_user(text)
         else:
             used.append(item.case)
     result = []

@@ -78,8 +78,8 @@ def test_what_was_not_checked_is_listed(aeroplane) -> None:
 def test_a_control_of_the_wrong_sign_is_called_one(aeroplane, term, factor, subject) -> None:
     aeroplane[term]["value"][...] *= factor
     (item,) = [item for item in check_plausibility(aeroplane) if item.subject == subject]
-    says_sign = f"the sign of the control {subject.split('/')[1]} of its source is wrong"
-    assert (says_sign in str(item)) == (factor == -1.0)
+    as_sign = f"the sign of the control {subject.split('/')[1]} of its source is wrong"
+    assert (as_sign in str(item)) == (factor == -1.0)
 
 
 @pytest.mark.parametrize(
