@@ -354,13 +354,16 @@ class _ModelChecks:
 
     def databases(self) -> dict[str, Kept[xr.DataTree]]:
         """Return the databases before the flights by model, or no database after an error."""
-        if self._databases is None and self._plan.project.prior:
+        if self._databases is not None:
+            return self._databases
+        if self._plan.project.prior:
             # warnings of estimates are often slips of sign or unit, and belong to the remarks
-            self._databases, texts = capture_warnings(self._build_databases)
+            databases, texts = capture_warnings(self._build_databases)
             self._plan.remarks += [f"prior: {text}" for text in texts]
-        elif self._databases is None:
-            self._databases = self._build_databases()
-        return self._databases
+        else:
+            databases = self._build_databases()
+        self._databases = databases
+        return databases
 
     def _build_databases(self) -> dict[str, Kept[xr.DataTree]]:
         project, problems = self._plan.project, self._plan.problems

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from flightmech.errors import AeromatchWarning, UnknownName
 from flightmech.names import lookup, value_text
@@ -96,7 +97,9 @@ def describe_odd_quantity(name: str, value: float) -> str:
 
 
 def describe_odd_values(
-    sim: SimModel, values: Mapping[str, float], inputs: Mapping[str, Any] | None = None
+    sim: SimModel,
+    values: Mapping[str, float],
+    inputs: Mapping[str, Any] | xr.Dataset | None = None,
 ) -> list[str]:
     """Return what is odd of the stated values of a flight of a model.
 
@@ -118,7 +121,9 @@ def describe_odd_values(
     stated = {name: value for name, value in values.items() if name not in sim.inputs}
     texts = [describe_odd_quantity(name, value) for name, value in stated.items()]
     texts += _of_mass(sim, values)
-    histories = {**values, **(inputs or {})}
+    histories: dict[str, Any] = dict(values)
+    if inputs is not None:
+        histories |= {str(name): inputs[name] for name in inputs}
     texts += [
         _of_input(row, histories[row.name]) for row in sim.entries(INPUT) if row.name in histories
     ]
@@ -126,7 +131,9 @@ def describe_odd_values(
 
 
 def warn_of_odd_values(
-    sim: SimModel, values: Mapping[str, float], inputs: Mapping[str, Any] | None = None
+    sim: SimModel,
+    values: Mapping[str, float],
+    inputs: Mapping[str, Any] | xr.Dataset | None = None,
 ) -> None:
     """Warn of each value of `describe_odd_values`."""
     for text in describe_odd_values(sim, values, inputs):

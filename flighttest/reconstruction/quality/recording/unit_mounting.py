@@ -103,7 +103,8 @@ def mounting_findings(
     if mounting is None or not mounting.is_turned:
         return [], signals
     gyros = _turned_back(signals, _GYROS, mounting.matrix)
-    turned, channels, unit, check = gyros, _GYROS, "the gyros are", ""
+    channels: tuple[str, ...] = _GYROS
+    turned, unit, check = gyros, "the gyros are", ""
     if set(_ACCELEROMETERS) <= set(signals.values):
         both = _turned_back(gyros, _ACCELEROMETERS, mounting.matrix)
         alone, together = _force_scatter(gyros), _force_scatter(both)
@@ -208,7 +209,7 @@ def _turned_back(
     body = np.stack([signals[name] for name in names], axis=1) @ matrix
     turned = signals.with_values(dict(zip(names, body.T, strict=True)))
     good = np.logical_and.reduce([signals.good[name] for name in names])
-    return replace(turned, good={**turned.good, **dict.fromkeys(names, good)})
+    return replace(turned, good={**turned.good, **{name: good for name in names}})
 
 
 def _force_scatter(signals: ResampledChannels) -> float:

@@ -17,13 +17,13 @@ MOST_FIELDS = 200_000
 """Fields of all topics of a log; those of a long flight have some ten thousand."""
 
 
-class BoundedLog(ULog):  # type: ignore[misc]
+class BoundedLog(ULog):
     """A PX4 log; a ParseError ends the reading when its formats require too many fields."""
 
     def __init__(self, file: str, topics: list[str] | None) -> None:
         fields = 0
 
-        class Topic(ULog._MessageAddLogged):  # type: ignore[misc]
+        class Topic(ULog._MessageAddLogged):
             def _parse_nested_type(
                 self, prefix: str, name: str, formats: Mapping[str, Any]
             ) -> None:
