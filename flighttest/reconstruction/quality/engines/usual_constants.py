@@ -246,12 +246,12 @@ def unusual_speeds(engine: Engine, number: int) -> Iterator[UnusualSize]:
             if leaf[name].size < 2 or (name, last) in seen:
                 continue
             seen.add((name, last))
-            limits = (factor * speed for factor in _CHART_SPEED)
+            low, high = (factor * speed for factor in _CHART_SPEED)
             where = (
                 f"engine {number}: the last node of {name} in the table {target}, with a rated "
                 f"speed of {speed:.4g} rad/s,"
             )
-            yield from _compare(where, name, last, _Rule("rad/s", *limits, _RPM))
+            yield from _compare(where, name, last, _Rule("rad/s", low, high, _RPM))
     if engine.motor is not None:
         voltage = float(engine.motor.tables["open_voltage"]["value"].max())
         low, high = (factor * rated["engine_rpm"] / voltage for factor in _NO_LOAD)
