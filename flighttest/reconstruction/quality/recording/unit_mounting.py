@@ -25,6 +25,8 @@ _MOST = 60.0 * DEGREE  # a larger one is an exchange of axes, which the search f
 _PRIOR = 30.0 * DEGREE  # pulls an angle about which nothing moves to zero
 _SIGMAS = 4.0
 _REMAINS = 0.5  # largest share of the squared difference that the rotation leaves
+_WORST = 0.1  # T-37 and C182: below 0.01 with a turned unit, above 0.35 with other mistakes
+_STILL = 0.2 * DEGREE  # rms of an axis that does not move [rad s-1]
 _SHORTEST = 8.0  # s of usable samples
 _MOVES = 0.3 * DEGREE  # rms of the rates [rad s-1]
 _BLOCKS, _STEPS = 8, 8
@@ -46,19 +48,24 @@ class Mounting:
         Body axes to axes of the unit.
     remains : float
         Share of the squared difference of the rates that the rotation leaves. [1]
+    worst : float
+        Largest share of the squared rate of an axis that the rotation does not explain. [1]
     """
 
     angles: np.ndarray
     errors: np.ndarray
     matrix: np.ndarray
     remains: float
+    worst: float
 
     @property
     def is_turned(self) -> bool:
         """Whether the unit is certainly turned."""
         clear = np.abs(self.angles) > _LEAST + _SIGMAS * self.errors
         inside = np.abs(self.angles).max() < _MOST
-        return bool(clear.any() and inside and self.remains < _REMAINS)
+        # a wrong sign, unit or axis leaves most of a rate on one axis
+        explained = self.remains < _REMAINS and self.worst < _WORST
+        return bool(clear.any() and inside and explained)
 
 
 def unit_mounting(signals: ResampledChannels) -> Mounting | None:
@@ -85,8 +92,16 @@ def unit_mounting(signals: ResampledChannels) -> Mounting | None:
         left_out.append(_angles_of(_matrix_of(_fit(*kept))))
     errors = np.sqrt((_BLOCKS - 1) * np.var(left_out, axis=0))
     matrix = _matrix_of(vector)
-    before, after = np.sum((read - true) ** 2), np.sum((read - true @ matrix.T) ** 2)
-    return Mounting(_angles_of(matrix), errors, matrix, float(after / max(before, 1e-300)))
+    turned = true @ matrix.T
+    left, size = np.mean((read - turned) ** 2, axis=0), np.mean(turned**2, axis=0)
+    before = float(np.mean((read - true) ** 2, axis=0).sum())
+    return Mounting(
+        _angles_of(matrix),
+        errors,
+        matrix,
+        remains=float(left.sum()) / max(before, 1e-300),
+        worst=float(np.max(left / (size + _STILL**2))),
+    )
 
 
 def mounting_findings(
@@ -103,8 +118,8 @@ def mounting_findings(
     if mounting is None or not mounting.is_turned:
         return [], signals
     gyros = _turned_back(signals, _GYROS, mounting.matrix)
-    channels: tuple[str, ...] = _GYROS
     turned, unit, check = gyros, "the gyros are", ""
+    channels: tuple[str, ...] = _GYROS
     if set(_ACCELEROMETERS) <= set(signals.values):
         both = _turned_back(gyros, _ACCELEROMETERS, mounting.matrix)
         alone, together = _force_scatter(gyros), _force_scatter(both)

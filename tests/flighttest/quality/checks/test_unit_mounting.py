@@ -67,8 +67,11 @@ def test_a_pitch_of_the_unit_has_its_sign():
         lambda s: s.with_values({"p": s["q"], "q": s["p"]}),
         lambda s: s.with_values({"q": s["q"] / DEGREE}),
         lambda s: s.with_values({"phi": np.roll(s["phi"], 6)}),
+        lambda s: s.with_values({"theta": -s["theta"]}),
+        # a roll with little pitching hides the wrong sign of the pitch attitude
+        lambda s: s.with_values({"theta": -s["theta"], "p": 3.0 * s["p"], "phi": 3.0 * s["phi"]}),
     ],
-    ids=["sound", "little", "sign", "exchanged", "unit", "late"],
+    ids=["sound", "little", "sign", "exchanged", "unit", "late", "attitude", "roll"],
 )
 def test_other_mistakes_are_no_turned_unit(change):
     signals = change(flown())
