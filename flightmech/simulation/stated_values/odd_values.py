@@ -123,7 +123,7 @@ def describe_odd_values(
     texts += _of_mass(sim, values)
     histories: dict[str, Any] = dict(values)
     if inputs is not None:
-        histories |= {str(name): inputs[name] for name in inputs}
+        histories |= {str(name): history for name, history in inputs.items()}
     texts += [
         _of_input(row, histories[row.name]) for row in sim.entries(INPUT) if row.name in histories
     ]
