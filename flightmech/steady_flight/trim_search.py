@@ -19,6 +19,7 @@ from flightmech.simulation.run import (
     output_attributes,
     values_in_si,
 )
+from flightmech.simulation.stated_values.odd_values import warn_of_odd_values
 from flightmech.steady_flight.stated_speeds.odd_speeds import warn_of_odd_flight
 from flightmech.steady_flight.trim_findings import describe_tables_left
 from flightmech.steady_flight.trim_kinds import CLIMB
@@ -153,7 +154,11 @@ def trim(
     if fixed is not None:
         # the verdict names the inputs beyond their limits
         stated = {name: value for name, value in stated.items() if name not in sim.inputs}
-    warn_of_odd_flight(sim, stated)
+    if kind == "ground":
+        # wheels carry the weight: no speed is too small
+        warn_of_odd_values(sim, stated)
+    else:
+        warn_of_odd_flight(sim, stated)
     return find_trim(sim, parameters, kind, unknowns, fixed=fixed, residuals=residuals)
 
 

@@ -17,7 +17,7 @@ import flightmech
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
-from flightmech.errors import SchemaError, SimulationError
+from flightmech.errors import AeromatchWarning, SchemaError, SimulationError
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
 from flightmech.terms import make_term
 
@@ -186,7 +186,8 @@ def test_positions_move_the_surfaces(build):
 
 
 def test_positions_stop_at_the_stops(every):
-    y = flown(every, grid(0.0), {"column": 0.5}, mode__controls=1, **BALLISTIC)
+    with pytest.warns(AeromatchWarning, match="column reaches 50 cm, its limit is 20 cm"):
+        y = flown(every, grid(0.0), {"column": 0.5}, mode__controls=1, **BALLISTIC)
     assert float(y["applied.column"][0]) == 0.2
     assert float(y["applied.delta_e"][0]) == pytest.approx(-0.3)
 

@@ -146,6 +146,7 @@ def test_flight_without_air_is_an_orbit(stone, earth, lat, lon):
     assert float(y.lon) == pytest.approx(np.arctan2(there[1], there[0]), abs=1e-11)
 
 
+@pytest.mark.filterwarnings("ignore:init.h 4e")
 def test_attitude_against_the_local_horizon_of_the_rotating_sphere(stone):
     """A body without rotation in space, over a fixed place on the equator for 600 s: the horizon
     turns below it by 15 deg/h.

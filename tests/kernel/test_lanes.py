@@ -391,6 +391,7 @@ def test_a_loop_without_numbers_ends_the_runs_of_a_group_as_one_alone(together, 
     assert "F_column" in texts[0]
 
 
+@pytest.mark.filterwarnings("ignore:delta_e reaches")
 def test_a_whole_aircraft_that_fails_leaves_the_others_alone(together, record):
     """Deflections without meaning in two runs, in one of them from one second on."""
     start = np.where(np.arange(RUNS) == 1, 0.0, np.where(np.arange(RUNS) == 6, 1.0, np.inf))

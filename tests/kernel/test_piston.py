@@ -493,7 +493,7 @@ def test_a_flight_that_does_not_trim_with_a_full_rudder_is_not_controllable(
     level = make_two_engined(make_aircraft, make_tree)
     applied = {"applied.delta_a": 0.1, "applied.delta_r": 0.4}
     ended = xr.Dataset(applied, attrs={"converged": 0, "at_limit": stopped})
-    monkeypatch.setattr(lateral, "trim", lambda *args, **kwargs: ended)
+    monkeypatch.setattr(lateral, "find_trim", lambda *args, **kwargs: ended)
     assert lateral._fly_on_one_engine(level, 44.0, 0).share == np.inf
 
 

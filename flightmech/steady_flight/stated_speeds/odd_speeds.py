@@ -57,7 +57,8 @@ def describe_odd_speed(sim: SimModel, values: Mapping[str, float]) -> str:
     """
     named = {name.removeprefix("init."): value for name, value in values.items()}
     speeds = [name for name in _SPEEDS if name in named]
-    if len(speeds) != 1 or not named[speeds[0]] > 0.0:
+    # a trim refuses a slower flight
+    if len(speeds) != 1 or not named[speeds[0]] > 1.0:
         return ""
     (speed,) = speeds
     reach = _reach(sim, named, speed, named[speed])

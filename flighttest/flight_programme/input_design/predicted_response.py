@@ -6,6 +6,7 @@ are beyond the range of a linear model.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,13 @@ import pandas as pd
 import xarray as xr
 
 import flightmech
-from flightmech.errors import IdentificationError, OutOfRange, SimulationError, UnknownName
+from flightmech.errors import (
+    AeromatchWarning,
+    IdentificationError,
+    OutOfRange,
+    SimulationError,
+    UnknownName,
+)
 from flightmech.names import lookup
 from flightmech.simulation.compiler import SimModel
 from flightmech.units import from_si
@@ -252,7 +259,10 @@ def _bisect_scale(
 
     def excess(scale: float) -> str:
         try:
-            response = predict_response(sim, signal, start, scale=scale, outputs=list(limits))
+            # the search passes the stops of the controls on purpose
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", AeromatchWarning)
+                response = predict_response(sim, signal, start, scale=scale, outputs=list(limits))
         except SimulationError as error:
             return f"the motion diverges ({error})"
         return first_exceeded_limit(response, limits)

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.errors import IdentificationError, OutOfRange, UnknownName
+from flightmech.errors import AeromatchWarning, IdentificationError, OutOfRange, UnknownName
 from flighttest.flight_programme.input_design.input_accuracy import (
     coefficient_noise,
     cramer_rao,
@@ -166,7 +166,10 @@ def test_refused_limits(glider, signal, start):
 
 
 def test_no_steady_flight(glider):
-    with pytest.raises(IdentificationError, match="no steady flight to start the test input from"):
+    with (
+        pytest.warns(AeromatchWarning, match="V 4 m/s .* is below the stall"),
+        pytest.raises(IdentificationError, match="no steady flight to start the test input from"),
+    ):
         trimmed_start(glider, {"init.h": 345.0}, "climb", {"V": 4.0, "beta": 0.0}, GLIDE)
 
 

@@ -113,15 +113,15 @@ def overrides(path, **recorded):
 
 
 def test_a_mass_or_a_state_against_the_record_is_a_departure(write_case):
-    path = write_case(more='[conditions]\nmass = 1900.0\ntheta = "361 deg"\nlat = "45 deg"')
-    (text,) = overrides(path, mass=2099.0, theta=math.radians(361.0), lat=0.0)
+    path = write_case(more='[conditions]\nmass = 1900.0\npsi = "361 deg"\nlat = "45 deg"')
+    (text,) = overrides(path, mass=2099.0, psi=math.radians(361.0), lat=0.0)
     assert "mass" in text
     assert "is 1900 kg by the conditions of the case, the flight path has 2099 kg" in text
-    assert overrides(path, mass=1900.1, theta=math.radians(361.0)) == []
+    assert overrides(path, mass=1900.1, psi=math.radians(361.0)) == []
     # what the record does not have is no override
     assert overrides(path) == []
-    (text,) = overrides(path, mass=1900.0, theta=0.0)
-    assert text.startswith("departure: 'theta'")
+    (text,) = overrides(path, mass=1900.0, psi=0.0)
+    assert text.startswith("departure: 'psi'")
 
 
 def test_a_wind_that_the_record_does_not_have_is_a_departure(write_case):
