@@ -183,7 +183,8 @@ def _of_planforms(deck: Deck) -> Iterator[Doubt]:
                 "HTPLNF",
                 "SSPN",
                 f"SSPN={0.5 * tail.span:g} makes a tail of {area:.2g} of the area of the wing "
-                f"and an aspect ratio of {tail.aspect_ratio:.3g}; usual is 0.15 to 0.36 of it: SSPN is the semispan",
+                f"and an aspect ratio of {tail.aspect_ratio:.3g}; usual is 0.15 to 0.36 of it: "
+                f"SSPN is the semispan",
             )
     main, fin = measure_main_wing(deck), deck.value("VTPLNF", "SSPN")
     if main is not None and fin is not None and fin > _LARGEST_FIN * main.span:
