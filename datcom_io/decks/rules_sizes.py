@@ -29,18 +29,21 @@ _HEIGHT_MARGINS = {"ZW": 0.08, "ZH": 0.03, "ZV": 0.08, "ZCG": 0.03}
 """Parts of the span by which a surface may lie above or below body and fin."""
 _STEEP_SWEEP, _FORWARD_SWEEP, _UNSWEPT = 80.0, 12.0, 15.0  # deg
 _MOST_DIHEDRAL, _MOST_INCIDENCE, _MOST_TWIST = 15.0, 12.0, 12.0  # deg
-_TAIL_V_DIHEDRAL = 45.0  # deg, of a V tail
+_TAIL_V_DIHEDRAL = 55.0  # deg, of a V tail
 _TAIL_AREA, _TAIL_ASPECT = 0.4, 0.8
 """Area and aspect ratio over those of the wing: no tail behind a wing is beyond both."""
 _LARGEST_FIN = 0.4  # semispan of a fin over the span of the wing
+_END, _BOOMS = 0.1, 0.8
+"""Parts of the length of the body by which an apex may lie beyond it: of a wing, and of a tail that
+booms carry."""
 _RADIANS = 0.8
 """Schedules of angles that stay below it are in radians: in degrees they would need no schedule."""
 _METRE = {"FT": 0.3048, "IN": 0.0254, "M": 1.0, "CM": 0.01}
 _LEAST_REYNOLDS, _MOST_REYNOLDS = 1e4, 1e9  # per metre
 _MOST_MACH = 25.0
 _HEIGHTS = (-600.0, 120e3)  # m
-_LOADINGS = (240.0, 12000.0)
-"""Wing loadings of light and of heavy aeroplanes, 5 and 250 lbf/ft2. [N/m2]"""
+_LOADINGS = (120.0, 12000.0)
+"""Wing loadings of ultralight and of heavy aeroplanes, 2.5 and 250 lbf/ft2. [N/m2]"""
 _SMALL_SPAN = 8.0
 """Span below which the loading of a model aeroplane falls with its size. [m]"""
 _TEMPERATURES = (150.0, 400.0)  # K
@@ -108,12 +111,14 @@ def _of_stations(deck: Deck) -> Iterator[Doubt]:
     stations = [x for x in deck.values("BODY", "X") if math.isfinite(x)]
     if len(stations) > 1:
         first, last = min(stations), max(stations)
-        margin = 0.1 * (last - first)
+        margin = _END * (last - first)
         for name, what in (("XW", "WGPLNF"), ("XH", "HTPLNF"), ("XV", "VTPLNF")):
             apex = deck.value("SYNTHS", name)
             if apex is None or what not in deck.namelists:
                 continue
-            if not first - margin <= apex <= last + margin:
+            # the body of an aeroplane with tail booms ends in front of its tail
+            behind = margin if name == "XW" else _BOOMS * (last - first)
+            if not first - margin <= apex <= last + behind:
                 yield (
                     "SYNTHS",
                     name,
@@ -169,14 +174,17 @@ def _of_planforms(deck: Deck) -> Iterator[Doubt]:
                 f"such as 0.25",
             )
     wing, tail = measure_surface(deck, "WGPLNF"), measure_surface(deck, "HTPLNF")
-    if wing is not None and tail is not None and tail.area < wing.area:
+    # the second wing of a tandem, and a canard, lies in front and has any size
+    behind = wing is not None and tail is not None and tail.leading_edge > wing.leading_edge
+    if behind and tail.area < wing.area:
         area, aspect = tail.area / wing.area, tail.aspect_ratio / wing.aspect_ratio
         if area > _TAIL_AREA and aspect > _TAIL_ASPECT:
             yield (
                 "HTPLNF",
                 "SSPN",
                 f"SSPN={0.5 * tail.span:g} makes a tail of {area:.2g} of the area of the wing "
-                f"and an aspect ratio of {tail.aspect_ratio:.3g}; usual is 0.15 to 0.36 of it: SSPN is the semispan",
+                f"and an aspect ratio of {tail.aspect_ratio:.3g}; usual is 0.15 to 0.36 of it: "
+                f"SSPN is the semispan",
             )
     main, fin = measure_main_wing(deck), deck.value("VTPLNF", "SSPN")
     if main is not None and fin is not None and fin > _LARGEST_FIN * main.span:
@@ -233,7 +241,10 @@ def _of_dihedral(deck: Deck) -> Iterator[Doubt]:
                     f"10 deg: check the decimal point",
                 )
     inner, wing = deck.value("WGPLNF", "DHDADI") or 0.0, measure_surface(deck, "WGPLNF")
-    if wing is None or not -_MOST_DIHEDRAL <= inner < 0.0:
+    # an inverted gull wing: its outer panels point up
+    outer, panel = (deck.value("WGPLNF", name) or 0.0 for name in ("DHDADO", "SSPNOP"))
+    is_gull = outer > 0.0 and panel > 0.0
+    if wing is None or is_gull or not -_MOST_DIHEDRAL <= inner < 0.0:
         return
     # Swept wings on top of the body have anhedral, unswept ones of aeroplanes have none.
     if abs(math.degrees(wing.sweep)) < _UNSWEPT:

@@ -36,6 +36,8 @@ _COARSEST = 5.0  # s between two samples of such a flight
 _USUAL = {
     **dict.fromkeys(("alpha", "beta", "gamma", "theta", "lat"), UsualRange(-1.6, 1.6, "deg")),
     **dict.fromkeys(("phi", "psi", "lon"), UsualRange(-6.3, 6.3, "deg")),
+    # levers and wheels of the cockpit turn further than a surface: power levers to 130 deg
+    **dict.fromkeys(("pla", "wheel", "tiller"), UsualRange(-3.5, 3.5, "deg")),
     **dict.fromkeys(("p", "q", "r", "psi_dot"), UsualRange(-7.0, 7.0, "deg/s")),
     **dict.fromkeys(("V", "V_cas", "V_eas"), UsualRange(0.0, 1500.0, "kt")),
     "mach": UsualRange(0.0, 5.0, "1"),
@@ -80,11 +82,12 @@ def describe_odd_quantity(name: str, value: float) -> str:
     "theta 5 rad (286.5 deg) is outside of -1.6 to 1.6 rad; is 5 deg meant? write '5 deg'"
     """
     plain = _plain_name(name)
-    usual = _USUAL.get(plain)
+    # a quantity of one engine, such as engine1.pla
+    usual = _USUAL.get(plain.rpartition(".")[2])
     if plain in _ARMS:
         usual = UsualRange(-_LONG_ARM, _LONG_ARM, "in")
     elif usual is None and _units(plain) == "rad":
-        # no control, tab or flow angle turns by more than a right angle
+        # no surface, tab or flow angle turns by more than a right angle
         usual = UsualRange(-1.6, 1.6, "deg")
     if usual is None or usual.low <= value <= usual.high:
         return ""

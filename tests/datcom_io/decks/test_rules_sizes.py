@@ -6,7 +6,7 @@ import pytest
 
 from datcom_io.decks.check import check_deck, describe_doubts
 from datcom_io.decks.deck_file import read_deck
-from datcom_io.decks.rules_sizes import describe_size
+from datcom_io.decks.rules_sizes import describe_size, list_sizes
 
 DATA = Path(__file__).parents[3] / "data"
 DECK = (DATA / "c182" / "datcom" / "c182_study.inp").read_text()
@@ -57,6 +57,30 @@ def test_a_mistake_in_one_number_is_one_line(right: str, wrong: str, text: str) 
     (case,) = read_deck(DECK.replace(right, wrong, 1).splitlines())
     assert text in "\n".join(describe_doubts(case))
     assert text in "\n".join(finding.text for finding in check_deck(case))
+
+
+UNUSUAL = [
+    # the second wing of a tandem in front, as large as the first
+    ("XH=22.3", "XH=1.0", "SSPN=5.83,SSPNE=5.23", "SSPN=13.6,SSPNE=12.9"),
+    # a wing bent down at the root and up outside
+    ("DHDADI=1.7,DHDADO=0.0", "DHDADI=-8.0,DHDADO=6.0", "SAVSI=0.0", "SSPNOP=9.0,CHRDBP=4.9"),
+    # a steep V tail
+    ("DHDADI=0.0,DHDADO=0.0", "DHDADI=50.0", "", ""),
+    # an ultralight, and a glider of 1930
+    ("ALT(1)=5000.0", "ALT(1)=5000.0,WT=550.0", "", ""),
+    # a tail on booms, behind the end of the body
+    ("XH=22.3", "XH=36.0", "", ""),
+]
+
+
+@pytest.mark.parametrize(("right", "other", "second", "instead"), UNUSUAL)
+def test_no_doubt_about_a_size_of_an_unusual_aeroplane(
+    right: str, other: str, second: str, instead: str
+) -> None:
+    assert right in DECK
+    assert second in DECK
+    (case,) = read_deck(DECK.replace(right, other, 1).replace(second, instead, 1).splitlines())
+    assert [text for _, _, text in list_sizes(case)] == []
 
 
 def test_no_doubt_about_the_own_decks() -> None:

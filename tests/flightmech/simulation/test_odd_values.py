@@ -64,6 +64,10 @@ SIM = flightmech.compile(CRAFT, TREE)
         ("theta", 0.1, ""),
         ("h", 12000.0, ""),
         ("mode.trim", 2.0, ""),
+        # 130 deg of a power lever, 120 deg of a control wheel
+        ("engine1.pla", 2.27, ""),
+        ("wheel", 2.1, ""),
+        ("engine1.pla", 90.0, "is 90 deg meant?"),
     ],
 )
 def test_a_quantity_without_its_unit(name: str, value: float, text: str) -> None:

@@ -32,6 +32,11 @@ def test_errors_of_the_landing_gear_have_units_of_their_own():
     assert line.startswith("error drag = 3 is a standard error of 3 in CD; 0.03 in CD is usual")
 
 
+def test_an_inertia_from_a_formula_and_a_thrust_from_a_leaflet_have_large_errors():
+    assert error_size_remarks({"inertia": 0.2, "thrust": 0.25}) == []
+    assert len(error_size_remarks({"inertia": 2.0, "thrust": 0.5})) == 2
+
+
 def test_errors_that_are_no_size():
     with pytest.raises(SchemaError) as caught:
         complete_errors(ERRORS, {"mass": -0.1, "thrust": nan, "qbar": inf})
