@@ -10,9 +10,32 @@ from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from typing import Any
 
+from flightmech.short_text import without_middle
+
+# longest line, and longest name, in the text of an error or a warning [character]
+_LONGEST_LINE = 1500
+_LONGEST_NAME = 100
+
+
+def _with_short_lines(text: Any) -> Any:
+    """Return a text whose lines are short enough to read.
+
+    A file may have a name of 100 000 letters or a list of 20 000 names. The beginning and the end
+    of a line have the fault and the remedy.
+    """
+    if not isinstance(text, str) or len(text) <= _LONGEST_LINE:
+        return text
+    return "\n".join(without_middle(line, _LONGEST_LINE) for line in text.split("\n"))
+
 
 class AeromatchError(Exception):
-    """Base of all errors that an input can cause. The exit code of the command line is 2."""
+    """Base of all errors that an input can cause. The exit code of the command line is 2.
+
+    Lines of the text that have more than 1500 characters are shown without their middle.
+    """
+
+    def __init__(self, *texts: Any) -> None:
+        super().__init__(*map(_with_short_lines, texts))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the parts from which pickle makes the same error in another process.
@@ -51,17 +74,21 @@ class ParseError(AeromatchError):
         super().__init__(f"{position}: found {found}; expected {expected}")
 
 
+def _join_names(names: Iterable[str]) -> str:
+    return ", ".join(without_middle(name, _LONGEST_NAME) for name in names)
+
+
 class UnknownName(AeromatchError):
     """A name that is not in the vocabulary, or not in the file that is read."""
 
     def __init__(self, name: str, allowed: Iterable[str], what: str = "name", hint: str = ""):
         self.name, self.allowed = name, sorted(allowed)
         near = near_names(name, self.allowed)
-        text = f"unknown {what} {name!r}"
+        text = f"unknown {what} {without_middle(repr(name), _LONGEST_NAME)}"
         if near:
-            text += f"; near it: {', '.join(near)}"
+            text += f"; near it: {_join_names(near)}"
         elif len(self.allowed) <= _MOST_ALLOWED:
-            text += f"; allowed: {', '.join(self.allowed) or 'none'}"
+            text += f"; allowed: {_join_names(self.allowed) or 'none'}"
         if hint:
             text += f"; {hint}"
         super().__init__(text)
@@ -192,4 +219,10 @@ class SimulationError(AeromatchError):
 
 
 class AeromatchWarning(UserWarning):
-    """A condition that the user should know, and that does not stop the work."""
+    """A condition that the user should know, and that does not stop the work.
+
+    Long lines of its text are shown as those of an `AeromatchError`.
+    """
+
+    def __init__(self, *texts: Any) -> None:
+        super().__init__(*map(_with_short_lines, texts))

@@ -48,6 +48,22 @@ def _report_lines(item: Any) -> list[str]:
     return str(report()).splitlines()
 
 
+def without_middle(text: str, most: int) -> str:
+    """Return a text; if it has more than `most` characters, its beginning and its end.
+
+    Examples
+    --------
+    >>> without_middle("channel", 7)
+    'channel'
+    >>> without_middle("channel", 4)
+    'ch ... (3 characters left out) ... el'
+    """
+    if len(text) <= most:
+        return text
+    half = most // 2
+    return f"{text[:half]} ... ({len(text) - 2 * half} characters left out) ... {text[-half:]}"
+
+
 def shorten_lines(lines: Iterable[str], remedy: str) -> str:
     """Return at most `MOST_LINES` lines; the last one counts those that are left out."""
     complete = list(lines)

@@ -28,6 +28,8 @@ The report may run its scripts.  It has no access to the page that opened it or 
 server.
 """
 REPORTS = "/report/"
+# Least status of a response that refuses a request.
+_FIRST_REFUSAL = 400
 # Characters of a token of 32 random bytes in base64.
 _TOKEN_LENGTH = 43
 
@@ -91,16 +93,21 @@ class Guard:
         for name, value in scope["headers"]:
             headers[name.decode("latin-1").lower()] = value.decode("latin-1")
         path = scope["path"]
-        refusal = self.refusal(path, headers)
-        if refusal:
-            sent = {name.decode(): text.decode() for name, text in _security_headers("/")}
-            await PlainTextResponse(refusal, 403, sent)(scope, receive, send)
-            return
+        is_posted = scope["method"] == "POST"
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                message["headers"] = [*message.get("headers", []), *_security_headers(path)]
+                added = _security_headers("/" if refusal else path)
+                # The server would otherwise read the rest of a body that nobody wants.
+                if _has_body(headers) and not (is_posted and message["status"] < _FIRST_REFUSAL):
+                    added.append((b"connection", b"close"))
+                message["headers"] = [*message.get("headers", []), *added]
             await send(message)
+
+        refusal = self.refusal(path, headers)
+        if refusal:
+            await PlainTextResponse(refusal, 403)(scope, receive, send_guarded)
+            return
 
         await self.app(scope, receive, send_guarded)
 
@@ -127,6 +134,11 @@ class Guard:
             return False
         site = headers.get("sec-fetch-site", "none")
         return is_report or site in ("same-origin", "none")
+
+
+def _has_body(headers: dict[str, str]) -> bool:
+    """Return whether the headers of a request state a body."""
+    return headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
 
 
 def _security_headers(path: str) -> list[tuple[bytes, bytes]]:

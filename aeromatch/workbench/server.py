@@ -29,6 +29,7 @@ from aeromatch.workbench.new_project import aircraft_data, column_edits, draft, 
 from aeromatch.workbench.new_project.dropped_files import receive_file
 from aeromatch.workbench.opened import MATCH, OpenProject
 from aeromatch.workbench.processes import Jobs, WorkbenchJob
+from aeromatch.workbench.request_body import read_body, stream_body
 from flightmech.errors import AeromatchError
 from flightmech.support.console import to_json_types
 from pom.report.writer import PARTS
@@ -46,8 +47,6 @@ NEW_PROJECT_ROUTES = {
     **aircraft_data.ROUTES,
     **recorded_columns.ROUTES,
 }
-# Greatest length of the body of a request. [byte]
-_MOST_BODY = 1_000_000
 # Greatest time that a request waits for the end of its job. [s]
 _MOST_WAIT = 60.0
 # Greatest number of digits of the number of a job.
@@ -150,11 +149,13 @@ class Workbench:
         async def respond(request: Request) -> Response:
             body = None
             if request.method == "POST":
-                text = await _read_body(request)
-                if text is None:
-                    return _refuse_request(f"more than {_MOST_BODY} bytes", 413)
                 try:
-                    body = _parse_body(text)
+                    body = _parse_body(await read_body(request))
+                except ClientDisconnect:
+                    # nobody reads the response
+                    return _refuse_request("the body is not complete", 400)
+                except AeromatchError as error:
+                    return _describe_error(error)
                 except (ValueError, RecursionError) as error:
                     return _refuse_request(f"the body is not a JSON of the page: {error}", 400)
             query = dict(request.query_params)
@@ -247,7 +248,7 @@ class Workbench:
         name = request.query_params.get("name", "")
         length = request.headers.get("content-length")
         try:
-            result = await receive_file(self.opened, name, length, request.stream())
+            result = await receive_file(self.opened, name, length, stream_body(request))
         except (AeromatchError, OSError) as error:
             return _describe_error(error)
         except ClientDisconnect:
@@ -288,19 +289,6 @@ class Workbench:
         return _send_file(STATIC, name)
 
 
-async def _read_body(request: Request) -> bytes | None:
-    """Return the body of a request; None if it is too long or the client has gone."""
-    body = b""
-    # nobody reads the response to a client that left in the middle of its request
-    with contextlib.suppress(ClientDisconnect):
-        async for part in request.stream():
-            body += part
-            if len(body) > _MOST_BODY:
-                return None
-        return body
-    return None
-
-
 class AsciiJson(JSONResponse):
     """A JSON whose other characters are escaped: a file name may have half a surrogate pair."""
 
@@ -334,7 +322,7 @@ def _describe_error(error: Exception) -> Response:
     """Return an error with all its problems as a response."""
     problems = list(getattr(error, "problems", ()))
     content = {"error": type(error).__name__, "text": str(error), "problems": problems}
-    return AsciiJson(content, 400)
+    return AsciiJson(content, getattr(error, "status", 400))
 
 
 def _send_file(folder: Path, name: str) -> Response:

@@ -100,3 +100,26 @@ def test_an_error_of_another_process_is_the_same(error):
     assert all(
         np.array_equal(there.__dict__[name], value) for name, value in error.__dict__.items()
     )
+
+
+def test_a_long_line_is_shown_without_its_middle():
+    names = [f"channel{i}" for i in range(20_000)]
+    heading = "a" + "x" * 100_000 + "z"
+    cases = [
+        errors.UnknownName("p", ["time", heading], "column", "the name map requires it"),
+        errors.UnknownName(heading, ["time"], "column", "the name map requires it"),
+        errors.UnknownName(
+            "p", names, "channel", f"there are {', '.join(names)}; the name map requires it"
+        ),
+        errors.ParseError("r.csv", 3, heading, "a number; the name map requires it"),
+        errors.SchemaError("r.csv", [f"{heading}: the name map requires it"]),
+        errors.AeromatchWarning(f"{heading} is left out; the name map requires it"),
+    ]
+    for error in cases:
+        assert len(str(error)) < 2000
+        assert "characters left out" in str(error)
+        assert str(error).endswith("the name map requires it")
+    # what a program reads is complete
+    assert cases[0].allowed == [heading, "time"]
+    text = "x" * 1500
+    assert str(errors.AeromatchError(text)) == text

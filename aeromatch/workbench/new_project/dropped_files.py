@@ -20,6 +20,7 @@ from aeromatch.workbench.allowed_actions import (
     is_writable_text,
 )
 from aeromatch.workbench.opened import OpenProject
+from aeromatch.workbench.request_body import BodyError, parse_length
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.file_kinds import file_kind
@@ -67,16 +68,23 @@ def demand_request_size(length: str | None, folder: Path) -> None:
         Header ``Content-Length`` [byte]; None if the browser does not state it.
     folder : Path
         Folder on the disk of the file.
+
+    Raises
+    ------
+    BodyError
+        More than 4 GB.
+    ActionError
+        The disk has no room.
     """
-    size = int(length) if length and length.isdecimal() else 0
+    size = parse_length(length)
     if size > MOST_BYTES:
         raise _too_large()
     if size + _SPARE > shutil.disk_usage(folder).free:
         raise ActionError(f"the disk of {folder} has no room for {size / 1e6:.0f} MB")
 
 
-def _too_large() -> ActionError:
-    return ActionError(
+def _too_large() -> BodyError:
+    return BodyError(
         f"the file has more than {MOST_BYTES / 1e9:g} GB; copy it into the folder of the project "
         f"by hand"
     )

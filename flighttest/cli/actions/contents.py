@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from flightmech.short_text import without_middle
 from flightmech.support.console import (
     print_json,
     print_table,
@@ -11,7 +12,8 @@ from flightmech.support.console import (
 )
 from flighttest.records.files import contents
 
-_NAMED = 12  # names of one reason on the terminal; --json has all
+# on the terminal; --json has all: names of one reason, columns of a table, letters of a name
+_NAMED, _MOST_ROWS, _LONGEST_NAME = 12, 1000, 100
 
 
 def record_info(file: str, names: str | None, as_json: bool) -> None:
@@ -41,18 +43,27 @@ def record_info(file: str, names: str | None, as_json: bool) -> None:
         )
         click.echo()
         rows = [
-            (c["column"], c["unit"], _number(c["min"]), _number(c["max"])) for c in part["columns"]
+            (
+                without_middle(c["column"], _LONGEST_NAME),
+                without_middle(c["unit"], _LONGEST_NAME),
+                _number(c["min"]),
+                _number(c["max"]),
+            )
+            for c in part["columns"][:_MOST_ROWS]
         ]
         print_table(
             ["column", "unit", "min", "max"], rows, f"{part['table']}: {span}", right=["min", "max"]
         )
+        left = len(part["columns"]) - _MOST_ROWS
+        if left > 0:
+            print_text(f"... {left} more columns; --json shows all")
         for slow in part["slower"]:
             text = (
                 f"{slow['samples']} samples, {slow['rate']:.6g} Hz, in the rows of {part['table']}"
             )
             print_text(
                 f"a slower clock, with blank cells between its samples: "
-                f"{', '.join(slow['columns'])}: {text}"
+                f"{_some_of(slow['columns'])}: {text}"
             )
     for text in found["notes"]:
         print_text(f"! {text}")
@@ -67,11 +78,13 @@ def _by_reason(left_out: list[dict[str, str]]) -> list[str]:
     names: dict[str, list[str]] = {}
     for one in left_out:
         names.setdefault(one["reason"], []).append(one["name"])
-    return [
-        f"{', '.join(places[:_NAMED])}"
-        f"{f' and {len(places) - _NAMED} more' * (len(places) > _NAMED)}: {reason}"
-        for reason, places in names.items()
-    ]
+    return [f"{_some_of(places)}: {reason}" for reason, places in names.items()]
+
+
+def _some_of(names: list[str]) -> str:
+    """Return the first names, and the number of the others."""
+    shown = ", ".join(without_middle(name, _LONGEST_NAME) for name in names[:_NAMED])
+    return shown + f" and {len(names) - _NAMED} more" * (len(names) > _NAMED)
 
 
 def _number(value: float | None) -> str:

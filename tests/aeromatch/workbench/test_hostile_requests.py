@@ -1,8 +1,10 @@
 """Requests that the page does not send, commands and logs that lead out of the project."""
 
 import asyncio
+import contextlib
 import http.client
 import json
+import socket
 import sys
 from pathlib import Path
 from urllib.parse import quote
@@ -10,7 +12,9 @@ from urllib.parse import quote
 import pytest
 from starlette.requests import ClientDisconnect
 
-from aeromatch.workbench.server import NEW_PROJECT_ROUTES, _read_body
+from aeromatch.workbench import request_body
+from aeromatch.workbench.request_body import BodyError, read_body
+from aeromatch.workbench.server import NEW_PROJECT_ROUTES
 
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
@@ -85,13 +89,56 @@ def test_odd_bodies_are_refused_with_a_sentence(client):
 class LeftRequest:
     """A request whose client leaves in the middle of the body."""
 
+    headers = {}
+
     async def stream(self):
         yield b"{"
         raise ClientDisconnect
 
 
+class StalledRequest(LeftRequest):
+    """A request whose client sends a part of the body, and waits."""
+
+    async def stream(self):
+        yield b"{"
+        await asyncio.sleep(60.0)
+
+
 def test_a_client_that_leaves_in_the_middle_of_its_body_is_no_fault_of_the_server():
-    assert asyncio.run(_read_body(LeftRequest())) is None
+    with pytest.raises(ClientDisconnect):
+        asyncio.run(read_body(LeftRequest()))
+
+
+def test_a_body_that_does_not_end_is_refused(monkeypatch):
+    monkeypatch.setattr(request_body, "_MOST_PAUSE", 0.05)
+    with pytest.raises(BodyError, match="stopped after 1 bytes") as caught:
+        asyncio.run(read_body(StalledRequest()))
+    assert caught.value.status == 408
+
+
+# a body that the server reads, one that it refuses, and one of a method without a body
+@pytest.mark.parametrize(
+    ("method", "path", "code"),
+    [("POST", "/api/act", 413), ("POST", "/api/new/file?name=a.csv", 413), ("GET", "/", 200)],
+)
+def test_a_stated_length_is_refused_before_the_body_arrives(client, method, path, code):
+    with socket.create_connection(("127.0.0.1", client.bench.port), timeout=60) as link:
+        head = f"{method} {path} HTTP/1.1\r\nHost: 127.0.0.1:{client.bench.port}\r\n"
+        head += f"X-Aeromatch-Token: {client.bench.token}\r\nContent-Length: 99000000000\r\n\r\n"
+        link.sendall(head.encode())
+        # The server ends the connection, otherwise this loop does not end.
+        answer = b"".join(iter(lambda: link.recv(65536), b""))
+    assert answer.startswith(b"HTTP/1.1 %d " % code), answer[:300]
+
+
+def test_the_rest_of_a_body_that_is_too_long_is_not_read(client):
+    link = http.client.HTTPConnection("127.0.0.1", client.bench.port, timeout=60)
+    parts = (b"1" * 100_000 for _ in range(2000))
+    sent = {"X-Aeromatch-Token": client.bench.token}
+    with contextlib.suppress(ConnectionError):
+        link.request("POST", "/api/act", parts, sent, encode_chunked=True)
+    left = sum(len(part) for part in parts)
+    assert left > 100_000_000
 
 
 @pytest.mark.nightly

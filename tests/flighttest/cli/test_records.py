@@ -13,6 +13,7 @@ from recorders import chapter10, ulog
 
 import flighttest
 from flightmech.errors import UnknownName
+from flighttest.cli.actions import contents
 from flighttest.cli.group import flight
 
 
@@ -42,6 +43,19 @@ def test_info_lists_tables_and_columns(log):
         "xyz[1]",
         "xyz[2]",
     ]
+
+
+def test_info_of_many_columns_and_of_a_long_name_is_short(tmp_path, monkeypatch):
+    monkeypatch.setattr(contents, "_MOST_ROWS", 3)
+    names = ["time", "x" * 100_000, "a", "b", "c"]
+    lines = [",".join(names), "0,1,1,1,1", "1,1,1,1,1", "2,1,1,1,1"]
+    (tmp_path / "f.csv").write_text("\n".join(lines))
+    output = call("info", tmp_path / "f.csv").output
+    assert len(output) < 2000
+    assert "(99900 characters left out)" in output
+    assert "... 2 more columns; --json shows all" in output
+    found = json.loads(call("info", tmp_path / "f.csv", "--json").output)
+    assert [column["column"] for column in found["tables"][0]["columns"]] == names
 
 
 def test_info_reports_a_clock_that_cannot_be_used(tmp_path):
