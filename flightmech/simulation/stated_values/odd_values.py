@@ -35,7 +35,7 @@ _COARSEST = 5.0  # s between two samples of such a flight
 
 _USUAL = {
     **dict.fromkeys(("alpha", "beta", "gamma", "theta", "lat"), UsualRange(-1.6, 1.6, "deg")),
-    **dict.fromkeys(("phi", "psi", "lon"), UsualRange(-6.3, 6.3, "deg")),
+    **dict.fromkeys(("phi", "psi", "lon"), UsualRange(-7.0, 7.0, "deg")),
     # levers and wheels of the cockpit turn further than a surface: power levers to 130 deg
     **dict.fromkeys(("pla", "wheel", "tiller"), UsualRange(-3.5, 3.5, "deg")),
     **dict.fromkeys(("p", "q", "r", "psi_dot"), UsualRange(-7.0, 7.0, "deg/s")),

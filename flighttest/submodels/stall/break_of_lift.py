@@ -99,7 +99,7 @@ def describe_smooth_lift(lift: NodeLift, highest: float) -> str:
     if preference >= LEAST_EVIDENCE:
         return ""
     return (
-        f"the lift has no break up to the flown {np.rad2deg(highest):.1f} deg: without a separation "
+        f"the lift shows no break up to the flown {np.rad2deg(highest):.1f} deg: without a separation "
         f"it is described as well (criterion {-preference:+.3g}, a break needs "
         f"{-LEAST_EVIDENCE:g} or less)"
     )

@@ -349,7 +349,7 @@ def test_a_lift_without_a_break_is_no_stall(bend, is_broken):
     node = break_of_lift.NodeLift(lift, A, names, separated, shapes=5, samples=samples)
     text = break_of_lift.describe_smooth_lift(node, float(alpha.max()))
     assert bool(text) is not is_broken
-    assert is_broken or "the lift has no break up to the flown 15.0 deg: without a sep" in text
+    assert is_broken or "the lift shows no break up to the flown 15.0 deg: without a sep" in text
 
 
 def test_an_error_of_an_angle_names_its_option():

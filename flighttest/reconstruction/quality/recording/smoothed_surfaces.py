@@ -126,7 +126,8 @@ def smoothing_findings(found: list[Smoothing]) -> list[Finding]:
         )
         remedy = (
             f"map a column of {name} without filter or mean (an anti-alias filter above 5 Hz is "
-            f"harmless); sign and delay of the name map do not bring the quick movements back"
+            f"harmless); sign and delay of the name map do not bring the quick movements back. A "
+            f"vane that follows with a lag of a second looks alike: check its lag first"
         )
         evidence = {
             "order": smoothing.order,
