@@ -24,12 +24,12 @@ from starlette.routing import Route
 
 from aeromatch.workbench import actions, databases, identification, matching, records
 from aeromatch.workbench.allowed_actions import ActionError, demand_allowed, is_writable_text
-from aeromatch.workbench.guard import REPORTS, Guard, is_same_secret, kept_token
 from aeromatch.workbench.new_project import aircraft_data, column_edits, draft, recorded_columns
 from aeromatch.workbench.new_project.dropped_files import receive_file
 from aeromatch.workbench.opened import MATCH, OpenProject
 from aeromatch.workbench.processes import Jobs, WorkbenchJob
-from aeromatch.workbench.request_body import read_body, stream_body
+from aeromatch.workbench.requests.guard import REPORTS, Guard, is_same_secret, kept_token
+from aeromatch.workbench.requests.request_body import read_body, stream_body
 from flightmech.errors import AeromatchError
 from flightmech.support.console import to_json_types
 from pom.report.writer import PARTS

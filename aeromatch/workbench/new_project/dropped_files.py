@@ -20,7 +20,7 @@ from aeromatch.workbench.allowed_actions import (
     is_writable_text,
 )
 from aeromatch.workbench.opened import OpenProject
-from aeromatch.workbench.request_body import BodyError, parse_length
+from aeromatch.workbench.requests.request_body import BodyError, parse_length
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.file_kinds import file_kind

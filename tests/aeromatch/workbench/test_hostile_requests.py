@@ -12,8 +12,8 @@ from urllib.parse import quote
 import pytest
 from starlette.requests import ClientDisconnect
 
-from aeromatch.workbench import request_body
-from aeromatch.workbench.request_body import BodyError, read_body
+from aeromatch.workbench.requests import request_body
+from aeromatch.workbench.requests.request_body import BodyError, read_body
 from aeromatch.workbench.server import NEW_PROJECT_ROUTES
 
 pytest.importorskip("starlette")

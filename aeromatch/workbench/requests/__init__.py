@@ -1,0 +1,1 @@
+"""What is checked of each request before the workbench answers it: host, token, length, body."""
