@@ -14,7 +14,7 @@ import numpy as np
 
 from datcom_io.decks.cards import WARNING, DeckFinding
 from datcom_io.decks.deck import Deck
-from datcom_io.decks.planforms import measure_main_wing, measure_surface
+from datcom_io.decks.planforms import WingPlanform, measure_main_wing, measure_surface
 
 Doubt = tuple[str, str, str]
 """Namelist, variable and what is unusual of it."""
@@ -174,18 +174,8 @@ def _of_planforms(deck: Deck) -> Iterator[Doubt]:
                 f"such as 0.25",
             )
     wing, tail = measure_surface(deck, "WGPLNF"), measure_surface(deck, "HTPLNF")
-    # the second wing of a tandem, and a canard, lies in front and has any size
-    behind = wing is not None and tail is not None and tail.leading_edge > wing.leading_edge
-    if behind and tail.area < wing.area:
-        area, aspect = tail.area / wing.area, tail.aspect_ratio / wing.aspect_ratio
-        if area > _TAIL_AREA and aspect > _TAIL_ASPECT:
-            yield (
-                "HTPLNF",
-                "SSPN",
-                f"SSPN={0.5 * tail.span:g} makes a tail of {area:.2g} of the area of the wing "
-                f"and an aspect ratio of {tail.aspect_ratio:.3g}; usual is 0.15 to 0.36 of it: "
-                f"SSPN is the semispan",
-            )
+    if wing is not None and tail is not None:
+        yield from _of_tail(wing, tail)
     main, fin = measure_main_wing(deck), deck.value("VTPLNF", "SSPN")
     if main is not None and fin is not None and fin > _LARGEST_FIN * main.span:
         yield (
@@ -193,6 +183,22 @@ def _of_planforms(deck: Deck) -> Iterator[Doubt]:
             "SSPN",
             f"SSPN={fin:g} is a fin as high as {fin / main.span:.2g} of the span of the wing, "
             f"{main.span:.4g}; usual is 0.14 to 0.3",
+        )
+
+
+def _of_tail(wing: WingPlanform, tail: WingPlanform) -> Iterator[Doubt]:
+    """Yield a horizontal tail behind the wing with a whole span for a half one."""
+    # the second wing of a tandem, and a canard, lies in front and has any size
+    if tail.leading_edge <= wing.leading_edge or tail.area >= wing.area:
+        return
+    area, aspect = tail.area / wing.area, tail.aspect_ratio / wing.aspect_ratio
+    if area > _TAIL_AREA and aspect > _TAIL_ASPECT:
+        yield (
+            "HTPLNF",
+            "SSPN",
+            f"SSPN={0.5 * tail.span:g} makes a tail with {area:.2g} of the area of the wing, "
+            f"usual is 0.15 to 0.36, and an aspect ratio of {tail.aspect_ratio:.3g}: SSPN is the "
+            f"semispan",
         )
 
 

@@ -28,7 +28,7 @@ MISTAKES = [
     ("BLREF=35.8", "BLREF=38.0", "BLREF=38 is 1.06 times the span of the planform, 35.8;"),
     ("CBARR=4.9", "CBARR=4.0", "CBARR=4 is 0.817 times the mean aerodynamic chord"),
     ("SSPN=17.9,SSPNE=16.1", "SSPN=35.8,SSPNE=34.0", "it is SSPN=35.8, which is the semispan"),
-    ("SSPN=5.83,SSPNE=5.23", "SSPN=11.66,SSPNE=11.", "SSPN=11.66 makes a tail of 0.44 of the"),
+    ("SSPN=5.83,SSPNE=5.23", "SSPN=11.66,SSPNE=11.", "SSPN=11.66 makes a tail with 0.44 of the"),
     ("SSPN=5.1,", "SSPN=51.,", "SSPN=51 is a fin as high as 1.4 of the span of the wing, 35.8"),
     ("SSPNE=16.1", "SSPNE=19.0", "SSPNE=19 is larger than SSPN=17.9"),
     ("CHRDR=5.56,CHRDTP=4.16", "CHRDR=4.16,CHRDTP=5.56", "CHRDTP=5.56 is larger than CHRDR=4.16"),
