@@ -534,6 +534,7 @@ def test_switched_on_and_off_under_way(probe, start):
         {"turbulence.seed": 2.0**53},
     ],
 )
+@pytest.mark.filterwarnings("ignore:turbulence.V 1e")
 def test_extreme_values_give_finite_gusts(probe, extreme):
     assert np.isfinite(gusts(fly(probe, [0.0, 1.0, 2.0], {**GIVEN, **extreme}))).all()
 

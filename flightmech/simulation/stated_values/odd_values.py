@@ -17,7 +17,7 @@ from flightmech.errors import AeromatchWarning, UnknownName
 from flightmech.names import lookup, value_text
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT, PARAMETER
-from flightmech.units import from_si
+from flightmech.units import from_si, to_si
 
 _GROUPS = ("init.", "mass.", "env.")
 
@@ -96,6 +96,8 @@ def describe_odd_quantity(name: str, value: float) -> str:
     text += f" {units}" * (units != "1")
     if usual.meant in ("1", units):
         return f"{text}; a number without a unit is in {units}"
+    if not usual.low <= to_si(value, usual.meant) <= usual.high:
+        return text
     return f"{text}; is {value:g} {usual.meant} meant? write '{value:g} {usual.meant}'"
 
 

@@ -62,7 +62,7 @@ def test_a_mistake_in_one_number_is_one_line(right: str, wrong: str, text: str) 
 UNUSUAL = [
     # the second wing of a tandem in front, as large as the first
     ("XH=22.3", "XH=1.0", "SSPN=5.83,SSPNE=5.23", "SSPN=13.6,SSPNE=12.9"),
-    # a wing bent down at the root and up outside
+    # an inverted gull: anhedral at the root and dihedral outside
     ("DHDADI=1.7,DHDADO=0.0", "DHDADI=-8.0,DHDADO=6.0", "SAVSI=0.0", "SSPNOP=9.0,CHRDBP=4.9"),
     # a steep V tail
     ("DHDADI=0.0,DHDADO=0.0", "DHDADI=50.0", "", ""),
