@@ -233,7 +233,10 @@ def _is_copy(one: Case, other: Case) -> bool:
     """Return whether two cases print the same numbers on all pages."""
     tables = []
     for case in (one, other):
-        tables.append([table.values for page in case.pages for table in page.tables])
+        values = []
+        for page in case.pages:
+            values += [table.values for table in page.tables]
+        tables.append(values)
     pairs = zip(*tables, strict=False)
     return len(tables[0]) == len(tables[1]) and all(
         np.array_equal(first, second, equal_nan=True) for first, second in pairs

@@ -23,8 +23,8 @@ from flighttest.regression.equation_error.movement import (
 _NAMED = 3  # manoeuvres that move a variable and are named
 
 
-class Movement(Protocol):
-    """What a look at a record knows of the movements in it."""
+class RecordMovements(Protocol):
+    """Movements of the variables inside the windows of a record."""
 
     moved: dict[str, dict[str, float]]
     movers: dict[str, list[str]]
@@ -75,7 +75,7 @@ def movements(
     return moved, movers
 
 
-def resting_remarks(project: Project, looks: Mapping[str, Movement]) -> list[str]:
+def resting_remarks(project: Project, looks: Mapping[str, RecordMovements]) -> list[str]:
     """Return the derivatives that no fit of a project can determine, because nothing moves.
 
     A variable may rest in one record, or in one fit, if another one determines the derivative of
@@ -116,7 +116,7 @@ def _remark(
     name: str,
     size: float,
     coefficients: Sequence[str],
-    looks: Mapping[str, Movement],
+    looks: Mapping[str, RecordMovements],
 ) -> str:
     """Return the remark on a variable that rests in a fit."""
     unit = "deg/s" if lookup(name).units == "rad s-1" else "deg"

@@ -60,7 +60,7 @@ def term_remarks(project: Project, flown: Mapping[str, Mapping[str, Range]]) -> 
         if not fits:
             # the report of the terms states it
             continue
-        variables = {name for names in fits.values() for name in names}
+        variables: set[str] = set().union(*fits.values())
         absent = [name for name in term.regressors if name in _STEERED and name not in variables]
         if absent:
             fitted = " ".join(sorted(variables)) or "a constant only"

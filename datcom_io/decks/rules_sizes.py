@@ -263,7 +263,7 @@ def _of_dihedral(deck: Deck) -> Iterator[Doubt]:
 
 
 def _of_devices(deck: Deck) -> Iterator[Doubt]:
-    """Yield deflections in radians, and a thickness or a balance that is no part of the chord."""
+    """Yield deflections in radians, and a thickness or a balance larger than its chord allows."""
     for name in ("SYMFLP", "ASYFLP"):
         for variable in ("DELTA", "DELTAL", "DELTAR"):
             yield from _of_schedule(deck, name, variable, "deflections")

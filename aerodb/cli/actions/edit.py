@@ -116,7 +116,9 @@ def _warn_far_point(db: xr.DataTree, point: Sequence[float]) -> None:
     old = [float(db.attrs[key]) for key in ("x_ref", "y_ref", "z_ref")]
     chords = math.dist(old, point) / float(db.attrs["cbar"])
     if chords > MOST_CHORDS:
-        places = [", ".join(f"{value:.4g}" for value in place) for place in (old, point)]
+        places = []
+        for place in (old, point):
+            places.append(", ".join(f"{value:.4g}" for value in place))
         warnings.warn(
             f"the moment reference point moves by {chords:.3g} chords, from ({places[0]}) to "
             f"({places[1]}) m; more than {MOST_CHORDS:g} is unusual: check the sign (x is forward "

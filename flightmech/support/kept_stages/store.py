@@ -60,7 +60,7 @@ class StageStore:
         _demand_private(self.folder)
 
     def head(self, stage: str, key: str) -> tuple[str, list[str]] | None:
-        """Return the hash and the remarks of a result, None if there is no result.
+        """Return the hash and the remarks of a result; None without a result.
 
         The remarks are checked, the result itself only when it is read.
         """

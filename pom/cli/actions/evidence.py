@@ -17,12 +17,12 @@ def open_evidence(file: str | Path) -> xr.DataTree:
     Raises
     ------
     SchemaError
-        No node of the database is from flight: a distance from it is no evidence.
+        No node of the database is from flight, so that it is not evidence.
     """
     database = aerodb.open(file)
     if not any(nodes_from_flight(leaf).any() for leaf in aerodb.terms(database).values()):
         text = (
-            f"{Path(file).name}: no node of its tables is from flight, so it is no evidence; give "
+            f"{Path(file).name}: no node of its tables is from flight, so it is not evidence; give "
             f"the database that a match identified, such as final.nc of aeromatch match"
         )
         raise SchemaError("--evidence", [text])
