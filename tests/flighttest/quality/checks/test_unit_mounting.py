@@ -47,6 +47,12 @@ def test_a_unit_turned_by_twelve_degrees_is_named_and_turned_back():
     assert finding.name == "mounting:p+q+r"
     assert "yaw +12.0 deg" in finding.text
     assert corrected["q"] == pytest.approx(flown()["q"], abs=2e-3)
+    # the printed matrix turns the columns of the unit back
+    rows = finding.remedy.partition("[")[2].partition("]")[0].split("; ")
+    matrix = np.array([row.split(", ") for row in rows], float)
+    body = matrix @ np.stack([signals[name] for name in "pqr"])
+    for name, rate in zip("pqr", body, strict=True):
+        assert rate == pytest.approx(flown()[name], abs=2e-3)
 
 
 def test_a_pitch_of_the_unit_has_its_sign():
