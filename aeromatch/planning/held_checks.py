@@ -6,11 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import xarray as xr
 
-from flighttest.reconstruction.quality.checks.samples import (
-    channel_findings,
-    channel_table,
-    faults_of,
-)
+from flighttest.reconstruction.quality.checks.held_values import held_values, stuck_findings
 from pom.cases.case import PomCase
 
 Spans = Mapping[str, Sequence[tuple[float, float]]]
@@ -33,20 +29,19 @@ def held_departures(
         Windows that identify something, by fit or position of a submodel. [s]
     """
     lines = []
-    faults = faults_of(record)
-    for row in faults[faults["kind"] == "held"].to_dict("records"):
-        span = float(row["start"]), float(row["stop"])
+    for flag in held_values(record):
+        span = flag.start, flag.stop
         users = [f"case {case.name}" for case in cases if _overlaps(case.window, span)]
         for user, windows in spans.items():
             if any(_overlaps(window, span) for window in windows):
                 users.append(user)
         used = f" (in {', '.join(users)})" if users else ""
         lines.append(
-            f"record {name}: {row['channel']} repeats its value from {span[0]:g} to {span[1]:g} s"
+            f"record {name}: {flag.channel} repeats its value from {span[0]:g} to {span[1]:g} s"
             f"{used}; {_EFFECT}; choose windows without it, or map a column that moves"
         )
-    for finding in channel_findings(record, channel_table(record), None):
-        if finding.kind == "stuck" and finding.severity == "error":
+    for finding in stuck_findings(record):
+        if finding.severity == "error":
             lines.append(f"record {name}: {finding.text}; {finding.remedy}")
     return lines
 

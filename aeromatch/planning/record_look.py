@@ -234,7 +234,11 @@ def stop_remarks(task: LookTask, states: xr.Dataset) -> list[str]:
 
 def table_remarks(task: LookTask, states: xr.Dataset) -> list[str]:
     """Return the conditions of a record beyond the tables of the engines, a line each."""
-    values = {str(name): states[name].values for name in states.data_vars if states[name].ndim == 1}
+    values = {}
+    for name in states.data_vars:
+        variable = states.variables[name]
+        if variable.ndim == 1:
+            values[str(name)] = variable.values
     sizes = {size.name for size in unusual_sizes(task.aircraft)}
     findings = range_findings(values, task.aircraft, sizes)
     return [f"record {task.name}: {found.text}; {found.remedy}" for found in findings]

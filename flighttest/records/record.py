@@ -202,7 +202,11 @@ def _make_dataset(leaf: RecordGroup) -> xr.Dataset:
 
 def find_channel_leaf(record: xr.DataTree, name: str) -> str | None:
     """Return the leaf with channel `name`, or None."""
-    return next((leaf for leaf, node in record.children.items() if name in node.data_vars), None)
+    for leaf, node in record.children.items():
+        # `data_vars` of a node makes a Dataset of the leaf at each call
+        if name in node.variables and name not in node.coords:
+            return leaf
+    return None
 
 
 def channel_leaves(record: xr.DataTree) -> dict[str, str]:

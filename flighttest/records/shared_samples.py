@@ -75,12 +75,12 @@ def inertial_channels(record: xr.DataTree) -> Channels:
     """Return time and values of the inertial channels that vary, without missing samples."""
     channels: Channels = {}
     for leaf in record.children.values():
-        data = leaf.to_dataset()
+        variables = leaf.variables
         for name in INERTIAL:
-            if name not in data or "time" not in data.coords:
+            if name not in variables or "time" not in variables:
                 continue
-            time = data["time"].values.astype(float)
-            values = np.asarray(data[name].values, float)
+            time = variables["time"].values.astype(float)
+            values = np.asarray(variables[name].values, float)
             is_finite = np.isfinite(values)
             if values.ndim == 1 and is_finite.sum() > LEAST_SAMPLES and np.ptp(values[is_finite]):
                 channels[name] = time[is_finite], values[is_finite]

@@ -218,8 +218,8 @@ def _read_motion(case: PomCase, states: xr.Dataset) -> _Motion:
     width = max(1, round(SMOOTH / float(np.median(np.diff(time)))))
     recorded = {}
     for name in MOTION:
-        if name in states and states[name].dims == ("time",):
-            recorded[name] = np.asarray(states[name].values, float)
+        if name in states and states.variables[name].dims == ("time",):
+            recorded[name] = np.asarray(states.variables[name].values, float)
     # the limits are forces, which a torque gives with the radius of the wheel
     torque, radius = recorded.pop("F_wheel", None), case.conditions.get("wheel_radius")
     if torque is not None and radius:

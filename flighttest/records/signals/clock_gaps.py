@@ -66,7 +66,7 @@ def filled_instants(data: xr.Dataset, names: Sequence[str]) -> np.ndarray:
     names : sequence of str
         Its channels that count.
     """
-    time = data["time"].values.astype(float)
+    time = data.variables["time"].values.astype(float)
     filled = np.zeros(time.size, bool)
     for name in names:
         filled |= np.isfinite(data.variables[name].values.astype(float))
@@ -92,7 +92,7 @@ def channel_gaps(data: xr.Dataset, name: str) -> list[tuple[float, float]]:
     gaps = _gaps_of_samples(filled, [name])
     if filled.size < 3:
         return gaps
-    clock = data["time"].values.astype(float)
+    clock = data.variables["time"].values.astype(float)
     longest = max(BRIDGED, GAP * float(np.median(np.diff(filled))))
     first, last = (clock[0], filled[0]), (filled[-1], clock[-1])
     ends = [(float(start), float(stop)) for start, stop in (first, last) if stop - start > longest]

@@ -2,36 +2,32 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.aircraft.controls import ICE
 from flightmech.names import lookup
 from flightmech.support.arrays import true_runs
+from flighttest.reconstruction.quality.checks.held_values import (
+    DEVICES,
+    channel_faults,
+    iterate_channels,
+    sixth_difference_noise,
+    stuck_finding,
+)
 from flighttest.reconstruction.quality.checks.signals import unwrap_angle
 from flighttest.reconstruction.quality.finding import Finding, iterate_rows
 from flighttest.records.sensors.instruments import Instruments
 from flighttest.records.signals.record_flags import flags
 from flighttest.records.signals.resampling import GAP, is_control
 from flighttest.records.signals.sample_flags import (
-    HELD_SAMPLES,
-    HELD_TIME,
     Flag,
     flag_sentences,
-    sample_faults,
 )
 
 NOISY = 3.0  # times the noise that the specification gives
-# ratio of the noise to the typical step, above which the noise changes every sample
-_RESTLESS = 0.3
-_DIFFERENCE, _ENOUGH = 6, 50  # order of the differences that show noise only, and their number
-_MEDIAN_OF_NORMAL = 0.6745  # median of the absolute value of a standard normal variable
-_NEIGHBOURS = 20  # steps next to a run that show whether the channel moves there
-_LIVELY = 0.3  # share of the typical step that these must have
 _JUMP = 25.0  # typical steps of a channel
 _LARGE_JUMP, _FULL_JUMP = 0.15, 0.8  # of the range: a jump, and a counter that wraps
 _EXTREME = 0.05  # of the range, within which a wrapped counter leaves one end and enters the other
@@ -40,20 +36,6 @@ _RUN_TIME = 0.1  # s at an extreme value that are a saturation
 _SLOPE, _BREAK = 5, 0.5  # samples of a slope, and share of the typical step at which it breaks off
 _RADIO = 0.01  # share of samples at the largest value of a radio altimeter
 _TIMES = {"gap", "wrap", "stray", "duplicate", "reset"}
-_DEVICES = (
-    "gear",
-    "speedbrake",
-    "brake",
-    "wow_",
-    "delta_f",
-    "delta_t",
-    *("cutoff", "starter", "ignition", "flameout", "feather"),
-    "mass",
-    "x_cg",
-    "y_cg",
-    "z_cg",
-    "I",
-)
 _ENDLESS = ("psi", "lon")  # wrap round by nature
 # beginnings of the names of quantities that no aeroplane changes from one sample to the next
 _ATTITUDE_AND_AIR = ("phi", "theta", "h_baro", "h_gps", "hdot", "V", "mach", "q_c", "p_static")
@@ -89,12 +71,12 @@ def faults_of(record: xr.DataTree) -> pd.DataFrame:
     of_reader = stored[stored["kind"].isin(_TIMES | {"outside"})]
     table: list[dict] = [dict(row) for _, row in of_reader.iterrows()]
     for leaf, node in record.children.items():
-        data = node.to_dataset()
+        time, rate = node.variables["time"].values, float(node.attrs["rate"])
         faults: list[Flag] = []
         if not (stored["leaf"].eq(leaf) & stored["kind"].eq("gap")).any():
-            faults += _clock_gaps(data["time"].values)
-        for name in map(str, data.data_vars):
-            faults += _channel_faults(data, name)
+            faults += _clock_gaps(time)
+        for name, x in iterate_channels(node):
+            faults += channel_faults(time, x, name, rate)
         table += [{"leaf": leaf, **flag._asdict()} for flag in faults]
     return pd.DataFrame(table, columns=stored.columns)
 
@@ -114,73 +96,6 @@ def _clock_gaps(time: np.ndarray) -> list[Flag]:
             )
         )
     return gaps
-
-
-def _channel_faults(data: xr.Dataset, name: str) -> list[Flag]:
-    """Return the faults of the samples of a channel, and the frozen runs among the others."""
-    time, x = data["time"].values, data[name].values.astype(float)
-    rate = float(data.attrs["rate"])
-    faults = sample_faults(time, x, name, rate)
-    frozen = []
-    for flag in _frozen_runs(time, x, name, rate):
-        if not any(_flags_overlap(flag, fault) for fault in faults):
-            frozen.append(flag)
-    return [*faults, *frozen]
-
-
-def _frozen_runs(time: np.ndarray, x: np.ndarray, name: str, rate: float) -> list[Flag]:
-    """Return the runs of equal samples in a channel whose noise changes every sample.
-
-    Runs at the ends of the range are saturations, unless they begin or end with the record.
-    """
-    size = np.abs(np.diff(x))
-    typical = np.inf
-    if (size > 0.0).any():
-        typical = float(np.median(size[size > 0.0]))
-    needed = max(HELD_SAMPLES, HELD_TIME * rate)
-    still_runs = true_runs(np.concatenate([[False], size == 0.0]))
-    long_runs = [(start, stop) for start, stop in still_runs if stop - start >= needed]
-    # Controls and headings may move without noise. The ones with noise do not rest for long.
-    # The noise is that between the runs: a channel may be held for most of a record.
-    noise = np.nan
-    if long_runs and not name.rpartition(".")[2].startswith(_DEVICES):
-        moving = np.ones(len(x), bool)
-        for start, stop in long_runs:
-            moving[start:stop] = False
-        noise = _sixth_difference_noise(unwrap_angle(name, x[moving]))
-    # the negation is true for a noise of NaN, of channels without noise
-    if not noise > _RESTLESS * typical:
-        return []
-    inside_range = (x != np.nanmax(x)) & (x != np.nanmin(x))
-    runs = []
-    for start, stop in long_runs:
-        is_inside = start == 1 or stop == len(x) or inside_range[start]
-        if is_inside and _moves_around(size, start, stop, typical):
-            # the sample before the run has the same value
-            span = float(time[start - 1]), float(time[stop - 1])
-            runs.append(Flag(name, "held", *span, stop - start + 1))
-    return runs
-
-
-def _moves_around(size: np.ndarray, start: int, stop: int, typical: float) -> bool:
-    """Return whether the channel moves by its typical step before and after a run.
-
-    The channels of a parked aeroplane are at rest before and after it. Only one side of a run
-    counts that begins or ends with the record; both ends are a channel that never changes.
-    """
-    sides = []
-    if start > 1:
-        sides.append(size[max(0, start - _NEIGHBOURS - 1) : start - 1])
-    if stop <= len(size):
-        sides.append(size[stop : stop + _NEIGHBOURS])
-    # a median of NaN is not larger than anything
-    moves = [len(side) > 0 and float(np.median(side)) > _LIVELY * typical for side in sides]
-    return bool(moves) and all(moves)
-
-
-def _flags_overlap(first: Flag, second: Flag) -> bool:
-    same_kind = second.kind == first.kind
-    return same_kind and second.start <= first.stop and first.start <= second.stop
 
 
 def flag_findings(faults: pd.DataFrame) -> list[Finding]:
@@ -223,16 +138,15 @@ def channel_table(record: xr.DataTree) -> pd.DataFrame:
     """
     table: list = []
     for leaf, node in record.children.items():
-        data = node.to_dataset()
-        time, rate = data["time"].values, float(data.attrs["rate"])
-        for name in map(str, data.data_vars):
+        time, rate = node.variables["time"].values, float(node.attrs["rate"])
+        for name, x in iterate_channels(node):
             row = {
                 "leaf": leaf,
                 "channel": name,
                 "rate": rate,
                 "start": float(time[0]),
                 "stop": float(time[-1]),
-                **_describe_channel(data[name].values.astype(float), name),
+                **_describe_channel(x, name),
                 "units": lookup(name).units,
             }
             table.append(row)
@@ -266,19 +180,18 @@ def channel_findings(
 ) -> list[Finding]:
     """Return the faults of single channels beyond their flags."""
     findings: list[Finding] = []
+    # a leaf by its name, without the search of a path for each channel
+    leaves = dict(record.children)
     for row in iterate_rows(table):
-        data = record[row.leaf].to_dataset()
-        time, x = data["time"].values, data[row.channel].values.astype(float)
+        variables = leaves[row.leaf].variables
+        time, x = variables["time"].values, variables[row.channel].values.astype(float)
         finite = np.isfinite(x)
-        if not finite.any():
-            text = f"{row.channel} holds no number at all"
-            remedy = "check the column of the name map"
-            findings.append(Finding("error", "stuck", (row.channel,), text, remedy=remedy))
-        elif row.minimum == row.maximum:
-            findings += _stuck_finding(row)
-        else:
+        stuck = stuck_finding(row.channel, x)
+        if stuck is None:
             findings += _jump_finding(time[finite], x[finite], row)
             findings += _saturation_findings(time[finite], x[finite], row)
+        else:
+            findings += stuck
         findings += _noise_finding(row, specification)
     return findings
 
@@ -288,30 +201,9 @@ def _white_noise(x: np.ndarray, name: str) -> float:
 
     Sixth differences contain no motion, and their median ignores bursts and steps.
     """
-    if is_control(name) or name in _ENDLESS or name.startswith(_DEVICES):
+    if is_control(name) or name in _ENDLESS or name.startswith(DEVICES):
         return float("nan")
-    return _sixth_difference_noise(x)
-
-
-def _sixth_difference_noise(x: np.ndarray) -> float:
-    """Return the standard deviation of the white noise of a time history; NaN if it is short."""
-    sixth = np.abs(np.diff(x, _DIFFERENCE))
-    sixth = sixth[np.isfinite(sixth)]
-    if len(sixth) < _ENOUGH:
-        return float("nan")
-    # the n-th difference of white noise has comb(2n, n) times its variance
-    growth = math.sqrt(math.comb(2 * _DIFFERENCE, _DIFFERENCE))
-    return float(np.median(sixth) / (_MEDIAN_OF_NORMAL * growth))
-
-
-def _stuck_finding(row) -> list[Finding]:
-    # A whole flight may be clean or iced.
-    if row.channel == ICE or row.channel.rpartition(".")[2].startswith(_DEVICES):
-        return []
-    text = f"{row.channel} never changes from {row.minimum:.6g} {row.units}"
-    remedy = "check sensor, wiring and column; leave the channel out of the name map if it is dead"
-    severity = "note" if is_control(row.channel) else "error"
-    return [Finding(severity, "stuck", (row.channel,), text, remedy=remedy)]
+    return sixth_difference_noise(x)
 
 
 def _jump_finding(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
@@ -369,7 +261,7 @@ def _saturation_findings(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
     slope.
     """
     name = row.channel.rpartition(".")[2]
-    if row.repeated > 0.5 or name.startswith((*_DEVICES, "throttle", "pla")):
+    if row.repeated > 0.5 or name.startswith((*DEVICES, "throttle", "pla")):
         return _radio_height_finding(x, row)
     findings = []
     for extreme, word in ((row.maximum, "largest"), (row.minimum, "smallest")):

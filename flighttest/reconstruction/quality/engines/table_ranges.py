@@ -86,10 +86,10 @@ def _axes_of(engine: Engine) -> dict[str, tuple[list[str], np.ndarray]]:
     """Return for each axis the names of its tables and the nodes of the widest of them."""
     axes: dict[str, tuple[list[str], np.ndarray]] = {}
     for target, leaf in list_leaves(engine).items():
-        for axis in map(str, leaf["value"].dims):
-            if axis not in leaf.coords or leaf[axis].size < 2:
+        for axis in map(str, leaf.variables["value"].dims):
+            if axis not in leaf.variables or leaf.variables[axis].size < 2:
                 continue
-            nodes = leaf[axis].values
+            nodes = leaf.variables[axis].values
             tables, known = axes.get(axis, ([], nodes))
             widest = nodes if np.ptp(nodes) > np.ptp(known) else known
             axes[axis] = ([*tables, target], widest)

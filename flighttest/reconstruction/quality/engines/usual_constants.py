@@ -207,8 +207,8 @@ def _unusual_axes(engine: Engine, number: int) -> Iterator[UnusualSize]:
     """Yield the axes of tables whose last node is in another unit. One text for one axis."""
     seen = set()
     for target, leaf in list_leaves(engine).items():
-        for name in map(str, leaf["value"].dims):
-            nodes = leaf[name].values if name in leaf.coords else np.zeros(0)
+        for name in map(str, leaf.variables["value"].dims):
+            nodes = leaf.variables[name].values if name in leaf.variables else np.zeros(0)
             if name not in _AXES or nodes.size < 2 or not np.issubdtype(nodes.dtype, np.number):
                 continue
             last = float(nodes.max())
@@ -221,7 +221,7 @@ def _unusual_axes(engine: Engine, number: int) -> Iterator[UnusualSize]:
 def _unusual_values(engine: Engine, number: int) -> Iterator[UnusualSize]:
     """Yield the tables whose largest value is in another unit."""
     for target, leaf in list_leaves(engine).items():
-        largest = float(np.abs(leaf["value"].values).max())
+        largest = float(np.abs(leaf.variables["value"].values).max())
         # values with a regressor or a factor are not in the unit of the target
         plain = not leaf.attrs.get("regressors") and "K1" not in leaf
         if target in _VALUES and plain and not leaf.attrs.get("power") and largest:

@@ -5,7 +5,12 @@ import pytest
 import xarray as xr
 
 from aeromatch.planning.held_checks import held_departures
-from flighttest.reconstruction.quality.checks.samples import faults_of
+from flighttest.reconstruction.quality.checks.held_values import held_values, stuck_findings
+from flighttest.reconstruction.quality.checks.samples import (
+    channel_findings,
+    channel_table,
+    faults_of,
+)
 
 TIME = np.arange(0.0, 60.0, 0.04)
 RANDOM = np.random.default_rng(5).normal(size=TIME.size)
@@ -64,3 +69,26 @@ def test_the_plan_of_a_match_names_them():
     assert "(in fit 'pitch')" in held
     assert stuck.startswith("record cruise: h_baro never changes from 1000 m")
     assert held_departures("cruise", record(V_cas=SPEED), [], {}) == []
+
+
+def test_the_short_search_finds_what_the_full_one_finds():
+    """A plan of a match searches held and stuck channels alone, without the other checks."""
+    blank = hold(SPEED, 0.2, 0.4)
+    blank[100:120] = np.nan
+    flown = record(
+        V_cas=blank,
+        psi=np.mod(hold(SPEED, 0.3, 0.6), 2.0 * np.pi),
+        delta_e=hold(ELEVATOR, 0.5, 0.53),
+        theta=ELEVATOR,
+        h_baro=np.full(TIME.size, 900.0),
+        gear=np.ones(TIME.size),
+        mach=np.full(TIME.size, np.nan),
+    )
+    faults = faults_of(flown)
+    listed = faults.loc[faults["kind"] == "held"].drop(columns="leaf")
+    assert [tuple(flag) for flag in held_values(flown)] == list(map(tuple, listed.to_numpy()))
+    assert {flag.channel for flag in held_values(flown)} == {"V_cas", "psi", "delta_e"}
+    full = channel_findings(flown, channel_table(flown), None)
+    stuck = [finding for finding in full if finding.kind == "stuck"]
+    assert stuck_findings(flown) == stuck
+    assert [finding.channels for finding in stuck] == [("h_baro",), ("mach",)]
