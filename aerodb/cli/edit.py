@@ -52,12 +52,29 @@ class AxisOption(click.ParamType):  # type: ignore[type-arg]
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, list[float]]:
         """Return the axis and its breakpoints in SI."""
-        axis, sign, text = str(value).partition("=")
+        name, sign, text = str(value).partition("=")
         if not sign:
             self.fail(
                 f"{value!r} is not AXIS='NUMBERS UNIT', such as alpha='-4 0 4 8 deg'", param, ctx
             )
-        return axis.strip(), _numbers(text, lookup(axis.strip()).units)
+        axis = name.strip()
+        points = _numbers(text, lookup(axis).units)
+        # Only a number without a unit can be a slip: a full-envelope table reaches 180 deg.
+        if not _states_unit(text) and (odd := _odd_breakpoint(axis, points)):
+            self.fail(odd, param, ctx)
+        return axis, points
+
+
+def _odd_breakpoint(axis: str, points: list[float]) -> str:
+    """Return what is odd of the first breakpoint that no flight reaches, empty without one."""
+    # it imports the simulation, which takes longer than a page of help
+    from flightmech.simulation.stated_values.odd_values import describe_odd_quantity
+
+    for point in points:
+        if odd := describe_odd_quantity(axis, point):
+            units = lookup(axis).units
+            return odd if units == "1" else f"{odd}, or '{point:g} {units}' if it is right"
+    return ""
 
 
 class Numbers(click.ParamType):  # type: ignore[type-arg]
@@ -302,6 +319,12 @@ def previous_command() -> None:
 @performed_by("aerodb.cli.actions.edit:run_forget")
 def forget_command() -> None:
     """Write the database without its undo history, for a release."""
+
+
+def _states_unit(text: str) -> bool:
+    """Return whether a unit is behind the numbers of a text."""
+    match = _NUMBERS.match(text)
+    return match is not None and bool(match.group(2))
 
 
 def _numbers(text: str, units: str) -> list[float]:

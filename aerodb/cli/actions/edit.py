@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import click
-import numpy as np
 import xarray as xr
 
 from aerodb.edit import blending, breakpoint_edits, reference_point, table_edits
@@ -22,9 +21,7 @@ from aerodb.store.plausibility_findings import PlausibilityFinding
 from aerodb.store.schema import terms
 from aerodb.store.undo_history import drop_undo_history, undo_edits
 from flightmech.errors import AeromatchError, AeromatchWarning
-from flightmech.names import is_quantity
 from flightmech.quantities import option_quantity
-from flightmech.simulation.stated_values.odd_values import describe_odd_quantity
 from flightmech.support.console import print_remark, print_table
 
 MOST_CHORDS = 1.0
@@ -80,8 +77,6 @@ def run_regrid(
     file: str, name: str, axes: tuple[Any, ...], tolerance: float | None, note: str, output: str
 ) -> None:
     """Perform the command ``regrid``."""
-    for axis, points in axes:
-        _demand_angles(axis, points)
 
     def edit(db: xr.DataTree) -> xr.DataTree:
         return breakpoint_edits.regrid(db, name, dict(axes), tolerance=tolerance, note=note)
@@ -101,7 +96,6 @@ def run_extend(
 ) -> None:
     """Perform the command ``extend``."""
     axis, points = axes
-    _demand_angles(axis, points)
     # Values on the command line take the place of the rule.
     rule = how if values is None else values
 
@@ -214,13 +208,6 @@ def _new_doubts(before: xr.DataTree, after: xr.DataTree) -> list[str]:
 
 def _is_doubt(finding: PlausibilityFinding) -> bool:
     return finding.kind == "implausible"
-
-
-def _demand_angles(axis: str, points: Any) -> None:
-    """Raise BadParameter for breakpoints of an angle that no aeroplane reaches: degrees as rad."""
-    for point in np.atleast_1d(np.asarray(points, float)):
-        if is_quantity(axis) and (odd := describe_odd_quantity(axis, float(point))):
-            raise click.BadParameter(odd, param_hint="--axis")
 
 
 def _write(

@@ -39,8 +39,10 @@ _USUAL = {
     # levers and wheels of the cockpit turn further than a surface: power levers to 130 deg
     **dict.fromkeys(("pla", "wheel", "tiller"), UsualRange(-3.5, 3.5, "deg")),
     **dict.fromkeys(("p", "q", "r", "psi_dot"), UsualRange(-7.0, 7.0, "deg/s")),
-    **dict.fromkeys(("V", "V_cas", "V_eas"), UsualRange(0.0, 1500.0, "kt")),
-    "mach": UsualRange(0.0, 5.0, "1"),
+    # hypersonic pages of DATCOM reach Mach 20: a larger number is a speed
+    "mach": UsualRange(0.0, 25.0, "1"),
+    "V": UsualRange(0.0, 8000.0, "kt"),
+    **dict.fromkeys(("V_cas", "V_eas"), UsualRange(0.0, 1500.0, "kt")),
     "h": UsualRange(-600.0, 30e3, "ft"),
     "hdot": UsualRange(-300.0, 300.0, "ft/min"),
     "delta_T": UsualRange(-80.0, 80.0, "K"),

@@ -256,4 +256,14 @@ def test_degrees_as_breakpoints_without_a_unit_are_refused(file, output):
     for verb in ("extend", "regrid"):
         result = run("edit", file, verb, *words)
         assert result.exit_code == 2
-        assert "is 20 deg meant? write '20 deg'" in result.stderr
+        assert "is 20 deg meant? write '20 deg', or '20 rad' if it is right" in result.stderr
+
+
+def test_breakpoints_with_a_unit_are_taken_as_they_are(file, output):
+    """Tables of the whole envelope reach 180 deg, and hypersonic ones Mach 20."""
+    words = ("extend", "CL/basic", "--how", "hold", "-o", output)
+    assert run("edit", file, *words, "--axis", "alpha=100 180 deg").exit_code == 0
+    assert float(leaf(output, "CL/basic")["alpha"][-1]) == pytest.approx(np.pi)
+    assert run("edit", file, *words, "--axis", "alpha=1.75 rad").exit_code == 0
+    assert run("edit", file, *words, "--axis", "mach=5.5 8").exit_code == 0
+    assert "'1.75 rad' if it is right" in run("edit", file, *words, "--axis", "alpha=1.75").stderr

@@ -68,6 +68,10 @@ SIM = flightmech.compile(CRAFT, TREE)
         ("engine1.pla", 2.27, ""),
         ("wheel", 2.1, ""),
         ("engine1.pla", 90.0, "is 90 deg meant?"),
+        # a hypersonic listing, and a speed in place of a Mach number
+        ("mach", 12.0, ""),
+        ("V", 3600.0, ""),
+        ("mach", 60.0, "mach 60 is outside of 0 to 25"),
     ],
 )
 def test_a_quantity_without_its_unit(name: str, value: float, text: str) -> None:
