@@ -22,8 +22,15 @@ from flighttest.records.sensors.instruments import Instruments
 # nose booms of fighters reach 1.3 spans, booms at wing tips half a span.
 _FARTHEST = np.array([1.4, 0.6, 0.5])
 _UNITS = {"in": ("inches", INCH), "ft": ("feet", FOOT), "cm": ("cm", 0.01), "mm": ("mm", 0.001)}
-_LEFT = re.compile(r"(?:^|[_\W])(?:left|lh|port|l)(?:$|[_\W\d])", re.IGNORECASE)
-_RIGHT = re.compile(r"(?:^|[_\W])(?:right|rh|starboard|r)(?:$|[_\W\d])", re.IGNORECASE)
+# words of a name between signs, digits and changes to a capital: MLG-R, 2L, leftMain, eng_1_lh
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
+_LEFT, _RIGHT = ("l", "lh", "lhs", "port"), ("r", "rh", "rhs", "stbd")
+# a side within a longer word: tipleft, rightmain
+_LONG_LEFT, _LONG_RIGHT = re.compile("left"), re.compile("(?<!up)right|starboard")
+# a part with the letter of its side before or behind it: mlgr, lwing
+_PART = re.compile(
+    "(?P<before>[lr]?)(?:mlg|mg|main|gear|wheel|tank|tip|wing|eng|engine|skid|float)(?P<behind>[lr]?)"
+)
 _CENTRE = 0.005  # of the span, within which a part lies in the plane of symmetry
 _OF = {"ax_imu": "accelerometers", "alpha_vane": "alpha vane", "beta_vane": "beta vane"}
 
@@ -141,7 +148,20 @@ def _named_parts(aircraft: Aircraft) -> Iterator[tuple[str, str, float]]:
 
 def _side_of(name: str) -> int:
     """Return -1 for the name of a part on the left, 1 on the right, 0 for both or none."""
-    return int(bool(_RIGHT.search(name))) - int(bool(_LEFT.search(name)))
+    sides = {_side_of_word(word.lower()) for word in _WORD.findall(name)}
+    return int(1 in sides) - int(-1 in sides)
+
+
+def _side_of_word(word: str) -> int:
+    """Return the side of one word in small letters, as `_side_of`."""
+    if word in _LEFT or _LONG_LEFT.search(word):
+        return -1
+    if word in _RIGHT or _LONG_RIGHT.search(word):
+        return 1
+    part = _PART.fullmatch(word)
+    # one letter is the side; two, as in lwingr, are not
+    letters = part["before"] + part["behind"] if part else ""
+    return {"l": -1, "r": 1}.get(letters, 0)
 
 
 def _sign(side: int) -> str:

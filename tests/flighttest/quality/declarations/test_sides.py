@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -62,3 +63,38 @@ def test_a_wheel_on_the_other_side():
     turned = replace(aircraft, gear=replace(aircraft.gear, contacts=tuple(contacts)))
     named = {finding.channels[0] for finding in side_findings(turned)}
     assert named == {"contact left", "contact right", "contact tip_left", "contact tip_right"}
+
+
+def with_contacts(places):
+    """Return an aircraft with a contact at each y. [m]"""
+    contacts = [SimpleNamespace(name=name, position=(0.0, y, 1.0)) for name, y in places.items()]
+    gear = SimpleNamespace(contacts=contacts)
+    return SimpleNamespace(b=11.0, fuel=None, gear=gear, engines=())
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        ("2L", "2R"),
+        ("L2", "R2"),
+        ("eng_1_lh", "eng_2_rh"),
+        ("MLG-L", "MLG-R"),
+        ("mlgl", "mlgr"),
+        ("leftMain", "rightMain"),
+        ("tipleft", "tipright"),
+        ("MainL", "MainR"),
+        ("LH_wing", "RH_wing"),
+        ("lwing2", "rwing2"),
+    ],
+)
+def test_all_spellings_of_a_side(left, right):
+    assert side_findings(with_contacts({left: -2.8, right: 2.8})) == []
+    first, second = side_findings(with_contacts({left: 2.8, right: -2.8}))
+    assert f"contact {left!r}" in first.text
+    assert f"contact {right!r}" in second.text
+
+
+@pytest.mark.parametrize("name", ["rear", "lower", "upright", "tail", "belly_rear", "aux1", "nlg"])
+def test_names_without_a_side(name):
+    for y in (-2.8, 2.8):
+        assert side_findings(with_contacts({name: y})) == []
