@@ -15,6 +15,7 @@ from aerodb.store.evaluation import contributions
 from aerodb.store.overview import FREE_AIR, display_text
 from aerodb.store.schema import terms
 from flightmech import terms as _terms
+from flightmech.aircraft.controls import ICE
 from flightmech.build_up import COEFFICIENTS
 from flightmech.errors import ParseError, UnknownName
 from flightmech.names import quantity_attributes
@@ -33,6 +34,7 @@ AT_REST = {
     "delta_tr": 0.0,
     "delta_s": 0.0,
     "delta_d": 0.0,
+    ICE: 0.0,
 }
 
 

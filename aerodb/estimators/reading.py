@@ -32,10 +32,12 @@ _EXPECTED = (
 _HEAD, _LARGEST = 65_536, 64 << 20
 # Outputs and inputs of other programs, by a text in their first lines.
 _OTHERS = {
-    "THE USAF STABILITY AND CONTROL  DIGITAL DATCOM": "a listing of Digital DATCOM, which "
+    "USAF STABILITY AND CONTROL  DIGITAL DATCOM": "a listing of Digital DATCOM, which "
     "`aeromatch db build` reads",
     "xflr5": "an export of XFLR5 that is neither a polar of a plane nor a stability log",
     "NumberOfControlGroups": "a set-up file of VSPAERO",
+    "Solver Case:": "a history of VSPAERO (.history)",
+    "Surface Forces (referred to Sref": "surface forces of AVL (.fn)",
     "Vortex Lattice Output -- Strip Forces": "strip forces of AVL (.fs)",
     "Vortex Lattice Output -- Surface Forces": "surface forces of AVL (.fn)",
     "Vortex Lattice Output -- Element Forces": "element forces of AVL (.fe)",

@@ -16,6 +16,7 @@ import flightmech
 import pom
 from aeromatch.planning import model_checks
 from aeromatch.planning.case_checks import CaseChecks
+from aeromatch.planning.ice_remarks import ice_remarks
 from aeromatch.planning.record_look import LookTask, RecordLook
 from aeromatch.planning.record_looks import RecordLooks
 from aeromatch.planning.remarks import aircraft_remarks, project_remarks
@@ -409,6 +410,7 @@ class _ModelChecks:
             start = databases["final"].value
             problems += model_checks.term_problems(project, start, published)
             problems += model_checks.variable_problems(project, start, names)
+            plan.remarks += ice_remarks(start, plan.cases, plan.looks)
         windows: dict[int, xr.Dataset | None] = {}
         for number, case in enumerate(plan.cases):
             look_of_case = plan.looks.get(Path(case.record).stem)

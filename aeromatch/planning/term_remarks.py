@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from aeromatch.project.project import Project
+from flightmech.aircraft.controls import ICE
 from flightmech.names import value_text
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
 
@@ -18,6 +19,7 @@ Range = tuple[float, float]
 RANGED = (
     *("alpha", "beta", "mach", "h", "h_agl", "V"),
     *("delta_e", "delta_a", "delta_r", "delta_f", "gear", "speedbrake"),
+    ICE,
 )
 """Axes of tables whose flown range a look at a record notes."""
 _STEERED = ("alpha", "beta", "phat", "qhat", "rhat", "delta_e", "delta_a", "delta_r", "CT")

@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech import terms as _terms
+from flightmech.aircraft.controls import ICE
 from flightmech.build_up import COEFFICIENTS
 from flightmech.envelope.evidence import evidence_tables
 from flightmech.envelope.regions import (
@@ -67,8 +68,8 @@ class Envelope(ShortText):
         ----------
         states : mapping of str to array
             The variables of `axes`, broadcast against each other; a missing one of
-            `flightmech.flown_states.CONFIGURATION` counts as zero, one of the flow separation as
-            attached flow. [SI]
+            `flightmech.flown_states.CONFIGURATION` and the setting of the ice count as zero, one of
+            the flow separation as attached flow. [SI]
 
         Returns
         -------
@@ -80,7 +81,7 @@ class Envelope(ShortText):
         UnknownName
             Another variable is missing.
         """
-        usual = {**dict.fromkeys(CONFIGURATION, 0.0), **ATTACHED_FLOW}
+        usual = {**dict.fromkeys((*CONFIGURATION, ICE), 0.0), **ATTACHED_FLOW}
         full: dict[str, Any] = {name: usual[name] for name in usual if name not in states}
         for name in self.axes:
             if name in states:

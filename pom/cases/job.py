@@ -363,6 +363,18 @@ def stated_only(case: PomCase, states: xr.Dataset) -> list[str]:
     return [name for name in case.conditions if name in INPUTS and name not in states]
 
 
+def with_stated_inputs(case: PomCase, states: xr.Dataset) -> xr.Dataset:
+    """Return states with the controls and devices that only the conditions of a case state.
+
+    They are constant.  A recorded channel stays as it is. [SI]
+    """
+    stated = {}
+    for name, value in case.conditions.items():
+        if (name in INPUTS or name.startswith(DEVICE)) and name not in states:
+            stated[name] = ("time", np.full(states.sizes["time"], value))
+    return states.assign(stated)
+
+
 def initial_configuration(case: PomCase, job: ReplayJob) -> Mapping[str, float]:
     """Return initial conditions and configuration by canonical name, for the report. [SI]"""
     conditions = {}

@@ -31,6 +31,7 @@ from flightmech.errors import UnknownName
 from flightmech.support.arrays import rms
 from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
+from pom.cases.job import with_stated_inputs
 from pom.diagnosis.swap_judgement import Judged
 from pom.diagnosis.swap_runs import SwapBench
 
@@ -148,7 +149,8 @@ def _swap_sizes(bench: SwapBench) -> dict[str, float]:
     every = max(1, bench.states.sizes["time"] // SAMPLES)
     try:
         aircraft = bench.models.aircraft[1]
-        states = with_propeller_channels(reduced_rates(bench.states, aircraft), aircraft)
+        flight = with_stated_inputs(bench.case, bench.states)
+        states = with_propeller_channels(reduced_rates(flight, aircraft), aircraft)
         states = states.isel(time=slice(None, None, every))
         complete, _ = fill_missing_devices(states, prior, final)
     except UnknownName:

@@ -15,6 +15,7 @@ import xarray as xr
 
 from flightmech import read_aircraft
 from flightmech.air import atmosphere
+from flightmech.aircraft.controls import ICE
 from flightmech.errors import AeromatchError, UnknownName
 from flightmech.names import lookup, value_text
 from flightmech.units import from_si
@@ -36,8 +37,8 @@ _LEAST = {"rad": 0.1, "rad s-1": 0.1, "m": 1.0, "m s-1": 1.0, "kg m2": 1.0}
 """By unit: sizes below which `SAME` is of this size, not of the recorded value. [SI]"""
 # latitude and longitude change no response
 # a held nose-wheel command lets pedals or tiller steer, as their calibration requires
-_WATCHED = {*INITIAL, *MASS, *WIND, *INPUTS, *TRAVEL, *FORCES} - {"lat", "lon", "delta_nw"}
-_HELD = {*INPUTS, *TRAVEL, *FORCES}
+_HELD = {*INPUTS, *TRAVEL, *FORCES, ICE}
+_WATCHED = {*INITIAL, *MASS, *WIND, *_HELD} - {"lat", "lon", "delta_nw"}
 MODAL = ("period", "t_half", "damping_ratio")  # measures of an oscillation
 LEAST_TEMPERATURE = 1.0  # [K] our number: twice the usual error of a recorded temperature
 SLACK = 0.5  # [s] a case may stop that much before the end of the record

@@ -17,7 +17,7 @@ from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_ch
 from pom.cases.case import PomCase
 from pom.cases.case_file import SHOWN
 from pom.cases.fact_agreement import check_record_facts
-from pom.cases.job import ReplayJob, job_of
+from pom.cases.job import ReplayJob, job_of, with_stated_inputs
 from pom.cases.reference_states import flight_states, refusal_of, whole_states
 from pom.fmu.description import check_interface
 from pom.fmu.models import FmuModel, Models
@@ -373,7 +373,7 @@ def _compare_with_evidence(
     if evidence is None:
         return {}
     try:
-        states = plan.states
+        states = with_stated_inputs(plan.case, plan.states)
         if plan.case.aircraft:
             # terms over CT or J of a propeller aircraft whose record has no thrust
             states = with_propeller_channels(states, read_aircraft(plan.case.aircraft))

@@ -4,6 +4,8 @@
   to the velocities u, v, w over V; ``.ft``: total forces only. All three print the totals.
 - Derivatives with respect to alpha, beta and the rates p b/2V, q c/2V, r b/2V are per radian, those
   of a control per unit of its variable, which is a degree if its gain is 1.
+- A third print ("Derivatives...") mixes moments in body axes and rates in stability axes. It is
+  refused.
 - The rolling and yawing moments of the controls are in body axes in both prints, although the rows
   of ``.st`` are labelled Cl' and Cn': ``.st`` and ``.sb`` of one run have the same digits, and
   totals with deflections agree with body axes only.
@@ -33,6 +35,10 @@ _PAIR = re.compile(
 )
 _HEADING = re.compile(r"(\S.*?)\s+(d\d+)(?=\s|$)")
 _STABILITY, _BODY = "Stability-axis derivatives", "Geometry-axis derivatives"
+_MIXED = re.compile(r"^ Derivatives\.\.\.", re.MULTILINE)
+# Prints of another form, by their mark.
+_MACHINE = re.compile(r"^VERSION [\d.]+\s*$", re.MULTILINE)
+_JET = "Jet Vortex Lattice Output"
 _AXES_LINE = "Standard axis orientation"
 # Totals by their name in the print. Those with a prime are about stability axes.
 _STABILITY_TOTALS = {
@@ -97,11 +103,27 @@ def read_avl(path: str | Path) -> CoefficientSet:
     text = file.read_text(encoding="utf-8", errors="replace")
     if not is_avl(text):
         raise ParseError(str(file), 1, repr(text[:60]), f"an output of AVL with '{BANNER}'")
+    _refuse_other_prints(file, text)
     for number, line in enumerate(text.splitlines(), 1):
         if len(line) > _LONGEST_LINE:
             expected = f"an output of AVL with lines of at most {_LONGEST_LINE}; it is damaged"
             raise ParseError(str(file), number, f"a line of {len(line)} letters", expected)
     return _AvlPrint(file, text).coefficient_set()
+
+
+def _refuse_other_prints(file: Path, text: str) -> None:
+    """Raise for prints of AVL and its relatives that have another form."""
+    expected = "the print of the commands ST, SB or FT of the menu OPER"
+    found = ""
+    if _JET in text[:2000]:
+        found, expected = "a print of JVL, AVL with jets", "an output of AVL: JVL has other totals"
+    elif _MACHINE.search(text[:2000]):
+        found = "a print of AVL for machines (MRF), whose numbers stand before their names"
+        expected += "; switch MRF off and write the file again"
+    elif _MIXED.search(text):
+        found = "derivatives of moments in body axes with respect to rates in stability axes"
+    if found:
+        raise ParseError(str(file), 1, found, expected)
 
 
 class _AvlPrint:

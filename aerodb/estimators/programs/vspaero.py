@@ -5,10 +5,14 @@
   perturbation table, in the order of the columns ``ConGrp_1``, ``ConGrp_2`` ...
 - ``CMx``, ``CMy``, ``CMz`` are in the axes of the drawing (x aft, z up). ``CMl``, ``CMm`` and
   ``CMn`` are those of flight dynamics, and only these are used.
-- ``.polar``: totals over angle of attack, with an empirical friction drag.
+- ``CS`` is the side force along the wind axes, of which the drag has a part: its slope over
+  sideslip is CY_beta + CD. The side force of the body is ``CFy``, which is read.
+- ``.polar``: totals over angle of attack, with an empirical friction drag. The heading of some
+  versions lacks the last column, FOpt. Version 7 has two lines before the heading, ``tot`` in the
+  names of the totals, and moments in the axes of the drawing only.
 - The files state no unit of length, and the sign of a control is that of its set-up file.
 
-Source: prints of VSPAERO 6.0.1 to the versions of 2020.
+Source: prints of VSPAERO 6.0.1 to the versions of 2021, and the source code of version 7.
 """
 
 from __future__ import annotations
@@ -32,11 +36,29 @@ _RATES = {
     "Yaw___Rate": ("rhat", "Bref_"),
 }
 _NOT_CONTROLS = ("Base_Aero", "Alpha", "Beta", *_RATES, "Mach", "Case", "Coef")
-_COEFFICIENTS = {"CL": "CL", "CD": "CD", "CS": "CY", "CMl": "Cl", "CMm": "Cm", "CMn": "Cn"}
+_COEFFICIENTS = {"CL": "CL", "CD": "CD", "CFy": "CY", "CMl": "Cl", "CMm": "Cm", "CMn": "Cn"}
 _COLUMNS = {"Alpha": "alpha", "Beta": "beta", "p": "phat", "q": "qhat", "r": "rhat"}
 _AXES: dict[str, Any] = {"force_axes": "stability", "moment_axes": "body", "control_axes": "body"}
 _POLAR_HEAD = ("Beta", "Mach", "AoA")
-_POLAR = {"CL": "CL", "CDtot": "CD", "CS": "CY", "CMl": "Cl", "CMm": "Cm", "CMn": "Cn"}
+# Columns of a polar: coefficient, and its sign in the axes of flight dynamics.
+_POLAR = {
+    "CL": ("CL", 1.0),
+    "CDtot": ("CD", 1.0),
+    "CFy": ("CY", 1.0),
+    "CMl": ("Cl", 1.0),
+    "CMm": ("Cm", 1.0),
+    "CMn": ("Cn", 1.0),
+}
+_POLAR_7 = {
+    "CLtot": ("CL", 1.0),
+    "CDtot": ("CD", 1.0),
+    "CFytot": ("CY", 1.0),
+    "CMxtot": ("Cl", -1.0),
+    "CMytot": ("Cm", 1.0),
+    "CMztot": ("Cn", -1.0),
+}
+_POLAR_HEAD_LINES = 5  # the heading is one of the first lines
+_UNNAMED = "FOpt"  # last column, which the heading of some versions lacks
 _MOST_LIFT = 10.0  # a larger lift coefficient is a run that did not converge
 # Two controls whose lift and rolling moment are equal and opposite within this share cancel. The
 # other coefficients of the same surface differ by the noise of the program.
@@ -54,8 +76,16 @@ def is_vspaero(text: str) -> bool:
 
 
 def _is_polar(head: str) -> bool:
-    words = head.split("\n", 1)[0].split()
-    return tuple(words[:3]) == _POLAR_HEAD and "CDtot" in words
+    return _polar_heading(head.splitlines()) is not None
+
+
+def _polar_heading(lines: Sequence[str]) -> int | None:
+    """Return the position of the heading of a polar; None without one."""
+    for position, line in enumerate(lines[:_POLAR_HEAD_LINES]):
+        words = line.split()
+        if tuple(words[:3]) == _POLAR_HEAD and "CDtot" in words:
+            return position
+    return None
 
 
 def read_vspaero(path: str | Path) -> CoefficientSet:
@@ -263,23 +293,31 @@ class _StabBlock:
 def _read_polar(file: Path, text: str) -> CoefficientSet:
     """Return the totals of a ``.polar`` file; the reference quantities are not in it."""
     lines = text.splitlines()
-    head = lines[0].split()
-    missing = [name for name in _POLAR if name not in head]
+    position = _polar_heading(lines)
+    assert position is not None  # `_is_polar`
+    head = lines[position].split()
+    columns = _POLAR_7 if "CLtot" in head else _POLAR
+    missing = [name for name in columns if name not in head]
     if missing:
         raise ParseError(
-            str(file), 1, f"no column {', '.join(missing)}", f"the columns {', '.join(_POLAR)}"
+            str(file),
+            position + 1,
+            f"no column {', '.join(missing)}",
+            f"the columns {', '.join(columns)}",
         )
     rows = []
-    for number, line in enumerate(lines[1:], 2):
+    for number, line in enumerate(lines[position + 1 :], position + 2):
         words = line.split()
         if not words:
             continue
+        if len(words) == len(head) + 1 and _UNNAMED not in head:
+            words = words[:-1]
         if len(words) != len(head):
             raise ParseError(
                 str(file), number, f"{len(words)} numbers", f"{len(head)}, as the heading has"
             )
         values = dict(zip(head, _read_numbers(file, number, words)))
-        _require_converged(file, number, values["CL"])
+        _require_converged(file, number, values[next(iter(columns))])
         condition = {
             "mach": values["Mach"],
             "alpha": values["AoA"] * DEGREE,
@@ -288,10 +326,13 @@ def _read_polar(file: Path, text: str) -> CoefficientSet:
             "line": number,
             "variable": "",
         }
-        for printed, coefficient in _POLAR.items():
-            rows.append(condition | {"coefficient": coefficient, "value": values[printed]})
+        for printed, (coefficient, sign) in columns.items():
+            value = sign * values[printed] + 0.0
+            rows.append(condition | {"coefficient": coefficient, "value": value})
     if not rows:
-        raise ParseError(str(file), 1, "a heading without a row", "the polar of a complete run")
+        raise ParseError(
+            str(file), position + 1, "a heading without a row", "the polar of a complete run"
+        )
     return CoefficientSet(
         "VSPAERO",
         (file.name,),

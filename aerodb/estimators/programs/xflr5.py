@@ -35,6 +35,10 @@ _FLOW5: tuple[str, ...] = (
     *("Ctrl", "α", "β", "φ", "CL", "CD", "CD_viscous", "CD_induced", "CY", "Cm"),
     *("Cm_viscous", "Cm_pressure", "Cl", "Cn"),
 )
+# Columns of versions before 6 by their later names; GCm is about the centre of gravity.
+_OLD_NAMES = {"ICd": "CDi", "PCd": "CDv", "TCd": "CD", "GCm": "Cm"}
+_OLD_NAMES |= {"Rm": "Cl", "GRm": "Cl", "Ym": "Cn", "GYm": "Cn"}
+_RULE = re.compile(r"[\s_-]*$")
 _COMMON = {"CL": "CL", "CD": "CD", "CY": "CY", "Cl": "Cl", "Cm": "Cm", "Cn": "Cn"}
 _AFT_AND_UP = ("Cl", "Cn")  # moments about axes aft and up
 _STABILITY_POLAR = re.compile(r"^(?:Wing p|P)olar name\s*:\s*T7\b", re.MULTILINE)
@@ -95,6 +99,8 @@ def _heading(lines: Sequence[str]) -> tuple[int, list[str], str] | None:
     """Return position, columns and program of the heading of a plane polar; None without one."""
     for position, line in enumerate(lines[:60]):
         words = _UNITS.sub("", line).replace(",", " ").split()
+        if words[:1] == ["alpha"] and "ICd" in words:
+            words = [_OLD_NAMES.get(word, word) for word in words]
         if words[:1] == ["alpha"] and {"CL", "CDi", "CDv", "CD", "Cm"} <= set(words):
             return position, words, "XFLR5"
         if tuple(words[: len(_FLOW5)]) == _FLOW5:
@@ -117,7 +123,7 @@ def _read_polar(
     angles = set()
     for number, line in enumerate(lines[position + 1 :], position + 2):
         words = line.replace(",", " ").split()
-        if not words:
+        if _RULE.match(line):
             continue
         values = _read_row(file, number, words, columns, program)
         condition = _condition(file, number, values, program)

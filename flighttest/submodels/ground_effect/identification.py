@@ -10,6 +10,7 @@ import xarray as xr
 
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import terms
+from flightmech.aircraft.controls import ICE
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import SOURCES, list_model_variables
 from flighttest.regression.equation_error.model import RegressionModel, term_regressors
@@ -42,7 +43,7 @@ from flighttest.submodels.ground_effect.tables import (
 )
 
 # Variables of the database that are zero if the records do not contain them.
-AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake", "delta_f")
+AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake", "delta_f", ICE)
 # Share of a term in a vanishing combination above which it takes part in it.
 _SHARE = 1e-6
 

@@ -38,6 +38,7 @@ from flightmech.errors import UnknownName
 from flightmech.support.arrays import rms
 from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
 from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
+from pom.cases.job import with_stated_inputs
 from pom.diagnosis.kept_diagnosis import LateBench
 from pom.diagnosis.screening import screen_idle_terms
 from pom.diagnosis.swap_judgement import (
@@ -186,7 +187,8 @@ def _flown_distances(bench: SwapBench, evidence: xr.DataTree) -> dict[str, float
     They are empty if the record lacks a variable of a term. The nodes are then compared.
     """
     aircraft = bench.models.aircraft[1]
-    states = with_propeller_channels(reduced_rates(bench.states, aircraft), aircraft)
+    flight = with_stated_inputs(bench.case, bench.states)
+    states = with_propeller_channels(reduced_rates(flight, aircraft), aircraft)
     hinges = bench.case.drive.level != "recorded"
     try:
         flown = Evidence(evidence, states, hinges=hinges)

@@ -27,6 +27,7 @@ def equipped(small):
         "CL/gear": terms.make_term(-0.02, regressors=["gear"]),
         "CL/load_factor": terms.make_term(0.01, regressors=["dnz"]),
         "CL/ground": terms.make_term([0.1, 0.0], {"h_agl": [1.0, 20.0]}),
+        "CL/basic_ice": terms.make_term(-0.05, regressors=["device.ice.setting"]),
     }
     return aerodb.replace_terms(small, more)
 
@@ -37,6 +38,7 @@ def test_devices_that_were_not_recorded_are_at_rest_and_that_is_reported(
     states.to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
     found, messages = aerodb.comparison.read_conditions(tmp_path / "path.nc", equipped)
     assert messages == [
+        "device.ice.setting is not in the record; taken as 0",
         "delta_f is not in the record; taken as 0 deg",
         "gear is not in the record; taken as 0",
         "h_agl is not in the record; taken in free air",

@@ -236,6 +236,9 @@ def test_a_control_of_one_letter_and_a_print_without_other_derivatives(tmp_path)
         ("  Cref", "  Cxxx", "no Cref"),
         ("flap         d1", "", "Cmd1 without a name"),
         ("   flap            =   1.00000\n", "", "derivatives of flap without its setting"),
+        (" Stability-axis deriv", " Deriv", "moments in body axes .* commands ST, SB or FT"),
+        (" Vortex Lattice", " Jet Vortex Lattice", "a print of JVL"),
+        ("\n Vortex", "DERMATS\nVERSION 1.0\n Vortex", "for machines .*switch MRF off"),
         (" Standard axis", " Z Symmetry: Ground plane\n Standard axis", "a ground plane"),
         ("Mach  =     0.100", "Mach  =     0.100  Mach = 0.2", "0.1 in line"),
     ],
@@ -286,6 +289,26 @@ def test_conditions_of_vspaero_with_different_controls_are_refused(tmp_path):
 def test_a_file_of_another_program_is_named(file, name):
     with pytest.raises(ParseError, match=name):
         read_estimate(SHARED / file)
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("****\n# Name\nSref_ 10.0\n\nSolver Case: 1\n", "a history of VSPAERO"),
+        (
+            " Surface Forces (referred to Sref,Cref,Bref about Xref,Yref,Zref)\n",
+            "surface forces of",
+        ),
+        (
+            "AS IS\n   *    USAF STABILITY AND CONTROL  DIGITAL DATCOM    *\n",
+            "a listing of Digital",
+        ),
+    ],
+)
+def test_other_prints_are_named(tmp_path, text, name):
+    (tmp_path / "a.txt").write_text(text)
+    with pytest.raises(ParseError, match=name):
+        read_estimate(tmp_path / "a.txt")
 
 
 def test_an_empty_file_is_an_aborted_run(tmp_path):

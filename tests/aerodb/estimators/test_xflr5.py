@@ -176,6 +176,19 @@ def test_signs_of_a_polar_over_sideslip(tmp_path):
     assert list(again.numbers["value"]) == list(one.numbers["value"])
 
 
+@pytest.mark.parametrize("moments", ["Cm Rm Ym", "GCm GRm GYm"])
+def test_a_polar_of_an_early_version(tmp_path, moments):
+    head = f" alpha CL ICd PCd TCd CY {moments} IYm QInf XCP\n ______ ____ ____\n"
+    row = " 2.000 0.25 0.003 0.0105 0.0135 0.0 -0.03 0.0 0.0 0.0 20.0 0.12\n"
+    text = f"XFLR5_v5.00\n\nWing name : a\nWing polar name : T1-20.0 m/s\n\n{head}{row}"
+    one = read_estimate(write(tmp_path, text))
+    assert find(one.numbers, "CD")["value"] == 0.0135
+    assert find(one.numbers, "Cm")["value"] == -0.03
+    assert not one.inviscid
+    with pytest.raises(ParseError, match="type 7"):
+        read_estimate(write(tmp_path, text.replace("T1-20.0", "T7-20.0").replace("m/s", "")))
+
+
 def test_a_polar_without_profile_drag_has_no_friction(tmp_path):
     text = POLAR.replace("0.010000   0.016000", "0.000000   0.006000")
     assert read_estimate(write(tmp_path, text)).inviscid

@@ -172,6 +172,9 @@ def test_a_held_input_against_the_record_is_a_departure(write_case):
     (text,) = overrides(path, delta_f=0.35, delta_nw=0.1)
     assert "delta_f" in text
     assert "the record has 20.054 deg" in text
+    path = write_case(more='[conditions]\n"device.ice.setting" = 0.0')
+    (text,) = overrides(path, **{"device.ice.setting": 1.0})
+    assert "is 0 by the conditions of the case, the record has 1" in text
 
 
 def test_a_row_left_out_by_the_case_is_a_departure(write_case):

@@ -12,6 +12,7 @@ from aerodb.store.overview import FREE_AIR
 from aerodb.store.schema import terms
 from flightmech.air import GAMMA, R_AIR, pressure_altitude
 from flightmech.aircraft.aircraft import Aircraft, inertia_tensor
+from flightmech.aircraft.controls import ICE
 from flightmech.axes import stability_to_body, transfer_moment
 from flightmech.errors import IdentificationError
 from flightmech.names import ATTACHED_FLOW
@@ -27,7 +28,7 @@ from flighttest.records.signals.resampling import is_control
 
 _NEEDS = ("V", "p_static", "temperature", "alpha_vane")
 _RATES = ("p", "q", "r")
-_ZERO = ("delta_", "gear", "speedbrake")  # beginnings of the names of controls
+_ZERO = ("delta_", "gear", "speedbrake", ICE)  # beginnings of the names of controls
 _MOMENTS = {"delta_e": ("Cm", "CL", "CX", "CZ"), "delta_a": ("Cl", "Cn", "CY")}
 _MOMENTS["delta_r"] = _MOMENTS["delta_a"]
 _SLOWEST = 0.3  # of the median speed, below which reduced rates are limited
