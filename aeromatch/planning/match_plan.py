@@ -406,6 +406,7 @@ class _ModelChecks:
         )
         problems += model_checks.regressor_problems(project, names)
         problems += model_checks.height_problems(project, names)
+        problems += model_checks.station_problems(project, self._aircraft)
         if databases:
             start = databases["final"].value
             problems += model_checks.term_problems(project, start, published)

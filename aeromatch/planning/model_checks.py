@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,12 @@ import flighttest
 from aerodb.update.observations import known_terms
 from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import Project
-from aeromatch.project.sections import EngineSection, GroundEffectSection, StallSection
+from aeromatch.project.sections import (
+    EngineSection,
+    GroundEffectSection,
+    StallSection,
+    find_faults,
+)
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import ICE
 from flightmech.support.kept_stages.stages import Kept, Stages
@@ -25,6 +30,7 @@ from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.engine.records import read_points
 from flighttest.submodels.engine.tables import EngineStructure, read_structure
 from flighttest.submodels.landing_gear.wheel_positions import wheels_of
+from flighttest.submodels.stall.model import demand_station
 from pom.cases.case import PomCase
 from pom.fmu.models import Models
 
@@ -164,6 +170,12 @@ def regressor_problems(project: Project, names: Mapping[str, set[str]]) -> list[
             "stall.flown", project.stall.models, records=records, names=names
         )
     return problems
+
+
+def station_problems(project: Project, aircraft: Aircraft) -> Iterator[str]:
+    """Yield a problem if the stations of a stall are beyond the wing tips of the aircraft."""
+    if project.stall is not None and project.stall.station:
+        yield from find_faults("stall.station", demand_station, project.stall.station, aircraft.b)
 
 
 def _flown_records(section: GroundEffectSection | StallSection) -> list[str]:

@@ -10,13 +10,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.quantities import parse_quantity
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.control_loading.loading import COEFFICIENT, FORCES
 from flighttest.submodels.landing_gear.reconstructed_loads import ERRORS
-from flighttest.submodels.stall.model import COEFFICIENTS, demand_attached
+from flighttest.submodels.stall.model import COEFFICIENTS, demand_attached, demand_station
 
 GEAR_ERRORS = (*ERRORS, "wind")
 Names = tuple[str, ...]
@@ -159,7 +158,7 @@ class StallSection(Strict):
         if "CL" not in self.coefficients:
             yield "stall.coefficients: CL is missing; it shows the separation, add it"
         if self.station:
-            yield from find_faults("stall.station", parse_quantity, self.station, "m")
+            yield from find_faults("stall.station", demand_station, self.station)
         if self.attached_to:
             yield from find_faults("stall.attached_to", demand_attached, self.attached_to)
 

@@ -31,6 +31,7 @@ from flighttest.submodels.landing_gear.identification import identify_landing_ge
 from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
 from flighttest.submodels.stall.database_terms import continue_attached_flow, reach_of
 from flighttest.submodels.stall.identification import identify_stall
+from flighttest.submodels.stall.model import demand_station
 
 
 @dataclass(frozen=True)
@@ -341,10 +342,9 @@ def identified_stall(
         return None
     parts, _ = parts_in_spans(data, spans["stall.flown"])
     database = attached_database(project, database, parts)
-    station = parse_quantity(section.station, "m") if section.station else 0.25 * aircraft.b
     return identify_stall(
         parts,
-        station,
+        demand_station(section.station, aircraft.b),
         aircraft.cbar,
         database,
         section.over,

@@ -104,6 +104,11 @@ def read_aircraft(path: str | Path) -> Aircraft:
     if fuel is not None or content.fuel is None:
         problems += check_feeds(engines, fuel)
     stall = separation_of(content.stall, path.parent, problems) if content.stall else None
+    if stall and stall.station > 0.5 * content.b:
+        problems.append(
+            f"stall: station is {stall.station:.4g} m, beyond the wing tip at {0.5 * content.b:.4g} "
+            "m; give the distance of both stations from the plane of symmetry, with its unit"
+        )
     controls = {name: ControlGeometry(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)
     facts = content.facts.facts()

@@ -12,6 +12,7 @@ import pytest
 import xarray as xr
 
 import aerodb
+from aeromatch.planning.model_checks import station_problems
 from aeromatch.project.project import read_project
 from aeromatch.project.sections import (
     Controls,
@@ -222,8 +223,17 @@ def test_a_stall_section_states_its_faults():
     assert problems(attached_to="12 kg")[0].startswith("stall.attached_to: ")
     for angle in ("-80 deg", "300 deg", "1e999 deg"):
         assert problems(attached_to=angle)[0].startswith(f"stall.attached_to: found '{angle}'")
+    assert problems(station="-2 m")[0].startswith("stall.station: found -2 m; give a distance")
     assert "occurs twice" in problems(coefficients=("CL", "CL"))[0]
     assert problems(attached=("CL : alpha",))[0].startswith("stall.attached: ")
+
+
+def test_a_station_beyond_the_wing_tip_is_stated_before_the_run():
+    for station, count in (("8 m", 1), ("8 ft", 0), ("", 0)):
+        project = SimpleNamespace(stall=StallSection(**{**dict(STALL), "station": station}))
+        found = list(station_problems(project, CRAFT))
+        assert len(found) == count
+        assert all("stall.station: found 8 m, beyond the wing tip at 5 m" in text for text in found)
 
 
 def test_a_record_is_taken_once():

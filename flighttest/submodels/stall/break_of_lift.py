@@ -1,7 +1,9 @@
-"""Whether records show a break of the lift: the separation against a lift without one.
+"""Whether records show a break of the lift.
 
-A separation has six parameters and fits any bend of a lift curve. Only if it describes the flown
-lift better than a straight line with a slight curvature, the records show a stall.
+A separation has six parameters and fits any bend of a lift curve. Records show a stall by one of two
+signs: the slope of the lift falls below half of its attached value, or a separation describes the
+lift better than a straight line with a curvature. A soft break needs the first sign, as a curved
+line describes it as well. A break near the highest angle of attack needs the second.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error.samples import RegressionSamples
+from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.submodels.ground_effect.evidence import independent_samples, schwarz_criterion
 from flighttest.submodels.stall.flow import SIDES
 
@@ -25,13 +28,23 @@ LEAST_EVIDENCE = 10.0
 .. [Raftery95] Raftery, A. E.: Bayesian model selection in social research. Sociological
    Methodology 25, 1995, 111-163, table 6.
 """
+LEAST_SLOPE = 0.5
+"""Share of the attached slope of the lift below which it has a break; our number.
+
+The lift that is only curved keeps 0.8 of its slope in the checks of this number.
+"""
+STANDARD_ERRORS = 2.0
+"""Distance from `LEAST_SLOPE` from which on the share is decided. [standard errors]"""
 _TOO_FEW = 30.0  # independent samples that a comparison needs
+_SQUARE = "alpha^2"
+_RANK, _SMALLEST = 1e-8, 1e-30  # of unit regressors, and of their length
+_ENDS = (0.01, 0.99)  # quantiles of the angle of attack at which the slopes are taken
 
 
-class NodeLift(NamedTuple):
-    """Lift of the records of one configuration, with the design of the fit.
+class NodeFit(NamedTuple):
+    """A coefficient along the records of one configuration, with the design of the fit.
 
-    `z` (sample,) is the lift, `A` (sample, term) the design, `separated` states for each term whether
+    `z` (sample,) is the coefficient, `A` (sample, term) the design, `separated` states for each term whether
     it is one of the separated flow, and `shapes` is the number of parameters of the separation.
     """
 
@@ -64,42 +77,168 @@ def reach_of_halves(records: Sequence[xr.Dataset]) -> float:
     return highest
 
 
-def weigh_break(lift: NodeLift) -> float:
-    """Return by how much Schwarz's criterion prefers the separation to a lift without one.
-
-    The lift without a separation has the terms of the attached flow and the square of the angle of
-    attack.
-
-    Returns
-    -------
-    float
-        Positive: the separation describes the lift better.
-    """
-    is_separated = np.array(lift.separated)
-    smooth = [lift.A[:, ~is_separated]]
-    if "alpha" in lift.terms:
-        smooth.append(lift.A[:, [lift.terms.index("alpha")]] ** 2)
-    plain = np.hstack(smooth)
-    residuals = [lift.z - A @ np.linalg.lstsq(A, lift.z, rcond=None)[0] for A in (lift.A, plain)]
-    n = max(independent_samples(residuals[0], lift.samples), _TOO_FEW)
-    broken = schwarz_criterion(residuals[0], lift.A.shape[1] + lift.shapes, n)
-    return schwarz_criterion(residuals[1], plain.shape[1], n) - broken
-
-
-def describe_smooth_lift(lift: NodeLift, highest: float) -> str:
-    """Return the reason why the records show no break of the lift; empty if they do.
+def database_slope(flown: Sequence[xr.Dataset], records: Sequence[xr.Dataset]) -> float:
+    """Return the slope of the lift over alpha of the database that was subtracted. [rad-1]
 
     Parameters
     ----------
-    lift : NodeLift
+    flown, records : sequence of Dataset (time,)
+        The same records with the total lift, and with that on top of the database.
+    """
+    alpha = np.concatenate([record["alpha"].values for record in flown])
+    pairs = zip(flown, records, strict=True)
+    lift = np.concatenate([(total["CL"] - rest["CL"]).values for total, rest in pairs])
+    known = np.isfinite(lift)
+    return float(np.polyfit(alpha[known], lift[known], 1)[0])
+
+
+class LiftBreak(NamedTuple):
+    """Signs of a break of the lift.
+
+    `preference` is the difference of Schwarz's criterion by which the separation is better than a
+    curved lift, and `others` the sum of those of drag and pitching moment. `start` and `end` are
+    the slopes of the curved lift at the lowest and the highest angle of attack, and `stderr` is the
+    standard error of `margin` [rad-1]. They are nan without a term ``alpha``.
+    """
+
+    preference: float
+    start: float = np.nan
+    end: float = np.nan
+    stderr: float = np.nan
+    others: float = 0.0
+
+    @property
+    def margin(self) -> float:
+        """Slope at the highest angle of attack above `LEAST_SLOPE` of that at the lowest. [rad-1]"""
+        return self.end - LEAST_SLOPE * self.start
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether one of the two signs is clear."""
+        falls = self.start > 0.0 and self.margin < -STANDARD_ERRORS * self.stderr
+        return self.preference >= LEAST_EVIDENCE or falls
+
+    @property
+    def is_absent(self) -> bool:
+        """Whether neither sign is there, and the slope clearly stays above its limit."""
+        return not self.is_shown and self.margin > STANDARD_ERRORS * self.stderr
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether curved coefficients without a separation describe the break as well."""
+        return self.is_shown and self.preference + self.others < LEAST_EVIDENCE
+
+    def describe(self) -> str:
+        """Return both signs as text."""
+        criterion = (
+            f"against a curved lift the separation has the criterion {-self.preference:+.3g}, a "
+            f"break needs {-LEAST_EVIDENCE:g} or less"
+        )
+        if np.isnan(self.start):
+            return criterion
+        return (
+            f"the slope of the lift goes from {self.start:.2f} to {self.end:.2f} per rad, a break "
+            f"needs less than {LEAST_SLOPE * self.start:.2f} by {STANDARD_ERRORS:g} standard errors "
+            f"of {self.stderr:.2g}; {criterion}"
+        )
+
+
+class _Curved(NamedTuple):
+    """Fit without a separation: names of terms, regressors, coefficients and residual."""
+
+    names: list[str]
+    A: np.ndarray
+    theta: np.ndarray
+    residual: np.ndarray
+
+
+def _fit_curved(node: NodeFit) -> _Curved:
+    """Return the fit of the terms of the attached flow and the square of the angle of attack."""
+    columns = {}
+    for name, far, column in zip(node.terms, node.separated, node.A.T, strict=True):
+        if not far:
+            columns[name] = column
+    if "alpha" in columns:
+        columns.setdefault(_SQUARE, columns["alpha"] ** 2)
+    # a flap that does not move in the records of one configuration repeats the constant
+    names: list[str] = []
+    A = np.empty((len(node.z), 0))
+    first = [name for name in ("alpha", _SQUARE) if name in columns]
+    for name in dict.fromkeys([*first, *columns]):
+        length = np.linalg.norm(columns[name])
+        wider = np.column_stack([A, columns[name] / max(length, _SMALLEST)])
+        if np.linalg.svd(wider, compute_uv=False)[-1] > _RANK:
+            A = wider
+            names.append(name)
+    A *= [np.linalg.norm(columns[name]) for name in names]
+    theta = np.linalg.lstsq(A, node.z, rcond=None)[0]
+    return _Curved(names, A, theta, node.z - A @ theta)
+
+
+def _preference(node: NodeFit, curved: _Curved) -> float:
+    """Return by how much Schwarz's criterion prefers the separation to a curved coefficient."""
+    rest = node.z - node.A @ np.linalg.lstsq(node.A, node.z, rcond=None)[0]
+    n = max(independent_samples(rest, node.samples), _TOO_FEW)
+    broken = schwarz_criterion(rest, node.A.shape[1] + node.shapes, n)
+    return schwarz_criterion(curved.residual, curved.A.shape[1], n) - broken
+
+
+def weigh_break(lift: NodeFit, others: Sequence[NodeFit] = (), slope: float = 0.0) -> LiftBreak:
+    """Return the signs of a break in a lift.
+
+    Parameters
+    ----------
+    lift : NodeFit
+    others : sequence of NodeFit
+        Drag and pitching moment. One without a term of the separated flow shows nothing.
+    slope : float
+        Slope of a database which the lift does not contain. [rad-1]
+    """
+    curved = _fit_curved(lift)
+    preference = _preference(lift, curved)
+    support = 0.0
+    for node in others:
+        if any(node.separated):
+            support += _preference(node, _fit_curved(node))
+    if "alpha" not in curved.names:
+        return LiftBreak(preference, others=support)
+    # slopes at both ends, and their covariance, from the coefficients of alpha and its square
+    chosen = [curved.names.index("alpha"), curved.names.index(_SQUARE)]
+    low, high = np.quantile(curved.A[:, chosen[0]], _ENDS)
+    pieces, steps = lift.samples.pieces()
+    covariance = coloured_covariance_of(curved.A, curved.residual, pieces, steps).covariance
+    ends = np.array([[1.0, 2.0 * low], [1.0, 2.0 * high]])
+    start, end = ends @ curved.theta[chosen] + slope
+    weights = np.array([-LEAST_SLOPE, 1.0]) @ ends
+    variance = weights @ covariance[np.ix_(chosen, chosen)] @ weights
+    return LiftBreak(preference, float(start), float(end), float(np.sqrt(variance)), support)
+
+
+def describe_missing_break(signs: LiftBreak, highest: float) -> str:
+    """Return the reason why records that do not show a break of the lift do not.
+
+    Parameters
+    ----------
+    signs : LiftBreak
     highest : float
         Highest flown angle of attack. [rad]
     """
-    preference = weigh_break(lift)
-    if preference >= LEAST_EVIDENCE:
-        return ""
+    reach = f"up to the flown {np.rad2deg(highest):.1f} deg"
+    if signs.is_absent:
+        return (
+            f"the lift shows no break {reach}: {signs.describe()}; give records of stalls, flown "
+            "through the break of the lift"
+        )
     return (
-        f"the lift shows no break up to the flown {np.rad2deg(highest):.1f} deg: without a separation "
-        f"it is described as well (criterion {-preference:+.3g}, a break needs "
-        f"{-LEAST_EVIDENCE:g} or less)"
+        f"undecided whether the lift breaks {reach}: {signs.describe()}; add stalls of the same "
+        "configuration that are held for some seconds beyond the break, or records with less noise"
+    )
+
+
+def describe_soft_break(signs: LiftBreak) -> str:
+    """Return why the shape of a soft break is not identified."""
+    return (
+        f"the slope of the lift falls from {signs.start:.2f} to {signs.end:.2f} per rad, which is a "
+        "stall, but curves without a separation describe the coefficients as well (criterion "
+        f"{-signs.preference - signs.others:+.3g}): the shape of the separation is an assumption"
     )

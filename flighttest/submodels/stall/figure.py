@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.support.figures import demand_drawable, new_figure, write_figure
+from flighttest.submodels.stall.flow import SIDES
 from flighttest.submodels.stall.result import StallIdentification
 
 
@@ -37,11 +38,11 @@ def draw_stall(
         loop.set_xlabel("alpha [deg]")
         loop.set_ylabel("CL on top of the database" if found.with_database else "CL")
         time = record["time"].values
-        for name in ("X_left", "X_right"):
-            states.plot(time, fitted[name], linewidth=1.2, label=name)
+        for side in SIDES:
+            states.plot(time, fitted[f"X_{side}"], linewidth=1.2, label=f"{side} wing half")
         states.set_ylim(-0.05, 1.05)
         states.set_xlabel("time [s]")
-        states.set_ylabel("X")
+        states.set_ylabel("separation point X [chord]")
         for axis in (loop, states):
             axis.legend(loc="best")
             axis.grid(alpha=0.3)

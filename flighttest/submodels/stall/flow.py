@@ -76,7 +76,7 @@ def with_half_flow(
             raise IdentificationError(
                 f"{name}: {faulty} samples of a stall are not finite, first at "
                 f"{float(time[~np.isfinite(record[name].values)][0]):.2f} s; choose a window "
-                "without them: X has a memory and cannot leave them out"
+                "without them: the separation has a memory and cannot leave them out"
             )
     step = float(np.median(np.diff(time)))
     window = derivative_window(frequency, step)

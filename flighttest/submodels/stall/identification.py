@@ -24,10 +24,13 @@ from flighttest.regression.uncertainty import collinearity
 from flighttest.submodels.ground_effect.evidence import independent_samples, schwarz_criterion
 from flighttest.submodels.ground_effect.identification import AT_REST
 from flighttest.submodels.stall.break_of_lift import (
-    NodeLift,
+    NodeFit,
+    database_slope,
     demand_stall_records,
-    describe_smooth_lift,
+    describe_missing_break,
+    describe_soft_break,
     reach_of_halves,
+    weigh_break,
 )
 from flighttest.submodels.stall.flow import PER_NODE, SHARED, SeparationFlow, with_half_flow
 from flighttest.submodels.stall.model import SeparatedModel, SeparatedTerm, term_label
@@ -151,8 +154,8 @@ def identify_stall(
     -----
     tau2, tau1 and asymmetry that the records do not determine are fixed at zero, one and zero, and
     the rest is fitted again. The criteria are those of `separable.identifiability`. a1 and
-    alpha_star of a configuration are also not identified if no sample is beyond alpha_star, or if a
-    lift without a separation describes its records as well (`break_of_lift`).
+    alpha_star of a configuration are also not identified if no sample is beyond alpha_star, or if
+    the lift has no break, or one that a curved lift describes as well (`break_of_lift`).
     """
     wanted = {**ATTACHED, **(attached or {})}
     unknown = [name for name in coefficients if name not in SEPARATED]
@@ -162,7 +165,7 @@ def identify_stall(
             f"and CL among {' '.join(SEPARATED)}"
         )
     demand_stall_records(data)
-    records = tuple(with_half_flow(record, station, cbar) for record in data)
+    records = flown = tuple(with_half_flow(record, station, cbar) for record in data)
     if database is not None:
         records = tuple(_without_database(record, database, coefficients) for record in records)
     flow = SeparationFlow(axis, _nodes(records, axis))
@@ -176,7 +179,7 @@ def identify_stall(
     for _ in range(_PASSES):
         task = _select_terms(task)
     fit, task, reasons = _fit_determined(task)
-    reasons |= _list_unseen(fit, task)
+    reasons |= _list_unseen(fit, task, flown)
     return StallIdentification(
         fit=fit,
         station=station,
@@ -380,8 +383,10 @@ def _weakest_term(fit: SeparableFit, task: _Task) -> tuple[str, str] | None:
     return weakest
 
 
-def _list_unseen(fit: SeparableFit, task: _Task) -> dict[str, str]:
-    """Return the parameters of the nodes whose records do not show the separation, with a reason.
+def _list_unseen(fit: SeparableFit, task: _Task, flown: Sequence[xr.Dataset]) -> dict[str, str]:
+    """Return the parameters of the nodes whose records do not show them, with a reason.
+
+    `flown` are the records with their total lift.
 
     Raises
     ------
@@ -389,44 +394,47 @@ def _list_unseen(fit: SeparableFit, task: _Task) -> dict[str, str]:
         The records of no node show a break of the lift.
     """
     reasons: dict[str, str] = {}
-    smooth = 0
+    missing = []
     for k, (a1, star) in enumerate(
         zip(task.flow.names("a1"), task.flow.names("alpha_star"), strict=True)
     ):
         records = _at_node(task.records, task.flow, k)
         value, _ = fit.value(star)
         highest = reach_of_halves(records)
-        if text := describe_smooth_lift(_lift_of_node(fit, task, records), highest):
-            reasons |= {a1: text, star: text}
-            smooth += 1
+        lift, *others = _fits_of_node(fit, task, records)
+        slope = database_slope(_at_node(flown, task.flow, k), records)
+        signs = weigh_break(lift, others, slope)
+        if not signs.is_shown:
+            missing.append(describe_missing_break(signs, highest))
+            reasons |= {a1: missing[-1], star: missing[-1]}
+        elif signs.is_soft:
+            reasons |= {a1: describe_soft_break(signs), star: describe_soft_break(signs)}
         elif highest < value:
             reasons[a1] = reasons[star] = (
                 f"the records reach {np.rad2deg(highest):.1f} deg, alpha_star is "
                 f"{np.rad2deg(value):.1f} deg: the shape beyond half a chord is an assumption"
             )
-    if smooth == len(task.flow.nodes):
-        raise IdentificationError(
-            f"alpha_star is not identified: {text}; give records of stalls, flown through the "
-            f"break of the lift"
-        )
+        elif np.isnan(fit.value(a1)[1]):
+            reasons[star] = f"its standard error holds only for {a1} at its bound"
+    if len(missing) == len(task.flow.nodes):
+        raise IdentificationError(f"alpha_star is not identified: {missing[-1]}")
     return reasons
 
 
-def _lift_of_node(fit: SeparableFit, task: _Task, records: Sequence[xr.Dataset]) -> NodeLift:
-    """Return the lift of some records with its design at the minimum of the fit."""
-    part = replace(task, records=tuple(records), terms={"CL": task.terms["CL"]})
-    problem = _problem(part)
+def _fits_of_node(fit: SeparableFit, task: _Task, records: Sequence[xr.Dataset]) -> list[NodeFit]:
+    """Return CL, then CD and Cm, of some records with their designs at the minimum of the fit."""
+    terms = {name: task.terms[name] for name in ("CL", "CD", "Cm") if name in task.terms}
+    problem = _problem(replace(task, records=tuple(records), terms=terms))
     s = np.array([fit.value(name)[0] for name in problem.names])
-    (design,) = problem.designs(s)
-    candidates = {term.text for term in SEPARATED["CL"]}
-    return NodeLift(
-        z=problem.z[0],
-        A=design.A,
-        terms=task.terms["CL"],
-        separated=tuple(name in candidates for name in task.terms["CL"]),
-        shapes=len(problem.names),
-        samples=problem.samples[0],
-    )
+    fits = []
+    for k, design in enumerate(problem.designs(s)):
+        model = problem.models[k]
+        candidates = {term.text for term in SEPARATED[model.target]}
+        separated = tuple(name in candidates for name in model.terms)
+        shapes = len(problem.names)
+        samples = problem.samples[k]
+        fits.append(NodeFit(problem.z[k], design.A, model.terms, separated, shapes, samples))
+    return fits
 
 
 def _separated_terms(

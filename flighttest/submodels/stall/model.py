@@ -47,6 +47,35 @@ def demand_attached(alpha: float | str) -> float:
     return value
 
 
+def demand_station(station: float | str, span: float = np.inf) -> float:
+    """Return the distance of the stations of the wing halves from the plane of symmetry. [m]
+
+    Parameters
+    ----------
+    station : float or str
+        A number in metres, a text with its unit, or an empty text for a quarter of the span.
+    span : float
+        Span of the wing. Default: the station is not compared with it. [m]
+
+    Raises
+    ------
+    UnitError
+        It is not a length, negative, or beyond the wing tip.
+    """
+    value = 0.25 * span if station == "" else parse_quantity(station, "m")
+    if not value >= 0.0:
+        raise UnitError(
+            f"found {value:.4g} m; give a distance from the plane of symmetry, which holds for both "
+            "wing halves: zero or a positive length, such as '2.5 m'"
+        )
+    if value > 0.5 * span:
+        raise UnitError(
+            f"found {value:.4g} m, beyond the wing tip at {0.5 * span:.4g} m; give a length up to "
+            "that, with its unit, such as '2.5 m' or '8 ft'"
+        )
+    return value
+
+
 class SeparatedTerm(NamedTuple):
     """A term that vanishes in attached flow.
 

@@ -20,6 +20,7 @@ from flighttest.submodels.stall.model import SeparatedTerm, term_label
 
 LEAST = {"X": 0.0, "X_lift": 0.25}
 """Value of a variable of the separation in fully separated flow."""
+SEPARATION_POINT = "X is the separation point of a wing half in chords: 1 attached, 0 separated"
 # Change of the attached flow of a database that is reported, in standard errors.
 _SIGNIFICANT = 3.0
 # On a path that was reconstructed from sensors with noise, two of five parameters were off by
@@ -201,6 +202,7 @@ class StallIdentification(ShortText):
             "Flow separation: tau1 (cbar/V) dX/dt + X = (1 - tanh(a1 (alpha - tau2 (cbar/V) "
             "dalpha/dt - alpha_star)))/2",
             f"at {self.station:.3g} m from the plane of symmetry on both sides",
+            SEPARATION_POINT,
         ]
         if len(self.flow.nodes) > 1:
             places = [value_text(self.flow.axis, node) for node in self.flow.nodes]

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.names import value_text
-from flighttest.submodels.stall.result import StallIdentification
+from flighttest.submodels.stall.result import SEPARATION_POINT, StallIdentification
 from pom.report.presentation.quantities import format_number
 from pom.report.submodels.section import (
     EQUATION_ERROR,
@@ -63,7 +63,8 @@ def _separation_table(stall: StallIdentification) -> SectionTable:
         nodes = f"; _0, _1 ... at {stall.flow.axis} {', '.join(places)}"
     caption = (
         "Flow separation: tau1 (cbar/V) dX/dt + X = (1 - tanh(a1 (alpha - tau2 (cbar/V) dalpha/dt "
-        f"- alpha_star)))/2, at {stall.station:.3g} m from the plane of symmetry{nodes}"
+        f"- alpha_star)))/2, at {stall.station:.3g} m from the plane of symmetry{nodes}; "
+        f"{SEPARATION_POINT}"
     )
     return SectionTable(caption, ("parameter", "estimate", "standard error", "unit"), tuple(rows))
 
@@ -93,7 +94,7 @@ def _draw_records(name: str, stall: StallIdentification) -> tuple[Picture, ...]:
     lift = "lift on top of the database" if stall.with_database else "lift coefficient"
     words = f"{lift} over the angle of attack, and separation over time, of "
     words += f"{len(panels) // 2} of {len(stall.records)} records"
-    key = (("run-2", "flight, X right"), ("run-3", "fit, X left"))
+    key = (("run-2", "flight; X of the right half"), ("run-3", "fit; X of the left half"))
     return (make_picture(name.replace(" ", "-"), panels, key=key, words=words),)
 
 
@@ -113,4 +114,4 @@ def _time_panel(number: int, fit: xr.Dataset) -> PanelOf:
         SectionLine(time, fit["X_right"].values, "run-2"),
         SectionLine(time, fit["X_left"].values, "run-3"),
     ]
-    return PanelOf(f"X, record {number}", "time, s", tuple(curves))
+    return PanelOf(f"separation point X, record {number}", "time, s", tuple(curves))

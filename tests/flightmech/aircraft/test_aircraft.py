@@ -176,3 +176,15 @@ def test_faults_of_hinge_geometry(write):
         read_aircraft(write(text + "\n[control.delta_e]\nS_hinge = 1\nc_hinge = 1\ngearing = 0\n"))
     with pytest.raises(SchemaError, match=r"control\.delta_e\.S_hinge: expected a positive number"):
         read_aircraft(write(text + "\n[control.delta_e]\nS_hinge = 0\nc_hinge = 1\n"))
+
+
+def test_a_station_of_the_stall_is_on_the_wing(write):
+    """8.5 ft written as a bare 8.5 are metres: beyond the tip of this wing."""
+    stall = '[stall]\nstation = 8.5\na1 = 20.0\nalpha_star = "17 deg"\ntau1 = 8.0\ntau2 = 3.0\n'
+    text = GOOD.replace('thrust_file = "engine.nc"', "") + "\n" + stall
+    with pytest.raises(
+        SchemaError, match=r"stall: station is 8.5 m, beyond the wing tip at 5.156 m"
+    ):
+        read_aircraft(write(text))
+    aircraft = read_aircraft(write(text.replace("station = 8.5", 'station = "8.5 ft"')))
+    assert aircraft.stall.station == pytest.approx(2.5908)

@@ -25,7 +25,7 @@ def section():
 @pytest.mark.slow
 def test_parameters_and_terms(section):
     separation, terms = section.grids
-    assert "at 2.58 m from the plane of symmetry" in separation.caption
+    assert "at 2.58 m from the plane of symmetry; X is the separation point" in separation.caption
     rows = {row[0]: row for row in separation.rows}
     assert list(rows) == ["a1", "alpha_star", "tau1", "tau2", "asymmetry"]
     assert rows["alpha_star"][3] == "deg"
@@ -40,6 +40,6 @@ def test_every_record_has_its_loop_and_its_separation(section):
     assert picture.words == (
         "lift coefficient over the angle of attack, and separation over time, of 2 of 2 records"
     )
-    for title in ("CL, record 1", "X, record 1", "CL, record 2", "X, record 2"):
+    for title in ("CL, record 1", "separation point X, record 1", "CL, record 2"):
         assert title in picture.body
     assert any("standard errors do not contain" in text for text in section.remarks)

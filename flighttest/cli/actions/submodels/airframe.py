@@ -29,7 +29,7 @@ from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
 from flighttest.submodels.stall.database_terms import add_stall, continue_attached_flow, reach_of
 from flighttest.submodels.stall.figure import draw_stall
 from flighttest.submodels.stall.identification import identify_stall
-from flighttest.submodels.stall.model import demand_attached
+from flighttest.submodels.stall.model import demand_attached, demand_station
 
 
 def run_gear(
@@ -146,6 +146,21 @@ def attached_angle(text: str) -> float:
         raise UnitError(f"--attached-to {text}: {error}") from error
 
 
+def station_of_halves(text: str, span: float) -> float:
+    """Return the length of the option ``--station``; a quarter of the span without it. [m]
+
+    Raises
+    ------
+    UnitError
+        With the name of the option.
+    """
+    length = option_quantity("--station", text, "m") if text else text
+    try:
+        return demand_station(length, span)
+    except UnitError as error:
+        raise UnitError(f"--station {text}: {error}") from error
+
+
 @dataclass(frozen=True)
 class StallModelOptions:
     """Options of the stall model, by the names of `flighttest.cli.submodels`.
@@ -187,10 +202,8 @@ def run_stall(
     if (into or options.attached_to) and not database_file:
         raise SchemaError("flight stall", ["--into and --attached-to need --database; give it"])
     aircraft = read_aircraft(aircraft_file)
-    station, last = 0.25 * aircraft.b, 0.0
     # options are read before the paths, which take long
-    if options.station:
-        station = option_quantity("--station", options.station, "m")
+    station, last = station_of_halves(options.station or "", aircraft.b), 0.0
     if options.attached_to:
         last = attached_angle(options.attached_to)
     database = aerodb.open(database_file) if database_file else None
