@@ -32,7 +32,7 @@ If the engines state the tanks that feed them, the content of each tank is a sta
     feed = ["left"]
     crossfeed = ["right"]
 
-Pumps move fuel from tank to tank (`flightmech.aircraft.fuel_transfer`).
+Pumps move fuel from tank to tank (`flightmech.aircraft.propulsion.fuel_transfer`).
 """
 
 from __future__ import annotations
@@ -49,14 +49,15 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from flightmech.aircraft.fuel_transfer import (
+from flightmech.aircraft.propulsion.engine_deck import open_tables
+from flightmech.aircraft.propulsion.fuel_transfer import (
     Transfer,
     TransferTable,
     tanks_reached,
     transfer_problems,
     transfers_of,
 )
-from flightmech.aircraft.propulsion.engine_deck import open_tables
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.short_text import ShortText
 from flightmech.support.toml_models import Strict
@@ -78,32 +79,6 @@ _MOST_ITEMS = 16
 # Difference of the contents from the mass of the fuel that rounding of units makes, of the mass.
 _ROUNDING = 1e-6
 _NAME = r"^[a-z_][a-z0-9_]*$"
-
-
-@dataclass(frozen=True)
-class Tank:
-    """A tank as a mass point.
-
-    Parameters
-    ----------
-    position : tuple of float (3,)
-        Body axes, from the moment reference point. [m]
-    capacity : float
-        Greatest mass of fuel. [kg]
-    order : int
-        Tanks with the lowest number are emptied first. Tanks with the same number are emptied in
-        proportion to their capacity.
-    name : str
-        Name by which engines state what feeds them: small letters, digits and ``_``.
-    content : float
-        Fuel in the tank at the start, for tanks that feed engines. [kg]
-    """
-
-    position: Vector
-    capacity: float
-    order: int = 1
-    name: str = ""
-    content: float = 0.0
 
 
 @dataclass(frozen=True)

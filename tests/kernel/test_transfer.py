@@ -10,8 +10,8 @@ import xarray as xr
 
 import flightmech
 from flightmech.aircraft.fuel import Fuel, Tank
-from flightmech.aircraft.fuel_transfer import Transfer
 from flightmech.aircraft.propulsion.engine_deck import EngineDeck
+from flightmech.aircraft.propulsion.fuel_transfer import Transfer
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.submodels import fuel as fuel_names
 from flightmech.terms import make_term
@@ -100,7 +100,7 @@ def test_a_source_runs_dry_as_an_exponential(still):
 
 def test_what_a_pump_moves_is_neither_lost_nor_made(burning):
     """Two pumps and an engine: the sum of all tanks falls with its fuel flow alone."""
-    y = flown(burning, transfer__right__left__on=1.0)
+    y = flown(burning, transfer__right__left__pump=1.0)
     np.testing.assert_allclose(y["fuel"], 94.0 - FLOW * TIME, rtol=1e-12)
     total = y["left"] + y["right"] + y["aft"]
     np.testing.assert_allclose(total, y["fuel"], rtol=1e-14)
@@ -119,7 +119,7 @@ def test_a_float_valve_holds_a_tank_where_the_flows_are_equal(burning):
 
 def test_a_pump_that_is_off_moves_nothing(still):
     """The aft pump is on where nothing drives its input, the other one is off."""
-    y = flown(still, transfer__aft__left__on=0.0)
+    y = flown(still, transfer__aft__left__pump=0.0)
     assert (y["left"][-1], y["right"][-1], y["aft"][-1]) == (20.0, 50.0, 24.0)
     assert not y["flow"].any()
 
@@ -128,7 +128,9 @@ def test_runs_side_by_side_have_the_bits_of_one(burning):
     runs = 9
     late = TIME[None, :151] > 0.2 * np.arange(runs)[:, None]
     switch = 1.0 * (late & (np.arange(runs) % 2 == 0)[:, None])
-    record = xr.Dataset({"transfer.right.left.on": (("run", "time"), switch)}, {"time": TIME[:151]})
+    record = xr.Dataset(
+        {"transfer.right.left.pump": (("run", "time"), switch)}, {"time": TIME[:151]}
+    )
     loads = {
         "init.tank.aft.fuel": np.linspace(0.0, 24.0, runs),
         "init.tank.left.fuel": np.linspace(60.0, 0.0, runs),

@@ -114,7 +114,8 @@ def _transfer_row(kind: int, item: str, name: str, fuel: Fuel) -> CatalogueEntry
     ends = f"from tank {transfer.source} to tank {transfer.target}"
     if kind == INPUT:
         value = 1.0 if transfer.on else 0.0
-        return make_row(name, "1", f"pump {ends}, 0 off, 1 on", value=value, low=0.0, high=1.0)
+        text = f"pump {ends}, 0 off, 1 on"
+        return make_vocabulary_row(name, word, text, value=value, low=0.0, high=1.0)
     if kind != PARAMETER:
         return make_row(name, "kg s-1", f"flow of the pump {ends}", display_units="lb/h")
     value = getattr(transfer, word)

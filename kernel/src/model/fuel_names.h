@@ -74,7 +74,7 @@
 #define AM_FEED_TARGETS(X)
 
 #define AM_TRANSFER_INPUTS(X) \
-    X(U_TRANSFER, "transfer.*.on")
+    X(U_TRANSFER, "transfer.*.pump")
 #define AM_TRANSFER_OUTPUTS(X) \
     X(Y_TRANSFER, "transfer.*.flow")
 #define AM_TRANSFER_PARAMETERS(X) \

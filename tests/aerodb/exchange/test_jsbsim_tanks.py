@@ -15,7 +15,7 @@ import xarray as xr
 import aerodb
 import flightmech
 from flightmech.aircraft.fuel import Fuel, Tank
-from flightmech.aircraft.fuel_transfer import Transfer
+from flightmech.aircraft.propulsion.fuel_transfer import Transfer
 from flightmech.errors import SchemaError
 from flightmech.terms import make_term
 from flightmech.units import FOOT, POUND, SLUG

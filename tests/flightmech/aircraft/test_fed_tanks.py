@@ -11,7 +11,7 @@ import pytest
 
 import flightmech
 from flightmech.aircraft.aircraft_file import aircraft_schema
-from flightmech.aircraft.fuel_transfer import Transfer
+from flightmech.aircraft.propulsion.fuel_transfer import Transfer
 from flightmech.errors import AeromatchWarning, SchemaError
 
 # the engines of the file have no tables

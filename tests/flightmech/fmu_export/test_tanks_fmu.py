@@ -14,7 +14,7 @@ from fmpy.validation import validate_fmu
 import flightmech
 from flightmech.aircraft import Engine, EngineDeck
 from flightmech.aircraft.fuel import Fuel, Tank
-from flightmech.aircraft.fuel_transfer import Transfer
+from flightmech.aircraft.propulsion.fuel_transfer import Transfer
 from flightmech.fmu_export.fmu_file import write_fmu
 from flightmech.terms import make_term
 
@@ -78,7 +78,7 @@ def test_names_of_tanks_are_those_of_fmi(sim, tmp_path, version):
     assert float(variables["tank.left.cutoff"].start) == 0.0
     assert variables["init.tank.left.fuel"].variability == "fixed"
     assert int(variables["feed.engine1.right"].start) == 2
-    pump = variables["transfer.left.right.on"]
+    pump = variables["transfer.left.right.pump"]
     assert (pump.causality, float(pump.start)) == ("input", 0.0)
     assert variables["transfer.left.right.flow"].unit == "kg s-1"
     assert variables["state.tank.left.fuel"].unit == variables["tank.left.fuel"].unit == "kg"
@@ -91,7 +91,7 @@ def test_a_flight_with_the_crossfeed_has_the_bits_of_the_kernel(sim, fmu):
     channels = {
         "crossfeed": ("time", OPEN),
         "tank.right.cutoff": ("time", CUT),
-        "transfer.left.right.on": ("time", PUMP),
+        "transfer.left.right.pump": ("time", PUMP),
     }
     inputs = xr.Dataset(channels, {"time": TIME})
     flown = flightmech.simulate(sim, inputs, START, hold="zero")

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 from flightmech.aircraft.engine import Engine
 from flightmech.aircraft.fuel import Fuel
-from flightmech.aircraft.fuel_transfer import Transfer
+from flightmech.aircraft.propulsion.fuel_transfer import Transfer
 from flightmech.units import POUND
 
 

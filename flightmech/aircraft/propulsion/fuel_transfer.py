@@ -18,15 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import ConfigDict, Field
 
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.fuel import Tank
 
 # Time in which a pump moves the fuel of its band, if the file gives no band. [s]
 _BAND_TIME = 1.0
@@ -41,7 +39,7 @@ class Transfer:
     """A pump from a tank to a tank, with a float valve where it ends.
 
     It moves ``rate * max(0, min(1, (m_source - leave) / band, (fill - m_target) / band))`` while
-    its input ``transfer.SOURCE.TARGET.on`` is above 0.5.
+    its input ``transfer.SOURCE.TARGET.pump`` is above 0.5.
 
     Parameters
     ----------
@@ -156,7 +154,7 @@ class TransferTable(Strict):
     on: bool = Field(
         default=False,
         examples=[True],
-        description="Whether it pumps where nothing drives its input transfer.SOURCE.TARGET.on.",
+        description="Whether it pumps where nothing drives its input transfer.SOURCE.TARGET.pump.",
     )
 
 
