@@ -216,6 +216,7 @@ _ROWS = [
     ("flameout", "1", "", "failure that puts the flame out, 0 none, 1 out", "", "1"),
     ("fuel", "kg", "", "fuel on board", "", "lb"),
     ("crossfeed", "1", "", "cross-feed valve of the fuel, 0 shut, 1 open", "", "1"),
+    ("pump", "1", "", "pump from tank to tank, 0 off, 1 on", "", "1"),
     ("fuel_used", "kg", "", "fuel burned from the start", "", "lb"),
     # coefficients
     ("CL", "1", "up", "lift coefficient, stability axes", "liftCoefficient", "1"),
@@ -310,7 +311,7 @@ GREEK = {
 """Letters that begin names of quantities."""
 # prefix of the quantities of a submodel
 ITEM = re.compile(
-    r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|tank\.\w+|column|wheel|pedal)\."
+    r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|tank\.\w+|transfer\.\w+\.\w+|column|wheel|pedal)\."
 )
 
 

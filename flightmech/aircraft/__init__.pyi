@@ -18,6 +18,7 @@ from .parts import swap_parts as swap_parts
 from .propulsion.electric_motor import ElectricMotor as ElectricMotor
 from .propulsion.engine_deck import EngineDeck as Deck
 from .propulsion.engine_deck import EngineDeck as EngineDeck
+from .propulsion.fuel_transfer import Transfer as Transfer
 from .propulsion.piston_engine import PistonEngine as PistonEngine
 from .propulsion.propeller import Propeller as Propeller
 from .separation import FlowSeparation as FlowSeparation

@@ -7,7 +7,7 @@ relative to the drawing datum.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypedDict
 
 import numpy as np
@@ -18,9 +18,10 @@ from flightmech.aircraft.controls import (
 )
 from flightmech.aircraft.engine import Engine
 from flightmech.aircraft.facts import AircraftFacts
-from flightmech.aircraft.fuel import Fuel
+from flightmech.aircraft.fuel import Fuel, Tank
 from flightmech.aircraft.landing_gear import LandingGear
 from flightmech.aircraft.separation import FlowSeparation
+from flightmech.errors import UnknownName
 from flightmech.short_text import ShortText, describe_fields
 from flightmech.support.figures import html_table
 
@@ -183,3 +184,58 @@ def point_inertia(mass: float, arm: np.ndarray) -> np.ndarray:
     """Return the inertia tensor (3, 3) about the origin of a mass point at `arm` [m]. [kg m2]"""
     # parallel axes: m (r^T r I - r r^T)
     return mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+
+
+def tanks_of(aircraft: Aircraft) -> tuple[Tank, ...]:
+    """Return the tanks with a state each; none of an aircraft with one state for all fuel."""
+    return () if aircraft.fuel is None else aircraft.fuel.tanks
+
+
+def with_contents(aircraft: Aircraft, contents: Mapping[str, float]) -> Aircraft:
+    """Return the aircraft with other contents of its tanks.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Its mass, centre of gravity and inertia include the contents of the tanks of its fuel.
+    contents : mapping of str to float
+        Fuel by the name of the tank; tanks without an entry keep theirs. [kg]
+
+    Returns
+    -------
+    Aircraft
+        Mass, centre of gravity, inertia about it, and fuel have the new contents.
+
+    Raises
+    ------
+    UnknownName
+        A tank that the aircraft does not have.
+    SchemaError
+        A content that does not go into its tank.
+    """
+    fuel, tanks = aircraft.fuel, tanks_of(aircraft)
+    for name in contents:
+        if all(name != tank.name for tank in tanks):
+            raise UnknownName(name, [tank.name for tank in tanks], "tank of the aircraft")
+    if fuel is None or not tanks:
+        return aircraft
+    filled = tuple(replace(tank, content=contents.get(tank.name, tank.content)) for tank in tanks)
+    # J about the moment reference point, of all that has mass
+    cg = np.array(aircraft.cg)
+    mass, moment = aircraft.mass, aircraft.mass * cg
+    J = inertia_tensor(aircraft) + point_inertia(mass, cg)
+    for old, new in zip(tanks, filled, strict=True):
+        change, position = new.content - old.content, np.array(new.position)
+        mass += change
+        moment = moment + change * position
+        J = J + point_inertia(change, position)
+    x, y, z = (float(value) for value in moment / mass)
+    J = J - point_inertia(mass, np.array([x, y, z]))
+    held = sum(tank.content for tank in filled)
+    return replace(
+        aircraft,
+        mass=mass,
+        cg=(x, y, z),
+        **inertia_fields(J),
+        fuel=replace(fuel, mass=held, tanks=filled),
+    )

@@ -31,6 +31,8 @@ If the engines state the tanks that feed them, the content of each tank is a sta
     [[engine]]
     feed = ["left"]
     crossfeed = ["right"]
+
+Pumps move fuel from tank to tank (`flightmech.aircraft.propulsion.fuel_transfer`).
 """
 
 from __future__ import annotations
@@ -48,6 +50,14 @@ import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.aircraft.propulsion.engine_deck import open_tables
+from flightmech.aircraft.propulsion.fuel_transfer import (
+    Transfer,
+    TransferTable,
+    tanks_reached,
+    transfer_problems,
+    transfers_of,
+)
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.short_text import ShortText
 from flightmech.support.toml_models import Strict
@@ -72,32 +82,6 @@ _NAME = r"^[a-z_][a-z0-9_]*$"
 
 
 @dataclass(frozen=True)
-class Tank:
-    """A tank as a mass point.
-
-    Parameters
-    ----------
-    position : tuple of float (3,)
-        Body axes, from the moment reference point. [m]
-    capacity : float
-        Greatest mass of fuel. [kg]
-    order : int
-        Tanks with the lowest number are emptied first. Tanks with the same number are emptied in
-        proportion to their capacity.
-    name : str
-        Name by which engines state what feeds them: small letters, digits and ``_``.
-    content : float
-        Fuel in the tank at the start, for tanks that feed engines. [kg]
-    """
-
-    position: Vector
-    capacity: float
-    order: int = 1
-    name: str = ""
-    content: float = 0.0
-
-
-@dataclass(frozen=True)
 class Fuel(ShortText):
     """Fuel on board.
 
@@ -114,12 +98,15 @@ class Fuel(ShortText):
     tanks : tuple of Tank
         Tanks with a state each, in place of `position` and `tables`. Every engine states which of
         them feed it. The sum of their contents is `mass`.
+    transfers : tuple of Transfer
+        Pumps from tank to tank.
     """
 
     mass: float
     position: Vector = (0.0, 0.0, 0.0)
     tables: Mapping[str, xr.Dataset] = field(default_factory=dict)
     tanks: tuple[Tank, ...] = ()
+    transfers: tuple[Transfer, ...] = ()
 
     def __post_init__(self) -> None:
         allowed = (*MOMENTS, *INERTIAS)
@@ -129,6 +116,7 @@ class Fuel(ShortText):
                 problems.append(f"{name} is not a table of the fuel; allowed: {', '.join(allowed)}")
         if self.tanks:
             problems += _check_tanks(self)
+        problems += transfer_problems(self.transfers, self.tanks)
         if problems:
             raise SchemaError("fuel", problems)
 
@@ -175,9 +163,14 @@ def check_feeds(engines: Sequence[Engine], fuel: Fuel | None) -> list[str]:
     for number, engine in enumerate(engines, 1):
         problems += [f"engine.{number}.feed: {text}" for text in _check_feed(engine, names)]
         reached |= {*engine.feed, *engine.crossfeed}
+    assert fuel is not None, "names of tanks come from the fuel"
+    reached = tanks_reached(fuel.transfers, reached)
     for name in names:
         if name not in reached:
-            problems.append(f"fuel: tank {name} feeds no engine; name it in a feed or crossfeed")
+            problems.append(
+                f"fuel: tank {name} feeds no engine; name it in a feed or crossfeed, or as the "
+                f"source of a transfer"
+            )
     feeds = sum(len(engine.feed) + len(engine.crossfeed) for engine in engines)
     if feeds > _MOST_ITEMS:
         problems.append(f"{feeds} feeds from tanks to engines; a model holds {_MOST_ITEMS}")
@@ -323,6 +316,10 @@ class FuelSection(Strict):
         default_factory=list,
         description="Tanks in place of one position; with a state each if the engines have a feed.",
     )
+    transfer: list[TransferTable] = Field(
+        default_factory=list,
+        description="Pumps from tank to tank, where the engines have a feed.",
+    )
     file: str | None = Field(
         default=None,
         examples=["fuel.nc"],
@@ -335,6 +332,8 @@ class FuelSection(Strict):
         if self.tank and (self.position is not None or self.file is not None):
             key = "file" if self.position is None else "position"
             raise ValueError(f"{key} and tank are both given; keep one")
+        if self.transfer and not self.tank:
+            raise ValueError("transfer needs tanks; add tank, or delete it")
         if not (np.isfinite(self.mass) and self.mass >= 0.0):
             raise ValueError("expected zero or a positive mass")
         capacity = sum(tank.capacity for tank in self.tank)
@@ -381,10 +380,15 @@ def _tanks_of(item: FuelSection, fed: bool) -> Fuel:
         raise SchemaError("fuel", ["tank.content is given of some tanks; give it of all or none"])
     tanks = [Tank(**{**dict(tank), "content": tank.content or 0.0}) for tank in item.tank]
     if not fed:
+        if item.transfer:
+            raise SchemaError(
+                "fuel",
+                ["transfer needs engines that state what feeds them; add feed to [[engine]]"],
+            )
         return Fuel(item.mass, tables=tank_tables(tanks))
     if not all(given):
         fuel, contents = _fill(tanks)
         for number, tank in enumerate(tanks):
             held = float(np.interp(item.mass, fuel, contents[:, number]))
             tanks[number] = replace(tank, content=held)
-    return Fuel(item.mass, tanks=tuple(tanks))
+    return Fuel(item.mass, tanks=tuple(tanks), transfers=transfers_of(item.transfer, tanks))

@@ -86,6 +86,7 @@ _ROTARY = {
     ),
 }
 _TANK = {"position": "m", "capacity": "kg", "content": "kg"}
+_TRANSFER = {"rate": "kg s-1", **dict.fromkeys(("fill", "band", "leave"), "kg")}
 _DECK = {
     **dict.fromkeys(
         ("lever_delay", "n1_rundown", "n2_rundown", "starter_time", "flame_time", "itt_time"), "s"
@@ -195,7 +196,8 @@ def _scale_fuel(fuel: Fuel, scale: Scale) -> Fuel:
     for name, leaf in fuel.tables.items():
         tables[name] = _scale_table(leaf, scale.of(units[name]), scale, axes={"fuel": "kg"})
     position = _scale_value(fuel.position, scale.length)
-    return Fuel(fuel.mass * scale.mass, position, tables, tanks)
+    transfers = tuple(_scale_constants(pump, _TRANSFER, scale) for pump in fuel.transfers)
+    return Fuel(fuel.mass * scale.mass, position, tables, tanks, transfers)
 
 
 def _scale_separation(stall: FlowSeparation, scale: Scale) -> FlowSeparation:

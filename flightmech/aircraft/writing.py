@@ -214,7 +214,11 @@ def _write_fuel(fuel: Fuel, path: Path, parts: ExitStack) -> list[str]:
     """Write the tables of the fuel, and return the lines of its section."""
     if fuel.tanks:
         tanks = [f"    {_to_toml(asdict(tank))}," for tank in fuel.tanks]
-        return ["", "[fuel]", *_field_lines(fuel, ("mass",)), "tank = [", *tanks, "]"]
+        lines = ["", "[fuel]", *_field_lines(fuel, ("mass",)), "tank = [", *tanks, "]"]
+        if fuel.transfers:
+            pumps = [f"    {_to_toml(asdict(pump))}," for pump in fuel.transfers]
+            lines += ["transfer = [", *pumps, "]"]
+        return lines
     lines = ["", "[fuel]", *_field_lines(fuel, ("mass", "position"))]
     if not fuel.tables:
         return lines

@@ -42,6 +42,7 @@ _SUBMODELS = {
     "tanks": "fuel in tanks: mass, centre of gravity and inertia, cross-feed",
     "tank": "content of a tank, its valve",
     "feed": "from a tank to an engine: never, always or with the cross-feed open",
+    "transfer": "pump from a tank to a tank",
     "device": "further controls that only the tables know: an input each, without dynamics",
 }
 LONG = 200  # characters that a cell of a table shows at once

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
+from flightmech.aircraft.aircraft import tanks_of
 from flightmech.errors import AeromatchWarning
 from flightmech.names import REDUCED_RATES, quantity_attributes
 from flightmech.support.arrays import integrate_trapezoids
@@ -95,7 +96,7 @@ def path_columns(
     columns |= _recorded_channels(record, grids, excluded=_RAW | columns.keys())
     for name, value in zip(("x_cg_b", "y_cg_b", "z_cg_b"), setup.cg, strict=True):
         columns[name] = np.full(len(problem.time), value)
-    columns["mass"] = _mass_along(record, problem.time, float(aircraft.mass))
+    columns["mass"] = _mass_along(record, problem.time, aircraft)
     return columns
 
 
@@ -248,15 +249,16 @@ def _is_inside(gap: tuple[float, float], windows: list[tuple[float, float]]) -> 
     return any(gaps_in(window, [gap]) for window in windows)
 
 
-def _mass_along(record: xr.DataTree, time: np.ndarray, default: float) -> np.ndarray:
+def _mass_along(record: xr.DataTree, time: np.ndarray, aircraft: Any) -> np.ndarray:
     """Return the mass along the path (time,). [kg]
 
     It is the gauged mass with the recorded fuel flow in between, or a straight line through the
-    gauged mass. A record without gauged mass has the default.
+    gauged mass. A record without gauged mass has the mass of the aircraft with the recorded
+    contents of its tanks.
     """
     gauges = _gauged_leaf(record)
     if gauges is None:
-        return np.full(len(time), default)
+        return _mass_with_tanks(record, time, aircraft)
     clock, gauged = gauges["time"].values, gauges["mass"].values
     engine = _fuel_leaf(record)
     if engine is None:
@@ -275,6 +277,20 @@ def _mass_along(record: xr.DataTree, time: np.ndarray, default: float) -> np.nda
     # The mean over all gaugings gives the mass at the start.
     start_mass = float(np.mean(gauged + np.interp(clock, t, burnt)))
     return start_mass - np.interp(time, t, burnt)
+
+
+def _mass_with_tanks(record: xr.DataTree, time: np.ndarray, aircraft: Any) -> np.ndarray:
+    """Return the mass of the aircraft with the recorded contents of its tanks (time,). [kg]"""
+    mass = np.full(len(time), float(aircraft.mass))
+    for tank in tanks_of(aircraft):
+        name = f"tank.{tank.name}.fuel"
+        for node in record.children.values():
+            if name in node.data_vars:
+                clock = node["time"].values
+                mass += np.interp(time, clock, without_blanks(clock, node[name].values))
+                mass -= tank.content
+                break
+    return mass
 
 
 def _gauged_leaf(record: xr.DataTree) -> xr.Dataset | None:

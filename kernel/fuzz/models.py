@@ -14,6 +14,7 @@ from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.aircraft.propulsion.engine_deck import EngineDeck
+from flightmech.aircraft.propulsion.fuel_transfer import Transfer
 from flightmech.aircraft.separation import FlowSeparation
 from flightmech.flown_states import FLOWN_STATES, gather_states, pack_states
 from flightmech.simulation.compiler import compile_with_envelope
@@ -238,17 +239,23 @@ def plain() -> flightmech.Aircraft:
 
 
 def fed() -> flightmech.Aircraft:
-    """Return a jet with two decks, fed from tanks with a cross-feed."""
+    """Return a jet with two decks, fed from tanks with a cross-feed and pumps between them."""
     tanks = (
         Tank((0.1, -2.0, 0.15), 60.0, name="left", content=40.0),
         Tank((0.1, 2.0, 0.15), 60.0, name="right", content=30.0),
+        Tank((-1.5, 0.0, 0.0), 20.0, name="aft", content=15.0),
+    )
+    transfers = (
+        Transfer("aft", "left", rate=0.4, fill=50.0, band=4.0, leave=2.0, on=True),
+        Transfer("left", "right", rate=0.3, fill=60.0, band=0.1),
     )
     engine = flightmech.aircraft.Engine
     engines = (
         engine((-0.3, -0.8, 0.05), deck=deck(), feed=("left",), crossfeed=("right",)),
         engine((-0.3, 0.8, 0.05), deck=deck(), feed=("right",), crossfeed=("left",)),
     )
-    return replace(plain(), name="fed", engines=engines, fuel=Fuel(70.0, tanks=tanks))
+    fuel = Fuel(85.0, tanks=tanks, transfers=transfers)
+    return replace(plain(), name="fed", engines=engines, fuel=fuel)
 
 
 def stalling() -> flightmech.Aircraft:

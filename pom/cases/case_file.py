@@ -38,6 +38,8 @@ WIND = ("wind_n", "wind_e", "wind_d")
 # Levers and switches of an engine besides its power lever, without the number of the engine.
 LEVERS = ("prop_command", "feather", "mixture", "cutoff", "starter", "ignition", "flameout")
 ENGINE_LEVER = re.compile(rf"^engine[1-8]\.(?:{'|'.join(LEVERS)})$")
+# Valves and pumps of the fuel system.
+FUEL_SWITCH = re.compile(r"^(?:crossfeed|tank\.\w+\.cutoff|transfer\.\w+\.\w+\.pump)$")
 CONDITIONS = (
     *INPUTS,
     *TRAVEL,

@@ -14,7 +14,7 @@ from flightmech.errors import OutOfRange, UnknownName
 from flightmech.units import DEGREE
 from pom.cases.case import PomCase
 from pom.cases.case_facts import file_facts
-from pom.cases.case_file import BRAKES, FORCES, INPUTS, LEVERS, TRAVEL, WIND
+from pom.cases.case_file import BRAKES, FORCES, FUEL_SWITCH, INPUTS, LEVERS, TRAVEL, WIND
 from pom.cases.case_inputs import PRIMARY
 from pom.cases.pilot import PilotLoop
 from pom.cases.start_conditions import initial_state, line_at_start, mass_and_air
@@ -223,7 +223,17 @@ def _recorded_inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]
     for name in _start_only_surfaces(case).intersection(inputs):
         time = states["time"].values.astype(float)
         inputs[name][:] = line_at_start(time, inputs[name])[0]
-    return {**inputs, **_engine_inputs(case, states)}
+    return {**inputs, **_engine_inputs(case, states), **_fuel_inputs(case, states)}
+
+
+def _fuel_inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
+    """Return valves and pumps of the fuel system that are recorded, or held by the case. [1]"""
+    inputs = {}
+    for name in sorted(map(str, {*states.data_vars, *case.conditions})):
+        values = _control_history(case, states, name) if FUEL_SWITCH.match(name) else None
+        if values is not None:
+            inputs[name] = values
+    return inputs
 
 
 def _control_history(case: PomCase, states: xr.Dataset, name: str) -> np.ndarray | None:

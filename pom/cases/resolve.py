@@ -20,7 +20,7 @@ from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import is_quantity, lookup
 from flightmech.quantities import parse_quantity
 from flightmech.simulation.stated_values.odd_values import describe_odd_quantity
-from pom.cases.case_file import CONDITIONS, ENGINE_LEVER, FORCES, CaseFile
+from pom.cases.case_file import CONDITIONS, ENGINE_LEVER, FORCES, FUEL_SWITCH, CaseFile
 from pom.tolerances import rows as table
 from pom.tolerances.conditions import missing_claims
 from pom.tolerances.criteria import Criterion
@@ -154,7 +154,8 @@ def resolve_conditions(entries: Mapping[str, Any], problems: list[str]) -> dict[
     units = {name: lookup(name).units for name in CONDITIONS}
     devices = [name for name in entries if name.startswith(DEVICE) and is_quantity(name)]
     levers = [name for name in entries if ENGINE_LEVER.match(name)]
-    units |= {name: lookup(name).units for name in (*devices, *levers)}
+    fuel = [name for name in entries if FUEL_SWITCH.match(name)]
+    units |= {name: lookup(name).units for name in (*devices, *levers, *fuel)}
     values = resolve_quantities(
         "conditions", entries, units=units, what="condition", problems=problems
     )

@@ -6,6 +6,8 @@ import numpy as np
 import xarray as xr
 
 from flightmech.air import P_SEA, atmosphere
+from flightmech.aircraft.aircraft import tanks_of, with_contents
+from flightmech.aircraft.aircraft_file import read_aircraft
 from pom.cases.case import PomCase
 from pom.cases.case_file import INITIAL, MASS
 
@@ -102,12 +104,40 @@ def mass_and_air(case: PomCase, states: xr.Dataset) -> dict[str, float]:
             parameters[f"mass.{name}"] = case.conditions[name]
         elif name in states:
             parameters[f"mass.{name}"] = _first_sample(states, name)
+    # what the case states or the record has comes before the aircraft file
+    parameters = _tank_contents(case, states) | parameters
     parameters.update(_atmosphere_offsets(states))
     if "delta_T" in case.conditions:
         parameters["env.delta_T"] = case.conditions["delta_T"]
     runway = case.conditions.get("runway_elevation", _runway_elevation(states))
     if runway is not None:
         parameters["env.runway_elevation"] = runway
+    return parameters
+
+
+def _tank_contents(case: PomCase, states: xr.Dataset) -> dict[str, float]:
+    """Return the recorded contents of the tanks at the start, and the inertia with them. [SI]
+
+    Mass and c.g. of the states hold with the recorded contents; the inertia of the aircraft file
+    holds with the contents of the file.
+    """
+    if not case.aircraft or not any(str(name).startswith("tank.") for name in states.data_vars):
+        return {}
+    aircraft = read_aircraft(case.aircraft)
+    contents = {}
+    for tank in tanks_of(aircraft):
+        name = f"tank.{tank.name}.fuel"
+        if name in states:
+            # a gauge may show a little more than full
+            contents[tank.name] = min(max(_first_sample(states, name), 0.0), tank.capacity)
+    parameters = {}
+    for tank_name, content in contents.items():
+        parameters[f"init.tank.{tank_name}.fuel"] = content
+        parameters[f"mass.tank.{tank_name}.fuel"] = content
+    if contents:
+        loaded = with_contents(aircraft, contents)
+        inertia = [name for name in MASS if name.startswith("I")]
+        parameters |= {f"mass.{name}": float(getattr(loaded, name)) for name in inertia}
     return parameters
 
 

@@ -17,6 +17,7 @@ from aerodb.exchange.jsbsim.properties import (
     thrust_property,
 )
 from aerodb.exchange.jsbsim.propulsion.tanks import list_priorities, without_fuel, write_feeds
+from aerodb.exchange.jsbsim.propulsion.transfers import write_transfers
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.aircraft.engine import Engine
 from flightmech.aircraft.fuel import Fuel
@@ -180,7 +181,7 @@ class Propulsion:
 def write_flight_control(
     root: ET.Element, aircraft: Aircraft, used: Collection[str], propulsion: Propulsion
 ) -> None:
-    """Write the scaling of the commands in `used`, and the thrust of the engines."""
+    """Write the scaling of the commands in `used`, thrust of engines and transfer pumps."""
     control = ET.SubElement(root, "flight_control", name=aircraft.name)
     for number, engine in enumerate(aircraft.engines, 1):
         if engine.propeller is not None:
@@ -208,6 +209,8 @@ def write_flight_control(
             name = f"engine{number}"
             engine_channel = ET.SubElement(control, "channel", name=name)
             _write_thrust(engine_channel, name, engine, propulsion=propulsion)
+    if has_propellers(aircraft) and aircraft.fuel is not None and aircraft.fuel.transfers:
+        write_transfers(control, aircraft.fuel)
 
 
 def missing_limits(aircraft: Aircraft, used: Collection[str]) -> list[str]:

@@ -33,6 +33,7 @@ from aerodb.exchange.jsbsim.properties import (
     extend_linearly,
     factor_elements,
 )
+from aerodb.exchange.jsbsim.propulsion.transfers import crossfeed_problems
 from aerodb.exchange.jsbsim.propulsion.writing import export_jsbsim_engine, list_obstacles
 from aerodb.exchange.jsbsim.vehicle_elements import (
     Propulsion,
@@ -108,7 +109,9 @@ def export_jsbsim(
     -----
     Engines with propellers become ``<propulsion>``, with files in the folder ``Engines`` next to
     the file.  Tanks that feed them are written with their priorities; JSBSim draws equal shares of
-    tanks of one priority, and has no cross-feed valve.  Other engines become external forces
+    tanks of one priority.  It has no cross-feed valve, and an engine with one is refused.  Transfer
+    pumps become functions with a switch ``fcs/transfer-SOURCE-TARGET-on`` each, which
+    `import_jsbsim_aircraft` does not read.  Other engines become external forces
     ``engine1`` ..., with first-order lag.  The angular momentum of their rotors is lost.  The file
     has no landing gear, since an aircraft file has none.  JSBSim takes the load factor of its last
     step, and so do terms with ``dnz``.  Our simulation solves for the load factor of the same
@@ -134,6 +137,7 @@ def export_jsbsim(
     for number, engine in enumerate(aircraft.engines, 1):
         if engine.propeller is not None:
             problems += [f"engine {number}: {text}" for text in list_obstacles(engine)]
+            problems += crossfeed_problems(number, engine)
     if problems:
         raise SchemaError(f"JSBSim model of {aircraft.name}", problems)
     leaves = {name: extend_linearly(leaf, reach) for name, leaf in leaves.items()}

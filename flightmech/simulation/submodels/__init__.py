@@ -60,6 +60,7 @@ _MODULE_OF_GROUP = {
     "tanks": fuel,
     "tank": fuel,
     "feed": fuel,
+    "transfer": fuel,
 }
 
 

@@ -45,7 +45,9 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     for number, engine in enumerate(aircraft.engines, 1):
         feeds += [f"{number}.{tank}" for tank in (*engine.feed, *engine.crossfeed)]
     tanks = tuple(tank.name for tank in aircraft.fuel.tanks)
-    return {"fuel": (), "tanks": ("",), "tank": tanks, "feed": tuple(feeds)}
+    transfers = tuple(transfer.item for transfer in aircraft.fuel.transfers)
+    names = {"tanks": ("",), "tank": tanks, "feed": tuple(feeds), "transfer": transfers}
+    return {"fuel": (), **names}
 
 
 def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
@@ -56,6 +58,8 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Cata
         return _tank_row(kind, item, name, fuel=fuel)
     if group == "feed":
         return _feed_row(item, name, aircraft)
+    if group == "transfer":
+        return _transfer_row(kind, item, name, fuel=fuel)
     if kind == INPUT:
         return make_vocabulary_row(name, word, low=0.0, high=1.0)
     if kind == PARAMETER and name == "init.fuel":
@@ -101,6 +105,29 @@ def _feed_row(item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     text = f"engine{number} draws from tank {tank}: 0 never, 1 always, 2 with the cross-feed open"
     value = _ALWAYS if tank in aircraft.engines[int(number) - 1].feed else _CROSSED
     return make_row(name, "1", text, value=value, low=0.0, high=2.0, flags=INTEGER)
+
+
+def _transfer_row(kind: int, item: str, name: str, fuel: Fuel) -> CatalogueEntry:
+    """Return the row of a pump, such as ``tip.left`` from tank tip to tank left."""
+    word = name.rsplit(".", 1)[-1]
+    transfer = next(transfer for transfer in fuel.transfers if transfer.item == item)
+    ends = f"from tank {transfer.source} to tank {transfer.target}"
+    if kind == INPUT:
+        value = 1.0 if transfer.on else 0.0
+        text = f"pump {ends}, 0 off, 1 on"
+        return make_vocabulary_row(name, word, text, value=value, low=0.0, high=1.0)
+    if kind != PARAMETER:
+        return make_row(name, "kg s-1", f"flow of the pump {ends}", display_units="lb/h")
+    value = getattr(transfer, word)
+    if word == "rate":
+        text = f"flow of the pump {ends} while no limit reduces it"
+        return make_row(name, "kg s-1", text, display_units="lb/h", value=value, low=0.0)
+    texts = {
+        "leave": f"fuel of tank {transfer.source} that the pump does not reach",
+        "fill": f"content of tank {transfer.target} at which the float valve is shut",
+        "band": f"fuel over which the pump {ends} runs dry or its float valve shuts",
+    }
+    return make_row(name, "kg", texts[word], display_units="lb", value=value, low=0.0)
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:

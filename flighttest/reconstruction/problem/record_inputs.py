@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.air import pressure_altitude
+from flightmech.aircraft.aircraft import tanks_of, with_contents
 from flightmech.errors import OutOfRange
 from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
 from flighttest.records.readers.name_map import latitude_problem
@@ -97,7 +98,7 @@ class RecordInputs:
         repeated = {"q_c", *SPEEDS} - {self.air.channel}
         self.measured = tuple(name for name in MEASURED if name not in repeated)
         self.vanes = tuple(name for name in VANES if self.can_use(name))
-        default = dict(zip("xyz", aircraft.cg, strict=True))
+        default = dict(zip("xyz", self._expected_cg(aircraft), strict=True))
         self.cg = np.array([self.mean(f"{axis}_cg_b", default[axis]) for axis in "xyz"])
 
     def can_use(self, *names: str) -> bool:
@@ -110,6 +111,17 @@ class RecordInputs:
             return float(default)
         _, values = self.channels.get(name)
         return float(np.mean(values))
+
+    def _expected_cg(self, aircraft: Any) -> Sequence[float]:
+        """Return the c.g. of the aircraft with the mean of the recorded contents of its tanks (3,).
+        [m]
+        """
+        contents = {}
+        for tank in tanks_of(aircraft):
+            mean = self.mean(f"tank.{tank.name}.fuel", tank.content)
+            # a gauge may show a little more than full
+            contents[tank.name] = min(max(mean, 0.0), tank.capacity)
+        return with_contents(aircraft, contents).cg if contents else aircraft.cg
 
     def resample(self, name: str) -> np.ndarray:
         """Return a channel on the clock of the path (N,)."""

@@ -40,25 +40,25 @@ static int control_of(const char *circuit) {
     return -1;
 }
 
-/* The ends of a feed from its name, such as 1.left: number of an engine and name of a tank. */
-static bool find_ends(am_model *m, uint32_t feed) {
-    const char *name = m->item[G_FEED][feed];
-    const char *tank = strchr(name, '.');
-    if (!tank) return false;
-    const size_t length = (size_t)(tank - name);
-    bool engine = false;
-    for (uint32_t i = 0; i < m->items[G_ENGINE]; i++) {
-        const char *number = m->item[G_ENGINE][i];
-        if (strlen(number) != length || strncmp(number, name, length) != 0) continue;
-        m->feed_engine[feed] = i;
-        engine = true;
-    }
-    for (uint32_t i = 0; i < m->items[G_TANK]; i++) {
-        if (strcmp(m->item[G_TANK][i], tank + 1) != 0) continue;
-        m->feed_tank[feed] = i;
-        return engine;
+/* The item of a group that has this name of `length` characters; false when there is none. */
+static bool find_item(const am_model *m, int group, const char *name, size_t length,
+                      uint32_t *item) {
+    for (uint32_t i = 0; i < m->items[group]; i++) {
+        const char *known = m->item[group][i];
+        if (strlen(known) != length || strncmp(known, name, length) != 0) continue;
+        *item = i;
+        return true;
     }
     return false;
+}
+
+/* The ends of a feed or transfer from its name: an engine or tank, a dot, and a tank. */
+static bool find_ends(const am_model *m, const char *name, int group, uint32_t *first,
+                      uint32_t *tank) {
+    const char *dot = strchr(name, '.');
+    if (!dot) return false;
+    return find_item(m, group, name, (size_t)(dot - name), first)
+           && find_item(m, G_TANK, dot + 1, strlen(dot + 1), tank);
 }
 
 static bool read_feeds(reader *r) {
@@ -69,9 +69,17 @@ static bool read_feeds(reader *r) {
                                "without fuel");
     }
     for (uint32_t i = 0; i < m->items[G_FEED]; i++) {
-        if (!find_ends(m, i)) {
+        const char *name = m->item[G_FEED][i];
+        if (!find_ends(m, name, G_ENGINE, &m->feed_engine[i], &m->feed_tank[i])) {
             return refuse_block(r, "model block: feed %s leads from no tank, or to no engine",
-                                m->item[G_FEED][i]);
+                                name);
+        }
+    }
+    for (uint32_t i = 0; i < m->items[G_TRANSFER]; i++) {
+        const char *name = m->item[G_TRANSFER][i];
+        if (!find_ends(m, name, G_TANK, &m->from_tank[i], &m->to_tank[i])) {
+            return refuse_block(r, "model block: transfer %s leads from no tank, or to no tank",
+                                name);
         }
     }
     return true;

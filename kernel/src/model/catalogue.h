@@ -271,7 +271,8 @@ enum {
     G(G_ENVELOPE, ENVELOPE, "envelope") \
     G(G_TANKS, TANKS, "tanks") \
     G(G_TANK, TANK, "tank") \
-    G(G_FEED, FEED, "feed")
+    G(G_FEED, FEED, "feed") \
+    G(G_TRANSFER, TRANSFER, "transfer")
 
 #define AM_GROUP_ENUM(group, lists, word) group,
 enum { AM_GROUP_LIST(AM_GROUP_ENUM) GROUPS };
@@ -309,6 +310,7 @@ AM_ITEM_CODES(ENVELOPE)
 AM_ITEM_CODES(TANKS)
 AM_ITEM_CODES(TANK)
 AM_ITEM_CODES(FEED)
+AM_ITEM_CODES(TRANSFER)
 #undef AM_ITEM_CODES
 #undef AM_CODES
 #undef AM_ENUM_STAGED

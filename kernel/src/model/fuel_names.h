@@ -1,7 +1,7 @@
 /* Fuel, names: what is in the tanks and what it does to mass, centre of gravity and inertia.
- * Group fuel has one state for all fuel.  Groups tanks (all of them), tank (each) and feed (from a
- * tank to an engine, item 1.NAME) have one for each tank.  An aircraft has the first or the
- * others. */
+ * Group fuel has one state for all fuel.  Groups tanks (all of them), tank (each), feed (from a
+ * tank to an engine, item 1.NAME) and transfer (from a tank to a tank, item FROM.TO) have one for
+ * each tank.  An aircraft has the first or the others. */
 #ifndef AEROMATCH_FUEL_NAMES_H
 #define AEROMATCH_FUEL_NAMES_H
 
@@ -73,13 +73,28 @@
 #define AM_FEED_VARIABLES(X)
 #define AM_FEED_TARGETS(X)
 
+#define AM_TRANSFER_INPUTS(X) \
+    X(U_TRANSFER, "transfer.*.pump")
+#define AM_TRANSFER_OUTPUTS(X) \
+    X(Y_TRANSFER, "transfer.*.flow")
+#define AM_TRANSFER_PARAMETERS(X) \
+    X(P_TRANSFER_RATE, "transfer.*.rate") \
+    X(P_TRANSFER_LEAVE, "transfer.*.leave") \
+    X(P_TRANSFER_FILL, "transfer.*.fill") \
+    X(P_TRANSFER_BAND, "transfer.*.band")
+#define AM_TRANSFER_STATES(X)
+#define AM_TRANSFER_VARIABLES(X)
+#define AM_TRANSFER_TARGETS(X)
+
 #define D_PER_FUEL 9   /* first and second moments of the fuel at the start */
 #define D_PER_TANKS 10 /* those of the fuel that is part of mass.*, and its mass */
 #define D_PER_TANK 0
 #define D_PER_FEED 0
+#define D_PER_TRANSFER 0
 #define W_PER_FUEL 0
 enum { W_FUEL, W_PER_TANKS }; /* in all tanks */
 #define W_PER_TANK 0
 #define W_PER_FEED 0
+enum { W_TRANSFER, W_PER_TRANSFER }; /* flow [kg s-1] */
 
 #endif

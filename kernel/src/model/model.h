@@ -152,6 +152,7 @@ struct am_model {
     const char *item[GROUPS][MAX_ITEMS];
     int control[MAX_ITEMS]; /* that each circuit moves: U_DELTA_E ... U_DELTA_R, -1 none */
     uint32_t feed_engine[MAX_ITEMS], feed_tank[MAX_ITEMS]; /* the ends of each feed */
+    uint32_t from_tank[MAX_ITEMS], to_tank[MAX_ITEMS];     /* and of each transfer */
     uint32_t *variable;     /* code of each catalogued variable */
     axis_t *axis;
     cell_t *cell;

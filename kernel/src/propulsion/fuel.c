@@ -159,7 +159,8 @@ static int tanks_check(am_sim *sim) {
             return bad_parameter(sim, first + code, "between zero and the capacity of the tank");
         }
     }
-    const int status = feeds_check(sim);
+    int status = feeds_check(sim);
+    if (status == AM_OK) status = transfers_check(sim);
     if (status != AM_OK) return status;
     double *start = memory_of(sim, G_TANKS, 0);
     list_contents(sim, P_TANK_WEIGHED, held);
@@ -236,5 +237,8 @@ void fuel_outputs(const flight_t *sim, real *y) {
     mass_outputs(&sim->now, work_of(sim, G_TANKS, 0)[W_FUEL], output_of(sim, y, G_TANKS, 0));
     for (uint32_t i = 0; i < items(m, G_TANK); i++) {
         output_of(sim, y, G_TANK, i)[Y_TANK] = in_tank(sim, sim->x, i);
+    }
+    for (uint32_t i = 0; i < items(m, G_TRANSFER); i++) {
+        output_of(sim, y, G_TRANSFER, i)[Y_TRANSFER] = work_of(sim, G_TRANSFER, i)[W_TRANSFER];
     }
 }

@@ -15,6 +15,8 @@ import xarray as xr
 import aerodb
 import flightmech
 from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.propulsion.fuel_transfer import Transfer
+from flightmech.errors import SchemaError
 from flightmech.terms import make_term
 from flightmech.units import FOOT, POUND, SLUG
 
@@ -125,6 +127,64 @@ def test_written_tanks_are_read_again(cessna, tmp_path):
         assert tank.position == pytest.approx(before.position, abs=1e-12)
         assert (tank.capacity, tank.content) == pytest.approx((before.capacity, before.content))
     assert [tank.order for tank in again.fuel.tanks] == [2, 1]
+
+
+def test_a_crossfeed_is_refused_with_the_way_out(cessna, tmp_path):
+    craft = loaded(cessna)
+    engine = replace(craft.engines[0], feed=("left",), crossfeed=("right",))
+    craft = replace(craft, engines=(engine,))
+    with pytest.raises(SchemaError, match="engine 1: the cross-feed from right has no form in JSB"):
+        aerodb.exchange.export_jsbsim(database(craft), tmp_path / "c.xml", craft)
+
+
+PUMPED = """
+import json, jsbsim, sys
+f = jsbsim.FGFDMExec(None)
+f.set_debug_level(0)
+f.set_aircraft_path(sys.argv[1])
+f.load_model("c")
+f.set_dt(0.005)
+f["ic/h-sl-ft"], f["ic/vc-kts"] = 3000, 95
+f.run_ic()
+names = [f"propulsion/tank[{k}]/contents-lbs" for k in range(2)]
+found = []
+for k in range(1600):
+    f["fcs/transfer-left-right-on"] = 0 if k < 400 else 1
+    f.run()
+    found.append([f["simulation/sim-time-sec"], *(f[name] for name in names)])
+print("FLIGHT" + json.dumps(found))
+"""
+
+
+def test_jsbsim_moves_fuel_as_the_pump_does(cessna, tmp_path):
+    """The engine is off; JSBSim's steps against the exponential of the float valve, and the sum."""
+    pump = Transfer("left", "right", rate=1.5, fill=6.0, band=3.0)
+    craft = loaded(cessna)
+    craft = replace(craft, fuel=replace(craft.fuel, transfers=(pump,)))
+    folder = tmp_path / "c"
+    folder.mkdir()
+    aerodb.exchange.export_jsbsim(database(craft), folder / "c.xml", craft)
+    run = subprocess.run(
+        [sys.executable, "-c", PUMPED, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    line = next(row for row in run.stdout.splitlines() if row.startswith("FLIGHT"))
+    _, left, right = np.array(json.loads(line.removeprefix("FLIGHT"))).T
+    right *= POUND
+    np.testing.assert_allclose(left * POUND + right, 62.0, rtol=1e-12)
+    assert np.all(right[:399] == right[0])
+    # Euler's rule, as JSBSim has it: full flow from 2 to 3 kg, then the valve shuts over 3 kg
+    steps = np.arange(right.size - 400)
+    exact = np.empty(steps.size)
+    held = 2.0
+    for step in steps:
+        held += 0.005 * 1.5 * min(1.0, (6.0 - held) / 3.0)
+        exact[step] = held
+    np.testing.assert_allclose(right[400:], exact, rtol=1e-6)
+    assert right[-1] > 5.4
 
 
 FLIGHT = """

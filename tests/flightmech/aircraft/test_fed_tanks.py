@@ -11,6 +11,7 @@ import pytest
 
 import flightmech
 from flightmech.aircraft.aircraft_file import aircraft_schema
+from flightmech.aircraft.propulsion.fuel_transfer import Transfer
 from flightmech.errors import AeromatchWarning, SchemaError
 
 # the engines of the file have no tables
@@ -106,6 +107,75 @@ def test_parts_of_the_fuel_take_the_feeds_along(file):
     assert flightmech.aircraft.different_parts(fed, other) == ["fuel/load"]
     mixed = flightmech.aircraft.swap_parts(other, fed, ["fuel/load"])
     assert mixed.engines[0].crossfeed == ("right",)
+
+
+PUMPS = """transfer = [
+    { source = "tip", target = "right", rate = "360 kg/h", on = true },
+    { source = "left", target = "right", rate = 0.2, leave = "10 kg", fill = 180, band = 2.5 },
+]
+"""
+
+
+def test_pumps_between_tanks_are_read_and_written_again(file, tmp_path):
+    """Without limits the pump fills the target, over what it moves in a second."""
+    path = file(('feed = ["right", "tip"]', 'feed = ["right"]'))
+    path.write_text(path.read_text() + PUMPS)
+    aircraft = flightmech.read_aircraft(path)
+    assert aircraft.fuel.transfers == (
+        Transfer("tip", "right", 0.1, fill=200.0, band=0.1, on=True),
+        Transfer("left", "right", 0.2, fill=180.0, band=2.5, leave=10.0),
+    )
+    again = flightmech.read_aircraft(flightmech.write_aircraft(aircraft, tmp_path / "again.toml"))
+    assert again == aircraft
+    small = flightmech.aircraft.rescale(aircraft, 0.25).fuel.transfers[1]
+    # a mass over a time: the cube of the length over its root
+    assert (small.rate, small.fill, small.leave) == pytest.approx((0.2 / 32, 180 / 64, 10 / 64))
+    jsonschema.validate(tomllib.loads(path.read_text()), aircraft_schema())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('source = "tip"', 'source = "tpi"', "'tpi' is not a tank; allowed: left, right, tip"),
+        ('source = "tip"', 'source = "right"', "source and target are the same tank; give two"),
+        ('"360 kg/h"', "0.0", "transfer tip.right: the rate is 0 kg/s; give a positive flow"),
+        ('"360 kg/h"', "nan", "rate: input should be a finite number; found nan"),
+        ('"10 kg"', "201.0", "leave is 201 kg; give zero to the capacity of the source, 200 kg"),
+        ("180,", "201,", "fill is 201 kg; give more than zero and at most the capacity of the ta"),
+        ("2.5 }", "0.01 }", "band is 0.01 kg; give at least what the pump moves in 0.1 s, 0.02 kg"),
+        ('source = "left"', 'source = "tip"', "transfer tip.right is there twice; give the pumps"),
+        ('target = "right", rate = "', 'target = "tip", rate = "', "the same tank"),
+    ],
+)
+def test_pumps_without_meaning_are_refused(file, old, new, message):
+    path = file()
+    text = path.read_text() + PUMPS
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(SchemaError) as caught:
+        flightmech.read_aircraft(path)
+    assert message in str(caught.value)
+
+
+def test_pumps_of_tanks_that_feed_no_engine_are_refused(file):
+    feeds = [
+        ('feed = ["left"]\ncrossfeed = ["right"]\n', ""),
+        ('feed = ["right", "tip"]\ncrossfeed = ["left"]\n', ""),
+        *[(f', content = "{mass} kg"', "") for mass in (150, 130, 20)],
+    ]
+    path = file(*feeds)
+    path.write_text(path.read_text() + PUMPS)
+    with pytest.raises(SchemaError, match="transfer needs engines that state what feeds them"):
+        flightmech.read_aircraft(path)
+
+
+def test_a_tank_that_is_pumped_to_none_that_feeds_is_refused(file):
+    path = file(('feed = ["right", "tip"]', 'feed = ["right"]'))
+    path.write_text(
+        path.read_text() + PUMPS.replace('"tip", target = "right"', '"right", target = "tip"')
+    )
+    with pytest.raises(SchemaError, match="tank tip feeds no engine; name it in a feed or"):
+        flightmech.read_aircraft(path)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ import flightmech
 from flightmech.aircraft import Engine
 from flightmech.aircraft.aircraft import inertia_tensor
 from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.propulsion.fuel_transfer import Transfer
 from flightmech.units import G0
 
 TANKS = (
@@ -50,6 +53,23 @@ def test_controls_hold_the_wings_level_against_an_imbalance(sim):
 def test_equal_tanks_need_no_aileron(sim):
     y = flightmech.trim(sim, LEVEL)
     assert abs(float(y["trim.delta_a"])) < 1e-12
+
+
+def test_a_float_valve_that_shuts_is_a_slope_of_the_linear_model(craft, plain):
+    """Rate (fill - m) / band into the right tank: its slope, and none where the pump is at full
+    flow.
+    """
+    pump = Transfer("left", "right", rate=0.5, fill=40.0, band=30.0, on=True)
+    sim = plain(replace(craft, fuel=replace(craft.fuel, transfers=(pump,))))
+    tanks = ("tank.left.fuel", "tank.right.fuel")
+    states = ("V", "alpha", "q", "theta", "beta", "p", "r", "phi", *tanks)
+    found = flightmech.linearize(sim, LEVEL | LOADS, states=states)
+    A = found["A"].sel(state=list(tanks), state_=list(tanks)).values
+    np.testing.assert_allclose(A, 0.5 / 30.0 * np.array([[0.0, 1.0], [0.0, -1.0]]), atol=1e-9)
+    assert float(found["x_dot"].sel(state=tanks[1])) == pytest.approx(0.5 * 20.0 / 30.0, rel=1e-12)
+    full = LEVEL | {"init.tank.left.fuel": 195.0, "init.tank.right.fuel": 5.0}
+    flat = flightmech.linearize(sim, full, states=states)
+    assert np.all(flat["A"].sel(state=list(tanks), state_=list(tanks)).values == 0.0)
 
 
 def test_a_kilogram_in_a_tank_rolls_as_its_weight_does(sim, craft):

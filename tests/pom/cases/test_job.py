@@ -246,3 +246,59 @@ def test_a_case_holds_a_control_that_only_the_tables_know(write_case, tmp_path, 
     assert set(found.inputs["device.ice.setting"]) == {1.0}
     # a model without ice cannot fly the case
     assert "device.ice.setting" in found.needed_inputs
+
+
+TANKS = """
+name = "two_tanks"
+S = 17.0
+cbar = 1.67
+b = 10.3
+mass = 2300.0
+Ixx = 10800.0
+Iyy = 8100.0
+Izz = 15100.0
+
+[[engine]]
+position = [-0.3, 0.0, 0.1]
+feed = ["left", "right"]
+
+[fuel]
+mass = 300.0
+tank = [
+    { name = "left", position = [0.0, -2.0, 0.0], capacity = 200.0, content = 150.0 },
+    { name = "right", position = [0.0, 2.0, 0.0], capacity = 200.0, content = 150.0 },
+]
+"""
+
+
+@pytest.mark.filterwarnings("ignore:.*burns no fuel")
+def test_recorded_contents_start_the_tanks_and_recorded_valves_move(write_case, tmp_path, rolling):
+    """Mass and c.g. of the record hold with the contents; the inertia follows the aircraft file."""
+    (tmp_path / "tanks.toml").write_text(TANKS)
+    path = write_case(case='aircraft = "tanks.toml"')
+    path.write_text(
+        path.read_text().replace('engine = "thrust"', 'engine = "n1"\n[conditions]\ncrossfeed = 1')
+    )
+    t = rolling["time"].values
+    recorded = {
+        "tank.left.fuel": ("time", 100.0 - 0.1 * t),
+        "tank.right.fuel": ("time", 201.0 + 0.0 * t),
+        "tank.left.cutoff": ("time", np.where(t < 5.0, 0.0, 1.0)),
+        "transfer.left.right.pump": ("time", np.where(t < 2.0, 0.0, 1.0)),
+        "mass": ("time", 2250.0 + 0.0 * t),
+    }
+    found = job_of(read_case(path), rolling.assign(recorded))
+    p = found.parameters
+    assert (p["init.tank.left.fuel"], p["init.tank.right.fuel"]) == (100.0, 200.0)
+    assert (p["mass.tank.left.fuel"], p["mass.mass"], p["mass.x_cg_b"]) == (100.0, 2250.0, 0.1)
+    # 300 kg at 2 m before and after, about a c.g. that moved to the right
+    shift = 2.0 * (200.0 - 100.0) / 2300.0
+    assert p["mass.Ixx"] == pytest.approx(10800.0 - 2300.0 * shift**2, rel=1e-12)
+    assert p["mass.Iyy"] == pytest.approx(8100.0, rel=1e-12)
+    assert found.inputs["tank.left.cutoff"].sum() == 50
+    assert found.inputs["transfer.left.right.pump"].sum() == 80
+    assert set(found.inputs["crossfeed"]) == {1.0}
+    assert {"crossfeed", "tank.left.cutoff", "transfer.left.right.pump"} <= set(found.needed_inputs)
+    alone = job_of(read_case(path), rolling)
+    assert not any("tank" in name for name in alone.parameters)
+    assert "mass.Ixx" not in alone.parameters

@@ -15,12 +15,7 @@ import numpy as np
 
 from aerodb.exchange.jsbsim.metrics import LENGTH_UNITS, MASS_UNITS, unit_of_element
 from aerodb.exchange.xml_reader import Element
-from flightmech.aircraft.aircraft import (
-    Aircraft,
-    inertia_fields,
-    inertia_tensor,
-    point_inertia,
-)
+from flightmech.aircraft.aircraft import Aircraft, with_contents
 from flightmech.aircraft.engine import Engine
 from flightmech.aircraft.fuel import Fuel, Tank, check_feeds
 from flightmech.errors import SchemaError
@@ -138,22 +133,8 @@ def _remarks(engines: Sequence[Engine], fuel: Fuel) -> Iterator[str]:
 def without_fuel(aircraft: Aircraft) -> Aircraft:
     """Return the aircraft with its tanks empty: mass, c.g. and inertia about it."""
     assert aircraft.fuel is not None, "only aircraft with tanks are emptied"
-    mass, moment = aircraft.mass, aircraft.mass * np.array(aircraft.cg)
-    J = inertia_tensor(aircraft) + point_inertia(mass, np.array(aircraft.cg))
-    for tank in aircraft.fuel.tanks:
-        position = np.array(tank.position)
-        mass -= tank.content
-        moment -= tank.content * position
-        J -= point_inertia(tank.content, position)
-    x, y, z = (float(value) for value in moment / mass)
-    J -= point_inertia(mass, np.array([x, y, z]))
-    return replace(
-        aircraft,
-        mass=mass,
-        cg=(x, y, z),
-        **inertia_fields(J),
-        fuel=None,
-    )
+    empty = with_contents(aircraft, {tank.name: 0.0 for tank in aircraft.fuel.tanks})
+    return replace(empty, fuel=None)
 
 
 def write_feeds(element: ET.Element, engine: Engine, fuel: Fuel) -> None:

@@ -24,6 +24,7 @@ from flighttest.reconstruction.quality.engines.engine_sides import side_findings
 from flighttest.reconstruction.quality.engines.fuel import fuel_findings
 from flighttest.reconstruction.quality.engines.lever_roles import role_findings
 from flighttest.reconstruction.quality.engines.table_ranges import range_findings
+from flighttest.reconstruction.quality.engines.tanks import tank_findings
 from flighttest.reconstruction.quality.engines.usual_readings import (
     growing_findings,
     manifold_findings,
@@ -96,7 +97,7 @@ def engine_findings(
     """
     findings: list[Finding] = []
     unchecked: Unchecked = []
-    for check in (thrust_findings, shaft_findings, side_findings, fuel_findings):
+    for check in (thrust_findings, shaft_findings, side_findings, fuel_findings, tank_findings):
         found, reasons = check(signals, aircraft)
         findings += found
         unchecked += reasons

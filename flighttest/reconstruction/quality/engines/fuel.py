@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flightmech.air import P_SEA, T_SEA
-from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft import Aircraft, tanks_of
 from flightmech.aircraft.engine import Engine, list_leaves
 from flightmech.terms import evaluate_term
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
@@ -47,6 +47,7 @@ _AGREE = 1.3  # largest quotient of two ratios that say the same
 _SIGMAS = 2.0  # standard errors on a ratio
 _TANKS = {"fuel": -1.0, "fuel_used": 1.0, "mass": -1.0}  # sign of their change over the fuel burned
 _TABLES = "tables"
+_SUM = "the sum of the tanks"
 _KNOWN = 0.1  # largest standard error of the fuel that left over the fuel burned
 _BLOCKS = 8  # of the jackknife
 _FEWEST = 50  # samples
@@ -63,6 +64,14 @@ class _UnitMistake(NamedTuple):
     is_certain: bool
 
 
+class _Amount(NamedTuple):
+    """What shows the fuel that left."""
+
+    left: np.ndarray  # rises with the fuel that left (time,) [kg]
+    recorded: np.ndarray  # where it is recorded (time,)
+    channels: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class _FlowRatio:
     """Recorded flow over the one that a reference shows, with its standard error [1]."""
@@ -70,6 +79,7 @@ class _FlowRatio:
     reference: str  # a tank, or the tables
     value: float
     stderr: float
+    channels: tuple[str, ...] = ()  # of the reference
 
     @property
     def usual(self) -> bool:
@@ -116,8 +126,8 @@ def fuel_findings(
         return [], []
     if len(names) == len(aircraft.engines):
         ratios = []
-        for tank in _TANKS:
-            ratio = _burned_over_lost(signals, names, tank)
+        for reference, amount in _amounts(signals, aircraft).items():
+            ratio = _burned_over_lost(signals, names, reference, amount)
             if ratio is not None:
                 ratios.append(ratio)
         if ratios:
@@ -251,32 +261,53 @@ def _both_sides(
         f"compare {', '.join((*suspects, *names))} with the instruments; correct unit or column"
     )
     # a flow that a reference confirms is the lesser suspect
-    channels = (*suspects, *names) if trusted else (*names, *suspects)
+    suspected = [name for ratio in unusual for name in ratio.channels]
+    channels = (*suspected, *names) if trusted else (*names, *suspected)
     evidence = {ratio.reference: ratio.value for ratio in ratios}
     return Finding("warning", kind, channels, text, remedy, evidence=evidence)
 
 
-def _burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -> _FlowRatio | None:
+def _amounts(signals: ResampledChannels, aircraft: Aircraft) -> dict[str, _Amount]:
+    """Return what shows the fuel that left, by the name of the reference."""
+    amounts = {}
+    for name, sign in _TANKS.items():
+        if name in signals:
+            amounts[name] = _Amount(sign * signals[name], signals.good[name], (name,))
+    contents = [f"tank.{tank.name}.fuel" for tank in tanks_of(aircraft)]
+    # pumps and a cross-feed move fuel between the tanks, but not their sum
+    if contents and all(name in signals for name in contents):
+        total = np.sum([signals[name] for name in contents], axis=0)
+        good = np.logical_and.reduce([signals.good[name] for name in contents])
+        amounts[_SUM] = _Amount(-total, good, tuple(contents))
+    return amounts
+
+
+def _burned_over_lost(
+    signals: ResampledChannels,
+    names: list[str],
+    reference: str,
+    amount: _Amount,
+) -> _FlowRatio | None:
     """Return the fuel that was burned over the fuel that left; None if nothing shows it.
 
-    The tank is a straight line over the time integral of the flow.
+    The amount that left is a straight line over the time integral of the flow.
     """
-    if tank not in signals or not np.ptp(signals[tank]) > 0.0:
+    if not np.ptp(amount.left) > 0.0:
         return None
-    good = np.logical_and.reduce([signals.good[name] for name in (tank, *names)])
+    good = np.logical_and.reduce([amount.recorded, *(signals.good[name] for name in names)])
     if good.sum() < _FEWEST:
         return None
     flow = np.sum([signals[name] for name in names], axis=0)
     burned = np.cumsum(flow) * signals.step
     X = np.stack([burned, np.ones_like(burned)], axis=1)[good]
-    y = _TANKS[tank] * signals[tank][good]
+    y = amount.left[good]
     if not np.std(X[:, 0]) > 0.0:
         return None
     lost = first_coefficient(X, y)
     error = _stderr(lambda rows: first_coefficient(X[rows], y[rows]), len(y))
     if not lost > 0.0 or not error < _KNOWN * lost:
         return None
-    return _FlowRatio(tank, 1.0 / lost, error / lost**2)
+    return _FlowRatio(reference, 1.0 / lost, error / lost**2, amount.channels)
 
 
 def _stderr(estimate: Callable[[np.ndarray], float], samples: int) -> float:

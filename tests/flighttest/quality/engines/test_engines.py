@@ -10,6 +10,7 @@ import xarray as xr
 
 import flightmech
 import flighttest
+from flightmech.aircraft.fuel import Fuel, Tank
 from flightmech.units import POUND_FORCE
 from flighttest.reconstruction.quality.checks.samples import faults_of
 from flighttest.reconstruction.quality.checks.signals import resample_channels
@@ -20,6 +21,7 @@ from flighttest.reconstruction.quality.engines.engines import (
     thrust_findings,
 )
 from flighttest.reconstruction.quality.engines.fuel import fuel_findings
+from flighttest.reconstruction.quality.engines.tanks import tank_findings
 
 T37 = Path(__file__).parents[4] / "data" / "t37"
 THRUSTS = ("engine1.thrust", "engine2.thrust")
@@ -339,6 +341,52 @@ def test_one_engine_alone_in_pounds_is_named(signals, aircraft):
     assert "alone" not in finding.text
 
 
+def tanked(signals, aircraft, factor):
+    """Return the aircraft with two tanks, and a record of 60 kg that moves from one to the other
+    while 0.1 kg/s are burned; contents times a factor.
+    """
+    tanks = tuple(
+        Tank((0.0, y, 0.0), 500.0, name=name, content=450.0)
+        for name, y in (("left", -2.0), ("right", 2.0))
+    )
+    engines = tuple(replace(engine, feed=("left", "right")) for engine in aircraft.engines)
+    craft = replace(aircraft, engines=engines, fuel=Fuel(900.0, tanks=tanks))
+    run = (signals.time - signals.time[0]) / np.ptp(signals.time)
+    burned = 0.1 * (signals.time - signals.time[0])
+    contents = {
+        "tank.left.fuel": factor * (450.0 - 60.0 * run - 0.3 * burned),
+        "tank.right.fuel": factor * (430.0 + 60.0 * run - 0.7 * burned),
+    }
+    for name in contents:
+        signals.good.setdefault(name, np.ones(burned.shape, bool))
+    return signals.with_values(contents), craft
+
+
+def test_the_sum_of_the_tanks_shows_the_fuel_that_left(signals, aircraft):
+    """A transfer between the tanks is not burned."""
+    flown, craft = tanked(burning(signals, 1.0), aircraft, 1.0)
+    assert fuel_findings(flown.without(["mass"]), craft) == ([], [])
+    assert tank_findings(flown, craft) == ([], [])
+    wrong, _ = tanked(burning(signals, 1.0), aircraft, 2.2046)
+    (finding,), _ = fuel_findings(wrong, craft)
+    assert finding.channels[:2] == ("tank.left.fuel", "tank.right.fuel")
+    assert "the sum of the tanks in lb and taken as kg; the flow agrees with mass" in finding.text
+
+
+def test_contents_are_compared_with_capacity_and_fuel_on_board(signals, aircraft):
+    flown, craft = tanked(burning(signals, 1.0, fuel=0.0), aircraft, 2.2046)
+    found, _ = tank_findings(flown.with_values({"fuel": 880.0 + 0.0 * flown.time}), craft)
+    assert [finding.channels[0] for finding in found] == ["tank.left.fuel", "tank.right.fuel"] + [
+        "tank.left.fuel"
+    ]
+    assert "reaches 992.1 kg, and the tank holds 500 kg, as if the contents were" in found[0].text
+    assert "times fuel, as if the contents were in lb and taken as kg" in found[2].text
+    half, _ = tanked(burning(signals, 1.0, fuel=0.0), aircraft, 1.0)
+    (finding,), _ = tank_findings(half.with_values({"fuel": 500.0 + 0.0 * flown.time}), craft)
+    assert "times fuel" in finding.text
+    assert "as if" not in finding.text
+
+
 def test_fuel_on_board_alone_leaves_both_sides_open(signals, aircraft):
     """Nothing else shows whether the flow or the fuel is in another unit."""
     alone = burning(signals, 1.0, 2.2046).without(["mass"])
@@ -361,7 +409,7 @@ def test_fuel_flow_against_the_tables_of_the_engine(signals, aircraft, factor, c
         deck = SimpleNamespace(tables={"fuel_flow": table})
         engines.append(SimpleNamespace(deck=deck, propeller=None, piston=None, motor=None))
         engines[-1].thrust = engine.thrust
-    tabled = SimpleNamespace(engines=engines)
+    tabled = SimpleNamespace(engines=engines, fuel=None)
     channels = {"mass": np.full(signals.time.shape, 3000.0)}
     for number in (1, 2):
         flow = np.interp(signals[f"engine{number}.n2"], [0.5, 1.0], [0.02, 0.2])
