@@ -291,7 +291,7 @@ def _recorded_over_table(
     recorded, table = np.zeros(signals.time.shape), np.zeros(signals.time.shape)
     good = signals.flying.copy()
     for number, engine in engines.items():
-        at = _engine_channels(full, number)
+        at = engine_channels(full, number)
         flow = _table_flow(engine, at)
         if flow is None:
             return None
@@ -309,7 +309,7 @@ def _recorded_over_table(
     return _FlowRatio(_TABLES, value, error)
 
 
-def _engine_channels(full: ResampledChannels, number: int) -> dict[str, np.ndarray]:
+def engine_channels(full: ResampledChannels, number: int) -> dict[str, np.ndarray]:
     """Return the channels of an engine and of the flight by the names of tables, SI."""
     at: dict[str, np.ndarray] = {}
     for name, values in full.values.items():
