@@ -22,6 +22,7 @@ from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.air_temperature import first_coefficient
 from flighttest.reconstruction.quality.engines.engine_sides import side_findings
 from flighttest.reconstruction.quality.engines.fuel import fuel_findings
+from flighttest.reconstruction.quality.engines.fuel_on_board import tank_findings
 from flighttest.reconstruction.quality.engines.lever_roles import role_findings
 from flighttest.reconstruction.quality.engines.table_ranges import range_findings
 from flighttest.reconstruction.quality.engines.torque import torque_findings
@@ -97,7 +98,7 @@ def engine_findings(
     """
     findings: list[Finding] = []
     unchecked: Unchecked = []
-    for check in (thrust_findings, side_findings, fuel_findings, torque_findings):
+    for check in (thrust_findings, side_findings, fuel_findings, tank_findings, torque_findings):
         found, reasons = check(signals, aircraft)
         findings += found
         unchecked += reasons

@@ -117,7 +117,7 @@ def fuel_findings(
     if len(names) == len(aircraft.engines):
         ratios = []
         for tank in _TANKS:
-            ratio = _burned_over_lost(signals, names, tank)
+            ratio = burned_over_lost(signals, names, tank)
             if ratio is not None:
                 ratios.append(ratio)
         if ratios:
@@ -256,7 +256,7 @@ def _both_sides(
     return Finding("warning", kind, channels, text, remedy, evidence=evidence)
 
 
-def _burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -> _FlowRatio | None:
+def burned_over_lost(signals: ResampledChannels, names: list[str], tank: str) -> _FlowRatio | None:
     """Return the fuel that was burned over the fuel that left; None if nothing shows it.
 
     The tank is a straight line over the time integral of the flow.
@@ -292,7 +292,7 @@ def _recorded_over_table(
     good = signals.flying.copy()
     for number, engine in engines.items():
         at = engine_channels(full, number)
-        flow = _table_flow(engine, at)
+        flow = table_flow(engine, at)
         if flow is None:
             return None
         recorded, table = recorded + at["fuel_flow"], table + flow
@@ -328,7 +328,7 @@ def engine_channels(full: ResampledChannels, number: int) -> dict[str, np.ndarra
     return at
 
 
-def _table_flow(engine: Engine, at: Mapping[str, np.ndarray]) -> np.ndarray | None:
+def table_flow(engine: Engine, at: Mapping[str, np.ndarray]) -> np.ndarray | None:
     """Return the fuel flow of the tables of an engine (time,); None if they need other channels."""
     tables = list_leaves(engine)
     for name in ("fuel_flow", "corrected_fuel_flow", "shaft_bsfc", "bsfc"):
@@ -344,5 +344,6 @@ def _table_flow(engine: Engine, at: Mapping[str, np.ndarray]) -> np.ndarray | No
                 continue
             factor = np.maximum(at["torque"] * at["rpm"], 0.0)
         value = evaluate_term(tables[name], at, outside="clamp")
-        return np.broadcast_to(factor * value, at["fuel_flow"].shape).astype(float)
+        samples = next(iter(at.values())).shape
+        return np.broadcast_to(factor * value, samples).astype(float)
     return None
