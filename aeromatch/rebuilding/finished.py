@@ -9,17 +9,21 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import sys
 import tomllib
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from glob import has_magic
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from flightmech.errors import ParseError
 from flightmech.support.input_files import file_sha256, match_files
 from flightmech.support.kept_stages.checked_files import read_checked, write_checked
 from flightmech.support.kept_stages.program import hash_arithmetic, hash_installation
+
+if sys.platform != "win32":
+    import fcntl
 
 # Letters of the longest text that is tried as the name of a file.
 _LONGEST_NAME = 1000
@@ -107,6 +111,32 @@ class Finished:
         digest = hashlib.sha256(str(self._output).encode()).hexdigest()
         self._file = store / "finished" / f"{digest[:32]}.json"
 
+    @contextmanager
+    def alone(self, announce: Callable[[], None]) -> Iterator[None]:
+        """Let one match at a time write into the output folder; another one waits for it.
+
+        Two matches with different settings would otherwise record the files of each other. After
+        the same match the waiting one finds nothing changed. Windows and file systems without locks
+        let both run.
+
+        Parameters
+        ----------
+        announce : callable
+            Called once if this match has to wait.
+        """
+        lock = None
+        with suppress(OSError):
+            self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            lock = self._file.with_suffix(".lock").open("a")
+        try:
+            if lock is not None and sys.platform != "win32":
+                _wait_for(lock, announce)
+            yield
+        finally:
+            # closing the file releases the lock, and so does the end of the process
+            if lock is not None:
+                lock.close()
+
     def read(self, watched: Watched, settings: Mapping[str, Any]) -> dict[str, Any] | None:
         """Return the output of the command that `write` stored, or None after a change.
 
@@ -168,6 +198,16 @@ class Finished:
         """Remove the record, before its output is replaced."""
         with suppress(OSError):
             self._file.unlink(missing_ok=True)
+
+
+def _wait_for(lock: IO[str], announce: Callable[[], None]) -> None:
+    """Lock a file for this process alone. Processes that it starts do not inherit the lock."""
+    with suppress(OSError):
+        try:
+            fcntl.lockf(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError):
+            announce()
+            fcntl.lockf(lock, fcntl.LOCK_EX)
 
 
 def _with_program(settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -167,7 +167,27 @@ def _carry_out_actions(project: Path, output: Path, log: Path) -> bool:
 
 def _match(request: MatchRequest, options: MatchOptions) -> None:
     """Perform a match, unless nothing changed since the last one, and print its outcome."""
-    store, command = _open_store(), command_line(without=BUILD_FLAGS)
+    store = _open_store()
+    if store is None:
+        _match_alone(request, options, None, None)
+        return
+    finished = Finished(store.folder, request.output)
+
+    def announce() -> None:
+        print_remark(f"another match writes into {request.output}; this one waits for its end")
+
+    with finished.alone(announce):
+        _match_alone(request, options, store, finished)
+
+
+def _match_alone(
+    request: MatchRequest,
+    options: MatchOptions,
+    store: StageStore | None,
+    finished: Finished | None,
+) -> None:
+    """Perform `_match`, while no other match with the store writes into the output folder."""
+    command = command_line(without=BUILD_FLAGS)
     # All inputs are hashed before the match reads them.
     watched = Watched(request.project)
     settings = {
@@ -176,7 +196,6 @@ def _match(request: MatchRequest, options: MatchOptions) -> None:
         "unplaced": request.unplaced,
         **options.decisive(),
     }
-    finished = Finished(store.folder, request.output) if store is not None else None
     summary = None
     if finished is not None and not request.fresh:
         summary = finished.read(watched, settings)

@@ -117,6 +117,7 @@ from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
     with_surfaces,
     without_surfaces,
 )
+from flighttest.reconstruction.quality.recording.gap_jumps import gap_jumps
 from flighttest.reconstruction.quality.recording.lost_samples import lost_not_checked, lost_samples
 from flighttest.reconstruction.quality.recording.offsets import (
     gyro_findings,
@@ -193,6 +194,7 @@ def assess(
     signals = resample_channels(record, faults)
     channels = channel_table(record)
     findings = clock_findings(scale) + sample_findings + lost
+    findings += gap_jumps(record, faults)
     findings += channel_findings(record, channels, specification) + staircase_findings(record)
     # mistakes of columns, signs, units and axes
     shared, wrong = column_findings(record, signals)

@@ -22,9 +22,11 @@ from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.declarations.air_temperature import first_coefficient
 from flighttest.reconstruction.quality.engines.engine_sides import side_findings
 from flighttest.reconstruction.quality.engines.fuel import fuel_findings
+from flighttest.reconstruction.quality.engines.fuel_on_board import fuel_on_board_findings
 from flighttest.reconstruction.quality.engines.lever_roles import role_findings
 from flighttest.reconstruction.quality.engines.table_ranges import range_findings
 from flighttest.reconstruction.quality.engines.tanks import tank_findings
+from flighttest.reconstruction.quality.engines.torque import torque_findings
 from flighttest.reconstruction.quality.engines.usual_readings import (
     growing_findings,
     manifold_findings,
@@ -97,10 +99,19 @@ def engine_findings(
     """
     findings: list[Finding] = []
     unchecked: Unchecked = []
-    for check in (thrust_findings, shaft_findings, side_findings, fuel_findings, tank_findings):
+    checks = (
+        thrust_findings,
+        side_findings,
+        fuel_findings,
+        fuel_on_board_findings,
+        tank_findings,
+        torque_findings,
+    )
+    for check in checks:
         found, reasons = check(signals, aircraft)
         findings += found
         unchecked += reasons
+    findings += shaft_findings(signals, aircraft)
     sizes = unusual_sizes(aircraft)
     for size in sizes:
         findings.append(Finding("warning", "unit", (size.name,), size.text, size.remedy))
@@ -149,10 +160,8 @@ def thrust_findings(
     return findings, [*unchecked, *_sides_row(signals, names, aircraft)]
 
 
-def shaft_findings(
-    signals: ResampledChannels, aircraft: Aircraft
-) -> tuple[list[Finding], Unchecked]:
-    """Return the findings on the speed of the propellers, and what was not checked.
+def shaft_findings(signals: ResampledChannels, aircraft: Aircraft) -> list[Finding]:
+    """Return the findings on the speed of the propellers.
 
     Parameters
     ----------
@@ -175,13 +184,7 @@ def shaft_findings(
             # a governor set otherwise than the aircraft file states explains a little
             severity = "error" if ratio > _OVERSPEED else "warning"
             findings.append(replace(finding, severity=severity))
-    unchecked: Unchecked = []
-    if any(engine.propeller is not None for engine in aircraft.engines):
-        names = [name for name in signals.values if name.endswith(".torque")]
-        if names:
-            reason = "no relation of the record shows it: flight engine compares it with charts"
-            unchecked.append(("shaft", "size of the torque", tuple(sorted(names)), reason))
-    return findings, unchecked
+    return findings
 
 
 def _overspeed_finding(name: str, fastest: float, propeller: Propeller) -> Finding:

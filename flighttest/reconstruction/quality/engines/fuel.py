@@ -64,7 +64,7 @@ class _UnitMistake(NamedTuple):
     is_certain: bool
 
 
-class _Amount(NamedTuple):
+class FuelAmount(NamedTuple):
     """What shows the fuel that left."""
 
     left: np.ndarray  # rises with the fuel that left (time,) [kg]
@@ -126,8 +126,8 @@ def fuel_findings(
         return [], []
     if len(names) == len(aircraft.engines):
         ratios = []
-        for reference, amount in _amounts(signals, aircraft).items():
-            ratio = _burned_over_lost(signals, names, reference, amount)
+        for reference, amount in fuel_amounts(signals, aircraft).items():
+            ratio = burned_over_lost(signals, names, reference, amount)
             if ratio is not None:
                 ratios.append(ratio)
         if ratios:
@@ -267,26 +267,26 @@ def _both_sides(
     return Finding("warning", kind, channels, text, remedy, evidence=evidence)
 
 
-def _amounts(signals: ResampledChannels, aircraft: Aircraft) -> dict[str, _Amount]:
+def fuel_amounts(signals: ResampledChannels, aircraft: Aircraft) -> dict[str, FuelAmount]:
     """Return what shows the fuel that left, by the name of the reference."""
     amounts = {}
     for name, sign in _TANKS.items():
         if name in signals:
-            amounts[name] = _Amount(sign * signals[name], signals.good[name], (name,))
+            amounts[name] = FuelAmount(sign * signals[name], signals.good[name], (name,))
     contents = [f"tank.{tank.name}.fuel" for tank in tanks_of(aircraft)]
     # pumps and a cross-feed move fuel between the tanks, but not their sum
     if contents and all(name in signals for name in contents):
         total = np.sum([signals[name] for name in contents], axis=0)
         good = np.logical_and.reduce([signals.good[name] for name in contents])
-        amounts[_SUM] = _Amount(-total, good, tuple(contents))
+        amounts[_SUM] = FuelAmount(-total, good, tuple(contents))
     return amounts
 
 
-def _burned_over_lost(
+def burned_over_lost(
     signals: ResampledChannels,
     names: list[str],
     reference: str,
-    amount: _Amount,
+    amount: FuelAmount,
 ) -> _FlowRatio | None:
     """Return the fuel that was burned over the fuel that left; None if nothing shows it.
 
@@ -322,8 +322,8 @@ def _recorded_over_table(
     recorded, table = np.zeros(signals.time.shape), np.zeros(signals.time.shape)
     good = signals.flying.copy()
     for number, engine in engines.items():
-        at = _engine_channels(full, number)
-        flow = _table_flow(engine, at)
+        at = engine_channels(full, number)
+        flow = table_flow(engine, at)
         if flow is None:
             return None
         recorded, table = recorded + at["fuel_flow"], table + flow
@@ -340,7 +340,7 @@ def _recorded_over_table(
     return _FlowRatio(_TABLES, value, error)
 
 
-def _engine_channels(full: ResampledChannels, number: int) -> dict[str, np.ndarray]:
+def engine_channels(full: ResampledChannels, number: int) -> dict[str, np.ndarray]:
     """Return the channels of an engine and of the flight by the names of tables, SI."""
     at: dict[str, np.ndarray] = {}
     for name, values in full.values.items():
@@ -359,7 +359,7 @@ def _engine_channels(full: ResampledChannels, number: int) -> dict[str, np.ndarr
     return at
 
 
-def _table_flow(engine: Engine, at: Mapping[str, np.ndarray]) -> np.ndarray | None:
+def table_flow(engine: Engine, at: Mapping[str, np.ndarray]) -> np.ndarray | None:
     """Return the fuel flow of the tables of an engine (time,); None if they need other channels."""
     tables = list_leaves(engine)
     for name in ("fuel_flow", "corrected_fuel_flow", "shaft_bsfc", "bsfc"):
@@ -375,5 +375,6 @@ def _table_flow(engine: Engine, at: Mapping[str, np.ndarray]) -> np.ndarray | No
                 continue
             factor = np.maximum(at["torque"] * at["rpm"], 0.0)
         value = evaluate_term(tables[name], at, outside="clamp")
-        return np.broadcast_to(factor * value, at["fuel_flow"].shape).astype(float)
+        samples = next(iter(at.values())).shape
+        return np.broadcast_to(factor * value, samples).astype(float)
     return None

@@ -19,11 +19,15 @@ from flighttest.reconstruction.quality.finding import Finding, map_entry
 _SHARES = ("throttle", "n1", "n2", "gear", "speedbrake", "brake", "brake_left", "brake_right")
 _LARGEST_SHARE = 1.3  # of full travel or rated speed: reheat and overspeed are below
 _PER_CENT = (20.0, 130.0)  # largest values of a share in per cent
-_HUNDREDTH = 0.0131  # largest value of a share that was divided by 100 twice
+_HUNDREDTH = 0.02  # largest value of a share that was divided by 100 twice: up to twice full speed
 _RUNNING = 0.004  # largest value of a speed that is not zero, noise included
 _TURNING = ("n1", "n2")  # shares that are larger while an engine runs
 _FLAPS = "delta_f"
 _ONE = 0.01  # rad about 1 rad of the largest flap that is a position of 0 to 1
+# Positions at which flaps rest. As angles they are 14.3, 19.1, 28.6 and 38.2 deg: no flap has such
+# settings. 0.75 is left out: 0.75 rad is 43 deg.
+_POSITIONS = ((0.25, "1/4"), (1.0 / 3.0, "1/3"), (0.5, "1/2"), (2.0 / 3.0, "2/3"))
+_RESTS, _AT_REST = 3.0, 0.0015  # s at a position, and rad about it
 # largest excursion of a cockpit control from its middle: m, m and rad
 _EXCURSIONS = {"column": 0.5, "pedal": 0.3, "wheel": 3.5}
 # largest forces of a pilot: N, N m (wheel) and N, four times the limits of 14 CFR 23.143
@@ -66,6 +70,8 @@ def control_range_findings(
         if not good.size:
             continue
         mistake = _mistake_of(name, good)
+        if mistake is None and name == _FLAPS:
+            mistake = _flap_position(good, signals.step)
         if mistake is None:
             if name in _FORCES and np.ptp(good) > 0.0:
                 forces.append(name)
@@ -115,6 +121,25 @@ def _mistake_of(name: str, x: np.ndarray) -> _Mistake | None:
             f"kg/s"
         )
     return None
+
+
+def _flap_position(x: np.ndarray, step: float) -> _Mistake | None:
+    """Return the mistake of flaps that rest at a share of their travel; None without one."""
+    resting = []
+    for position, share in _POSITIONS:
+        at = np.abs(x - position) < _AT_REST
+        # noise spreads evenly about a setting, and a moving flap passes it
+        if at.sum() * step >= _RESTS and abs(float(np.mean(x[at])) - position) < 0.5 * _AT_REST:
+            resting.append((position, share))
+    if not resting:
+        return None
+    listed = " and ".join(f"{x:.3g} rad, {x / DEGREE:.3g} deg" for x, _ in resting)
+    shares = " and ".join(share for _, share in resting)
+    return _Mistake(
+        f"rests at {listed}: flaps have round settings in degrees, and this is {shares} of a "
+        f"position of 0 to 1 that is taken for an angle; give it scale = the angle of full flaps, "
+        f"unless the setting is right"
+    )
 
 
 def _share_mistake(kind: str, largest: float) -> _Mistake | None:

@@ -5,13 +5,16 @@ moment equation is linear, so that it also holds if all its terms pass through t
 a smoothed surface it holds if all terms but this surface pass through the filter of the recorder.
 A surface that is only late does not show this: it fits the filtered motion after the filter and
 with a delay.
+
+A vane with a lag looks alike: the equation holds if all terms but the vane pass through the lag. Of
+the two the one that leaves less unexplained is named.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,7 +43,27 @@ _LONGEST, _REST = 1.0, 0.1  # s of delay of a surface that is late only, and bey
 # that are independent after this time [s]
 _CLEAR, _LIKELY, _INDEPENDENT = 0.25, 12.0, 0.25
 _UNEXPLAINED = 0.5  # share of the variance that the filter may leave
+# time constants of vanes with a lag that looks like a smoothed surface; ours [s]
+_VANE_LAGS = (0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5)
 _TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class VaneLag:
+    """First-order lag of a vane with which the surface as recorded explains the motion.
+
+    Attributes
+    ----------
+    vane : str
+    lag : float
+        Time constant. [s]
+    unexplained : float
+        Share of the variance of the acceleration behind the same lag that is unexplained. [1]
+    """
+
+    vane: str
+    lag: float
+    unexplained: float
 
 
 @dataclass(frozen=True)
@@ -63,6 +86,8 @@ class Smoothing:
         Variance of the recorded surface that does not follow from the motion and the filter. A
         filter that is too slow makes the effect of the surface too small and this variance
         large. [rad2]
+    lagged : VaneLag or None
+        Lag of the vane of the equation that explains the motion better than the smoothed surface.
     """
 
     surface: str
@@ -72,6 +97,12 @@ class Smoothing:
     late: float
     smoothed: float
     misfit: float
+    lagged: VaneLag | None = None
+
+    @property
+    def channel(self) -> str:
+        """The channel that the recorder changed: the surface, or the vane with a lag."""
+        return self.surface if self.lagged is None else self.lagged.vane
 
     @property
     def gain(self) -> float:
@@ -113,9 +144,12 @@ def smoothed_surfaces(signals: ResampledChannels) -> tuple[list[Smoothing], Resa
 
 
 def smoothing_findings(found: list[Smoothing]) -> list[Finding]:
-    """Return a warning for each smoothed surface, of kind ``smoothed``."""
+    """Return a warning for each smoothed surface or vane with a lag, of kind ``smoothed``."""
     findings = []
     for smoothing in found:
+        if smoothing.lagged is not None:
+            findings.append(_vane_finding(smoothing, smoothing.lagged))
+            continue
         name, acceleration = smoothing.surface, f"{smoothing.rate}_dot"
         text = (
             f"{name} is smoothed in the record: about its movements {smoothing.smoothed:.1%} of "
@@ -126,8 +160,7 @@ def smoothing_findings(found: list[Smoothing]) -> list[Finding]:
         )
         remedy = (
             f"map a column of {name} without filter or mean (an anti-alias filter above 5 Hz is "
-            f"harmless); sign and delay of the name map do not bring the quick movements back. A "
-            f"vane that follows with a lag of a second looks alike: check its lag first"
+            f"harmless); sign and delay of the name map do not bring the quick movements back"
         )
         evidence = {
             "order": smoothing.order,
@@ -138,6 +171,28 @@ def smoothing_findings(found: list[Smoothing]) -> list[Finding]:
         channels = (name, smoothing.rate)
         findings.append(Finding("warning", "smoothed", channels, text, remedy, evidence=evidence))
     return findings
+
+
+def _vane_finding(smoothing: Smoothing, lagged: VaneLag) -> Finding:
+    """Return the warning on a vane with a lag that looks like a smoothed surface."""
+    name, vane, acceleration = smoothing.surface, lagged.vane, f"{smoothing.rate}_dot"
+    text = (
+        f"{vane} follows with a lag of the order of {lagged.lag:g} s: about the movements of "
+        f"{name} {lagged.unexplained:.1%} of {acceleration} remains unexplained if all channels "
+        f"but {vane} pass through this lag, and {smoothing.smoothed:.1%} if {name} were smoothed "
+        f"instead; effects of controls and of the flow angle come out wrong by tens of per cent"
+    )
+    remedy = (
+        f"measure the lag of {vane}, by its damping or filter, and give it in the name map (lag, "
+        f"in s; the number here is good to a factor of two), or map a vane that follows at once"
+    )
+    evidence = {
+        "lag": lagged.lag,
+        "unexplained": lagged.unexplained,
+        "smoothed": smoothing.smoothed,
+    }
+    channels = (vane, smoothing.rate)
+    return Finding("warning", "smoothed", channels, text, remedy, evidence=evidence)
 
 
 def _describe_filter(smoothing: Smoothing) -> str:
@@ -166,7 +221,31 @@ def _best_smoothing(equation: Equation, signals: ResampledChannels) -> Smoothing
         return None
     independent = int(data.active.sum()) * signals.step / _INDEPENDENT
     clear = best.gain > _CLEAR and best.gain * independent > _LIKELY
-    return best if clear else None
+    if not clear:
+        return None
+    lagged = _lagged_vane(data, signals.step)
+    if lagged is not None and lagged.unexplained < best.smoothed:
+        return replace(best, lagged=lagged)
+    return best
+
+
+def _lagged_vane(data: Regression, step: float) -> VaneLag | None:
+    """Return the lag of the vane of an equation that leaves least unexplained; None without one."""
+    vanes = [name for name in data.names if name in FLOW]
+    best: VaneLag | None = None
+    for lag in _VANE_LAGS if vanes else ():
+        apply = _make_filter(1, 1.0 / (2.0 * math.pi * lag), step)
+        behind = []
+        for name, column in zip(data.names, data.columns, strict=True):
+            # the recorder has passed the vane through the lag already
+            behind.append((column if name in FLOW else apply(column))[data.active])
+        Q, _ = np.linalg.qr(np.stack(behind, axis=1))
+        y, surface = apply(data.y)[data.active], apply(data.surface)
+        share, effect = _least_unexplained(y, Q, surface, data.active, longest=_REST / step)
+        # a positive surface makes a negative moment
+        if effect < 0.0 and (best is None or share < best.unexplained):
+            best = VaneLag(vanes[0], lag, share)
+    return best
 
 
 def _compare(
@@ -226,11 +305,13 @@ def _make_filter(order: int, cutoff: float, step: float) -> Callable[[np.ndarray
 
 
 def _filter_alike(signals: ResampledChannels, smoothing: Smoothing, axes: str) -> ResampledChannels:
-    """Return signals with the channels of some equations filtered, but the smoothed surface."""
+    """Return signals with the channels of some equations filtered, but the changed one."""
     apply = _make_filter(smoothing.order, smoothing.cutoff, signals.step)
+    if smoothing.lagged is not None:
+        apply = _make_filter(1, 1.0 / (2.0 * math.pi * smoothing.lagged.lag), signals.step)
     names: set[str] = set()
     for equation in EQUATIONS:
         if equation.rate in axes:
             names |= {equation.rate, equation.surface, *equation.others}
-    names = (names - {smoothing.surface}) & set(signals.values)
+    names = (names - {smoothing.channel}) & set(signals.values)
     return signals.with_values({name: apply(signals[name]) for name in names})

@@ -26,11 +26,16 @@ def found(name, x):
     ("name", "x", "words"),
     [
         ("delta_f", 1.0, "a position of 0 to 1 that is taken for an angle"),
+        ("delta_f", 0.5, "1/2 of a position of 0 to 1 that is taken for an angle"),
+        ("delta_f", np.where(TIME > 5.0, 0.25, 0.0), "1/4 of a position of 0 to 1"),
+        ("delta_f", np.where(TIME > 5.0, 1.0 / 3.0, 2.0 / 3.0), "1/3 and 2/3 of a position"),
         ("gear", 100.0, "it fits per cent"),
         ("speedbrake", 50.0, "it fits per cent"),
         ("engine1.throttle", 100.0 * MOVES, "it fits per cent"),
         ("engine2.n1", 100.0 * MOVES, "it fits per cent"),
         ("engine2.n1", 0.01 * MOVES, "a share that is taken for per cent"),
+        # an overspeed, and noise on it
+        ("engine2.n1", np.linspace(0.004, 0.0133, TIME.size), "a share that is taken for per cent"),
         ("column", 100.0 * MOVES, "it fits mm taken for m"),
         ("pedal", 2.0 * MOVES, "it fits in or cm taken for m"),
         ("wheel", 0.4 * MOVES / DEGREE, "it fits deg taken for rad"),
@@ -50,6 +55,12 @@ def test_the_range_of_another_unit(name, x, words):
     [
         ("delta_f", 40.0 * DEGREE),
         ("delta_f", 20.0 * DEGREE),
+        ("delta_f", 15.0 * DEGREE),
+        ("delta_f", 28.0 * DEGREE),
+        ("delta_f", 38.0 * DEGREE),
+        # the flap moves from 0 to 40 deg in the whole record, or stops there shortly
+        ("delta_f", 40.0 * DEGREE * TIME / TIME[-1]),
+        ("delta_f", np.where(np.abs(TIME - 5.0) < 1.0, 0.5, 0.35)),
         ("gear", 1.006),
         ("engine1.throttle", 0.0024),
         ("engine1.n1", 0.003 * MOVES),

@@ -2,18 +2,23 @@
 filter.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
+import flighttest
 from flighttest.reconstruction.quality.checks.control_response import control_responses
-from flighttest.reconstruction.quality.checks.signals import ResampledChannels
+from flighttest.reconstruction.quality.checks.samples import faults_of
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, resample_channels
 from flighttest.reconstruction.quality.finding import Finding, without_consequences
 from flighttest.reconstruction.quality.recording.smoothed_surfaces import (
     smoothed_surfaces,
     smoothing_findings,
 )
 
+T37 = Path(__file__).parents[4] / "data" / "t37"
 STEP = 0.05
 TIME = np.arange(0.0, 120.0, STEP)
 
@@ -91,6 +96,23 @@ def test_other_elevators_are_not_smoothed(flown, recorded):
     found, alike = smoothed_surfaces(signals_of(flown, recorded))
     assert found == []
     assert alike.values.keys() == {"delta_e", "q", "alpha_vane"}
+
+
+def test_a_vane_with_a_lag_is_named_in_place_of_the_elevator():
+    """Its equation explains the motion as well if the elevator is smoothed, but less of it."""
+    record = flighttest.read(T37 / "flight" / "t37_03_clean_high_speed_5kft.nc", T37 / "names.toml")
+    signals = resample_channels(record, faults_of(record))
+    share = 1.0 - np.exp(-signals.step / 1.0)
+    x = signals["alpha_vane"]
+    behind, _ = lfilter([share], [1.0, share - 1.0], x, zi=[(1.0 - share) * x[0]])
+    found, alike = smoothed_surfaces(signals.with_values({"alpha_vane": behind}))
+    (finding,) = smoothing_findings(found)
+    assert (finding.severity, finding.name) == ("warning", "smoothed:alpha_vane+q")
+    assert 0.5 <= finding.evidence["lag"] <= 2.0
+    assert finding.evidence["unexplained"] < 0.5 * finding.evidence["smoothed"]
+    # the elevator passes through the same lag, the vane has already
+    assert np.array_equal(alike["alpha_vane"], behind)
+    assert np.ptp(alike["delta_e"]) < np.ptp(signals["delta_e"])
 
 
 def test_smoothing_is_not_a_delay():
