@@ -39,8 +39,9 @@ HOSTILE = {
     "5000 digits": ("S = " + "9" * 5000, "an integer of thousands of digits, beyond the 64 bits"),
     "400 digits": (
         "[a]\nS = [1, -" + "9" * 400 + "]",
-        "an integer of 400 digits at a.S, beyond the 64 bits",
+        "an integer of 1329 bits at a.S, beyond the 64 bits",
     ),
+    "5000 hexadecimal digits": ("S = 0x" + "f" * 5000, "an integer of 20000 bits at S, beyond"),
     "a control character": (
         '[case]\nname = "a\\u001b[31m"',
         r"found the control character '\\x1b' at case.name; expected a TOML text",
