@@ -20,7 +20,7 @@ from flightmech.support import input_files as texts
 from flightmech.support import toml_text
 from flightmech.support.array_files import mat_files as mat_file
 from flightmech.support.file_kinds import file_kind
-from flightmech.support.input_files import csv_rows, json_content, read_text
+from flightmech.support.input_files import csv_rows, json_content, load_json, read_text
 from flightmech.support.toml_files import read_toml
 from flighttest.flight_programme.input_design.timetable import open_timetable
 from flighttest.records.manoeuvre_table import read_manoeuvres
@@ -290,3 +290,11 @@ def test_a_fault_of_the_disk_while_reading_names_the_file(tmp_path, monkeypatch)
     with pytest.raises(OSError, match="Input/output error") as caught:
         read_text(file, "a table")
     assert caught.value.filename == str(file)
+
+
+@pytest.mark.parametrize("text", ["9" * 5000, b'{"a": [-' + b"9" * 5000 + b"]}"])
+def test_an_integer_of_thousands_of_digits_in_json(text):
+    with pytest.raises(ValueError, match=r"^an integer of thousands of digits$"):
+        load_json(text)
+    with pytest.raises(ParseError, match=r"read \(ValueError: an integer of thousands of digits\)"):
+        json_content(text, "a.nc", "a fit")
