@@ -21,6 +21,7 @@ from pathlib import Path
 
 import click
 import pytest
+import typst
 import write_calls
 from write_verbs import EXTRAS, VERBS, Verb, make_inputs, run_verb
 
@@ -36,6 +37,31 @@ LONG = {
     *("plan", "multibody", "gear", "ground-effect", "controls", "stall", "estimate", "fit"),
 }
 SOME = 13
+_COMPILE = typst.compile
+
+
+def compile_in_child(*words: object, **more: object) -> bytes:
+    """Return the PDF of a child process.
+
+    The first PDF starts threads, for which each later PDF waits. A fork does not copy them, so a
+    trial would wait without end if its parent had made a PDF.
+    """
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            os.close(reader)
+            with os.fdopen(writer, "wb") as pipe:
+                pipe.write(_COMPILE(*words, **more))
+            code = 0
+        finally:
+            os._exit(code)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as pipe:
+        content = pipe.read()
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    return content
 
 
 def state_of(path: Path, is_random: bool) -> object:
@@ -89,6 +115,7 @@ class Trials:
             os.dup2(log, 1)
             os.dup2(log, 2)
             os.chdir(self.work)
+            typst.compile = _COMPILE
             folder, call = str(self.work).encode(), ctypes.c_long(number)
             if number and not error:
                 self.library.kill_at_call(folder, call)
@@ -174,6 +201,7 @@ def run_verb_quietly(trials: Trials, verb: Verb) -> int:
 def find_faults_of_verbs(folder: Path) -> None:
     """Try the verbs of the environment; this function runs in a process of `run_preloaded`."""
     names, most, store = json.loads(os.environ["AEROMATCH_FAILED_WRITES"])
+    typst.compile = compile_in_child
     faults = []
     for number, name in enumerate(names):
         place = folder / str(number)

@@ -32,6 +32,7 @@ from aeromatch.workbench.requests.guard import REPORTS, Guard, is_same_secret, k
 from aeromatch.workbench.requests.request_body import read_body, stream_body
 from flightmech.errors import AeromatchError
 from flightmech.support.console import to_json_types
+from flightmech.support.input_files import load_json
 from pom.report.writer import PARTS
 
 # Function of a route: project, query and body to plain data or bytes.
@@ -299,7 +300,7 @@ class AsciiJson(JSONResponse):
 
 def _parse_body(text: bytes) -> Any:
     """Return the content of a body; raise ValueError for texts that a file cannot have."""
-    body = json.loads(text or b"null")
+    body = load_json(text or b"null")
     # the texts of a JSON, without their escape sequences
     if not is_writable_text(json.dumps(body, ensure_ascii=False).replace("\\u0000", "\0")):
         raise ValueError("a text with a zero byte or half a surrogate pair")

@@ -283,11 +283,28 @@ def json_content(text: Any, file: str | os.PathLike[str], what: str) -> Any:
         The text is not JSON, is nested too deep, or has an integer of thousands of digits.
     """
     try:
-        return json.loads(text)
+        return load_json(text)
     except (ValueError, TypeError, RecursionError) as error:
         fault = f"{what} that cannot be read ({type(error).__name__}: {str(error)[:100]})"
         expected = "JSON as this program writes it; write or copy the file again"
         raise ParseError(os.fspath(file), 0, fault, expected=expected) from None
+
+
+def load_json(text: str | bytes) -> Any:
+    """Return the content of a JSON text.
+
+    Raises
+    ------
+    ValueError
+        The text is not JSON, or has an integer of thousands of digits.
+    """
+    try:
+        return json.loads(text)
+    except (json.JSONDecodeError, UnicodeDecodeError):
+        raise
+    except ValueError:
+        # int() limits the number of digits, and advises to change the limit
+        raise ValueError("an integer of thousands of digits") from None
 
 
 def match_files(pattern: str) -> list[str]:

@@ -74,8 +74,8 @@ def _demand_ordinary(content: dict[str, Any]) -> None:
         item, key, depth = stack.pop()
         if isinstance(item, int) and not -_LARGEST <= item < _LARGEST:
             raise ValueError(
-                f"an integer of {len(str(abs(item)))} digits at {key}, beyond the 64 bits "
-                f"that TOML allows"
+                f"an integer of {item.bit_length()} bits at {key}, beyond the 64 bits that "
+                f"TOML allows"
             )
         if isinstance(item, str) and (match := _CONTROL.search(item)):
             raise ValueError(f"the control character {match[0]!r} at {key}")

@@ -1,5 +1,6 @@
 #include "drive.h"
 
+#include "drive_circuit.h"
 #include "drive_path.h"
 #include "image.h"
 #include "simulation.h"
@@ -193,8 +194,12 @@ static void record(const am_model *m, am_sim *sim, bytes_t *bytes) {
     double *terms = room(SAMPLES * count(m, AM_TERM));
     size_t done = 0;
     rise(t, m, sim, bytes);
-    checked(sim, am_record(sim, SAMPLES, t, u, take_byte(bytes) % 2, some ? output : NULL, 2, y,
-                           take_byte(bytes) % 2 ? terms : NULL, &done));
+    const int hold = take_byte(bytes) % 2;
+    if (!some && take_byte(bytes) % 2) checked(sim, am_run(sim, SAMPLES, t, u, hold, y, &done));
+    else {
+        checked(sim, am_record(sim, SAMPLES, t, u, hold, some ? output : NULL, 2, y,
+                               take_byte(bytes) % 2 ? terms : NULL, &done));
+    }
     promise(done <= SAMPLES, "no more rows are done than requested");
     all_finite_or_die(y, done * outputs, "recorded outputs are finite");
     free(u);
@@ -315,12 +320,19 @@ static void query(const am_model *m, const am_sim *sim, bytes_t *bytes) {
     am_known(kind, i);
     am_known_group(kind, i);
     am_known_stage(kind, i);
+    am_group(i);
+    promise(am_title(m) != NULL && am_meta(m) != NULL, "a model has texts");
+    promise(am_state_count(m) == am_count(m, AM_STATE), "each state has a name");
+    promise(am_lanes(m) >= 1 && am_lanes(m) <= 8, "runs side by side");
+    double value;
+    promise((am_get_input(sim, i, &value) == AM_OK) == (i >= 0 && i < am_count(m, AM_INPUT)),
+            "an input that there is can be read");
     free(below);
     free(above);
 }
 
 void call_kernel(const am_model *m, am_sim *sim, bytes_t *bytes) {
-    switch (take_byte(bytes) % 19) {
+    switch (take_byte(bytes) % 20) {
     case 0:
     case 1:
         set_parameter(m, sim, bytes);
@@ -368,6 +380,9 @@ void call_kernel(const am_model *m, am_sim *sim, bytes_t *bytes) {
     case 17:
         call_estimation(bytes);
         break;
+    case 18:
+        call_circuit(bytes);
+        break;
     default:
         if (take_byte(bytes) % 8 == 0) trim_for(m, sim, bytes);
         else if (take_byte(bytes) % 8 == 0) checked(sim, am_trim(sim, take_byte(bytes) % 5));
@@ -387,12 +402,13 @@ uint32_t crc32(const uint8_t *bytes, size_t n) {
 }
 
 const char *folder_of_model(int k) {
-    static const char *const NAME[] = {"whole", "plain", "bare", "empty"};
-    static char path[sizeof NAME / sizeof *NAME][4000];
+    static const char *const NAME[] = {"whole",    "plain",     "bare",   "empty",   "fed",
+                                       "stalling", "supported", "piston", "electric"};
+    static char path[MODELS][4000];
     const char *folder = getenv("AEROMATCH_MODELS");
     promise(folder != NULL,
             "AEROMATCH_MODELS names the folder of the models; run kernel/fuzz/check.py");
-    if (k >= (int)(sizeof NAME / sizeof *NAME)) return NULL;
+    if (k >= MODELS) return NULL;
     snprintf(path[k], sizeof path[k], "%s/%s", folder, NAME[k]);
     return path[k];
 }

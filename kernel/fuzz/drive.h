@@ -6,6 +6,8 @@
 #include "drive_choices.h"
 #include "kernel.h"
 
+enum { MODELS = 9 }; /* in the folder of `model_of_folder` */
+
 /* One call of a function of kernel.h, or of the images of the FMU, on a simulation of the model. */
 void call_kernel(const am_model *model, am_sim *sim, bytes_t *bytes);
 

@@ -4,7 +4,7 @@
 
 #include <stdlib.h>
 
-enum { MOST_CALLS = 40, MODELS = 4 };
+enum { MOST_CALLS = 40 };
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n) {
     static am_model *model[MODELS];

@@ -14,7 +14,6 @@
 enum {
     MOST_CALLS = 60,
     INSTANCES = 2,
-    MODELS = 2,
     MOST_VALUES = 64,
     MOST_SAMPLES = 5,
     DIGEST = 64,

@@ -13,8 +13,11 @@ import flightmech
 from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
+from flightmech.aircraft.propulsion.electric_motor import ElectricMotor
 from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.aircraft.propulsion.fuel_transfer import Transfer
+from flightmech.aircraft.propulsion.piston_engine import PistonEngine
+from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.aircraft.separation import FlowSeparation
 from flightmech.flown_states import FLOWN_STATES, gather_states, pack_states
 from flightmech.simulation.compiler import compile_with_envelope
@@ -258,6 +261,63 @@ def fed() -> flightmech.Aircraft:
     return replace(plain(), name="fed", engines=engines, fuel=fuel)
 
 
+def _blades() -> dict[str, xr.Dataset]:
+    angles = {"J": [0.0, 0.6, 1.5], "blade_angle": [0.1, 0.7, 1.5]}
+    thrust = [[0.1, 0.15, 0.0], [0.0, 0.12, -0.02], [-0.1, -0.05, -0.1]]
+    power = [[0.04, 0.1, 0.03], [0.02, 0.1, 0.02], [-0.2, -0.02, -0.05]]
+    return {"CT_prop": make_term(thrust, angles), "CP_prop": make_term(power, angles)}
+
+
+def piston() -> flightmech.Aircraft:
+    """Return a twin with piston engines, whose propellers have governors and feather."""
+    propeller = Propeller(
+        _blades(),
+        diameter=2.0,
+        inertia=2.0,
+        rpm_high=270.0,
+        rpm_low=150.0,
+        rotation=-1,
+        low_pitch=0.2,
+        high_pitch=0.7,
+        feather_rate=0.3,
+        governor_time=0.05,
+    )
+    engine = PistonEngine(
+        {
+            "fuel_work": make_term([1.0e7, 1.3e7], {"fuel_air_ratio": [0.05, 0.1]}),
+            "friction_pressure": make_term([5e4, 1.5e5], {"engine_rpm": [0.0, 320.0]}),
+        },
+        displacement=6e-3,
+        intake_impedance=2e-4,
+        throttle_impedance=0.02,
+        boost_ratio=1.3,
+        boost_limit=1.2e5,
+        pumping=0.8,
+        enrichment=1.0,
+    )
+    engines = tuple(
+        flightmech.aircraft.Engine((1.8, side, 0.0), propeller=propeller, piston=engine)
+        for side in (-2.0, 2.0)
+    )
+    return replace(plain(), name="piston", engines=engines)
+
+
+def electric() -> flightmech.Aircraft:
+    """Return an aircraft with a motor and a propeller of fixed pitch."""
+    tables = {name: leaf.isel(blade_angle=1) for name, leaf in _blades().items()}
+    motor = ElectricMotor(
+        {"open_voltage": make_term([40.0, 50.0], {"charge": [0.0, 1.0]})},
+        speed_constant=20.0,
+        motor_resistance=0.03,
+        capacity=2e4,
+        idle_current=1.0,
+    )
+    engine = flightmech.aircraft.Engine(
+        (0.5, 0.0, 0.0), propeller=Propeller(tables, 0.6, 0.02, 500.0), motor=motor
+    )
+    return replace(plain(), name="electric", engines=(engine,))
+
+
 def stalling() -> flightmech.Aircraft:
     """Return the jet with one static engine and a flow separation, all its tables in use."""
     tables = {
@@ -316,7 +376,7 @@ def supported() -> xr.DataTree:
 
 def compiled() -> dict[str, flightmech.SimModel]:
     """Return the models by name: every submodel; one engine and body axes; tanks that feed engines;
-    flow separation; a validity envelope; one constant; no term at all.
+    propellers; flow separation; a validity envelope; one constant; no term at all.
     """
     body = {
         "CX/basic": make_term(-0.03),
@@ -327,6 +387,8 @@ def compiled() -> dict[str, flightmech.SimModel]:
         "whole": flightmech.compile(whole(), _tree(air())),
         "plain": flightmech.compile(plain(), _tree(body, force_axes="body")),
         "fed": flightmech.compile(fed(), _tree(body, force_axes="body")),
+        "piston": flightmech.compile(piston(), _tree(body, force_axes="body")),
+        "electric": flightmech.compile(electric(), _tree(body, force_axes="body")),
         "stalling": flightmech.compile(stalling(), _tree(separated())),
         "supported": compile_with_envelope(plain(), supported()),
         "bare": flightmech.compile(

@@ -5,6 +5,7 @@ without end.
 from __future__ import annotations
 
 import importlib.util
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,8 @@ import flightmech
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import Simulation
 
-MODELS = Path(__file__).parents[2] / "kernel" / "fuzz" / "models.py"
+KERNEL = Path(__file__).parents[2] / "kernel"
+MODELS = KERNEL / "fuzz" / "models.py"
 EVERY = [0.0, -1.0, 0.5, 1e-300, -1e300, 1e9, -1e9, 1e16]
 FLYING = {"init.V": 80.0, "init.h": 1000.0}
 STANDING = {"init.V": 0.0, "init.h": 0.415, "mode.earth": 0.0, "gear": 1.0}
@@ -69,7 +71,26 @@ def reported(text: str, sim: flightmech.SimModel) -> bool:
     return text == "" or any(name in text for name in names)
 
 
-@pytest.mark.parametrize("model", ["whole", "plain", "stalling", "supported", "bare", "empty"])
+def test_the_fuzzers_call_each_function_of_the_library():
+    header = (KERNEL / "include" / "kernel.h").read_text()
+    functions = re.findall(r"^AM_API [^;(]*?(am_\w+)\(", header, re.MULTILINE)
+    drivers = "".join(file.read_text() for file in (KERNEL / "fuzz").glob("*.c"))
+    assert "am_follow_circuit" in functions
+    assert [name for name in functions if not re.search(rf"\b{name}\(", drivers)] == []
+
+
+def test_the_fuzzers_fly_each_model(fleet):
+    folders = (KERNEL / "fuzz" / "drive.c").read_text().partition("folder_of_model")[2]
+    listed = re.search(r"NAME\[\] = {(.*?)}", folders, re.DOTALL)[1]
+    assert set(re.findall(r"\w+", listed)) == set(fleet)
+    count = re.search(r"MODELS = (\d+)", (KERNEL / "fuzz" / "drive.h").read_text())[1]
+    assert int(count) == len(fleet)
+
+
+@pytest.mark.parametrize(
+    "model",
+    ["whole", "plain", "fed", "piston", "electric", "stalling", "supported", "bare", "empty"],
+)
 def test_the_models_fly(model, fleet):
     for case in CASES if model == "whole" else [FLYING]:
         assert outcome(fleet[model], case, steps=20) == ""

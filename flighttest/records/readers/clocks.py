@@ -19,7 +19,13 @@ from flighttest.records.readers.arinc429 import label_tables, words_of_columns
 from flighttest.records.readers.bus_words import Arinc429
 from flighttest.records.readers.columns import column_called, unit_of_column
 from flighttest.records.readers.name_map import Clock, NameMap
-from flighttest.records.readers.recording import LeftOut, RecordedTable, clock_name
+from flighttest.records.readers.recording import (
+    LeftOut,
+    RecordedTable,
+    clock_name,
+    left_out_as,
+    left_out_clock,
+)
 from flighttest.records.readers.times_of_day import seconds_of_digits
 from flighttest.records.signals.resampling import GAP
 from flighttest.records.signals.sample_flags import MOST, Flag
@@ -275,6 +281,7 @@ class Clocks:
         self.columns_used: set[tuple[str, str]] = set()
         self.notes: list[str] = []
         self._clocks: dict[str, TableClock] = {}
+        self._left_out = left_out
         self._demand_tables(left_out)
 
     def _demand_tables(self, left_out: Sequence[LeftOut]) -> None:
@@ -312,6 +319,21 @@ class Clocks:
         raw, scale, _ = self._recorded_stamps(table)
         return np.asarray(raw, float) * scale
 
+    def _unknown_clock(self, column: str | None, table: str) -> UnknownName:
+        """Return the error for a table without the column of its clock."""
+        hint = f"table {table}; "
+        if column is None:
+            omission = left_out_clock(self._left_out)
+        else:
+            omission = left_out_as(column, table, self._left_out)
+        # the likely clock, of which some cells are no numbers
+        if omission is not None:
+            hint += f"{omission.place} is left out: {omission.reason}; "
+        hint += 'name the clock in the name map: [time] column = "...", or give its rate'
+        return UnknownName(
+            column or "time", self.tables[table].columns, what="time column", hint=hint
+        )
+
     def _recorded_stamps(self, table: str) -> tuple[np.ndarray, float, str | None]:
         """Return recorded stamps, the seconds in one unit, and their column if they have one."""
         clock, recorded = self.names.clock_of(table), self.tables[table]
@@ -323,15 +345,7 @@ class Clocks:
             length = len(np.asarray(next(iter(recorded.columns.values()))))
             return np.arange(length) / clock.rate, 1.0, None
         if column is None or column not in recorded.columns:
-            raise UnknownName(
-                column or "time",
-                recorded.columns,
-                what="time column",
-                hint=(
-                    f'table {table}; name the clock in the name map: [time] column = "...", or '
-                    f"give its rate"
-                ),
-            )
+            raise self._unknown_clock(column, table)
         raw = np.asarray(recorded.columns[column], float)
         scale = clock.seconds(unit_of_column(recorded, column, "time"))
         seconds = seconds_of_digits(raw) if scale == 1.0 else None

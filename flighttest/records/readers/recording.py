@@ -264,6 +264,15 @@ def left_out_as(requested: str, leaf: str, left_out: Iterable[LeftOut]) -> LeftO
     return None
 
 
+def left_out_clock(left_out: Iterable[LeftOut]) -> LeftOut | None:
+    """Return the first omitted column that is a clock by its name."""
+    for omission in left_out:
+        heading = omission.place.rpartition("/")[2]
+        if heading in CLOCK_NAMES or _clock_word(heading) in _CLOCK_WORDS:
+            return omission
+    return None
+
+
 def without_short_tables(recording: Recording) -> Recording:
     """Return a recording without the tables whose own clock has fewer than two samples.
 

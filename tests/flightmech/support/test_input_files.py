@@ -20,7 +20,7 @@ from flightmech.support import input_files as texts
 from flightmech.support import toml_text
 from flightmech.support.array_files import mat_files as mat_file
 from flightmech.support.file_kinds import file_kind
-from flightmech.support.input_files import csv_rows, json_content, read_text
+from flightmech.support.input_files import csv_rows, json_content, load_json, read_text
 from flightmech.support.toml_files import read_toml
 from flighttest.flight_programme.input_design.timetable import open_timetable
 from flighttest.records.manoeuvre_table import read_manoeuvres
@@ -39,8 +39,9 @@ HOSTILE = {
     "5000 digits": ("S = " + "9" * 5000, "an integer of thousands of digits, beyond the 64 bits"),
     "400 digits": (
         "[a]\nS = [1, -" + "9" * 400 + "]",
-        "an integer of 400 digits at a.S, beyond the 64 bits",
+        "an integer of 1329 bits at a.S, beyond the 64 bits",
     ),
+    "5000 hexadecimal digits": ("S = 0x" + "f" * 5000, "an integer of 20000 bits at S, beyond"),
     "a control character": (
         '[case]\nname = "a\\u001b[31m"',
         r"found the control character '\\x1b' at case.name; expected a TOML text",
@@ -289,3 +290,11 @@ def test_a_fault_of_the_disk_while_reading_names_the_file(tmp_path, monkeypatch)
     with pytest.raises(OSError, match="Input/output error") as caught:
         read_text(file, "a table")
     assert caught.value.filename == str(file)
+
+
+@pytest.mark.parametrize("text", ["9" * 5000, b'{"a": [-' + b"9" * 5000 + b"]}"])
+def test_an_integer_of_thousands_of_digits_in_json(text):
+    with pytest.raises(ValueError, match=r"^an integer of thousands of digits$"):
+        load_json(text)
+    with pytest.raises(ParseError, match=r"read \(ValueError: an integer of thousands of digits\)"):
+        json_content(text, "a.nc", "a fit")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flighttest
+from flightmech.errors import ParseError, UnknownName
 
 NAMES = '[air]\nalpha = { column = "alpha", unit = "deg" }\n'
 STAMPS = {
@@ -38,6 +39,25 @@ def test_stamps_and_names_of_clocks(tmp_path, kind):
     (tmp_path / "n.toml").write_text(NAMES)
     record = flighttest.read(tmp_path / "a.csv", tmp_path / "n.toml")
     np.testing.assert_allclose(np.diff(record["air/time"].values), 0.02, atol=1e-6)
+
+
+@pytest.mark.parametrize("clock", ["", '[time]\ncolumn = "Time"\n'])
+def test_a_clock_of_cells_that_are_no_numbers_is_named(tmp_path, clock):
+    lines = ["Time,alpha", *(f"0x1p{number},1" for number in range(6))]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    (tmp_path / "n.toml").write_text(clock + NAMES)
+    with pytest.raises(UnknownName, match=r"Time is left out: text in 6 of 6 cells \('0x1p0' 1"):
+        flighttest.read(tmp_path / "a.csv", tmp_path / "n.toml")
+
+
+def test_a_leap_second_is_named_with_its_row(tmp_path):
+    dates = ["2016-12-31T23:59:59Z", "", "2016-12-31T23:59:60Z"]
+    lines = ["Time,alpha", *(f"{date},1" for date in dates)]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    (tmp_path / "n.toml").write_text(NAMES)
+    fault = r"found '2016-12-31T23:59:60Z' in column 'Time', row 3 of the numbers; expected ISO"
+    with pytest.raises(ParseError, match=fault):
+        flighttest.read(tmp_path / "a.csv", tmp_path / "n.toml")
 
 
 def test_a_time_of_day_that_repeats_is_no_clock_where_another_column_rises(tmp_path):

@@ -263,15 +263,13 @@ def _seconds_of_iso_dates(texts: list[str], name: str, path: Path) -> tuple[np.n
         if text[19:20] in (",", ":"):
             text = f"{text[:19]}.{text[20:]}"
         with_points.append(text)
-    try:
-        stamps = pd.DatetimeIndex(pd.to_datetime(with_points, utc=True, format="ISO8601"))
-    except ValueError as error:
-        raise ParseError(
-            str(path),
-            0,
-            found=f"a date in column {name!r} that cannot be read ({error})",
-            expected="ISO dates in every line",
-        ) from error
+    stamps = pd.DatetimeIndex(
+        pd.to_datetime(with_points, utc=True, format="ISO8601", errors="coerce")
+    )
+    for i in np.flatnonzero(stamps.isna()):
+        if texts[i].lower() not in ("", "nan", "nat"):
+            expected = "ISO dates in every line, of seconds from 0 to below 60"
+            raise _unreadable_stamp(texts[i], name, int(i), path=path, expected=expected)
     start = stamps[stamps.notna()][0]
     start_text = start.isoformat().replace("+00:00", "Z")
     return (stamps - start).total_seconds().to_numpy(), start_text
