@@ -1,6 +1,7 @@
 """Sources that differ by a slip of units, signs or reference quantities."""
 
 import warnings
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -268,3 +269,64 @@ def test_a_difference_on_the_scale_of_the_errors():
     assert pair.mean_square(57.3) == pytest.approx(0.0, abs=1e-12)
     (fault,) = find_convention_faults([pair], 1.5, 11.0)
     assert fault.probability < UNLIKELY_BY_CHANCE
+
+
+PROGRAMS = ("DATCOM", "OptVL", "OptVL with body")
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("of", [("phat", "qhat", "rhat", "alphadothat"), ("phat", "rhat")])
+def test_rates_by_two_are_seen_in_every_aircraft_of_the_calibration(factor, of):
+    numbers = pd.read_csv(CALIBRATION, comment="#").set_index(["aircraft", "program", "quantity"])
+    rates = {quantity: name for quantity, name in TERMS.items() if name.endswith("hat")}
+    seen = []
+    for aircraft in numbers.index.unique("aircraft"):
+        for labels in combinations(PROGRAMS, 2):
+            pairs = []
+            for quantity, name in rates.items():
+                one, other = (numbers.loc[(aircraft, label, quantity), "value"] for label in labels)
+                pairs.append(wide_pair(name, labels, one, other))
+            assert find_convention_faults(pairs, 1.5, 11.0) == []
+            slipped = [
+                wide_pair(p.name, labels, p.first[0], p.second[0] * factor)
+                if p.contribution in of
+                else p
+                for p in pairs
+            ]
+            faults = find_convention_faults(slipped, 1.5, 11.0)
+            seen.append(any("by V in one, by 2V in the other" in fault.text for fault in faults))
+    assert len(seen) == 33
+    assert all(seen)
+
+
+def wide_pair(name, labels, one, other):
+    """Return a pair with the standard errors of the guide, within which a factor of 2 often is."""
+    relative, absolute = PRIOR_ERRORS[name]
+    values = np.array([one, other], float)
+    errors = joint_errors(list(values**2), list((relative * values) ** 2 + absolute**2))
+    return SourcePair(
+        name,
+        labels,
+        first=values[:1],
+        second=values[1:],
+        relative=errors[0],
+        absolute=errors[1],
+        location="",
+        stated=(float(one), float(other)),
+    )
+
+
+def test_a_factor_of_two_in_all_coefficients_is_no_fault_of_the_rates():
+    pairs = [
+        wide_pair(name, ("A", "B"), v, 2.0 * SECOND[name][0]) for name, (v, _) in FIRST.items()
+    ]
+    texts = " ".join(fault.text for fault in find_convention_faults(pairs, 1.5, 11.0))
+    assert "the area of one half" in texts
+    assert "by V in one" not in texts
+    # a rate derivative of the other sign has no ratio
+    rates = {"Cl/phat": -0.5, "Cn/rhat": 0.09, "Cm/qhat": -16.0}
+    pairs = [wide_pair(name, ("A", "B"), FIRST[name][0], 2.0 * v) for name, v in rates.items()]
+    assert not any(
+        "by V in one" in fault.text and "Cn/rhat" in fault.names
+        for fault in find_convention_faults(pairs, 1.5, 11.0)
+    )
