@@ -334,7 +334,7 @@ def test_records_without_a_stall_are_refused():
 
 
 def far_stall() -> xr.Dataset:
-    """Return a stall to 35 deg: the rule asks for a model to 10 deg beyond the stall."""
+    """Return a stall to 35 deg: the rule requires a model to 10 deg beyond the stall."""
     return records.stall_record(np.random.default_rng(12), "accelerated", top=33.0)
 
 
