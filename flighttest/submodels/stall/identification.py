@@ -76,8 +76,9 @@ BOUNDS = {
     "asymmetry": (-0.12, 0.12),
 }
 """Bounds of the search. [1, 1, 1, rad]"""
-# Range of alpha* beyond the flown angles of attack, and its lower end as a share of their range.
-_BEYOND, _LOWEST = 0.06, 0.4
+# Range of alpha* beyond the flown angles of attack, and its lower end as a share of their range:
+# records that reach 10 to 15 deg beyond the stall have it in the lower half.
+_BEYOND, _LOWEST = 0.06, 0.15
 # Values of a parameter that the data do not determine: no delay, a lag of one chord.
 _WITHOUT = {"tau2": 0.0, "tau1": 1.0, "asymmetry": 0.0}
 # Values from which the search starts: shares of the range of alpha*, a1, and tau1 = tau2.

@@ -19,7 +19,7 @@ from flightmech.flown_states import FLOWN_STATES, unpack_states
 from flightmech.terms import SOURCES, evaluate_term, make_term
 from flighttest.cli.actions.submodels.airframe import attached_angle, station_of_halves
 from flighttest.regression.expression_functions import Pieces
-from flighttest.submodels.stall import break_of_lift
+from flighttest.submodels.stall import break_of_lift, identification
 from flighttest.submodels.stall.database_terms import (
     add_stall,
     continue_attached_flow,
@@ -331,6 +331,26 @@ def test_records_without_a_stall_are_refused():
     alpha = xr.Dataset({"alpha": ("time", np.radians([-1.0, 3.5]))}, {"time": [0.0, 1.0]})
     with pytest.raises(IdentificationError, match=r"reach an angle of attack of 3\.5 deg"):
         identify_stall([alpha], records.STATION, records.CBAR)
+
+
+def far_stall() -> xr.Dataset:
+    """Return a stall to 35 deg: the rule requires a model to 10 deg beyond the stall."""
+    return records.stall_record(np.random.default_rng(12), "accelerated", top=33.0)
+
+
+def test_the_search_reaches_a_stall_that_the_records_leave_far_behind():
+    """The lower bound was 40 % of the flown range, 19 deg here, above the alpha_star of 17 deg."""
+    shape = identification._shape_parameters((far_stall(),), SeparationFlow())
+    assert shape["alpha_star"].low < np.deg2rad(15.0)
+
+
+@pytest.mark.nightly
+def test_records_that_go_far_beyond_the_stall_determine_alpha_star():
+    record = far_stall()
+    found = identify([record], axis="", coefficients=("CL",))
+    value, stderr = found.value("alpha_star")
+    assert "alpha_star" not in found.not_identified
+    assert abs(value - np.deg2rad(17.0)) < 3.0 * stderr < np.deg2rad(1.0)
 
 
 def lift_node(rng, alpha, lift, separated=None, noise=0.02) -> break_of_lift.NodeFit:
