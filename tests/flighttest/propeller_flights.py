@@ -173,12 +173,15 @@ def prior_aircraft(craft: Craft, seed: int) -> Aircraft:
     """Return the a-priori aircraft: other blades, another chart."""
     rng = np.random.default_rng(1000 + seed)
     b = craft.blades
+    # The profile drag of governed blades is a thrust that counts as drag; the identification takes
+    # 30 % as its a-priori error, which is that of both draws of blades together.
+    drag = 0.28 if craft.governed else 0.15
     other = Blades(
         b.diameter,
         b.solidity * (1.0 + 0.06 * rng.standard_normal()),
         b.pitch * (1.0 + 0.03 * rng.standard_normal()),
         b.lift_slope * (1.0 + 0.04 * rng.standard_normal()),
-        b.drag * (1.0 + 0.15 * rng.standard_normal()),
+        b.drag * (1.0 + drag * rng.standard_normal()),
         offset=np.radians(0.35) * rng.standard_normal(),
         design=b.design,
     )
