@@ -6,7 +6,7 @@
 The fits of a project give which nodes were flown and with what errors; the estimates themselves are
 not used for the prediction.  Per coefficient: the probability of chi-squared of `tabulate`, the
 share of flown nodes within 20 % of the expectation and of the median over the draws, and the share
-inside the range of 90 %.  Projects: the T-37 and the C182 of ``data``, or simulated T-37
+inside the range that a plan states.  Projects: the T-37 and the C182 of ``data``, or simulated T-37
 programmes of other seeds, which ``table_coverage.py FOLDER --make`` has flown.
 """
 
@@ -28,7 +28,7 @@ from aeromatch.project.project import read_project
 from aeromatch.project.sections import Controls
 from aeromatch.workflow.aerodynamics import coefficients_of, fit_records
 from aeromatch.workflow.windows import select_windows
-from flighttest.flight_programme.planning.expected_range import draw_stderr
+from flighttest.flight_programme.planning.expected_range import draw_stderr, range_of_draws
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -45,7 +45,7 @@ def compare(fits: list, prior, draws: int, seed: int) -> None:
             known = aerodb.terms(prior)[name]["stderr"].values > 0.0
             where = flown[name] & known
             achieved = found[name]["stderr"].values
-            low, median, high = np.nanquantile(drawn, (0.05, 0.5, 0.95), axis=0)
+            low, median, high = range_of_draws(drawn)
             ratios.append((achieved / np.where(known, expected[name], 1.0))[where])
             medians.append((achieved / np.where(known, median, 1.0))[where])
             inside.append(((achieved >= low) & (achieved <= high))[where])

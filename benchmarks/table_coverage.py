@@ -16,7 +16,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib
 import itertools
+import json
 import os
 import pickle
 import subprocess
@@ -46,6 +48,7 @@ from aeromatch.workflow.aerodynamics import (
 from aeromatch.workflow.windows import select_windows
 from flightmech import terms
 from flightmech.units import DEGREE, FOOT
+from flighttest.records.sensors.instruments import surface_errors
 
 ROOT = Path(__file__).parents[1]
 SCRIPT = ROOT.parent / "shared" / "tools" / "t37_flight_test.py"
@@ -65,6 +68,8 @@ COMMAND = {
     "delta_r": ("fcs/rudder-cmd-norm", 0.35, 0.35),
 }
 AT_MOST = 15 * DEGREE
+# Channels of the surfaces whose scale errors the script does not draw.
+PICK_UPS = {"delta_a": ("delta_a_left", "delta_a_right"), "delta_r": ("delta_r",)}
 
 
 @contextlib.contextmanager
@@ -221,6 +226,22 @@ def true_tables(db: xr.DataTree, names: list[str]) -> dict[str, np.ndarray]:
     return {name: true_table(name, leaves[name], aeroplane) for name in names}
 
 
+def write_errors(file: Path, seed: int, aircraft: flightmech.Aircraft) -> None:
+    """Write the errors of the instruments of a seed for the script.
+
+    The script draws no scale error of the pick-ups of aileron and rudder, and the aircraft declares
+    one.  Without it the standard errors of their derivatives are of an error that no flight has.
+    """
+    sys.path.insert(0, str(SCRIPT.parent))
+    errors = importlib.import_module(SCRIPT.stem).draw_errors(seed)
+    declared = surface_errors(aircraft.instruments)
+    rng = np.random.default_rng([seed, *b"scale of surfaces"])
+    for surface, channels in PICK_UPS.items():
+        factor = 1.0 + declared[surface][1] * rng.standard_normal()
+        errors["factor"] |= dict.fromkeys(channels, factor)
+    file.write_text(json.dumps(errors, indent=1), encoding="utf-8")
+
+
 def programme(
     folder: Path, seed: int, project: Project, aircraft: flightmech.Aircraft, make: bool, jobs: int
 ) -> dict[str, Any]:
@@ -231,6 +252,7 @@ def programme(
     if make and not (here / "paths.pickle").exists():
         runs = ",".join(f"{k:02d}" for k in range(1, 17))
         here.mkdir(parents=True, exist_ok=True)
+        write_errors(here / "errors.json", seed, aircraft)
         job = [
             sys.executable,
             str(SCRIPT),
@@ -241,7 +263,7 @@ def programme(
             "--errors",
             str(here / "errors.json"),
         ]
-        subprocess.run([*job, "--seed", str(seed)], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(job, check=True, stdout=subprocess.DEVNULL)
         files = sorted((here / "recordings").glob("*.nc"))
         paths = flighttest.reconstruct_programme(
             [flighttest.read(file, project.names) for file in files], aircraft, jobs=jobs

@@ -4,10 +4,11 @@ The standard errors of `tabulate` depend on the estimates through the weights of
 prior covariance, the factor on the errors of the fits and the weights of the fits.  Before the
 flights nobody has the estimates, but their distribution is that of the method: each draw takes the
 logarithms of all weights from their a-priori distribution, the estimates from the covariance of
-these weights, and learns from them as `tabulate` does.  The quantiles over the draws are the range.
+these weights, and learns from them as `tabulate` does.  The range is that of the quantiles of 10 and
+90 % over the draws, widened on both sides by a tenth (`range_of_draws`).
 
-Half of the tables of a draw have the shape of the handbook, which lognormal weights exclude and
-which is frequent: derivatives of aeroplanes in simulators are constant.
+Half of the derivatives of a draw have the shape of the handbook, as `tabulate` assumes: lognormal
+weights exclude it, and it is frequent.  A table without regressor (`CD/basic`) never has it.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from aerodb.update.correlation import PARTS, SHARES, prior_parts
 from aerodb.update.expectation import Expectation, align_errors
 from aerodb.update.observations import coefficient_of, observed_nodes, sampled_weights
 from aerodb.update.weights.weight_learning import weigh_fits
-from aerodb.update.weights.weight_likelihood import PLAIN, SHAPE, a_priori_logarithms, plain_shares
+from aerodb.update.weights.weight_likelihood import SHAPE, a_priori_logarithms, plain_shares
 from flightmech.errors import IdentificationError
 from flighttest.flight_programme.planning.selection import Goal
 
@@ -116,7 +117,7 @@ class _CoefficientDraws:
         tables = len(self.shapes)
         mean, spread = a_priori_logarithms(tables)
         weights = np.exp(mean + spread * rng.standard_normal(len(mean)))
-        plain = np.repeat(rng.random(tables) < PLAIN, len(PARTS))
+        plain = np.repeat(rng.random(tables) < self.plain_shares, len(PARTS))
         weights[:-1][plain & np.tile(np.isin(PARTS, SHAPE), tables)] = 0.0
         reach = np.arange(len(weights) - 1) % len(PARTS) == PARTS.index("reach")
         weights[:-1][reach] = np.maximum(weights[:-1][reach], SHARES["reach"])
@@ -129,9 +130,25 @@ class _CoefficientDraws:
 
 # Range of the standard errors over the draws.
 RANGE_COLUMNS = ["low", "median", "high"]
-_QUANTILES = (0.05, 0.5, 0.95)
-# Fewest draws of a range: of fewer than 20 draws 5 % is less than one.
+_QUANTILES = (0.1, 0.5, 0.9)
+# Factor by which the range is wider than the quantiles.  All nodes of a table have the same draws,
+# and where the flights hardly inform a table its quantiles are close together: without the factor
+# most of its nodes lie outside at once.
+_MARGIN = 1.1
+# Fewest draws of a range: of 20 draws two lie beyond each quantile.
 _FEWEST_DRAWS = 20
+
+
+def range_of_draws(drawn: np.ndarray) -> np.ndarray:
+    """Return low end, median and high end of the range of standard errors, (3, *axes).
+
+    Parameters
+    ----------
+    drawn : array (draw, *axes)
+        From `draw_stderr`; a draw that failed is NaN.
+    """
+    low, median, high = np.nanquantile(drawn, _QUANTILES, axis=0)
+    return np.stack([low / _MARGIN, median, high * _MARGIN])
 
 
 def draw_ranges(
@@ -152,7 +169,7 @@ def draw_ranges(
         quantiles = np.full((len(_QUANTILES), *values.shape[1:]), np.nan)
         if usable >= _FEWEST_DRAWS:
             has_range = True
-            quantiles = np.nanquantile(values, _QUANTILES, axis=0)
+            quantiles = range_of_draws(values)
         ranges[name] = xr.Dataset(
             {key: (dims, table) for key, table in zip(RANGE_COLUMNS, quantiles, strict=True)}
         )

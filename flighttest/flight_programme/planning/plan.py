@@ -62,7 +62,7 @@ class ProgrammePlan(ShortText):
     ranges : dict of str to Dataset
         Range of the standard errors of the terms that the programme informs, over draws of what the
         identification will learn (`flighttest.planning.draw_stderr`): ``low``, ``median``, ``high``
-        in the shape of the table; 5, 50 and 95 %.  Empty without draws; NaN, and a note, for a
+        in the shape of the table, as of `range_of_draws`.  Empty without draws; NaN, and a note, for a
         term with less than 20 draws that converge.
     """
 
@@ -392,7 +392,7 @@ def _format_nodes(nodes: pd.DataFrame) -> list[str]:
         f"{'largest expected/bound':>24}"
     ]
     if "low" in nodes:
-        lines[0] += "  range of 90 %"
+        lines[0] += "  range of 80 %"
     for name, part in nodes.groupby("term", sort=False):
         counts = part["state"].value_counts()
         reached, missed, unreachable = (int(counts.get(state, 0)) for state in _STATES)
