@@ -12,8 +12,8 @@ import pandas as pd
 import xarray as xr
 
 import flighttest
-from aeromatch.planning.gap_checks import gap_departures
-from aeromatch.planning.held_checks import held_departures
+from aeromatch.planning.record_faults.gap_checks import gap_departures
+from aeromatch.planning.record_faults.held_checks import held_departures
 from aeromatch.planning.repeated_samples import proving_samples, used_samples
 from aeromatch.planning.resting_variables import movements
 from aeromatch.planning.sample_checks import (

@@ -57,6 +57,27 @@ static void promise_finite(const double *y, size_t samples) {
     }
 }
 
+/* Follows a circuit with and without derivatives: both give the same answer. */
+static void follow_both_ways(const am_circuit *circuit, size_t samples) {
+    double *y = room(samples * BODIES);
+    double *alone = room(samples * BODIES);
+    double *Y = room(samples * BODIES * (size_t)circuit->unknowns);
+    const int status = am_follow_circuit(circuit, samples, y, Y);
+    promise(status == AM_OK || status == AM_BAD_ARGUMENT || status == AM_NOT_FINITE
+                || status == AM_NOT_SOLVED,
+            "a circuit is followed or refused");
+    promise(am_follow_circuit(circuit, samples, alone, NULL) == status,
+            "derivatives do not change the answer");
+    if (status == AM_OK) {
+        promise_finite(y, samples);
+        promise(memcmp(y, alone, samples * BODIES * sizeof *y) == 0,
+                "derivatives do not change the motion");
+    }
+    free(y);
+    free(alone);
+    free(Y);
+}
+
 void call_circuit(bytes_t *bytes) {
     const size_t samples = 1 + take_byte(bytes) % MOST_SAMPLES;
     const size_t powers = 1 + take_byte(bytes) % MOST_POWERS;
@@ -90,20 +111,7 @@ void call_circuit(bytes_t *bytes) {
         .by_moment = by_moment,
         .edge = edge,
         .by_edge = by_edge};
-    double *y = room(samples * BODIES);
-    double *alone = room(samples * BODIES);
-    double *Y = room(samples * BODIES * n);
-    const int status = am_follow_circuit(&circuit, samples, y, Y);
-    promise(status == AM_OK || status == AM_BAD_ARGUMENT || status == AM_NOT_FINITE
-                || status == AM_NOT_SOLVED,
-            "a circuit is followed or refused");
-    promise(am_follow_circuit(&circuit, samples, alone, NULL) == status,
-            "derivatives do not change the answer");
-    if (status == AM_OK) {
-        promise_finite(y, samples);
-        promise(memcmp(y, alone, samples * BODIES * sizeof *y) == 0,
-                "derivatives do not change the motion");
-    }
+    follow_both_ways(&circuit, samples);
     free(constants);
     free(start);
     free(force);
@@ -114,7 +122,4 @@ void call_circuit(bytes_t *bytes) {
     free(by_force);
     free(by_moment);
     free(by_edge);
-    free(y);
-    free(alone);
-    free(Y);
 }

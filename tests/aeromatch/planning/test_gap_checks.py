@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import xarray as xr
 
-from aeromatch.planning.gap_checks import gap_departures
+from aeromatch.planning.record_faults.gap_checks import gap_departures
 from aeromatch.workflow.faulty_samples import unflown_cases
 from flighttest.reconstruction.path_quantities import CHANNEL_GAPS
 from pom.cases.case_inputs import CaseInputs

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from aeromatch.planning.held_checks import held_departures
+from aeromatch.planning.record_faults.held_checks import held_departures
 from flighttest.reconstruction.quality.checks.held_values import held_values, stuck_findings
 from flighttest.reconstruction.quality.checks.samples import (
     channel_findings,
