@@ -9,7 +9,6 @@ from .controls import ControlGeometry as Control
 from .controls import ControlGeometry as ControlGeometry
 from .engine import Engine as Engine
 from .fuel import Fuel as Fuel
-from .fuel import Tank as Tank
 from .landing_gear import Contact as Contact
 from .landing_gear import LandingGear as LandingGear
 from .landing_gear import Steering as Steering
@@ -21,6 +20,7 @@ from .propulsion.engine_deck import EngineDeck as EngineDeck
 from .propulsion.fuel_transfer import Transfer as Transfer
 from .propulsion.piston_engine import PistonEngine as PistonEngine
 from .propulsion.propeller import Propeller as Propeller
+from .propulsion.tank import Tank as Tank
 from .separation import FlowSeparation as FlowSeparation
 from .similarity import rescale as rescale
 from .writing import write_aircraft as write_aircraft

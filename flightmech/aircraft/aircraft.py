@@ -18,8 +18,9 @@ from flightmech.aircraft.controls import (
 )
 from flightmech.aircraft.engine import Engine
 from flightmech.aircraft.facts import AircraftFacts
-from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.landing_gear import LandingGear
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.aircraft.separation import FlowSeparation
 from flightmech.errors import UnknownName
 from flightmech.short_text import ShortText, describe_fields

@@ -286,8 +286,9 @@ def _mass_with_tanks(record: xr.DataTree, time: np.ndarray, aircraft: Any) -> np
         name = f"tank.{tank.name}.fuel"
         for node in record.children.values():
             if name in node.data_vars:
-                clock = node["time"].values
-                mass += np.interp(time, clock, without_blanks(clock, node[name].values))
+                data = node.to_dataset()
+                clock = data["time"].values
+                mass += np.interp(time, clock, without_blanks(clock, data[name].values))
                 mass -= tank.content
                 break
     return mass

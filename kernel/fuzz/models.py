@@ -11,13 +11,14 @@ import xarray as xr
 
 import flightmech
 from flightmech.aircraft.controls import Circuit, ControlGeometry
-from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
+from flightmech.aircraft.fuel import Fuel, tank_tables
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.aircraft.propulsion.electric_motor import ElectricMotor
 from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.aircraft.propulsion.fuel_transfer import Transfer
 from flightmech.aircraft.propulsion.piston_engine import PistonEngine
 from flightmech.aircraft.propulsion.propeller import Propeller
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.aircraft.separation import FlowSeparation
 from flightmech.flown_states import FLOWN_STATES, gather_states, pack_states
 from flightmech.simulation.compiler import compile_with_envelope

@@ -13,7 +13,8 @@ import xarray as xr
 
 import flightmech
 from flightmech.aircraft.engine import Engine
-from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.fuel import Fuel
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.envelope.envelope import make_envelope
 from flightmech.errors import SchemaError
 from flightmech.flown_states import FLOWN_STATES, gather_states, pack_states

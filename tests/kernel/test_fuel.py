@@ -9,8 +9,9 @@ import pytest
 
 import flightmech
 from flightmech.aircraft.aircraft import inertia_tensor
-from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
+from flightmech.aircraft.fuel import Fuel, tank_tables
 from flightmech.aircraft.propulsion.engine_deck import EngineDeck
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import STATE
 from flightmech.terms import make_term

@@ -10,8 +10,9 @@ import xarray as xr
 
 import flightmech
 from flightmech.aircraft.aircraft import inertia_tensor
-from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.propulsion.engine_deck import EngineDeck
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.kernel import STATE
 from flightmech.simulation.submodels import fuel as fuel_names

@@ -9,9 +9,10 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.propulsion.engine_deck import EngineDeck
 from flightmech.aircraft.propulsion.fuel_transfer import Transfer
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.submodels import fuel as fuel_names
 from flightmech.terms import make_term

@@ -434,7 +434,7 @@ def _fits_of_node(fit: SeparableFit, task: _Task, records: Sequence[xr.Dataset])
         separated = tuple(name in candidates for name in model.terms)
         shapes = len(problem.names)
         samples = problem.samples[k]
-        fits.append(NodeFit(problem.z[k], design.A, model.terms, separated, shapes, samples))
+        fits.append(NodeFit(problem.z[k], design.A, tuple(model.terms), separated, shapes, samples))
     return fits
 
 

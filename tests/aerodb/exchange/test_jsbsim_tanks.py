@@ -14,8 +14,9 @@ import xarray as xr
 
 import aerodb
 import flightmech
-from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.propulsion.fuel_transfer import Transfer
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.errors import SchemaError
 from flightmech.terms import make_term
 from flightmech.units import FOOT, POUND, SLUG

@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
+from flightmech.aircraft.fuel import Fuel, tank_tables
 from flightmech.aircraft.propulsion.engine_deck import (
     TARGETS,
     EngineDeck,
@@ -20,6 +20,7 @@ from flightmech.aircraft.propulsion.engine_deck import (
     open_tables,
     write_tables,
 )
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.errors import SchemaError
 from flightmech.simulation import catalogue
 from flightmech.simulation.kernel import INPUT, PARAMETER, TARGET, computable_names

@@ -9,7 +9,8 @@ import pytest
 
 import flightmech
 from flightmech.aircraft.aircraft import tanks_of, with_contents
-from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.fuel import Fuel
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.errors import SchemaError, UnknownName
 
 TANKS = (

@@ -13,8 +13,9 @@ from fmpy.validation import validate_fmu
 
 import flightmech
 from flightmech.aircraft import Engine, EngineDeck
-from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.propulsion.fuel_transfer import Transfer
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.fmu_export.fmu_file import write_fmu
 from flightmech.terms import make_term
 

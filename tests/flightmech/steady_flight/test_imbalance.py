@@ -10,8 +10,9 @@ import pytest
 import flightmech
 from flightmech.aircraft import Engine
 from flightmech.aircraft.aircraft import inertia_tensor
-from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.propulsion.fuel_transfer import Transfer
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.units import G0
 
 TANKS = (

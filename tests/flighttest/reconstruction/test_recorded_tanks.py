@@ -7,7 +7,8 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.fuel import Fuel
+from flightmech.aircraft.propulsion.tank import Tank
 from flighttest.reconstruction.path_quantities import _mass_along
 from flighttest.reconstruction.problem.record_inputs import RecordInputs
 from flighttest.records.sensors.measurements import MeasuredChannels

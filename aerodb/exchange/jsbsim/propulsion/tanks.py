@@ -17,7 +17,8 @@ from aerodb.exchange.jsbsim.metrics import LENGTH_UNITS, MASS_UNITS, unit_of_ele
 from aerodb.exchange.xml_reader import Element
 from flightmech.aircraft.aircraft import Aircraft, with_contents
 from flightmech.aircraft.engine import Engine
-from flightmech.aircraft.fuel import Fuel, Tank, check_feeds
+from flightmech.aircraft.fuel import Fuel, check_feeds
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.errors import SchemaError
 
 _PARTS = ("location", "capacity", "contents")

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 import flightmech
-from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.fuel import Fuel
+from flightmech.aircraft.propulsion.tank import Tank
 from flighttest.reconstruction.quality.instruments.positions import side_findings
 
 DATA = Path(__file__).parents[4] / "data"

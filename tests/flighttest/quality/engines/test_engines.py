@@ -10,7 +10,8 @@ import xarray as xr
 
 import flightmech
 import flighttest
-from flightmech.aircraft.fuel import Fuel, Tank
+from flightmech.aircraft.fuel import Fuel
+from flightmech.aircraft.propulsion.tank import Tank
 from flightmech.units import POUND_FORCE
 from flighttest.reconstruction.quality.checks.samples import faults_of
 from flighttest.reconstruction.quality.checks.signals import resample_channels
