@@ -214,6 +214,8 @@ class CircuitStruct(ctypes.Structure):
         ("by_constants", DOUBLES),
         ("start", DOUBLES),
         ("by_start", DOUBLES),
+        ("bend", DOUBLES),
+        ("by_bend", DOUBLES),
         ("force", DOUBLES),
         ("by_force", DOUBLES),
         ("moment", DOUBLES),

@@ -139,7 +139,7 @@ class _Search:
     def form_equations(self) -> None:
         """Form the normal equations, and set the next steps of the differences."""
         self.M, self.g = self.likelihood.normal(self.theta, self.residuals, self.slopes)
-        _demand_effect(self.M, self.layout.names)
+        demand_effect(self.M, self.layout.names)
         # The steps of the differences are a part of the standard errors, within limits.
         in_stderr = self.step / np.sqrt(np.diag(self.M))
         self.steps = np.clip(in_stderr, SMALL * self.size, LARGE * self.size)
@@ -209,7 +209,7 @@ class _Search:
         for name, is_active in zip(self.layout.names, self.active):
             if not is_active:
                 free_names.append(name)
-        _demand_rank(self.M[np.ix_(~self.active, ~self.active)], free_names)
+        demand_rank(self.M[np.ix_(~self.active, ~self.active)], free_names)
         return LikelihoodMaximum(
             theta=self.theta,
             residuals=self.residuals,
@@ -320,7 +320,7 @@ def _active_bounds(theta: np.ndarray, downhill: np.ndarray, layout: UnknownVecto
     return at_low | at_high
 
 
-def _demand_effect(M: np.ndarray, names: Sequence[str]) -> None:
+def demand_effect(M: np.ndarray, names: Sequence[str]) -> None:
     """Raise when no output responds to an unknown."""
     idle = [name for name, size in zip(names, np.diag(M)) if not size > 0.0]
     if idle:
@@ -331,7 +331,7 @@ def _demand_effect(M: np.ndarray, names: Sequence[str]) -> None:
         )
 
 
-def _demand_rank(M: np.ndarray, names: Sequence[str]) -> None:
+def demand_rank(M: np.ndarray, names: Sequence[str]) -> None:
     """Raise when a combination of the unknowns changes no output."""
     scale = 1.0 / np.sqrt(np.diag(M))
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))

@@ -463,7 +463,7 @@ AM_API int am_add_noise(const am_drive *d, size_t samples, const double *x, int 
 
 /* ---- free motion of a control circuit -------------------------------------------------------- */
 
-enum { AM_MOST_CIRCUIT_UNKNOWNS = 128 };
+enum { AM_MOST_CIRCUIT_UNKNOWNS = 130 };
 
 /* Constants of a circuit, reduced to the travel s in the cockpit: mass, damping and friction of the
  * cockpit end and of the surface end of the cable, stiffness and damping of the cable; preload and
@@ -492,7 +492,8 @@ enum {
  * unknowns, which follow each number.
  *
  * bodies: 1, or 2 with a cable.  bristles: 0 friction by rate, 1 by bristles.
- * constants[AM_CIRCUIT_CONSTANTS]; start[2]: travel of both ends;
+ * constants[AM_CIRCUIT_CONSTANTS]; start[2]: travel of both ends; bend[2]: first deflections of
+ * their bristles, -1 to 1;
  * force[samples]: at the hand; moment[samples * powers]: hinge moment as a polynomial of the
  * deflection rigging + gearing s, from power 0; edge[samples]: part of the step after a jump of the
  * force between this sample and the next one, NaN without a jump.  parts: sub-steps of a step. */
@@ -501,6 +502,7 @@ typedef struct {
     double step, gearing;
     const double *constants, *by_constants;
     const double *start, *by_start;
+    const double *bend, *by_bend;
     const double *force, *by_force;
     const double *moment, *by_moment;
     const double *edge, *by_edge;

@@ -4,19 +4,15 @@ whose motion is simulated here.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flighttest.maximum_likelihood.likelihood import EXHAUSTED, STALLED
-from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.submodels.control_loading import identification, simulation
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.responses import circuit_fit, held_starts
+from flighttest.submodels.control_loading.responses import circuit_fit
 from flighttest.submodels.control_loading.responses.free_response import find_windows
 from flighttest.submodels.control_loading.responses.friction_models import join_models
 from flighttest.submodels.control_loading.responses.quiet_inputs import quiet_lines
@@ -163,21 +159,19 @@ def test_output_error_finds_the_circuit_that_was_simulated(columns):
 
 @pytest.fixture
 def one_search(monkeypatch):
-    """Friction by the rate alone, and one search with free starts."""
+    """Friction by the rate alone."""
 
     def fit(*records):
         return join_models({FRICTION_RATE: circuit_fit.fit_circuit(*records)})
 
     monkeypatch.setattr(identification, "fit_friction_models", fit)
-    monkeypatch.setattr(held_starts, "_ROUNDS", 1)
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("one_search")
 def test_regressions_replace_an_output_error_that_did_not_converge(columns, monkeypatch):
     loading, driven, free = columns
-    monkeypatch.setattr(held_starts, "_ITERATIONS", 1)
-    monkeypatch.setattr(held_starts, "_HELD_ITERATIONS", 1)
+    monkeypatch.setattr(circuit_fit, "_ITERATIONS", 1)
     output_error = identify_control_loading(loading, driven, free, order=2, method="output error")
     regression = identify_control_loading(loading, driven, free, order=2, method="regression")
     best = identify_control_loading(loading, driven, free, order=2)
@@ -190,52 +184,6 @@ def test_regressions_replace_an_output_error_that_did_not_converge(columns, monk
         # The standard error contains the difference of both methods.
         difference = output_error.value(name)[0] - regression.value(name)[0]
         assert stderr == pytest.approx(np.hypot(regression.value(name)[1], difference), rel=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("first", "stop", "admitted", "is_proven"),
-    [
-        (2, EXHAUSTED, 0.3, False),
-        (2, STALLED, 0.3, False),
-        (2, STALLED, 1.0, True),
-        (3, STALLED, 1.0, True),
-        (3, EXHAUSTED, 1.0, True),
-    ],
-)
-@pytest.mark.usefixtures("one_search")
-def test_held_starts_are_proven_with_free_ones(
-    columns, monkeypatch, first, stop, admitted, is_proven
-):
-    """Starts are held after a search without an end. The first search is cut short: after two
-    iterations the starts move the constants by 0.3 to 1 of their standard errors.
-    """
-    loading, driven, free = columns
-    ends = []
-
-    def search(likelihood, iterations, start):
-        end = maximise_likelihood(likelihood, iterations, start)
-        if not ends:
-            end = replace(end, stop=stop)
-        ends.append((end, likelihood))
-        return end
-
-    monkeypatch.setattr(held_starts, "maximise_likelihood", search)
-    monkeypatch.setattr(held_starts, "_ITERATIONS", first)
-    monkeypatch.setattr(held_starts, "ADMITTED", admitted)
-    fit = identify_control_loading(loading, driven, free[::2], order=2)
-    assert len(ends) == 2
-    assert fit.has_converged == is_proven
-    notes = [one.text for one in fit.remarks if one.kind == "held starts"]
-    assert len(notes) == int(is_proven)
-    # The search with held starts has converged in all cases.
-    layout, begin = ends[1][1].layout, ends[0][0].theta
-    assert ends[1][0].converged
-    held = layout.low == layout.high
-    assert held.any()
-    np.testing.assert_array_equal(ends[1][0].theta[held], begin[held])
-    if is_proven:
-        assert f"the starts of {4 - first} of 2 windows of free motion are held" in notes[0]
 
 
 def test_windows_end_before_a_stop_and_methods_are_named(columns):

@@ -76,7 +76,7 @@ def circuit(
 def test_derivatives_are_those_of_differences(has_cable, edge, has_bristles):
     given, theta = circuit(20, has_cable, has_bristles)
     theta[-1] = edge
-    _, Y = given.follow(theta, wants_slopes=True)
+    Y = given.slopes(theta).held()
     names = [*CONSTANTS, *OTHERS]
     for k, name in enumerate(names):
         # A piece of a sub-step has at least a millionth of it: a larger step of the edge.
@@ -85,7 +85,7 @@ def test_derivatives_are_those_of_differences(has_cable, edge, has_bristles):
         up[k], down[k] = theta[k] + h, theta[k] - h
         if name == "edge":
             up[k], down[k] = min(up[k], 1.0), max(down[k], 0.0)
-        difference = given.follow(up, False)[0] - given.follow(down, False)[0]
+        difference = given.follow(up) - given.follow(down)
         difference /= up[k] - down[k]
         size = np.abs(difference).max()
         assert np.abs(difference - Y[:, :, k]).max() <= 2e-3 * size + 1e-12, name
@@ -96,7 +96,7 @@ def test_error_falls_with_the_square_of_the_sub_step(has_bristles):
     motion = []
     for parts in (20, 40, 320):
         given, theta = circuit(parts, has_bristles=has_bristles)
-        motion.append(given.follow(theta, wants_slopes=False)[0])
+        motion.append(given.follow(theta))
     errors = [np.abs(y - motion[-1]).max() / np.ptp(motion[-1]) for y in motion[:2]]
     assert errors[0] < 2e-4
     assert errors[1] < 0.35 * errors[0]
@@ -111,7 +111,7 @@ def test_a_narrow_width_is_dry_friction():
     for name, value in changes.items():
         theta[names.index(name)] = value
     given.moment.at_zero[:, 1] = -700.0
-    smooth, _ = given.follow(theta, wants_slopes=False)
+    smooth = given.follow(theta)
     edges = np.full((SAMPLES, 1), np.nan)
     edges[JUMP] = OTHERS["edge"]
     dry, _ = linkage(TRUTH | CABLE, given.force.at(theta), -700.0, STEP, edges)
@@ -122,18 +122,16 @@ def test_wrong_sizes_and_widths_are_refused():
     given, theta = circuit(10)
     theta[list(CONSTANTS).index("rate_width")] = 0.0
     with pytest.raises(ValueError, match="widths"):
-        given.follow(theta, wants_slopes=False)
+        given.follow(theta)
     with pytest.raises(ValueError, match="shape"):
-        given._replace(start=LinearInput(np.zeros(3), np.zeros((3, len(theta))))).follow(
-            theta, wants_slopes=False
-        )
+        given._replace(start=LinearInput(np.zeros(3), np.zeros((3, len(theta))))).follow(theta)
 
 
 def test_a_sub_step_that_does_not_converge_gives_no_motion():
     """Negative friction beyond the inertia of a sub-step has no unique velocity at its end."""
     given, theta = circuit(40)
     theta[list(CONSTANTS).index("friction")] = -1000.0
-    y, Y = given.follow(theta, wants_slopes=True)
+    y, Y = given.follow(theta), given.slopes(theta).held()
     assert np.isnan(y).all()
     assert np.isnan(Y).all()
 
@@ -150,10 +148,10 @@ def resting(force: float) -> tuple[DrivenCircuit, np.ndarray]:
 
 
 def test_bristles_hold_a_force_below_friction_and_not_one_above():
-    held, _ = resting(0.9 * CONSTANTS["friction"])[0].follow(resting(0.0)[1], False)
+    held = resting(0.9 * CONSTANTS["friction"])[0].follow(resting(0.0)[1])
     assert np.abs(held).max() < 1e-12
     given, theta = resting(2.0 * CONSTANTS["friction"])
-    moved, Y = given.follow(theta, wants_slopes=True)
+    moved, Y = given.follow(theta), given.slopes(theta).held()
     assert moved[-1, 0] > 1e-3
     # Bristles that are fully deflected at the start hold no more of a larger start.
     assert np.isfinite(Y).all()
@@ -165,10 +163,10 @@ def test_balance_at_rest_depends_on_the_start_of_the_ends():
     names = [*CONSTANTS, *OTHERS]
     k = names.index("aft_start")
     theta[k] = 5e-5
-    _, Y = given.follow(theta, wants_slopes=True)
+    Y = given.slopes(theta).held()
     up, down = theta.copy(), theta.copy()
     up[k], down[k] = 5.0001e-5, 4.9999e-5
-    difference = (given.follow(up, False)[0] - given.follow(down, False)[0]) / 2e-9
+    difference = (given.follow(up) - given.follow(down)) / 2e-9
     np.testing.assert_allclose(Y[:, :, k], difference, atol=1e-6)
 
 
@@ -180,7 +178,7 @@ def test_a_small_bristle_travel_is_dry_friction():
     for name, value in changes.items():
         theta[names.index(name)] = value
     given.moment.at_zero[:, 1] = -700.0
-    bristles, _ = given.follow(theta, wants_slopes=False)
+    bristles = given.follow(theta)
     edges = np.full((SAMPLES, 1), np.nan)
     edges[JUMP] = OTHERS["edge"]
     dry, _ = linkage(TRUTH | CABLE, given.force.at(theta), -700.0, STEP, edges)

@@ -236,7 +236,6 @@ def _fit_responses(
             widths={name: fit.value(name) for name in WIDTHS if name in fit.names},
             friction_models=friction.weights,
             widened=friction.widened,
-            held=tuple(f"{number} ({windows[number - 1].span})" for number in fit.held),
         ),
     )
 

@@ -19,7 +19,7 @@
  *
  * It is solved exactly along the path of a velocity that changes evenly from v to w, back and forth
  * if the sub-step has a reversal, so y is smooth in both velocities.  The friction of a sub-step is
- * R times the mean of y at its ends.  At the start y balances the forces at rest. */
+ * R times the mean of y at its ends. */
 #include "elementary.h"
 #include "kernel.h"
 
@@ -379,32 +379,6 @@ static bool take_sub_step(const am_circuit *c, const middle_t *at, sub_step_t *p
     return true;
 }
 
-/* Bristles that hold the ends at rest at the start; an end that they cannot hold slides. */
-static void balance_bristles(const am_circuit *c, sub_step_t *p, change_t *d) {
-    const size_t n = (size_t)c->unknowns;
-    const middle_t at = {0, 0.0, 0.0, c->step / c->parts, 0.0};
-    const int size[BODIES] = {AM_FRICTION, AM_AFT_FRICTION};
-    double y[BODIES] = {0.0, 0.0};
-    double f[BODIES];
-    p->h = at.h;
-    p->force = c->force[0];
-    form_equations(c, &at, p);
-    for (int i = 0; i < c->bodies; i++) {
-        const double friction = c->constants[size[i]];
-        /* f is the force that friction lacks: without motion and bristles, that of all others */
-        if (friction > 0.0) y[i] = fmax(-1.0, fmin(1.0, -p->f[i] / friction));
-    }
-    for (size_t j = 0; d && j < n; j++) {
-        change_equations(c, &at, p, d, j, f);
-        for (int i = 0; i < c->bodies; i++) {
-            const double friction = c->constants[size[i]];
-            if (!(friction > 0.0) || fabs(y[i]) >= 1.0) continue;
-            d->y[i][j] = -(f[i] + y[i] * c->by_constants[(size_t)size[i] * n + j]) / friction;
-        }
-    }
-    memcpy(p->y, y, sizeof y);
-}
-
 static void record_sample(const am_circuit *c, const sub_step_t *p, const change_t *d, double *y,
                           double *Y) {
     const size_t n = (size_t)c->unknowns;
@@ -430,9 +404,10 @@ int am_follow_circuit(const am_circuit *c, size_t samples, double *y, double *Y)
     memset(&d, 0, sizeof d);
     for (int i = 0; i < c->bodies; i++) {
         p.s[i] = c->start[i];
+        p.y[i] = c->bend[i];
         memcpy(d.s[i], c->by_start + (size_t)i * n, n * sizeof *d.s[i]);
+        memcpy(d.y[i], c->by_bend + (size_t)i * n, n * sizeof *d.y[i]);
     }
-    if (c->bristles && samples > 1) balance_bristles(c, &p, Y ? &d : NULL);
     for (size_t k = 0;; k++, y += BODIES) {
         record_sample(c, &p, &d, y, Y);
         if (Y) Y += BODIES * n;

@@ -9,7 +9,7 @@ the constants and hold at every sliding sample.
             + (m + J g^2) s'' - g qbar S c Ch
     s - a = [J g^2 a'' + w g^2 a' + r |g| sgn(a') - g H - D (s' - a')] / K - rigging / g
 
-The search is that of `flighttest.maximum_likelihood`.
+The search is that of `kinked_search`.
 
 References
 ----------
@@ -27,7 +27,7 @@ import numpy as np
 
 from flightmech.errors import IdentificationError
 from flightmech.simulation.estimation.circuit_response import MOST_UNKNOWNS
-from flighttest.maximum_likelihood.likelihood import Likelihood, LikelihoodMaximum
+from flighttest.maximum_likelihood.likelihood import LikelihoodMaximum
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.search import (
     PROVEN,
@@ -36,24 +36,19 @@ from flighttest.maximum_likelihood.search import (
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, lay_out
 from flighttest.remarks import Convergence
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.responses.driven_rows import DrivenPiece, DrivenRows
+from flighttest.submodels.control_loading.responses.circuit_likelihood import CircuitLikelihood
+from flighttest.submodels.control_loading.responses.driven_rows import DrivenRows
 from flighttest.submodels.control_loading.responses.free_response import (
     EDGE,
     ERROR,
     FreeWindow,
 )
-from flighttest.submodels.control_loading.responses.held_starts import (
-    ADMITTED,
-    search_with_held_starts,
-    steps_in_errors,
-)
+from flighttest.submodels.control_loading.responses.kinked_search import maximise_kinked
 from flighttest.submodels.control_loading.responses.window_response import (
     BRISTLE_TRAVEL,
     FRICTION_RATE,
     PRELOAD_TRAVEL,
     WIDTHS,
-    SimulatedPiece,
-    count_sub_steps,
     largest_motion,
 )
 
@@ -76,6 +71,8 @@ _NOT_NEGATIVE = (
 )
 _POSITIVE = ("mass", "inertia", "cable_stiffness")
 _LEAST_PART = 0.02
+# Most iterations of a search.
+_ITERATIONS = 150
 # Standard deviation of the start of a window over its motion.
 _FAR = 10.0
 
@@ -98,8 +95,6 @@ class CircuitFit:
     maximum : LikelihoodMaximum
         With the remaining step and the bounds of free starts.
     likelihood : CircuitLikelihood
-    held : tuple of int
-        Numbers of the windows of free motion, from 1, whose starts were held.
     """
 
     names: tuple[str, ...]
@@ -108,7 +103,6 @@ class CircuitFit:
     rms: dict[str, float]
     maximum: LikelihoodMaximum
     likelihood: CircuitLikelihood
-    held: tuple[int, ...] = ()
 
     def value(self, name: str) -> tuple[float, float]:
         """Return an estimate and its standard error; a width in place of its logarithm."""
@@ -120,16 +114,13 @@ class CircuitFit:
 
     @property
     def convergence(self) -> Convergence:
-        """End of the search; the change is the remaining step in standard errors.
-
-        With held starts it is that of the constants, which must be below `ADMITTED`.
-        """
-        maximum, count = self.maximum, len(self.maximum.theta)
-        tolerance = PROVEN
-        if self.held:
-            count, tolerance = len(self.names), ADMITTED
-        step = float(steps_in_errors(maximum)[:count].max(initial=0.0))
-        return Convergence(maximum.converged, maximum.iterations, step / tolerance)
+        """End of the search; the change is the remaining step in standard errors."""
+        maximum = self.maximum
+        covariance = invert_information(maximum.information, ~maximum.active)
+        stderr = np.sqrt(np.diag(covariance))[~maximum.active]
+        step = np.abs(maximum.remaining[~maximum.active]) / stderr
+        share = float(step.max(initial=0.0)) / PROVEN
+        return Convergence(maximum.converged, maximum.iterations, share)
 
     def change(self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]) -> np.ndarray:
         """Return the change of the estimates (names,) if the records were these, to first order."""
@@ -156,7 +147,6 @@ def fit_circuit(
     start: Mapping[str, float],
     prior: Mapping[str, tuple[float, float]],
     width: str = FRICTION_RATE,
-    follows: CircuitFit | None = None,
     beyond: float = np.inf,
 ) -> CircuitFit:
     """Return the constants of a circuit by maximum likelihood.
@@ -172,10 +162,8 @@ def fit_circuit(
         A-priori values and standard errors.
     width : {"friction_rate", "bristle_travel"}
         Width over which friction is developed: a rate, or a travel.
-    follows : CircuitFit, optional
-        Fit of the same records, with this or the other width, from whose end the search starts.
     beyond : float
-        Cost above which an end that is not proven is not searched further.
+        Cost above which the search ends early if no step promises less.
 
     Raises
     ------
@@ -187,13 +175,11 @@ def fit_circuit(
     _demand_room(windows, layout, len(unknowns))
     begin = layout.start.copy()
     for k, name in enumerate(layout.names):
-        if follows is not None and (name != width or width in follows.names):
-            begin[k] = follows.maximum.theta[k]
-        elif name in start:
+        if name in start:
             begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
     likelihood = CircuitLikelihood(loading, windows, rows, layout, start)
-    maximum, windows_held = search_with_held_starts(likelihood, begin, len(unknowns), beyond)
-    return _fit_of(maximum, likelihood, tuple(unknowns), windows_held)
+    maximum = maximise_kinked(likelihood, _ITERATIONS, begin, beyond)
+    return _fit_of(maximum, likelihood, tuple(unknowns))
 
 
 def _demand_room(windows: Sequence[FreeWindow], layout: UnknownVector, common: int) -> None:
@@ -216,7 +202,8 @@ def _with_widths(
 ) -> dict[str, Unknown]:
     """Return the logarithms of both widths as unknowns.
 
-    A wide start makes the likelihood smooth; the search narrows it.
+    A wide start makes the likelihood smooth; the search narrows it. No width is larger than the
+    motion.
     """
     span, rate = largest_motion(windows)
     sizes = {width: rate if width == FRICTION_RATE else span}
@@ -226,7 +213,7 @@ def _with_widths(
     for name, size in sizes.items():
         least_part = _LEAST_BRISTLE if name == BRISTLE_TRAVEL else _LEAST
         first, least = np.log(_WIDE * size), np.log(least_part * size)
-        widths[name] = Unknown(first, _WIDTH_ERROR, least)
+        widths[name] = Unknown(first, _WIDTH_ERROR, least, float(np.log(size)))
     return widths
 
 
@@ -234,7 +221,6 @@ def _fit_of(
     maximum: LikelihoodMaximum,
     likelihood: CircuitLikelihood,
     names: tuple[str, ...],
-    held: tuple[int, ...],
 ) -> CircuitFit:
     """Return estimates and standard errors at the end of a search."""
     count = len(names)
@@ -242,8 +228,6 @@ def _fit_of(
         _covariance(maximum, likelihood)[:count, :count],
         _scatter_covariance(maximum, likelihood, count)[:count, :count],
     )
-    if held:
-        covariance += np.outer(maximum.remaining[:count], maximum.remaining[:count])
     return CircuitFit(
         names=names,
         theta=maximum.theta[:count],
@@ -251,7 +235,6 @@ def _fit_of(
         rms=_output_rms(maximum, len(likelihood.windows)),
         maximum=maximum,
         likelihood=likelihood,
-        held=held,
     )
 
 
@@ -309,45 +292,6 @@ def _lay_out_records(
     for common, added in zip((layout.start, layout.sigma, layout.low, layout.high), own_fields):
         joined.append(np.concatenate([common, added]))
     return UnknownVector(tuple(names), tuple(bases), tuple(columns), *joined)
-
-
-class CircuitLikelihood(Likelihood):
-    """Likelihood of the windows of free motion, then of the driven rows.
-
-    `start` are the first constants, by which each window gets the sub-steps of its own steps.
-    """
-
-    def __init__(
-        self,
-        loading: ControlLoading,
-        windows: Sequence[FreeWindow],
-        rows: Sequence[DrivenRows],
-        layout: UnknownVector,
-        start: Mapping[str, float],
-    ):
-        self.loading, self.windows, self.rows = loading, list(windows), list(rows)
-        self.start = start
-        # A window whose force is recorded too coarsely differs from its simulation by more than
-        # noise, so each has a variance of its own. All driven stretches have one.
-        groups = np.r_[np.arange(len(windows)), np.full(len(rows), len(windows))]
-        count = len(self.windows)
-        pieces: list[Any] = []
-        for window, names in zip(self.windows, layout.bases[:count]):
-            parts = count_sub_steps(start, loading.gearing, window.step)
-            pieces.append(SimulatedPiece(loading, window, names, parts))
-        for piece, names in zip(self.rows, layout.bases[count:]):
-            pieces.append(DrivenPiece(piece, names))
-        super().__init__(pieces, layout, groups)
-
-    def with_records(
-        self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]
-    ) -> CircuitLikelihood:
-        """Return the likelihood of other records with the same unknowns."""
-        return CircuitLikelihood(self.loading, windows, rows, self.layout, self.start)
-
-    def with_layout(self, layout: UnknownVector) -> CircuitLikelihood:
-        """Return the likelihood of the same records with other bounds of the unknowns."""
-        return CircuitLikelihood(self.loading, self.windows, self.rows, layout, self.start)
 
 
 def _covariance(maximum: LikelihoodMaximum, likelihood: CircuitLikelihood) -> np.ndarray:

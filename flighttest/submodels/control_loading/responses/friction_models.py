@@ -76,18 +76,20 @@ def fit_friction_models(
     records = (loading, windows, rows, start, prior)
     if "friction" not in start:
         return join_models({FRICTION_RATE: fit_circuit(*records)})
-    # A search may take minutes. A model that is hopeless against the other one is not searched to
-    # its end: its weight would be zero.
-    rate = fit_circuit(*records, beyond=-np.inf)
-    fits = {FRICTION_RATE: rate}
-    # The first model has the same windows and unknowns. If only the second one cannot be searched,
-    # it does not explain these records.
+    # Where a control begins to slide, the likelihood of bristles has kinks whose places are known,
+    # that of friction by the rate has sharp bends. So the search with bristles is the surer one.
+    # The other one is not searched to its end if it is hopeless: its weight would be zero.
+    fits = {}
+    limit = np.inf
+    # If only one of the models cannot be searched, it does not explain these records.
     with suppress(IdentificationError):
-        limit = rate.maximum.cost + _HOPELESS
-        fits[BRISTLE_TRAVEL] = fit_circuit(*records, BRISTLE_TRAVEL, follows=rate, beyond=limit)
-    best = min(fit.maximum.cost for fit in fits.values())
-    if not rate.maximum.converged and rate.maximum.cost < best + _HOPELESS:
-        fits[FRICTION_RATE] = fit_circuit(*records, follows=rate)
+        fits[BRISTLE_TRAVEL] = fit_circuit(*records, BRISTLE_TRAVEL)
+        limit = fits[BRISTLE_TRAVEL].maximum.cost + _HOPELESS
+    try:
+        fits[FRICTION_RATE] = fit_circuit(*records, FRICTION_RATE, limit)
+    except IdentificationError:
+        if not fits:
+            raise
     return join_models(fits)
 
 

@@ -42,8 +42,6 @@ class ResponseFit:
         of the likeliest, the standard errors contain the difference.
     widened : float
         Largest factor by which this difference widens a standard error.
-    held : tuple of str
-        Windows of free motion whose starts were held, by number and time.
     """
 
     convergence: Convergence
@@ -53,7 +51,6 @@ class ResponseFit:
     widths: Mapping[str, tuple[float, float]]
     friction_models: Mapping[str, float]
     widened: float = 1.0
-    held: tuple[str, ...] = ()
 
     @property
     def remarks(self) -> list[Remark]:
@@ -65,16 +62,6 @@ class ResponseFit:
             "the likelihood still rises; give records with more motion, fewer terms, or drawings",
             severity="warning",
         )
-        if self.held:
-            text = (
-                f"the starts of {len(self.held)} of {self.windows} windows of free motion are "
-                f"held, where friction stops their search: {', '.join(self.held)}; with "
-                f"free starts the constants would move by {self.convergence.change:.2g} standard "
-                f"errors at most, which their standard errors contain"
-            )
-            if not self.convergence.converged:
-                text = text.partition(";")[0]
-            remarks.append(Remark("held starts", text, severity="note"))
         value, stderr = self.hand_damping
         if abs(value) > _CERTAIN * stderr:
             text = (

@@ -17,6 +17,7 @@ import numpy as np
 
 from flightmech.simulation.estimation.circuit_response import (
     CIRCUIT_CONSTANTS,
+    CircuitSlopes,
     DrivenCircuit,
     LinearInput,
 )
@@ -165,17 +166,34 @@ class SimulatedPiece:
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return travel and surface end over their noise, (time, 2)."""
-        y, _ = self.circuit.follow(raise_widths(self.names, values), wants_slopes=False)
-        return self._readings(y, values)
+        return self._readings(self.circuit.follow(raise_widths(self.names, values)), values)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-        """Return the derivatives (time, 2, unknowns), which are exact."""
+        """Return the derivatives (time, 2, unknowns), which are exact.
+
+        At a kink they are those of a control that friction holds.
+        """
+        return self.one_sided_slopes(values).held()
+
+    def one_sided_slopes(self, values: np.ndarray) -> CircuitSlopes:
+        """Return the derivatives on both sides of the kinks at which an end begins to slide."""
         raised = raise_widths(self.names, values)
-        _, Y = self.circuit.follow(raised, wants_slopes=True)
-        assert Y is not None
+        both = self.circuit.slopes(raised)
+        Y = both.sliding
         if "rigging" in self.names:
             Y[:, 1, self.names.index("rigging")] += 1.0 / self.loading.gearing
-        return lower_slopes(self.names, raised, Y / self.window.scale[:, None])
+        return CircuitSlopes(
+            lower_slopes(self.names, raised, Y / self.window.scale[:, None]),
+            both.bends / self.window.scale[:, None],
+            both.ratio,
+            lower_slopes(self.names, raised, both.by_unknown),
+        )
+
+    def load_ratios(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return load over friction of both ends at rest (2,), and derivatives (2, unknowns)."""
+        raised = raise_widths(self.names, values)
+        ratio, by_unknown = self.circuit.load_ratios(raised)
+        return ratio, lower_slopes(self.names, raised, by_unknown)
 
     def _readings(self, y: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return the readings of both ends over their noise; NaN far beyond the record."""
