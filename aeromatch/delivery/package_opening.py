@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import struct
 import tempfile
 import zipfile
 from collections.abc import Iterator
@@ -29,6 +30,8 @@ _SMALL, _MOST_TIMES = 100_000_000, 100
 _HEAD, _DESCRIPTION = 30, 24
 # The end record of a zip without a comment. [byte]
 _END = 22
+# Extra field with a second name of a member, which some programs use in place of the first.
+_UNICODE_PATH = 0x7075
 _AT_ONCE = 1 << 20  # byte
 
 
@@ -176,6 +179,8 @@ def _find_member_faults(content: zipfile.ZipFile, packed: int) -> Iterator[str]:
         # a file and a folder
         elif name.removesuffix("/") in seen or f"{name}/" in seen:
             yield f"two files are named {name!r}"
+        elif _has_second_name(item.extra) or _has_second_name(_extra_at_head(content, item)):
+            yield f"{name!r} has a second name in an extra field; pack it again"
         seen.add(name)
     # What lies outside the folder of the package would escape every check.
     folders = {name.split("/")[0] for name in seen}
@@ -205,6 +210,28 @@ def _member_fault(item: zipfile.ZipInfo) -> str:
     if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
         return "is a link or a device; a package has files and folders only"
     return ""
+
+
+def _extra_at_head(content: zipfile.ZipFile, item: zipfile.ZipInfo) -> bytes:
+    """Return the extra fields in front of a member, which can differ from those of the directory."""
+    stream = content.fp
+    if stream is None:
+        return b""
+    stream.seek(item.header_offset)
+    head = stream.read(_HEAD)
+    stream.seek(int.from_bytes(head[26:28], "little"), os.SEEK_CUR)
+    return stream.read(int.from_bytes(head[28:30], "little"))
+
+
+def _has_second_name(extra: bytes) -> bool:
+    """Return whether extra fields name their member once more."""
+    at = 0
+    while at + 4 <= len(extra):
+        kind, size = struct.unpack_from("<HH", extra, at)
+        if kind == _UNICODE_PATH:
+            return True
+        at += 4 + size
+    return False
 
 
 def _has_foreign_bytes(content: zipfile.ZipFile) -> bool:

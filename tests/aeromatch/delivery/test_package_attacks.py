@@ -3,8 +3,11 @@
 import copy
 import json
 import os
+import re
 import shutil
+import struct
 import zipfile
+import zlib
 from contextlib import nullcontext
 
 import pytest
@@ -290,6 +293,21 @@ def test_zips_that_two_programs_read_differently_are_refused(delivery, tmp_path)
         content.filelist.remove(entry)
         del content.NameToInfo[entry.filename]
     assert "belong to none of its members" in str(faults(hidden)[0])
+
+
+def test_a_second_name_of_a_member_is_refused(delivery, tmp_path):
+    """The field "Unicode path", which Info-ZIP and Python from 3.12 on use in place of the name."""
+    other = b"data_package/../evil"
+    field = struct.pack("<BI", 1, zlib.crc32(b"data_package/x")) + other
+    member = zipfile.ZipInfo("data_package/x")
+    member.extra = struct.pack("<HH", 0x7075, len(field)) + field
+    file = pack(delivery, tmp_path / "a.zip", more={member: "x"})
+    assert re.search("second name in an extra field|leads out of the package", str(faults(file)[0]))
+    raw = file.read_bytes()
+    # in front of the member alone: another kind in the directory
+    directory = raw.rindex(b"up", 0, raw.rindex(other))
+    file.write_bytes(raw[:directory] + b"xx" + raw[directory + 2 :])
+    assert "'data_package/x' has a second name in an extra field" in str(faults(file)[0])
 
 
 @pytest.mark.nightly
