@@ -21,6 +21,7 @@ RATE, STEPS = 20, 2  # records per second, steps of the simulation per record
 DEG, KT, FT, G0 = math.pi / 180.0, 1852 / 3600, 0.3048, 9.80665
 IMU = np.array([0.30, 0.10, 0.20])  # from the reference point [m]
 VANES = np.array([6.2, 0.0, 0.1])  # nose boom with the pitot-static tube
+RUDDER_STOP = 22.0 * DEG
 SETTLING = 90.0  # before the recorder starts [s]
 
 # Constant errors of the instruments, noise of a sample, in the units of the columns
@@ -104,7 +105,7 @@ class Flight:
         self.failed, self.climbs = failed, climbs
         self.have = dict(self.want)
         self.height, self.heading, self.bank = altitude * FT, 0.0, 0.0
-        self.sums = {"pitch": 0.0, "speed": 0.0, "yaw": 0.0}
+        self.sums = {"pitch": 0.0, "speed": 0.0, "yaw": 0.0, "turn": 0.0}
         self.base = dict(self.want)
         self.rows: list[dict[str, float]] = []
 
@@ -141,6 +142,19 @@ class Flight:
                 lever = self.base[f"lever{k}"] + self.sums["speed"] + 0.04 * slow
                 want[f"lever{k}"] = min(max(lever, 0.0), 1.0)
 
+    def slow_down(self, rate: float, bank: float) -> None:
+        """Lose speed [kt/s] at a bank [rad]; the rudder holds the heading up to its stop."""
+        self.speed -= rate * KT / RATE
+        self.hold()
+        s, want = self.see(), self.want
+        self.bank += min(max(bank - self.bank, -0.03 / RATE), 0.03 / RATE)
+        want["aileron"] = self.base["aileron"] - 0.9 * (self.bank - s["phi"]) + 0.5 * s["p"]
+        turn = (self.heading - s["psi"] + math.pi) % (2.0 * math.pi) - math.pi
+        if abs(want["rudder"]) < RUDDER_STOP:
+            self.sums["turn"] -= 0.4 * turn / RATE
+        rudder = self.base["rudder"] + self.sums["turn"] - 1.2 * turn + 1.0 * s["r"]
+        want["rudder"] = min(max(rudder, -RUDDER_STOP), RUDDER_STOP)
+
     def step(self) -> None:
         """Advance by one record."""
         for _ in range(STEPS):
@@ -164,7 +178,7 @@ class Flight:
         """Take the controls of the moment as those that the pilot lets go to."""
         self.base = dict(self.want)
         attitude = self.sums["speed"] if self.climbs else 0.0
-        self.sums = {"pitch": 0.0, "speed": attitude, "yaw": 0.0}
+        self.sums = {"pitch": 0.0, "speed": attitude, "yaw": 0.0, "turn": 0.0}
 
 
 def fly(cas: float, altitude: float, cards: list[tuple], **more) -> pd.DataFrame:
@@ -214,6 +228,12 @@ def fly(cas: float, altitude: float, cards: list[tuple], **more) -> pd.DataFrame
                 f.sums["yaw"] = 0.0
 
             f.during(seconds, slip)
+        elif kind == "slow_down":  # rate [kt/s], bank [rad], seconds
+
+            def slow(t: float, values=values) -> None:
+                f.slow_down(*values[:2])
+
+            f.during(values[2], slow)
         else:
             raise ValueError(kind)
     return pd.DataFrame(f.rows)
@@ -343,6 +363,12 @@ PROGRAMME = {
         115.0,
         3000.0,
         [("hold", 115.0)],
+        {"failed": 1, "lever": 1.0, "climbs": True},
+    ),
+    "check_minimum_control": (
+        105.0,
+        4000.0,
+        [("free", 2.0), ("slow_down", 0.7, 5.0 * DEG, 48.0)],
         {"failed": 1, "lever": 1.0, "climbs": True},
     ),
 }
