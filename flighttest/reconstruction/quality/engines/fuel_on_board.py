@@ -19,6 +19,7 @@ from flighttest.reconstruction.quality.engines.fuel import (
     burned_over_lost,
     engine_channels,
     table_flow,
+    with_table_axes,
 )
 from flighttest.reconstruction.quality.finding import Finding
 from flighttest.regression.uncertainty.jackknife import block_jackknife
@@ -86,7 +87,7 @@ def _ratios(
         of_mass = _change_over_mass(signals, tank)
         if of_mass is not None:
             yield "the change of mass", *of_mass
-    flown = signals.completed(("mach", "p_static", "temperature"))
+    flown = with_table_axes(signals)
     flows: dict[str, np.ndarray] = {}
     for number, engine in enumerate(aircraft.engines, 1):
         flow = table_flow(engine, engine_channels(flown, number))
