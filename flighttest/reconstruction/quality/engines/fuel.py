@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flightmech.air import P_SEA, T_SEA
+from flightmech.air import GAMMA, P_SEA, R_AIR, T_SEA
 from flightmech.aircraft.aircraft import Aircraft, tanks_of
 from flightmech.aircraft.engine import Engine, list_leaves
 from flightmech.terms import evaluate_term
@@ -318,7 +318,7 @@ def _recorded_over_table(
     signals: ResampledChannels, engines: Mapping[int, Engine]
 ) -> _FlowRatio | None:
     """Return the recorded flow of engines over that of their tables; None without such tables."""
-    full = signals.completed(("mach", "p_static", "temperature"))
+    full = with_table_axes(signals)
     recorded, table = np.zeros(signals.time.shape), np.zeros(signals.time.shape)
     good = signals.flying.copy()
     for number, engine in engines.items():
@@ -340,6 +340,11 @@ def _recorded_over_table(
     return _FlowRatio(_TABLES, value, error)
 
 
+def with_table_axes(signals: ResampledChannels) -> ResampledChannels:
+    """Return signals with the axes of engine tables, formed from what is recorded."""
+    return signals.completed(("V", "p_static", "temperature"))
+
+
 def engine_channels(full: ResampledChannels, number: int) -> dict[str, np.ndarray]:
     """Return the channels of an engine and of the flight by the names of tables, SI."""
     at: dict[str, np.ndarray] = {}
@@ -347,6 +352,9 @@ def engine_channels(full: ResampledChannels, number: int) -> dict[str, np.ndarra
         engine_name, _, quantity = name.rpartition(".")
         if engine_name in ("", f"engine{number}"):
             at[quantity] = values
+    if "mach" not in at and {"V", "temperature"} <= set(at):
+        # a record with calibrated airspeed alone has its Mach number from the true one
+        at["mach"] = at["V"] / np.sqrt(GAMMA * R_AIR * np.maximum(at["temperature"], 1.0))
     if {"p_static", "temperature", "mach"} <= set(at):
         temperature = np.maximum(at["temperature"], 1.0)
         at["temperature_ratio"] = temperature / T_SEA * (1.0 + 0.2 * at["mach"] ** 2)

@@ -20,6 +20,7 @@ from flighttest.reconstruction.quality.engines.fuel import (
     engine_channels,
     fuel_amounts,
     table_flow,
+    with_table_axes,
 )
 from flighttest.reconstruction.quality.finding import Finding
 from flighttest.regression.uncertainty.jackknife import block_jackknife
@@ -87,7 +88,7 @@ def _ratios(
         of_mass = _change_over_mass(signals, tank)
         if of_mass is not None:
             yield "the change of mass", *of_mass
-    flown = signals.completed(("mach", "p_static", "temperature"))
+    flown = with_table_axes(signals)
     flows: dict[str, np.ndarray] = {}
     for number, engine in enumerate(aircraft.engines, 1):
         flow = table_flow(engine, engine_channels(flown, number))

@@ -15,7 +15,11 @@ from flightmech.aircraft.engine import Engine, list_leaves
 from flightmech.terms import evaluate_term
 from flightmech.units import FOOT, INCH, POUND_FORCE
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
-from flighttest.reconstruction.quality.engines.fuel import Unchecked, engine_channels
+from flighttest.reconstruction.quality.engines.fuel import (
+    Unchecked,
+    engine_channels,
+    with_table_axes,
+)
 from flighttest.reconstruction.quality.finding import Finding
 from flighttest.regression.uncertainty.jackknife import block_jackknife
 
@@ -27,11 +31,12 @@ _UNITS = (
     ("N m", "lbf in", POUND_FORCE * INCH),
     ("kN m", "N m", 1e-3),
 )
-_USUAL = (0.82, 1.22)  # torque over that of the charts; 0.98 to 1.02 on the commuter
+_USUAL = (0.82, 1.22)  # torque over that of the charts; 0.96 to 0.98 on the commuter
 _NEAR = 0.08  # of a ratio, within which a unit or a gearbox explains it
 _KNOWN, _SIGMAS = 0.03, 3.0  # largest standard error of the ratio, and standard errors on it
 _BLOCKS, _FEWEST = 8, 50  # of the jackknife; samples
-_WORKING = 0.3  # of the largest power, above which charts are certain
+_WORKING = 0.3  # of the largest power of the flight, above which charts are certain
+_STOPPED = 0.05  # of the largest power of the charts, below which an engine gives none
 _ROW = ("shaft", "size of the torque")
 
 
@@ -77,11 +82,12 @@ def _torque_over_charts(
 
     None if the charts need other channels, or if the ratio scatters.
     """
-    full = signals.completed(("mach", "p_static", "temperature"))
+    full = with_table_axes(signals)
     at = engine_channels(full, number)
-    power = _chart_power(engine, at)
-    if power is None or "rpm" not in at:
+    charts = _chart_power(engine, at)
+    if charts is None or "rpm" not in at:
         return None
+    power, most = charts
     names = [name for name in full.good if name.rpartition(".")[0] in ("", f"engine{number}")]
     used = [name for name in names if name.endswith((".torque", ".rpm"))]
     good = signals.flying & np.isfinite(power)
@@ -89,7 +95,7 @@ def _torque_over_charts(
         good &= full.good[name]
     # near idle charts and torque are small differences
     largest = np.max(power[good], initial=0.0)
-    good &= power > max(_WORKING * largest, 1.0)
+    good &= power > max(_WORKING * largest, _STOPPED * most)
     if good.sum() < _FEWEST:
         return None
     quotient = at["torque"][good] * at["rpm"][good] / power[good]
@@ -102,8 +108,11 @@ def _torque_over_charts(
     return value, error
 
 
-def _chart_power(engine: Engine, at: Mapping[str, np.ndarray]) -> np.ndarray | None:
-    """Return the shaft power of the charts of an engine (time,) [W]; None without their axes."""
+def _chart_power(engine: Engine, at: Mapping[str, np.ndarray]) -> tuple[np.ndarray, float] | None:
+    """Return the shaft power of the charts of an engine (time,), and their largest one. [W]
+
+    None without a chart, or without one of its axes.
+    """
     tables = list_leaves(engine)
     for name in ("shaft_power", "corrected_shaft_power"):
         if name not in tables or not set(map(str, tables[name].variables["value"].dims)) <= set(at):
@@ -114,7 +123,8 @@ def _chart_power(engine: Engine, at: Mapping[str, np.ndarray]) -> np.ndarray | N
                 continue
             factor = at["pressure_ratio"] * np.sqrt(at["temperature_ratio"])
         value = evaluate_term(tables[name], at, outside="clamp")
-        return np.broadcast_to(factor * value, at["torque"].shape).astype(float)
+        power = np.broadcast_to(factor * value, at["torque"].shape).astype(float)
+        return power, float(tables[name].variables["value"].values.max())
     return None
 
 

@@ -73,6 +73,25 @@ def test_a_model_error_of_the_charts_is_no_mistake(aircraft, factor):
     assert torque_findings(signals(aircraft, factor), aircraft) == ([], [])
 
 
+def test_the_mach_number_is_formed_from_the_airspeed(aircraft):
+    flown = signals(aircraft, 0.7376)
+    speed = 0.2 * np.sqrt(1.4 * 287.05287 * flown["temperature"])
+    flown.good["V"] = np.ones(TIME.size, bool)
+    findings, unchecked = torque_findings(
+        flown.with_values({"V": speed}).without({"mach"}), aircraft
+    )
+    assert [finding.kind for finding in findings] == ["unit", "unit"]
+    assert unchecked == []
+
+
+def test_an_engine_that_is_stopped_shows_nothing(aircraft):
+    flown = signals(aircraft, 1.0)
+    stopped = {"engine1.n1": np.full(TIME.size, 0.12), "engine1.torque": np.full(TIME.size, 3.0)}
+    findings, unchecked = torque_findings(flown.with_values(stopped), aircraft)
+    assert findings == []
+    assert [row[2] for row in unchecked] == [NAMES[:1]]
+
+
 def test_a_record_without_the_axes_of_the_charts(aircraft):
     flown = signals(aircraft, 0.7376)
     short = flown.without({"engine1.n1", "engine2.n1"})
