@@ -260,6 +260,7 @@ def test_circuits_and_wheels_of_different_orders(together, record):
         assert (demand_same(together, record, AIR | orders)["failure"] == "").all()
 
 
+@pytest.mark.filterwarnings("ignore:.* reaches .*, its limit is")
 @pytest.mark.nightly
 @pytest.mark.parametrize("mode", [1.0, 2.0])
 @pytest.mark.parametrize("order", [2.0, 4.0])
@@ -591,6 +592,7 @@ def drawn(sim: flightmech.SimModel, rng: np.random.Generator) -> tuple[xr.Datase
     )
 
 
+@pytest.mark.filterwarnings("ignore:.* reaches .*, its limit is")
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_any_batch(together):
