@@ -26,7 +26,7 @@ class Piece:
         return (values[0] + values[1] * TIME + 3.0 * bend[0] * SLIDES)[:, None]
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-        raise NotImplementedError("the search asks for both sides")
+        raise NotImplementedError("the search uses both sides")
 
 
 class Kinked(Likelihood):

@@ -77,7 +77,7 @@ def fit_friction_models(
     if "friction" not in start:
         return join_models({FRICTION_RATE: fit_circuit(*records)})
     # Where a control begins to slide, the likelihood of bristles has kinks whose places are known,
-    # that of friction by the rate has sharp bends. So the search with bristles is the surer one.
+    # that of friction by the rate has sharp bends. The search with bristles comes first.
     # The other one is not searched to its end if it is hopeless: its weight would be zero.
     fits = {}
     limit = np.inf

@@ -14,6 +14,8 @@ of the cost with these constraints, an active set [Fletcher1987]_.
 
 References
 ----------
+.. [Dennis1981] Dennis, Gay, Welsch, An adaptive nonlinear least-squares algorithm, ACM Trans.
+   Mathematical Software 7, 1981 (sized secant part of the curvature).
 .. [Fletcher1987] R. Fletcher, Practical methods of optimization, 2nd ed., Wiley 1987, ch. 10, 14.
 """
 
@@ -41,7 +43,7 @@ from flighttest.maximum_likelihood.search import (
 
 # Step without damping at which a search ends, in standard errors: what rounding moves is less.
 _SETTLED = 1e-7
-# Step from which on a fall of the cost is not asked for, because rounding hides it.
+# Step below which a fall of the cost is not required, because rounding hides it.
 _CLOSE = 1e-3
 # Least fall of the cost over that of the quadratic model with which a step is taken at once.
 _GOOD = 0.25
