@@ -262,7 +262,7 @@ def _blades() -> dict[str, xr.Dataset]:
 
 
 def piston() -> flightmech.Aircraft:
-    """Return a twin with piston engines, whose propellers have governors and feather."""
+    """Return an aircraft with two piston engines, whose propellers have governors and feather."""
     propeller = Propeller(
         _blades(),
         diameter=2.0,
