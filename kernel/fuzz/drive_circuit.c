@@ -51,31 +51,12 @@ static double *take_edges(bytes_t *bytes, size_t samples) {
     return to;
 }
 
-static void promise_finite(const double *y, size_t samples) {
+static void promise_motion(const double *y, const double *alone, size_t samples) {
+    promise(memcmp(y, alone, samples * BODIES * sizeof *y) == 0,
+            "derivatives do not change the motion");
     for (size_t i = 0; i < BODIES * samples; i++) {
         promise(isfinite(y[i]), "the travel of a circuit that was followed is finite");
     }
-}
-
-/* Follows a circuit with and without derivatives: both give the same answer. */
-static void follow_both_ways(const am_circuit *circuit, size_t samples) {
-    double *y = room(samples * BODIES);
-    double *alone = room(samples * BODIES);
-    double *Y = room(samples * BODIES * (size_t)circuit->unknowns);
-    const int status = am_follow_circuit(circuit, samples, y, Y);
-    promise(status == AM_OK || status == AM_BAD_ARGUMENT || status == AM_NOT_FINITE
-                || status == AM_NOT_SOLVED,
-            "a circuit is followed or refused");
-    promise(am_follow_circuit(circuit, samples, alone, NULL) == status,
-            "derivatives do not change the answer");
-    if (status == AM_OK) {
-        promise_finite(y, samples);
-        promise(memcmp(y, alone, samples * BODIES * sizeof *y) == 0,
-                "derivatives do not change the motion");
-    }
-    free(y);
-    free(alone);
-    free(Y);
 }
 
 void call_circuit(bytes_t *bytes) {
@@ -85,11 +66,13 @@ void call_circuit(bytes_t *bytes) {
                                     : take_byte(bytes) % (SOME_UNKNOWNS + 1);
     double *constants = take_constants(bytes);
     double *start = numbers(bytes, BODIES, 0.0);
+    double *bend = numbers(bytes, BODIES, 0.0);
     double *force = numbers(bytes, samples, 0.0);
     double *moment = numbers(bytes, samples * powers, 0.0);
     double *edge = take_edges(bytes, samples);
     double *by_constants = numbers(bytes, n * AM_CIRCUIT_CONSTANTS, 0.0);
     double *by_start = numbers(bytes, n * BODIES, 0.0);
+    double *by_bend = numbers(bytes, n * BODIES, 0.0);
     double *by_force = numbers(bytes, n * samples, 0.0);
     double *by_moment = numbers(bytes, n * samples * powers, 0.0);
     double *by_edge = numbers(bytes, n * samples, 0.0);
@@ -105,21 +88,26 @@ void call_circuit(bytes_t *bytes) {
         .by_constants = by_constants,
         .start = start,
         .by_start = by_start,
+        .bend = bend,
+        .by_bend = by_bend,
         .force = force,
         .by_force = by_force,
         .moment = moment,
         .by_moment = by_moment,
         .edge = edge,
         .by_edge = by_edge};
-    follow_both_ways(&circuit, samples);
-    free(constants);
-    free(start);
-    free(force);
-    free(moment);
-    free(edge);
-    free(by_constants);
-    free(by_start);
-    free(by_force);
-    free(by_moment);
-    free(by_edge);
+    double *y = room(samples * BODIES);
+    double *alone = room(samples * BODIES);
+    double *Y = room(samples * BODIES * n);
+    const int status = am_follow_circuit(&circuit, samples, y, Y);
+    promise(status == AM_OK || status == AM_BAD_ARGUMENT || status == AM_NOT_FINITE
+                || status == AM_NOT_SOLVED,
+            "a circuit is followed or refused");
+    promise(am_follow_circuit(&circuit, samples, alone, NULL) == status,
+            "derivatives do not change the answer");
+    if (status == AM_OK) promise_motion(y, alone, samples);
+    double *owned[] = {constants, start,    bend,     force,   moment,    edge,
+                       by_start,  by_bend,  by_force, by_moment, by_edge, by_constants,
+                       y,         alone,    Y};
+    for (size_t i = 0; i < sizeof owned / sizeof *owned; i++) free(owned[i]);
 }
