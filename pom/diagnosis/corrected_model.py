@@ -73,9 +73,9 @@ def correction_reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
             if not np.isfinite(alone[name]):
                 needs.setdefault(name, []).append(case)
                 continue
-            text = f"{case} (alone {100.0 * alone[name]:.0f} % of the gap"
+            text = f"{case} (alone {100.0 * alone[name]:z.0f} % of the gap"
             if name in share:
-                text += f", share {100.0 * share[name]:.0f} %"
+                text += f", share {100.0 * share[name]:z.0f} %"
             needs.setdefault(name, []).append(f"{text})")
     reasons = {name: f"needed by {'; '.join(texts)}" for name, texts in needs.items()}
     # A joint term is not in the sequence of any case.

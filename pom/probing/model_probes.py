@@ -30,6 +30,7 @@ from pom.probing.flight_consistency import (
     on_wheels,
 )
 from pom.probing.input_probe import NEAR, SIZES, changed_job, judge_input_change, judge_jump
+from pom.probing.late_probe import judge_late, late_job
 from pom.probing.model_agreement import compare_aircraft, compare_controls
 from pom.probing.scatter_probe import (
     RecordScatter,
@@ -167,6 +168,11 @@ def _probe_inputs(
     if is_compared and not on_wheels:
         near, failure = fly(changed_job(job, outputs, NEAR).job, [*SIZES])
         remarks += judge_jump(outputs, near, after) if not failure else ()
+    # wheels and a loop that is closed around the model make the start unsteady
+    if is_compared and flight and not job.pilot and job.law is None:
+        late, failure = fly(late_job(job), [*SIZES])
+        if not failure:
+            remarks += judge_late(job.time, outputs, late, changed.moved_at)
     # gain and time of the inputs are those of surfaces, in which an answer is linear
     if is_compared and flight and not changed.only_levers:
         surfaces = case.drive.level == "recorded"

@@ -319,4 +319,4 @@ def _percent(share: float, stderr: float = 0.0) -> str:
     if math.isnan(share):
         return ""
     error = f" +- {100.0 * stderr:.0f}" if stderr > 0.0 else ""
-    return f"{100.0 * share:.0f}{error} %"
+    return f"{100.0 * share:z.0f}{error} %"

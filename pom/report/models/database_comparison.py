@@ -170,9 +170,16 @@ def _list_changes(
             continue
         row = table.loc[item["term"]]
         errors = row["max_in_stderr"]
+        # two databases are compared here, whatever the others hold
+        state = "replaced"
+        if item["term"] not in aerodb.terms(databases[first]):
+            state = "added"
+        elif item["term"] not in aerodb.terms(databases[last]):
+            state = "removed"
         rows.append(
             {
                 **item,
+                "state": state,
                 "change": format_number(row["max_difference"], 2),
                 "errors": fixed_decimals(errors, 1) if np.isfinite(errors) else MISSING,
                 "where": row["location"],

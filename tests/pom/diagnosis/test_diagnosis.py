@@ -16,7 +16,9 @@ from pom.cases.case import read_case
 from pom.cases.job import job_of
 from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import flight_states
+from pom.cli.actions.diagnose import _percent
 from pom.diagnosis import joint_correction
+from pom.diagnosis.corrected_model import correction_reasons
 from pom.diagnosis.swap_runs import SwapBench
 from pom.diagnosis.term_swaps import differing_terms, swap_terms
 from pom.replaying.kernel_replay import replay_choices
@@ -525,3 +527,16 @@ def test_a_footprint_has_no_mismatch_to_explain(case, truth, trainer):
     assert list(table["stage"]) == ["prior", "final", "single"]
     assert set(table["verdict"]) == {"not_tested"}
     assert table["explained"].isna().all()
+
+
+def test_a_share_that_is_rounded_to_zero_has_no_sign():
+    table = pd.DataFrame(
+        {
+            "stage": ["single", "share", "sequence"],
+            "term": ["Cm/qhat"] * 3,
+            "explained": [-0.002, -0.004, 1.0],
+        }
+    )
+    text = correction_reasons({"case": table})["Cm/qhat"]
+    assert text == "needed by case (alone 0 % of the gap, share 0 %)"
+    assert _percent(-0.002) == "0 %"

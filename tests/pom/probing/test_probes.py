@@ -22,6 +22,7 @@ from pom.probing import (
 )
 from pom.probing.flight_consistency import judge_lift, largest_input_effect
 from pom.probing.input_probe import NEAR, SCALE, SIZES, judge_jump
+from pom.probing.late_probe import LATE, judge_late, late_job
 from pom.probing.model_probes import _measure_hidden, _probe_tables
 from pom.probing.scatter_probe import (
     RecordScatter,
@@ -113,6 +114,39 @@ def test_a_model_that_knows_the_inputs_of_the_record_is_named():
     assert remark.kind == "not_driven"
     assert min(remark.values.values()) > 0.5
     assert judge_jump(short_period(1.3 * elevator()), near, after) == ()
+
+
+def late_remarks(fly):
+    """Return the remarks on the answer of a function of the elevator to late inputs."""
+    late = late_job(job_of(delta_e=elevator()))
+    return judge_late(TIME, fly(elevator()), fly(late.inputs["delta_e"]), 2.0)
+
+
+def test_a_correction_that_is_stored_over_time_is_named():
+    """The model is wrong, follows its inputs, and adds what it misses in the record."""
+    miss = short_period(0.4 * elevator())
+
+    def corrected(delta_e):
+        return {name: v + miss[name] for name, v in short_period(0.6 * delta_e).items()}
+
+    # with other inputs it looks like an aeroplane
+    assert all(remark.kind == "probe" for remark in probe(corrected, delta_e=elevator()))
+    (remark,) = late_remarks(corrected)
+    assert remark.kind == "departure"
+    assert f"inputs {LATE:g} s late" in remark.text
+    assert "body pitch rate" in remark.text
+    assert late_remarks(short_period) == ()
+
+
+def test_an_answer_that_moves_before_its_inputs_is_not_compared_with_late_ones():
+    drift = np.radians(1.0) * TIME
+
+    def unsteady(delta_e):
+        return {**short_period(delta_e), "theta": short_period(delta_e)["theta"] + drift**2}
+
+    assert late_remarks(lambda d: {**unsteady(d), "phi": drift}) == ()
+    # a turn goes on
+    assert late_remarks(lambda d: {**short_period(d), "psi": drift % (2.0 * np.pi)}) == ()
 
 
 def test_shares_of_a_stall_are_those_before_its_warning():

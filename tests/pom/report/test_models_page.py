@@ -42,6 +42,18 @@ def test_models_page_shows_what_differs_and_names_the_rest(report):
     )
 
 
+def test_changes_state_what_the_last_database_does_to_the_first(report):
+    """A third database has no part in them."""
+    html, _ = report
+    table = html.partition('class="plain changes"')[2].partition("</table>")[0]
+    states = dict(
+        re.findall(r'<th scope="row">.*?>([^<]+)</a></th>.*?class="quiet">(\w+)</td>', table)
+    )
+    assert states["CL/gear"] == "added"
+    assert states["CL/tab"] == "removed"
+    assert states["CL/basic"] == "replaced"
+
+
 @pytest.mark.parametrize(
     "order",
     [("Ch_e/basic", "Ch_a/basic", "Ch_r/basic"), ("Ch_r/basic", "Ch_e/basic", "Ch_a/basic")],

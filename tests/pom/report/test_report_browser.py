@@ -572,6 +572,14 @@ def test_a_narrow_page_shows_the_verdicts_and_print_fits_the_sheet(page, address
     assert max(edges) <= 800.0
     # the tolerance stands in the cell of its criterion
     expect(page.locator(f"{CASE} .verdicts .narrow-only").first).to_be_visible()
+    # no table of the pages next to the cases is cut
+    for place in ("#overview", "#models", "#identification"):
+        laid_out(page, address, place)
+        cut = page.locator(f"{place} .wide").evaluate_all(
+            "boxes => boxes.filter(box => box.scrollWidth > box.clientWidth + 1).length"
+        )
+        assert cut == 0, place
+    open_case(page, address)
     # A4 without its margins is 680 px wide: a wider table shrinks the whole page
     page.set_viewport_size({"width": 680, "height": 900})
     page.emulate_media(media="print")
