@@ -32,6 +32,8 @@ import pandas as pd
 import xarray as xr
 
 import aerodb
+from aerodb.edit.joined_sources.prior_sources import METHODS, PriorSource, SourceTable
+from aerodb.edit.joined_sources.source_blending import blend_term
 from aerodb.estimators.vortex_lattice.estimate import from_decks
 from aerodb.estimators.vortex_lattice.geometry import model_of_decks
 from aerodb.prior.prior_errors import PRIOR_ERRORS
@@ -40,6 +42,7 @@ from datcom_io.decks.deck_file import read_deck, write_deck
 from datcom_io.runs.running import run_deck
 from datcom_io.runs.splitting import split_deck
 from flightmech.errors import AeromatchWarning
+from flightmech.terms import make_term
 from flightmech.units import DEGREE
 
 ROOT = Path(__file__).parents[1]
@@ -323,24 +326,39 @@ def show(names: list[str]) -> None:
     published = cases.drop_duplicates(["aircraft", "quantity"])
     published = published.set_index(["aircraft", "quantity"])["published"]
     estimates = read_estimates().set_index(["aircraft", "program", "quantity"])["value"]
-    print(f"| derivative | {' | '.join(f'{name}: DATCOM | OptVL | published' for name in names)} |")
-    print("| --- |" + " --- |" * (3 * len(names)))
-    for quantity in QUANTITIES:
-        cells = []
-        for name in names:
+    for name in names:
+        print(f"\n{name}\n\n| derivative | DATCOM | OptVL | both | published |")
+        print("|---|---|---|---|---|")
+        for quantity in QUANTITIES:
+            alone = {}
             for program in ("DATCOM", "OptVL"):
                 mine = cases[(cases["program"] == program) & (cases["aircraft"] != name)]
                 terms = fit_terms(mine, corrected=True)
                 value = estimates.get((name, program, quantity))
                 if value is None or quantity not in terms.index:
-                    cells.append("")
                     continue
                 row = terms.loc[quantity]
                 error = row["factor"] * np.hypot(*guide_parts(quantity, value))
-                cells.append(f"{row['ratio'] * value:.3g} ± {error:.2g}")
+                alone[program] = float(row["ratio"] * value), float(error)
+            columns = [alone.get("DATCOM"), alone.get("OptVL"), blend(quantity, alone)]
+            cells = ["" if item is None else f"{item[0]:.3g} ± {item[1]:.2g}" for item in columns]
             known = published.get((name, quantity))
             cells.append("" if known is None else f"{known:.3g}")
-        print(f"| {quantity} | {' | '.join(cells)} |")
+            print(f"| {quantity} | {' | '.join(cells)} |")
+
+
+def blend(quantity: str, alone: Mapping[str, tuple[float, float]]) -> tuple[float, float] | None:
+    """Return value and standard error of both programs by the blend of the product."""
+    tables = []
+    for program, (value, error) in alone.items():
+        name = {"DATCOM": "Digital DATCOM"}.get(program, program)
+        source = PriorSource(name, name, METHODS[name], xr.DataTree())
+        leaf = make_term([value], {"mach": [0.2]}, stderr=[error], source="estimate")
+        tables.append(SourceTable(source, leaf))
+    if not tables:
+        return None
+    leaf = blend_term(QUANTITIES[quantity][0], tables).leaf
+    return float(leaf["value"].squeeze()), float(leaf["stderr"].squeeze())
 
 
 def flown() -> None:

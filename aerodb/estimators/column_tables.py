@@ -1,6 +1,6 @@
 """Tables of coefficients of wind tunnels and CFD, as text files with a column map.
 
-The separator is a semicolon (decimal commas), a tab, a comma or white space. Lines before the
+The separator is a semicolon or a tab (decimal commas may be), a comma or white space. Lines before the
 heading and lines that begin with ``#`` are not read, and so are lines of units below the heading.
 An empty cell is a missing number.
 """
@@ -25,6 +25,7 @@ from flightmech.support.input_files import decode_text, read_bytes, with_line_fe
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?$")
 _NUMBERS = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[Ee][-+]?\d+)?")
+_FILLED = re.compile(r"[-+]?9{3,}(?:\.[09]*)?$")
 _CONDITIONS = ("mach", "alpha", "beta")
 _NAMES = ("coefficient", "value")
 _EXPECTED = "a text table of coefficients"
@@ -72,7 +73,7 @@ def _split(line: str) -> tuple[list[str], bool]:
     for separator in (";", "\t", ","):
         if separator in line:
             cells = [cell.strip().strip('"') for cell in line.split(separator)]
-            return cells, separator == ";"
+            return cells, separator != ","
     return line.split(), False
 
 
@@ -99,6 +100,10 @@ def _read_number(file: Path, line: int, cell: str, decimal_comma: bool) -> float
     value = float(text.replace("D", "E").replace("d", "e"))
     if not math.isfinite(value):
         raise ParseError(str(file), line, repr(cell), "a finite number")
+    if _FILLED.match(text):
+        raise ParseError(
+            str(file), line, f"{cell!r}, a mark of a missing number", "an empty cell for it"
+        )
     return value
 
 

@@ -16,10 +16,9 @@ import flightmech
 import pom
 from aeromatch.planning import model_checks
 from aeromatch.planning.case_checks import CaseChecks
-from aeromatch.planning.ice_remarks import ice_remarks
 from aeromatch.planning.record_look import LookTask, RecordLook
 from aeromatch.planning.record_looks import RecordLooks
-from aeromatch.planning.remarks import aircraft_remarks, project_remarks
+from aeromatch.planning.remarks import aircraft_remarks, ice_remarks, project_remarks
 from aeromatch.planning.repeated_samples import (
     leaked_sample_problems,
     repeated_sample_problems,

@@ -99,7 +99,8 @@ STATES += ("ng1", "flame1", "rpm1", "angle1", "ng2", "flame2", "rpm2", "angle2")
 def derivatives(x: list[float], controls: dict[str, float]) -> tuple[list[float], dict[str, float]]:
     """Return the rates of `STATES` and what there is to measure.
 
-    Controls: ``elevator aileron rudder`` [rad], ``lever1 lever2 cut1 cut2`` 0 ... 1.
+    Controls: ``elevator aileron rudder`` [rad], ``lever1 lever2 cut1 cut2`` and, if there is
+    ice, ``ice`` 0 ... 1.
     """
     u, v, w, p, q, r, phi, theta, psi, _, _, h = x[:12]
     pressure, temperature, density, sound = air(h)
@@ -144,11 +145,14 @@ def derivatives(x: list[float], controls: dict[str, float]) -> tuple[list[float]
     CT_left, CT_right = loading
     CT_all = CT_left + CT_right
     de, da, dr = (controls[name] for name in ("elevator", "aileron", "rudder"))
+    # ice on the tail, 0 to 1: less of the elevator and of the stability, more drag
+    ice = controls.get("ice", 0.0)
     ph, qh, rh = p * B / (2 * V), q * C / (2 * V), r * B / (2 * V)
     CL = 0.36 + 5.5 * al - 5.0 * max(al - 0.15, 0.0) ** 2 + 7.0 * qh + 0.42 * de
     CL += 0.35 * CT_all * (al + 0.08)
-    CD = 0.033 + 0.044 * CL * CL + 0.3 * be * be
-    Cm = 0.04 - 1.25 * al - 24.0 * qh - 1.5 * de * (1.0 + 0.2 * CT_all) + 0.05 * CT_all
+    CD = 0.033 + 0.044 * CL * CL + 0.3 * be * be + 0.012 * ice
+    Cm = 0.04 - 1.25 * (1.0 - 0.15 * ice) * al - 24.0 * qh + 0.05 * CT_all
+    Cm -= 1.5 * (1.0 - 0.2 * ice) * de * (1.0 + 0.2 * CT_all)
     CY = -0.80 * be - 0.10 * ph + 0.40 * rh + 0.24 * dr
     Cl = -0.095 * be - 0.50 * ph + 0.13 * rh - 0.17 * da + 0.015 * dr + 0.01 * (CT_left - CT_right)
     Cn = 0.125 * be - 0.05 * ph - 0.19 * rh - 0.105 * dr + 0.008 * da

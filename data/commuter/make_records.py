@@ -1,6 +1,7 @@
 """Fly the recordings of ``flight/``: the aeroplane of `aeroplane.py` with modelled instruments.
 
-    python make_records.py [FOLDER]    # numpy and pandas; writes FOLDER/flight
+    python make_records.py [FOLDER]          # numpy and pandas; writes FOLDER/flight
+    python make_records.py --ice [FOLDER]    # flights with ice on the tail, FOLDER/iced
 
 Between the inputs a simple pilot holds heading, height and speed, or with a climb the speed alone;
 during an input all other controls stay.
@@ -84,7 +85,7 @@ class Flight:
     SLEW = {"elevator": 0.7, "aileron": 0.7, "rudder": 0.7, "lever1": 0.8, "lever2": 0.8}
 
     def __init__(
-        self, cas: float, altitude: float, lever: float, failed: int, climbs: bool
+        self, cas: float, altitude: float, lever: float, failed: int, climbs: bool, ice: float
     ) -> None:
         self.x = [aeroplane.START.get(name, 0.0) for name in aeroplane.STATES]
         self.x[11], self.x[15], self.x[19] = altitude * FT, 0.5, 0.5
@@ -99,7 +100,7 @@ class Flight:
             "lever1": lever,
             "lever2": lever,
         }
-        self.want |= {"cut1": 0.0, "cut2": 0.0}
+        self.want |= {"cut1": 0.0, "cut2": 0.0, "ice": ice}
         if failed:
             self.want[f"cut{failed}"] = 1.0
         self.failed, self.climbs = failed, climbs
@@ -183,7 +184,7 @@ class Flight:
 
 def fly(cas: float, altitude: float, cards: list[tuple], **more) -> pd.DataFrame:
     """Return the motion of one run, without errors."""
-    setting = {"lever": 0.6, "failed": 0, "climbs": False} | more
+    setting = {"lever": 0.6, "failed": 0, "climbs": False, "ice": 0.0} | more
     f = Flight(cas, altitude, **setting)
     f.during(SETTLING, lambda t: f.hold())
     f.settle()
@@ -374,16 +375,32 @@ PROGRAMME = {
 }
 
 
-def main(folder: Path) -> None:
-    """Write a CSV for each run."""
+ICED = {
+    "iced_slow": PROGRAMME["slow"],
+    "iced_fast": PROGRAMME["fast"],
+    "check_iced_short_period": PROGRAMME["check_short_period"],
+    "check_iced_phugoid": PROGRAMME["check_phugoid"],
+}
+
+
+def main(folder: Path, programme: dict[str, tuple], ice: float = 0.0) -> None:
+    """Write a CSV for each run; with ice it has the column ``Ice``."""
     folder.mkdir(parents=True, exist_ok=True)
-    winds = np.random.default_rng(743).uniform(-12.0, 12.0, (len(PROGRAMME), 2))
-    for number, (name, (cas, altitude, cards, more)) in enumerate(PROGRAMME.items()):
-        motion = fly(cas, altitude, cards, **more)
-        record = measured(motion, winds[number], number)
+    first = 100 if ice else 0
+    winds = np.random.default_rng(743 + first).uniform(-12.0, 12.0, (len(programme), 2))
+    for number, (name, (cas, altitude, cards, more)) in enumerate(programme.items()):
+        motion = fly(cas, altitude, cards, **more, ice=ice)
+        record = measured(motion, winds[number], first + number)
+        if ice:
+            record["Ice"] = ice
         record.to_csv(folder / f"{name}.csv", index=False, float_format="%.7g")
         print(f"{name:24s} {len(motion) / RATE:6.1f} s")
 
 
 if __name__ == "__main__":
-    main((Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent) / "flight")
+    arguments = [text for text in sys.argv[1:] if text != "--ice"]
+    here = Path(arguments[0]) if arguments else Path(__file__).parent
+    if "--ice" in sys.argv:
+        main(here / "iced", ICED, 1.0)
+    else:
+        main(here / "flight", PROGRAMME)

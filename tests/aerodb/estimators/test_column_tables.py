@@ -229,3 +229,21 @@ def test_the_heading_of_a_matrix_may_have_other_words(tmp_path):
     (tmp_path / "a.txt").write_text(text)
     numbers = read_table(tmp_path / "a.txt", column_map(tmp_path, MATRIX.format("Cm"))).numbers
     assert sorted(set(np.round(numbers["elevator"] / DEG, 6))) == [-10.0, 0.0, 10.0]
+
+
+SIMPLE = 'layout = "runs"\n' + AXES + REFERENCE + '[columns]\na = "alpha [deg]"\nCL = "CL"\n'
+
+
+def test_decimal_commas_between_tabs(tmp_path):
+    (tmp_path / "a.txt").write_text("a\tCL\n-4\t-0,106\n4\t0,606\n")
+    numbers = read_table(tmp_path / "a.txt", column_map(tmp_path, SIMPLE)).numbers
+    assert numbers["value"].tolist() == [-0.106, 0.606]
+
+
+@pytest.mark.parametrize("mark", ["-999", "9999.0", "-999.99", "99999"])
+def test_a_mark_of_a_missing_number_is_refused(tmp_path, mark):
+    (tmp_path / "a.csv").write_text(f"a,CL\n-4,{mark}\n4,0.6\n")
+    with pytest.raises(ParseError, match=r"line 2: found '.*', a mark of a missing number"):
+        read_table(tmp_path / "a.csv", column_map(tmp_path, SIMPLE))
+    (tmp_path / "a.csv").write_text("a,CL\n-4,0.999\n9.99,0.6\n")
+    assert len(read_table(tmp_path / "a.csv", column_map(tmp_path, SIMPLE)).numbers) == 2

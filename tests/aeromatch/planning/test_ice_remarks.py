@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 import aerodb
-from aeromatch.planning.ice_remarks import ice_remarks
 from aeromatch.planning.record_look import RecordLook
+from aeromatch.planning.remarks import ice_remarks
 from aeromatch.planning.term_remarks import flown_ranges
 from flightmech.aircraft.controls import ICE
 from flightmech.terms import make_term
