@@ -380,6 +380,10 @@ def main() -> None:
         nodes = pd.concat(found[way])
         nodes["coefficient"] = nodes["term"].str.partition("/")[0]
         nodes["all"] = "all"
+        # The standard errors of the others are mostly those of the handbook, whose errors are the
+        # same for every seed.
+        is_halved = nodes["stderr"] < 0.5 * nodes["stderr_before"]
+        nodes["standard error"] = np.where(is_halved, "less than half of DATCOM", "more")
         print(f"\n{way}: {line(nodes)}")
         with pd.option_context(
             "display.width",
@@ -391,7 +395,7 @@ def main() -> None:
             "display.float_format",
             "{:.4g}".format,
         ):
-            for by in ("term", "coefficient", "all"):
+            for by in ("term", "coefficient", "standard error", "all"):
                 print(summary(nodes, by), end="\n\n")
 
 
