@@ -16,11 +16,6 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError
 from flighttest.reconstruction.problem.assembly import assemble_problem
-from flighttest.reconstruction.quality.checks.clock_scale import (
-    clock_findings,
-    clock_scale,
-    on_seconds,
-)
 from flighttest.reconstruction.quality.checks.control_findings import answer_findings
 from flighttest.reconstruction.quality.checks.control_response import (
     control_responses,
@@ -110,6 +105,11 @@ from flighttest.reconstruction.quality.navigation.motion_delays import (
     motion_delays,
 )
 from flighttest.reconstruction.quality.record_notes import quality_remarks
+from flighttest.reconstruction.quality.recording.clock_scale import (
+    clock_findings,
+    clock_scale,
+    on_seconds,
+)
 from flighttest.reconstruction.quality.recording.control_ranges import control_range_findings
 from flighttest.reconstruction.quality.recording.exchanged_surfaces import (
     answers_not_checked,

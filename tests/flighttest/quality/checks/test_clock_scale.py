@@ -6,7 +6,7 @@ import xarray as xr
 
 import flighttest
 from flightmech.units import DEGREE
-from flighttest.reconstruction.quality.checks.clock_scale import clock_scale
+from flighttest.reconstruction.quality.recording.clock_scale import clock_scale
 
 
 def flight(counts, degrees=False, seconds=120.0, rate=25.0):
