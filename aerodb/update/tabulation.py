@@ -285,17 +285,19 @@ def _compute_posterior(
 
     # The gain K = P H' S^-1 has errors s of each fit's own in S.  The variance that holds if all
     # fits share s replaces these: diag(P - K H P + K D D' K' - K (own errors) K').
+    # P - K H P is P - 2 K H P + K S K' (Joseph's form): an error of K enters as its square.  A
+    # variance of 1e-6 of the prior then hardly depends on the rounding of the inverse of S.
     gain = crossed @ weighing.inverse
+    expected = np.einsum("k,kij->ij", factors[:-1], prior.estimates)
     variance = (
         prior_variance
-        - np.einsum("ij,ij->i", gain, crossed)
+        - 2.0 * np.einsum("ij,ij->i", gain, crossed)
+        + np.einsum("ij,ij->i", gain @ (expected + noise - own_errors), gain)
         + ((gain @ D) ** 2).sum(axis=1)
-        - np.einsum("ij,ij->i", gain @ own_errors, gain)
     )
     stderr = np.sqrt(np.maximum(variance, 0.0))
     # The same as factors, V = P - W W' + Z Z'.  W W' is K S K' + K (own errors) K'.  `noise` has
     # the errors of each fit's own already, so that they stand in this sum twice.
-    expected = np.einsum("k,kij->ij", factors[:-1], prior.estimates)
     information_factor = gain @ _covariance_root(expected + noise + own_errors)
     acting = np.flatnonzero(D.any(axis=0))
     unnamed = [""] * (D.shape[1] - len(observed[0].errors))
