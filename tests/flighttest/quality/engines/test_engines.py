@@ -387,10 +387,20 @@ def test_contents_are_compared_with_capacity_and_fuel_on_board(signals, aircraft
     assert "as if" not in finding.text
 
 
+def with_decks(aircraft, tables):
+    """Return the engines of an aircraft with these tables in place of their own."""
+    engines = []
+    for engine in aircraft.engines:
+        deck = SimpleNamespace(tables=tables)
+        engines.append(SimpleNamespace(deck=deck, propeller=None, piston=None, motor=None))
+        engines[-1].thrust = engine.thrust
+    return SimpleNamespace(engines=engines, fuel=None)
+
+
 def test_fuel_on_board_alone_leaves_both_sides_open(signals, aircraft):
     """Nothing else shows whether the flow or the fuel is in another unit."""
     alone = burning(signals, 1.0, 2.2046).without(["mass"])
-    (finding,), _ = fuel_findings(alone, aircraft)
+    (finding,), _ = fuel_findings(alone, with_decks(aircraft, {}))
     assert (finding.severity, finding.channels) == ("warning", (*FLOWS, "fuel"))
     assert "in kg/h and taken as lb/h, or fuel in lb and taken as kg" in finding.text
     # two quantities that agree blame the flow
@@ -404,12 +414,7 @@ def test_fuel_flow_against_the_tables_of_the_engine(signals, aircraft, factor, c
     table = xr.Dataset({"value": ("n2", [0.02, 0.2])}, {"n2": [0.5, 1.0]})
     table["value"].attrs["units"] = "kg s-1"
     table.attrs = {"regressors": "", "outside": "hold"}
-    engines = []
-    for engine in aircraft.engines:
-        deck = SimpleNamespace(tables={"fuel_flow": table})
-        engines.append(SimpleNamespace(deck=deck, propeller=None, piston=None, motor=None))
-        engines[-1].thrust = engine.thrust
-    tabled = SimpleNamespace(engines=engines, fuel=None)
+    tabled = with_decks(aircraft, {"fuel_flow": table})
     channels = {"mass": np.full(signals.time.shape, 3000.0)}
     for number in (1, 2):
         flow = np.interp(signals[f"engine{number}.n2"], [0.5, 1.0], [0.02, 0.2])
@@ -419,6 +424,6 @@ def test_fuel_flow_against_the_tables_of_the_engine(signals, aircraft, factor, c
     assert unchecked == []
     assert [finding.kind for finding in findings] == ["unit"] * count
     # neither of them shows the flow
-    findings, ((name, _, names, reason),) = fuel_findings(flown, aircraft)
+    findings, ((name, _, names, reason),) = fuel_findings(flown, with_decks(aircraft, {}))
     assert (findings, name, names) == ([], "fuel_flow", FLOWS)
     assert "the fuel on board does not change clearly" in reason
