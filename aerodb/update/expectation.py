@@ -31,7 +31,7 @@ from aerodb.update.observations import (
 )
 from aerodb.update.tabulation import FLOWN, slices_of
 from aerodb.update.tabulation_report import Tabulation
-from aerodb.update.weights.weight_likelihood import invert_covariance
+from aerodb.update.weights.weight_likelihood import invert_covariance, updated_variance
 
 # A-priori weights of the `PARTS`.
 _WEIGHTS = np.array(list(SHARES.values()))
@@ -185,12 +185,11 @@ class Expectation:
         for name, block in blocks.items():
             if name in own:
                 crossed += own[name][:, block.nodes] @ block.crossed
-        inverse, own_errors = self._inverse_covariance(coefficient, observed, expected)
-        gain = crossed @ inverse
+        S, shared = self._estimate_covariances(coefficient, observed, expected)
+        gain = crossed @ invert_covariance(S)
         effects = gain @ D
         # As in `_coefficient_stderr`. The errors with a name are added over the coefficients.
-        variance += -np.einsum("ij,ij->i", gain, crossed)
-        variance += -np.einsum("ij,ij->i", gain @ own_errors, gain)
+        variance = updated_variance(variance, crossed, gain, shared)
         variance += (effects[:, len(names) :] ** 2).sum(axis=1)
         return LinearSpread(variance, dict(zip(names, effects.T[: len(names)], strict=True)))
 
@@ -249,36 +248,34 @@ class Expectation:
         observed = [self.observation(fit) for fit in fits]
         H, (D, _) = np.vstack([observation.H for observation in observed]), align_errors(observed)
         blocks, expected = self._prior_blocks(coefficient, observed, H, requested=requested)
-        inverse, own_errors = self._inverse_covariance(coefficient, observed, expected)
+        S, shared = self._estimate_covariances(coefficient, observed, expected)
+        inverse = invert_covariance(S)
         errors = {}
         for block in blocks:
             if block.name not in requested:
                 continue
             crossed = block.crossed[block.requested]
             gain = crossed @ inverse
-            variance = (
-                np.diag(block.covariance)[block.requested]
-                - np.einsum("ij,ij->i", gain, crossed)
-                + ((gain @ D) ** 2).sum(axis=1)
-                - np.einsum("ij,ij->i", gain @ own_errors, gain)
-            )
+            before = np.diag(block.covariance)[block.requested]
+            variance = updated_variance(before, crossed, gain, shared)
+            variance += ((gain @ D) ** 2).sum(axis=1)
             stderr = np.full(requested[block.name].size, np.nan)
             stderr[block.nodes[block.requested]] = np.sqrt(np.maximum(variance, 0.0))
             errors[block.name] = stderr.reshape(requested[block.name].shape)
         return errors
 
-    def _inverse_covariance(
+    def _estimate_covariances(
         self, coefficient: str, observed: Sequence[Observation], expected: np.ndarray | float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the inverse covariance of all estimates, and the own common errors of each fit."""
+        """Return the covariance of all estimates, and the same without common errors of the fits."""
         # As in `aerodb.update.tabulation`: each fit has the common errors for itself in the gain.
         # Their covariance is replaced by that of errors that all fits share.
         own_errors = scipy.linalg.block_diag(
             *[observation.D @ observation.D.T for observation in observed]
         )
         measured = scipy.linalg.block_diag(*[observation.C for observation in observed])
-        noise = self._inflation.get(coefficient, 1.0) ** 2 * measured + own_errors
-        return invert_covariance(expected + noise), own_errors
+        shared = expected + self._inflation.get(coefficient, 1.0) ** 2 * measured
+        return shared + own_errors, shared
 
     def _prior_of(self, name: str, sampled: np.ndarray, *, nodes: np.ndarray) -> np.ndarray:
         """Return the prior covariance of some nodes of a term."""

@@ -80,7 +80,11 @@ from aerodb.update.tabulation_report import (
 )
 from aerodb.update.term_decisions import add_decisions
 from aerodb.update.weights.weight_learning import slices_of_sizes, weigh_fits
-from aerodb.update.weights.weight_likelihood import invert_covariance, plain_shares
+from aerodb.update.weights.weight_likelihood import (
+    invert_covariance,
+    plain_shares,
+    updated_variance,
+)
 from flightmech.errors import IdentificationError
 
 # Least weight that some sample gives to a node from flight: half a cell away on each of two axes.
@@ -285,16 +289,11 @@ def _compute_posterior(
 
     # The gain K = P H' S^-1 has errors s of each fit's own in S.  The variance that holds if all
     # fits share s replaces these: diag(P - K H P + K D D' K' - K (own errors) K').
-    # P - K H P is P - 2 K H P + K S K' (Joseph's form): an error of K enters as its square.  A
-    # variance of 1e-6 of the prior then hardly depends on the rounding of the inverse of S.
     gain = crossed @ weighing.inverse
     expected = np.einsum("k,kij->ij", factors[:-1], prior.estimates)
-    variance = (
-        prior_variance
-        - 2.0 * np.einsum("ij,ij->i", gain, crossed)
-        + np.einsum("ij,ij->i", gain @ (expected + noise - own_errors), gain)
-        + ((gain @ D) ** 2).sum(axis=1)
-    )
+    shared = expected + noise - own_errors
+    variance = updated_variance(prior_variance, crossed, gain, shared)
+    variance += ((gain @ D) ** 2).sum(axis=1)
     stderr = np.sqrt(np.maximum(variance, 0.0))
     # The same as factors, V = P - W W' + Z Z'.  W W' is K S K' + K (own errors) K'.  `noise` has
     # the errors of each fit's own already, so that they stand in this sum twice.

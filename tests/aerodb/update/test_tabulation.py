@@ -12,7 +12,7 @@ from aerodb.store.schema import make_database
 from aerodb.update.correlation import PARTS, prior_covariance, prior_parts
 from aerodb.update.tabulation import tabulate
 from aerodb.update.tabulation_report import contributing_fits
-from aerodb.update.weights.weight_likelihood import WeightLikelihood
+from aerodb.update.weights.weight_likelihood import WeightLikelihood, updated_variance
 from flightmech import terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.regression.equation_error.model import RegressionModel
@@ -115,6 +115,18 @@ def study():
 
 
 @pytest.mark.slow
+def test_an_error_of_the_gain_enters_the_variance_as_its_square():
+    """P - K H P has an error of 1e-6 P with this gain, and the fit leaves less than that."""
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(4, 4))
+    P, R = root @ root.T, 1e-8 * np.eye(4)
+    exact = 1e-8 * np.diag(P @ np.linalg.inv(P + R))
+    gain = P @ np.linalg.inv(P + R) * (1.0 + 1e-6 * rng.normal(size=(4, 4)))
+    found = updated_variance(np.diag(P), P, gain, P + R)
+    np.testing.assert_allclose(found, exact, rtol=0.01)
+    assert np.abs(np.diag(P - gain @ P) / exact - 1.0).max() > 1.0
+
+
 @pytest.mark.nightly
 def test_two_standard_errors_cover_the_nodes(study):
     """95 % measured, 79 nodes per seed; nodes of one seed are strongly correlated, so allow 90 to
