@@ -52,13 +52,15 @@ class CircuitLikelihood(Likelihood):
         # noise, so each has a variance of its own. All driven stretches have one.
         groups = np.r_[np.arange(len(windows)), np.full(len(rows), len(windows))]
         count = len(self.windows)
-        pieces: list[Any] = []
+        simulated = []
         for window, names in zip(self.windows, layout.bases[:count]):
             parts = count_sub_steps(start, loading.gearing, window.step)
-            pieces.append(SimulatedPiece(loading, window, names, parts))
+            simulated.append(SimulatedPiece(loading, window, names, parts))
+        pieces: list[Any] = list(simulated)
         for piece, names in zip(self.rows, layout.bases[count:]):
             pieces.append(DrivenPiece(piece, names))
         super().__init__(pieces, layout, groups)
+        self.simulated = simulated
         self.kinks = self._kinked()
 
     def with_records(
@@ -70,7 +72,7 @@ class CircuitLikelihood(Likelihood):
     def _kinked(self) -> list[tuple[int, int, int]]:
         """Return piece, end and own start of every kink."""
         kinks = []
-        for number, piece in enumerate(self.pieces[: len(self.windows)]):
+        for number, piece in enumerate(self.simulated):
             names = piece.names
             for end, (start, friction) in enumerate(_HELD_BY):
                 if BRISTLE_TRAVEL in names and friction in names and start in names:
@@ -79,7 +81,7 @@ class CircuitLikelihood(Likelihood):
 
     def sides(self, theta: np.ndarray) -> Sides:
         """Return the derivatives on both sides of all kinks: loads at rest over friction."""
-        both = []
+        both: list[Any] = []
         for piece, columns in zip(self.pieces, self.layout.columns):
             values = theta[columns]
             if isinstance(piece, SimulatedPiece):
@@ -126,7 +128,7 @@ class CircuitLikelihood(Likelihood):
             starts = [self.kinks[k][2] for k in kinks]
             wanted = np.array([held[k] for k in kinks])
             for _ in range(_PLACINGS):
-                ratio, by_unknown = self.pieces[number].load_ratios(theta[columns])
+                ratio, by_unknown = self.simulated[number].load_ratios(theta[columns])
                 slope = by_unknown[np.ix_(ends, starts)]
                 miss = wanted - ratio[ends]
                 if np.abs(miss).max() < _PLACED:

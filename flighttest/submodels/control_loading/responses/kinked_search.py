@@ -349,8 +349,9 @@ class _KinkedSearch:
         """
         low, high = self.layout.low, self.layout.high
         bounds = {}
-        for k in np.flatnonzero((self.theta <= low) | (self.theta >= high)):
-            bounds[int(k)] = float(self.theta[k])
+        at_bound = np.flatnonzero((self.theta <= low) | (self.theta >= high))
+        for number in at_bound.tolist():
+            bounds[number] = float(self.theta[number])
         kinks, sides = dict(self.held), self.sides
         inside = np.abs(sides.ratio) < 1.0
         inside[list(kinks)] = True
