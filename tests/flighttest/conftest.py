@@ -230,4 +230,5 @@ def aircraft():
         cg=(0.0, 0.0, 0.0),
         instruments=INSTRUMENTS,
         engines=(),
+        fuel=None,
     )

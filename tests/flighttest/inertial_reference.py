@@ -94,6 +94,7 @@ def aircraft(speed: str = "V", placed: bool = True, **more) -> SimpleNamespace:
         cg=(0.0, 0.0, 0.0),
         instruments=tables,
         engines=(),
+        fuel=None,
     )
 
 

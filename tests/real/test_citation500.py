@@ -27,7 +27,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 AIRCRAFT = SimpleNamespace(
-    S=24.99, engines=(), cg=(0.0, 0.0, 0.0), cbar=1.991, b=13.325, mass=4500.0, Ixx=11187.8,
+    S=24.99, engines=(), fuel=None, cg=(0.0, 0.0, 0.0), cbar=1.991, b=13.325, mass=4500.0, Ixx=11187.8,
     Iyy=22854.8, Izz=31974.9,
     Ixy=0.0, Ixz=1930.1, Iyz=0.0
 )  # fmt: skip

@@ -57,6 +57,7 @@ def specification(noise):
         cg=(0.0, 0.0, 0.0),
         instruments=tables,
         engines=(),
+        fuel=None,
     )
 
 

@@ -60,6 +60,7 @@ UAV = SimpleNamespace(
     cg=(0.0, 0.0, 0.0),
     instruments=INSTRUMENTS,
     engines=(),
+    fuel=None,
 )
 COLUMNS = {
     "imu": {
