@@ -43,10 +43,10 @@ def test_a_foreign_fmu_is_replayed_by_its_table_and_its_flights_are_kept(run, to
     done = run(*words)
     assert done.exit_code == 0, done.output
     assert [row["case"] for row in json.loads(done.stdout)] == ["case_0", "case_1", "case_2"]
-    # three cases that give the model the same are one flight, and two of the probe of its inputs:
-    # scaled far from and near to those of the record
+    # three cases that give the model the same are one flight, and three of the probes of its
+    # inputs: scaled far from and near to those of the record, and late
     kept = sorted((tmp_path / "kept").rglob("*.flight"))
-    assert len(kept) == 3
+    assert len(kept) == 4
     assert run(*words).stdout == done.stdout
     assert sorted((tmp_path / "kept").rglob("*.flight")) == kept
 
