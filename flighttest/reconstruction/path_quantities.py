@@ -94,8 +94,7 @@ def path_columns(
     # windows of the path: a channel is not interpolated between two windows
     grids = np.split(problem.time, problem.starts[1:])
     columns |= _recorded_channels(record, grids, excluded=_RAW | columns.keys())
-    for name, value in zip(("x_cg_b", "y_cg_b", "z_cg_b"), setup.cg, strict=True):
-        columns[name] = np.full(len(problem.time), value)
+    columns |= _cg_along(record, problem.time, aircraft, mean=setup.cg)
     columns["mass"] = _mass_along(record, problem.time, aircraft)
     return columns
 
@@ -279,19 +278,59 @@ def _mass_along(record: xr.DataTree, time: np.ndarray, aircraft: Any) -> np.ndar
     return start_mass - np.interp(time, t, burnt)
 
 
+def _cg_along(
+    record: xr.DataTree, time: np.ndarray, aircraft: Any, mean: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return the coordinates of the c.g. along the path (time,). [m]
+
+    A coordinate has its mean (3,) of the record. Without a recorded one it follows the recorded
+    contents of the tanks: a case starts with the contents at its start, not with their mean.
+    """
+    fuel = _fuel_of_tanks(record, time, aircraft)
+    recorded: set[str] = set()
+    for node in record.children.values():
+        recorded.update(map(str, node.data_vars))
+    mass = np.full(len(time), float(aircraft.mass))
+    moment = np.outer(mass, np.array(aircraft.cg, float))
+    for tank in tanks_of(aircraft):
+        if tank.name in fuel:
+            # a gauge may show a little more than full
+            change = np.clip(fuel[tank.name], 0.0, tank.capacity) - tank.content
+            mass = mass + change
+            moment += np.outer(change, tank.position)
+    columns = {}
+    for k, name in enumerate(("x_cg_b", "y_cg_b", "z_cg_b")):
+        follows = bool(fuel) and name not in recorded
+        columns[name] = moment[:, k] / mass if follows else np.full(len(time), mean[k])
+    return columns
+
+
 def _mass_with_tanks(record: xr.DataTree, time: np.ndarray, aircraft: Any) -> np.ndarray:
     """Return the mass of the aircraft with the recorded contents of its tanks (time,). [kg]"""
     mass = np.full(len(time), float(aircraft.mass))
+    fuel = _fuel_of_tanks(record, time, aircraft)
+    for tank in tanks_of(aircraft):
+        if tank.name in fuel:
+            mass += fuel[tank.name] - tank.content
+    return mass
+
+
+def _fuel_of_tanks(record: xr.DataTree, time: np.ndarray, aircraft: Any) -> dict[str, np.ndarray]:
+    """Return the recorded contents of tanks along the path (time,), by the name of the tank.
+
+    [kg]
+    """
+    fuel = {}
     for tank in tanks_of(aircraft):
         name = f"tank.{tank.name}.fuel"
         for node in record.children.values():
             if name in node.data_vars:
                 data = node.to_dataset()
                 clock = data["time"].values
-                mass += np.interp(time, clock, without_blanks(clock, data[name].values))
-                mass -= tank.content
+                known = without_blanks(clock, data[name].values)
+                fuel[tank.name] = np.interp(time, clock, known)
                 break
-    return mass
+    return fuel
 
 
 def _gauged_leaf(record: xr.DataTree) -> xr.Dataset | None:

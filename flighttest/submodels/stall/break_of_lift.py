@@ -1,9 +1,10 @@
 """Whether records show a break of the lift.
 
-A separation has six parameters and fits any bend of a lift curve. Records show a stall by one of two
-signs: the slope of the lift falls below half of its attached value, or a separation describes the
-lift better than a straight line with a curvature. A soft break needs the first sign, as a curved
-line describes it as well. A break near the highest angle of attack needs the second.
+A separation has six parameters and fits any bend of a lift curve. Records show a stall by one of
+two signs: the slope of the lift falls below half of its attached value, or a separation describes
+the lift better than a straight line with a curvature. A soft break needs the first sign, as a
+curved line describes it as well. A break near the highest angle of attack needs the second. A bend
+upwards, as of a vortex, is none of them, however well a separation with added lift describes it.
 """
 
 from __future__ import annotations
@@ -44,8 +45,9 @@ _ENDS = (0.01, 0.99)  # quantiles of the angle of attack at which the slopes are
 class NodeFit(NamedTuple):
     """A coefficient along the records of one configuration, with the design of the fit.
 
-    `z` (sample,) is the coefficient, `A` (sample, term) the design, `separated` states for each term whether
-    it is one of the separated flow, and `shapes` is the number of parameters of the separation.
+    `z` (sample,) is the coefficient, `A` (sample, term) the design, `separated` states for each
+    term whether it is one of the separated flow, and `shapes` is the number of parameters of the
+    separation.
     """
 
     z: np.ndarray
@@ -98,7 +100,8 @@ class LiftBreak(NamedTuple):
     `preference` is the difference of Schwarz's criterion by which the separation is better than a
     curved lift, and `others` the sum of those of drag and pitching moment. `start` and `end` are
     the slopes of the curved lift at the lowest and the highest angle of attack, and `stderr` is the
-    standard error of `margin` [rad-1]. They are nan without a term ``alpha``.
+    standard error of `margin` [rad-1]. They are nan without a term ``alpha``. `gain` is the mean
+    lift of the terms of the separated flow, negative for a stall.
     """
 
     preference: float
@@ -106,17 +109,23 @@ class LiftBreak(NamedTuple):
     end: float = np.nan
     stderr: float = np.nan
     others: float = 0.0
+    gain: float = 0.0
 
     @property
     def margin(self) -> float:
-        """Slope at the highest angle of attack above `LEAST_SLOPE` of that at the lowest. [rad-1]"""
+        """Slope at the highest angle of attack less `LEAST_SLOPE` of that at the lowest. [rad-1]"""
         return self.end - LEAST_SLOPE * self.start
 
     @property
     def is_shown(self) -> bool:
         """Whether one of the two signs is clear."""
         falls = self.start > 0.0 and self.margin < -STANDARD_ERRORS * self.stderr
-        return self.preference >= LEAST_EVIDENCE or falls
+        return (self.preference >= LEAST_EVIDENCE and not self.rises) or falls
+
+    @property
+    def rises(self) -> bool:
+        """Whether the lift bends upwards, and the terms of the separated flow add lift."""
+        return self.gain > 0.0 and self.end > self.start > 0.0
 
     @property
     def is_absent(self) -> bool:
@@ -134,12 +143,14 @@ class LiftBreak(NamedTuple):
             f"against a curved lift the separation has the criterion {-self.preference:+.3g}, a "
             f"break needs {-LEAST_EVIDENCE:g} or less"
         )
+        if self.rises:
+            criterion += "; but the lift bends upwards, and a separation takes lift away"
         if np.isnan(self.start):
             return criterion
         return (
             f"the slope of the lift goes from {self.start:.2f} to {self.end:.2f} per rad, a break "
-            f"needs less than {LEAST_SLOPE * self.start:.2f} by {STANDARD_ERRORS:g} standard errors "
-            f"of {self.stderr:.2g}; {criterion}"
+            f"needs less than {LEAST_SLOPE * self.start:.2f} by {STANDARD_ERRORS:g} standard "
+            f"errors of {self.stderr:.2g}; {criterion}"
         )
 
 
@@ -175,12 +186,18 @@ def _fit_curved(node: NodeFit) -> _Curved:
     return _Curved(names, A, theta, node.z - A @ theta)
 
 
-def _preference(node: NodeFit, curved: _Curved) -> float:
-    """Return by how much Schwarz's criterion prefers the separation to a curved coefficient."""
-    rest = node.z - node.A @ np.linalg.lstsq(node.A, node.z, rcond=None)[0]
+def _preference(node: NodeFit, curved: _Curved) -> tuple[float, float]:
+    """Return by how much Schwarz's criterion prefers the separation to a curved coefficient.
+
+    The second value is the mean part of the separated flow in the coefficient.
+    """
+    theta = np.linalg.lstsq(node.A, node.z, rcond=None)[0]
+    rest = node.z - node.A @ theta
+    part = node.A @ np.where(node.separated, theta, 0.0)
     n = max(independent_samples(rest, node.samples), _TOO_FEW)
     broken = schwarz_criterion(rest, node.A.shape[1] + node.shapes, n)
-    return schwarz_criterion(curved.residual, curved.A.shape[1], n) - broken
+    preference = schwarz_criterion(curved.residual, curved.A.shape[1], n) - broken
+    return preference, float(part.mean())
 
 
 def weigh_break(lift: NodeFit, others: Sequence[NodeFit] = (), slope: float = 0.0) -> LiftBreak:
@@ -195,13 +212,13 @@ def weigh_break(lift: NodeFit, others: Sequence[NodeFit] = (), slope: float = 0.
         Slope of a database which the lift does not contain. [rad-1]
     """
     curved = _fit_curved(lift)
-    preference = _preference(lift, curved)
+    preference, gain = _preference(lift, curved)
     support = 0.0
     for node in others:
         if any(node.separated):
-            support += _preference(node, _fit_curved(node))
+            support += _preference(node, _fit_curved(node))[0]
     if "alpha" not in curved.names:
-        return LiftBreak(preference, others=support)
+        return LiftBreak(preference, others=support, gain=gain)
     # slopes at both ends, and their covariance, from the coefficients of alpha and its square
     chosen = [curved.names.index("alpha"), curved.names.index(_SQUARE)]
     low, high = np.quantile(curved.A[:, chosen[0]], _ENDS)
@@ -211,7 +228,8 @@ def weigh_break(lift: NodeFit, others: Sequence[NodeFit] = (), slope: float = 0.
     start, end = ends @ curved.theta[chosen] + slope
     weights = np.array([-LEAST_SLOPE, 1.0]) @ ends
     variance = weights @ covariance[np.ix_(chosen, chosen)] @ weights
-    return LiftBreak(preference, float(start), float(end), float(np.sqrt(variance)), support)
+    stderr = float(np.sqrt(variance))
+    return LiftBreak(preference, float(start), float(end), stderr, others=support, gain=gain)
 
 
 def describe_missing_break(signs: LiftBreak, highest: float) -> str:
@@ -238,7 +256,7 @@ def describe_missing_break(signs: LiftBreak, highest: float) -> str:
 def describe_soft_break(signs: LiftBreak) -> str:
     """Return why the shape of a soft break is not identified."""
     return (
-        f"the slope of the lift falls from {signs.start:.2f} to {signs.end:.2f} per rad, which is a "
-        "stall, but curves without a separation describe the coefficients as well (criterion "
+        f"the slope of the lift falls from {signs.start:.2f} to {signs.end:.2f} per rad, which is "
+        "a stall, but curves without a separation describe the coefficients as well (criterion "
         f"{-signs.preference - signs.others:+.3g}): the shape of the separation is an assumption"
     )

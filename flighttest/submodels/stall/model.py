@@ -65,8 +65,8 @@ def demand_station(station: float | str, span: float = np.inf) -> float:
     value = 0.25 * span if station == "" else parse_quantity(station, "m")
     if not value >= 0.0:
         raise UnitError(
-            f"found {value:.4g} m; give a distance from the plane of symmetry, which holds for both "
-            "wing halves: zero or a positive length, such as '2.5 m'"
+            f"found {value:.4g} m; give a distance from the plane of symmetry, which holds for "
+            "both wing halves: zero or a positive length, such as '2.5 m'"
         )
     if value > 0.5 * span:
         raise UnitError(

@@ -9,7 +9,7 @@ import xarray as xr
 import flightmech
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.propulsion.tank import Tank
-from flighttest.reconstruction.path_quantities import _mass_along
+from flighttest.reconstruction.path_quantities import _cg_along, _mass_along
 from flighttest.reconstruction.problem.record_inputs import RecordInputs
 from flighttest.records.sensors.measurements import MeasuredChannels
 
@@ -60,3 +60,22 @@ def test_the_centre_of_gravity_has_the_mean_contents(craft):
     np.testing.assert_allclose(inputs._expected_cg(craft), (0.0, y, 0.0), rtol=1e-12)
     inputs.channels = MeasuredChannels(xr.DataTree.from_dict({"/slow": slow * 0.0}), [(0.0, 9.5)])
     np.testing.assert_allclose(inputs._expected_cg(craft), (0.0, 0.0, 0.0), atol=1e-15)
+
+
+def test_the_centre_of_gravity_follows_the_contents(craft):
+    """100 kg go from the left to the right: a case starts with the c.g. of its start.
+
+    The mean of the record, 0, would fly the start of the transfer without its imbalance.
+    """
+    moved = 100.0 * TIME / TIME[-1]
+    contents = {"tank.left.fuel": 200.0 - moved, "tank.right.fuel": 100.0 + moved}
+    slow = xr.Dataset({name: ("time", x) for name, x in contents.items()}, {"time": TIME})
+    record = xr.DataTree.from_dict({"/slow": slow})
+    at, mean = np.array([TIME[0], TIME[-1]]), np.array([0.1, 0.0, 0.2])
+    cg = _cg_along(record, at, craft, mean=mean)
+    y = 2.0 * 100.0 / 2300.0
+    np.testing.assert_allclose(cg["y_cg_b"], [-y, y], rtol=1e-12)
+    gauged = xr.DataTree.from_dict({"/slow": slow.assign(y_cg_b=("time", 0.0 * TIME))})
+    np.testing.assert_allclose(_cg_along(gauged, at, craft, mean=mean)["y_cg_b"], 0.0)
+    bare = xr.DataTree.from_dict({"/slow": slow[[]]})
+    np.testing.assert_allclose(_cg_along(bare, at, craft, mean=mean)["x_cg_b"], 0.1)
