@@ -132,8 +132,8 @@ def main() -> None:
 def describe(name: str, z: np.ndarray) -> str:
     """Return a line about errors over standard errors (draw, node)."""
     return (
-        f"{name}: {z.shape[1]} flown nodes, {len(z)} draws; within two {100 * np.mean(abs(z) < 2):.1f} "
-        f"%, rms {np.sqrt(np.mean(z**2)):.2f}, largest {np.abs(z).max():.1f}"
+        f"{name}: {z.shape[1]} flown nodes, {len(z)} draws; within two "
+        f"{100 * np.mean(abs(z) < 2):.1f} %, rms {np.sqrt(np.mean(z**2)):.2f}, largest {np.abs(z).max():.1f}"
     )
 
 

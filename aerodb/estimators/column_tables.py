@@ -1,7 +1,8 @@
 """Tables of coefficients of wind tunnels and CFD, as text files with a column map.
 
-The separator is a semicolon or a tab (decimal commas may be), a comma or white space. Lines before the
-heading and lines that begin with ``#`` are not read, and so are lines of units below the heading.
+The separator is a semicolon or a tab (decimal commas may be), a comma or white space. Lines
+before the heading and lines that begin with ``#`` are not read, and so are lines of units below the
+heading.
 An empty cell is a missing number.
 """
 

@@ -267,7 +267,7 @@ class Expectation:
     def _estimate_covariances(
         self, coefficient: str, observed: Sequence[Observation], expected: np.ndarray | float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the covariance of all estimates, and the same without common errors of the fits."""
+        """Return the covariance of all estimates, and that without common errors of the fits."""
         # As in `aerodb.update.tabulation`: each fit has the common errors for itself in the gain.
         # Their covariance is replaced by that of errors that all fits share.
         own_errors = scipy.linalg.block_diag(

@@ -100,7 +100,9 @@ def _problems_of(transfer: Transfer, capacities: Mapping[str, float]) -> Iterato
     # what a source of unknown name holds has no limit here: the name is refused above
     most = capacities.get(transfer.source, transfer.leave)
     if not 0.0 <= transfer.leave <= most:
-        yield f"leave is {transfer.leave:g} kg; give zero to the capacity of the source, {most:g} kg"
+        yield (
+            f"leave is {transfer.leave:g} kg; give zero to the capacity of the source, {most:g} kg"
+        )
     most = capacities.get(transfer.target, transfer.fill)
     # the factor allows for the rounding of units
     if not 0.0 < transfer.fill <= most * (1.0 + 1e-9):

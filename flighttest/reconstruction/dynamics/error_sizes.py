@@ -51,8 +51,9 @@ def error_size_remarks(errors: Mapping[str, float], prefix: str = "error ") -> l
 
     Examples
     --------
-    >>> error_size_remarks({"timing": 20.0, "mass": 0.005})
-    ['error timing = 20 is a standard error of 20 s; 0.002 s is usual: correct the number or its unit']
+    >>> (remark,) = error_size_remarks({"timing": 20.0, "mass": 0.005})
+    >>> remark.partition(";")[0]
+    'error timing = 20 is a standard error of 20 s'
     """
     remarks = []
     for source, error in errors.items():
