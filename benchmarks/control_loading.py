@@ -7,8 +7,8 @@ Every set has other constants, drawn within 25 % of those of an engineer's guess
 It has four slow sweeps, four records of two pulses and four of two releases, at three speeds and
 four tab settings, 100 samples per second: F is prescribed, and column, surface and air are
 recorded. The simulation shares no code with the identification; dry friction is R tanh(v / v0) with
-v0 = 0.2 mm/s. With ``--bristle`` it builds up over this travel [m]: R y, dy/ds = (1 - y sgn(v)) / b.
-With ``--quiet`` nothing is added to the records: what remains is the bias of the method.
+v0 = 0.2 mm/s. With ``--bristle`` it builds up over this travel [m]: R y, where
+dy/ds = (1 - y sgn(v)) / b. With ``--quiet`` nothing is added to the records: what remains is the bias of the method.
 ``--perturb 1e-12`` changes all channels by that part.  ``--control pedal`` takes pedals of the
 T-37's size in place of an elevator: no bob weight, no tab, and sideslip for the angle of attack.
 """

@@ -311,7 +311,8 @@ GREEK = {
 """Letters that begin names of quantities."""
 # prefix of the quantities of a submodel
 ITEM = re.compile(
-    r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|tank\.\w+|transfer\.\w+\.\w+|column|wheel|pedal)\."
+    r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|tank\.\w+|transfer\.\w+\.\w+"
+    r"|column|wheel|pedal)\."
 )
 
 

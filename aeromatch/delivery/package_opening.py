@@ -213,7 +213,7 @@ def _member_fault(item: zipfile.ZipInfo) -> str:
 
 
 def _extra_at_head(content: zipfile.ZipFile, item: zipfile.ZipInfo) -> bytes:
-    """Return the extra fields in front of a member, which can differ from those of the directory."""
+    """Return the extra fields in front of a member; the directory may have others."""
     stream = content.fp
     if stream is None:
         return b""

@@ -106,8 +106,8 @@ def read_aircraft(path: str | Path) -> Aircraft:
     stall = separation_of(content.stall, path.parent, problems) if content.stall else None
     if stall and stall.station > 0.5 * content.b:
         problems.append(
-            f"stall: station is {stall.station:.4g} m, beyond the wing tip at {0.5 * content.b:.4g} "
-            "m; give the distance of both stations from the plane of symmetry, with its unit"
+            f"stall: station is {stall.station:.4g} m, beyond the wing tip at "
+            f"{0.5 * content.b:.4g} m; give the distance of both stations from the plane of symmetry, with its unit"
         )
     controls = {name: ControlGeometry(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)

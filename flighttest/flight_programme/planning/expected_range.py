@@ -4,8 +4,8 @@ The standard errors of `tabulate` depend on the estimates through the weights of
 prior covariance, the factor on the errors of the fits and the weights of the fits.  Before the
 flights nobody has the estimates, but their distribution is that of the method: each draw takes the
 logarithms of all weights from their a-priori distribution, the estimates from the covariance of
-these weights, and learns from them as `tabulate` does.  The range is that of the quantiles of 10 and
-90 % over the draws, widened on both sides by a tenth (`range_of_draws`).
+these weights, and learns from them as `tabulate` does.  The range is that of the quantiles of 10
+and 90 % over the draws, widened on both sides by a tenth (`range_of_draws`).
 
 Half of the derivatives of a draw have the shape of the handbook, as `tabulate` assumes: lognormal
 weights exclude it, and it is frequent.  A table without regressor (`CD/basic`) never has it.

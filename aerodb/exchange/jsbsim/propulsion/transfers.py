@@ -18,8 +18,8 @@ def crossfeed_problems(number: int, engine: Engine) -> list[str]:
     if not engine.crossfeed:
         return []
     return [
-        f"engine {number}: the cross-feed from {', '.join(engine.crossfeed)} has no form in JSBSim, "
-        f"whose engines draw from the same tanks all the time; delete crossfeed from the engine, "
+        f"engine {number}: the cross-feed from {', '.join(engine.crossfeed)} has no form in "
+        f"JSBSim, whose engines draw from the same tanks all the time; delete crossfeed from the engine, "
         f"as with the valve shut, or write an FMU, which has it"
     ]
 

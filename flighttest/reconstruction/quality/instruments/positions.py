@@ -29,7 +29,8 @@ _LEFT, _RIGHT = ("l", "lh", "lhs", "port"), ("r", "rh", "rhs", "stbd")
 _LONG_LEFT, _LONG_RIGHT = re.compile("left"), re.compile("(?<!up)right|starboard")
 # a part with the letter of its side before or behind it: mlgr, lwing
 _PART = re.compile(
-    "(?P<before>[lr]?)(?:mlg|mg|main|gear|wheel|tank|tip|wing|eng|engine|skid|float)(?P<behind>[lr]?)"
+    "(?P<before>[lr]?)(?:mlg|mg|main|gear|wheel|tank|tip|wing|eng|engine|skid|float)"
+    "(?P<behind>[lr]?)"
 )
 _CENTRE = 0.005  # of the span, within which a part lies in the plane of symmetry
 _OF = {"ax_imu": "accelerometers", "alpha_vane": "alpha vane", "beta_vane": "beta vane"}
