@@ -30,6 +30,8 @@ from flightmech.support.toml_quantities import InUnits
 _BAND_TIME = 1.0
 # Shortest such time: the float valve would flutter between two steps. [s]
 _SHORTEST = 0.1
+# Part of a capacity within which a content is the full tank.
+_ROUNDING = 1e-9
 # Transfers that a model holds.
 _MOST_ITEMS = 16
 
@@ -93,19 +95,19 @@ def _problems_of(transfer: Transfer, capacities: Mapping[str, float]) -> Iterato
     for name in (transfer.source, transfer.target):
         if name not in capacities:
             yield f"{name!r} is not a tank; allowed: {', '.join(capacities)}"
+    if not {transfer.source, transfer.target} <= capacities.keys():
+        return
     if transfer.source == transfer.target:
         yield "source and target are the same tank; give two tanks"
     if not 0.0 < transfer.rate < float("inf"):
         yield f"the rate is {transfer.rate:g} kg/s; give a positive flow, e.g. 0.1 kg/s"
-    # what a source of unknown name holds has no limit here: the name is refused above
-    most = capacities.get(transfer.source, transfer.leave)
+    most = capacities[transfer.source]
     if not 0.0 <= transfer.leave <= most:
         yield (
             f"leave is {transfer.leave:g} kg; give zero to the capacity of the source, {most:g} kg"
         )
-    most = capacities.get(transfer.target, transfer.fill)
-    # the factor allows for the rounding of units
-    if not 0.0 < transfer.fill <= most * (1.0 + 1e-9):
+    most = capacities[transfer.target]
+    if not 0.0 < transfer.fill <= most:
         yield (
             f"fill is {transfer.fill:g} kg; give more than zero and at most the capacity of the "
             f"target, {most:g} kg"
@@ -166,7 +168,10 @@ def transfers_of(items: Sequence[TransferTable], tanks: Sequence[Tank]) -> tuple
     read = []
     for item in items:
         # an unknown tank is refused by its name later
-        fill = capacities.get(item.target, 0.0) if item.fill is None else item.fill
+        fill = capacity = capacities.get(item.target, 0.0)
+        # a capacity in another unit may be smaller by its rounding
+        if item.fill is not None and abs(item.fill - capacity) > _ROUNDING * capacity:
+            fill = item.fill
         band = _BAND_TIME * item.rate if item.band is None else item.band
         read.append(Transfer(**{**dict(item), "fill": fill, "band": band}))
     return tuple(read)

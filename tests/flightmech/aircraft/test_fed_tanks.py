@@ -157,6 +157,23 @@ def test_pumps_without_meaning_are_refused(file, old, new, message):
     assert message in str(caught.value)
 
 
+def test_a_pump_that_fills_a_tank_of_another_unit_fills_it(file):
+    """200 kg are 440.92452437 lb: 1e-10 kg more, which the model refused after the file was read."""
+    path = file()
+    path.write_text(path.read_text() + PUMPS.replace("180,", '"440.92452437 lb",'))
+    aircraft = flightmech.read_aircraft(path)
+    assert 200.0 in [pump.fill for pump in aircraft.fuel.transfers]
+
+
+def test_a_pump_to_an_unknown_tank_has_one_problem(file):
+    path = file()
+    path.write_text(path.read_text() + PUMPS.replace('target = "right"', 'target = "rihgt"'))
+    with pytest.raises(SchemaError) as caught:
+        flightmech.read_aircraft(path)
+    assert "'rihgt' is not a tank; allowed: left, right, tip" in str(caught.value)
+    assert "fill is 0 kg" not in str(caught.value)
+
+
 def test_pumps_of_tanks_that_feed_no_engine_are_refused(file):
     feeds = [
         ('feed = ["left"]\ncrossfeed = ["right"]\n', ""),

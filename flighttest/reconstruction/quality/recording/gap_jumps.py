@@ -19,6 +19,7 @@ _SIDE, _LINE = 10.0, 60.0  # s on either side that give a level, and a slope
 _FEWEST = 5  # samples of a side
 _SIGMAS, _TO_SIGMA = 3.0, 1.4826  # of the scatter; standard deviation over median absolute value
 _FASTER = 3.0  # times the slopes on both sides by which a channel may change in a gap
+_BURNT = 10.0  # the same of fuel that leaves: full power in the gap, idle on both sides
 _LEAST = 0.005  # of the largest mass or fuel: rounding, and fuel that moves in its tanks
 
 
@@ -36,7 +37,8 @@ _QUICKEST = {
     "V": _Course(5.0, 15.0),
     "V_cas": _Course(5.0, 15.0),
 }
-_TANKS = ("mass", "fuel", "fuel_used")
+# sign of the change by fuel that leaves
+_TANKS = {"mass": -1.0, "fuel": -1.0, "fuel_used": 1.0}
 
 
 def gap_jumps(record: xr.DataTree, faults: pd.DataFrame) -> list[Finding]:
@@ -96,7 +98,8 @@ def _jump_text(name: str, time: np.ndarray, x: np.ndarray, gap: tuple[float, flo
     seconds = stop - start + _SIDE
     slope = max(_slope(time[side], x[side]) for side in (before, after))
     if name in _TANKS:
-        step, rate = _LEAST * float(np.nanmax(np.abs(x))), _FASTER * slope
+        faster = _BURNT if _TANKS[name] * jump > 0.0 else _FASTER
+        step, rate = _LEAST * float(np.nanmax(np.abs(x))), faster * slope
     else:
         step, rate = _QUICKEST[name].step, max(_QUICKEST[name].rate, _FASTER * slope)
     if abs(jump) <= step + _SIGMAS * scatter + rate * seconds:

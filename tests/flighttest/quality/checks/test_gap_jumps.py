@@ -54,3 +54,13 @@ def test_one_flight_goes_on(gap):
 def test_a_climb_in_a_long_gap_is_one_flight():
     flown = record(120.0, h_baro=3000.0, V=60.0, mass=-20.0)
     assert gap_jumps(flown, faults_of(flown)) == []
+
+
+def test_full_power_in_a_gap_between_two_glides_is_one_flight():
+    """The recorder stands still in the climb back: 8 times the flow of idle on both sides."""
+    burnt = 7.0 * 0.1 * 600.0
+    flown = record(600.0, mass=-burnt, fuel_used=burnt)
+    assert gap_jumps(flown, faults_of(flown)) == []
+    # the same fuel more on board is another flight, or fuel was taken
+    filled = record(600.0, mass=burnt)
+    assert [finding.channels for finding in gap_jumps(filled, faults_of(filled))] == [("mass",)]
