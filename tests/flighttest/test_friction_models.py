@@ -12,7 +12,8 @@ import xarray as xr
 from flighttest.remarks import Convergence
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.responses.circuit_fit import CircuitFit
+from flighttest.submodels.control_loading.responses import friction_models
+from flighttest.submodels.control_loading.responses.circuit_fit import WIDE, CircuitFit
 from flighttest.submodels.control_loading.responses.friction_models import join_models
 from flighttest.submodels.control_loading.responses.response_fit import ResponseFit
 from flighttest.submodels.control_loading.responses.window_response import (
@@ -23,16 +24,20 @@ from flighttest.submodels.control_loading.responses.window_response import (
 READINGS = 1000
 
 
-def fit_of(width: str, mass: float, cost: float, at_bound: bool = False) -> CircuitFit:
+def fit_of(
+    width: str, mass: float, cost: float, at_bound: bool = False, converged: bool = True
+) -> CircuitFit:
     """Return a fit of a mass with a standard error of 0.1 and a width."""
     low = np.array([-np.inf, -9.0])
+    theta = np.array([mass, -9.0 if at_bound else -7.0])
     likelihood: Any = SimpleNamespace(
-        layout=SimpleNamespace(low=low), has_reading=[np.ones((READINGS // 2, 2), bool)]
+        layout=SimpleNamespace(low=low, names=("mass", width)),
+        has_reading=[np.ones((READINGS // 2, 2), bool)],
     )
-    maximum: Any = SimpleNamespace(cost=cost)
+    maximum: Any = SimpleNamespace(cost=cost, converged=converged, theta=theta)
     return CircuitFit(
         names=("mass", width),
-        theta=np.array([mass, -9.0 if at_bound else -7.0]),
+        theta=theta,
         covariance=np.diag([0.01, 1.0]),
         rms={},
         maximum=maximum,
@@ -42,10 +47,10 @@ def fit_of(width: str, mass: float, cost: float, at_bound: bool = False) -> Circ
 
 def test_models_that_fit_equally_widen_the_standard_error():
     fits = {
-        FRICTION_RATE: fit_of(FRICTION_RATE, 4.0, 500.0),
-        BRISTLE_TRAVEL: fit_of(BRISTLE_TRAVEL, 5.0, 500.0),
+        FRICTION_RATE: [fit_of(FRICTION_RATE, 4.0, 500.0)],
+        BRISTLE_TRAVEL: [fit_of(BRISTLE_TRAVEL, 5.0, 500.0)],
     }
-    fit, weights, widened = join_models(fits)
+    fit, weights, widened, *_ = join_models(fits)
     assert weights == {FRICTION_RATE: 0.5, BRISTLE_TRAVEL: 0.5}
     assert widened == pytest.approx(np.sqrt(51.0))
     assert fit.value("mass")[1] == pytest.approx(np.sqrt(0.01 + 0.5))
@@ -53,10 +58,10 @@ def test_models_that_fit_equally_widen_the_standard_error():
 
 def test_the_likelier_model_is_taken_as_it_is():
     fits = {
-        FRICTION_RATE: fit_of(FRICTION_RATE, 4.0, 512.0),
-        BRISTLE_TRAVEL: fit_of(BRISTLE_TRAVEL, 5.0, 500.0),
+        FRICTION_RATE: [fit_of(FRICTION_RATE, 4.0, 512.0)],
+        BRISTLE_TRAVEL: [fit_of(BRISTLE_TRAVEL, 5.0, 500.0)],
     }
-    fit, weights, widened = join_models(fits)
+    fit, weights, widened, *_ = join_models(fits)
     assert widened == pytest.approx(1.0, abs=1e-3)
     assert weights[BRISTLE_TRAVEL] == pytest.approx(1.0, abs=1e-5)
     assert fit.names[1] == BRISTLE_TRAVEL
@@ -65,11 +70,51 @@ def test_the_likelier_model_is_taken_as_it_is():
 
 def test_coulomb_friction_has_no_width_as_an_unknown():
     fits = {
-        FRICTION_RATE: fit_of(FRICTION_RATE, 4.0, 500.0, at_bound=True),
-        BRISTLE_TRAVEL: fit_of(BRISTLE_TRAVEL, 5.0, 500.0),
+        FRICTION_RATE: [fit_of(FRICTION_RATE, 4.0, 500.0, at_bound=True)],
+        BRISTLE_TRAVEL: [fit_of(BRISTLE_TRAVEL, 5.0, 500.0)],
     }
     weights = join_models(fits).weights
     assert weights[FRICTION_RATE] / weights[BRISTLE_TRAVEL] == pytest.approx(np.sqrt(READINGS))
+
+
+def test_maxima_that_are_nearly_as_high_widen_the_standard_error():
+    """The weight of a model does not grow with the number of its maxima."""
+    ends = [fit_of(BRISTLE_TRAVEL, mass, 500.0) for mass in (5.0, 5.4, 5.0 + 1e-6)]
+    choice = join_models({BRISTLE_TRAVEL: ends, FRICTION_RATE: [fit_of(FRICTION_RATE, 5.0, 500.0)]})
+    assert choice.maxima == 2
+    assert choice.weights == {FRICTION_RATE: 0.5, BRISTLE_TRAVEL: 0.5}
+    assert choice.fit.value("mass")[1] == pytest.approx(np.sqrt(0.01 + 0.5 * 0.5 * 0.4**2))
+    assert choice.widened_by_maxima > 2.0
+    assert choice.widened == pytest.approx(1.0)
+
+
+def test_the_best_of_several_ends_is_taken():
+    worse, best = fit_of(BRISTLE_TRAVEL, 9.0, 520.0), fit_of(BRISTLE_TRAVEL, 5.0, 500.0)
+    early = fit_of(FRICTION_RATE, 4.0, 530.0, converged=False)
+    choice = join_models({BRISTLE_TRAVEL: [worse, best], FRICTION_RATE: [early]})
+    assert choice.fit.value("mass") == (5.0, pytest.approx(0.1))
+    assert choice.maxima == 1
+    assert choice.unfinished == (FRICTION_RATE,)
+
+
+def test_a_likely_model_is_searched_from_several_starts(monkeypatch):
+    """From a narrow width, and from the end of the other model; one start does not find all."""
+    begins = []
+
+    def search(*given: Any) -> CircuitFit:
+        width, begin = given[5], given[7] if len(given) > 7 else None
+        begins.append((width, begin))
+        cost = {FRICTION_RATE: 600.0, BRISTLE_TRAVEL: 500.0}[width]
+        cost -= 2.0 * (begin is not None and begin.width < WIDE)
+        return fit_of(width, 5.0 + 0.01 * cost, cost)
+
+    monkeypatch.setattr(friction_models, "fit_circuit", search)
+    nothing: Any = ()
+    choice = friction_models.fit_friction_models(nothing, (), (), {"friction": 1.0}, {})
+    assert choice.fit.maximum.cost == 498.0
+    assert choice.maxima == 2
+    assert [width for width, _ in begins].count(FRICTION_RATE) == 1
+    assert begins[-1][1].values["mass"] == pytest.approx(11.0)
 
 
 @pytest.mark.parametrize(("widened", "is_open"), [(1.5, True), (1.01, False)])
@@ -85,6 +130,22 @@ def test_a_choice_that_widens_a_standard_error_is_remarked(widened, is_open):
     )
     texts = [one.text for one in fit.remarks]
     assert any("by the rate 70%, over a travel 30%" in text for text in texts) == is_open
+
+
+@pytest.mark.parametrize(("widened", "is_open"), [(1.5, True), (1.01, False)])
+def test_maxima_that_widen_a_standard_error_are_remarked(widened, is_open):
+    fit = ResponseFit(
+        convergence=Convergence(True, 10, 0.5),
+        windows=4,
+        rms={"travel": 1.0, "surface": 1.0},
+        hand_damping=(0.0, 1.0),
+        widths={},
+        friction_models={BRISTLE_TRAVEL: 1.0},
+        maxima=3,
+        widened_by_maxima=widened,
+    )
+    texts = [one.text for one in fit.remarks]
+    assert any("3 maxima that are nearly equal" in text for text in texts) == is_open
 
 
 GEARING, S_HINGE, C_HINGE, RATE, FINE = -1.8, 2.2, 0.33, 100, 1e-4

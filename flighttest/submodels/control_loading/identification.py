@@ -236,6 +236,9 @@ def _fit_responses(
             widths={name: fit.value(name) for name in WIDTHS if name in fit.names},
             friction_models=friction.weights,
             widened=friction.widened,
+            maxima=friction.maxima,
+            widened_by_maxima=friction.widened_by_maxima,
+            unfinished=friction.unfinished,
         ),
     )
 

@@ -406,7 +406,8 @@ class IdentifiedLoading(PrintedResult):
                     lines.append(f"{label} acts as tanh(x / {number})")
             weights = []
             for name, weight in self.response.friction_models.items():
-                weights.append(f"{FRICTION_MODELS[name]} {weight:.0%}")
+                end = " (search ended early)" if name in self.response.unfinished else ""
+                weights.append(f"{FRICTION_MODELS[name]} {weight:.0%}{end}")
             lines.append(f"likelihood of friction that develops {', '.join(weights)}")
         rows = self._rows()
         width = max(len(name) for name, _, _ in rows) + 2

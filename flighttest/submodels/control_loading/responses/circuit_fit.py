@@ -21,7 +21,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,7 +55,7 @@ from flighttest.submodels.control_loading.responses.window_response import (
 
 # First and smallest width of friction and preload, over the largest rate and the range of the
 # travel in the records, and a-priori standard error of the logarithm of a width.
-_WIDE, _LEAST, _WIDTH_ERROR = 3e-3, 1e-4, 3.0
+WIDE, _LEAST, _WIDTH_ERROR = 3e-3, 1e-4, 3.0
 # Smallest bristle travel over the range of the travel: sub-steps still resolve it at a reversal.
 _LEAST_BRISTLE = 1e-5
 # Standard deviation of a time that lies anywhere between two samples. [steps]
@@ -140,6 +141,27 @@ class CircuitFit:
         return (invert_information(self.maximum.information, free) @ g)[: len(self.names)]
 
 
+class CircuitStart(NamedTuple):
+    """Where a search begins.
+
+    Attributes
+    ----------
+    width : float
+        First width of friction over the largest rate or the range of the travel.
+    values : mapping of str to float
+        Unknowns that do not begin at the regressions, starts of windows among them.
+    """
+
+    width: float = WIDE
+    values: Mapping[str, float] = MappingProxyType({})
+
+    @classmethod
+    def at(cls, fit: CircuitFit) -> CircuitStart:
+        """Return the start at the end of a search with the other model of friction."""
+        names = fit.likelihood.layout.names
+        return cls(values=dict(zip(names, fit.maximum.theta.tolist())))
+
+
 def fit_circuit(
     loading: ControlLoading,
     windows: Sequence[FreeWindow],
@@ -148,6 +170,7 @@ def fit_circuit(
     prior: Mapping[str, tuple[float, float]],
     width: str = FRICTION_RATE,
     beyond: float = np.inf,
+    begin: CircuitStart | None = None,
 ) -> CircuitFit:
     """Return the constants of a circuit by maximum likelihood.
 
@@ -164,21 +187,27 @@ def fit_circuit(
         Width over which friction is developed: a rate, or a travel.
     beyond : float
         Cost above which the search ends early if no step promises less.
+    begin : CircuitStart, optional
+        Where the search begins; without it, at the regressions with a wide width.
 
     Raises
     ------
     IdentificationError
         A window with more unknowns than the kernel has room for.
     """
+    begin = begin or CircuitStart()
     unknowns = _common_unknowns(start, prior) | _with_widths(start, windows, width)
     layout = _lay_out_records(unknowns, windows, len(rows))
     _demand_room(windows, layout, len(unknowns))
-    begin = layout.start.copy()
+    first = layout.start.copy()
+    values = {**start, **begin.values}
     for k, name in enumerate(layout.names):
-        if name in start:
-            begin[k] = min(max(start[name], layout.low[k]), layout.high[k])
+        if name in values:
+            first[k] = values[name]
+    first[layout.names.index(width)] += np.log(begin.width / WIDE)
+    first = np.clip(first, layout.low, layout.high)
     likelihood = CircuitLikelihood(loading, windows, rows, layout, start)
-    maximum = maximise_kinked(likelihood, _ITERATIONS, begin, beyond)
+    maximum = maximise_kinked(likelihood, _ITERATIONS, first, beyond)
     return _fit_of(maximum, likelihood, tuple(unknowns))
 
 
@@ -212,7 +241,7 @@ def _with_widths(
     widths = {}
     for name, size in sizes.items():
         least_part = _LEAST_BRISTLE if name == BRISTLE_TRAVEL else _LEAST
-        first, least = np.log(_WIDE * size), np.log(least_part * size)
+        first, least = np.log(WIDE * size), np.log(least_part * size)
         widths[name] = Unknown(first, _WIDTH_ERROR, least, float(np.log(size)))
     return widths
 

@@ -4,6 +4,10 @@ Both models have one width as an unknown; Coulomb's friction is the limit of eit
 chooses.  Where it cannot, the difference of the estimates is one more error of them: an error of
 the model that the records admit is part of the standard error.
 
+A likelihood with kinks has neighbouring maxima.  The likelier model is searched from several starts,
+which depend on the records alone.  The best maximum is the result, and others that are nearly as
+likely are treated as further models.
+
 References
 ----------
 .. [Dahl1968] P. R. Dahl, A solid friction model, Aerospace Corporation TOR-0158(3107-18)-1, 1968.
@@ -25,7 +29,12 @@ import numpy as np
 
 from flightmech.errors import IdentificationError
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.responses.circuit_fit import CircuitFit, fit_circuit
+from flighttest.submodels.control_loading.responses.circuit_fit import (
+    WIDE,
+    CircuitFit,
+    CircuitStart,
+    fit_circuit,
+)
 from flighttest.submodels.control_loading.responses.driven_rows import DrivenRows
 from flighttest.submodels.control_loading.responses.free_response import FreeWindow
 from flighttest.submodels.control_loading.responses.window_response import (
@@ -35,6 +44,12 @@ from flighttest.submodels.control_loading.responses.window_response import (
 
 # Difference of two costs from which on the less likely model has a weight below 1e-8. [nats]
 _HOPELESS = 20.0
+# Difference of two costs up to which another maximum of the same model counts. [nats]
+_NEARLY = 5.0
+# First width of a second search over that of the first one.
+_NARROW = 0.1
+# Largest difference of two ends, in standard errors, that are one maximum.
+_SAME = 1e-3
 
 
 class FrictionChoice(NamedTuple):
@@ -43,16 +58,36 @@ class FrictionChoice(NamedTuple):
     Attributes
     ----------
     fit : CircuitFit
-        Its estimates; the covariance contains the differences to the other model.
+        Its estimates; the covariance contains the differences to the other model, and to other
+        maxima.
     weights : dict of str to float
         Weight of each model by the name of its width; their sum is 1.
     widened : float
-        Largest factor by which the differences widen a standard error.
+        Largest factor by which the other model widens a standard error.
+    maxima : int
+        Maxima of the likelier model whose costs are within 5 of the best.
+    widened_by_maxima : float
+        Largest factor by which these widen a standard error.
+    unfinished : tuple of str
+        Widths of models whose search did not reach a maximum: their likelihood may be higher.
     """
 
     fit: CircuitFit
     weights: dict[str, float]
     widened: float
+    maxima: int
+    widened_by_maxima: float
+    unfinished: tuple[str, ...]
+
+
+class _Records(NamedTuple):
+    """First arguments of `fit_circuit`."""
+
+    loading: ControlLoading
+    windows: Sequence[FreeWindow]
+    rows: Sequence[DrivenRows]
+    start: Mapping[str, float]
+    prior: Mapping[str, tuple[float, float]]
 
 
 def fit_friction_models(
@@ -73,9 +108,9 @@ def fit_friction_models(
     IdentificationError
         As `fit_circuit`.
     """
-    records = (loading, windows, rows, start, prior)
+    records = _Records(loading, windows, rows, start, prior)
     if "friction" not in start:
-        return join_models({FRICTION_RATE: fit_circuit(*records)})
+        return join_models({FRICTION_RATE: [fit_circuit(*records)]})
     # Where a control begins to slide, the likelihood of bristles has kinks whose places are known,
     # that of friction by the rate has sharp bends. The search with bristles comes first.
     # The other one is not searched to its end if it is hopeless: its weight would be zero.
@@ -90,28 +125,98 @@ def fit_friction_models(
     except IdentificationError:
         if not fits:
             raise
-    return join_models(fits)
+    return join_models(_search_again(records, fits))
 
 
-def join_models(fits: Mapping[str, CircuitFit]) -> FrictionChoice:
-    """Return the likeliest of fits, by the name of their width, with the spread of the models."""
-    criteria = {width: _half_criterion(fit, width) for width, fit in fits.items()}
-    least = min(criteria.values())
-    likelihoods = {width: float(np.exp(least - value)) for width, value in criteria.items()}
-    total = sum(likelihoods.values())
-    weights = {width: value / total for width, value in likelihoods.items()}
-    best = fits[max(weights, key=lambda width: weights[width])]
-    covariance = best.covariance.copy()
+def _search_again(records: _Records, fits: Mapping[str, CircuitFit]) -> dict[str, list[CircuitFit]]:
+    """Return all ends of searches by the name of their width.
+
+    A model that may become the likelier one is searched again: from a narrow width, and from the
+    end of the other model.
+    """
+    least = min(fit.maximum.cost for fit in fits.values())
+    ends = {}
     for width, fit in fits.items():
+        ends[width] = [fit]
+        if fit.maximum.cost > least + _HOPELESS:
+            continue
+        starts = [CircuitStart(_NARROW * WIDE)]
+        starts += [CircuitStart.at(other) for name, other in fits.items() if name != width]
+        for begin in starts:
+            limit = min(end.maximum.cost for end in ends[width]) + _NEARLY
+            # A start from which the records cannot be simulated leads nowhere.
+            with suppress(IdentificationError):
+                ends[width].append(fit_circuit(*records, width, limit, begin))
+    return ends
+
+
+def join_models(ends: Mapping[str, Sequence[CircuitFit]]) -> FrictionChoice:
+    """Return the likeliest of fits, by the name of their width, with the spread of all.
+
+    A model has the weight of its best end, however many it has.
+    """
+    maxima = {width: _distinct(fits) for width, fits in ends.items()}
+    criteria = [_half_criterion(fits[0], width) for width, fits in maxima.items()]
+    weights = dict(zip(maxima, _weights(criteria).tolist()))
+    chosen = max(weights, key=lambda width: weights[width])
+    best = maxima[chosen][0]
+    own = best.covariance + weights[chosen] * _spread(best, maxima[chosen])
+    covariance = own.copy()
+    for width, fits in maxima.items():
+        if width != chosen:
+            covariance += weights[width] * _spread(best, fits)
+    unfinished = [width for width, fits in maxima.items() if not fits[0].maximum.converged]
+    return FrictionChoice(
+        fit=replace(best, covariance=covariance),
+        weights=weights,
+        widened=_growth(own, covariance),
+        maxima=len(maxima[chosen]),
+        widened_by_maxima=_growth(best.covariance, own),
+        unfinished=tuple(unfinished),
+    )
+
+
+def _distinct(fits: Sequence[CircuitFit]) -> list[CircuitFit]:
+    """Return the ends of one model that are maxima of their own, best first.
+
+    The best end is kept even if its search did not converge: the likelihood is as high as there.
+    """
+    ordered = sorted(fits, key=lambda fit: fit.maximum.cost)
+    kept = ordered[:1]
+    variances = np.diag(kept[0].covariance)
+    stderr = np.sqrt(np.where(variances > 0.0, variances, np.inf))
+    for fit in ordered[1:]:
+        if not fit.maximum.converged or fit.maximum.cost > kept[0].maximum.cost + _NEARLY:
+            continue
+        apart = [float(np.max(np.abs(fit.theta - one.theta) / stderr)) for one in kept]
+        if min(apart) > _SAME:
+            kept.append(fit)
+    return kept
+
+
+def _spread(best: CircuitFit, fits: Sequence[CircuitFit]) -> np.ndarray:
+    """Return the mean square of the differences from the best fit, weighted by the likelihoods."""
+    spread = np.zeros_like(best.covariance)
+    for weight, fit in zip(_weights([fit.maximum.cost for fit in fits]), fits):
         change = np.zeros(len(best.names))
         for k, name in enumerate(best.names):
             if name in fit.names:
                 change[k] = fit.theta[fit.names.index(name)] - best.theta[k]
-        covariance += weights[width] * np.outer(change, change)
-    before, after = np.diag(best.covariance), np.diag(covariance)
-    ratio = np.divide(after, before, out=np.ones_like(after), where=before > 0.0)
-    widened = float(np.sqrt(ratio.max(initial=1.0)))
-    return FrictionChoice(replace(best, covariance=covariance), weights, widened)
+        spread += weight * np.outer(change, change)
+    return spread
+
+
+def _weights(costs: Sequence[float]) -> np.ndarray:
+    """Return likelihoods that add up to 1, from their negative logarithms."""
+    likelihoods = np.exp(min(costs) - np.array(costs))
+    return likelihoods / likelihoods.sum()
+
+
+def _growth(before: np.ndarray, after: np.ndarray) -> float:
+    """Return the largest factor between the standard errors of two covariances."""
+    first, second = np.diag(before), np.diag(after)
+    ratio = np.divide(second, first, out=np.ones_like(second), where=first > 0.0)
+    return float(np.sqrt(ratio.max(initial=1.0)))
 
 
 def _half_criterion(fit: CircuitFit, width: str) -> float:

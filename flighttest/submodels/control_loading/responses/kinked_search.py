@@ -14,8 +14,6 @@ of the cost with these constraints, an active set [Fletcher1987]_.
 
 References
 ----------
-.. [Dennis1981] Dennis, Gay, Welsch, An adaptive nonlinear least-squares algorithm, ACM Trans.
-   Mathematical Software 7, 1981 (sized secant part of the curvature).
 .. [Fletcher1987] R. Fletcher, Practical methods of optimization, 2nd ed., Wiley 1987, ch. 10, 14.
 """
 
@@ -40,6 +38,10 @@ from flighttest.maximum_likelihood.search import (
     demand_rank,
     invert_information,
 )
+from flighttest.submodels.control_loading.responses.quadratic_model import (
+    QuadraticModel,
+    updated_bend,
+)
 
 # Step without damping at which a search ends, in standard errors: what rounding moves is less.
 _SETTLED = 1e-7
@@ -56,10 +58,6 @@ _PARTS = (0.3, 0.1)
 _FAIR = 15
 # Damping of Levenberg and Marquardt: first value, factor of a change, least and largest value.
 _DAMPING, _RAISE, _LEAST_DAMPING, _STUCK = 1e-3, 10.0, 1e-9, 1e10
-# Smallest eigenvalue of the information scaled to unit diagonal that counts.
-_LEAST_EIGENVALUE = 1e-14
-# Least curvature of the cost in any direction over the information.
-_LEAST_CURVATURE = 0.2
 # Most rounds in which a step finds the surfaces that it would cross.
 _LANDINGS = 8
 
@@ -95,54 +93,6 @@ class KinkedTarget(Target, Protocol):
 
     def place(self, theta: np.ndarray, held: Mapping[int, float]) -> np.ndarray:
         """Return unknowns moved so that the ratios of these numbers have these values."""
-
-
-class _Plan(NamedTuple):
-    """Quadratic model of the cost at an iterate, and what holds there.
-
-    Attributes
-    ----------
-    slopes : any
-        Slopes of the sides on which the step goes.
-    M, g : array (unknown, unknown), (unknown,)
-        Information and downhill gradient.
-    scale : array (unknown,)
-        Unit of each unknown in which M has a unit diagonal.
-    values, vectors : array
-        Eigenvalues and eigenvectors of M in these units.
-    bounds : dict of int to float
-        Unknowns held at a bound.
-    kinks : dict of int to float
-        Ratios held at a kink.
-    inside : array of bool (kink,)
-        Whether the step goes inside.
-    """
-
-    slopes: Any
-    M: np.ndarray
-    g: np.ndarray
-    scale: np.ndarray
-    values: np.ndarray
-    vectors: np.ndarray
-    bounds: dict[int, float]
-    kinks: dict[int, float]
-    inside: np.ndarray
-
-    def solve(
-        self, A: np.ndarray, b: np.ndarray, damping: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the step with A d = b, its multipliers, and the size of one per row."""
-        root = self.scale[:, None] * self.vectors
-        root = root / np.sqrt(np.maximum(self.values, _LEAST_EIGENVALUE) + damping)
-        free = root @ (root.T @ self.g)
-        if not len(A):
-            return free, np.zeros(0), np.zeros(0)
-        # rows of A in standard errors, so that their products have a unit diagonal
-        B = A @ root
-        size = np.sqrt((B**2).sum(axis=1))
-        B = B / size[:, None]
-        multipliers = np.linalg.lstsq(B @ B.T, b / size - A @ free / size, rcond=1e-12)[0]
-        return free + root @ (B.T @ multipliers), multipliers / size, size
 
 
 class _Trial(NamedTuple):
@@ -255,25 +205,9 @@ class _KinkedSearch:
         self.sides = self.likelihood.sides(self.theta)
         self.plan = self._settle()
         if np.array_equal(before.inside, self.plan.inside):
-            self._learn_bend(step, before.g - self.plan.g)
-
-    def _learn_bend(self, step: np.ndarray, change: np.ndarray) -> None:
-        """Update what the curvature of the cost has beyond the information [Dennis1981]_."""
-        M, C = self.plan.M, self.bend
-        along = float(step @ C @ step)
-        if along != 0.0:
-            C = C * min(1.0, abs(float(step @ (change - M @ step)) / along))
-        B = M + C
-        pushed = B @ step
-        curved, by_change = float(step @ pushed), float(step @ change)
-        if curved > 0.0:
-            # Powell's damping keeps the curvature positive.
-            part = 1.0 if by_change >= 0.2 * curved else 0.8 * curved / (curved - by_change)
-            change = part * change + (1.0 - part) * pushed
-            B = B - np.outer(pushed, pushed) / curved
-            B = B + np.outer(change, change) / float(step @ change)
-        self.bend = _limit_bend(M, B - M)
-        self.plan = self._settle()
+            change = before.g - self.plan.g
+            self.bend = updated_bend(self.plan.M, self.bend, step, change)
+            self.plan = self._settle()
 
     def _search_line(self, full: _Trial) -> _Trial | None:
         """Return the best of a few steps, or the first damped one that lowers the cost."""
@@ -342,7 +276,7 @@ class _KinkedSearch:
         covariance = invert_information(self.plan.M, free)
         return np.where(free, np.sqrt(np.diag(covariance)), np.inf)
 
-    def _settle(self) -> _Plan:
+    def _settle(self) -> QuadraticModel:
         """Return what holds at the iterate: bounds and kinks from which no side leads down.
 
         One at a time is left, that with the largest multiplier.
@@ -386,7 +320,7 @@ class _KinkedSearch:
 
     def _model(
         self, bounds: dict[int, float], kinks: dict[int, float], inside: np.ndarray
-    ) -> _Plan:
+    ) -> QuadraticModel:
         """Return the quadratic model on one side of each kink."""
         slopes = self.likelihood.join_sides(self.sides, inside)
         M, g = self.likelihood.normal(self.theta, self.residuals, slopes)
@@ -394,7 +328,7 @@ class _KinkedSearch:
         scale = 1.0 / np.sqrt(np.diag(M))
         B = M + self.bend
         values, vectors = np.linalg.eigh(B * np.outer(scale, scale))
-        return _Plan(slopes, M, g, scale, values, vectors, bounds, kinks, inside)
+        return QuadraticModel(slopes, M, g, scale, values, vectors, bounds, kinks, inside)
 
     def _rows(
         self, bounds: Mapping[int, float], kinks: Mapping[int, float]
@@ -452,14 +386,3 @@ class _KinkedSearch:
             stop=self.stop,
             remaining=self.remaining,
         )
-
-
-def _limit_bend(M: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Return C with no direction in which M + C is less than `_LEAST_CURVATURE` of M."""
-    scale = 1.0 / np.sqrt(np.diag(M))
-    values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
-    roots = np.sqrt(np.maximum(values, _LEAST_EIGENVALUE))
-    inverse = scale[:, None] * vectors / roots
-    relative, turned = np.linalg.eigh(inverse.T @ C @ inverse)
-    root = vectors * roots / scale[:, None] @ turned
-    return (root * np.maximum(relative, _LEAST_CURVATURE - 1.0)) @ root.T

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from flighttest.remarks import Convergence, Remark
@@ -42,6 +42,12 @@ class ResponseFit:
         of the likeliest, the standard errors contain the difference.
     widened : float
         Largest factor by which this difference widens a standard error.
+    maxima : int
+        Maxima of the likelier model that are nearly as likely as the best, itself included.
+    widened_by_maxima : float
+        Largest factor by which their differences widen a standard error.
+    unfinished : sequence of str
+        Models of friction whose search ended before its maximum: their weight is a lower limit.
     """
 
     convergence: Convergence
@@ -51,11 +57,14 @@ class ResponseFit:
     widths: Mapping[str, tuple[float, float]]
     friction_models: Mapping[str, float]
     widened: float = 1.0
+    maxima: int = 1
+    widened_by_maxima: float = 1.0
+    unfinished: Sequence[str] = ()
 
     @property
     def remarks(self) -> list[Remark]:
         """Remarks on a force that driven and free motion do not share, on the misfit, and on models
-        of friction between which the records do not decide.
+        of friction and maxima between which the records do not decide.
         """
         remarks = self.convergence.remarks(
             "output error of the circuit",
@@ -111,6 +120,22 @@ class ResponseFit:
                     text,
                     "friction",
                     value=self.widened,
+                    threshold=_WIDENED,
+                    severity="note",
+                )
+            )
+        if self.widened_by_maxima > _WIDENED:
+            text = (
+                f"the likelihood has {self.maxima} maxima that are nearly equal; their differences "
+                f"widen a standard error {self.widened_by_maxima:.2g} times. Further releases, "
+                f"and a faster pick-up of the travel, would decide"
+            )
+            remarks.append(
+                Remark(
+                    "several maxima",
+                    text,
+                    "friction",
+                    value=self.widened_by_maxima,
                     threshold=_WIDENED,
                     severity="note",
                 )
