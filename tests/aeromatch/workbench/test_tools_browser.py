@@ -26,6 +26,7 @@ def cells_of(page, table, row):
     return found.get_by_role("cell").all_inner_texts()
 
 
+@pytest.mark.nightly
 def test_tools_of_the_records(page, tmp_path, complaints):
     """What the screen states at the cursors are samples of the record."""
     project = small_project(tmp_path / "t37")
