@@ -49,7 +49,7 @@ def clock_gaps(time: np.ndarray) -> list[tuple[float, float]]:
     if clock.size < 3:
         return []
     steps = np.diff(clock)
-    # almost no clock has a long step, and a plan asks for the gaps of every channel
+    # almost no clock has a long step, and a plan lists the gaps of every channel
     if not (steps > BRIDGED).any():
         return []
     is_gap = (steps > BRIDGED) & (steps > GAP * np.median(steps))

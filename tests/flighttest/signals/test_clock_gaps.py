@@ -87,7 +87,7 @@ def test_rounding_does_not_decide_about_a_gap(rate, lost):
 
 
 def test_a_clock_without_a_long_step_needs_no_median(monkeypatch):
-    # a plan asks for the gaps of every channel of every record
+    # a plan lists the gaps of every channel of every record
     data = xr.Dataset({"delta_f": ("time", np.zeros(CLOCK.size))}, {"time": CLOCK})
     blank = data.copy(deep=True)
     blank["delta_f"][:40] = np.nan
