@@ -42,17 +42,25 @@ def used_samples(
         By coefficient, and by position of a submodel.
     """
     time, hashes = sample_hashes(inertial_channels(record))
-    parts: dict[str, list[np.ndarray]] = {}
+    # by target: the windows that identify it
+    uses: dict[str, list[tuple[float, float]]] = {}
     for position, windows in spans.items():
         targets = [position]
         if position in fits:
             models = map(RegressionModel.parse, fits[position].models)
             targets = list(dict.fromkeys(model.coefficient for model in models))
-        for start, end in windows:
-            inside = hashes[(time >= start) & (time < end)]
-            for target in targets:
-                parts.setdefault(target, []).append(inside)
-    return {target: np.unique(np.concatenate(arrays)) for target, arrays in parts.items()}
+        for target in targets if windows else ():
+            uses.setdefault(target, []).extend(windows)
+    # Most coefficients share their windows. They share one array, which is stored once.
+    arrays: dict[tuple[tuple[float, float], ...], np.ndarray] = {}
+    samples = {}
+    for target, used in uses.items():
+        key = tuple(used)
+        if key not in arrays:
+            inside = [hashes[(time >= start) & (time < end)] for start, end in used]
+            arrays[key] = np.unique(np.concatenate(inside))
+        samples[target] = arrays[key]
+    return samples
 
 
 def proving_samples(cases: Iterable[PomCase], record: xr.DataTree) -> dict[str, np.ndarray]:
@@ -72,6 +80,19 @@ def proving_samples(cases: Iterable[PomCase], record: xr.DataTree) -> dict[str, 
     return samples
 
 
+def _common_count(by_record: Mapping[str, Sequence[np.ndarray]]) -> int:
+    """Return the number of hashes that more than one record has.
+
+    It is the upper limit of the common samples of any two records. One sort of all hashes replaces
+    the comparison of each pair in flights without a copy, which are nearly all.
+    """
+    records = [np.unique(np.concatenate(arrays)) for arrays in by_record.values() if arrays]
+    if len(records) < 2:
+        return 0
+    hashes = np.sort(np.concatenate(records))
+    return int(np.unique(hashes[1:][hashes[1:] == hashes[:-1]]).size)
+
+
 def leaked_sample_problems(
     samples: Mapping[str, Samples], proofs: Mapping[str, Samples]
 ) -> list[str]:
@@ -84,7 +105,12 @@ def leaked_sample_problems(
     proofs : mapping of str to mapping
         Results of `proving_samples` by record.
     """
-    problems = []
+    problems: list[str] = []
+    by_record = {name: [*used.values()] for name, used in samples.items()}
+    for name, by_case in proofs.items():
+        by_record.setdefault(name, []).extend(by_case.values())
+    if _common_count(by_record) <= LEAST_SAMPLES:
+        return problems
     for proving, by_case in proofs.items():
         for case, proof in by_case.items():
             for record, used in samples.items():
@@ -114,7 +140,10 @@ def repeated_sample_problems(samples: Mapping[str, Samples]) -> list[str]:
     samples : mapping of str to mapping
         Results of `used_samples` by record.
     """
-    problems = []
+    problems: list[str] = []
+    by_record = {name: [*used.values()] for name, used in samples.items()}
+    if _common_count(by_record) <= LEAST_SAMPLES:
+        return problems
     for (first, one), (second, other) in combinations(samples.items(), 2):
         counts = {}
         for target in one:

@@ -49,6 +49,9 @@ def clock_gaps(time: np.ndarray) -> list[tuple[float, float]]:
     if clock.size < 3:
         return []
     steps = np.diff(clock)
+    # almost no clock has a long step, and a plan lists the gaps of every channel
+    if not (steps > BRIDGED).any():
+        return []
     is_gap = (steps > BRIDGED) & (steps > GAP * np.median(steps))
     return [(float(clock[i]), float(clock[i + 1])) for i in np.flatnonzero(is_gap)]
 
@@ -67,10 +70,15 @@ def filled_instants(data: xr.Dataset, names: Sequence[str]) -> np.ndarray:
         Its channels that count.
     """
     time = data.variables["time"].values.astype(float)
-    filled = np.zeros(time.size, bool)
+    return time[_filled_rows(data, names)]
+
+
+def _filled_rows(data: xr.Dataset, names: Sequence[str]) -> np.ndarray:
+    """Return whether at least one of some channels has a value at each instant (time,)."""
+    filled = np.zeros(data.sizes["time"], bool)
     for name in names:
         filled |= np.isfinite(data.variables[name].values.astype(float))
-    return time[filled]
+    return filled
 
 
 def sample_gaps(data: xr.Dataset, names: Sequence[str]) -> list[tuple[float, float]]:
@@ -88,13 +96,17 @@ def channel_gaps(data: xr.Dataset, name: str) -> list[tuple[float, float]]:
     A channel that is blank up to the end, while others of its clock have values, has no samples
     there.
     """
-    filled = filled_instants(data, [name])
+    # the index of xarray copies its values at each request
+    clock = data.variables["time"].values.astype(float)
+    filled = clock[_filled_rows(data, [name])]
     gaps = _gaps_of_samples(filled, [name])
     if filled.size < 3:
         return gaps
-    clock = data.variables["time"].values.astype(float)
-    longest = max(BRIDGED, GAP * float(np.median(np.diff(filled))))
     first, last = (clock[0], filled[0]), (filled[-1], clock[-1])
+    # a shorter end is bridged whatever the steps of the clock are
+    if max(first[1] - first[0], last[1] - last[0]) <= BRIDGED:
+        return gaps
+    longest = max(BRIDGED, GAP * float(np.median(np.diff(filled))))
     ends = [(float(start), float(stop)) for start, stop in (first, last) if stop - start > longest]
     return sorted([*gaps, *ends])
 

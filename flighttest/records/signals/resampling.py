@@ -14,6 +14,7 @@ import numpy as np
 
 from flightmech.errors import OutOfRange
 from flightmech.names import WRAPPED
+from flightmech.support.arrays import median
 
 GAP = 3.5
 """Longest step of a clock without a gap, in median steps.
@@ -168,10 +169,11 @@ def resample_to_grid(time, x, grid, name: str) -> np.ndarray:
     """
     time, x, grid = (np.asarray(a, float) for a in (time, x, grid))
     rate = 1.0 / (grid[1] - grid[0])
-    channel_rate = 1.0 / float(np.median(np.diff(time)))
+    # one sample has no rate
+    channel_rate = 1.0 / median(np.diff(time)) if len(time) > 1 else 0.0
     # A switch has no frequencies that could be filtered.
     is_switch = name.rpartition(".")[2].startswith("wow_")
-    if len(time) > 1 and channel_rate > 1.01 * rate and not is_switch:
+    if channel_rate > 1.01 * rate and not is_switch:
         steps = math.floor((time[-1] - time[0]) * channel_rate + 1e-6)
         uniform = time[0] + np.arange(steps + 1) / channel_rate
         # A shorter channel is too short for the filter.

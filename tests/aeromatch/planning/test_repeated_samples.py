@@ -65,3 +65,27 @@ def test_a_proof_that_was_cut_out_of_an_identifying_record():
     other = {"check": proving_samples([case], record(2))}
     assert leaked_sample_problems(identifying, other) == []
     assert leaked_sample_problems({"check": identifying["cruise"]}, proofs) == []
+
+
+def test_targets_of_the_same_windows_share_one_array():
+    fits = {
+        "pitch": SimpleNamespace(models=["Cm = 1 + alpha", "CY = beta", "CL = 1 + alpha"]),
+        "drag": SimpleNamespace(models=["CD = 1 + alpha", "CL = 1 + alpha"]),
+    }
+    spans = {"pitch": [(10.0, 40.0)], "drag": [(45.0, 50.0)], "empty": []}
+    found = used_samples(fits, record(1), spans)
+    # a position without a window identifies nothing
+    sizes = {name: array.size for name, array in found.items()}
+    assert sizes == {"Cm": 300, "CL": 350, "CD": 50, "CY": 300}
+    # so that a store has it once
+    assert found["Cm"] is found["CY"]
+
+
+def test_flights_without_common_samples_are_not_compared_in_pairs(monkeypatch):
+    flights = {str(seed): samples(record(seed)) for seed in range(4)}
+    proofs = {"4": proving_samples([SimpleNamespace(name="pulse", window=(12, 30))], record(4))}
+    compared = []
+    monkeypatch.setattr(np, "intersect1d", lambda *items, **_: compared.append(items))
+    assert repeated_sample_problems(flights) == []
+    assert leaked_sample_problems(flights, proofs) == []
+    assert not compared

@@ -256,3 +256,20 @@ def test_uav_log_extract(tmp_path):
     # noisy; wrong columns give next to nothing
     assert np.corrcoef(theta_dot, data["q"].values)[0, 1] > 0.8
     assert len(record["other"]["p"]) > 200
+
+
+def test_packed_numbers_of_both_byte_orders_in_one_file(tmp_path):
+    packed = np.arange(50) - 20
+    for kind, scale in (("<i2", 0.5), (">i2", np.float32(0.25)), ("<i4", np.array([2.0]))):
+        with h5py.File(tmp_path / "packed.h5", "w") as file:
+            file["imu/time"] = T
+            # the scale has its own type, and may be a number or an array of one
+            for name, order in (("q", kind), ("r", "<i2")):
+                data = file.create_dataset(f"imu/{name}", data=packed, dtype=order, chunks=(7,))
+                data.attrs["scale_factor"], data.attrs["_FillValue"] = scale, np.int64(-20)
+        text = NAMES + 'r = { column = "r", unit = "rad/s" }\n'
+        record = flighttest.read(tmp_path / "packed.h5", named(tmp_path, text))
+        for name in ("q", "r"):
+            values = record["imu"][name].values
+            assert np.isnan(values[0])
+            assert np.array_equal(values[1:], packed[1:] * float(np.ravel(scale)[0]))

@@ -7,7 +7,12 @@ import xarray as xr
 from flightmech.errors import OutOfRange, SchemaError
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.sensors.measurements import MeasuredChannels, order_windows
-from flighttest.records.signals.clock_gaps import clock_gaps, gaps_in, split_at_gaps
+from flighttest.records.signals.clock_gaps import (
+    channel_gaps,
+    clock_gaps,
+    gaps_in,
+    split_at_gaps,
+)
 
 CLOCK = np.arange(0.0, 20.0, 0.05)
 
@@ -79,3 +84,14 @@ def test_rounding_does_not_decide_about_a_gap(rate, lost):
             time = shift + np.delete(grid, np.arange(first, first + lost))
             found.add(len(clock_gaps(time)))
     assert len(found) == 1
+
+
+def test_a_clock_without_a_long_step_needs_no_median(monkeypatch):
+    # a plan lists the gaps of every channel of every record
+    data = xr.Dataset({"delta_f": ("time", np.zeros(CLOCK.size))}, {"time": CLOCK})
+    blank = data.copy(deep=True)
+    blank["delta_f"][:40] = np.nan
+    assert channel_gaps(blank, "delta_f") == [(0.0, 2.0)]
+    monkeypatch.setattr(np, "median", None)
+    assert clock_gaps(CLOCK) == []
+    assert channel_gaps(data, "delta_f") == []

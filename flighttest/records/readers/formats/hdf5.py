@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 import re
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
-from h5py import AttributeManager, Dataset, h5a, h5d, h5g, h5o, h5s
+from h5py import AttributeManager, Dataset, h5a, h5d, h5g, h5o, h5s, h5t
 
 from flightmech.errors import ParseError
 from flightmech.support.hdf5_seal import demand_self_contained
@@ -48,7 +48,8 @@ def read(path: Path, names: NameMap) -> Recording:
     demand_self_contained(path)
     facts: dict[str, Any] = {}
     with decoding_errors(path, _EXPECTED):
-        file = h5py.File(path, "r")
+        # Each dataset is read whole and once, so that a cache of its chunks costs time only.
+        file = h5py.File(path, "r", rdcc_nbytes=0)
         for key, value in file.attrs.items():
             if not key.startswith("_"):
                 facts[str(key)] = _to_plain_value(value)
@@ -82,7 +83,8 @@ def _read_group(group: h5g.GroupID, path: str, facts: dict[str, Any], depth: int
             expected="a recording",
         )
     # "marks" is the former name of the attribute "flags".
-    flags = _attribute_value(group, "flags", _attribute_value(group, "marks", ""))
+    attributes = _Attributes(group)
+    flags = attributes.plain("flags", attributes.plain("marks", ""))
     content = Group(flags=flags if isinstance(flags, str) else "")
     for key in group:
         name = key.decode("utf-8", "surrogateescape")
@@ -102,56 +104,74 @@ def _read_group(group: h5g.GroupID, path: str, facts: dict[str, Any], depth: int
     return content
 
 
-def _attribute_value(item: h5d.DatasetID | h5g.GroupID, name: str, default: Any = None) -> Any:
-    """Return an attribute as a Python text or number if it is one."""
-    return _to_plain_value(_read_attribute(item, name, default))
+# h5py makes the type again at each reading if it is not given.
+@cache
+def _memory_type(kind: np.dtype[Any]) -> h5t.TypeID:
+    """Return the type of HDF5 of the numbers of an array."""
+    return h5t.py_create(kind)
 
 
-def _read_attribute(item: h5d.DatasetID | h5g.GroupID, name: str, default: Any) -> Any:
-    """Return an attribute as h5py returns it."""
-    key = name.encode()
-    if not h5a.exists(item, key):
-        return default
-    attribute = h5a.open(item, key)
-    kind, shape = attribute.dtype, attribute.shape
-    text = h5py.check_string_dtype(kind)
-    is_numeric = kind.kind in "fiu"
-    is_single_text = text is not None and text.length is None and not shape
-    if shape is None or kind.subdtype is not None or not (is_numeric or is_single_text):
-        owner: Any = Dataset(item) if isinstance(item, h5d.DatasetID) else h5py.Group(item)
-        return AttributeManager(owner)[name]
-    # Numbers and single texts are read without the attribute manager, in half the time.
-    value = np.empty(shape, kind)
-    attribute.read(value)
-    if text is None:
-        return value
-    return bytes(value[()]).decode("utf-8", "surrogateescape")
+class _Attributes:
+    """Attributes of a dataset or group. Their names are listed once, values read on request."""
+
+    def __init__(self, item: h5d.DatasetID | h5g.GroupID) -> None:
+        self._item = item
+        names: list[bytes] = []
+        # The list takes as long as three questions for one name, and a dataset gets nine.
+        h5a.iterate(item, names.append)
+        self._names = frozenset(names)
+
+    def plain(self, name: str, default: Any = None) -> Any:
+        """Return an attribute as a Python text or number if it is one."""
+        return _to_plain_value(self.stored(name, default))
+
+    def stored(self, name: str, default: Any) -> Any:
+        """Return an attribute as h5py returns it."""
+        key = name.encode()
+        if key not in self._names:
+            return default
+        attribute = h5a.open(self._item, key)
+        kind, shape = attribute.dtype, attribute.shape
+        if kind.kind in "fiu" and shape is not None:
+            value = np.empty(shape, kind)
+            attribute.read(value, _memory_type(kind))
+            return value
+        text = h5py.check_string_dtype(kind)
+        if text is None or text.length is not None or shape != ():
+            is_dataset = isinstance(self._item, h5d.DatasetID)
+            owner: Any = Dataset(self._item) if is_dataset else h5py.Group(self._item)
+            return AttributeManager(owner)[name]
+        # Numbers and single texts are read without the attribute manager, in half the time.
+        single = np.empty(shape, kind)
+        attribute.read(single)
+        return bytes(single[()]).decode("utf-8", "surrogateescape")
 
 
 def _add_dataset(
     group: Group, name: str, item: h5d.DatasetID, path: str, facts: dict[str, Any]
 ) -> None:
     """Add a dataset to the arrays of a group, or the reason to omit it."""
-    reason = _reason_to_omit(item)
+    attributes = _Attributes(item)
+    reason = _reason_to_omit(item, attributes)
     if reason is None:
-        group.arrays[name] = _dataset_array(item, path, facts)
+        group.arrays[name] = _dataset_array(item, attributes, path=path, facts=facts)
     elif reason:
         group.left_out[name] = reason
 
 
-def _reason_to_omit(item: h5d.DatasetID) -> str | None:
+def _reason_to_omit(item: h5d.DatasetID, attributes: _Attributes) -> str | None:
     """Return why a dataset is not an array of numbers, None if it is one.
 
     The reason is empty for datasets that are not content: references and bare dimensions.
     """
-    matlab_class = _attribute_value(item, "MATLAB_class", "")
+    matlab_class = attributes.plain("MATLAB_class", "")
     if isinstance(matlab_class, str) and matlab_class in _MATLAB_CLASSES:
         return _MATLAB_CLASSES[matlab_class]
     if item.dtype.kind not in "fiub":
         return _describe_other_values(item)
-    if _attribute_value(item, "MATLAB_empty", 0) or item.shape is None:
+    if attributes.plain("MATLAB_empty", 0) or item.shape is None:
         return "an empty array"
-    if str(_attribute_value(item, "NAME", "")).startswith(_NETCDF_DIMENSION):
+    if str(attributes.plain("NAME", "")).startswith(_NETCDF_DIMENSION):
         return ""
     return None
 
@@ -170,19 +190,21 @@ def _describe_other_values(item: h5d.DatasetID) -> str:
     return "values that are not numbers"
 
 
-def _dataset_array(item: h5d.DatasetID, path: str, facts: dict[str, Any]) -> Array:
+def _dataset_array(
+    item: h5d.DatasetID, attributes: _Attributes, path: str, facts: dict[str, Any]
+) -> Array:
     """Return a dataset of numbers as an array; a clock since a date adds the fact ``start``."""
-    unit = _attribute_value(item, "units", _attribute_value(item, "unit", ""))
+    unit = attributes.plain("units", attributes.plain("unit", ""))
     if not isinstance(unit, str) or not unit:
         unit = None
     since = _SINCE.match(unit) if unit else None
     if since:
         facts.setdefault("start", since.group(2).strip().replace(" ", "T", 1))
         unit = _clock_unit(since.group(1))
-    error = _attribute_value(item, "stderr")
+    error = attributes.plain("stderr")
     if not isinstance(error, float) or not math.isfinite(error):
         error = None
-    return Array(tuple(item.shape), partial(_read_values, item, path), unit, error)
+    return Array(tuple(item.shape), partial(_read_values, item, attributes, path), unit, error)
 
 
 def _clock_unit(word: str) -> str:
@@ -192,17 +214,17 @@ def _clock_unit(word: str) -> str:
     return {"m": "min", "h": "h"}.get(word[0], "s")
 
 
-def _read_values(item: h5d.DatasetID, path: str) -> np.ndarray:
+def _read_values(item: h5d.DatasetID, attributes: _Attributes, path: str) -> np.ndarray:
     """Return the values of a dataset without the packing of the CF conventions."""
     with decoding_errors(path, _EXPECTED):
         stored = _read_stored(item)
-        scale = float(np.ravel(_read_attribute(item, "scale_factor", 1.0))[0])
-        offset = float(np.ravel(_read_attribute(item, "add_offset", 0.0))[0])
+        scale = float(np.ravel(attributes.stored("scale_factor", 1.0))[0])
+        offset = float(np.ravel(attributes.stored("add_offset", 0.0))[0])
         values = np.asarray(stored, float)
         if scale != 1.0 or offset != 0.0:
             values = values * scale + offset
         for key in ("_FillValue", "missing_value"):
-            empty = np.ravel(_read_attribute(item, key, np.nan))[0]
+            empty = np.ravel(attributes.stored(key, np.nan))[0]
             # NaN, which differs from itself, is a missing value already.
             if empty == empty:
                 values = np.where(stored == empty, np.nan, values)
@@ -212,10 +234,11 @@ def _read_values(item: h5d.DatasetID, path: str) -> np.ndarray:
 def _read_stored(item: h5d.DatasetID) -> np.ndarray:
     """Return the numbers of a dataset as they are stored."""
     # Booleans and empty datasets need the conversion of h5py.
-    if item.dtype.kind == "b" or not all(item.shape):
+    kind, shape = item.dtype, item.shape
+    if kind.kind == "b" or not all(shape):
         return Dataset(item)[()]
-    values = np.empty(item.shape, item.dtype)
-    item.read(h5s.ALL, h5s.ALL, values)
+    values = np.empty(shape, kind)
+    item.read(h5s.ALL, h5s.ALL, values, _memory_type(kind))
     return values
 
 
@@ -228,10 +251,11 @@ def _structure_texts(group: h5g.GroupID) -> dict[str, str]:
         item = h5o.open(group, name.encode())
         if not isinstance(item, h5d.DatasetID):
             continue
-        if _attribute_value(item, "MATLAB_class", "") != "char":
+        attributes = _Attributes(item)
+        if attributes.plain("MATLAB_class", "") != "char":
             continue
         texts[name] = ""
-        if not _attribute_value(item, "MATLAB_empty", 0):
+        if not attributes.plain("MATLAB_empty", 0):
             # MATLAB stores a text as a matrix of character codes in column order.
             texts[name] = "".join(map(chr, np.ravel(Dataset(item)[()], order="F")))
     return texts
