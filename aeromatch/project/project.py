@@ -58,7 +58,7 @@ class Project(Strict):
     # `project_schema` describes the file, so the schema does not use the docstring.
     model_config = ConfigDict(json_schema_extra=lambda schema: schema.pop("description", None))
     _file: Path = PrivateAttr(default=Path())
-    title: str = Field(description="Title of the project and its report.")
+    title: str = Field(max_length=200, description="Title of the project and its report.")
     aircraft: InputFile = Field(description="Aircraft file.")
     apriori: OptionalFile = Field(
         default=None,

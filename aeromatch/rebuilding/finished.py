@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 import sys
+import time
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -22,11 +23,15 @@ from flightmech.support.input_files import file_sha256, match_files
 from flightmech.support.kept_stages.checked_files import read_checked, write_checked
 from flightmech.support.kept_stages.program import hash_arithmetic, hash_installation
 
-if sys.platform != "win32":
+if sys.platform == "win32":
+    import msvcrt
+else:
     import fcntl
 
 # Letters of the longest text that is tried as the name of a file.
 _LONGEST_NAME = 1000
+# Windows has no call that waits for a lock without end. [s]
+_BETWEEN_TRIES = 0.5
 
 
 class Watched:
@@ -116,8 +121,8 @@ class Finished:
         """Let one match at a time write into the output folder; another one waits for it.
 
         Two matches with different settings would otherwise record the files of each other. After
-        the same match the waiting one finds nothing changed. Windows and file systems without locks
-        let both run.
+        the same match the waiting one finds nothing changed. File systems without locks let both
+        run.
 
         Parameters
         ----------
@@ -129,7 +134,7 @@ class Finished:
             self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             lock = self._file.with_suffix(".lock").open("a")
         try:
-            if lock is not None and sys.platform != "win32":
+            if lock is not None:
                 _wait_for(lock, announce)
             yield
         finally:
@@ -203,11 +208,27 @@ class Finished:
 def _wait_for(lock: IO[str], announce: Callable[[], None]) -> None:
     """Lock a file for this process alone. Processes that it starts do not inherit the lock."""
     with suppress(OSError):
-        try:
-            fcntl.lockf(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except (BlockingIOError, PermissionError):
-            announce()
+        if _lock_at_once(lock):
+            return
+        announce()
+        if sys.platform == "win32":
+            while not _lock_at_once(lock):
+                time.sleep(_BETWEEN_TRIES)
+        else:
             fcntl.lockf(lock, fcntl.LOCK_EX)
+
+
+def _lock_at_once(lock: IO[str]) -> bool:
+    """Lock a file, and return False if another process holds the lock."""
+    try:
+        if sys.platform == "win32":
+            # one byte from the position of the file, which is empty; the byte need not exist
+            msvcrt.locking(lock.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            fcntl.lockf(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        return False
+    return True
 
 
 def _with_program(settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -223,7 +223,7 @@ _FARTHEST = 5.0  # mean chords from the leading edge back to the moment referenc
 
 # The descriptions are those of the JSON schema, which editors show.
 class _AircraftFile(_NumberOrText):
-    name: str = Field(description="Name of the type.")
+    name: str = Field(max_length=200, description="Name of the type.")
     S: Annotated[float, InUnits("m2")] = Field(description="Reference area.")
     cbar: _Length = Field(description="Reference chord.")
     b: _Length = Field(description="Reference span.")

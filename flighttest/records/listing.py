@@ -23,7 +23,11 @@ _NOT_FACTS = ("manoeuvres", "unmapped", "notes", "left_out")
 
 
 def record_listing(record: Arrays) -> dict[str, Any]:
-    """Return ``facts channels manoeuvres faults unmapped`` of a record."""
+    """Return ``facts channels manoeuvres faults unmapped left_out`` of a record.
+
+    Rows of ``left_out`` have ``name`` and ``reason``: parts of the file that are no channels, such
+    as text and complex numbers.
+    """
     attrs_of_leaf = {name: leaf.attrs for name, leaf in record.leaves.items()}
     return {
         "facts": {key: item for key, item in record.attrs.items() if key not in _NOT_FACTS},
@@ -31,7 +35,17 @@ def record_listing(record: Arrays) -> dict[str, Any]:
         "manoeuvres": _manoeuvre_rows(record.attrs),
         "faults": fault_texts(record.attrs, attrs_of_leaf.items()),
         "unmapped": [name for name in record.attrs["unmapped"].split(", ") if name],
+        "left_out": _left_out_rows(record.attrs),
     }
+
+
+def _left_out_rows(attrs: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return the parts that the reader has omitted; none if the attribute is of another writer."""
+    try:
+        rows = json.loads(attrs.get("left_out", "[]"))
+        return [{"name": str(name), "reason": str(reason)} for name, reason in rows]
+    except (ValueError, TypeError):
+        return []
 
 
 def channel_rows(leaves: Mapping[str, RecordGroup]) -> list[dict[str, Any]]:

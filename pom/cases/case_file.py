@@ -80,7 +80,8 @@ class CaseTable(Strict):
         "file.",
     )
     name: str = Field(description="Short name of the case, for files and links.")
-    title: str = Field(description="Title for people.")
+    # a trial adds words to the title of its case
+    title: str = Field(max_length=500, description="Title for people.")
     description: str = Field(default="", description="What was flown.")
     record: str = Field(
         description="Flight record: a raw one, or one of `aeromatch flight reconstruct`. Relative "

@@ -72,6 +72,14 @@ def problems(path):
     return caught.value.problems
 
 
+def test_a_title_has_200_characters_at_most(write):
+    """Each command prints it whole."""
+    assert read_project(write(("Toy", "x" * 200))).title == "x" * 200
+    with pytest.raises(SchemaError, match="title: string should have at most 200 char") as caught:
+        read_project(write(("Toy", "x" * 200_000)))
+    assert len(str(caught.value)) < 2000
+
+
 def test_terms_without_a_place_stop_unless_the_project_allows_them(write):
     assert read_project(write()).unplaced == "raise"
     assert (

@@ -69,11 +69,11 @@ def record_info(file: str, names: str | None, as_json: bool) -> None:
         print_text(f"! {text}")
     if found["left_out"]:
         print_text(f"\nleft out: {len(found['left_out'])}")
-        for text in _by_reason(found["left_out"]):
+        for text in by_reason(found["left_out"]):
             print_text(f"  {text}")
 
 
-def _by_reason(left_out: list[dict[str, str]]) -> list[str]:
+def by_reason(left_out: list[dict[str, str]]) -> list[str]:
     """Return a line for each reason, with the names of the tables and columns that are left out."""
     names: dict[str, list[str]] = {}
     for one in left_out:

@@ -6,7 +6,8 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import print_json, print_table
+from flightmech.support.console import print_json, print_table, print_text
+from flighttest.cli.actions.contents import by_reason
 from flighttest.records.listing import record_listing
 from flighttest.records.reading import read_arrays
 
@@ -16,7 +17,7 @@ def print_record(record_file: str, names: str | None, as_json: bool) -> None:
     found = record_listing(read_arrays(record_file, names))
     facts, channels, flown = found["facts"], found["channels"], found["manoeuvres"]
     if as_json:
-        rest = {key: found[key] for key in ("faults", "unmapped")}
+        rest = {key: found[key] for key in ("faults", "unmapped", "left_out")}
         print_json(
             {**facts, "channels": _numbered(channels), "manoeuvres": _numbered(flown), **rest}
         )
@@ -49,6 +50,8 @@ def print_record(record_file: str, names: str | None, as_json: bool) -> None:
         click.echo(f"! {text}")
     if found["unmapped"]:
         click.echo(f"columns the name map leaves out: {', '.join(found['unmapped'])}")
+    for text in by_reason(found["left_out"]):
+        print_text(f"left out: {text}")
 
 
 def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -145,6 +145,11 @@ def test_single_faults(write, old, new, text):
         read_aircraft(write(GOOD.replace(old, new)))
 
 
+def test_a_name_has_200_characters_at_most(write):
+    with pytest.raises(SchemaError, match="name: string should have at most 200 characters"):
+        read_aircraft(write(GOOD.replace("trainer", "x" * 201)))
+
+
 def test_text_that_is_no_toml(write):
     with pytest.raises(ParseError, match="line 3"):
         read_aircraft(write('name = "x"\n\nS = = 3\n'))

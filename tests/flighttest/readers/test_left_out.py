@@ -170,3 +170,18 @@ def test_the_other_spelling_of_a_verb():
     done = CliRunner().invoke(flight, ["maneuvers", "--help"])
     assert done.exit_code == 0
     assert "maneuvers" not in CliRunner().invoke(flight, ["--help"]).output
+
+
+def test_a_listing_names_what_a_self_describing_record_leaves_out(tmp_path):
+    """Text and complex numbers are no channels, and a look at the record states it."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"], file["q"] = T, np.sin(T)
+        file["q"].attrs["units"] = "rad/s"
+        file["theta"] = np.exp(1j * T)
+        file["mode"] = np.array([b"climb"] * len(T))
+    shown = CliRunner().invoke(flight, ["show", str(tmp_path / "a.h5")])
+    assert shown.exit_code == 0, shown.output
+    assert "left out: theta: complex numbers; write the real and the imaginary part" in shown.output
+    assert "left out: mode: text" in shown.output
+    shown = CliRunner().invoke(flight, ["show", str(tmp_path / "a.h5"), "--json"])
+    assert [row["name"] for row in json.loads(shown.output)["left_out"]] == ["mode", "theta"]

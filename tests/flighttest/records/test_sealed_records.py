@@ -143,6 +143,7 @@ def test_what_is_listed_of_a_record(tmp_path):
         "manoeuvres": [],
         "faults": ["imu: gaps in the clock at 0.2 s (0.7 s)", "imu: NaN samples: q 1 from 0.2 s"],
         "unmapped": [],
+        "left_out": [],
     }
     columns = [
         {"column": "q", "unit": "deg/s", "min": -1.0, "max": 0.5},

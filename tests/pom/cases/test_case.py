@@ -34,6 +34,14 @@ def test_texts_of_the_page_are_separate_from_what_is_computed(write_case):
     assert case.title
 
 
+def test_a_title_has_500_characters_at_most(write_case):
+    path = write_case()
+    title = read_case(path).title
+    path.write_text(path.read_text().replace(title, "x" * 501))
+    with pytest.raises(SchemaError, match=r"case\.title: string should have at most 500 characters"):
+        read_case(path)
+
+
 def test_every_problem_at_once(write_case):
     path = write_case(
         case='windw = [1.0, 2.0]\nfeatures = ["reversible_control"]',

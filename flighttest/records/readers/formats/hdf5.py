@@ -182,6 +182,8 @@ def _describe_other_values(item: h5d.DatasetID) -> str:
         return "text"
     if h5py.check_ref_dtype(item.dtype) is not None:
         return ""
+    if item.dtype.kind == "c":
+        return "complex numbers; write the real and the imaginary part as an array each"
     if item.dtype.names:
         return (
             f"rows of several fields ({', '.join(item.dtype.names[:6])}); write each field as "
