@@ -121,28 +121,30 @@ def draw_constants(circuit: Circuit, rng: np.random.Generator) -> dict[str, floa
     return drawn
 
 
-def hand_force(kind: str, time: float) -> float:
+def hand_force(kind: str, time: np.ndarray) -> np.ndarray:
     """Return the force of the hand. [N]"""
     if kind == "sweep":
         return 130.0 * np.sin(2.0 * np.pi * time / 20.0)
     if kind == "pulse":
         up = np.interp(time, [0.95, 1.05, 1.25, 1.35], [0.0, 90.0, 90.0, 0.0])
         return up + np.interp(time, [4.95, 5.05, 5.25, 5.35], [0.0, -70.0, -70.0, 0.0])
-    if time < 4.0:
-        return np.interp(time, [0.5, 2.0], [0.0, 85.0])
-    return np.interp(time, [6.5, 7.5], [0.0, -75.0]) if time < 9.0 else 0.0
+    first = np.where(time < 4.0, np.interp(time, [0.5, 2.0], [0.0, 85.0]), 0.0)
+    second = np.interp(time, [6.5, 7.5], [0.0, -75.0])
+    return first + np.where(time < 9.0, second, 0.0)
 
 
-def air(kind: str, alpha0: float, time: float) -> tuple[float, float]:
-    """Return angle of attack [rad] and load factor, which follow the slow sweeps."""
-    surge = 0.035 * np.sin(2.0 * np.pi * (time - 1.1) / 20.0) if kind == "sweep" else 0.0
-    return alpha0 + surge, 1.0 + 9.2 * surge
+def air(kind: str, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return change of the angle [rad] and load factor, which follow the slow sweeps."""
+    surge = np.zeros_like(time)
+    if kind == "sweep":
+        surge = 0.035 * np.sin(2.0 * np.pi * (time - 1.1) / 20.0)
+    return surge, 1.0 + 9.2 * surge
 
 
-def simulate_kind(
-    circuit: Circuit, kind: str, sets: list[dict[str, float]], bristle: float | None = None
-) -> list[list[dict[str, np.ndarray]]]:
-    """Return the error-free records (set, condition) of one kind; all are integrated together.
+def simulate(
+    circuit: Circuit, sets: list[dict[str, float]], bristle: float | None = None
+) -> dict[str, list[list[dict[str, np.ndarray]]]]:
+    """Return the error-free records by kind (set, condition); all are integrated together.
 
     `bristle` is the travel that builds friction up; None: friction by the rate. [m]
     """
@@ -157,26 +159,31 @@ def simulate_kind(
     qbar, alpha0, tab = (np.tile(x, len(sets)) for x in np.array(CONDITIONS).T)
     load = qbar * circuit.S_hinge * circuit.c_hinge * gearing
     aft = p["inertia"] * gearing**2
+    grip, grip_aft = p["friction"], p["hinge_friction"] * gearing
+    damping_aft = p["hinge_damping"] * gearing**2
+    # Inputs (step, kind, 1) of all kinds; the short ones are integrated as long as the sweeps.
+    count, per = round(max(LONG.values()) * RATE), round(1.0 / RATE / STEP)
+    time = STEP * np.arange(count * per + 1)
+    pushes = np.array([circuit.push * hand_force(kind, time) for kind in LONG]).T[..., None]
+    surges, factors = (x.T[..., None] for x in np.moveaxis([air(k, time) for k in LONG], 0, 1))
+    bob = p["bob_weight"] * G0
+    free_hinge = load * (Ch_0 + Ch_angle * alpha0 + Ch_tab * tab)
+    by_surge, by_travel = load * Ch_angle, load * Ch_delta * gearing
     # Breakout holds the control near the force-free travel of the hinge moment.
-    a = (Ch_0 + Ch_angle * alpha0 + Ch_tab * tab) / (Ch_delta * gearing)
+    a = np.tile(free_hinge / by_travel, (len(LONG), 1))
     s = a.copy()
     v, w = np.zeros_like(s), np.zeros_like(s)
     deflection, deflection_aft = np.zeros_like(s), np.zeros_like(s)
-    count, per = round(LONG[kind] * RATE), round(1.0 / RATE / STEP)
     kept = []
     # Two seconds at rest come first, in which the control settles.
-    for k in range(-round(2.0 / STEP), count * per + 1):
-        t = max(k, 0) * STEP
-        F = circuit.push * hand_force(kind, t)
-        surge, nz = air(kind, 0.0, t)
+    for k in range(-round(2.0 / STEP), len(time)):
+        now = max(k, 0)
         if k >= 0 and k % per == 0:
-            kept.append((t, s.copy(), a.copy(), F, surge, nz))
-        Ch = Ch_0 + Ch_angle * (alpha0 + surge) + Ch_tab * tab - Ch_delta * gearing * a
+            kept.append((s, a))
         cable = p["cable_stiffness"] * (s - a) + p["cable_damping"] * (v - w)
-        hand = F - p["offset"] - p["bob_weight"] * G0 * (nz - 1.0) - cable
+        hand = pushes[now] - p["offset"] - bob * (factors[now] - 1.0) - cable
         hand = hand - p["preload"] * np.tanh(s / SMOOTH_TRAVEL) - p["damping"] * v
-        pull = cable - load * Ch - p["hinge_damping"] * gearing**2 * w
-        grip, grip_aft = p["friction"], p["hinge_friction"] * gearing
+        pull = cable - free_hinge - by_surge * surges[now] + by_travel * a - damping_aft * w
         if bristle is None:
             # The tanh of the next rate: friction is stiff.
             v = implicit_rate(v + STEP * hand / p["mass"], STEP * grip / p["mass"])
@@ -187,24 +194,28 @@ def simulate_kind(
             v = v + STEP * (hand - grip * deflection) / p["mass"]
             w = w + STEP * (pull - grip_aft * deflection_aft) / aft
         s, a = s + STEP * v, a + STEP * w
-    columns = [np.array(column) for column in zip(*kept)]
-    records = []
-    for k in range(len(s)):
-        time, travel, surface, F, surge, nz = columns
-        records.append(
-            {
-                "time": time,
-                f"F_{circuit.item}": F,
-                circuit.item: travel[:, k],
-                circuit.deflection: -gearing * surface[:, k],
-                "qbar": np.full(len(time), qbar[k]),
-                circuit.angle: alpha0[k] + surge,
-                "delta_t": np.full(len(time), tab[k]),
-                "nz": nz,
-            }
-        )
+    travel, surface = (np.array(x) for x in zip(*kept))
+    simulated = {}
     n = len(CONDITIONS)
-    return [records[i * n : (i + 1) * n] for i in range(len(sets))]
+    for number, (kind, seconds) in enumerate(LONG.items()):
+        samples = round(seconds * RATE) + 1
+        at = slice(0, samples * per, per)
+        records = []
+        for k in range(s.shape[1]):
+            records.append(
+                {
+                    "time": time[at],
+                    f"F_{circuit.item}": pushes[at, number, 0],
+                    circuit.item: travel[:samples, number, k],
+                    circuit.deflection: -gearing * surface[:samples, number, k],
+                    "qbar": np.full(samples, qbar[k]),
+                    circuit.angle: alpha0[k] + surges[at, number, 0],
+                    "delta_t": np.full(samples, tab[k]),
+                    "nz": factors[at, number, 0],
+                }
+            )
+        simulated[kind] = [records[i * n : (i + 1) * n] for i in range(len(sets))]
+    return simulated
 
 
 def deflect(y: np.ndarray, part: np.ndarray) -> np.ndarray:
@@ -247,7 +258,9 @@ def main() -> None:
     rng = np.random.default_rng(given.seed)
     circuit = CIRCUITS[given.control]
     truths = [draw_constants(circuit, rng) for _ in range(given.sets)]
-    simulated = {kind: simulate_kind(circuit, kind, truths, given.bristle) for kind in LONG}
+    begin = clock.process_time()
+    simulated = simulate(circuit, truths, given.bristle)
+    print(f"simulated in {clock.process_time() - begin:.0f} s of processor time", flush=True)
     unknown = [name for name in circuit.guess if name in CONSTANTS]
     loading = flighttest.control_loading.ControlLoading(
         circuit.item, -circuit.gearing, circuit.S_hinge, circuit.c_hinge, circuit.hinge, unknown
