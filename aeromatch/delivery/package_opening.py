@@ -219,7 +219,7 @@ def _extra_at_head(content: zipfile.ZipFile, item: zipfile.ZipInfo) -> bytes:
         return b""
     stream.seek(item.header_offset)
     head = stream.read(_HEAD)
-    stream.seek(int.from_bytes(head[26:28], "little"), os.SEEK_CUR)
+    stream.read(int.from_bytes(head[26:28], "little"))  # the name
     return stream.read(int.from_bytes(head[28:30], "little"))
 
 
