@@ -90,6 +90,21 @@ def test_a_case_does_not_contradict_its_aircraft(write_case, write_aircraft_file
         read_case(write_case(case=f'{named}\nshow = ["engine2.n1"]'))
 
 
+def test_only_an_aircraft_without_engines_flies_without_a_drive(write_case, write_aircraft_file):
+    aircraft = write_aircraft_file()
+    driven = write_case(case='aircraft = "aircraft.toml"')
+    undriven = driven.with_name("undriven.toml")
+    undriven.write_text(driven.read_text().replace('engine = "thrust"', 'engine = "none"'))
+    with pytest.raises(SchemaError, match='engine: "none" is for an aircraft without engines, and'):
+        read_case(undriven)
+    aircraft.write_text(AIRCRAFT.split("[[engine]]")[0] + "[facts]\nengines = 0\n")
+    assert read_case(undriven).drive.engine == "none"
+    with pytest.raises(
+        SchemaError, match=r'the aircraft has none .*; write drive\.engine = "none"'
+    ):
+        read_case(driven)
+
+
 def test_equipment_that_the_aircraft_lacks_is_no_departure(write_case, write_aircraft_file):
     write_aircraft_file('[facts]\nwithout = ["epr", "torque"]')
     more = "[events]\ncapture = 8.0"
