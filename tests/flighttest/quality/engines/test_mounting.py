@@ -12,13 +12,13 @@ LEFT, RIGHT = (-3.0, -1.1, -0.5), (-3.0, 1.1, -0.5)
 
 
 def jet(positions=(LEFT, RIGHT), direction=(1.0, 0.0, 0.0), **changes):
-    """Return a light twin jet with engines at the given places."""
+    """Return a light jet with engines at the given places."""
     engines = tuple(Engine(position=place, direction=direction) for place in positions)
     plain = flightmech.Aircraft("jet", 18.1, 1.63, 11.7, 3350.0, 8600.0, 13200.0, 20900.0)
     return replace(plain, engines=engines, **changes)
 
 
-def test_a_sound_twin_has_no_remark():
+def test_a_sound_jet_has_no_remark():
     limits = {"delta_e": (-0.45, 0.3), "flaps": (0.0, 40.0)}
     assert unusual_sizes(jet(cg=(0.2, 0.0, 0.1), limits=limits)) == []
     assert unusual_sizes(jet(positions=[(1.5, 0.0, 0.0), (-2.0, 0.0, 0.0)])) == []
