@@ -49,6 +49,7 @@ def test_the_facts_are_read_in_si_and_written_again(write_aircraft_file, tmp_pat
     ("more", "text"),
     [
         ("[facts]\nmtow = 1900.0", "mtow: 1900 kg is below the gross mass 2000 kg"),
+        ("[facts]\nbasic_operating_weight = 2300.0", "2300 kg is above the gross mass 2000 kg"),
         ("[facts]\nengines = 2", "engines: 2, and the file has 1 tables"),
         ('[facts]\nmean_chord = "17 m"', "check the units"),
         ("[facts]\nmtow = 2500.0\nbasic_operating_weight = 2600.0", "is not below mtow"),
