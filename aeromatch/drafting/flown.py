@@ -190,6 +190,8 @@ def write_cases(
 
 def _demand_drive(drive: str, drives: Collection[str] | None) -> None:
     """Raise if the engines of the aircraft file do not take the drive of a case."""
+    if drive == "none":
+        return
     quantity, model_input, _ = ENGINE_DRIVES[drive]
     if drives is None or model_input in drives:
         return

@@ -314,8 +314,9 @@ def _write_project(
     without_use = {*unable, *power.undriven}
     able = {name: table for name, table in flights.marks.items() if name not in without_use}
     with_engine = [name for name, record in flights.records.items() if has_engine_speed(record)]
+    held = held_for_proof(able, answers.prove, with_engine)
     proving = write_cases(
-        held_for_proof(able, answers.prove, with_engine),
+        held,
         {file.stem: file for file in sources.records},
         files,
         names=map_file(folder, flights.names),
@@ -326,9 +327,14 @@ def _write_project(
     _remove_old_cases(files, proving)
     case_files = sorted((folder / "cases").glob("*.toml"))
     taken = replayed_windows(case_files)
-    remarks += describe_unused(able, taken)
+    # a remark of its own states why a manoeuvre of a test has no case
+    explained = {name: list(windows) for name, windows in taken.items()}
+    for case in held:
+        if case not in proving:
+            explained.setdefault(case.record, []).append(case.window)
+    remarks += describe_unused(able, explained)
     for name in answers.prove:
-        if name in able and name not in taken:
+        if name in able and name not in explained:
             remarks.append(
                 f"{name} of --prove has no case: no manoeuvre of a test was found in it; write one "
                 f"with 'aeromatch pom init' and its --test into the folder cases"

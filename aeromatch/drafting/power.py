@@ -24,7 +24,8 @@ _FLIGHT = {"V": 50.0, "p_static": P_SEA, "temperature": T_SEA, "h": 0.0}
 _REMEDY = (
     "give each [[engine]] of aircraft.toml its propeller and what turns it (diameter, CT_prop, "
     "CP_prop, chart of the engine: how-to 'A propeller aircraft'), or map the column of the "
-    "thrust in names.toml; then run init again"
+    "thrust in names.toml; a jet without such a column: map engine1.thrust to the column of N1, "
+    "with its thrust at the flown altitude as the key table; then run init again"
 )
 
 

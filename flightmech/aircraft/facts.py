@@ -150,6 +150,12 @@ def fact_problems(facts: AircraftFacts, mass: float, *, cbar: float, engines: in
             f"facts.mtow: {facts.mtow:.5g} kg is below the gross mass {mass:.5g} kg of the file; "
             f"correct one of the two"
         )
+    empty = facts.basic_operating_weight
+    if empty is not None and mass < empty * (1.0 - MASS_ROUNDING):
+        problems.append(
+            f"facts.basic_operating_weight: {empty:.5g} kg is above the gross mass {mass:.5g} kg of "
+            f"the file; correct one of the two"
+        )
     if facts.engines is not None and engines and facts.engines != engines:
         problems.append(
             f"facts.engines: {facts.engines}, and the file has {engines} tables [[engine]]; "

@@ -30,6 +30,7 @@ _POWER = {
     "torque": ("torque",),
     "rpm": ("rpm", "throttle", "pla"),
     "map": ("manifold_pressure",),
+    "none": (),
 }
 """By drive of the engines: the quantities that it sets.  The angle of a lever is its position."""
 

@@ -127,6 +127,16 @@ def _check_engines(file: CaseFile, facts: Mapping[str, Any], problems: list[str]
     count = facts.get("engines")
     if count is None:
         return
+    if count and file.drive.engine == "none":
+        problems.append(
+            f'drive.engine: "none" is for an aircraft without engines, and this one has {count}; '
+            f'write what was recorded of them, such as "thrust", "n1" or "throttle"'
+        )
+    if count == 0 and file.drive.engine != "none":
+        problems.append(
+            f'drive.engine: "{file.drive.engine}" drives engines, and the aircraft has none '
+            f'([facts] engines); write drive.engine = "none"'
+        )
     tables = (file.conditions, file.ranges, file.tolerance, file.rationale)
     names = [file.case.engine_parameter, *file.case.show]
     for table in tables:

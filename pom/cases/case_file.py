@@ -211,11 +211,12 @@ class DriveTable(Strict):
         "force: pilot forces; "
         "pilot: what is recorded of the level of its loops, plus their corrections.",
     )
-    engine: Literal["thrust", "n1", "throttle", "lever", "torque", "rpm", "map"] = Field(
+    engine: Literal["thrust", "n1", "throttle", "lever", "torque", "rpm", "map", "none"] = Field(
         default="thrust",
         description="thrust: recorded thrust drives; n1: the fan speed, throttle or lever: the "
         "lever drives the engine model; torque: that of the propeller shaft; map: the manifold "
-        "pressure; rpm: the speed of the propeller, with a governor at the power of the lever.",
+        "pressure; rpm: the speed of the propeller, with a governor at the power of the lever; "
+        "none: the aircraft has no engines.",
     )
     propeller: Literal["lever", "rpm"] = Field(
         default="lever",

@@ -283,6 +283,9 @@ def _start_only_surfaces(case: PomCase) -> set[str]:
 
 def _engine_inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
     """Return the recorded quantity that drives each engine, and its other levers. [SI]"""
+    # a glider
+    if case.drive.engine == "none":
+        return {}
     control, drive, _ = ENGINE_DRIVES[case.drive.engine]
     inputs = _drive_inputs(case, states, control, drive)
     if case.drive.propeller == "rpm":
@@ -350,7 +353,9 @@ def _pilot_loops(
 def _model_modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
     """Return the parameters that select the drive, the trim and the runway of a model."""
     drive = case.drive
-    modes = {"mode.engine": ENGINE_DRIVES[drive.engine][2]}
+    modes = {}
+    if drive.engine != "none":
+        modes["mode.engine"] = ENGINE_DRIVES[drive.engine][2]
     if drive.trim == "ground":
         modes["mode.trim"] = TRIM_GROUND
     elif drive.trim:

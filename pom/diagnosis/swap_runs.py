@@ -381,7 +381,7 @@ def _relevant_parts(
 ) -> tuple[str, ...]:
     """Return the parts that can matter; an engine does not matter if thrust drives the model."""
     relevant = {
-        "engine": case.drive.engine != "thrust",
+        "engine": case.drive.engine not in ("thrust", "none"),
         "gear": _has_ground_contact(case, flight),
         "circuit": case.drive.surfaces != "recorded",
     }

@@ -84,8 +84,11 @@ def _choose_power(
     """Return the first drive that is recorded and that the engines take, else the first recorded.
 
     The aircraft file need not be that of the model: an FMU from elsewhere has its own engines.
+    It is ``none`` for an aircraft without engines, whose record has nothing that drives one.
     """
     recorded = [name for name in powers if f"engine1.{ENGINE_DRIVES[name][0]}" in channels]
+    if not recorded and drives is not None and not drives:
+        return "none"
     if not recorded:
         names = ", ".join(f"engine1.{ENGINE_DRIVES[name][0]}" for name in powers)
         raise SchemaError("record", [f"no {names}: one of them drives the engines; map it"])

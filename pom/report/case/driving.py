@@ -41,6 +41,7 @@ _ENGINE = {
     "torque": "the recorded torque drives the propeller",
     "rpm": "the recorded speed drives the propeller",
     "map": "the recorded manifold pressure drives the engine model",
+    "none": "none: the aircraft has no engines",
 }
 _PROPELLER = {
     "lever": "a governor holds the speed of the propeller lever",

@@ -49,6 +49,7 @@ def test_the_facts_are_read_in_si_and_written_again(write_aircraft_file, tmp_pat
     ("more", "text"),
     [
         ("[facts]\nmtow = 1900.0", "mtow: 1900 kg is below the gross mass 2000 kg"),
+        ("[facts]\nbasic_operating_weight = 2300.0", "2300 kg is above the gross mass 2000 kg"),
         ("[facts]\nengines = 2", "engines: 2, and the file has 1 tables"),
         ('[facts]\nmean_chord = "17 m"', "check the units"),
         ("[facts]\nmtow = 2500.0\nbasic_operating_weight = 2600.0", "is not below mtow"),
@@ -88,6 +89,21 @@ def test_a_case_does_not_contradict_its_aircraft(write_case, write_aircraft_file
     assert case.facts["v1"] == 40.0
     with pytest.raises(SchemaError, match="engine 2, and the aircraft has 1"):
         read_case(write_case(case=f'{named}\nshow = ["engine2.n1"]'))
+
+
+def test_only_an_aircraft_without_engines_flies_without_a_drive(write_case, write_aircraft_file):
+    aircraft = write_aircraft_file()
+    driven = write_case(case='aircraft = "aircraft.toml"')
+    undriven = driven.with_name("undriven.toml")
+    undriven.write_text(driven.read_text().replace('engine = "thrust"', 'engine = "none"'))
+    with pytest.raises(SchemaError, match='engine: "none" is for an aircraft without engines, and'):
+        read_case(undriven)
+    aircraft.write_text(AIRCRAFT.split("[[engine]]")[0] + "[facts]\nengines = 0\n")
+    assert read_case(undriven).drive.engine == "none"
+    with pytest.raises(
+        SchemaError, match=r'the aircraft has none .*; write drive\.engine = "none"'
+    ):
+        read_case(driven)
 
 
 def test_equipment_that_the_aircraft_lacks_is_no_departure(write_case, write_aircraft_file):

@@ -91,6 +91,27 @@ def test_the_stick_moves_the_model_as_its_surfaces_did(short_period):
     )  # sample or line
 
 
+@pytest.mark.nightly
+def test_a_glider_flies_without_a_drive(trainer):
+    """Without thrust the aircraft decelerates by its drag; trim and replay need no engine."""
+    case = read_case(CASES / "21_short_period.toml")
+    case = replace(case, drive=replace(case.drive, engine="none"))
+    aircraft = replace(flightmech.read_aircraft(case.aircraft), engines=(), fuel=None)
+    x, y, z = aircraft.reference
+    size = {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b}
+    root = {**trainer.database().attrs, **size, "x_ref": x, "y_ref": y, "z_ref": z}
+    db = aerodb.make_database(aerodb.terms(trainer.database()), **root)
+    sim = flightmech.compile(aircraft, db)
+    job = plan_of(case, flight_states(case, recorded_states(case))).job
+    assert not [name for name in job.inputs if name.startswith("engine")]
+    assert "mode.engine" not in job.parameters
+    outputs, failures = replay_choices(sim, job)
+    assert failures == [""]
+    speed = outputs["V"][0]
+    assert np.isfinite(speed).all()
+    assert speed[-1] < speed[0]
+
+
 def test_what_drives_is_not_judged_and_what_it_moves_is():
     case = read_case(CASES / "21_short_period.toml")
     for level, names in (

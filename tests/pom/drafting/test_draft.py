@@ -202,6 +202,11 @@ def test_a_window_outside_the_record_and_a_record_without_controls_are_refused()
     del still.channels["engine1.thrust"]
     with pytest.raises(SchemaError, match=r"no engine1\.thrust, engine1\.torque, .*: one of"):
         draft_case(rows.rows_of_test("2.c.10"), still)
+    # the record of a glider
+    drafted = draft_case(rows.rows_of_test("2.c.10"), still, drives=frozenset())
+    assert drafted.drive["engine"] == "none"
+    driven = draft_case(rows.rows_of_test("2.c.10"), recorded(), drives=frozenset())
+    assert driven.drive["engine"] == "thrust"
 
 
 @pytest.mark.slow

@@ -17,6 +17,10 @@ from flightmech.aircraft.engine import Engine, list_leaves
 from flightmech.aircraft.propulsion.propeller import Propeller
 from flightmech.terms import evaluate_term, list_regressors
 from flightmech.units import FOOT, G0, INCH
+from flighttest.reconstruction.quality.engines.mounting import (
+    impossible_body,
+    unusual_mounting,
+)
 from flighttest.reconstruction.quality.engines.usual_constants import (
     UnusualSize,
     unusual_constants,
@@ -59,9 +63,15 @@ def unusual_sizes(aircraft: Aircraft) -> list[UnusualSize]:
         and a propeller that takes less than a third or more than the threefold of the power of its
         engine at standstill and rated speed, over all its blade angles. Constants, axes and values
         of tables outside of the ranges of `unusual_constants`. Reference quantities that do not fit
-        each other, and a mass or an inertia of another size.
+        each other, and a mass or an inertia of another size. Places that engines and the centre of
+        gravity cannot have, inertias that no body has and stops of surfaces beyond 90 deg.
     """
     sizes = list(_unusual_airframe(aircraft))
+    named = {size.name for size in sizes}
+    # span and chord judge the places
+    if "reference" not in named:
+        sizes += unusual_mounting(aircraft)
+    sizes += [size for size in impossible_body(aircraft) if size.name not in named]
     for number, engine in enumerate(aircraft.engines, 1):
         sizes += _unusual_consumption(engine, number)
         sizes += unusual_constants(engine, number)

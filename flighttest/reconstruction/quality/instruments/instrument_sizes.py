@@ -24,6 +24,7 @@ _LARGEST = {
     "K": 30.0,
 }
 _SCALE = 0.2  # standard error of a scale, of an upwash factor, and of a static pressure [1]
+_EARLIEST = 2.0  # standard errors by which a lag or delay may be negative
 _LATEST = 5.0  # lag or delay of an instrument [s]
 _REMEDY = "correct the number, or write its unit: a number without one is in SI, and a share in 1"
 
@@ -70,6 +71,12 @@ def _excesses(instrument: Instrument) -> Iterator[tuple[str, str]]:
         times = getattr(instrument, key)
         if times is not None and max(abs(times[0]), times[1]) > _LATEST:
             yield "", f"{key} is {times[0]:g} +- {times[1]:g} s; instruments have less than 1 s"
+        # a small negative delay is one relative to the clock of the record
+        elif times is not None and times[0] < -_EARLIEST * times[1]:
+            yield (
+                "",
+                f"{key} is {times[0]:g} +- {times[1]:g} s; an instrument is late, so it is > 0",
+            )
     if instrument.static_error is not None:
         mean, size = instrument.static_error
         if max(abs(mean), size) > _SCALE:

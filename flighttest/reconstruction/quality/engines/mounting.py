@@ -1,0 +1,110 @@
+"""Places, inertias and stops that no aircraft has: a wrong unit, axis or origin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flightmech.aircraft.aircraft import Aircraft
+from flighttest.reconstruction.quality.engines.usual_constants import UnusualSize
+
+# Largest distance of an engine from the reference point, over the span and four chords.
+_FARTHEST = 1.0
+_CHORDS = 4.0
+# Largest distance of the centre of gravity along x, over the mean chord.
+_FARTHEST_CG = 1.5
+# Least distance of an engine from the plane of symmetry that counts as a side, over the span.
+_CENTRE = 0.01
+_RIGHT_ANGLE = 0.5 * np.pi
+
+
+def unusual_mounting(aircraft: Aircraft) -> Iterator[UnusualSize]:
+    """Yield places and directions that the engines and the centre of gravity cannot have.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Positions count from the moment reference point: x forward, y right, z down. [m]
+
+    Yields
+    ------
+    UnusualSize
+        An engine farther from the reference point than the aircraft is large, one that pushes
+        backward, engines that are all on one side, and a centre of gravity more than 1.5 mean
+        chords before or behind the reference point.
+    """
+    reach = _FARTHEST * max(aircraft.b, _CHORDS * aircraft.cbar)
+    for number, engine in enumerate(aircraft.engines, 1):
+        position = np.asarray(engine.position, float)
+        if np.abs(position).max() > reach:
+            yield UnusualSize(
+                "engine_position",
+                f"engine {number}: position = {_place(position)} m is outside of an aircraft with "
+                f"a span of {aircraft.b:.4g} m",
+                "count it from the moment reference point, and check its unit; a number without a "
+                "unit is in m",
+            )
+        if engine.direction[0] < 0.0:
+            yield UnusualSize(
+                "engine_direction",
+                f"engine {number}: direction = {_place(engine.direction)} pushes the aircraft "
+                f"backward",
+                "give the direction of the thrust, x positive forward, such as [1.0, 0.0, 0.0]",
+            )
+    sides = np.array([engine.position[1] for engine in aircraft.engines]) / aircraft.b
+    if sides.size > 1 and (sides.min() > _CENTRE or sides.max() < -_CENTRE):
+        side = "right" if sides.min() > 0.0 else "left"
+        yield UnusualSize(
+            "engine_position",
+            f"all {sides.size} engines are on the {side} side",
+            "turn the sign of y of those on the other side; y is positive to the right",
+        )
+    x = aircraft.cg[0]
+    if abs(x) > _FARTHEST_CG * aircraft.cbar:
+        yield UnusualSize(
+            "cg",
+            f"cg: x = {x:.4g} m is {abs(x) / aircraft.cbar:.3g} mean chords from the moment "
+            f"reference point; usual is less than 1",
+            "count it from the moment reference point, x forward, not from the drawing datum and "
+            "not in % of the chord; a number without a unit is in m",
+        )
+
+
+def impossible_body(aircraft: Aircraft) -> Iterator[UnusualSize]:
+    """Yield moments of inertia that no body has, and stops of surfaces beyond 90 deg.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Ixx, Iyy, Izz [kg m2] and limits [rad].
+
+    Yields
+    ------
+    UnusualSize
+        A moment of inertia larger than the sum of the two others, and a limit of a surface that is
+        larger than a right angle.
+    """
+    moments = {"Ixx": aircraft.Ixx, "Iyy": aircraft.Iyy, "Izz": aircraft.Izz}
+    largest = max(moments, key=lambda name: moments[name])
+    others = sum(moments.values()) - moments[largest]
+    if moments[largest] > others:
+        yield UnusualSize(
+            "inertia",
+            f"{largest} {moments[largest]:.4g} kg m2 is larger than the sum of the two others, "
+            f"{others:.4g} kg m2, which no body has",
+            "check Ixx (roll), Iyy (pitch), Izz (yaw) and their units",
+        )
+    for name, limits in aircraft.limits.items():
+        stop = max(abs(limit) for limit in limits)
+        if name.startswith("delta_") and stop > _RIGHT_ANGLE:
+            yield UnusualSize(
+                "limits",
+                f"limits of {name}: {stop:.4g} rad is {np.degrees(stop):.0f} deg, as if the number "
+                f"were in deg",
+                "write the unit with the number, such as '25 deg'; a number without one is in rad",
+            )
+
+
+def _place(values: object) -> str:
+    return "[" + ", ".join(f"{value:.4g}" for value in np.asarray(values, float)) + "]"

@@ -1,0 +1,41 @@
+"""Places, inertias and stops of an aircraft file that no aircraft has."""
+
+from dataclasses import replace
+
+import pytest
+
+import flightmech
+from flightmech.aircraft.engine import Engine
+from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
+
+LEFT, RIGHT = (-3.0, -1.1, -0.5), (-3.0, 1.1, -0.5)
+
+
+def jet(positions=(LEFT, RIGHT), direction=(1.0, 0.0, 0.0), **changes):
+    """Return a light jet with engines at the given places."""
+    engines = tuple(Engine(position=place, direction=direction) for place in positions)
+    plain = flightmech.Aircraft("jet", 18.1, 1.63, 11.7, 3350.0, 8600.0, 13200.0, 20900.0)
+    return replace(plain, engines=engines, **changes)
+
+
+def test_a_sound_jet_has_no_remark():
+    limits = {"delta_e": (-0.45, 0.3), "flaps": (0.0, 40.0)}
+    assert unusual_sizes(jet(cg=(0.2, 0.0, 0.1), limits=limits)) == []
+    assert unusual_sizes(jet(positions=[(1.5, 0.0, 0.0), (-2.0, 0.0, 0.0)])) == []
+
+
+@pytest.mark.parametrize(
+    ("aircraft", "text"),
+    [
+        (jet(positions=[(-3000.0, -1100.0, 0.0), RIGHT]), "[-3000, -1100, 0] m is outside of an"),
+        (jet(direction=(-1.0, 0.0, 0.0)), "direction = [-1, 0, 0] pushes the aircraft backward"),
+        (jet(positions=[LEFT, LEFT]), "all 2 engines are on the left side"),
+        (jet(positions=[RIGHT, RIGHT]), "all 2 engines are on the right side"),
+        (jet(cg=(-5.3, 0.0, 0.0)), "x = -5.3 m is 3.25 mean chords from the moment reference"),
+        (jet(cg=(27.0, 0.0, 0.0)), "x = 27 m is 16.6 mean chords"),
+        (jet(Ixx=20900.0, Izz=8600.0, Iyy=11000.0), "is larger than the sum of the two others"),
+        (jet(limits={"delta_e": (-25.0, 15.0)}), "limits of delta_e: 25 rad is 1432 deg"),
+    ],
+)
+def test_a_place_or_stop_that_no_aircraft_has_is_named(aircraft, text):
+    assert any(text in size.text and size.remedy for size in unusual_sizes(aircraft))
