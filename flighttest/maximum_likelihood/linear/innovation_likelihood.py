@@ -100,18 +100,20 @@ class InnovationLikelihood:
         return np.array([np.diag(S.mean(axis=0)) for S in innovations.variances])
 
     def cost(self, theta: np.ndarray, innovations: Innovations) -> float:
-        """Return J; infinite without a filter."""
+        """Return J; infinite without a filter, or if a covariance S is not positive definite."""
         total = 0.5 * float((((theta - self.layout.start) / self.layout.sigma) ** 2).sum())
         for e, S in zip(innovations.parts, innovations.variances):
             if not np.isfinite(S).all() or not np.isfinite(e).all():
                 return np.inf
-            # S must be positive definite.
-            sign, size = np.linalg.slogdet(S)
-            if (sign <= 0.0).any():
+            # S must be positive definite. Its determinant is also positive with two negative
+            # variances, and `normal` would fail at the accepted parameters.
+            try:
+                root = np.linalg.cholesky(S)
+            except np.linalg.LinAlgError:
                 return np.inf
             share = len(e) / len(S)
-            quadratic = float((e * _solve_each(S, e)).sum())
-            total += 0.5 * quadratic + 0.5 * share * float(size.sum())
+            log_det = 2.0 * float(np.log(np.diagonal(root, axis1=1, axis2=2)).sum())
+            total += 0.5 * float((_solve_each(root, e) ** 2).sum()) + 0.5 * share * log_det
         return total
 
     def expect(self, steps: np.ndarray, central: bool) -> None:

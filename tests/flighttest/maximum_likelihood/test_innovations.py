@@ -7,6 +7,8 @@ import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from flighttest.maximum_likelihood.innovations import whiteness_remarks, whiteness_variables
+from flighttest.maximum_likelihood.linear.innovation_likelihood import InnovationLikelihood
+from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 
 
 def innovations(seed, pole):
@@ -70,3 +72,18 @@ def test_the_band_is_that_of_bartlett():
     assert float(found["band"]) == pytest.approx(1.96 / np.sqrt(1000.0))
     outside = [float(examined(seed, 0.0)["outside"].mean()) for seed in range(50)]
     assert np.mean(outside) == pytest.approx(0.05, abs=0.015)
+
+
+@pytest.mark.parametrize("variance", [0.04, -0.04])
+def test_only_a_positive_definite_covariance_has_a_cost(variance):
+    """The determinant of two negative variances is positive, and the search would accept them."""
+    e, S = np.zeros((500, 2)), np.diag([variance, variance])[None]
+
+    class Piece:
+        def predict(self, _):
+            return e, S
+
+    layout = lay_out({"M_q": Unknown(0.0)}, [{}])
+    likelihood = InnovationLikelihood([Piece()], layout)
+    cost = likelihood.cost(layout.start, likelihood.residuals(layout.start))
+    assert cost == (pytest.approx(500.0 * np.log(0.04)) if variance > 0.0 else np.inf)
