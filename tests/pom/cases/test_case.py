@@ -38,7 +38,9 @@ def test_a_title_has_500_characters_at_most(write_case):
     path = write_case()
     title = read_case(path).title
     path.write_text(path.read_text().replace(title, "x" * 501))
-    with pytest.raises(SchemaError, match=r"case\.title: string should have at most 500 characters"):
+    with pytest.raises(
+        SchemaError, match=r"case\.title: string should have at most 500 characters"
+    ):
         read_case(path)
 
 
