@@ -90,7 +90,7 @@ def _copy_folder(package: Path, target: Path) -> None:
                 raise SchemaError(str(package), [f"more than {MOST_FILES} files"])
             copy = target / relative / entry.name
             if entry.is_symlink():
-                copy.symlink_to(os.readlink(entry.path))
+                _copy_link(entry, copy, package)
             elif entry.is_dir(follow_symlinks=False):
                 copy.mkdir()
                 waiting.append(relative / entry.name)
@@ -103,6 +103,15 @@ def _copy_folder(package: Path, target: Path) -> None:
             else:
                 # Windows has no pipes in folders, and other kinds of files belong to no package.
                 raise SchemaError(str(package), [f"{entry.name} is not a file, folder or link"])
+
+
+def _copy_link(entry: os.DirEntry[str], copy: Path, package: Path) -> None:
+    """Copy a link, which a later stage names. Windows lets only some users make links."""
+    try:
+        copy.symlink_to(os.readlink(entry.path))
+    except OSError:
+        fault = f"{printable(entry.name)} is a link; a package has files and folders only"
+        raise SchemaError(str(package), [fault]) from None
 
 
 def _copy_file(source: Path, copy: Path, most: int) -> int:

@@ -118,6 +118,21 @@ def test_structure_of_a_package(delivery):
     assert {item.kind for item in verify_package(delivery)} == {"structure"}
 
 
+def test_a_link_is_named_where_no_link_can_be_made(delivery, monkeypatch):
+    """Windows lets only some users make links."""
+
+    def refuse(path, target):
+        raise OSError(22, "a required privilege is not held")
+
+    (delivery / "link").symlink_to("/etc/passwd")
+    monkeypatch.setattr(Path, "symlink_to", refuse)
+    with (
+        pytest.raises(SchemaError, match="link is a link; a package has files and folders only"),
+        unpack_package(delivery),
+    ):
+        pass
+
+
 def test_a_changed_package_is_not_read_further(delivery):
     (delivery / FILES[0]).write_text("changed")
     found = list(verify_package(delivery))
