@@ -162,7 +162,7 @@ def one_search(monkeypatch):
     """Friction by the rate alone."""
 
     def fit(*records):
-        return join_models({FRICTION_RATE: circuit_fit.fit_circuit(*records)})
+        return join_models({FRICTION_RATE: [circuit_fit.fit_circuit(*records)]})
 
     monkeypatch.setattr(identification, "fit_friction_models", fit)
 
