@@ -25,7 +25,7 @@ _NOT_FACTS = ("manoeuvres", "unmapped", "notes", "left_out")
 def record_listing(record: Arrays) -> dict[str, Any]:
     """Return ``facts channels manoeuvres faults unmapped left_out`` of a record.
 
-    Rows of ``left_out`` have ``name`` and ``reason``: parts of the file that are no channels, such
+    Rows of ``left_out`` have ``name`` and ``reason``: parts of the file that are not channels, such
     as text and complex numbers.
     """
     attrs_of_leaf = {name: leaf.attrs for name, leaf in record.leaves.items()}

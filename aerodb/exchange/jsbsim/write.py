@@ -33,13 +33,14 @@ from aerodb.exchange.jsbsim.properties import (
     extend_linearly,
     factor_elements,
 )
-from aerodb.exchange.jsbsim.propulsion.transfers import crossfeed_problems
+from aerodb.exchange.jsbsim.propulsion.transfers import crossfeed_problems, warn_of_lost_tanks
 from aerodb.exchange.jsbsim.propulsion.writing import export_jsbsim_engine, list_obstacles
 from aerodb.exchange.jsbsim.vehicle_elements import (
     Propulsion,
     add_text_child,
     engine_terms,
     function_fields,
+    has_propellers,
     missing_limits,
     write_engines,
     write_flight_control,
@@ -112,7 +113,8 @@ def export_jsbsim(
     tanks of one priority.  It has no cross-feed valve, and an engine with one is refused.  Transfer
     pumps become functions with a switch ``fcs/transfer-SOURCE-TARGET-on`` each, which
     `import_jsbsim_aircraft` does not read.  Other engines become external forces
-    ``engine1`` ..., with first-order lag.  The angular momentum of their rotors is lost.  The file
+    ``engine1`` ..., with first-order lag.  The angular momentum of their rotors is lost.  They burn no
+    fuel: an aircraft with tanks keeps their contents in its mass, and a warning states it.  The file
     has no landing gear, since an aircraft file has none.  JSBSim takes the load factor of its last
     step, and so do terms with ``dnz``.  Our simulation solves for the load factor of the same
     instant.  A drag polar ``CL CL`` becomes ``aero/cl-squared``, the lift of the last step of
@@ -140,6 +142,8 @@ def export_jsbsim(
             problems += crossfeed_problems(number, engine)
     if problems:
         raise SchemaError(f"JSBSim model of {aircraft.name}", problems)
+    if not has_propellers(aircraft):
+        warn_of_lost_tanks(aircraft)
     leaves = {name: extend_linearly(leaf, reach) for name, leaf in leaves.items()}
     thrusts = {name: extend_linearly(leaf, reach) for name, leaf in thrusts.items()}
 

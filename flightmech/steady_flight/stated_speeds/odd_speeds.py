@@ -14,11 +14,10 @@ from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS
 from flightmech.simulation.run import constant_inputs, initialise_run
 from flightmech.simulation.stated_values.odd_values import describe_odd_values
-from flightmech.steady_flight.flight_condition import condition_parameters
+from flightmech.steady_flight.flight_condition import SPEEDS, condition_parameters
 from flightmech.steady_flight.trim_findings import shared_ranges
 from flightmech.units import from_si, to_si
 
-_SPEEDS = ("V", "V_cas", "V_eas")
 _BEYOND_MACH = 1.2
 """Mach number over the end of the tables from which on a speed is odd."""
 _LEAST_LOAD = 0.8
@@ -56,15 +55,19 @@ def describe_odd_speed(sim: SimModel, values: Mapping[str, float]) -> str:
         does not carry the weight, with the unit that is meant if the number fits in it.
     """
     named = {name.removeprefix("init."): value for name, value in values.items()}
-    speeds = [name for name in _SPEEDS if name in named]
-    # a trim refuses a slower flight
-    if len(speeds) != 1 or not named[speeds[0]] > 1.0:
+    speeds = [name for name in SPEEDS if name in named]
+    if len(speeds) != 1:
         return ""
     (speed,) = speeds
+    # a trim refuses a slower flight
+    if not named[speed] > (0.0 if speed == "mach" else 1.0):
+        return ""
     reach = _reach(sim, named, speed, named[speed])
     if reach is None:
         return ""
-    shown = f"{speed} {named[speed]:.4g} m/s ({value_text(speed, named[speed])})"
+    shown = value_text(speed, named[speed])
+    if speed != "mach":
+        shown = f"{speed} {named[speed]:.4g} m/s ({shown})"
     if reach.mach_ratio > _BEYOND_MACH:
         last = reach.mach / reach.mach_ratio
         text = f"{shown} is Mach {reach.mach:.3g}, and the tables end at Mach {last:.3g}"
@@ -73,6 +76,8 @@ def describe_odd_speed(sim: SimModel, values: Mapping[str, float]) -> str:
         text += f"{reach.load:.0%} of the weight"
     else:
         return ""
+    if speed == "mach":
+        return f"{text}; check the decimal point, or write a speed as V"
     # a number in knots taken as m/s, and the reverse
     knots = float(from_si(named[speed], "kt"))
     meant = {

@@ -326,7 +326,7 @@ class Clocks:
             omission = left_out_clock(self._left_out)
         else:
             omission = left_out_as(column, table, self._left_out)
-        # the likely clock, of which some cells are no numbers
+        # the likely clock, of which some cells are not numbers
         if omission is not None:
             hint += f"{omission.place} is left out: {omission.reason}; "
         hint += 'name the clock in the name map: [time] column = "...", or give its rate'

@@ -14,10 +14,11 @@ import xarray as xr
 
 import aerodb
 import flightmech
+from flightmech.aircraft.engine import Engine
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.propulsion.fuel_transfer import Transfer
 from flightmech.aircraft.propulsion.tank import Tank
-from flightmech.errors import SchemaError
+from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.terms import make_term
 from flightmech.units import FOOT, POUND, SLUG
 
@@ -128,6 +129,13 @@ def test_written_tanks_are_read_again(cessna, tmp_path):
         assert tank.position == pytest.approx(before.position, abs=1e-12)
         assert (tank.capacity, tank.content) == pytest.approx((before.capacity, before.content))
     assert [tank.order for tank in again.fuel.tanks] == [2, 1]
+
+
+def test_tanks_of_engines_without_propellers_are_named(cessna, tmp_path):
+    craft = loaded(cessna)
+    jet = replace(craft, engines=(Engine((0.0, 0.0, 0.0), feed=("left", "right")),))
+    with pytest.warns(AeromatchWarning, match="tanks left, right: .* not written; write an FMU"):
+        aerodb.exchange.export_jsbsim(database(jet), tmp_path / "c.xml", jet)
 
 
 def test_a_crossfeed_is_refused_with_the_way_out(cessna, tmp_path):

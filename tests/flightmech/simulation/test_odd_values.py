@@ -97,6 +97,9 @@ def test_a_speed_in_another_unit() -> None:
     slow = describe_odd_speed(SIM, {"V": 22.0, "h": 1500.0})
     assert "is below the stall: the greatest lift of the tables carries" in slow
     assert slow.endswith('is 42.76 m/s meant? write V = "42.76 m/s"')
+    point = describe_odd_speed(SIM, {"mach": 1.5, "h": 1500.0})
+    assert point.startswith("1.5 is Mach 1.5, and the tables end at Mach 0.2; check the decimal")
+    assert describe_odd_speed(SIM, {"mach": 0.15, "h": 1500.0}) == ""
     # no unit makes a speed of it
     assert "meant" not in describe_odd_speed(SIM, {"V": 900.0, "h": 1500.0})
     for V in (35.0, 50.0, 60.0):

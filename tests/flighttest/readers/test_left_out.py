@@ -173,7 +173,7 @@ def test_the_other_spelling_of_a_verb():
 
 
 def test_a_listing_names_what_a_self_describing_record_leaves_out(tmp_path):
-    """Text and complex numbers are no channels, and a look at the record states it."""
+    """Text and complex numbers are not channels, and a look at the record states it."""
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["time"], file["q"] = T, np.sin(T)
         file["q"].attrs["units"] = "rad/s"

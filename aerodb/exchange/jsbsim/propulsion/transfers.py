@@ -5,11 +5,14 @@ JSBSim has no pump.  It has an external flow into each tank, which functions set
 
 from __future__ import annotations
 
+import warnings
 from xml.etree import ElementTree as ET
 
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.engine import Engine
 from flightmech.aircraft.fuel import Fuel
 from flightmech.aircraft.propulsion.fuel_transfer import Transfer
+from flightmech.errors import AeromatchWarning
 from flightmech.units import POUND
 
 
@@ -19,9 +22,23 @@ def crossfeed_problems(number: int, engine: Engine) -> list[str]:
         return []
     return [
         f"engine {number}: the cross-feed from {', '.join(engine.crossfeed)} has no form in "
-        f"JSBSim, whose engines draw from the same tanks all the time; delete crossfeed from the engine, "
-        f"as with the valve shut, or write an FMU, which has it"
+        f"JSBSim, whose engines draw from the same tanks all the time; delete crossfeed from the "
+        f"engine, as with the valve shut, or write an FMU, which has it"
     ]
+
+
+def warn_of_lost_tanks(aircraft: Aircraft) -> None:
+    """Warn of tanks of an aircraft whose engines are external forces: no fuel is burned or moved."""
+    if aircraft.fuel is None or not aircraft.fuel.tanks:
+        return
+    names = ", ".join(tank.name for tank in aircraft.fuel.tanks)
+    warnings.warn(
+        f"tanks {names}: engines without propellers are forces in the JSBSim file, which burn no "
+        f"fuel; the contents are a constant part of the mass, and feeds, cross-feeds and pumps are "
+        f"not written; write an FMU, which has them",
+        AeromatchWarning,
+        stacklevel=3,
+    )
 
 
 def write_transfers(control: ET.Element, fuel: Fuel) -> None:

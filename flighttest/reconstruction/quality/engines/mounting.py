@@ -17,6 +17,8 @@ _FARTHEST_CG = 1.5
 # Least distance of an engine from the plane of symmetry that counts as a side, over the span.
 _CENTRE = 0.01
 _RIGHT_ANGLE = 0.5 * np.pi
+# Largest flow of a transfer pump: those of large aircraft move some kg/s. [kg s-1]
+_LARGEST_PUMP = 20.0
 
 
 def unusual_mounting(aircraft: Aircraft) -> Iterator[UnusualSize]:
@@ -103,6 +105,25 @@ def impossible_body(aircraft: Aircraft) -> Iterator[UnusualSize]:
                 f"limits of {name}: {stop:.4g} rad is {np.degrees(stop):.0f} deg, as if the number "
                 f"were in deg",
                 "write the unit with the number, such as '25 deg'; a number without one is in rad",
+            )
+
+
+def unusual_pumps(aircraft: Aircraft) -> Iterator[UnusualSize]:
+    """Yield transfer pumps that move more than 20 kg/s: mostly kg/h or lb/h without the unit.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Rates of the pumps between its tanks. [kg s-1]
+    """
+    for pump in aircraft.fuel.transfers if aircraft.fuel is not None else ():
+        if pump.rate > _LARGEST_PUMP:
+            yield UnusualSize(
+                "transfer",
+                f"transfer from {pump.source} to {pump.target}: rate {pump.rate:.4g} kg/s is more "
+                f"than a pump moves, usual is up to {_LARGEST_PUMP:g} kg/s",
+                f"write the unit with the number, such as '{pump.rate:g} kg/h'; a number without "
+                f"one is in kg/s",
             )
 
 

@@ -20,6 +20,7 @@ from flightmech.units import FOOT, G0, INCH
 from flighttest.reconstruction.quality.engines.mounting import (
     impossible_body,
     unusual_mounting,
+    unusual_pumps,
 )
 from flighttest.reconstruction.quality.engines.usual_constants import (
     UnusualSize,
@@ -64,7 +65,8 @@ def unusual_sizes(aircraft: Aircraft) -> list[UnusualSize]:
         engine at standstill and rated speed, over all its blade angles. Constants, axes and values
         of tables outside of the ranges of `unusual_constants`. Reference quantities that do not fit
         each other, and a mass or an inertia of another size. Places that engines and the centre of
-        gravity cannot have, inertias that no body has and stops of surfaces beyond 90 deg.
+        gravity cannot have, inertias that no body has, stops of surfaces beyond 90 deg,
+        and transfer pumps of more than 20 kg/s.
     """
     sizes = list(_unusual_airframe(aircraft))
     named = {size.name for size in sizes}
@@ -72,6 +74,7 @@ def unusual_sizes(aircraft: Aircraft) -> list[UnusualSize]:
     if "reference" not in named:
         sizes += unusual_mounting(aircraft)
     sizes += [size for size in impossible_body(aircraft) if size.name not in named]
+    sizes += unusual_pumps(aircraft)
     for number, engine in enumerate(aircraft.engines, 1):
         sizes += _unusual_consumption(engine, number)
         sizes += unusual_constants(engine, number)

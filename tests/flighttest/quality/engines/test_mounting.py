@@ -6,6 +6,9 @@ import pytest
 
 import flightmech
 from flightmech.aircraft.engine import Engine
+from flightmech.aircraft.fuel import Fuel
+from flightmech.aircraft.propulsion.fuel_transfer import Transfer
+from flightmech.aircraft.propulsion.tank import Tank
 from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
 
 LEFT, RIGHT = (-3.0, -1.1, -0.5), (-3.0, 1.1, -0.5)
@@ -16,6 +19,19 @@ def jet(positions=(LEFT, RIGHT), direction=(1.0, 0.0, 0.0), **changes):
     engines = tuple(Engine(position=place, direction=direction) for place in positions)
     plain = flightmech.Aircraft("jet", 18.1, 1.63, 11.7, 3350.0, 8600.0, 13200.0, 20900.0)
     return replace(plain, engines=engines, **changes)
+
+
+def pumped(rate):
+    """Return the jet with a pump from one of its tanks into the other."""
+    tanks = tuple(Tank((0.0, y, 0.0), 200.0, name=name) for name, y in (("l", -2.0), ("r", 2.0)))
+    fuel = Fuel(0.0, tanks=tanks, transfers=(Transfer("l", "r", rate, 200.0, 50.0),))
+    return jet(fuel=fuel)
+
+
+def test_a_pump_in_kg_per_hour_is_named():
+    assert unusual_sizes(pumped(0.1)) == []
+    (size,) = unusual_sizes(pumped(360.0))
+    assert size.text.startswith("transfer from l to r: rate 360 kg/s is more than a pump moves")
 
 
 def test_a_sound_jet_has_no_remark():
