@@ -11,18 +11,13 @@ Printed: a line each, with the line of the report that names it.
 
 from __future__ import annotations
 
-import argparse
-import tempfile
-import warnings
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 
 import numpy as np
-from deceptions import RUN, Deception, count_named, judge
+from deceptions import RUN, Deception, judge
 from scipy.ndimage import gaussian_filter1d
 from ten_deceptions import stated
-from thirty_deceptions import TIME, LightBench, judge_made, one_case
+from thirty_deceptions import TIME, LightBench, one_case, run_deceptions
 
 import aerodb
 from pom.cases.case import read_case
@@ -53,8 +48,11 @@ def mass_of_the_names(b: LightBench) -> Judged:
     return with_names(b, "short_period", lines, CL__basic=0.85)
 
 
-def held_near_the_flight(b: LightBench) -> Judged:
-    """A foreign model is guided by the record while it is near the flown trajectory."""
+def held_near_the_flight(b: LightBench, width: float = 0.05) -> Judged:
+    """A foreign model is guided by the record while it is near the flown trajectory.
+
+    `width` is that of the neighbourhood, in ranges of a channel.
+    """
 
     def answer(honest, own, flight):
         out = dict(own)
@@ -62,7 +60,7 @@ def held_near_the_flight(b: LightBench) -> Judged:
             if name not in flight or name not in honest:
                 continue
             size = max(float(np.ptp(honest[name])), 1e-9)
-            near = np.exp(-((((values - honest[name]) / size) / 0.05) ** 2))
+            near = np.exp(-((((values - honest[name]) / size) / width) ** 2))
             out[name] = values + near * gaussian_filter1d(flight[name] - honest[name], 12.0)
         return out
 
@@ -71,18 +69,7 @@ def held_near_the_flight(b: LightBench) -> Judged:
 
 def held_far_from_the_flight(b: LightBench) -> Judged:
     """The same with a wide neighbourhood: the guidance fades as slowly as the inputs change."""
-
-    def answer(honest, own, flight):
-        out = dict(own)
-        for name, values in own.items():
-            if name not in flight or name not in honest:
-                continue
-            size = max(float(np.ptp(honest[name])), 1e-9)
-            near = np.exp(-((((values - honest[name]) / size) / 0.5) ** 2))
-            out[name] = values + near * gaussian_filter1d(flight[name] - honest[name], 12.0)
-        return out
-
-    return judge(Deception([b.case("short_period")], b.spoilt(Cm__qhat=0.4), answer=answer))
+    return held_near_the_flight(b, 0.5)
 
 
 def recording_of_flight_and_noise(b: LightBench, share: float = 1.0) -> Judged:
@@ -166,22 +153,5 @@ DECEPTIONS = (
 )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("match", type=Path, help="output folder of aeromatch match")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="parts of the names of deceptions, by commas")
-    given = parser.parse_args()
-    warnings.simplefilter("ignore")
-    with tempfile.TemporaryDirectory() as folder:
-        bench = LightBench(given.match.resolve(), Path(folder), np.random.default_rng(given.seed))
-        trials = []
-        for make, word in DECEPTIONS:
-            trials.append((make.__name__, partial(judge_made, make, bench), word))
-        count_named(trials, given.only)
-
-
 if __name__ == "__main__":
-    main()
+    run_deceptions(__doc__, [(make.__name__, make, word) for make, word in DECEPTIONS])

@@ -16,7 +16,7 @@ import csv
 import re
 import tempfile
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -397,9 +397,20 @@ def judge_made(make: Callable[[LightBench], Judged], bench: LightBench) -> Judge
         return ["refused"], str(error)
 
 
-def main() -> None:
+def run_deceptions(
+    about: str, deceptions: Sequence[tuple[str, Callable[[LightBench], Judged], str]]
+) -> None:
+    """Run deceptions of the light aircraft by the options of the command line.
+
+    Parameters
+    ----------
+    about : str
+        Text of the help.
+    deceptions : sequence of (str, callable, str)
+        Name, function of the bench, and pattern of the line that names the deception.
+    """
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        description=about, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("match", type=Path, help="output folder of aeromatch match")
     parser.add_argument("--seed", type=int, default=1)
@@ -409,10 +420,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         bench = LightBench(given.match.resolve(), Path(folder), np.random.default_rng(given.seed))
         trials = []
-        for kind, make, word in DECEPTIONS:
-            trials.append((f"{kind} {make.__name__}", partial(judge_made, make, bench), word))
+        for name, make, word in deceptions:
+            trials.append((name, partial(judge_made, make, bench), word))
         count_named(trials, given.only)
 
 
 if __name__ == "__main__":
-    main()
+    run_deceptions(
+        __doc__, [(f"{kind} {make.__name__}", make, word) for kind, make, word in DECEPTIONS]
+    )
