@@ -294,8 +294,7 @@ def _cg_along(
     moment = np.outer(mass, np.array(aircraft.cg, float))
     for tank in tanks_of(aircraft):
         if tank.name in fuel:
-            # a gauge may show a little more than full
-            change = np.clip(fuel[tank.name], 0.0, tank.capacity) - tank.content
+            change = fuel[tank.name] - tank.content
             mass = mass + change
             moment += np.outer(change, tank.position)
     columns = {}
@@ -328,7 +327,8 @@ def _fuel_of_tanks(record: xr.DataTree, time: np.ndarray, aircraft: Any) -> dict
                 data = node.to_dataset()
                 clock = data["time"].values
                 known = without_blanks(clock, data[name].values)
-                fuel[tank.name] = np.interp(time, clock, known)
+                # a gauge may show a little more than full
+                fuel[tank.name] = np.clip(np.interp(time, clock, known), 0.0, tank.capacity)
                 break
     return fuel
 

@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 
 import xarray as xr
 
+from aeromatch.planning.record_faults.gap_checks import Spans
 from flighttest.reconstruction.quality.checks.held_values import held_values, stuck_findings
 from pom.cases.case import PomCase
 
-Spans = Mapping[str, Sequence[tuple[float, float]]]
 _EFFECT = "fits leave these samples out, and a case with them shows no flight"
 
 
 def held_departures(
-    name: str, record: xr.DataTree, cases: Sequence[PomCase], spans: Spans
+    name: str, record: xr.DataTree, cases: Sequence[PomCase], spans: Mapping[str, Spans]
 ) -> list[str]:
     """Return a line for every channel that repeats its value, for a time or throughout.
 
