@@ -100,6 +100,7 @@ def test_two_opinions_are_blended_without_a_word_on_conventions(aircraft, recwar
     assert not any("probable cause" in str(item.message) for item in recwarn)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [DEGREE, 1.0 / DEGREE])
 @pytest.mark.parametrize("of", ["beta", "elevator", "rudder"])
 def test_a_derivative_per_degree_is_refused(aircraft, factor, of):
@@ -137,6 +138,7 @@ def test_rates_reduced_by_the_whole_speed(aircraft):
         blend_sources(sources, aircraft)
 
 
+@pytest.mark.slow
 def test_a_less_certain_factor_of_two_is_a_warning(aircraft):
     sources = [database(FIRST, "Digital DATCOM"), database(changed(0.5, "hat"), "AVL")]
     with warnings.catch_warnings(record=True) as caught:
@@ -146,6 +148,7 @@ def test_a_less_certain_factor_of_two_is_a_warning(aircraft):
     assert "by V in one, by 2V in the other" in tree.attrs["notices"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("numbers", "cause"),
     [
@@ -274,6 +277,7 @@ def test_a_difference_on_the_scale_of_the_errors():
 PROGRAMS = ("DATCOM", "OptVL", "OptVL with body")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 @pytest.mark.parametrize("of", [("phat", "qhat", "rhat", "alphadothat"), ("phat", "rhat")])
 def test_rates_by_two_are_seen_in_every_aircraft_of_the_calibration(factor, of):
