@@ -20,6 +20,7 @@ from aeromatch.workbench.channels.views import number_of, pack_expressions
 from aeromatch.workbench.opened import MATCH, OpenProject, decimate_channels, pack_traces
 from flightmech.air import atmosphere, impact_pressure_at, mach_number
 from flightmech.aircraft.aircraft_file import read_aircraft
+from flightmech.aircraft.controls import ICE
 from flightmech.envelope.maps import configuration_text
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
@@ -34,7 +35,7 @@ _ENTRY = re.compile(
 # Greatest number of points of a screen.
 _MOST_POINTS = 8000
 _CONDITIONS = ("h", "mach", "alpha", "V_cas", "nz")
-_SETTINGS = ("mass", "delta_f", "gear", "speedbrake")
+_SETTINGS = ("mass", "delta_f", "gear", "speedbrake", ICE)
 # Recorded channels in place of the states of a record that is not reconstructed.
 _RECORDED_BY = {"h": "h_baro", "alpha": "alpha_vane"}
 

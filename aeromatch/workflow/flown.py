@@ -12,6 +12,7 @@ import xarray as xr
 from aerodb.store.overview import FREE_AIR
 from aeromatch.workflow.submodels import Submodels, thin_samples
 from aeromatch.workflow.windows import Spans, select_spans
+from flightmech.aircraft.controls import ICE
 from flightmech.names import VOCABULARY
 from flightmech.names import quantity_attributes as attributes
 from flighttest.submodels.ground_effect.tables import ONE_FACTOR, SEPARATE
@@ -24,7 +25,7 @@ _STEADY = 0.5
 _CONDITIONS = ("alpha", "beta", "mach", "h", "h_agl", "phi", "phat", "qhat", "rhat", "mass")
 _DEFLECTIONS = ("delta_e", "delta_a", "delta_r", "delta_f", "gear", "speedbrake")
 _COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
-_STORED = (*_CONDITIONS, *_DEFLECTIONS, *_COEFFICIENTS)
+_STORED = (*_CONDITIONS, *_DEFLECTIONS, ICE, *_COEFFICIENTS)
 # Values of a record without the quantity: devices at rest, free air, and an unknown mass.
 _AT_REST = {"delta_f": 0.0, "gear": 0.0, "speedbrake": 0.0, "h_agl": FREE_AIR, "mass": np.nan}
 
@@ -61,8 +62,12 @@ def flown_tree(
     """
     manoeuvres: list[dict[str, Any]] = []
     samples: list[pd.DataFrame] = []
+    at_rest = dict(_AT_REST)
+    if any(ICE in coefficients for coefficients in data.values()):
+        # a record without the setting is clean, next to others with ice
+        at_rest[ICE] = 0.0
     for record, spans in _merge_windows(taken).items():
-        parts = select_spans(_fill_absent_quantities(data[record]), spans)
+        parts = select_spans(_fill_absent_quantities(data[record], at_rest), spans)
         for span, part in zip(spans, parts, strict=True):
             # One sample has no time step.
             if part.sizes["time"] < 2:
@@ -71,7 +76,7 @@ def flown_tree(
             manoeuvres.append(_manoeuvre_row(record, span, part=part, table=tables[record]))
     estimates: list[dict[str, Any]] = []
     for fit in fits:
-        estimates += _estimate_rows(fit)
+        estimates += _estimate_rows(fit, at_rest)
     groups = {
         "samples": pd.concat(samples, ignore_index=True),
         "manoeuvres": pd.DataFrame(manoeuvres),
@@ -95,10 +100,10 @@ def _merge_windows(windows: Sequence[Spans]) -> dict[str, list[tuple[float, floa
     return {record: sorted(spans) for record, spans in merged.items()}
 
 
-def _fill_absent_quantities(data: xr.Dataset) -> xr.Dataset:
+def _fill_absent_quantities(data: xr.Dataset, at_rest: Mapping[str, float]) -> xr.Dataset:
     """Return the stored quantities, with devices at rest in free air for a record without them."""
     absent = {}
-    for name, value in _AT_REST.items():
+    for name, value in at_rest.items():
         if name not in data:
             absent[name] = ("time", np.full(data.sizes["time"], value))
     return data[[name for name in _STORED if name in data]].assign(absent)
@@ -145,11 +150,11 @@ def _thin_samples(part: xr.Dataset) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _estimate_rows(fit: Any) -> list[dict[str, Any]]:
+def _estimate_rows(fit: Any, at_rest: Mapping[str, float]) -> list[dict[str, Any]]:
     """Return the estimates of a local model with its mean condition."""
     means = _mean_values(fit.data)
     # A record without a device has the value of the device at rest.
-    means = {name: value for name, value in _AT_REST.items() if name not in means} | means
+    means = {name: value for name, value in at_rest.items() if name not in means} | means
     table = fit.estimates
     columns = (table[name].values for name in ("term", "estimate", "stderr", "stderr_systematic"))
     rows = []

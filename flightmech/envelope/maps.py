@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from flightmech.aircraft.controls import ICE
 from flightmech.envelope.envelope import Envelope
 from flightmech.envelope.evidence import PLANES, flown_configurations
 from flightmech.envelope.regions import EXTRAPOLATED, REGIONS, axis_name, usual_width
@@ -98,7 +99,7 @@ def everywhere_text(names: Iterable[str]) -> str:
 
 
 def configuration_text(configuration: Mapping[Any, Any]) -> str:
-    """Return flaps, gear and speed brake in words; ``clean`` if all are retracted, and ``one
+    """Return flaps, gear, speed brake and ice in words; ``clean`` without any of them, and ``one
     configuration`` if none of them is stated.
 
     Examples
@@ -118,6 +119,9 @@ def configuration_text(configuration: Mapping[Any, Any]) -> str:
             parts.append(word)
         elif extension >= AT_REST:
             parts.append(f"{word} {extension:.2g} extended")
+    ice = configuration.get(ICE, 0.0)
+    if ice >= AT_REST:
+        parts.append("ice" if ice >= 1.0 - AT_REST else f"ice of {ice:.2g}")
     return ", ".join(parts) or "clean"
 
 

@@ -15,12 +15,14 @@ from flightmech.support.figures import html_table
 from flighttest.reconstruction.channel_signals import compatibility_figure
 from flighttest.reconstruction.problem.problem import identifiability_remarks
 from flighttest.reconstruction.turbulence import CALM, GUSTY
+from flighttest.records.sensors.position_corrections import force_at_cg
 from flighttest.remarks import Remark, remark_lines, remarks_to_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ACCEPT = 1.5  # residual rms over the noise of a sensor up to which it is used
+_MOVED = 0.02  # of the c.g. along a record, from which on it is remarked [m]
 _CONSTANT_KEYS = ("estimate", "stderr", "prior", "prior_stderr", "unit")
 
 
@@ -105,8 +107,9 @@ class FlightPath(ShortText):
 
     @property
     def remarks(self) -> list[Remark]:
-        """Remarks on turbulence, and on noise that is not as specified."""
-        return [*_turbulence_remarks(self), *_noise_remarks(self)]
+        """Remarks on turbulence, noise that is not as specified, and a moving c.g."""
+        moving = moving_cg_remarks(self.states)
+        return [*_turbulence_remarks(self), *_noise_remarks(self), *moving]
 
     def summary(self) -> dict[str, Any]:
         """Return constants, sensors and remarks as plain numbers and text."""
@@ -179,6 +182,39 @@ def _noise_remarks(path: FlightPath) -> list[Remark]:
             )
             remarks.append(Remark("noise", text, str(name), float(row.ratio), CALM))
     return remarks
+
+
+def moving_cg_remarks(states: xr.Dataset) -> list[Remark]:
+    """Return what a c.g. that moves along the path leaves in the specific force.
+
+    Moments follow the c.g. The positions of the sensors are those from its mean, so that the force
+    at the c.g. is wrong by the acceleration between the two.
+
+    Parameters
+    ----------
+    states : Dataset (time,)
+        ``x_cg_b y_cg_b z_cg_b`` [m], ``p q r`` and their rates. [SI]
+    """
+    needed = ("x_cg_b", "y_cg_b", "z_cg_b", "p", "q", "r", "p_dot", "q_dot", "r_dot")
+    if any(name not in states for name in needed):
+        return []
+    columns = np.stack([states[name].values for name in needed], axis=1)
+    place, omega, omega_dot = columns[:, :3], columns[:, 3:6], columns[:, 6:]
+    moved = np.ptp(place, axis=0)
+    axis = int(np.argmax(moved))
+    # NaN of a broken channel is remarked elsewhere
+    if not moved[axis] > _MOVED:
+        return []
+    # the specific force at a point off the c.g., with none at the c.g. itself
+    off = -force_at_cg(np.zeros_like(place), omega, omega_dot, place - place.mean(axis=0))
+    largest = float(np.linalg.norm(off, axis=1).max())
+    name = needed[axis]
+    text = (
+        f"{name} moves by {moved[axis]:.3g} m along the record: the moments follow it, and the "
+        f"positions of the sensors hold from its mean, which changes the specific force by at most "
+        f"{largest:.2g} m/s2; reconstruct shorter windows if that counts"
+    )
+    return [Remark("centre of gravity", text, name, float(moved[axis]), _MOVED, severity="note")]
 
 
 def _head_lines(states: xr.Dataset) -> list[str]:

@@ -159,8 +159,8 @@ def motion_quantities(
     )
     if "runway_elevation" in record.attrs:
         # from the c.g. back to the body origin
-        x_cg, y_cg, z_cg = setup.cg
-        below = down[0] * x_cg + down[1] * y_cg + down[2] * z_cg
+        cg = _cg_along(record, problem.time, aircraft, mean=setup.cg)
+        below = down[0] * cg["x_cg_b"] + down[1] * cg["y_cg_b"] + down[2] * cg["z_cg_b"]
         columns["h_agl"] = h + below - float(record.attrs["runway_elevation"])
     return columns
 
@@ -283,13 +283,10 @@ def _cg_along(
 ) -> dict[str, np.ndarray]:
     """Return the coordinates of the c.g. along the path (time,). [m]
 
-    A coordinate has its mean (3,) of the record. Without a recorded one it follows the recorded
-    contents of the tanks: a case starts with the contents at its start, not with their mean.
+    A coordinate is as recorded. Without a record it follows the recorded contents of the tanks, and
+    without these it is the mean (3,): a case starts with the c.g. at its start, not with a mean.
     """
     fuel = _fuel_of_tanks(record, time, aircraft)
-    recorded: set[str] = set()
-    for node in record.children.values():
-        recorded.update(map(str, node.data_vars))
     mass = np.full(len(time), float(aircraft.mass))
     moment = np.outer(mass, np.array(aircraft.cg, float))
     for tank in tanks_of(aircraft):
@@ -299,8 +296,11 @@ def _cg_along(
             moment += np.outer(change, tank.position)
     columns = {}
     for k, name in enumerate(("x_cg_b", "y_cg_b", "z_cg_b")):
-        follows = bool(fuel) and name not in recorded
-        columns[name] = moment[:, k] / mass if follows else np.full(len(time), mean[k])
+        recorded = _interpolated(record, name, time)
+        if recorded is not None:
+            columns[name] = recorded
+        else:
+            columns[name] = moment[:, k] / mass if fuel else np.full(len(time), mean[k])
     return columns
 
 
@@ -321,16 +321,21 @@ def _fuel_of_tanks(record: xr.DataTree, time: np.ndarray, aircraft: Any) -> dict
     """
     fuel = {}
     for tank in tanks_of(aircraft):
-        name = f"tank.{tank.name}.fuel"
-        for node in record.children.values():
-            if name in node.data_vars:
-                data = node.to_dataset()
-                clock = data["time"].values
-                known = without_blanks(clock, data[name].values)
-                # a gauge may show a little more than full
-                fuel[tank.name] = np.clip(np.interp(time, clock, known), 0.0, tank.capacity)
-                break
+        content = _interpolated(record, f"tank.{tank.name}.fuel", time)
+        if content is not None:
+            # a gauge may show a little more than full
+            fuel[tank.name] = np.clip(content, 0.0, tank.capacity)
     return fuel
+
+
+def _interpolated(record: xr.DataTree, name: str, time: np.ndarray) -> np.ndarray | None:
+    """Return a slow channel along the path (time,), or None without any recorded value."""
+    for node in record.children.values():
+        if name in node.data_vars and np.isfinite(node[name].values).any():
+            data = node.to_dataset()
+            clock = data["time"].values
+            return np.interp(time, clock, without_blanks(clock, data[name].values))
+    return None
 
 
 def _gauged_leaf(record: xr.DataTree) -> xr.Dataset | None:

@@ -5,11 +5,13 @@ An FMU is untrusted: its description is read, and its code is not run here.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from flightmech.aircraft.controls import DEVICE, ICE
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.support.file_kinds import file_kind
 from flightmech.support.input_files import file_sha256
@@ -20,6 +22,22 @@ from pom.fmu.variable_map import Fmu, Link, Links, canonical_unit
 _ABSENT = (
     "the case needs it and the FMU does not offer it; name it in a table of names, or "
     "waive an input or parameter there"
+)
+# Parts that give a model an input, by the beginning of its name.
+_PARTS = (
+    (
+        re.escape(ICE),
+        "the effects of ice are terms of its own; give the project the key ice, or the database "
+        "with aeromatch db edit ice",
+    ),
+    (
+        re.escape(DEVICE),
+        "no term of the database depends on it; give one that does, or delete the condition",
+    ),
+    (
+        r"crossfeed$|tank\.|transfer\.",
+        "the aircraft file needs tanks in [fuel] that feed the engines, and their pumps",
+    ),
 )
 _TEXTS = ("String", "Binary", "Clock")
 
@@ -187,12 +205,24 @@ def check_interface(
     for kind, names, linked, units in groups:
         for name in names:
             if name not in linked:
-                problems.append(str(UnknownName(name, [*linked], kind, _ABSENT)))
+                hint = _hint_of_part(name) or _ABSENT
+                problems.append(str(UnknownName(name, [*linked], kind, hint)))
             # A variable with a canonical name has no entry that converts its unit.
             elif linked[name] == Link(name):
                 problems += _unit_problem(kind, name, units[name])
     if problems:
         raise SchemaError(f"FMU {fmu.path}", problems)
+
+
+def _hint_of_part(name: str) -> str:
+    """Return which part gives a model of this product an input; empty for what all models have."""
+    for pattern, part in _PARTS:
+        if re.match(pattern, name):
+            return (
+                f"the case needs it and the FMU does not offer it: {part}; for an FMU from "
+                f"elsewhere name it in a table of names, or waive it there"
+            )
+    return ""
 
 
 @cache

@@ -9,9 +9,12 @@ import xarray as xr
 
 import aerodb
 import flighttest
+from aerodb.figures.lr743_set.flown import is_clean
 from aeromatch.workflow.flown import flown_tree
 from aeromatch.workflow.submodels import Submodels
 from flighttest.submodels.ground_effect.result import GroundTerm
+
+_NOTHING = {**vars(Submodels()), "found": {}}
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +90,26 @@ def test_estimates_and_table_2_are_what_was_found(tree):
     assert ground.loc["1", "note"].endswith("; CL: the form k h^s does not fit")
     assert ground.loc["qhat", "note"] == "1.3 standard errors from zero, 3 are needed"
     assert np.isnan(ground.loc["qhat", "k"])
+
+
+def test_flights_with_ice_are_not_those_of_the_clean_aeroplane(record):
+    """A record without the setting is clean where another has it; without any there is no column.
+
+    Its terms are known at the samples either way.
+    """
+    iced = record.assign({"device.ice.setting": ("time", np.ones(record.sizes["time"]))})
+    taken, table = [{"clean": [(5.0, 10.0)], "iced": [(5.0, 10.0)]}], {"start": [], "end": []}
+    for second, settings in ((iced, [0.0, 1.0]), (record, None)):
+        marks = dict.fromkeys(("clean", "iced"), pd.DataFrame(table))
+        data = {"clean": record, "iced": second}
+        tree = flown_tree("T", data, taken, marks, [], SimpleNamespace(**_NOTHING))
+        rows = tree["manoeuvres"].to_dataset().to_dataframe().sort_values("record")
+        if settings is None:
+            assert "device.ice.setting" not in rows
+            assert is_clean(rows).all()
+        else:
+            assert list(rows["device.ice.setting"]) == settings
+            assert list(is_clean(rows)) == [True, False]
 
 
 @pytest.mark.nightly

@@ -47,16 +47,20 @@ from aerodb.figures.symbols import (
     to_printed_unit,
     value_with_symbol,
 )
+from aerodb.store.schema import terms
 from flightmech.air import GAMMA, atmosphere
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.envelope.maps import configuration_text
+from flightmech.aircraft.controls import ICE
+from flightmech.envelope.maps import AT_REST, configuration_text
 from flightmech.errors import SimulationError
 from flightmech.flying_qualities.performance import one_g, polar, stall
 from flightmech.steady_flight.trim_point import trimmed_at
+from flightmech.terms import list_model_variables
 from flightmech.units import FOOT, G0
 
 # Steps of the settings of a 1 g line. Test points of one line agree to the nearest step. [SI]
 _SETTINGS = {"delta_f": np.radians(1.0), "gear": 1.0, "speedbrake": 1.0}
+_ICE_STEP = 0.1  # of the setting of ice, in addition where a term depends on it
 _POINTS = 60  # of a 1 g line
 _BEYOND = (0.8, 1.15)  # range of a 1 g line over the Mach numbers of the test points
 _LEAST_MACH = 0.02
@@ -86,8 +90,9 @@ def one_g_lines(
     aircraft : Aircraft
         The aircraft.
     points : DataFrame
-        A row per test point: ``h mach mass delta_f gear speedbrake``.  A mass of NaN is replaced by
-        that of the aircraft, another setting of NaN by zero. [SI]
+        A row per test point: ``h mach mass delta_f gear speedbrake``, and ``device.ice.setting`` of
+        records with ice.  A mass of NaN is replaced by that of the aircraft, another setting of NaN
+        by zero. [SI]
 
     Returns
     -------
@@ -98,7 +103,10 @@ def one_g_lines(
         The reason for each line that cannot be computed.
     """
     points = points[np.isfinite(points["mach"]) & np.isfinite(points["h"])]
-    points = points.fillna({name: 0.0 for name in _SETTINGS} | {"mass": aircraft.mass})
+    steps = dict(_SETTINGS)
+    if ICE in points and any(ICE in list_model_variables(leaf) for leaf in terms(db).values()):
+        steps[ICE] = _ICE_STEP
+    points = points.fillna({name: 0.0 for name in steps} | {"mass": aircraft.mass})
     if not len(points):
         return {}, []
     # All lines have the same Mach numbers.
@@ -107,7 +115,7 @@ def one_g_lines(
     lines: dict[str, xr.Dataset] = {}
     remarks: list[str] = []
     # Test points whose settings agree to the nearest step belong together.
-    settings = [(points[name] / step).round() for name, step in _SETTINGS.items()]
+    settings = [(points[name] / step).round() for name, step in steps.items()]
     for _, group in points.groupby(settings):
         heights = group_heights(group)
         for h in map(float, np.unique(heights)):
@@ -117,7 +125,7 @@ def one_g_lines(
             mass_text = number_text(float(np.round(means["mass"], -1)))
             label = f"{height_text(h)}, {mass_text} kg, {configuration}"
             # The flight is trimmed at the largest Mach number of the test points.
-            flight = {name: float(means[name]) for name in ("mass", *_SETTINGS)}
+            flight = {name: float(means[name]) for name in ("mass", *steps)}
             flight |= {"h": h, "mach": float(rows["mach"].max())}
             if aircraft.engines:
                 flight |= POWER_OFF
@@ -381,6 +389,8 @@ def _flap_test_points(flown: FlightData | None, flap: float) -> list[FlightPoint
     if flown is None:
         return []
     rows = flown.manoeuvres[is_free(flown.manoeuvres) & (flown.manoeuvres["speedbrake"] < 0.5)]
+    if ICE in rows:
+        rows = rows[rows[ICE] < AT_REST]
     rows = rows[(rows["delta_f"] - flap).abs() < np.radians(2.0)]
     groups = (
         ("gear up", rows[rows["gear"] < 0.5]),

@@ -16,6 +16,7 @@ from aerodb.store.evaluation import contributions
 from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.air import atmosphere
+from flightmech.aircraft.controls import ICE
 from flightmech.envelope.maps import AT_REST
 from flightmech.errors import ParseError
 from flightmech.short_text import ShortText
@@ -138,11 +139,14 @@ def read_flown(path: str | os.PathLike[str]) -> FlightData:
 
 def is_clean(table: pd.DataFrame) -> pd.Series:
     """Return whether rows are of the clean aeroplane in free air."""
+    # files of records without ice have no column of it
+    iced = table[ICE] if ICE in table else 0.0 * table["gear"]
     return (
         is_free(table)
         & (table["delta_f"].abs() < AT_REST)
         & (table["gear"] < AT_REST)
         & (table["speedbrake"] < AT_REST)
+        & (iced < AT_REST)
     )
 
 
@@ -320,6 +324,7 @@ def _residual_row(
 def _sample_conditions(db: xr.DataTree, samples: pd.DataFrame) -> dict[str, np.ndarray]:
     """Return the samples as conditions of `contributions`, with the reduced rate of alpha."""
     conditions = {str(key): samples[key].to_numpy(float) for key in samples if key != "manoeuvre"}
+    conditions.setdefault(ICE, np.zeros(len(samples)))
     if {"alpha", "time", "mach", "h"} <= conditions.keys():
         rate = np.zeros(len(samples))
         for indices in samples.groupby("manoeuvre", sort=False).indices.values():

@@ -75,7 +75,10 @@ def test_the_centre_of_gravity_follows_the_contents(craft):
     cg = _cg_along(record, at, craft, mean=mean)
     y = 2.0 * 100.0 / 2300.0
     np.testing.assert_allclose(cg["y_cg_b"], [-y, y], rtol=1e-12)
-    gauged = xr.DataTree.from_dict({"/slow": slow.assign(y_cg_b=("time", 0.0 * TIME))})
-    np.testing.assert_allclose(_cg_along(gauged, at, craft, mean=mean)["y_cg_b"], 0.0)
+    gauged = xr.DataTree.from_dict({"/slow": slow.assign(y_cg_b=("time", 0.01 * TIME))})
+    recorded = _cg_along(gauged, at, craft, mean=mean)["y_cg_b"]
+    np.testing.assert_allclose(recorded, 0.01 * at, rtol=1e-14)
+    blank = xr.DataTree.from_dict({"/slow": slow[[]].assign(x_cg_b=("time", np.nan * TIME))})
+    np.testing.assert_allclose(_cg_along(blank, at, craft, mean=mean)["x_cg_b"], 0.1)
     bare = xr.DataTree.from_dict({"/slow": slow[[]]})
     np.testing.assert_allclose(_cg_along(bare, at, craft, mean=mean)["x_cg_b"], 0.1)

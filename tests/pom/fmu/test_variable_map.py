@@ -112,6 +112,20 @@ def test_the_case_still_states_what_it_lacks(write_case, foreign, table, lag_sta
         replay(case, {"toy": foreign}, lag_states, names={"toy": table(text)})
 
 
+@pytest.mark.parametrize(
+    ("condition", "way"),
+    [
+        ('"device.ice.setting" = 1.0', "give the project the key ice"),
+        ('"device.probe.setting" = 1.0', "no term of the database depends on it"),
+        ("crossfeed = 1.0", r"needs tanks in \[fuel\]"),
+    ],
+)
+def test_an_input_without_its_part_names_what_gives_it(condition, way, write_case, toy, lag_states):
+    case = read_case(write_case(more=f"trim = false\n\n[conditions]\n{condition}"))
+    with pytest.raises(SchemaError, match=f"unknown input .*{way}"):
+        replay(case, {"toy": toy()}, lag_states)
+
+
 def test_a_fixed_value_and_the_sign_reach_the_fmu(write_case, toy, table, lag_states):
     """The toy in degrees of pitch with an elevator the other way: the recorded one is turned back,
     the thrust stays as fixed.
