@@ -17,6 +17,7 @@ from aerodb.edit.joined_sources.convention_faults import (
     compare_pairs,
     find_convention_faults,
 )
+from aerodb.edit.joined_sources.neutral_points import compare_neutral_points
 from aerodb.edit.joined_sources.prior_sources import (
     PriorSource,
     collect_tables,
@@ -122,7 +123,7 @@ def blend_sources(
     -----
     AeromatchWarning
         Terms whose sources disagree by more than their standard errors, which are widened; other
-        reference quantities; an implausible value.
+        reference quantities; neutral points that are far apart; an implausible value.
 
     Notes
     -----
@@ -146,6 +147,7 @@ def blend_sources(
     faults = _find_faults(sources, by_term, aircraft, areas)
     blended = _blend_terms(sources, by_term, faults)
     disagreements = [fault.text for fault in faults] + _describe_disagreements(blended)
+    disagreements += compare_neutral_points(by_term)
     for text in (*remarks, *disagreements):
         warn_user(text)
     tree = _make_tree(aircraft, sources, blended, point=point, notices=disagreements)
