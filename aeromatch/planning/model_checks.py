@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +95,8 @@ def term_problems(project: Project, start: xr.DataTree, published: Sequence[Any]
     problems: list[str] = []
     for coefficient in coefficients:
         position = f"fits of {coefficient}"
-        run_collecting_problems(problems, position, known_terms, [coefficient], start, project.held)
+        find_terms = partial(known_terms, [coefficient], start, project.held)
+        run_collecting_problems(problems, position, find_terms)
     return list(dict.fromkeys(problems))
 
 
@@ -132,9 +134,8 @@ def coefficient_names(
 
     def compute(missing: list[str], put: Callable[..., None]) -> None:
         for record in missing:
-            names = run_collecting_problems(
-                problems, f"record {record}", _variable_names, starts[record], aircraft, project
-            )
+            find_names = partial(_variable_names, starts[record], aircraft, project)
+            names = run_collecting_problems(problems, f"record {record}", find_names)
             put(record, names or set(), keep=names is not None)
 
     inputs = {record: {"states": starts[record], **settings} for record in first.values()}

@@ -6,6 +6,7 @@ Only recorded channels are used, because the states are not reconstructed yet.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -208,9 +209,8 @@ def _engine_problems(
 ) -> list[str]:
     problems: list[str] = []
     for part in parts:
-        record = run_collecting_problems(
-            problems, where, engine_channels, part, section.engines, section.pla
-        )
+        read_channels = partial(engine_channels, part, section.engines, section.pla)
+        record = run_collecting_problems(problems, where, read_channels)
         if record is None:
             continue
         if position != "engine.starts" and "throttle" not in record:

@@ -346,10 +346,10 @@ def identified_stall(
         parts,
         demand_station(section.station, aircraft.b),
         aircraft.cbar,
-        database,
-        section.over,
-        section.coefficients,
-        _terms_by_coefficient(section.attached),
+        database=database,
+        axis=section.over,
+        coefficients=section.coefficients,
+        attached=_terms_by_coefficient(section.attached),
     )
 
 

@@ -18,7 +18,7 @@ IMAGE = re.compile(r"!\[(?P<caption>[^\]]*)\]\((?P<file>[^)\s]+)\)")
 HEAD = """# Gallery
 
 Every figure of these pages, with the page that explains it. The scripts that draw the
-figures are in `docs/scripts`.
+figures are in `docs/scripts/figures`.
 """
 
 

@@ -209,7 +209,7 @@ class _Search:
         for name, is_active in zip(self.layout.names, self.active):
             if not is_active:
                 free_names.append(name)
-        demand_rank(self.M[np.ix_(~self.active, ~self.active)], free_names)
+        demand_full_rank(self.M[np.ix_(~self.active, ~self.active)], free_names)
         return LikelihoodMaximum(
             theta=self.theta,
             residuals=self.residuals,
@@ -331,7 +331,7 @@ def demand_effect(M: np.ndarray, names: Sequence[str]) -> None:
         )
 
 
-def demand_rank(M: np.ndarray, names: Sequence[str]) -> None:
+def demand_full_rank(M: np.ndarray, names: Sequence[str]) -> None:
     """Raise when a combination of the unknowns changes no output."""
     scale = 1.0 / np.sqrt(np.diag(M))
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))

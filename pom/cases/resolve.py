@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -234,9 +235,8 @@ def resolve_criteria(
     are those of a table of the user, in place of ``tolerances.csv``.
     """
     case = file.case
-    rows = collect_case_problems(
-        problems, "case.id", table.rows_of_test, case.id, case.standard, case.edition, own_rows
-    )
+    find_rows = partial(table.rows_of_test, case.id, case.standard, case.edition, own_rows)
+    rows = collect_case_problems(problems, "case.id", find_rows)
     # an unknown test has no rows
     rows = rows or []
     optional = sorted({row["parameter"] for row in rows} & EQUIPMENT)
@@ -259,9 +259,8 @@ def resolve_criteria(
         criteria.append(criterion)
     # An entry with a problem leaves the criteria as they are, so that the others are checked.
     for key, override in file.tolerance.items():
-        overridden = collect_case_problems(
-            problems, f"tolerance.{key}", apply_override, criteria, key, override, case.window
-        )
+        override_band = partial(apply_override, criteria, key, override, case.window)
+        overridden = collect_case_problems(problems, f"tolerance.{key}", override_band)
         if overridden is not None:
             criteria = overridden
     problems += replaced_rows(criteria)

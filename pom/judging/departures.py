@@ -180,7 +180,7 @@ def _own_table_departures(case: PomCase) -> Iterator[RowRemark]:
             criterion = rows.make_criterion(own_row, name, case.window, case.features)
             # a narrower band of an otherwise equal row is stricter, so it needs no word
             same_rest = all(row[key] == own_row[key] for key in RESTS_ON)
-            if same_rest and is_within(criterion, rows.band_of(row)):
+            if same_rest and is_within_printed(criterion, rows.band_of(row)):
                 continue
         text = f"{name} {new} in {file}, {old} in the table of this edition that aeromatch has"
         yield _departure(text, name)
@@ -204,7 +204,7 @@ def size_departures(case: PomCase) -> Iterator[str]:
 
 def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[RowRemark]:
     """Yield the departures of a row with a band, window or group of the case file."""
-    if not is_within(own, row.band):
+    if not is_within_printed(own, row.band):
         times = width_ratio(own, row.band)
         # limits of another kind have no ratio, so the common one may be equal
         is_wider = times is not None and times > 1.0 + _ROUNDING
@@ -233,7 +233,7 @@ def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[R
             yield _departure(text, own.name)
 
 
-def is_within(criterion: Criterion, printed: Band) -> bool:
+def is_within_printed(criterion: Criterion, printed: Band) -> bool:
     """Return whether the band of a criterion is never wider than a printed one.
 
     A percentage and a width in a unit cannot be compared without the flight: false.

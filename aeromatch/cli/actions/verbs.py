@@ -69,7 +69,16 @@ class MatchRequest:
 def run_demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> None:
     """Perform the command ``demo``."""
     project = example_folder("t37") / "aeromatch.toml"
-    _match(MatchRequest(project, output, jobs, None, fresh, explain, as_json), MatchOptions())
+    request = MatchRequest(
+        project,
+        output,
+        jobs,
+        unplaced=None,
+        fresh=fresh,
+        explain=explain,
+        as_json=as_json,
+    )
+    _match(request, MatchOptions())
 
 
 @collect_options(request=MatchRequest, options=MatchOptions)

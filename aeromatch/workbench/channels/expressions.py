@@ -151,9 +151,13 @@ class ChannelExpression:
             return []
         if name not in FUNCTIONS:
             raise UnknownName(name, FUNCTIONS, "function of an expression")
-        wanted = 2 if name == "lowpass" else _PLAIN[name][1] if name in _PLAIN else 1
-        if len(node.args) != wanted:
-            raise self._refuse(f"{name} with {len(node.args)} arguments; it has {wanted}")
+        arity = 1
+        if name == "lowpass":
+            arity = 2
+        elif name in _PLAIN:
+            arity = _PLAIN[name][1]
+        if len(node.args) != arity:
+            raise self._refuse(f"{name} with {len(node.args)} arguments; it has {arity}")
         names: list[str] = []
         for argument in node.args:
             names += self._list_names(argument)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -195,7 +195,8 @@ class _Evaluator:
             return pd.DataFrame()
         data = self._try_part("points", lambda: self.point_data)
         windows = series_windows(self.plan.points)
-        means = self._try_part("points", window_means, self.record, self.aircraft, windows, data)
+        average = partial(window_means, self.record, self.aircraft, windows, data)
+        means = self._try_part("points", average)
         if means is None:
             return pd.DataFrame()
         return means

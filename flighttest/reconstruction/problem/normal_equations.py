@@ -91,7 +91,7 @@ class NormalEquations:
         Jc : array (N-1, m, columns)
             Derivative by these constants.
         """
-        self.sums.steps(r, weight, A, B, columns, Jc)
+        self.sums.steps(r, weight, A, B, columns=columns, J=Jc)
 
     def add_path_steps(self, path: DrivenPath, weight, columns) -> None:
         """Add the instrument errors that explain the steps, see `NormalSums.path_steps`."""
@@ -120,7 +120,7 @@ class NormalEquations:
         count = 0
         if len(involved):
             count = int(involved[-1] + 1)
-        self.sums.readings(r, weight, k, f, J[..., :count], columns, Jc)
+        self.sums.readings(r, weight, k, f, A=J[..., :count], columns=columns, J=Jc)
 
     def add_state(self, k: int, r, weight) -> None:
         """Add a prior on the state of sample k.

@@ -70,7 +70,15 @@ def compile_engine(deck: EngineDeck) -> flightmech.SimModel:
         flightmech.aircraft.Engine(origin, (0.0, 0.0, -1.0), deck=carrier),
     )
     craft = flightmech.Aircraft(
-        "engine", 1.0, 1.0, 1.0, HEAVY, HEAVY, HEAVY, HEAVY, engines=engines
+        name="engine",
+        S=1.0,
+        cbar=1.0,
+        b=1.0,
+        mass=HEAVY,
+        Ixx=HEAVY,
+        Iyy=HEAVY,
+        Izz=HEAVY,
+        engines=engines,
     )
     return flightmech.compile(craft, xr.DataTree.from_dict({"/CD/basic": make_term(0.0)}))
 
@@ -288,7 +296,13 @@ class _SimulatedEngine:
         varied = self.expand(rows)
         table = np.column_stack(list(varied.values()))
         y, done, _ = fly_batch(
-            self.sim, self.time, self.u, list(varied), table, self.fixed, self.outputs
+            self.sim,
+            self.time,
+            self.u,
+            varied=list(varied),
+            values=table,
+            constant=self.fixed,
+            outputs=self.outputs,
         )
         return y, done == len(self.time)
 

@@ -291,8 +291,12 @@ def _trial_values(
     for name, item in shape.items():
         if name.startswith("alpha_star"):
             values.append(item.low + share * (item.high - item.low))
+        elif name.startswith("a1"):
+            values.append(a1)
+        elif name == "asymmetry":
+            values.append(0.0)
         else:
-            values.append(a1 if name.startswith("a1") else 0.0 if name == "asymmetry" else tau)
+            values.append(tau)
     return np.array(values)
 
 
@@ -432,9 +436,16 @@ def _fits_of_node(fit: SeparableFit, task: _Task, records: Sequence[xr.Dataset])
         model = problem.models[k]
         candidates = {term.text for term in SEPARATED[model.target]}
         separated = tuple(name in candidates for name in model.terms)
-        shapes = len(problem.names)
-        samples = problem.samples[k]
-        fits.append(NodeFit(problem.z[k], design.A, tuple(model.terms), separated, shapes, samples))
+        fits.append(
+            NodeFit(
+                z=problem.z[k],
+                A=design.A,
+                terms=tuple(model.terms),
+                separated=separated,
+                shapes=len(problem.names),
+                samples=problem.samples[k],
+            )
+        )
     return fits
 
 

@@ -22,7 +22,7 @@ _CAPABILITIES = (
 _LARGEST = 64_000_000
 
 
-def demand_size(path: str | Path, most: int) -> None:
+def demand_unpacked_size(path: str | Path, most: int) -> None:
     """Raise if the unpacked files of an FMU are larger than a limit; 0: no limit. [byte]
 
     Raises
@@ -129,7 +129,7 @@ class UnpackedFmu:
     """
 
     def __init__(self, path: str, folder: str, most: int = 0):
-        demand_size(path, most)
+        demand_unpacked_size(path, most)
         self.most = most
         self.description = read_description(path)
         problem = platform_problem(path, self.description)

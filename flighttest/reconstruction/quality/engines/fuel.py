@@ -261,7 +261,9 @@ def _both_sides(
         f"compare {', '.join((*suspects, *names))} with the instruments; correct unit or column"
     )
     # a flow that a reference confirms is the lesser suspect
-    suspected = [name for ratio in unusual for name in ratio.channels]
+    suspected: list[str] = []
+    for ratio in unusual:
+        suspected += ratio.channels
     channels = (*suspected, *names) if trusted else (*names, *suspected)
     evidence = {ratio.reference: ratio.value for ratio in ratios}
     return Finding("warning", kind, channels, text, remedy, evidence=evidence)

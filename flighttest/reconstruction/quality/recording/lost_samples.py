@@ -235,9 +235,9 @@ def _jump_finding(kind: str, places: list[tuple[int, list[str]]], clock: ClockJu
         name,
         channels,
         text,
-        remedy,
-        float(time[indices[0]]),
-        float(time[indices[-1] + 1]),
+        remedy=remedy,
+        start=float(time[indices[0]]),
+        stop=float(time[indices[-1] + 1]),
         evidence={"places": len(indices)},
     )
 

@@ -38,10 +38,12 @@ _FILTERS = (
 )
 _MEAN = 0.443  # cut-off of a mean times its length
 _FASTEST = 0.4  # of the rate of the clock, above which a filter is not tried
-_LONGEST, _REST = 1.0, 0.1  # s of delay of a surface that is late only, and beyond a filter
-# natural logarithm of the ratio of the unexplained variances, and twice its likelihood, of samples
-# that are independent after this time [s]
-_CLEAR, _LIKELY, _INDEPENDENT = 0.25, 12.0, 0.25
+_LONGEST = 1.0  # s, longest delay of a surface that is late only
+_REST = 0.1  # s, longest delay of a surface in addition to its filter
+# A smoothing is clear if the logarithm of the ratio of the unexplained variances is above `_CLEAR`
+# and this logarithm times the number of independent samples, twice a log-likelihood, above `_LIKELY`.
+_CLEAR, _LIKELY = 0.25, 12.0
+_INDEPENDENT = 0.25  # s after which samples count as independent
 _UNEXPLAINED = 0.5  # share of the variance that the filter may leave
 # time constants of vanes with a lag that looks like a smoothed surface; ours [s]
 _VANE_LAGS = (0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5)

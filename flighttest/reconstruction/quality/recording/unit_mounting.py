@@ -140,10 +140,12 @@ def mounting_findings(
         f"with standard errors; nose right, nose up and right side down are positive. The rotation "
         f"leaves {mounting.remains:.0%} of the squared difference of the rates{check}"
     )
-    rows = "; ".join(", ".join(f"{x:.4f}" for x in row) for row in mounting.matrix.T)
+    rows = []
+    for row in mounting.matrix.T:
+        rows.append(", ".join(f"{x:.4f}" for x in row))
     remedy = (
         f"align the unit with the body axes, or turn its columns before they are read: (x, y, z) "
-        f"of the body is the matrix [{rows}] times (x, y, z) of the unit, for rates and for forces"
+        f"of the body is the matrix [{'; '.join(rows)}] times (x, y, z) of the unit, for rates and for forces"
     )
     evidence = {
         "angles": mounting.angles.tolist(),

@@ -80,7 +80,7 @@ class FrictionChoice(NamedTuple):
     unfinished: tuple[str, ...]
 
 
-class _Records(NamedTuple):
+class _CircuitArguments(NamedTuple):
     """First arguments of `fit_circuit`."""
 
     loading: ControlLoading
@@ -108,7 +108,7 @@ def fit_friction_models(
     IdentificationError
         As `fit_circuit`.
     """
-    records = _Records(loading, windows, rows, start, prior)
+    records = _CircuitArguments(loading, windows, rows, start, prior)
     if "friction" not in start:
         return join_models({FRICTION_RATE: [fit_circuit(*records)]})
     # Where a control begins to slide, the likelihood of bristles has kinks whose places are known,
@@ -128,7 +128,9 @@ def fit_friction_models(
     return join_models(_search_again(records, fits))
 
 
-def _search_again(records: _Records, fits: Mapping[str, CircuitFit]) -> dict[str, list[CircuitFit]]:
+def _search_again(
+    records: _CircuitArguments, fits: Mapping[str, CircuitFit]
+) -> dict[str, list[CircuitFit]]:
     """Return all ends of searches by the name of their width.
 
     A model that may become the likelier one is searched again: from a narrow width, and from the

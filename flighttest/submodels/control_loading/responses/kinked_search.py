@@ -35,7 +35,7 @@ from flighttest.maximum_likelihood.likelihood import (
 from flighttest.maximum_likelihood.search import (
     PROVEN,
     demand_effect,
-    demand_rank,
+    demand_full_rank,
     invert_information,
 )
 from flighttest.submodels.control_loading.responses.quadratic_model import (
@@ -95,7 +95,7 @@ class KinkedTarget(Target, Protocol):
         """Return unknowns moved so that the ratios of these numbers have these values."""
 
 
-class _Trial(NamedTuple):
+class _KinkedTrial(NamedTuple):
     """Unknowns to try: the ratios held there, and the fall of the quadratic model."""
 
     theta: np.ndarray
@@ -186,7 +186,7 @@ class _KinkedSearch:
         self.count += 1
         if self.is_near and share < self.last_share:
             # Rounding hides the fall of so small a step; that steps become smaller proves it.
-            accepted: _Trial | None = self._trial(0.0)
+            accepted: _KinkedTrial | None = self._trial(0.0)
         else:
             accepted = self._search_line(full)
         self.last_share = share if self.is_near else np.inf
@@ -197,7 +197,7 @@ class _KinkedSearch:
         else:
             self._accept(accepted)
 
-    def _accept(self, trial: _Trial) -> None:
+    def _accept(self, trial: _KinkedTrial) -> None:
         before, step = self.plan, trial.theta - self.theta
         self.theta, self.held = trial.theta, trial.held
         self.residuals = self.likelihood.residuals(self.theta)
@@ -209,7 +209,7 @@ class _KinkedSearch:
             self.bend = updated_bend(self.plan.M, self.bend, step, change)
             self.plan = self._settle()
 
-    def _search_line(self, full: _Trial) -> _Trial | None:
+    def _search_line(self, full: _KinkedTrial) -> _KinkedTrial | None:
         """Return the best of a few steps, or the first damped one that lowers the cost."""
         best, least = None, self.cost
         for trial in self._candidates(full):
@@ -228,7 +228,7 @@ class _KinkedSearch:
             self.damping = max(best.damping / _RAISE, _LEAST_DAMPING)
         return best
 
-    def _candidates(self, full: _Trial) -> Iterator[_Trial]:
+    def _candidates(self, full: _KinkedTrial) -> Iterator[_KinkedTrial]:
         """Yield the full step, the same across all kinks, parts of it, and a damped step."""
         yield full
         across = self._trial(0.0, lands=False)
@@ -237,7 +237,7 @@ class _KinkedSearch:
         kinks = self.plan.kinks
         for part in _PARTS:
             theta = self._reach(part * across.step, self.plan.bounds, kinks)
-            yield _Trial(theta, kinks, part * across.step, part * across.expected, 0.0)
+            yield _KinkedTrial(theta, kinks, part * across.step, part * across.expected, 0.0)
         yield self._trial(self.damping)
 
     def _reach(
@@ -328,7 +328,17 @@ class _KinkedSearch:
         scale = 1.0 / np.sqrt(np.diag(M))
         B = M + self.bend
         values, vectors = np.linalg.eigh(B * np.outer(scale, scale))
-        return QuadraticModel(slopes, M, g, scale, values, vectors, bounds, kinks, inside)
+        return QuadraticModel(
+            slopes,
+            M,
+            g,
+            scale=scale,
+            values=values,
+            vectors=vectors,
+            bounds=bounds,
+            kinks=kinks,
+            inside=inside,
+        )
 
     def _rows(
         self, bounds: Mapping[int, float], kinks: Mapping[int, float]
@@ -342,7 +352,7 @@ class _KinkedSearch:
             A[row], b[row] = self.sides.by_unknown[k], value - self.sides.ratio[k]
         return A, b
 
-    def _trial(self, damping: float, lands: bool = True) -> _Trial:
+    def _trial(self, damping: float, lands: bool = True) -> _KinkedTrial:
         """Return the step of the quadratic model that ends on the surfaces it would cross."""
         plan, sides = self.plan, self.sides
         bounds, kinks = dict(plan.bounds), dict(plan.kinks)
@@ -363,7 +373,7 @@ class _KinkedSearch:
             bounds |= fresh
             kinks |= crossed
         expected = float(plan.g @ step - 0.5 * step @ (plan.M + self.bend) @ step)
-        return _Trial(self._reach(step, bounds, kinks), kinks, step, expected, damping)
+        return _KinkedTrial(self._reach(step, bounds, kinks), kinks, step, expected, damping)
 
     def result(self) -> LikelihoodMaximum:
         """Return the maximum, after a check that the records determine all free unknowns."""
@@ -373,7 +383,7 @@ class _KinkedSearch:
         M, _ = self.likelihood.normal(self.theta, self.residuals, slopes)
         free = self._free()
         names = [name for name, is_free in zip(self.layout.names, free) if is_free]
-        demand_rank(M[np.ix_(free, free)], names)
+        demand_full_rank(M[np.ix_(free, free)], names)
         return LikelihoodMaximum(
             theta=self.theta,
             residuals=self.residuals,

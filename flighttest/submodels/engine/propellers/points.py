@@ -116,7 +116,10 @@ def propeller_points(
             f"climbs, glides, level accelerations or decelerations with the levers at rest"
         )
     names = set(parts[0]).intersection(*parts)
-    columns = {name: ("point", np.array([part[name] for part in parts], float)) for name in names}
+    columns = {}
+    for name in names:
+        values = [part[name] for part in parts]
+        columns[name] = ("point", np.array(values, float))
     points = xr.Dataset(columns)
     points, others = _of_one_configuration(points)
     left_out["of another configuration"] = others

@@ -194,7 +194,10 @@ def identify_shaft(records: Sequence[xr.Dataset], aircraft: Aircraft) -> ShaftDy
         raise IdentificationError(
             f"the lever moves by less than {_LEAST:g} in all power changes; add chops and slams"
         )
-    outputs = [name for name in OUTPUTS if all(name in record for record in records)]
+    outputs = []
+    for name in OUTPUTS:
+        if all(name in record for record in records):
+            outputs.append(name)
     if "rpm" not in outputs:
         raise IdentificationError("the power changes lack engineN.rpm; map the tachometer")
     outputs = [name for name in outputs if _is_output(name, engine)]
@@ -289,5 +292,15 @@ def compile_shaft(engine: Engine) -> flightmech.SimModel:
         motor=engine.motor,
     )
     mass = bench.HEAVY
-    craft = flightmech.Aircraft("engine", 1.0, 1.0, 1.0, mass, mass, mass, mass, engines=(alone,))
+    craft = flightmech.Aircraft(
+        name="engine",
+        S=1.0,
+        cbar=1.0,
+        b=1.0,
+        mass=mass,
+        Ixx=mass,
+        Iyy=mass,
+        Izz=mass,
+        engines=(alone,),
+    )
     return flightmech.compile(craft, xr.DataTree.from_dict(dict(tables)))

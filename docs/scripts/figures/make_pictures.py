@@ -1,4 +1,4 @@
-"""Take the pictures of pages in the documentation: ``python docs/scripts/make_pictures.py
+"""Take the pictures of pages in the documentation: ``python docs/scripts/figures/make_pictures.py
 out/t37/report/report.html``.
 
 From the report of the T-37 come the upper part of a case, the page of the models and the waterfalls
@@ -21,7 +21,7 @@ import flightmech
 import flighttest
 from flighttest.reconstruction.quality.page import write_page
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 IMAGES = ROOT / "docs" / "images"
 T37 = ROOT / "data" / "t37"
 WIDTH = 1400  # of the pictures of a report [px]

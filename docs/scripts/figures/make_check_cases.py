@@ -1,4 +1,4 @@
-"""Draw the figure of ``check-cases.md``: ``python docs/scripts/make_check_cases.py``.
+"""Draw the figure of ``check-cases.md``: ``python docs/scripts/figures/make_check_cases.py``.
 
 Needs the records in ../shared/data/flight/nesc_checkcases and the extra ``figures``.
 """
@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
-ROOT = Path(__file__).parents[2]
-IMAGES = Path(__file__).parents[1] / "images"
+ROOT = Path(__file__).parents[3]
+IMAGES = Path(__file__).parents[2] / "images"
 COLOURS = {"02": "#c08a00", "04": "#2a7a3b", "05": "#b03060"}
 OURS = {"color": "black", "linewidth": 1.0, "label": "ours"}
 

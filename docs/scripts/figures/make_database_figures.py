@@ -1,5 +1,5 @@
 """Draw the figures of ``figures.md`` and of ``lr743-figures.md``: ``python
-docs/scripts/make_database_figures.py out/t37 --along path.nc``.
+docs/scripts/figures/make_database_figures.py out/t37 --along path.nc``.
 
 The folder is one that ``aeromatch demo`` wrote; the path is a reconstructed flight.  Needs the
 extra ``figures``.
@@ -15,7 +15,7 @@ from PIL import Image
 import aerodb
 import flightmech
 
-IMAGES = Path(__file__).parents[1] / "images"
+IMAGES = Path(__file__).parents[2] / "images"
 WIDTH = 1000  # of a picture of the set of LR-743 [px]
 
 

@@ -1,6 +1,6 @@
 """Draw the figures of the pages on input design and spin.
 
-Use: ``python docs/scripts/make_input_figures.py``.
+Use: ``python docs/scripts/figures/make_input_figures.py``.
 Needs matplotlib.
 """
 
@@ -19,8 +19,8 @@ import flightmech
 from flighttest.flight_programme.input_design.input_signals import CHANNEL_SETS, axes_of, measures
 from flighttest.flight_programme.input_design.multisines import InputAxis, multisine
 
-ROOT = Path(__file__).parents[2]
-IMAGES = Path(__file__).parents[1] / "images"
+ROOT = Path(__file__).parents[3]
+IMAGES = Path(__file__).parents[2] / "images"
 sys.path.insert(0, str(ROOT / "benchmarks"))
 COLOURS = ("#0b5fa5", "#c8571b", "#2e7d4f", "#7a4fa3", "#a31f34", "#6b6b6b", "#b58900")
 
