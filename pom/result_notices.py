@@ -10,11 +10,13 @@ from pom.status import (
     BEYOND,
     CASE_WINDOW,
     DEPARTURES,
+    NOT_CHECKED,
     NOTICES,
     OTHER_AIRCRAFT,
     PASSED,
     RECORDING_FAULT,
     UNCHECKED,
+    UNPROBED,
     has_remark,
 )
 
@@ -35,9 +37,26 @@ def departure_remarks(result: PomResult, run: str) -> list[str]:
 
 
 def unchecked_text(result: PomResult, run: str) -> str:
-    """Return how many conditions of the row the program does not check; empty without one."""
-    count = len(collect_texts(result, run, (UNCHECKED,)))
-    return f"{count_text(count, 'condition')} not checked" if count else ""
+    """Return how many conditions of the row and probes are not checked; empty without one."""
+    counts = []
+    for kind, word in ((UNCHECKED, "condition"), (UNPROBED, "probe")):
+        count = len(collect_texts(result, run, (kind,)))
+        if count:
+            counts.append(count_text(count, word))
+    return f"{', '.join(counts)} not checked" if counts else ""
+
+
+def unprobed_text(result: PomResult, run: str) -> str:
+    """Return the probes of a pass that were not made, with their reasons; empty without one.
+
+    Probes that were not made for one reason share it.
+    """
+    probes: dict[str, list[str]] = {}
+    for text in collect_texts(result, run, (UNPROBED,)):
+        probe, _, reason = text.removeprefix(NOT_CHECKED).partition(" (")
+        probes.setdefault(reason, []).append(probe)
+    texts = [f"{', '.join(names)} ({reason}" for reason, names in probes.items()]
+    return f"{NOT_CHECKED}{'; '.join(texts)}" if texts else ""
 
 
 def run_notices(result: PomResult, run: str) -> list[str]:

@@ -6,11 +6,16 @@ from collections.abc import Hashable, Mapping
 from typing import Any
 
 from pom.cases.case import PomCase
+from pom.tolerances.bands import RowRemark
 
 BEYOND = "recurrent_beyond"
 """Kind of the remark on a run beyond its criterion about the master."""
 UNCHECKED = "not_checked"
 """Kind of the remark on a condition of the row that the program does not check."""
+UNPROBED = "not_probed"
+"""Kind of the remark on a probe of a pass that was not made, with its reason."""
+NOT_CHECKED = "not checked: "
+"""Start of the text of the remarks `UNCHECKED` and `UNPROBED`."""
 CASE_WINDOW = "case.window"
 """Quantity of the remarks on a window that starts or ends wrongly."""
 RECORDING_FAULT = "device.recording"
@@ -174,6 +179,17 @@ def status_text(status: str) -> str:
         "not_driven": "NOT DRIVEN",
     }
     return short_texts.get(status, status.upper())
+
+
+def unprobed_remark(probe: str, reason: str, quantity: str = "") -> RowRemark:
+    """Return the remark on a probe that was not made.
+
+    Examples
+    --------
+    >>> unprobed_remark("late inputs", "no control moves").text
+    'not checked: late inputs (no control moves)'
+    """
+    return RowRemark(UNPROBED, f"{NOT_CHECKED}{probe} ({reason})", quantity)
 
 
 def has_trim_remark(row: Mapping[Hashable, Any]) -> bool:

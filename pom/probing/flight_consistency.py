@@ -29,6 +29,7 @@ from flighttest.regression.uncertainty.jackknife import block_jackknife
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.watched_channels import SLOWEST
 from pom.probing.input_probe import SCALE, SIZES
+from pom.status import unprobed_remark
 from pom.tolerances.bands import RowRemark
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "alpha", "beta", "nz")
@@ -77,6 +78,8 @@ _STEP = 0.01  # of the angle of attack, for the slope of the model [rad]
 _SLOPES = 100  # samples of the slope of the model
 _BLOCKS = 8  # of the jackknife of the slope
 LIFT_QUANTITY = "CL"  # of the remark on the lift
+INPUTS_PROBE = "size and time of the inputs"
+"""Name of `compare_inputs` in the remark that it was not made."""
 LEAST_LIFT = 0.1  # coefficient below which the ratio of two lifts has no meaning
 LEAST_SAMPLES = 50
 
@@ -116,7 +119,7 @@ def compare_inputs(
         columns.append((X - nuisance @ (nuisance.T @ X)) / SIZES[name])
         differences.append((z - nuisance @ (nuisance.T @ z)) / SIZES[name])
     if not columns:
-        return ()
+        return (unprobed_remark(INPUTS_PROBE, "no channel of flight and model responds enough"),)
     X, z = np.concatenate(columns), np.concatenate(differences)
     theta, *_ = np.linalg.lstsq(X, z, rcond=None)
     total = float(z @ z)
@@ -136,8 +139,8 @@ def compare_inputs(
     # Both are small changes of a linear answer; larger ones are differences of another kind.
     is_linear = abs(gain - 1.0) <= _MOST_GAIN and abs(delay) <= _MOST_DELAY
     if not is_linear:
-        text = "not checked: the difference is not one of size and time of the inputs"
-        return (RowRemark("probe", text, values={"explained": explained}, unit="1"),)
+        reason = "flight and model differ by another form than that of changed inputs"
+        return (unprobed_remark(INPUTS_PROBE, reason),)
     if not is_scaled and not is_late:
         return (RowRemark("probe", text, values=values, unit="1"),)
     reason = (
@@ -193,13 +196,13 @@ def compare_lift(model: SimModel, states: xr.Dataset) -> tuple[RowRemark, ...]:
     needed = ("ax", "az", "alpha", "qbar", "mass", "V")
     is_lift = any(name.startswith("CL/") for name in model.terms)
     if not is_lift or model.meta.get("database", {}).get("S") is None:
-        return _lift_not_checked("the model has no lift in its tables")
+        return lift_not_checked("the model has no lift in its tables")
     missing = [name for name in needed if name not in states]
     if missing:
-        return _lift_not_checked(f"the flight has no {', '.join(missing)}")
+        return lift_not_checked(f"the flight has no {', '.join(missing)}")
     measured, expected, share_per_radian = lift_pair(model, states)
     if measured.size < LEAST_SAMPLES:
-        return _lift_not_checked("the aeroplane does not fly, or has hardly any lift")
+        return lift_not_checked("the aeroplane does not fly, or has hardly any lift")
     stderr = _angle_error(states)
     shift = UNKNOWN_ANGLE
     if stderr is not None:
@@ -262,9 +265,9 @@ def _lift_slope(measured: np.ndarray, expected: np.ndarray) -> tuple[float, floa
     return fit(expected, measured), float(stderr)
 
 
-def _lift_not_checked(reason: str) -> tuple[RowRemark, ...]:
-    text = f"not checked: the mass, by the lift of the flight ({reason})"
-    return (RowRemark("probe", text, LIFT_QUANTITY),)
+def lift_not_checked(reason: str) -> tuple[RowRemark, ...]:
+    """Return the remark that the lift of the flight was not compared."""
+    return (unprobed_remark("the mass, by the lift of the flight", reason, LIFT_QUANTITY),)
 
 
 def lift_pair(model: SimModel, states: xr.Dataset) -> tuple[np.ndarray, np.ndarray, float]:

@@ -20,6 +20,7 @@ from flightmech.support.arrays import rms
 from flightmech.units import DEGREE
 from pom.cases.case_file import LEVERS, WIND
 from pom.cases.job import ReplayJob
+from pom.status import unprobed_remark
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import quantity_words
 
@@ -36,6 +37,9 @@ SIZES = {
 """Channels of the probe, and the rms of a response that is judged. [SI]  Our numbers."""
 NEAR = 0.999
 """The same for a flight whose inputs are nearly those of the record."""
+SHARE_PROBE = "the answer to scaled inputs"
+JUMP_PROBE = f"the answer to inputs scaled by {NEAR:g}"
+"""Names of the probes in the remarks that they were not made."""
 JUMP = 0.3
 """Share of the change with `SCALE` that is a jump with `NEAR`: a smooth answer changes by 0.01."""
 _LEAST_JUMP = 0.1  # in `SIZES`: a trim that is found to a tolerance changes by less
@@ -224,7 +228,7 @@ def judge_input_change(
                 expected = (1.0 - SCALE) * rms(response[is_counted])
                 found[name] = rms(change[is_counted]) / expected
     if not changes:
-        return (_probe_remark("no motion among the outputs of the model", {}),)
+        return (unprobed_remark(SHARE_PROBE, "no motion among the outputs of the model"),)
     still = [name for name, change in changes.items() if change < LEAST_CHANGE]
     is_still = len(still) == len(changes)
     # a channel that responds but does not change is given, whatever the others do
@@ -236,8 +240,8 @@ def judge_input_change(
             return (_unchanged_remark(still, "a pulse on the controls", changes),)
         return _judge_pulse(time, before, after)
     if on_wheels:
-        text = "not checked: on its wheels the aeroplane is not linear in the inputs"
-        return (_probe_remark(text, {}),)
+        reason = "on its wheels the aeroplane is not linear in the inputs"
+        return (unprobed_remark(SHARE_PROBE, reason),)
     stored = _stored_part(time, responding, moved_at)
     if stored is not None:
         text = (
@@ -247,7 +251,7 @@ def judge_input_change(
         )
         return (RowRemark("not_driven", text),)
     if uncompared:
-        return (_probe_remark(f"not checked: {uncompared}", {}),)
+        return (unprobed_remark(SHARE_PROBE, uncompared),)
     if _middle_share(late, judged) < LEAST_LATE_SHARE:
         return _judge_shares(late, judged, LEAST_LATE_SHARE)
     return _judge_shares(shares, judged, LEAST_SHARE)
@@ -290,7 +294,7 @@ def _judge_shares(
     """Return the remarks on the shares of the expected change, of channels that respond."""
     considered = _considered_shares(shares, judged)
     if not considered:
-        return (_probe_remark("no channel responds enough to be judged", {}),)
+        return (unprobed_remark(SHARE_PROBE, "no channel responds enough to be judged"),)
     listed = ", ".join(f"{quantity_words(name)} {share:.2f}" for name, share in considered.items())
     text = (
         f"with inputs scaled by {SCALE:g} the answer changes by this share of what the inputs "
@@ -316,19 +320,29 @@ def judge_jump(before: Traces, near: Traces, after: Traces) -> tuple[RowRemark, 
     Returns
     -------
     tuple of RowRemark
-        Of kind ``not_driven``; empty for a smooth answer.
+        Of kind ``not_driven``, or ``probe`` for a smooth answer.
     """
     jumps: dict[str, float] = {}
+    shares: dict[str, float] = {}
     for name, size in SIZES.items():
         if name not in before or name not in near or name not in after:
             continue
         step, whole = (other[name] - before[name] for other in (near, after))
         if not (np.isfinite(step).all() and np.isfinite(whole).all()):
             continue
+        if rms(whole) > _LEAST_JUMP * size:
+            shares[name] = rms(step) / rms(whole)
         if rms(step) > max(_LEAST_JUMP * size, JUMP * rms(whole)):
-            jumps[name] = rms(step) / rms(whole)
+            jumps[name] = rms(step) / rms(whole) if rms(whole) else math.inf
+    if not jumps and not shares:
+        return (unprobed_remark(JUMP_PROBE, "no channel changes enough to be judged"),)
     if not jumps:
-        return ()
+        worst = max(shares, key=lambda name: shares[name])
+        text = (
+            f"with inputs scaled by {NEAR:g} the answer changes by up to {shares[worst]:.2g} of "
+            f"its change with {SCALE:g} ({quantity_words(worst)}; limit {JUMP:g})"
+        )
+        return (_probe_remark(text, {}),)
     listed = ", ".join(f"{quantity_words(name)} {share:.2f}" for name, share in jumps.items())
     text = (
         f"not driven by the inputs: with inputs scaled by {NEAR:g} the answer changes by these "

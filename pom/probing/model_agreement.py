@@ -11,8 +11,11 @@ from flightmech.simulation.kernel import PARAMETER
 from pom.cases.case import PomCase
 from pom.cases.case_facts import REVERSIBLE
 from pom.cases.job import ReplayJob
+from pom.status import unprobed_remark
 from pom.tolerances.bands import RowRemark
 
+AIRCRAFT_PROBE = "lengths and moments of inertia of the model against the aircraft file"
+"""Name of `compare_aircraft` in the remark that it was not made."""
 INERTIA = 0.05
 """Relative difference of two moments of inertia from which on it is named."""
 GEOMETRY = 1e-3
@@ -34,12 +37,12 @@ def compare_aircraft(case: PomCase, model: SimModel, job: ReplayJob) -> tuple[Ro
     job : ReplayJob
     """
     if not case.aircraft or not Path(case.aircraft).is_file():
-        return ()
+        reason = f"no file {case.aircraft}" if case.aircraft else "the case names no aircraft file"
+        return (unprobed_remark(AIRCRAFT_PROBE, reason, "aircraft"),)
     try:
         aircraft = flightmech.read_aircraft(case.aircraft)
     except AeromatchError:
-        # the check of the case reports a faulty file
-        return ()
+        return (unprobed_remark(AIRCRAFT_PROBE, "a faulty aircraft file", "aircraft"),)
     held = {entry.name: entry.value for entry in model.entries(PARAMETER)}
     database = model.meta.get("database", {})
     pairs: dict[str, tuple[float, float, float]] = {}

@@ -23,16 +23,28 @@ from pom.judging.signals import traces_of
 from pom.judging.watched_channels import SLOWEST
 from pom.probing.flight_consistency import (
     CHANNELS,
+    INPUTS_PROBE,
     LEAST_EFFECT,
     compare_inputs,
     compare_lift,
     largest_input_effect,
+    lift_not_checked,
     on_wheels,
 )
-from pom.probing.input_probe import NEAR, SIZES, changed_job, judge_input_change, judge_jump
+from pom.probing.input_probe import (
+    JUMP_PROBE,
+    NEAR,
+    SIZES,
+    changed_job,
+    judge_input_change,
+    judge_jump,
+)
+from pom.probing.late_probe import PROBE as LATE_PROBE
 from pom.probing.late_probe import judge_late, late_job
-from pom.probing.model_agreement import compare_aircraft, compare_controls
+from pom.probing.model_agreement import AIRCRAFT_PROBE, compare_aircraft, compare_controls
 from pom.probing.scatter_probe import (
+    DIFFERENCE,
+    NOISE_PROBE,
     RecordScatter,
     judge_difference,
     judge_scatter,
@@ -40,7 +52,7 @@ from pom.probing.scatter_probe import (
     noise_of_inputs,
 )
 from pom.result import PomResult, make_verdict_table
-from pom.status import PASSED
+from pom.status import NOT_CHECKED, PASSED, UNPROBED, unprobed_remark
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import plain_id
 
@@ -53,6 +65,9 @@ OwnFlight = Callable[[ReplayJob, Sequence[str]], tuple[Mapping[str, np.ndarray],
 """Flight of a job that returns outputs (time,) by name, and why it failed or an empty text."""
 
 
+_ON_WHEELS = "a wheel touches the ground in a part of the window"
+_NO_CONTROL = "no control moves"
+_NO_FLIGHT = "the reference is not a flight"
 # The manifold pressure of the tutorial's engine hardly changes between 25 and 30 % of its lever.
 _LEVERS_ONLY = "the power of an engine is not linear in its lever"
 
@@ -100,29 +115,38 @@ def probe_models(
             continue
         tables = tables_of(model)
         is_slow = result.case.drive.trim == "ground" or is_on_wheels(outputs[run])
-        compared = {}
         # wheels take a part of the forces, also at a high speed
-        if result.case.reference == "flight" and not (is_slow or touches_ground):
-            compared = flight
+        uncompared = _ON_WHEELS if is_slow or touches_ground else ""
+        if result.case.reference != "flight":
+            uncompared = _NO_FLIGHT
         own = own_flights.get(run)
         if own is not None and jobs[run].law is None:
             remarks = _probe_tables(
-                result.case, jobs[run], outputs[run], compared, own, on_wheels=is_slow
+                result.case,
+                jobs[run],
+                outputs[run],
+                flight,
+                own,
+                uncompared=uncompared,
+                on_wheels=is_slow,
             )
         else:
             remarks = _probe_inputs(
                 result.case,
                 jobs[run],
                 outputs[run],
-                compared,
+                flight,
                 # without the law of the case: the controls that it moved are inputs
                 partial(fly_job, replace(model, law=None), timeout=timeout, store=store),
+                uncompared=uncompared,
                 on_wheels=is_slow,
             )
         if result.case.reference == "flight":
             remarks += measure_scatter(result.signals, run, scatter)
             if hidden:
-                remarks += _measure_hidden(hidden, outputs[run], jobs[run].time, remarks)
+                remarks = _measure_hidden(hidden, outputs[run], jobs[run].time, remarks)
+        else:
+            remarks += (unprobed_remark(NOISE_PROBE, _NO_FLIGHT),)
         if own is not None:
             remarks = noise_of_inputs(remarks)
         if tables is not None:
@@ -130,6 +154,9 @@ def probe_models(
             remarks += compare_controls(result.case, tables)
             if result.case.reference == "flight":
                 remarks += compare_lift(tables, states)
+        else:
+            text = "the FMU holds no tables of this program"
+            remarks += (*lift_not_checked(text), unprobed_remark(AIRCRAFT_PROBE, text))
         found[run] = remarks
     return found
 
@@ -141,11 +168,12 @@ def _probe_inputs(
     flight: Traces,
     fly: OwnFlight,
     *,
+    uncompared: str,
     on_wheels: bool,
 ) -> tuple[RowRemark, ...]:
-    """Return the remarks on one more flight of any model with changed inputs.
+    """Return the remarks on further flights of any model with changed inputs.
 
-    `flight` is empty where size and time of the inputs are not compared.
+    `uncompared` states why `flight` does not show size and time of the inputs.
     """
     judged = {criterion.channel for criterion in case.criteria if criterion.applies}
     # true and calibrated airspeed respond alike
@@ -164,20 +192,44 @@ def _probe_inputs(
         linear_end=_linear_end(case),
         uncompared=_LEVERS_ONLY if changed.only_levers else "",
     )
-    is_compared = changed.moved and all(item.kind == "probe" for item in remarks)
-    if is_compared and not on_wheels:
+    if any(item.kind == "not_driven" for item in remarks):
+        # what the inputs do not drive needs no further word
+        return remarks
+    still = "" if changed.moved else _NO_CONTROL
+    reason = still or (_ON_WHEELS if on_wheels else "")
+    if reason:
+        remarks += (unprobed_remark(JUMP_PROBE, reason),)
+    else:
         near, failure = fly(changed_job(job, outputs, NEAR).job, [*SIZES])
-        remarks += judge_jump(outputs, near, after) if not failure else ()
-    # wheels and a loop that is closed around the model make the start unsteady
-    if is_compared and flight and not job.pilot and job.law is None:
+        remarks += (
+            _failure_remarks(failure, closed=job.law is not None)
+            if failure
+            else judge_jump(outputs, near, after)
+        )
+    reason = still or uncompared
+    if job.pilot or job.law is not None:
+        # the loop moves its control from the start on
+        reason = reason or "a loop is closed around the model"
+    if reason:
+        remarks += (unprobed_remark(LATE_PROBE, reason),)
+    else:
         late, failure = fly(late_job(job), [*SIZES])
-        if not failure:
-            remarks += judge_late(job.time, outputs, late, changed.moved_at)
-    # gain and time of the inputs are those of surfaces, in which an answer is linear
-    if is_compared and flight and not changed.only_levers:
-        surfaces = case.drive.level == "recorded"
-        remarks += compare_inputs(job.time, outputs, after, flight, surfaces=surfaces)
-    return remarks
+        remarks += (
+            _failure_remarks(failure, closed=False)
+            if failure
+            else judge_late(job.time, outputs, late, changed.moved_at)
+        )
+    reason = still or uncompared
+    if changed.only_levers:
+        # gain and time of the inputs are those of surfaces, in which an answer is linear
+        reason = reason or _LEVERS_ONLY
+    if reason:
+        return (*remarks, unprobed_remark(INPUTS_PROBE, reason))
+    surfaces = case.drive.level == "recorded"
+    return (
+        *remarks,
+        *compare_inputs(job.time, outputs, after, flight, surfaces=surfaces),
+    )
 
 
 def _linear_end(case: PomCase) -> float:
@@ -194,6 +246,7 @@ def _probe_tables(
     flight: Traces,
     fly: OwnFlight,
     *,
+    uncompared: str = "",
     on_wheels: bool = False,
 ) -> tuple[RowRemark, ...]:
     """Return the remarks on a model that answers by its tables.
@@ -217,8 +270,8 @@ def _probe_tables(
     if any(item.kind == "not_driven" for item in remarks):
         return remarks
     text = "driven by the inputs: the answer is that of the tables in the FMU"
-    if not flight:
-        return (RowRemark("probe", text),)
+    if uncompared:
+        return (RowRemark("probe", text), unprobed_remark(INPUTS_PROBE, uncompared))
     most = largest_input_effect(job.time, outputs, flight)
     if most < LEAST_EFFECT:
         text += (
@@ -226,10 +279,11 @@ def _probe_tables(
             f"{most:.2f} of the sizes of the probe, less than the {LEAST_EFFECT:g} that are named"
         )
         return (RowRemark("probe", text),)
+    reason = _LEVERS_ONLY if changed.only_levers else ""
     if not changed.moved:
-        return (RowRemark("probe", f"{text}; no control moves"),)
-    if changed.only_levers:
-        return (RowRemark("probe", f"{text}; only levers of engines move"),)
+        reason = _NO_CONTROL
+    if reason:
+        return (RowRemark("probe", text), unprobed_remark(INPUTS_PROBE, reason))
     surfaces = case.drive.level == "recorded"
     compared = compare_inputs(job.time, outputs, after, flight, surfaces=surfaces)
     return (RowRemark("probe", text), *compared)
@@ -241,13 +295,23 @@ def _measure_hidden(
     time: np.ndarray,
     known: tuple[RowRemark, ...],
 ) -> tuple[RowRemark, ...]:
-    """Return what the noise of channels shows that a case does not show, unless it is known."""
-    if any(item.kind == "not_driven" or item.quantity == "difference" for item in known):
-        return ()
+    """Return the remarks with those on the noise of channels that a case does not show.
+
+    A finding that is known is not repeated.  What the hidden channels show was not left out.
+    """
+    if any(item.kind == "not_driven" for item in known):
+        return known
+    if any(item.kind == "departure" and item.quantity == DIFFERENCE for item in known):
+        return known
     found = judge_scatter(scatter, outputs)
-    if all(item.kind == "probe" for item in found):
-        found = judge_difference(time, scatter, outputs)
-    return tuple(item for item in found if item.kind != "probe")
+    if all(item.kind != "not_driven" for item in found):
+        found += judge_difference(time, scatter, outputs)
+    made = {item.quantity for item in found if item.kind != UNPROBED}
+    kept = []
+    for item in known:
+        if item.kind != UNPROBED or item.quantity not in made:
+            kept.append(item)
+    return (*kept, *(item for item in found if item.kind not in ("probe", UNPROBED)))
 
 
 def is_on_wheels(outputs: Mapping[str, np.ndarray]) -> bool:
@@ -277,9 +341,9 @@ def tables_of(model: FmuModel) -> SimModel | None:
 
 def _failure_remarks(failure: str, *, closed: bool) -> tuple[RowRemark, ...]:
     """Return the remark on a probe that failed; `closed`: the aeroplane has a control law."""
-    text = f"not probed, the flight with changed inputs failed: {failure}"
+    text = f"{NOT_CHECKED}answer to changed inputs, the flight failed: {failure}"
     # An unstable aeroplane may not fly without its law.
-    kind = "probe" if closed else "departure"
+    kind = UNPROBED if closed else "departure"
     return (RowRemark(kind, text),)
 
 

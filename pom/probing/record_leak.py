@@ -8,7 +8,7 @@ window: file names do not show a copy.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,6 +19,9 @@ from flightmech.errors import AeromatchError
 from flightmech.flown_samples import (
     CHANNELS,
     FLOWN_SAMPLES,
+    LEAST_CHANNELS,
+    LEAST_OVERLAP,
+    SMOOTHED,
     SharedWindow,
     find_shared_windows,
     unpack_windows,
@@ -102,7 +105,7 @@ def find_leaks(case: PomCase, states: xr.Dataset, fmu: Path, sha256: str) -> tup
     -------
     tuple of RowRemark
         Of kind ``leak`` with every window, ``probe`` with the result of the check,
-        ``not_checked`` for an FMU of another program, or ``departure`` for tables from flight
+        ``not_checked`` for an FMU of another program and for a flight that is too short, or ``departure`` for tables from flight
         without their samples.
     """
     windows, unknown = _read_windows(fmu, sha256)
@@ -113,6 +116,10 @@ def find_leaks(case: PomCase, states: xr.Dataset, fmu: Path, sha256: str) -> tup
     channels = {name: states[name].values for name in CHANNELS if name in states}
     time = states["time"].values.astype(float)
     held = {name: np.asarray(item, float) for name, item in channels.items() if np.ndim(item)}
+    reason = _too_little_text(time, held)
+    if reason:
+        text = f"not checked: shared samples with the windows that identified the model ({reason})"
+        return (RowRemark("not_checked", text),)
     content = np.concatenate([time, *held.values()]).tobytes()
     shared = _compare(windows, tuple(held), content)
     if shared:
@@ -120,6 +127,18 @@ def find_leaks(case: PomCase, states: xr.Dataset, fmu: Path, sha256: str) -> tup
     count = len(unpack_windows(windows))
     text = f"no samples shared with the {count} windows that identified the model"
     return (RowRemark("probe", text),)
+
+
+def _too_little_text(time: np.ndarray, held: Mapping[str, np.ndarray]) -> str:
+    """Return why a flight is too short or has too few channels for a comparison; else empty."""
+    if len(held) < LEAST_CHANNELS:
+        return f"the flight has {len(held)} of {', '.join(CHANNELS)}, {LEAST_CHANNELS} are needed"
+    is_finite = np.isfinite([*held.values()]).all(axis=0)
+    duration = float(np.ptp(time[is_finite])) if is_finite.any() else 0.0
+    least = LEAST_OVERLAP + SMOOTHED
+    if duration < least:
+        return f"the window has {duration:.3g} s of it, {least:g} s are needed"
+    return ""
 
 
 def _leak_remark(case: PomCase, shared: Sequence[SharedWindow]) -> RowRemark:

@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from pom.judging.signals import traces_of
+from pom.status import UNPROBED, unprobed_remark
 from pom.tolerances.bands import RowRemark, unwrapped_difference
 from pom.tolerances.channels import quantity_words
 
@@ -47,6 +48,10 @@ Records smoothed over 0.24 s have -0.59 to 0.44 in 19 of 21 windows; phugoid and
 C182 have 0.64 and 0.67, since the noise of their records is slow itself.
 """
 LAG = 1.0  # [s]
+NOISE_PROBE = "the scatter of the answer against that of the record"
+DIFFERENCE_PROBE = "whether flight and model differ by more than noise"
+"""Names of the probes in the remarks that they were not made."""
+SCATTER, DIFFERENCE = "scatter", "difference"  # quantities of the remarks
 _CUT = 4.0  # medians of the scatter, so that steps of the inputs do not decide
 
 
@@ -91,7 +96,7 @@ def noise_of(differences: np.ndarray) -> np.ndarray | None:
 def measure_scatter(
     signals: xr.Dataset, run: str, scatter: RecordScatter | None = None
 ) -> tuple[RowRemark, ...]:
-    """Return the remark on the scatter of a model; empty if the record has no noise.
+    """Return the remarks on the scatter of a model, and on its difference from the flight.
 
     Parameters
     ----------
@@ -104,7 +109,8 @@ def measure_scatter(
     Returns
     -------
     tuple of RowRemark
-        Of kind ``probe``, or ``not_driven`` if the scatter is that of the record.
+        Of kind ``probe``, ``not_driven`` if the scatter is that of the record, ``departure`` for a
+        difference of noise alone, or ``not_probed`` if the record has too little noise.
     """
     scatter = scatter or RecordScatter(traces_of(signals, "flight"))
     model = traces_of(signals, run)
@@ -136,7 +142,8 @@ def judge_scatter(scatter: RecordScatter, model: Mapping[str, np.ndarray]) -> tu
         ratios[name] = float(answer.std() / recorded.std())
         correlations[name] = float(np.corrcoef(recorded, answer)[0, 1])
     if len(ratios) < LEAST_CHANNELS:
-        return ()
+        reason = f"noise in {len(ratios)} channels of the record, {LEAST_CHANNELS} are needed"
+        return (unprobed_remark(NOISE_PROBE, reason, SCATTER),)
     ratio = float(np.median([*ratios.values()]))
     correlation = float(np.median([*correlations.values()]))
     text = (
@@ -146,9 +153,9 @@ def judge_scatter(scatter: RecordScatter, model: Mapping[str, np.ndarray]) -> tu
     values = {"ratio": ratio, "correlation": correlation}
     # An input with noise, such as a recorded thrust, leaves a trace of it in an honest answer.
     if correlation < COPIED or ratio < _TRACE:
-        return (RowRemark("probe", text, values=values, unit="1"),)
+        return (RowRemark("probe", text, SCATTER, values=values, unit="1"),)
     reason = f"not driven by the inputs: {text}; the answer holds the noise of the record"
-    return (RowRemark("not_driven", reason, values=values, unit="1"),)
+    return (RowRemark("not_driven", reason, SCATTER, values=values, unit="1"),)
 
 
 def noise_of_inputs(remarks: Iterable[RowRemark]) -> tuple[RowRemark, ...]:
@@ -159,6 +166,9 @@ def noise_of_inputs(remarks: Iterable[RowRemark]) -> tuple[RowRemark, ...]:
     """
     explained = []
     for remark in remarks:
+        # what the noise would not have shown is no gap
+        if remark.kind == UNPROBED and remark.quantity in (SCATTER, DIFFERENCE):
+            continue
         if remark.kind == "not_driven" and "correlation" in remark.values:
             text = remark.text.removeprefix("not driven by the inputs: ").partition(";")[0]
             text += "; the answer is that of the tables in the FMU, so its noise is of the inputs"
@@ -190,12 +200,13 @@ def judge_difference(
     Returns
     -------
     tuple of RowRemark
-        Of kind ``probe`` or ``departure``; empty if fewer than `LEAST_CHANNELS` channels of the
-        record hold noise.
+        Of kind ``probe`` or ``departure``, or ``not_probed`` if fewer than `LEAST_CHANNELS`
+        channels of the record hold noise and move.
     """
     count = round(LAG / float(np.median(np.diff(time)))) if time.size > LEAST_SAMPLES else 0
     if not 0 < count < time.size // 2:
-        return ()
+        reason = f"the window has less than {2.0 * LAG:g} s or {LEAST_SAMPLES} samples"
+        return (unprobed_remark(DIFFERENCE_PROBE, reason, DIFFERENCE),)
     flight = scatter.flight
     correlations = {}
     for name in DRIFTING:
@@ -212,19 +223,23 @@ def judge_difference(
         covariance = float(np.mean(difference[count:] * difference[:-count]))
         correlations[name] = covariance / float(np.var(difference))
     if len(correlations) < LEAST_CHANNELS:
-        return ()
+        reason = (
+            f"{len(correlations)} of {len(DRIFTING)} channels of attitude and speed hold noise and "
+            f"move, {LEAST_CHANNELS} are needed"
+        )
+        return (unprobed_remark(DIFFERENCE_PROBE, reason, DIFFERENCE),)
     largest = max(correlations.values())
     listed = ", ".join(
         f"{quantity_words(name)} {value:.2f}" for name, value in correlations.items()
     )
     text = f"difference of flight and model over {LAG:g} s correlated by {listed}"
     if largest >= DRIFTS:
-        return (RowRemark("probe", text, values=correlations, unit="1"),)
+        return (RowRemark("probe", text, DIFFERENCE, values=correlations, unit="1"),)
     reason = (
         f"departure: {text}: nothing but the noise of the record, which no simulation leaves. "
         f"Check whether the answer was made from the record, or the record by the model"
     )
-    return (RowRemark("departure", reason, "difference", values=correlations, unit="1"),)
+    return (RowRemark("departure", reason, DIFFERENCE, values=correlations, unit="1"),)
 
 
 def is_noisy(trace: np.ndarray) -> bool:

@@ -22,9 +22,11 @@ from pom.fmu.simulate import fly_job
 from pom.judging.air_checks import AIR, SPEED
 from pom.judging.verdict import judge_criterion
 from pom.result import PomResult
+from pom.status import unprobed_remark
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import plain_words
 
+_PROBE = "the effect of the temperature"
 MATTERS = 0.25
 """Share of a tolerance that a doubtful temperature moves, from which on it is a departure.
 
@@ -101,8 +103,7 @@ def weigh_temperature(
         return (RowRemark("probe", text, AIR),)
     changed = supposed_air(job, doubt)
     if changed is None:
-        text = "not checked: the effect of the temperature (the record sets no air of the model)"
-        return (RowRemark("probe", text, AIR),)
+        return (unprobed_remark(_PROBE, "the record sets no air of the model", AIR),)
     names = [name for name in outputs if name in model.links.outputs]
     after, failure = fly_job(model, changed, names, timeout=timeout, store=store)
     error = doubt.values["error"]
@@ -117,8 +118,7 @@ def weigh_temperature(
         if math.isfinite(outcome.worst_ratio):
             effects[criterion.name] = outcome.worst_ratio
     if not effects:
-        text = "not checked: the effect of the temperature (no row has a number)"
-        return (RowRemark("probe", text, AIR),)
+        return (unprobed_remark(_PROBE, "no row has a number", AIR),)
     worst = max(effects, key=lambda name: effects[name])
     text = (
         f"air {-error:+.0f} K off the record moves the answer by {effects[worst]:.2f} tolerances "

@@ -19,6 +19,7 @@ from pom.cases.job import ReplayJob
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_criterion
 from pom.result import PomResult
+from pom.status import unprobed_remark
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import plain_words
 
@@ -86,8 +87,8 @@ def weigh_wind(
         text += "on the wind: state how it was measured"
         return (RowRemark("departure", text, QUANTITY, values=ratios, unit="1"),)
     if not ratios:
-        text = f"not checked: the effect of the wind, no row has a number; {wind}"
-        return (RowRemark("probe", text, QUANTITY),)
+        reason = f"no row has a number; {wind}"
+        return (unprobed_remark("the effect of the wind", reason, QUANTITY),)
     worst = max(ratios, key=ratios.__getitem__)
     text = f"{wind}; in its mean {plain_words(worst)} is at {ratios[worst]:.2f} of its tolerance"
     return (RowRemark("probe", text, QUANTITY, values=ratios, unit="1"),)

@@ -29,7 +29,7 @@ from pom.replaying.recordings.recording_sizes import size_remarks
 from pom.replaying.replay_channels import judged_channels, sampled_channels
 from pom.replaying.result_assembly import assemble_result
 from pom.result import PomResult, make_verdict_table
-from pom.status import PASSED
+from pom.status import PASSED, unprobed_remark
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import output_of, plain_words
 
@@ -250,8 +250,12 @@ def add_recorded_runs(
     found: dict[str, tuple[RowRemark, ...]] = {}
     for name, run in recorded.runs.items():
         # a device cannot fly again, but its answer does not hold the noise of the record either
-        if run.has_inputs and joined.status(name) in PASSED and joined.case.reference == "flight":
-            found[name] = measure_scatter(joined.signals, name)
+        if not run.has_inputs or joined.status(name) not in PASSED:
+            continue
+        unmade = "the answer to changed inputs, mass, and effects of wind and temperature"
+        found[name] = (unprobed_remark(unmade, "a recording does not fly again"),)
+        if joined.case.reference == "flight":
+            found[name] += measure_scatter(joined.signals, name)
     for name, master in recorded.masters.items():
         if name in joined.runs:
             found[name] = (*found.get(name, ()), *recurrent_remarks(joined, name, master))

@@ -25,6 +25,7 @@ from pom.cases.job import ReplayJob
 from pom.fmu.models import FmuModel
 from pom.probing.input_probe import SIZES
 from pom.replaying.kernel_replay import fly_once
+from pom.status import unprobed_remark
 from pom.tolerances.bands import RowRemark, unwrapped_difference
 from pom.tolerances.channels import quantity_words
 
@@ -36,6 +37,7 @@ The FMUs of the T-37 and the C182 agree to rounding, 1e-13.
 
 Traces = Mapping[str, np.ndarray]
 
+_PROBE = "the answer against that of the tables in the FMU"
 _DIFFERS = "the answer differs from that of the tables in the FMU by "
 _UNALTERED = "program and description of the FMU are those of this installation, byte by byte"
 
@@ -82,8 +84,7 @@ def compare_tables(model: SimModel, job: ReplayJob, outputs: Traces) -> tuple[Ro
         Of the FMU in this job. [SI]
     """
     if job.law is not None:
-        text = "answer not compared with the tables of the FMU: a control law drives the model"
-        return (RowRemark("probe", text),)
+        return (unprobed_remark(_PROBE, "a control law drives the model"),)
     own, failure = fly_once(model, job, [name for name in SIZES if name in outputs])
     if failure:
         text = f"answer not compared with the tables of the FMU: their flight failed: {failure}"
@@ -94,7 +95,7 @@ def compare_tables(model: SimModel, job: ReplayJob, outputs: Traces) -> tuple[Ro
         if np.isfinite(difference).all():
             sizes[name] = rms(difference) / SIZES[name]
     if not sizes:
-        return ()
+        return (unprobed_remark(_PROBE, "no motion without gaps among the outputs of the model"),)
     worst = max(sizes, key=lambda name: sizes[name])
     size = value_text(worst, sizes[worst] * SIZES[worst], ".2g")
     text = f"{_DIFFERS}{size} rms ({quantity_words(worst)})"

@@ -20,6 +20,7 @@ from pom.result_notices import (
     run_notices,
     spread_notice,
     trim_remarks,
+    unprobed_text,
 )
 from pom.status import status_text
 
@@ -113,6 +114,8 @@ def result_lines(result: PomResult, verbose: bool = False) -> list[str]:
         # a failed case needs no notices to be looked at
         if result.status(run) != "fail" or verbose:
             lines += [f"{indent}notice {text}" for text in run_notices(result, run)]
+            if text := unprobed_text(result, run):
+                lines.append(f"{indent}{text}")
         else:
             # but a wrong window, or the recording of another run, may be why it fails
             lines += [f"{indent}notice {text}" for text in input_notices(result, run)]

@@ -95,8 +95,8 @@ def test_a_change_of_any_file_of_the_program_is_seen(tmp_path, sim):
 def test_a_control_law_is_stated_as_not_compared(sim, job):
     law = replace(job, law=LawInputs((), {}, {}))
     (remark,) = compare_tables(sim, law, {})
-    assert remark.kind == "probe"
-    assert "not compared" in remark.text
+    assert remark.kind == "not_probed"
+    assert "against that of the tables in the FMU" in remark.text
 
 
 def case_of(tmp_path, aircraft):
@@ -106,7 +106,9 @@ def case_of(tmp_path, aircraft):
 
 def test_the_aircraft_of_the_model_is_no_departure(tmp_path, sim, job, trainer):
     assert compare_aircraft(case_of(tmp_path, trainer.AIRCRAFT), sim, job) == ()
-    assert compare_aircraft(SimpleNamespace(aircraft=""), sim, job) == ()
+    (remark,) = compare_aircraft(SimpleNamespace(aircraft=""), sim, job)
+    assert remark.kind == "not_probed"
+    assert "names no aircraft file" in remark.text
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ from pom.probing.scatter_probe import (
     noise_of_inputs,
 )
 from pom.replaying.table_agreement import shows_own_tables
+from pom.status import unprobed_remark
 from pom.tolerances.bands import RowRemark
 
 STEP = 0.02  # [s]
@@ -113,7 +114,11 @@ def test_a_model_that_knows_the_inputs_of_the_record_is_named():
     (remark,) = judge_jump(flight, near, after)
     assert remark.kind == "not_driven"
     assert min(remark.values.values()) > 0.5
-    assert judge_jump(short_period(1.3 * elevator()), near, after) == ()
+    (remark,) = judge_jump(short_period(1.3 * elevator()), near, after)
+    assert remark.kind == "probe"
+    assert "up to 0.01 of" in remark.text
+    (remark,) = judge_jump(flight, flight, flight)
+    assert remark.kind == "not_probed"
 
 
 def late_remarks(fly):
@@ -135,18 +140,28 @@ def test_a_correction_that_is_stored_over_time_is_named():
     assert remark.kind == "departure"
     assert f"inputs {LATE:g} s late" in remark.text
     assert "body pitch rate" in remark.text
-    assert late_remarks(short_period) == ()
+    (remark,) = late_remarks(short_period)
+    assert remark.kind == "probe"
+    assert "the same 2 s later" in remark.text
 
 
-def test_an_answer_that_moves_before_its_inputs_is_not_compared_with_late_ones():
+def test_why_an_answer_is_not_compared_with_late_inputs_is_stated():
     drift = np.radians(1.0) * TIME
 
     def unsteady(delta_e):
         return {**short_period(delta_e), "theta": short_period(delta_e)["theta"] + drift**2}
 
-    assert late_remarks(lambda d: {**unsteady(d), "phi": drift}) == ()
+    (remark,) = late_remarks(lambda d: {**unsteady(d), "phi": drift})
+    assert remark.kind == "not_probed"
+    # 1 deg/s in 1.7 s of rest, for 2 s
+    assert "not steady: bank angle changes by 2 deg in 2 s" in remark.text
     # a turn goes on
-    assert late_remarks(lambda d: {**short_period(d), "psi": drift % (2.0 * np.pi)}) == ()
+    (remark,) = late_remarks(lambda d: {**short_period(d), "psi": drift % (2.0 * np.pi)})
+    assert remark.kind == "probe"
+    (remark,) = late_remarks(lambda d: {"q": np.full(TIME.size, np.nan)})
+    assert "no motion without gaps" in remark.text
+    (remark,) = judge_late(TIME[:90], {"q": TIME[:90]}, {"q": TIME[:90]}, 1.0)
+    assert "not longer than 2 s" in remark.text
 
 
 def test_shares_of_a_stall_are_those_before_its_warning():
@@ -201,8 +216,7 @@ def test_on_its_wheels_only_an_answer_that_stays_is_named():
     (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved_at=0.0)
     assert remark.kind == "not_driven"
     (remark,) = judge_input_change(TIME, before, slower, {"V"}, moved_at=0.0, on_wheels=True)
-    assert remark.kind == "probe"
-    assert "not checked" in remark.text
+    assert remark.kind == "not_probed"
     (remark,) = judge_input_change(TIME, before, before, {"V"}, moved_at=0.0, on_wheels=True)
     assert remark.kind == "not_driven"
 
@@ -234,7 +248,9 @@ def test_the_noise_of_the_record_in_an_answer_is_named():
     assert remark.values["correlation"] > 0.9
     assert remark.kind == "probe"
     # a record without noise, such as that of a simulator, shows nothing
-    assert judge_scatter(RecordScatter(truth), truth) == ()
+    (remark,) = judge_scatter(RecordScatter(truth), truth)
+    assert remark.kind == "not_probed"
+    assert "noise in 0 channels" in remark.text
 
 
 def test_a_difference_that_is_only_noise_is_a_departure():
@@ -253,14 +269,16 @@ def test_a_difference_that_is_only_noise_is_a_departure():
     assert remark.kind == "probe"
     # a record without noise shows nothing
     sine = RecordScatter(dict.fromkeys(names, np.sin(TIME)))
-    assert judge_difference(TIME, sine, honest) == ()
+    assert [item.kind for item in judge_difference(TIME, sine, honest)] == ["not_probed"]
     # nor does a flight without motion, of which an honest model leaves the noise alone
     rest = {name: flight[name] - truth["theta"] for name in names}
     still = dict.fromkeys(names, np.zeros(TIME.size))
-    assert judge_difference(TIME, RecordScatter(rest), still) == ()
+    (remark,) = judge_difference(TIME, RecordScatter(rest), still)
+    assert "0 of 4 channels of attitude and speed hold noise and move" in remark.text
     # nor does a window below twice the lag
     short = {name: values[:60] for name, values in flight.items()}
-    assert judge_difference(TIME[:60], RecordScatter(short), short) == ()
+    (remark,) = judge_difference(TIME[:60], RecordScatter(short), short)
+    assert "the window has less than 2 s" in remark.text
 
 
 def smoothed(values):
@@ -300,8 +318,7 @@ def test_a_reversed_sign_is_named_and_a_size_of_no_pick_up_is_not():
     assert remark.kind == "departure"
     assert remark.values["gain"] == pytest.approx(-1.0, abs=0.01)
     remark = compare(-19.0 * elevator())
-    assert remark.kind == "probe"
-    assert "not checked" in remark.text
+    assert remark.kind == "not_probed"
 
 
 def test_a_delay_is_measured():
@@ -384,7 +401,10 @@ def test_channels_that_a_case_does_not_show_are_probed_once():
     (remark,) = _measure_hidden(RecordScatter(flight), copy, TIME, ())
     assert remark.kind == "departure"
     # what the shown channels have shown is not stated again
-    assert _measure_hidden(RecordScatter(flight), copy, TIME, (remark,)) == ()
+    assert _measure_hidden(RecordScatter(flight), copy, TIME, (remark,)) == (remark,)
+    # what they have not shown, for want of channels, was looked at here
+    unmade = unprobed_remark("noise", "no channel", "difference")
+    assert _measure_hidden(RecordScatter(flight), copy, TIME, (unmade,)) == (remark,)
     honest = dict.fromkeys(names, 0.97 * truth)
     honest["psi"] = truth + np.radians(0.02) * TIME
     assert _measure_hidden(RecordScatter(flight), honest, TIME, ()) == ()
@@ -436,8 +456,9 @@ def test_a_model_that_answers_by_its_tables_flies_once():
 
     case = SimpleNamespace(drive=SimpleNamespace(level="recorded"))
     job, outputs = job_of(delta_e=elevator()), short_period(elevator())
-    (remark,) = _probe_tables(case, job, outputs, {}, fly)
-    assert remark.kind == "probe"
+    remark, unmade = _probe_tables(case, job, outputs, {}, fly, uncompared="a wheel")
+    assert (remark.kind, unmade.kind) == ("probe", "not_probed")
+    assert unmade.text == "not checked: size and time of the inputs (a wheel)"
     near = short_period(1.001 * elevator())
     (remark,) = _probe_tables(case, job, outputs, near, fly)
     assert "less than the 0.25 that are named" in remark.text
@@ -462,8 +483,8 @@ def test_power_of_a_lever_is_not_linear():
     assert changed.only_levers
     before, after = {"V": 50.0 - 2.0 * TIME}, {"V": 50.0 - 1.99 * TIME}
     (remark,) = judge_input_change(TIME, before, after, {"V"}, moved_at=1.0, uncompared="levers")
-    assert remark.kind == "probe"
-    assert remark.text == "not checked: levers"
+    assert remark.kind == "not_probed"
+    assert "(levers)" in remark.text
     (remark,) = judge_input_change(TIME, before, before, {"V"}, moved_at=1.0, uncompared="levers")
     assert remark.kind == "not_driven"
     both = {"delta_e": elevator(), "engine1.throttle": lever}

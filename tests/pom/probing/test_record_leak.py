@@ -58,6 +58,19 @@ def test_another_flight_is_not(remark):
 
 
 @pytest.mark.parametrize(
+    ("states", "words"),
+    [
+        (flight(1).isel(time=slice(100, 350)), "has 4.98 s of it, 5.4 s are needed"),
+        (flight(1)[["p", "q"]], "has 2 of p, q, r, nz, 3 are needed"),
+    ],
+)
+def test_a_flight_that_cannot_be_compared_is_not_called_another_one(remark, states, words):
+    found = remark(states, {FLOWN_SAMPLES: windows_of(flight(1))})
+    assert found.kind == "not_checked"
+    assert words in found.text
+
+
+@pytest.mark.parametrize(
     ("attributes", "kind", "words"),
     [
         (None, "not_checked", "not compared"),

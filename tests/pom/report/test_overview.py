@@ -12,6 +12,8 @@ from pom.report.overview import absent_terms
 from pom.report.presentation.verdict_text import criterion_words
 from pom.report.submodels.sections import chapter_title
 from pom.result import make_verdict_table
+from pom.result_notices import unprobed_text
+from pom.status import unprobed_remark
 from pom.tolerances.bands import RowRemark
 
 
@@ -50,3 +52,17 @@ def test_the_index_counts_conditions_that_are_not_checked():
     for row in outcome_rows(result, run_line_classes(result.runs)):
         assert row["unchecked"] == "2 conditions not checked"
         assert np.isin(texts, row["notices"]).all()
+
+
+def test_the_index_counts_probes_that_were_not_made_and_the_terminal_states_why():
+    result = fixture.roll_result()
+    reasons = (("late inputs", "a wheel (nose)"), ("mass", "no tables"), ("jump", "a wheel (nose)"))
+    more = tuple(unprobed_remark(*pair) for pair in reasons)
+    rows = [{**row, "remarks": (*row["remarks"], *more)} for row in result.rows]
+    result = replace(result, verdict=make_verdict_table(rows))
+    assert (
+        outcome_rows(result, run_line_classes(result.runs))[0]["unchecked"]
+        == "3 probes not checked"
+    )
+    line = "not checked: late inputs, jump (a wheel (nose)); mass (no tables)"
+    assert unprobed_text(result, result.runs[0]) == line
