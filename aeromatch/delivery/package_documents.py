@@ -55,6 +55,8 @@ def readme_text(folder: Path, manifest: Mapping[str, Any], results: Sequence[Pom
     keys = [result.case.name for result in results]
     facts = {
         **manifest,
+        # the manifest that `compare_documents` reads has sorted keys
+        "refused": dict(sorted(manifest["refused"].items())),
         "results": rows,
         "departures": departure_table(keys, results),
         "notices": _notice_lines(results),

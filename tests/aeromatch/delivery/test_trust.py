@@ -19,9 +19,11 @@ from cryptography.hazmat.primitives.asymmetric.ec import SECP256R1, generate_pri
 from aerodb.exchange.jsbsim.written_elements import keep_written_elements
 from aeromatch.cli.delivery import package
 from aeromatch.delivery import flown_checks, package_opening
+from aeromatch.delivery.contents import manifest_text
 from aeromatch.delivery.flown_checks import OUTPUTS
 from aeromatch.delivery.fmu_flight import fly_cases_by_fmu, foreign_library
 from aeromatch.delivery.foreign_flight import fly_in_child
+from aeromatch.delivery.package_documents import readme_text
 from aeromatch.delivery.package_files import (
     PackageCheck,
     check_hashes,
@@ -388,3 +390,18 @@ def test_elements_of_jsbsim_that_act_are_removed():
     # the element of the same name inside of a channel is kept
     assert root.find(".//aerosurface_scale/output").text == "b"
     assert keep_written_elements(root) == []
+
+
+def test_a_readme_follows_from_a_manifest_that_was_read(tmp_path):
+    facts = {
+        "title": "T",
+        "revision": "",
+        "version": "0.1.0",
+        "platforms": ["linux64"],
+        # the order in which the files are made
+        "refused": {"database/final_jsbsim.xml": "a reason", "check_cases/flown": "another one"},
+    }
+    read = json.loads(manifest_text(tmp_path, facts))
+    text = readme_text(tmp_path, facts, [])
+    assert text.count("a reason") == text.count("another one") == 1
+    assert readme_text(tmp_path, read, []) == text
