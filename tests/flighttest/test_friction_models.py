@@ -117,6 +117,24 @@ def test_a_likely_model_is_searched_from_several_starts(monkeypatch):
     assert begins[-1][1].values["mass"] == pytest.approx(11.0)
 
 
+def test_a_preload_is_searched_from_a_wide_and_a_narrow_travel(monkeypatch):
+    """Costs of pedals of the T-37: with one start, friction over a travel would be given up."""
+
+    def search(*given: Any) -> CircuitFit:
+        width, begin = given[5], given[7]
+        cost = {FRICTION_RATE: 560.0, BRISTLE_TRAVEL: 585.0}[width]
+        if width == BRISTLE_TRAVEL and begin.preload_width > WIDE:
+            cost = 526.0
+        return fit_of(width, 5.0, cost)
+
+    monkeypatch.setattr(friction_models, "fit_circuit", search)
+    nothing: Any = ()
+    start = {"friction": 1.0, "preload": 1.0}
+    choice = friction_models.fit_friction_models(nothing, (), (), start, {})
+    assert choice.fit.maximum.cost == 526.0
+    assert choice.weights[BRISTLE_TRAVEL] > 0.99
+
+
 @pytest.mark.parametrize(("widened", "is_open"), [(1.5, True), (1.01, False)])
 def test_a_choice_that_widens_a_standard_error_is_remarked(widened, is_open):
     fit = ResponseFit(

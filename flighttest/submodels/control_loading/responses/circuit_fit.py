@@ -148,11 +148,14 @@ class CircuitStart(NamedTuple):
     ----------
     width : float
         First width of friction over the largest rate or the range of the travel.
+    preload_width : float
+        First width of the preload over the range of the travel.
     values : mapping of str to float
         Unknowns that do not begin at the regressions, starts of windows among them.
     """
 
     width: float = WIDE
+    preload_width: float = WIDE
     values: Mapping[str, float] = MappingProxyType({})
 
     @classmethod
@@ -205,6 +208,8 @@ def fit_circuit(
         if name in values:
             first[k] = values[name]
     first[layout.names.index(width)] += np.log(begin.width / WIDE)
+    if PRELOAD_TRAVEL in layout.names:
+        first[layout.names.index(PRELOAD_TRAVEL)] += np.log(begin.preload_width / WIDE)
     first = np.clip(first, layout.low, layout.high)
     likelihood = CircuitLikelihood(loading, windows, rows, layout, start)
     maximum = maximise_kinked(likelihood, _ITERATIONS, first, beyond)

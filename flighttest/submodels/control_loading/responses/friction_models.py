@@ -46,8 +46,8 @@ from flighttest.submodels.control_loading.responses.window_response import (
 _HOPELESS = 20.0
 # Difference of two costs up to which another maximum of the same model counts. [nats]
 _NEARLY = 5.0
-# First width of a second search over that of the first one.
-_NARROW = 0.1
+# First widths of further searches over those of the first one: of friction, and of the preload.
+_NARROW, _SOFT = 0.1, 10.0
 # Largest difference of two ends, in standard errors, that are one maximum.
 _SAME = 1e-3
 
@@ -111,45 +111,78 @@ def fit_friction_models(
     records = _CircuitArguments(loading, windows, rows, start, prior)
     if "friction" not in start:
         return join_models({FRICTION_RATE: [fit_circuit(*records)]})
+    # A wide preload and a narrow one lead to different maxima.
+    first = [CircuitStart()]
+    if "preload" in start:
+        first.append(CircuitStart(preload_width=_SOFT * WIDE))
     # Where a control begins to slide, the likelihood of bristles has kinks whose places are known,
     # that of friction by the rate has sharp bends. The search with bristles comes first.
     # The other one is not searched to its end if it is hopeless: its weight would be zero.
-    fits = {}
+    ends: dict[str, list[CircuitFit]] = {}
     limit = np.inf
     # If only one of the models cannot be searched, it does not explain these records.
     with suppress(IdentificationError):
-        fits[BRISTLE_TRAVEL] = fit_circuit(*records, BRISTLE_TRAVEL)
-        limit = fits[BRISTLE_TRAVEL].maximum.cost + _HOPELESS
+        ends[BRISTLE_TRAVEL] = _search_from(first, records, BRISTLE_TRAVEL)
+        limit = _least_cost(ends[BRISTLE_TRAVEL]) + _HOPELESS
     try:
-        fits[FRICTION_RATE] = fit_circuit(*records, FRICTION_RATE, limit)
+        ends[FRICTION_RATE] = _search_from(first, records, FRICTION_RATE, limit)
     except IdentificationError:
-        if not fits:
+        if not ends:
             raise
-    return join_models(_search_again(records, fits))
+    return join_models(_search_again(records, ends))
+
+
+def _search_from(
+    starts: Sequence[CircuitStart],
+    records: _CircuitArguments,
+    width: str,
+    limit: float = np.inf,
+    known: Sequence[CircuitFit] = (),
+) -> list[CircuitFit]:
+    """Return the known ends of one model, and those of searches from several starts.
+
+    A search that comes near neither the best end nor the limit ends early.
+
+    Raises
+    ------
+    IdentificationError
+        From no start the records can be simulated, and no end is known.
+    """
+    ends = list(known)
+    for begin in starts:
+        beyond = min(limit, _least_cost(ends) + _NEARLY)
+        try:
+            ends.append(fit_circuit(*records, width, beyond, begin))
+        except IdentificationError:
+            if not ends and begin is starts[-1]:
+                raise
+    return ends
+
+
+def _least_cost(ends: Sequence[CircuitFit]) -> float:
+    return min((end.maximum.cost for end in ends), default=np.inf)
 
 
 def _search_again(
-    records: _CircuitArguments, fits: Mapping[str, CircuitFit]
+    records: _CircuitArguments, ends: Mapping[str, Sequence[CircuitFit]]
 ) -> dict[str, list[CircuitFit]]:
     """Return all ends of searches by the name of their width.
 
-    A model that may become the likelier one is searched again: from a narrow width, and from the
-    end of the other model.
+    A model that may become the likelier one is searched again: from a narrow width of friction, and
+    from the best end of the other model.
     """
-    least = min(fit.maximum.cost for fit in fits.values())
-    ends = {}
-    for width, fit in fits.items():
-        ends[width] = [fit]
-        if fit.maximum.cost > least + _HOPELESS:
+    least = min(_least_cost(found) for found in ends.values())
+    all_ends = {}
+    for width, found in ends.items():
+        all_ends[width] = list(found)
+        if _least_cost(found) > least + _HOPELESS:
             continue
         starts = [CircuitStart(_NARROW * WIDE)]
-        starts += [CircuitStart.at(other) for name, other in fits.items() if name != width]
-        for begin in starts:
-            limit = min(end.maximum.cost for end in ends[width]) + _NEARLY
-            # A start from which the records cannot be simulated leads nowhere.
-            with suppress(IdentificationError):
-                ends[width].append(fit_circuit(*records, width, limit, begin))
-    return ends
+        for name, others in ends.items():
+            if name != width:
+                starts.append(CircuitStart.at(min(others, key=lambda end: end.maximum.cost)))
+        all_ends[width] = _search_from(starts, records, width, known=found)
+    return all_ends
 
 
 def join_models(ends: Mapping[str, Sequence[CircuitFit]]) -> FrictionChoice:

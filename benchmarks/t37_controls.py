@@ -1,0 +1,223 @@
+"""Control loading of the T-37 identified from programmes of other seeds: shares within two
+standard errors of the truth.
+
+    python benchmarks/t37_controls.py PROGRAMMES [--seeds 201 202] [--items column wheel pedal]
+
+PROGRAMMES/SEED holds the recordings of runs 41 to 46, PROGRAMMES/SEED.json their truth, made by
+
+    python ../shared/tools/t37_control_forces.py --out PROGRAMMES/SEED --errors PROGRAMMES/SEED.json
+        --seed SEED --only 41,42,43,44,45,46
+
+Each seed draws the constants of all circuits within a quarter of a guess, errors of all instruments
+and noise. The recordings are reconstructed as in the demo (at 50 samples per second, which are those
+of the cockpit), kept in PROGRAMMES/SEED/paths, and identified with the circuits of the aircraft
+file as priors of a quarter of their values. Wind, motion of the aeroplane and hand are those of
+JSBSim flown through the circuits. Friction builds up over a travel.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from click.testing import CliRunner
+
+import flightmech
+import flighttest
+from aeromatch.cli.command import cli
+from flightmech.units import G0
+from flighttest.cli.actions.submodels.controls import ControlMotions
+from flighttest.records.sensors.instruments import pick_up_errors
+from flighttest.submodels.control_loading.loading import loading_of
+
+ROOT = Path(__file__).parents[1]
+T37 = ROOT / "data/t37"
+# Hinge moment, constants of the force (none: those of the control), arm of the ailerons [m]: those
+# of data/t37/aeromatch.toml.
+MODELS = {
+    "column": (
+        "Ch_e = 1 + alpha + delta_e + delta_e**3 + delta_t",
+        ("offset", "bob_weight", "friction", "damping", "mass"),
+        0.0,
+    ),
+    "wheel": ("Ch_a = 1 + alpha + delta_a + delta_a**3", (), 3.6),
+    "pedal": ("Ch_r = 1 + beta + delta_r + delta_r**3", (), 0.0),
+}
+# Names in the truth of the constants of a result.
+CONSTANTS = {
+    "preload": "preload",
+    "nose_spring": "nose_wheel",
+    "friction": "R",
+    "damping": "W",
+    "mass": "m",
+    "cable_stiffness": "K",
+    "cable_damping": "D",
+    "inertia": "J",
+    "hinge_damping": "w",
+    "hinge_friction": "r",
+}
+TERMS = {
+    "1": "Ch_0",
+    "alpha": "Ch_alpha",
+    "beta": "Ch_alpha",
+    "delta_t": "Ch_tab",
+}
+# Both ends: constant of the surface, and power of the gearing that reduces it to the hand.
+SUMS = {"friction": ("hinge_friction", 1), "damping": ("hinge_damping", 2), "mass": ("inertia", 2)}
+
+
+def perform(*words: str) -> str:
+    """Return what a verb prints on stdout."""
+    done = CliRunner().invoke(cli, list(words))
+    if done.exit_code not in (0, 1) or not done.stdout:
+        raise RuntimeError(f"{' '.join(words)}: {done.output[-800:]} {done.exception!r}")
+    return done.stdout
+
+
+def reconstruct(folder: Path) -> list[str]:
+    """Return the reconstructed paths of a programme; missing ones are made."""
+    paths = folder / "paths"
+    paths.mkdir(exist_ok=True)
+    files = []
+    for record in sorted(folder.glob("*.nc")):
+        file = paths / record.name
+        files.append(str(file))
+        if not file.exists():
+            begin = time.process_time()
+            names = ["--aircraft", f"{T37}/aircraft.toml", "--names", f"{T37}/names.toml"]
+            perform("flight", "reconstruct", str(record), *names, "-j", "1", "-o", str(file))
+            print(f"{record.name}: {time.process_time() - begin:.0f} s", flush=True)
+    return files
+
+
+def identify(folder: Path, paths: list[str], item: str) -> flighttest.IdentifiedLoading:
+    """Return the control loading of one control."""
+    aircraft = flightmech.read_aircraft(T37 / "aircraft.toml")
+    free = (f"force_{item}", f"release_{item}")
+    driven, quick = ControlMotions(tuple(paths), (), str(folder), free).read()
+    model, constants, arm = MODELS[item]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return flighttest.identify_control_loading(
+            loading_of(aircraft, item, model, constants, arm),
+            driven,
+            quick,
+            errors=pick_up_errors(aircraft.instruments),
+            drawings=aircraft.circuits[item],
+        )
+
+
+def true_values(circuit: dict[str, Any], names: list[str]) -> dict[str, float]:
+    """Return the true constants and terms of these names, and sums of both ends."""
+    G = circuit["G"]
+    bob = circuit["bob"] - G * circuit["unbalance"]
+    known = {"bob_weight": bob, "offset": bob * G0}
+    values = {}
+    for name in names:
+        term = name.partition(": ")[2]
+        if name in known:
+            values[name] = known[name]
+        elif name in CONSTANTS:
+            values[name] = circuit[CONSTANTS[name]]
+        elif term in TERMS:
+            values[name] = circuit[TERMS[term]]
+        else:
+            values[name] = circuit["Ch_cubic" if term.endswith("**3") else "Ch_delta"]
+    for name, (aft, power) in SUMS.items():
+        values[f"{name}, both ends"] = values[name] + abs(G) ** power * values[aft]
+    return values
+
+
+def standard_errors_off(
+    found: flighttest.IdentifiedLoading, true: dict[str, float]
+) -> dict[str, tuple[float, float]]:
+    """Return error over standard error, and relative error, of every constant."""
+    result = {}
+    for name, value in true.items():
+        short, _, both = name.partition(", ")
+        estimate, stderr = found.total(short) if both else found.value(name)
+        relative = (estimate - value) / abs(value) if value else math.nan
+        result[name] = ((estimate - value) / stderr, relative)
+    return result
+
+
+def main() -> None:
+    """Print the shares of every constant."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("programmes", type=Path)
+    parser.add_argument("--seeds", nargs="+", default=[])
+    parser.add_argument("--items", nargs="+", choices=MODELS, default=list(MODELS))
+    given = parser.parse_args()
+    seeds = given.seeds or sorted(file.stem for file in given.programmes.glob("*.json"))
+    by_name: dict[str, list[tuple[float, float]]] = {}
+    for seed in seeds:
+        truth = json.loads((given.programmes / f"{seed}.json").read_text(encoding="utf-8"))
+        folder = given.programmes / seed
+        paths = reconstruct(folder)
+        for item in given.items:
+            begin = time.process_time()
+            found = identify(folder, paths, item)
+            names = [str(name) for name in found.estimates["term"].values]
+            true = true_values(truth["control_system"][item], names)
+            errors = standard_errors_off(found, true)
+            for name, pair in errors.items():
+                by_name.setdefault(f"{item} {name}", []).append(pair)
+            far = {name: f"{z:.1f}" for name, (z, _) in errors.items() if abs(z) >= 2.0}
+            share = 1.0 - len(far) / len(errors)
+            print(
+                f"{seed} {item}: {share:.0%} of {len(errors)} within two; beyond: {far}; "
+                f"{time.process_time() - begin:.0f} s of processor time\n    {state_end(found)}",
+                flush=True,
+            )
+    report(by_name)
+
+
+def state_end(found: flighttest.IdentifiedLoading) -> str:
+    """Return how the search ended."""
+    response = found.response
+    if response is None:
+        return "regressions"
+    end = response.convergence
+    widths = {name: f"{value:.2g}" for name, (value, _) in response.widths.items()}
+    return (
+        f"converged {end.converged} in {end.iterations}, {response.maxima} maxima, widened "
+        f"{response.widened:.3f}, {response.widened_by_maxima:.3f}; models "
+        f"{response.friction_models}; widths {widths}; unfinished {response.unfinished}"
+    )
+
+
+def report(by_name: dict[str, list[tuple[float, float]]]) -> None:
+    """Print the shares of every constant, of each control, and of all."""
+    print(f"{'':28}{'rms error':>10}{'within two':>12}{'rms z':>8}")
+    for name, pairs in by_name.items():
+        z, relative = np.array(pairs).T
+        print(f"{name:28}{rms(relative):10.1%}{share_of(z):>12}{rms(z):8.2f}")
+    for start in ("column ", "wheel ", "pedal ", ""):
+        chosen = [
+            np.array(pairs)[:, 0] for name, pairs in by_name.items() if name.startswith(start)
+        ]
+        if chosen:
+            z = np.concatenate(chosen)
+            print(
+                f"{start or 'all':28}{'':10}{share_of(z):>12}{rms(z):8.2f} {np.mean(abs(z) < 2):.1%}"
+            )
+
+
+def rms(x: np.ndarray) -> float:
+    """Return the root of the mean square."""
+    return math.sqrt(float(np.mean(x**2)))
+
+
+def share_of(z: np.ndarray) -> str:
+    """Return the number within two standard errors, and the number of all."""
+    return f"{np.sum(np.abs(z) < 2.0)} of {len(z)}"
+
+
+if __name__ == "__main__":
+    main()
