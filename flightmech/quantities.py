@@ -127,3 +127,26 @@ def value_in_si(value: Any, expected: str, name: str = "") -> Any:
         return parse_quantity(value, expected)
     except UnitError as error:
         raise UnitError(f"{name} = {value!r}: {error}" if name else str(error)) from error
+
+
+def time_text(time: float, digits: int = 6) -> str:
+    """Return a time on the clock of a record as text. [s]
+
+    A clock of seconds of the day, the week or the year has more digits than a duration: from 10 000
+    s on the text has two decimals.
+
+    Parameters
+    ----------
+    time : float
+        Time. [s]
+    digits : int
+        Significant digits of a smaller time.
+
+    Examples
+    --------
+    >>> time_text(12.25), time_text(20945707.45), time_text(36907.4)
+    ('12.25', '20945707.45', '36907.4')
+    """
+    if abs(time) < 1e4:
+        return f"{time:.{digits}g}"
+    return f"{time:.2f}".rstrip("0").rstrip(".")

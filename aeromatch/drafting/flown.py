@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -175,7 +176,11 @@ def write_cases(
             text = place.read_text(encoding="utf-8")
             _demand_drive(drafted.drive.engine, drives)
         except AeromatchError as error:
-            reason = " ".join(str(error).split())
+            # the case is checked under a temporary name
+            text = re.sub(
+                rf"\S*new_{re.escape(case.file)}[^\s:]*", f"cases/{case.file}", str(error)
+            )
+            reason = " ".join(text.split())
             refused.setdefault(reason, []).append(f"{case.test} from {case.record}")
             continue
         finally:

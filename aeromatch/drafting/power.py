@@ -14,6 +14,7 @@ from flightmech.air import P_SEA, T_SEA
 from flightmech.aircraft.aircraft_file import read_engines
 from flightmech.aircraft.engine import Engine, engine_drives
 from flightmech.errors import AeromatchError
+from flighttest.reconstruction.dynamics.deck_thrust import deck_channels, has_spool_speed
 from flighttest.reconstruction.dynamics.propeller_loads import propeller_channels
 from flighttest.reconstruction.dynamics.shaft_condition import air_of
 from pom.cases.drafting.drive_choice import POWERS
@@ -24,8 +25,10 @@ _FLIGHT = {"V": 50.0, "p_static": P_SEA, "temperature": T_SEA, "h": 0.0}
 _REMEDY = (
     "give each [[engine]] of aircraft.toml its propeller and what turns it (diameter, CT_prop, "
     "CP_prop, chart of the engine: how-to 'A propeller aircraft'), or map the column of the "
-    "thrust in names.toml; a jet without such a column: map engine1.thrust to the column of N1, "
-    "with its thrust at the flown altitude as the key table; then run init again"
+    "thrust in names.toml; a jet whose N1 is recorded: give each [[engine]] an [engine.deck] with "
+    "corrected_thrust over corrected_n1 and mach (how-to 'Your own aircraft'), or map "
+    "engine1.thrust to the column of N1, with its thrust at the flown altitude as the key table; "
+    "then run init again"
 )
 
 
@@ -71,7 +74,9 @@ def recorded_power(aircraft: Path, records: Mapping[str, xr.DataTree]) -> Record
 
 
 def is_thrust_known(record: xr.DataTree, engines: Sequence[Engine]) -> bool:
-    """Return whether the thrust of every engine is recorded, or follows from its propeller."""
+    """Return whether the thrust of every engine is recorded, or follows from its propeller or
+    from the speeds of its spools.
+    """
     channels: dict[str, np.ndarray] = {}
     for node in record.children.values():
         for name, item in node.data_vars.items():
@@ -87,12 +92,23 @@ def _gives_thrust(columns: Mapping[str, np.ndarray], engine: Engine, number: int
     if f"engine{number}.thrust" in columns:
         return True
     if engine.propeller is None:
-        return False
+        return _gives_deck_thrust(columns, engine, number)
     try:
         # without a rotation the position of the c.g. does not matter
         propeller_channels(dict(columns), engine, number, cg=engine.position)
     except AeromatchError:
         # Its speed, its power or a variable of its tables is not recorded.
+        return False
+    return True
+
+
+def _gives_deck_thrust(columns: Mapping[str, np.ndarray], engine: Engine, number: int) -> bool:
+    if not has_spool_speed(columns, engine, number):
+        return False
+    try:
+        deck_channels(columns, engine, number)
+    except AeromatchError:
+        # A variable of its tables is not recorded.
         return False
     return True
 

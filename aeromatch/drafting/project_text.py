@@ -11,6 +11,7 @@ from aeromatch.drafting.geometry import Geometry
 from aeromatch.drafting.name_map.names import NamesDraft
 from aeromatch.drafting.sources import Sources, quote
 from aeromatch.project.schemas import schema_lines
+from flightmech.quantities import time_text
 from flightmech.support.toml_quantities import UNFILLED
 
 
@@ -156,7 +157,7 @@ def _fit_lines(fit: FitDraft) -> list[str]:
     if fit.manoeuvres:
         lines.append(f"manoeuvres = {_quote_list(fit.manoeuvres)}")
     if fit.windows:
-        spans = ", ".join(f"[{start:g}, {end:g}]" for start, end in fit.windows)
+        spans = ", ".join(f"[{time_text(start)}, {time_text(end)}]" for start, end in fit.windows)
         lines.append(f"window = [{spans}]   # [s]; what a case replays is left out")
     models = [f"    {quote(model)}," for model in fit.models]
     return [*lines, "models = [", *models, "]"]

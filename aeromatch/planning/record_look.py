@@ -29,6 +29,7 @@ from aeromatch.project.project import Project
 from aeromatch.project.sections import RecordSelection
 from aeromatch.workflow.windows import find_case_overlaps, spans_of
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.quantities import time_text
 from flightmech.support.kept_stages.stages import Kept
 from flighttest.reconstruction.quality.declarations.rigging import past_stops
 from flighttest.reconstruction.quality.engines.table_ranges import range_findings
@@ -293,8 +294,8 @@ def _check_identification(
             # A window from -inf is the whole record.
             if start > -np.inf and not _is_inside((start, end), states):
                 outside.append(
-                    f"{where}: {start:g} ... {end:g} s is not inside the record, "
-                    f"{look.first:g} ... {look.last:g} s"
+                    f"{where}: {time_text(start)} ... {time_text(end)} s is not inside the record, "
+                    f"{time_text(look.first)} ... {time_text(look.last)} s"
                 )
         look.uses[position] = len(windows), float(duration)
         look.problems += outside

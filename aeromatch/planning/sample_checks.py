@@ -20,6 +20,7 @@ from aeromatch.workflow.windows import AERODYNAMIC, select_spans
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
+from flightmech.quantities import time_text
 from flightmech.units import DEGREE
 from flighttest.flight_programme.manoeuvre_finding.finding import LEAST_SURFACE, SURFACES
 from flighttest.regression.equation_error import least_squares
@@ -71,8 +72,10 @@ def manoeuvre_problems(record: str, table: pd.DataFrame, states: xr.Dataset) -> 
                 continue
             sizes = [f"{name} {size / DEGREE:.2g} deg" for name, size in moved.items()]
             problems.append(
-                f"manoeuvres: record {record}: {row['manoeuvre']} {control} from {row['start']:g} "
-                f"to {row['end']:g} s, where the {control} does not move ({', '.join(sizes)}); "
+                f"manoeuvres: record {record}: {row['manoeuvre']} {control} from "
+                f"{time_text(row['start'])} "
+                f"to {time_text(row['end'])} s, where the {control} does not move "
+                f"({', '.join(sizes)}); "
                 f"correct its times or its control"
             )
     return problems

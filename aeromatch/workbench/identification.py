@@ -37,6 +37,7 @@ from aeromatch.workbench.models.selection import error_words, window_words
 from aeromatch.workbench.opened import MATCH, Levels, OpenProject, decimate_channels
 from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
+from flightmech.quantities import time_text
 from flighttest.maximum_likelihood.validating.used_windows import state_windows
 from flighttest.maximum_likelihood.validating.validation import validate_models
 from flighttest.regression.combining.mixed_estimation import prior_of
@@ -396,7 +397,7 @@ def _label(opened: OpenProject, window: RecordWindow) -> str:
             if row["label"]:
                 return row["label"]
             break
-    return f"{window.start:g} to {window.end:g} s"
+    return f"{time_text(window.start)} to {time_text(window.end)} s"
 
 
 def _number(body: Mapping[str, Any], key: str, default: float) -> float:

@@ -16,6 +16,7 @@ from aeromatch.workflow.windows import (
     Spans,
     raise_problems,
 )
+from flightmech.quantities import time_text
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.signals.clock_gaps import BRIDGED
 from pom.cases.case import PomCase
@@ -215,7 +216,7 @@ def _fault_words(fault: SampleFault) -> str:
 
 def _fault_text(fault: SampleFault, channels: Iterable[str]) -> str:
     """Return kind, channels and time of a fault in words."""
-    place = f"from {fault.start:g} to {fault.stop:g} s"
+    place = f"from {time_text(fault.start)} to {time_text(fault.stop)} s"
     # a gap concerns all groups of channels of a recorder
     if fault.kind == "gap":
         return f"gap in the clock {place}"

@@ -15,6 +15,7 @@ import flighttest
 from aeromatch.project.project import Project
 from aeromatch.project.sections import RecordSelection
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.quantities import time_text
 from flighttest.records.repeated_windows import repeated_windows
 from flighttest.records.shared_samples import SharedSamples
 
@@ -312,7 +313,8 @@ def find_case_overlaps(position: str, spans: Spans, cases: Iterable[Any]) -> lis
         # Windows that share only an instant do not overlap.
         if any(span[0] < end and start < span[1] for span in spans.get(record, [])):
             problems.append(
-                f"{position}: record {record} proves case {case.name} from {start:g} to {end:g} s; "
+                f"{position}: record {record} proves case {case.name} from {time_text(start)} to "
+                f"{time_text(end)} s; "
                 f"it cannot identify too"
             )
     return problems

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flightmech.errors import IdentificationError
+from flightmech.quantities import time_text
 
 BRIDGED = 0.15  # longest gap that a straight line fills [s]
 _FIRST = 25  # stamps from which the sampling interval is taken
@@ -149,7 +150,8 @@ def _sampling_interval(time: np.ndarray, given: float) -> float:
     steps = steps[steps > 0.0]
     if not len(steps):
         raise IdentificationError(
-            f"the clock stands at {time[0]:g} s in the first {len(time)} samples; time must rise"
+            f"the clock stands at {time_text(time[0])} s in the first {len(time)} samples; time "
+            "must rise"
         )
     usual = float(np.median(steps))
     steps = steps[steps < _LONGEST * usual]

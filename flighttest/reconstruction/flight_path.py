@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from flightmech.quantities import time_text
 from flightmech.short_text import ShortText
 from flightmech.support.figures import html_table
 from flighttest.reconstruction.channel_signals import compatibility_figure
@@ -99,8 +100,8 @@ class FlightPath(ShortText):
             rows.append((str(name), *values))
         time = self.states["time"].values
         caption = (
-            f"Flight path of {self.states.attrs.get('record', '')}, {time[0]:g} ... "
-            f"{time[-1]:g} s, {len(time)} samples"
+            f"Flight path of {self.states.attrs.get('record', '')}, {time_text(time[0])} ... "
+            f"{time_text(time[-1])} s, {len(time)} samples"
         )
         remarks = [remark.text for remark in self.remarks]
         return html_table(caption, ("constant", *_CONSTANT_KEYS), rows, remarks)
@@ -221,7 +222,8 @@ def _head_lines(states: xr.Dataset) -> list[str]:
     """Return the first lines of a report: record, samples, unused channels, spikes."""
     time = states["time"].values
     lines = [
-        f"State reconstruction: {states.attrs['record']}, {time[0]:g} ... {time[-1]:g} s",
+        f"State reconstruction: {states.attrs['record']}, {time_text(time[0])} ... "
+        f"{time_text(time[-1])} s",
         f"{len(time)} samples at {states.attrs['rate']:g} Hz, {states.attrs['iterations']} "
         f"iterations",
         f"channels not used: {states.attrs['unused'] or 'none'}; gusts [m/s]: "

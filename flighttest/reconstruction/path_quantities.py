@@ -13,6 +13,7 @@ from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
 from flightmech.aircraft.aircraft import tanks_of
 from flightmech.errors import AeromatchWarning
 from flightmech.names import REDUCED_RATES, quantity_attributes
+from flightmech.quantities import time_text
 from flightmech.support.arrays import integrate_trapezoids
 from flightmech.units import G0
 from flighttest.reconstruction.dynamics.kinematics import in_body, incidence_rates
@@ -234,7 +235,7 @@ def _warn_of_bridges(node: xr.Dataset, windows: list[tuple[float, float]]) -> No
         if np.isfinite(node[name].values).all():
             continue
         gaps = [gap for gap in channel_gaps(node, name) if _is_inside(gap, windows)]
-        texts += [f"{name} from {start:g} to {stop:g} s" for start, stop in gaps]
+        texts += [f"{name} from {time_text(start)} to {time_text(stop)} s" for start, stop in gaps]
     if texts:
         text = (
             f"a line bridges the blank cells of {', '.join(texts)}; leave these times out of the "

@@ -16,6 +16,7 @@ import numpy as np
 
 from flightmech.errors import SchemaError
 from flightmech.names import quantity_attributes
+from flightmech.quantities import time_text
 from flightmech.support.arrays import median
 from flighttest.records.column_places import ColumnPlace
 from flighttest.records.readers.channel_correction import entry_of
@@ -164,7 +165,7 @@ def _select_rows(clock: TableClock, samples: np.ndarray) -> TableClock:
     for i in np.flatnonzero(step > GAP * usual_step)[:MOST]:
         start, stop = float(time[i]), float(time[i + 1])
         flags.append(Flag("", "gap", start, stop=stop, samples=0, note=f"{step[i]:.3g} s"))
-        gaps.append(f"{time[i]:g} s ({step[i]:.3g} s)")
+        gaps.append(f"{time_text(time[i])} s ({step[i]:.3g} s)")
     attributes = {**clock.attributes, "rate": 1.0 / usual_step, "gaps": ", ".join(gaps)}
     return TableClock(time, clock.samples[samples], flags, attributes)
 
@@ -300,5 +301,5 @@ def _describe_missing(flags: Iterable[Flag]) -> str:
     texts = []
     for name, runs in missing.items():
         count = sum(flag.samples for flag in runs)
-        texts.append(f"{name} {count} from {runs[0].start:g} s")
+        texts.append(f"{name} {count} from {time_text(runs[0].start)} s")
     return ", ".join(texts)

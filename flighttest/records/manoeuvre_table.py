@@ -20,7 +20,7 @@ import xarray as xr
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from flightmech.errors import SchemaError, UnitError
-from flightmech.quantities import parse_quantity
+from flightmech.quantities import parse_quantity, time_text
 from flightmech.support.atomic_write import ContentAsRead, write_text
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
@@ -75,7 +75,8 @@ class Marked(Strict):
         is_finite = np.isfinite(self.start) and np.isfinite(self.end)
         if not (is_finite and self.start < self.end):
             raise ValueError(
-                f"start {self.start:g} s and end {self.end:g} s; the end lies after the "
+                f"start {time_text(self.start)} s and end {time_text(self.end)} s; the end lies "
+                "after the "
                 f"start, both in seconds of the record"
             )
         return self

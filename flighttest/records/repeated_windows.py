@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
+from flightmech.quantities import time_text
+
 _SHARE = 0.5  # of the shorter window; ends that overlap less are those of neighbours
 
 
@@ -25,4 +27,4 @@ def repeated_windows(windows: Sequence[tuple[float, float]]) -> Iterator[str]:
         if math.isinf(end - start):
             yield "the whole record is taken twice; take it once"
         elif end - start > _SHARE * min(last - first, stop - start):
-            yield f"{start:g} ... {end:g} s is taken twice; take it once"
+            yield f"{time_text(start)} ... {time_text(end)} s is taken twice; take it once"

@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import OutOfRange, UnknownName
+from flightmech.quantities import time_text
 from flightmech.support.figures import new_figure, to_display_quantity
 from flighttest.records.record import channel_leaves
 from flighttest.records.signals.resampling import GAP
@@ -210,8 +211,9 @@ def signals_figure(
     if window is not None and not any(signal.size for signal in signals):
         start, end = _time_span(panels)
         raise OutOfRange(
-            f"no sample between {window[0]:g} and {window[1]:g} s; the signals go from "
-            f"{start:g} to {end:g} s"
+            f"no sample between {time_text(window[0])} and {time_text(window[1])} s; the signals "
+            "go from "
+            f"{time_text(start)} to {time_text(end)} s"
         )
     limits = window or _time_span(panels)
     columns = 2 if len(panels) > _ONE_COLUMN or not all(panels) else 1

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.quantities import time_text
 from flightmech.support.input_files import file_sha256
 from pom.archive.archive import Archive, read_archive
 from pom.cases.case import PomCase
@@ -99,8 +100,10 @@ def _case_problem(case: PomCase, result: PomResult) -> str:
         return f"case {case.name}: test {case.id}, the master has {other.id} of {other.standard}"
     if not np.allclose(other.window, case.window, rtol=0.0, atol=_ROUNDING):
         return (
-            f"case {case.name}: window {case.window[0]:g} ... {case.window[1]:g} s, the master has "
-            f"{other.window[0]:g} ... {other.window[1]:g} s; judge both in one window"
+            f"case {case.name}: window {time_text(case.window[0])} ... {time_text(case.window[1])} "
+            "s, the master has "
+            f"{time_text(other.window[0])} ... {time_text(other.window[1])} s; judge both in one "
+            "window"
         )
     return ""
 

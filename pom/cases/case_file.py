@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Field, StrictBool, field_validator
 from flightmech.aircraft.controls import DEVICE
 from flightmech.aircraft.facts import FactsTable
 from flightmech.names import VOCABULARY, lookup
+from flightmech.quantities import time_text
 from flightmech.support.toml_models import Strict, file_schema, part_schema
 from flightmech.support.toml_quantities import quantity_schema
 from pom.cases.signatures import Role, Signature
@@ -170,7 +171,8 @@ class CaseTable(Strict):
     def _check_window(cls, window: tuple[float, float]) -> tuple[float, float]:
         if not window[0] < window[1]:
             raise ValueError(
-                f"the window must start before it ends, not {window[0]:g} ... {window[1]:g} s"
+                f"the window must start before it ends, not {time_text(window[0])} ... "
+                f"{time_text(window[1])} s"
             )
         return window
 

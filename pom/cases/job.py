@@ -11,6 +11,7 @@ import xarray as xr
 
 from flightmech.aircraft.controls import DEVICE, ICE
 from flightmech.errors import OutOfRange, UnknownName
+from flightmech.quantities import time_text
 from flightmech.units import DEGREE
 from pom.cases.case import PomCase
 from pom.cases.case_facts import file_facts
@@ -155,7 +156,8 @@ def _require_numbers(case: PomCase, name: str, *, time: np.ndarray, values: np.n
     if bad.any():
         raise OutOfRange(
             f"case {case.name}: input {name} has no value in {int(bad.sum())} of {bad.size} "
-            f"samples, first at t = {time[bad][0]:g} s; repair the record or move the window",
+            f"samples, first at t = {time_text(time[bad][0])} s; repair the record or move the "
+            "window",
             bad,
         )
 
@@ -175,7 +177,7 @@ def _check_start(case: PomCase, states: xr.Dataset, parameters: Mapping[str, flo
         if not np.isfinite(value):
             raise OutOfRange(
                 f"case {case.name}: {name} has no value at the start of the window, t = "
-                f"{start:g} s; move the window"
+                f"{time_text(start)} s; move the window"
             )
 
 

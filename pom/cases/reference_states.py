@@ -15,6 +15,7 @@ from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError
 from flightmech.names import WRAPPED
+from flightmech.quantities import time_text
 from flighttest.reconstruction.path_quantities import CHANNEL_GAPS
 from flighttest.records.signals.clock_gaps import clock_gaps, gap_text, gaps_in
 from pom.cases.case import PomCase, driven_quantities
@@ -84,8 +85,9 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     start, stop = case.window
     if not _is_inside(case.window, time):
         raise OutOfRange(
-            f"case {case.name}: the window {start:g} ... {stop:g} s lies outside the record "
-            f"{time[0]:g} ... {time[-1]:g} s ({case.record}); choose one inside"
+            f"case {case.name}: the window {time_text(start)} ... {time_text(stop)} s lies outside "
+            "the record "
+            f"{time_text(time[0])} ... {time_text(time[-1])} s ({case.record}); choose one inside"
         )
     first = np.searchsorted(time, start - _TIME_ROUNDING)
     end = np.searchsorted(time, stop + _TIME_ROUNDING, side="right")
@@ -127,7 +129,8 @@ def refusal_of(case: PomCase, record: xr.Dataset) -> str:
         return ""
     return (
         f"not flown: record {Path(case.record).stem} has {text}, inside the window "
-        f"{case.window[0]:g} ... {case.window[1]:g} s, and nothing shows the inputs in it; "
+        f"{time_text(case.window[0])} ... {time_text(case.window[1])} s, and nothing shows the "
+        "inputs in it; "
         f"{GAP_REMEDY}"
     )
 
@@ -200,8 +203,9 @@ def window_problem(case: PomCase, leaves: Sequence[xr.Dataset] | None = None) ->
         return ""
     start, stop = case.window
     return (
-        f"case {case.path}: case.window {start:g} ... {stop:g} s lies outside the record "
-        f"{time[0]:g} ... {time[-1]:g} s; choose one inside"
+        f"case {case.path}: case.window {time_text(start)} ... {time_text(stop)} s lies outside "
+        "the record "
+        f"{time_text(time[0])} ... {time_text(time[-1])} s; choose one inside"
     )
 
 

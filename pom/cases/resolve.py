@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import is_quantity, lookup
-from flightmech.quantities import parse_quantity
+from flightmech.quantities import parse_quantity, time_text
 from flightmech.simulation.stated_values.odd_values import describe_odd_quantity
 from pom.cases.case_file import CONDITIONS, ENGINE_LEVER, FORCES, FUEL_SWITCH, CaseFile
 from pom.tolerances import rows as table
@@ -321,16 +321,17 @@ def _resolve_window(
     named = [table.event_of(row[key]) for key in ("applies_from", "applies_to")]
     _check_event_order(file.events, named[0], named[1], problems)
     first, last = bounds
-    required = f"{first:g} ... {last:g} s"
+    required = f"{time_text(first)} ... {time_text(last)} s"
     inside = max(first, start), min(last, stop)
     if not inside[0] < inside[1]:
         problems.append(
             f"events: row {name} requires {required}, outside the case window "
-            f"{start:g} ... {stop:g} s"
+            f"{time_text(start)} ... {time_text(stop)} s"
         )
     elif inside != (first, last) and not file.case.shortened:
         problems.append(
-            f"case.window: {start:g} ... {stop:g} s is shorter than row {name} asks "
+            f"case.window: {time_text(start)} ... {time_text(stop)} s is shorter than row {name} "
+            "asks "
             f"({required}, {row['applies_from']} to {row['applies_to'] or 'the end'}); widen it, "
             f"or give the reason in case.shortened"
         )
@@ -361,7 +362,8 @@ def _check_event_order(
     if first == last or len(numbers) < 2 or numbers[0] < numbers[1]:
         return
     text = (
-        f"events: {first} {numbers[0]:g} s is not before {last} {numbers[1]:g} s, which follows "
+        f"events: {first} {time_text(numbers[0])} s is not before {last} {time_text(numbers[1])} "
+        "s, which follows "
         f"it; exchange or correct the two times"
     )
     if text not in problems:

@@ -15,6 +15,7 @@ from joblib import delayed
 import flighttest
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, OutOfRange, SchemaError, SimulationError, UnknownName
+from flightmech.quantities import time_text
 from flightmech.simulation.compiler import SimModel
 from flightmech.support.kept_stages.sharing import process_pool
 from flighttest.reconstruction.quality import describe_name
@@ -198,7 +199,7 @@ class RecordError:
         """Return title, part of the record and text in one line."""
         if self.start is None or self.stop is None:
             return f"{self.title}: {self.text}"
-        return f"{self.title} [{self.start:g} ... {self.stop:g} s]: {self.text}"
+        return f"{self.title} [{time_text(self.start)} ... {time_text(self.stop)} s]: {self.text}"
 
 
 class SampleFault(NamedTuple):

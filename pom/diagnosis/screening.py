@@ -29,7 +29,7 @@ from aerodb.comparison.record_conditions import fill_missing_devices
 from flightmech import terms as _terms
 from flightmech.errors import UnknownName
 from flightmech.support.arrays import rms
-from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+from flighttest.reconstruction.dynamics.propeller_loads import with_engine_channels
 from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from pom.cases.job import with_stated_inputs
 from pom.diagnosis.swap_judgement import Judged
@@ -150,7 +150,7 @@ def _swap_sizes(bench: SwapBench) -> dict[str, float]:
     try:
         aircraft = bench.models.aircraft[1]
         flight = with_stated_inputs(bench.case, bench.states)
-        states = with_propeller_channels(reduced_rates(flight, aircraft), aircraft)
+        states = with_engine_channels(reduced_rates(flight, aircraft), aircraft)
         states = states.isel(time=slice(None, None, every))
         complete, _ = fill_missing_devices(states, prior, final)
     except UnknownName:

@@ -18,6 +18,7 @@ from flightmech.air import atmosphere
 from flightmech.aircraft.controls import ICE
 from flightmech.errors import AeromatchError, UnknownName
 from flightmech.names import lookup, value_text
+from flightmech.quantities import time_text
 from flightmech.units import from_si
 from pom.cases.case import PomCase
 from pom.cases.case_file import FORCES, INITIAL, INPUTS, MASS, TRAVEL, WIND
@@ -215,8 +216,9 @@ def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[R
     start, stop = _clip(_asked_window(case, own), case.window)
     if own.window[0] > start + _SAME_TIME or own.window[1] < stop - _SAME_TIME:
         text = (
-            f"{plain_words(own.name)} is judged in {own.window[0]:g} ... {own.window[1]:g} s, the "
-            f"row in {start:g} ... {stop:g} s"
+            f"{plain_words(own.name)} is judged in {time_text(own.window[0])} ... "
+            f"{time_text(own.window[1])} s, the "
+            f"row in {time_text(start)} ... {time_text(stop)} s"
         )
         yield _departure(text, own.name)
     if own.group != row.group:
@@ -418,14 +420,16 @@ def _shortened_departure(case: PomCase, span: Iterable[float] | None) -> Iterato
         return
     if case.window[0] <= held[0] + SLACK and case.window[1] >= held[1] - SLACK:
         text = (
-            f"the record holds {held[0]:.4g} ... {held[1]:.4g} s of the {start:.4g} ... "
-            f"{stop:.4g} s that the rows require ({case.shortened})"
+            f"the record holds {time_text(held[0], 4)} ... {time_text(held[1], 4)} s of the "
+            f"{time_text(start, 4)} ... "
+            f"{time_text(stop, 4)} s that the rows require ({case.shortened})"
         )
         yield _departure(text, "window")
         return
     text = (
-        f"the window {case.window[0]:g} ... {case.window[1]:g} s is called short "
-        f"({case.shortened}), but the record holds {held[0]:.4g} ... {held[1]:.4g} s of the "
-        f"{start:.4g} ... {stop:.4g} s that the rows require"
+        f"the window {time_text(case.window[0])} ... {time_text(case.window[1])} s is called short "
+        f"({case.shortened}), but the record holds {time_text(held[0], 4)} ... "
+        f"{time_text(held[1], 4)} s of the "
+        f"{time_text(start, 4)} ... {time_text(stop, 4)} s that the rows require"
     )
     yield _departure(text, "window")

@@ -17,6 +17,7 @@ import scipy
 import xarray as xr
 
 from flightmech.names import lookup
+from flightmech.quantities import time_text
 from flightmech.units import KNOT
 from pom.cases.case import PomCase
 from pom.tolerances.bands import Invalid, NotJudged, RowRemark, demand_finite, inside_window
@@ -278,8 +279,9 @@ def find_event(match: Comparison, event: str, excluded: str = "") -> Instant:
     stated = match.case.events.get(event)
     if stated is not None and not match.time[0] - 1e-9 <= stated <= match.time[-1] + 1e-9:
         raise Invalid(
-            f"{event} is at {stated:g} s, outside the replay, {match.time[0]:g} ... "
-            f"{match.time[-1]:g} s"
+            f"{event} is at {time_text(stated)} s, outside the replay, {time_text(match.time[0])} "
+            "... "
+            f"{time_text(match.time[-1])} s"
         )
     # Pilot or record cause these events, so both runs have them at the same time.
     if event in ACTS:

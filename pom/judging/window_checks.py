@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 import xarray as xr
 
+from flightmech.quantities import time_text
 from flightmech.support.arrays import true_runs
 from flightmech.units import DEGREE
 from pom.cases.case import PomCase
@@ -81,12 +82,13 @@ def input_end_remarks(case: PomCase, flight: RunSignals) -> tuple[RowRemark, ...
     allowed = max(LATE[0], LATE[1] * (stop - rest))
     if stated < rest - SMOOTH:
         text = (
-            f"the input ends at {stated:g} s in the case, the {control} moves until {rest:.1f} s: "
+            f"the input ends at {time_text(stated)} s in the case, the {control} moves until "
+            f"{rest:.1f} s: "
             f"what is measured is not a free response"
         )
     elif stated > rest + allowed:
         text = (
-            f"the input ends at {stated:g} s in the case, the {control} is at rest from "
+            f"the input ends at {time_text(stated)} s in the case, the {control} is at rest from "
             f"{rest:.1f} s on: the first part of the free response is left out"
         )
     else:
@@ -278,12 +280,13 @@ def _unsteady_start(case: PomCase, motion: _Motion) -> WindowCheck:
         return known and not movements(instant)
 
     names = [*_ATTITUDE, *(name for name in _LIMITS if name in channels)]
-    unchecked = _missing_at(start, f"{start:g} s, where the window starts", names, motion)
+    unchecked = _missing_at(start, f"{time_text(start)} s, where the window starts", names, motion)
     moving = movements(start)
     if not moving:
         return WindowCheck((), unchecked)
     text = (
-        f"the window starts at {start:g} s in unsteady flight, to which the model is trimmed: "
+        f"the window starts at {time_text(start)} s in unsteady flight, to which the model is "
+        "trimmed: "
         f"{', '.join(moving)}; "
     )
     before, after = start, start
@@ -414,7 +417,8 @@ def _open_input(case: PomCase, motion: _Motion) -> WindowCheck:
         if last - stop > SMOOTH and last - stop <= max(RETURN, stop - max(first, start)):
             control = _CONTROLS.get(name, quantity_words(name))
             text = (
-                f"the window ends at {stop:g} s, {last - stop:.1f} s before the input of the "
+                f"the window ends at {time_text(stop)} s, {last - stop:.1f} s before the input of "
+                "the "
                 f"{control} ends; the return is not judged"
             )
             return WindowCheck((text,), unchecked)

@@ -18,6 +18,7 @@ import numpy as np
 import scipy
 
 from flightmech.flown_samples import FlownWindow, cut_windows, find_shared_windows
+from flightmech.quantities import time_text
 from pom.cases.case import PomCase
 from pom.judging.conditions.condition_coverage import SHARED, SHARED_TESTS
 from pom.judging.signals import traces_of
@@ -150,7 +151,11 @@ class _SharedSearch:
         least = MOST * min(a.window[1] - a.window[0], b.window[1] - b.window[0])
         if first.record == second.record:
             start, stop = max(a.window[0], b.window[0]), min(a.window[1], b.window[1])
-            return f"{start:g} ... {stop:g} s of one record" if stop - start > least else ""
+            return (
+                f"{time_text(start)} ... {time_text(stop)} s of one record"
+                if stop - start > least
+                else ""
+            )
         is_same_test = first.test == second.test
         if not is_same_test and not _do_ranges_overlap(first, second):
             return ""

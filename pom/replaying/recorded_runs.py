@@ -18,6 +18,7 @@ import xarray as xr
 import flighttest
 from flightmech.errors import OutOfRange, ParseError, SchemaError
 from flightmech.names import WRAPPED
+from flightmech.quantities import time_text
 from flightmech.support.input_files import file_sha256
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob
@@ -167,8 +168,10 @@ def _demand_cover(path: str | Path, case: PomCase, clocks: Sequence[np.ndarray])
     step = max(float(np.median(np.diff(time))) for time in clocks if time.size > 1)
     if first > case.window[0] + step or last < case.window[1] - step:
         raise OutOfRange(
-            f"recording {path}: its channels cover {first:.4g} ... {last:.4g} s on the clock of "
-            f"the flight record, case {case.name} has {case.window[0]:g} ... {case.window[1]:g} s; "
+            f"recording {path}: its channels cover {time_text(first, 4)} ... {time_text(last, 4)} "
+            "s on the clock of "
+            f"the flight record, case {case.name} has {time_text(case.window[0])} ... "
+            f"{time_text(case.window[1])} s; "
             f"give the instant of the recording at the start of the window (--start NAME=SECONDS), "
             f"or a longer recording"
         )

@@ -13,7 +13,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchError, OutOfRange, SchemaError
-from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+from flighttest.reconstruction.dynamics.propeller_loads import with_engine_channels
 from pom.cases.case import PomCase
 from pom.cases.case_file import SHOWN
 from pom.cases.fact_agreement import check_record_facts
@@ -376,7 +376,7 @@ def _compare_with_evidence(
         states = with_stated_inputs(plan.case, plan.states)
         if plan.case.aircraft:
             # terms over CT or J of a propeller aircraft whose record has no thrust
-            states = with_propeller_channels(states, read_aircraft(plan.case.aircraft))
+            states = with_engine_channels(states, read_aircraft(plan.case.aircraft))
         comparison = Evidence(evidence, states, hinges=plan.case.drive.level != "recorded")
     except AeromatchError as error:
         text = f"not compared with the flight evidence: {error}"

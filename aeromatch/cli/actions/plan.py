@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from flightmech.quantities import time_text
 from flightmech.support.console import count_text, print_table
 
 
@@ -18,7 +19,12 @@ def print_plan(plan: Any) -> None:
         right=("",),
     )
     rows = [
-        (row["record"], f"{row['start']:g} ... {row['end']:g}", row["channels"], row["for"])
+        (
+            row["record"],
+            f"{time_text(row['start'])} ... {time_text(row['end'])}",
+            row["channels"],
+            row["for"],
+        )
         for row in plan.record_rows()
     ]
     print_table(
@@ -48,7 +54,7 @@ def print_plan(plan: Any) -> None:
             row["id"],
             row["case"],
             row["record"],
-            f"{row['start']:g} ... {row['end']:g}",
+            f"{time_text(row['start'])} ... {time_text(row['end'])}",
             row["drive"],
             row["criteria"],
         )

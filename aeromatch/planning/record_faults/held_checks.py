@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import xarray as xr
 
 from aeromatch.planning.record_faults.gap_checks import Spans
+from flightmech.quantities import time_text
 from flighttest.reconstruction.quality.checks.held_values import held_values, stuck_findings
 from pom.cases.case import PomCase
 
@@ -37,7 +38,8 @@ def held_departures(
                 users.append(user)
         used = f" (in {', '.join(users)})" if users else ""
         lines.append(
-            f"record {name}: {flag.channel} repeats its value from {span[0]:g} to {span[1]:g} s"
+            f"record {name}: {flag.channel} repeats its value from {time_text(span[0])} to "
+            f"{time_text(span[1])} s"
             f"{used}; {_EFFECT}; choose windows without it, or map a column that moves"
         )
     for finding in stuck_findings(record):

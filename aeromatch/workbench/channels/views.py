@@ -19,6 +19,7 @@ from aeromatch.workbench.channels.signals import (
 from aeromatch.workbench.channels.spectra import average_densities
 from aeromatch.workbench.opened import OpenProject, decimate_channels
 from flightmech.errors import AeromatchError, SchemaError
+from flightmech.quantities import time_text
 
 # Greatest number of lines of a request, of points of a curve, of samples of a segment.
 _MOST_LINES, _MOST_POINTS, _SEGMENT = 24, 8000, 1024
@@ -164,7 +165,8 @@ def _density(signal: ChannelSignal, start: float, stop: float) -> dict[str, Any]
         raise SchemaError(
             signal.text,
             [
-                f"no {_FEWEST} samples without a gap from {start:g} to {stop:g} s; "
+                f"no {_FEWEST} samples without a gap from {time_text(start)} to {time_text(stop)} "
+                "s; "
                 f"choose a longer span"
             ],
         )

@@ -10,6 +10,7 @@ import click
 
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError
+from flightmech.quantities import time_text
 from flightmech.support.atomic_write import folder_for_files
 from flightmech.support.console import (
     NewFile,
@@ -51,8 +52,8 @@ def run_cut(
         print_json(about)
     else:
         click.echo(
-            f"{about['samples']} samples of {about['channels']} channels, {start:g} ... "
-            f"{stop:g} s at {rate:g} Hz"
+            f"{about['samples']} samples of {about['channels']} channels, {time_text(start)} ... "
+            f"{time_text(stop)} s at {rate:g} Hz"
         )
         click.echo(f"written: {output}")
 

@@ -15,6 +15,7 @@ import flightmech
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import AeromatchWarning
 from flightmech.names import lookup
+from flightmech.quantities import time_text
 from flightmech.simulation.compiler import compile_files
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import (
@@ -298,7 +299,8 @@ def _print_mode(motion: Eigenmotion, options: ModeOptions) -> None:
     for name, (value, stderr, unit) in motion.values.items():
         rows.append((name, f"{value:.5g}", f"{stderr:.2g}", "" if unit == "1" else unit))
     title = (
-        f"{motion.kind} in {' '.join(options.channels)}, {options.start:g} ... {options.stop:g} s, "
+        f"{motion.kind} in {' '.join(options.channels)}, {time_text(options.start)} ... "
+        f"{time_text(options.stop)} s, "
         f"{motion.share:.1%} of the movement explained"
     )
     right = ["estimate", "std error"]

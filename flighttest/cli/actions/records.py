@@ -16,6 +16,7 @@ import xarray as xr
 from aerodb.store.files import open as open_database
 from flightmech.aircraft.aircraft_file import read_aircraft
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.quantities import time_text
 from flightmech.support.console import (
     collect_options,
     print_json,
@@ -167,7 +168,13 @@ def run_mark(
 
 def _manoeuvre_cells(number: int, row: Mapping[Any, Any]) -> tuple[Any, ...]:
     """Return the cells that all tables of manoeuvres have."""
-    return number, row["manoeuvre"], row["control"], f"{row['start']:g}", f"{row['end']:g}"
+    return (
+        number,
+        row["manoeuvre"],
+        row["control"],
+        f"{time_text(row['start'])}",
+        f"{time_text(row['end'])}",
+    )
 
 
 def _choose_manoeuvres(

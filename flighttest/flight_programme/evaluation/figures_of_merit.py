@@ -20,7 +20,7 @@ from flightmech.errors import (
     UnknownName,
 )
 from flightmech.names import lookup
-from flightmech.quantities import parse_quantity
+from flightmech.quantities import parse_quantity, time_text
 from flightmech.support.arrays import rms
 from flightmech.units import G0, from_si
 from flighttest.flight_programme.evaluation.plan import (
@@ -163,8 +163,9 @@ def _average_window(
         inside = (time >= start) & (time <= stop)
         if inside.sum() < 2:
             raise OutOfRange(
-                f"stationary point {start:g} ... {stop:g} s is not inside the record, "
-                f"{time[0]:g} ... {time[-1]:g} s"
+                f"stationary point {time_text(start)} ... {time_text(stop)} s is not inside the "
+                "record, "
+                f"{time_text(time[0])} ... {time_text(time[-1])} s"
             )
         for name, x in leaf.data_vars.items():
             row[str(name)] = float(np.nanmean(x.values[inside]))

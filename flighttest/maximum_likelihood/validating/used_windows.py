@@ -17,6 +17,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import xarray as xr
 
+from flightmech.quantities import time_text
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.regression.equation_error.fit import Fit
@@ -53,7 +54,7 @@ class ValidationWindow(NamedTuple):
     def name(self) -> str:
         """Record and times."""
         time = self.data["time"].values
-        return f"{self.record} {time[0]:g}-{time[-1]:g} s"
+        return f"{self.record} {time_text(time[0])}-{time_text(time[-1])} s"
 
 
 class WindowUse(NamedTuple):

@@ -20,7 +20,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import OutOfRange
 from flightmech.names import quantity_attributes
-from flightmech.quantities import value_in_si
+from flightmech.quantities import time_text, value_in_si
 from flightmech.units import G0
 from flighttest.reconstruction.dynamics.coefficient_errors import (
     MOVED,
@@ -36,7 +36,7 @@ from flighttest.reconstruction.dynamics.loads import (
     load_coefficients,
     thrust_coefficient,
 )
-from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+from flighttest.reconstruction.dynamics.propeller_loads import with_engine_channels
 from flighttest.reconstruction.dynamics.reduced_rates import (
     Columns,
     read_column,
@@ -63,7 +63,7 @@ def coefficients(
     path : Path or Dataset (time,)
         A reconstruction, or its states: `V qbar alpha p q r ax ay az` at the c.g. and
         `engineN.thrust` for each engine, or what a propeller gives it from
-        (`with_propeller_channels`), are needed; `p_dot q_dot r_dot` are differentiated when
+        (`with_engine_channels`), are needed; `p_dot q_dot r_dot` are differentiated when
         they are missing, `mass`, `x_cg_b`, `y_cg_b`, `z_cg_b` are taken from the aircraft when they
         are missing. [SI]
     aircraft : Aircraft
@@ -108,7 +108,7 @@ def coefficients(
     if frequency is not None:
         states = smooth_states(states, frequency)
         margin = _REACH / frequency
-    states = with_propeller_channels(reduced_rates(states, aircraft), aircraft)
+    states = with_engine_channels(reduced_rates(states, aircraft), aircraft)
     columns = read_columns(states)
     if aircraft.engines:
         columns["CT"] = thrust_coefficient(columns, aircraft)
@@ -140,7 +140,7 @@ def sample_coefficients(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
         As of `coefficients`. [SI]
     aircraft : Aircraft
     """
-    states = with_propeller_channels(reduced_rates(states, aircraft), aircraft)
+    states = with_engine_channels(reduced_rates(states, aircraft), aircraft)
     columns = read_columns(states)
     if aircraft.engines:
         columns["CT"] = thrust_coefficient(columns, aircraft)
@@ -229,8 +229,9 @@ def select_time(data: xr.Dataset, start: float | str, stop: float | str) -> xr.D
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if not time[0] - step <= first < last <= time[-1] + 1.5 * step:
         raise OutOfRange(
-            f"window {first:g} ... {last:g} s is not inside the data, {time[0]:g} ... "
-            f"{time[-1]:g} s; choose one that is"
+            f"window {time_text(first)} ... {time_text(last)} s is not inside the data, "
+            f"{time_text(time[0])} ... "
+            f"{time_text(time[-1])} s; choose one that is"
         )
     return data.sel(time=slice(first, last - 0.5 * step))
 

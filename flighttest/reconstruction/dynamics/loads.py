@@ -17,11 +17,12 @@ import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.engine import Engine
 from flightmech.errors import AeromatchError, IdentificationError
 from flightmech.names import quantity_attributes
 from flighttest.reconstruction.dynamics.propeller_loads import (
     propeller_load,
-    with_propeller_channels,
+    with_engine_channels,
 )
 from flighttest.reconstruction.dynamics.reduced_rates import (
     Columns,
@@ -55,7 +56,7 @@ def external_load(states: xr.Dataset, aircraft: Aircraft) -> tuple[np.ndarray, n
     F, M : array (time, 3)
         Body axes, M about the c.g. [N, N m]
     """
-    return air_load(read_columns(with_propeller_channels(states, aircraft)), aircraft)
+    return air_load(read_columns(with_engine_channels(states, aircraft)), aircraft)
 
 
 def air_load(columns: Columns, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
@@ -83,7 +84,7 @@ def known_moment(states: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
     array (time, 3)
         Body axes. [N m]
     """
-    columns = read_columns(with_propeller_channels(states, aircraft))
+    columns = read_columns(with_engine_channels(states, aircraft))
     # M_T - omega x h_e
     moment = -np.cross(stack_columns(columns, _RATES), _rotor_momentum(aircraft))
     total = np.zeros(3)
@@ -130,8 +131,34 @@ def engine_loads(columns: Columns, aircraft: Aircraft) -> list[tuple[np.ndarray,
         propeller = propeller_load(columns, engine, i + 1, cg)
         if propeller is not None:
             force, moment = force + propeller[0], propeller[1]
-        loads.append((force, np.cross(arm, force) + moment))
+        moment = np.cross(arm, force) + moment
+        if f"engine{i + 1}.ram_drag" in columns and engine.deck is not None:
+            added = _ram_load(columns, engine, i + 1, cg)
+            force, moment = force + added[0], moment + added[1]
+        loads.append((force, moment))
     return loads
+
+
+def _ram_load(
+    columns: Columns, engine: Engine, number: int, cg: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the direction and the place of the ram drag add to the net thrust.
+
+    The net thrust counts the ram drag along the thrust line. It acts against the airspeed, at the
+    inlet: R (d - v / V), as in `kernel/src/propulsion/engine.c`.
+    """
+    ram = read_column(columns, f"engine{number}.ram_drag")[:, None]
+    line = np.asarray(engine.direction, float)
+    position = np.asarray(engine.position, float)
+    inlet = position
+    if engine.deck is not None and engine.deck.inlet is not None:
+        inlet = np.asarray(engine.deck.inlet, float)
+    al = read_column(columns, "alpha")
+    be = read_column(columns, "beta", 0.0)
+    against = -np.stack([np.cos(al) * np.cos(be), np.sin(be), np.sin(al) * np.cos(be)], axis=1)
+    force = ram * (line + against)
+    moment = np.cross(position - cg, ram * line) + np.cross(inlet - cg, ram * against)
+    return force, moment
 
 
 def sum_loads(
@@ -163,14 +190,14 @@ def with_propeller_thrust_coefficient(states: xr.Dataset, aircraft: Aircraft) ->
     Parameters
     ----------
     states : Dataset (time,)
-        As of `with_propeller_channels`. [SI]
+        As of `with_engine_channels`. [SI]
     aircraft : Aircraft
     """
     names = [f"engine{number}.thrust" for number in range(1, len(aircraft.engines) + 1)]
     if all(name in states for name in names):
         return states
     try:
-        complete = with_propeller_channels(states, aircraft)
+        complete = with_engine_channels(states, aircraft)
     except AeromatchError:
         # the path itself does not depend on the propeller
         return states

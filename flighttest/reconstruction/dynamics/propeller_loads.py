@@ -24,6 +24,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.engine import Engine
 from flightmech.errors import AeromatchWarning, IdentificationError
 from flightmech.names import quantity_attributes
+from flighttest.reconstruction.dynamics.deck_thrust import deck_channels, has_spool_speed
 from flighttest.reconstruction.dynamics.reduced_rates import (
     Columns,
     center_of_gravity,
@@ -56,13 +57,13 @@ _UNIFORM = 0.01  # relative range of the steps of a clock that counts as uniform
 _LONGEST_STEP = 0.5
 
 
-def with_propeller_channels(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
-    """Return states with thrust, torque and the coefficients of propellers.
+def with_engine_channels(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
+    """Return states with thrust, torque and coefficients of propellers, and the thrust of jets.
 
     Recorded channels are not changed. A ``CT`` of the states goes where a thrust is added: it is of
-    the tables with which the path was reconstructed. States without ``engineN.rpm`` and engines
-    without a propeller
-    get no channels.
+    the tables with which the path was reconstructed. A propeller without ``engineN.rpm`` gets no
+    channels, and a jet without a deck or without recorded speeds of its spools neither
+    (`deck_channels`).
 
     Parameters
     ----------
@@ -82,19 +83,25 @@ def with_propeller_channels(states: xr.Dataset, aircraft: Aircraft) -> xr.Datase
         A governed propeller with a recorded thrust and without a measured power: its torque and its
         force and moment in inflow from the side are unknown, and are not subtracted.
     """
-    numbers = [
-        number
-        for number, engine in enumerate(aircraft.engines, 1)
-        if engine.propeller is not None and has_shaft_speed(states, number)
-    ]
-    if not numbers:
+    propellers, jets = [], []
+    for number, engine in enumerate(aircraft.engines, 1):
+        if engine.propeller is not None and has_shaft_speed(states, number):
+            propellers.append(number)
+        # a recorded thrust holds, without the ram drag of the tables
+        if f"engine{number}.thrust" not in states and has_spool_speed(states, engine, number):
+            jets.append(number)
+    if not propellers and not jets:
         return states
     columns = read_columns(states)
     columns = _with_air(columns)
     cg = center_of_gravity(columns, aircraft)
     added = {}
-    for number in numbers:
-        channels = propeller_channels(columns, aircraft.engines[number - 1], number, cg)
+    for number in (*propellers, *jets):
+        engine = aircraft.engines[number - 1]
+        if number in propellers:
+            channels = propeller_channels(columns, engine, number, cg)
+        else:
+            channels = deck_channels(columns, engine, number)
         for name, values in channels.items():
             full = f"engine{number}.{name}"
             if full not in states:
@@ -137,7 +144,7 @@ def propeller_channels(
     Warns
     -----
     AeromatchWarning
-        As `with_propeller_channels`.
+        As `with_engine_channels`.
     """
     propeller = propeller_of(engine, number)
     at = shaft_condition(columns, engine, number, cg)
@@ -264,7 +271,7 @@ def propeller_load(
     Parameters
     ----------
     columns : dict of str to array (time,)
-        As `with_propeller_channels` returns them, with ``p q r alpha``, and ``beta`` where it
+        As `with_engine_channels` returns them, with ``p q r alpha``, and ``beta`` where it
         exists.
     engine : Engine
     number : int

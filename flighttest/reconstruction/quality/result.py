@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from flightmech.quantities import time_text
 from flightmech.short_text import ShortText
 from flightmech.support.console import to_json_types
 from flightmech.units import from_si
@@ -157,7 +158,7 @@ def _head(quality: Quality) -> str:
     if facts["aircraft"]:
         title += f" of {facts['aircraft']}"
     return (
-        f"{title}: {facts['begin']:g} ... {facts['end']:g} s, "
+        f"{title}: {time_text(facts['begin'])} ... {time_text(facts['end'])} s, "
         f"{facts['in_flight']:.0%} in flight\n{quality.verdict}\n"
     )
 
@@ -165,7 +166,7 @@ def _head(quality: Quality) -> str:
 def _finding_text(finding: Finding) -> str:
     head = f"{finding.severity:8s} {finding.name}"
     if finding.start is not None:
-        head += f" [{finding.start:g} ... {finding.stop:g} s]"
+        head += f" [{time_text(finding.start)} ... {time_text(finding.stop)} s]"
     text = f"{head}\n    {finding.text}"
     if finding.remedy:
         text += f"\n    {finding.remedy}"

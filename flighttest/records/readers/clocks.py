@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.quantities import time_text
 from flightmech.support.arrays import median
 from flighttest.records.readers.arinc429 import label_tables, words_of_columns
 from flighttest.records.readers.bus_words import Arinc429
@@ -120,8 +121,10 @@ def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Tabl
     longest = int(np.argmax(gaps))
     if gaps[longest] > _LONGEST:
         text = (
-            f"its clock goes from {time[0]:g} s to {time[-1]:g} s; the gap behind sample "
-            f"{samples[longest]} at {time[longest]:g} s is longer than the {_LONGEST / 86400:g} "
+            f"its clock goes from {time_text(time[0])} s to {time_text(time[-1])} s; the gap "
+            "behind sample "
+            f"{samples[longest]} at {time_text(time[longest])} s is longer than the "
+            f"{_LONGEST / 86400:g} "
             "days "
             f"that are allowed: correct or remove these stamps"
         )
@@ -147,7 +150,7 @@ def _corrected_clock(
     for i in np.flatnonzero(step > GAP * usual_step)[:MOST]:
         start, stop = float(time[i]), float(time[i + 1])
         shifted.append(Flag("", "gap", start, stop=stop, samples=0, note=f"{step[i]:.3g} s"))
-        gaps.append(f"{time[i]:g} s ({step[i]:.3g} s)")
+        gaps.append(f"{time_text(time[i])} s ({step[i]:.3g} s)")
     attributes = {
         "rate": 1.0 / usual_step,
         "gaps": ", ".join(gaps),
@@ -204,7 +207,8 @@ def _join_resets(time: np.ndarray, reset: bool, what: str) -> tuple[np.ndarray, 
     first = int(backward[0])
     if not reset:
         text = (
-            f"time does not rise: {time[first]:g} s is followed by {time[first + 1]:g} s (sample "
+            f"time does not rise: {time_text(time[first])} s is followed by "
+            f"{time_text(time[first + 1])} s (sample "
             f"{first + 1})"
         )
         raise SchemaError(
@@ -214,7 +218,11 @@ def _join_resets(time: np.ndarray, reset: bool, what: str) -> tuple[np.ndarray, 
     rising = step[step > 0.0]
     if not len(rising):
         raise SchemaError(
-            what, [f"time only falls, from {time[0]:g} s to {time[-1]:g} s; sort the file"]
+            what,
+            [
+                f"time only falls, from {time_text(time[0])} s to {time_text(time[-1])} s; sort "
+                "the file"
+            ],
         )
     # The samples continue one median step after the sample before the backward step.
     jump = np.zeros(len(time))

@@ -18,6 +18,7 @@ from flightmech.air import (
 )
 from flightmech.errors import OutOfRange, SchemaError
 from flightmech.names import WRAPPED, quantity_attributes
+from flightmech.quantities import time_text
 from flighttest.records.sensors.instruments import IMU, MEASURED, SPEEDS, Instruments
 from flighttest.records.signals.clock_gaps import clock_gaps, filled_instants, split_at_gaps
 from flighttest.records.signals.conditioning import demand_numbers
@@ -179,7 +180,7 @@ class MeasuredChannels:
                     remedy = "the path goes through them; choose windows without them"
                 texts.append(
                     f"{name}: {is_spike.sum()} samples are spikes, first at "
-                    f"{clock[is_spike][0]:g} s; {remedy}"
+                    f"{time_text(clock[is_spike][0])} s; {remedy}"
                 )
         return texts
 
@@ -287,11 +288,12 @@ def order_windows(
         is_inside = start >= first - _TIME_TOLERANCE and stop <= last + _TIME_TOLERANCE
         if not is_inside or not stop > start:
             raise OutOfRange(
-                f"window {start:g} ... {stop:g} s; the record holds {first:g} ... {last:g} s; "
+                f"window {time_text(start)} ... {time_text(stop)} s; the record holds "
+                f"{time_text(first)} ... {time_text(last)} s; "
                 f"choose a window inside it"
             )
         if start <= end:
-            raise OutOfRange(f"windows overlap at {start:g} s; join them")
+            raise OutOfRange(f"windows overlap at {time_text(start)} s; join them")
         end = stop
     return split_at_gaps(ordered, clock_gaps(clock))
 

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import OutOfRange
+from flightmech.quantities import time_text
 from flighttest.records.signals.resampling import GAP
 
 BRIDGED = 0.5443
@@ -129,7 +130,9 @@ def gap_text(gap: tuple[float, float]) -> str:
     'a gap of 2.05 s in the clock from 39.95 to 42 s'
     """
     start, stop = gap
-    return f"a gap of {stop - start:.3g} s in the clock from {start:g} to {stop:g} s"
+    return (
+        f"a gap of {stop - start:.3g} s in the clock from {time_text(start)} to {time_text(stop)} s"
+    )
 
 
 def gaps_in(
@@ -179,7 +182,7 @@ def split_at_gaps(
         kept = [piece for piece in pieces if piece[1] - piece[0] >= SHORTEST_STRETCH]
         if not kept:
             raise OutOfRange(
-                f"window {window[0]:g} ... {window[1]:g} s; the record has "
+                f"window {time_text(window[0])} ... {time_text(window[1])} s; the record has "
                 f"{gap_text(inside[0])}, and no stretch of {SHORTEST_STRETCH:g} s without a gap; "
                 f"choose another window"
             )

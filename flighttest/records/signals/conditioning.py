@@ -9,7 +9,7 @@ import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import WRAPPED, quantity_attributes
-from flightmech.quantities import value_in_si
+from flightmech.quantities import time_text, value_in_si
 from flighttest.records.signals.resampling import (
     GAP,
     SMOOTHING,
@@ -109,7 +109,8 @@ def cut(
     frequency: float = value_in_si(rate, "Hz", "rate")
     if not frequency > 0.0 or not last - first >= 1.0 / frequency:
         raise OutOfRange(
-            f"window {first:g} ... {last:g} s at {frequency:g} Hz; stop must lie at least one "
+            f"window {time_text(first)} ... {time_text(last)} s at {frequency:g} Hz; stop must lie "
+            "at least one "
             f"sample after start"
         )
     # 1e-6 of a sample absorbs the rounding of the window.
@@ -117,7 +118,9 @@ def cut(
     pieces = {}
     for leaf, node in record.children.items():
         pieces[leaf] = _select_window(leaf, node.to_dataset(), first, last)
-    demand_numbers(pieces, f"{record.attrs.get('title', 'record')}, {first:g} ... {last:g} s")
+    demand_numbers(
+        pieces, f"{record.attrs.get('title', 'record')}, {time_text(first)} ... {time_text(last)} s"
+    )
 
     data = xr.Dataset(coords={"time": ("time", grid, quantity_attributes("time"))})
     for piece in pieces.values():
@@ -184,7 +187,8 @@ def demand_numbers(pieces: dict[str, xr.Dataset], what: str) -> None:
             if is_lost.any():
                 first = float(piece["time"].values[int(np.argmax(is_lost))])
                 problems.append(
-                    f"{leaf}/{name}: {int(is_lost.sum())} NaN samples, first at {first:g} s; "
+                    f"{leaf}/{name}: {int(is_lost.sum())} NaN samples, first at {time_text(first)} "
+                    "s; "
                     f"choose a window without them or repair the channel"
                 )
     if problems:
@@ -197,8 +201,9 @@ def _select_window(leaf: str, data: xr.Dataset, start: float, stop: float) -> xr
     step = 1.0 / float(data.attrs["rate"])
     if start < time[0] - step or stop > time[-1] + step:
         raise OutOfRange(
-            f"window {start:g} ... {stop:g} s; leaf {leaf} holds {time[0]:g} ... "
-            f"{time[-1]:g} s; choose a window inside the record"
+            f"window {time_text(start)} ... {time_text(stop)} s; leaf {leaf} holds "
+            f"{time_text(time[0])} ... "
+            f"{time_text(time[-1])} s; choose a window inside the record"
         )
     # The margin keeps the ends of the low-pass filter out of the window.
     margin = max(1.0, 4.0 * step)
@@ -207,6 +212,8 @@ def _select_window(leaf: str, data: xr.Dataset, start: float, stop: float) -> xr
     is_gap = (np.diff(time) > GAP * step) & (time[1:] > start) & (time[:-1] < stop)
     if is_gap.any():
         i = int(np.argmax(is_gap))
-        gap = f"leaf {leaf} has a gap of {time[i + 1] - time[i]:.3g} s after {time[i]:g} s"
-        raise OutOfRange(f"window {start:g} ... {stop:g} s; {gap}; cut before or after it")
+        gap = f"leaf {leaf} has a gap of {time[i + 1] - time[i]:.3g} s after {time_text(time[i])} s"
+        raise OutOfRange(
+            f"window {time_text(start)} ... {time_text(stop)} s; {gap}; cut before or after it"
+        )
     return piece

@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flightmech.names import WRAPPED
+from flightmech.quantities import time_text
 from flightmech.support.arrays import median, true_runs
 
 KINDS = ("gap", "wrap", "stray", "duplicate", "reset", "missing", "outside", "held", "spike")
@@ -90,11 +91,11 @@ def _sentence(channel: str, kind: str, group: list[Flag]) -> str:
     times = []
     for flag in group[:5]:
         note = f" ({flag.note})" if flag.note else ""
-        times.append(f"{flag.start:g} s{note}")
+        times.append(f"{time_text(flag.start)} s{note}")
     spans = ", ".join(times)
     if len(group) > 5:
         spans += f" and {len(group) - 5} more"
-    first = f"{group[0].start:g} s"
+    first = f"{time_text(group[0].start)} s"
     sentences = {
         "gap": f"gaps in the clock at {spans}",
         "wrap": f"clock wrapped round and unrolled at {spans}",

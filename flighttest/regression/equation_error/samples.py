@@ -12,6 +12,7 @@ import xarray as xr
 from flightmech.aircraft.controls import ICE
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.names import REDUCED_RATES
+from flightmech.quantities import time_text
 from flighttest.regression.equation_error.model import RegressionModel
 
 # Variables that a table may depend on. They stay with the samples if all manoeuvres have them.
@@ -170,10 +171,14 @@ def _demand_rising_time(time: np.ndarray, number: int) -> None:
         return
     k = int(falls[0])
     where = (
-        f"from {time[k]:g} to {time[k + 1]:g} s at sample {k + 1} and {len(falls) - 1} more times"
+        f"from {time_text(time[k])} to {time_text(time[k + 1])} s at sample {k + 1} and "
+        f"{len(falls) - 1} more times"
     )
     if len(falls) == len(time) - 1:
-        where = f"at all of its {len(time)} samples, from {time[0]:g} to {time[-1]:g} s"
+        where = (
+            f"at all of its {len(time)} samples, from {time_text(time[0])} to "
+            f"{time_text(time[-1])} s"
+        )
     raise IdentificationError(
         f"time of manoeuvre {number} does not rise: it steps back or stands {where}; a time "
         f"that rises is needed: sort the samples (data.sortby('time')) and drop what comes twice, "

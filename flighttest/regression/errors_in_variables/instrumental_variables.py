@@ -33,6 +33,7 @@ import xarray as xr
 
 from flightmech.aircraft.controls import ICE
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.quantities import time_text
 from flighttest.parameter_constraints import ParameterElimination
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
@@ -198,8 +199,10 @@ def _interpolate(
         # np.interp would hold the end values without a word.
         if len(own) and not (clock[0] <= own[0] + 1e-6 and own[-1] <= clock[-1] + 1e-6):
             raise IdentificationError(
-                f"instruments of manoeuvre {number} run from {clock[0]:g} to {clock[-1]:g} s, its "
-                f"samples from {own[0]:g} to {own[-1]:g} s; give instruments over all samples"
+                f"instruments of manoeuvre {number} run from {time_text(clock[0])} to "
+                f"{time_text(clock[-1])} s, its "
+                f"samples from {time_text(own[0])} to {time_text(own[-1])} s; give instruments "
+                "over all samples"
             )
         for name in noisy:
             if name not in record:

@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flightmech.quantities import time_text
 from flighttest.remarks import Convergence, PrintedResult, Remark, is_forbidden
 from flighttest.submodels.aircraft_properties.mode_response import (
     SAME,
@@ -147,8 +148,8 @@ class Eigenmotion(PrintedResult):
         """Return the figures as lines."""
         state = "converged" if self.convergence.converged else "NOT converged"
         lines = [
-            f"{self.kind} in {' '.join(self.channels)}, {self.time[0]:g} ... "
-            f"{self.time[-1]:g} s, {self.share:.1%} explained, {state}",
+            f"{self.kind} in {' '.join(self.channels)}, {time_text(self.time[0])} ... "
+            f"{time_text(self.time[-1])} s, {self.share:.1%} explained, {state}",
             f"amplitudes: F({self.F_terms}, {self.F_dof:.0f}) {self.F:.4g}, probability "
             f"{self.F_probability:.2g}",
             f"  {'':14s}{'estimate':>12s}{'std. error':>12s}",

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from flightmech.errors import OutOfRange, UnknownName
+from flightmech.quantities import time_text
 from flightmech.support.atomic_write import written_atomically
 from flightmech.units import from_si
 from flighttest.records.record import needs_names
@@ -227,7 +228,8 @@ def _search_stretches(
         inside = max(low, window[0]), min(high, window[1])
         if not inside[0] < inside[1]:
             raise OutOfRange(
-                f"window {window[0]:g} ... {window[1]:g} s lies outside the record, {low:g} "
+                f"window {time_text(window[0])} ... {time_text(window[1])} s lies outside the "
+                f"record, {time_text(low)} "
                 f"... {high:g} s; choose one inside"
             )
         return inside, inside
@@ -242,7 +244,9 @@ def _search_stretches(
     first = fitting[0]
     start, end = max(low, first.start - 0.5 * LEAD), min(high, first.end)
     if len(fitting) > 1:
-        others = ", ".join(f"{each.start:g} ... {each.end:g} s" for each in fitting[1:])
+        others = ", ".join(
+            f"{time_text(each.start)} ... {time_text(each.end)} s" for each in fitting[1:]
+        )
         remarks.append(
             f"the record lists {len(fitting)} manoeuvres that fit; the first was taken, "
             f"--window chooses another: {others}"
@@ -376,7 +380,8 @@ def _place_events(
             time = window[1]
         events[name] = (round(time, 2), False)
         remarks.append(
-            f"{name} was not found in the record; it stands at {events[name][0]:g} s, set it "
+            f"{name} was not found in the record; it stands at {time_text(events[name][0])} s, set "
+            "it "
             f"by hand"
         )
     return events

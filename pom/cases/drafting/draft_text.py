@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from flightmech.quantities import time_text
 from pom.tolerances.criteria import Criterion
 
 
@@ -101,7 +102,7 @@ def draft_text(draft: Draft, criteria: Sequence[Criterion]) -> str:
     for name, (time, is_shown) in draft.events.items():
         # The engineer has to see which times are only placeholders.
         comment = "" if is_shown else "   # NOT FOUND in the record: set it"
-        lines.append(f"{_quote_key(name)} = {time:g}{comment}")
+        lines.append(f"{_quote_key(name)} = {time_text(time)}{comment}")
     return "\n".join(lines) + "\n" + _criteria_comments(criteria) + _OPTIONAL
 
 
@@ -143,7 +144,7 @@ def _criteria_comments(criteria: Sequence[Criterion]) -> str:
         "# What is judged (rows of one group are alternatives, different groups must all pass):",
     ]
     for criterion in criteria:
-        window = f"{criterion.window[0]:g} ... {criterion.window[1]:g} s"
+        window = f"{time_text(criterion.window[0])} ... {time_text(criterion.window[1])} s"
         lines.append(
             f"#   {criterion.name}: {criterion.band.text or 'no number'}, {criterion.measure} of "
             f"{criterion.channel or 'no channel'}, {window}, group {criterion.group}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flightmech.errors import SchemaError
+from flightmech.quantities import time_text
 from pom.cases.drafting.event_detection import ELEVATOR, INPUTS, RecordedManoeuvre, input_channels
 from pom.tolerances.channels import plain_id
 
@@ -123,7 +124,7 @@ def demand_fitting(record: str, test: str, listed: Sequence[RecordedManoeuvre]) 
     texts = []
     for each in listed:
         control = f" ({each.control})" if each.control else ""
-        texts.append(f"{each.word}{control} {each.start:g} ... {each.end:g} s")
+        texts.append(f"{each.word}{control} {time_text(each.start)} ... {time_text(each.end)} s")
     # the words of the rule, or the controls of the input
     expected = prefixes or [CONTROL_WORDS.get(name, name) for name in input_channels(test)]
     raise SchemaError(

@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 
 from flightmech.errors import AeromatchError, AeromatchWarning, SchemaError
+from flightmech.quantities import time_text
 from flightmech.support.console import count_text, print_json, print_table, show_progress
 from pom.cases.case import PomCase, read_case
 from pom.cases.fact_agreement import contradictions
@@ -87,7 +88,7 @@ def _print_criteria(case: PomCase) -> None:
             criterion.measure,
             criterion.group,
             criterion.band.text,
-            f"{criterion.window[0]:g} ... {criterion.window[1]:g}",
+            f"{time_text(criterion.window[0])} ... {time_text(criterion.window[1])}",
             reason_not_judged(case, criterion) or criterion.provenance,
         )
         rows.append(row)

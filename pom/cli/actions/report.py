@@ -12,6 +12,7 @@ from typing import Any, cast
 import click
 
 import aerodb
+from flightmech.quantities import time_text
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import (
     collect_options,
@@ -107,7 +108,8 @@ def run_init_case(
         return
     click.echo(f"written: {output}")
     click.echo(
-        f"{case.id}  {case.title}  {case.window[0]:g} ... {case.window[1]:g} s  {case.description}"
+        f"{case.id}  {case.title}  {time_text(case.window[0])} ... {time_text(case.window[1])} s  "
+        f"{case.description}"
     )
     for text in remarks:
         print_remark(f"  - {text}")

@@ -36,7 +36,7 @@ from joblib import Parallel, delayed
 import aerodb
 from flightmech.errors import UnknownName
 from flightmech.support.arrays import rms
-from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+from flighttest.reconstruction.dynamics.propeller_loads import with_engine_channels
 from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from pom.cases.job import with_stated_inputs
 from pom.diagnosis.kept_diagnosis import LateBench
@@ -188,7 +188,7 @@ def _flown_distances(bench: SwapBench, evidence: xr.DataTree) -> dict[str, float
     """
     aircraft = bench.models.aircraft[1]
     flight = with_stated_inputs(bench.case, bench.states)
-    states = with_propeller_channels(reduced_rates(flight, aircraft), aircraft)
+    states = with_engine_channels(reduced_rates(flight, aircraft), aircraft)
     hinges = bench.case.drive.level != "recorded"
     try:
         flown = Evidence(evidence, states, hinges=hinges)

@@ -24,7 +24,7 @@ from aerodb.comparison.record_conditions import fill_missing_devices
 from aerodb.store.schema import HINGE
 from flightmech import terms as _terms
 from flightmech.aircraft.aircraft import Aircraft
-from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+from flighttest.reconstruction.dynamics.propeller_loads import with_engine_channels
 
 LEAST = 0.01  # of the variance of a coefficient by all terms: smaller components are left out
 COMPONENTS = 3  # of one term
@@ -86,7 +86,7 @@ def flown_conditions(
     thrust.
     """
     if aircraft is not None:
-        states = with_propeller_channels(states, aircraft)
+        states = with_engine_channels(states, aircraft)
     every = max(1, states.sizes["time"] // _SAMPLES)
     selected = _add_reduced_rates(states, db).isel(time=slice(None, None, every))
     complete, _ = fill_missing_devices(selected, db)

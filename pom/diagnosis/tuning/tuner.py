@@ -19,7 +19,7 @@ from flightmech.names import lookup
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.node_values import with_table_values
 from flightmech.units import from_si
-from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+from flighttest.reconstruction.dynamics.propeller_loads import with_engine_channels
 from pom.diagnosis.sampling.draws import InstrumentErrors
 from pom.diagnosis.sampling.sampled_bench import SampledBench, SampledRun
 from pom.diagnosis.tuning.demands import Directions, demand_cases, demand_evidence, least_distance
@@ -112,7 +112,7 @@ class Tuner:
         exact = InstrumentErrors((), {}, {}, {})
         benches = {plan.case.name: SampledBench.of(plan, sim, exact) for plan in plans}
         # terms of the slipstream need the thrust of the propellers
-        flights = [with_propeller_channels(plan.states, aircraft) for plan in plans]
+        flights = [with_engine_channels(plan.states, aircraft) for plan in plans]
         hinges = any(plan.case.drive.level != "recorded" for plan in plans)
         directions = Directions.along(evidence, flights, hinges)
         if not directions.of:

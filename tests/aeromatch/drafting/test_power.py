@@ -69,7 +69,8 @@ def test_the_remark_states_the_role_of_each_record():
     both = describe_power(RecordedPower(drives, ("a", "b", "c"), ("a", "b")))
     assert "a, b neither identify nor prove: give each [[engine]]" in both[0]
     assert "so c identifies nothing" in both[1]
-    assert "a jet without such a column: map engine1.thrust to the column of N1" in both[0]
+    assert "a jet whose N1 is recorded: give each [[engine]] an [engine.deck]" in both[0]
+    assert "or map engine1.thrust to the column of N1" in both[0]
     assert describe_power(RecordedPower(drives)) == []
     assert describe_power(RecordedPower()) == []
     (glider,) = describe_power(RecordedPower(frozenset()))

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+from flighttest.reconstruction.dynamics.propeller_loads import with_engine_channels
 
 COMMUTER = Path(__file__).parents[3] / "data" / "commuter"
 
@@ -52,7 +52,7 @@ def test_thrust_of_torque_and_speed_is_that_of_the_aeroplane(aeroplane, craft):
         {name: ("time", np.asarray(x)) for name, x in columns.items()},
         {"time": 100.0 * np.arange(count)},
     )
-    found = with_propeller_channels(states, craft)
+    found = with_engine_channels(states, craft)
     for number in (1, 2):
         error = found[f"engine{number}.thrust"].values - np.array(truth)
         assert np.abs(error).max() < 0.06 * np.max(truth)

@@ -21,7 +21,7 @@ from flightmech.errors import AeromatchWarning, IdentificationError
 from flightmech.simulation.kernel import Simulation
 from flightmech.terms import SOURCES, make_term
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
-from flighttest.reconstruction.dynamics.propeller_loads import with_propeller_channels
+from flighttest.reconstruction.dynamics.propeller_loads import with_engine_channels
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.remarks import Convergence
@@ -450,7 +450,7 @@ def test_channels_are_those_of_the_kernel_at_rest_of_the_shaft(kind):
     columns = {name: y[name] for name in (*names, *wanted) if name in y}
     states = xr.Dataset({k: ("time", [x, x]) for k, x in columns.items()}, {"time": [0.0, 1.0]})
     craft = flightmech.Aircraft("one", 1.0, 1.0, 1.0, 1e3, 1e3, 1e3, 1e3, engines=(engine,))
-    found = with_propeller_channels(states, craft)
+    found = with_engine_channels(states, craft)
     for name in ("thrust", "torque", "J", "CT_prop", "CP_prop", "shaft_power", "blade_angle"):
         if f"engine1.{name}" in found:
             expected = y[f"engine1.{name}"]

@@ -20,7 +20,7 @@ from flighttest.reconstruction.dynamics.loads import (
 )
 from flighttest.reconstruction.dynamics.propeller_loads import (
     propeller_channels,
-    with_propeller_channels,
+    with_engine_channels,
 )
 from flighttest.reconstruction.dynamics.reduced_rates import read_columns
 from flighttest.reconstruction.dynamics.shaft_condition import shaft_condition
@@ -102,7 +102,7 @@ def states_of(flown: xr.Dataset, *names: str) -> xr.Dataset:
 
 def test_thrust_and_torque_of_speed_and_manifold_pressure(flown):
     states = states_of(flown, "engine1.rpm", "engine1.manifold_pressure")
-    found = with_propeller_channels(states, trainer())
+    found = with_engine_channels(states, trainer())
     assert np.ptp(flown["engine1.thrust"].values) > 800.0
     np.testing.assert_allclose(found["engine1.thrust"], flown["engine1.thrust"], atol=20.0)
     np.testing.assert_allclose(found["engine1.torque"], flown["engine1.torque"], rtol=1e-6)
@@ -111,11 +111,11 @@ def test_thrust_and_torque_of_speed_and_manifold_pressure(flown):
 
 def test_recorded_torque_takes_the_place_of_the_chart(flown):
     states = states_of(flown, "engine1.rpm", "engine1.torque")
-    found = with_propeller_channels(states, trainer())
+    found = with_engine_channels(states, trainer())
     np.testing.assert_allclose(found["engine1.thrust"], flown["engine1.thrust"], atol=20.0)
     recorded = states.assign({"engine1.thrust": ("time", np.full(TIME.size, 700.0))})
-    assert with_propeller_channels(recorded, trainer()) is not recorded
-    assert set(with_propeller_channels(recorded, trainer())["engine1.thrust"].values) == {700.0}
+    assert with_engine_channels(recorded, trainer()) is not recorded
+    assert set(with_engine_channels(recorded, trainer())["engine1.thrust"].values) == {700.0}
 
 
 def test_a_path_holds_the_thrust_coefficient_of_the_propeller(flown):
@@ -126,7 +126,7 @@ def test_a_path_holds_the_thrust_coefficient_of_the_propeller(flown):
     expected = flown["engine1.thrust"] / (flown["qbar"] * 16.0)
     np.testing.assert_allclose(path["CT"], expected, atol=20.0 / (0.5 * 45.0**2 * 16.0))
     # the aircraft of a later step counts, not that of the reconstruction
-    assert "CT" not in with_propeller_channels(path, trainer())
+    assert "CT" not in with_engine_channels(path, trainer())
     thrust = states.assign({"engine1.thrust": flown["engine1.thrust"]})
     assert with_propeller_thrust_coefficient(thrust, trainer()) is thrust
 
@@ -154,7 +154,7 @@ def test_coefficients_are_free_of_propeller_and_rotor(flown):
 
 def test_a_missing_power_is_named(flown):
     with pytest.raises(IdentificationError, match=r"neither torque nor .* map engine1\.torque"):
-        with_propeller_channels(states_of(flown, "engine1.rpm"), trainer())
+        with_engine_channels(states_of(flown, "engine1.rpm"), trainer())
 
 
 @pytest.mark.parametrize("rotation", [1, -1])
@@ -189,7 +189,7 @@ def test_all_six_loads_are_those_of_the_kernel(rotation):
     flown = flown.isel(time=[0, 0]).assign_coords(time=[0.0, 1.0])
     states = states_of(flown, "p", "q", "r", "engine1.manifold_pressure")
     states = states.assign({"engine1.engine_rpm": gear * flown["engine1.rpm"]})
-    columns = read_columns(with_propeller_channels(states, craft))
+    columns = read_columns(with_engine_channels(states, craft))
     ((F, M),) = engine_loads(columns, craft)
     acceleration, rates = (
         np.array([float(flown[name][0]) for name in names])
@@ -213,12 +213,8 @@ def test_noise_of_the_tachometer_makes_no_torque():
         {name: ("time", x + still) for name, x in columns.items()}, {"time": np.arange(count) / 25}
     )
     noise = 0.3 * rng.standard_normal(count)
-    found = with_propeller_channels(
-        states.assign({"engine1.rpm": ("time", 240 + noise)}), trainer()
-    )
-    quiet = with_propeller_channels(
-        states.assign({"engine1.rpm": ("time", 240 + still)}), trainer()
-    )
+    found = with_engine_channels(states.assign({"engine1.rpm": ("time", 240 + noise)}), trainer())
+    quiet = with_engine_channels(states.assign({"engine1.rpm": ("time", 240 + still)}), trainer())
     scatter = float((found["engine1.thrust"] - quiet["engine1.thrust"]).std())
     mean = float(quiet["engine1.thrust"].mean())
     assert mean == pytest.approx(1034.0, abs=300.0)
@@ -236,7 +232,7 @@ def torque_of_shaft(time: np.ndarray, speed: np.ndarray) -> np.ndarray:
     for inertia in (1.0, 3.0):
         propeller = Propeller(tables, diameter=2.0, inertia=inertia, rpm_high=270.0)
         craft = trainer(propeller=propeller)
-        torques.append(with_propeller_channels(states, craft)["engine1.torque"].values)
+        torques.append(with_engine_channels(states, craft)["engine1.torque"].values)
     return torques[1] - torques[0]
 
 
@@ -320,7 +316,7 @@ def test_without_power_the_rotor_stays_and_the_torque_is_named():
     states = xr.Dataset({name: ("time", x + 0.0 * time) for name, x in columns.items()})
     states = states.assign_coords(time=time)
     with pytest.warns(AeromatchWarning, match=r"rolling moment of the torque .* engine1\.torque"):
-        found = with_propeller_channels(states, trainer())
+        found = with_engine_channels(states, trainer())
     ((_, M),) = engine_loads(read_columns(found), trainer())
     # -omega x (rotation I w d) along y, less the thrust times its arm
     assert M[0, 1] + 0.1 * 1100.0 == pytest.approx(-0.3 * -1 * 2.0 * 230.0)

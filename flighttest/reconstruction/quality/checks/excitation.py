@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
+from flightmech.quantities import time_text
 from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.signals import (
     BAND,
@@ -129,7 +130,8 @@ def _manoeuvre_findings(row, signals: ResampledChannels) -> list[Finding]:
         movement = float(np.ptp(signals[name][inside]))
         if movement < 2.0 * _INPUT:
             text = (
-                f"{row.manoeuvre} at {row.start:g} ... {row.end:g} s: {name} moves by "
+                f"{row.manoeuvre} at {time_text(row.start)} ... {time_text(row.end)} s: {name} "
+                "moves by "
                 f"{movement / DEGREE:.2g} deg only"
             )
             finding = Finding(

@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.names import lookup
+from flightmech.quantities import time_text
 from flightmech.support.arrays import true_runs
 from flighttest.reconstruction.quality.checks.held_values import (
     DEVICES,
@@ -224,7 +225,7 @@ def _jump_finding(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
     ends = np.sort(np.stack([x[jumps], x[np.array(jumps) + 1]]), axis=0)
     low, high = row.minimum + _EXTREME * width, row.maximum - _EXTREME * width
     between_ends = (ends[0] < low) & (ends[1] > high)
-    places = ", ".join(f"{time[i]:g} s" for i in jumps[:5])
+    places = ", ".join(f"{time_text(time[i])} s" for i in jumps[:5])
     if between_ends.all() and size[jumps].min() > _FULL_JUMP * width:
         severity, kind = "error", "wrap"
         text = f"{row.channel} runs over its range of about {width:.6g} {row.units} at {places}"
@@ -278,7 +279,7 @@ def _saturation_findings(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
             (row.channel,),
             text=(
                 f"{row.channel} stays at its {word} value {extreme:.5g} {row.units} exactly, "
-                f"{total} samples from {first:g} s"
+                f"{total} samples from {time_text(first)} s"
             ),
             remedy="the end of the instrument's range, or a stop; choose windows without it",
             start=first,

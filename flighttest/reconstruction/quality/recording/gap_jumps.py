@@ -13,6 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.names import lookup
+from flightmech.quantities import time_text
 from flighttest.reconstruction.quality.finding import Finding
 
 _SIDE, _LINE = 10.0, 60.0  # s on either side that give a level, and a slope
@@ -69,7 +70,8 @@ def gap_jumps(record: xr.DataTree, faults: pd.DataFrame) -> list[Finding]:
     findings = []
     for gap, texts in jumps.items():
         text = (
-            f"across the gap from {gap[0]:g} to {gap[1]:g} s {', '.join(texts.values())}: more "
+            f"across the gap from {time_text(gap[0])} to {time_text(gap[1])} s "
+            f"{', '.join(texts.values())}: more "
             f"than one flight changes in this time, so another flight begins there"
         )
         if set(texts) <= set(_TANKS):

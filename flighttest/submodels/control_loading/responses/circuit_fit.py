@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flightmech.errors import IdentificationError
+from flightmech.quantities import time_text
 from flightmech.simulation.estimation.circuit_response import MOST_UNKNOWNS
 from flighttest.maximum_likelihood.likelihood import LikelihoodMaximum
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
@@ -222,7 +223,8 @@ def _demand_room(windows: Sequence[FreeWindow], layout: UnknownVector, common: i
     for window, names in zip(windows, layout.bases):
         if len(names) > MOST_UNKNOWNS:
             problems.append(
-                f"the window {window.time[0]:g}-{window.time[-1]:g} s has {len(names)} unknowns, "
+                f"the window {time_text(window.time[0])}-{time_text(window.time[-1])} s has "
+                f"{len(names)} unknowns, "
                 f"{common} of the circuit and {len(window.edges)} jumps of the force among them; "
                 f"at most {MOST_UNKNOWNS} are possible: divide the window, or give fewer terms "
                 "or nodes"

@@ -10,6 +10,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError
+from flightmech.quantities import time_text
 from flightmech.support.arrays import true_spans
 from flighttest.reconstruction.dynamics.reduced_rates import read_columns
 from flighttest.reconstruction.dynamics.shaft_condition import (
@@ -153,5 +154,5 @@ def _cut_off_stretches(records: Sequence[xr.Dataset], aircraft: Aircraft) -> tup
         name = states.attrs.get("record", f"record {count}")
         off = cut_off_samples(states, len(aircraft.engines))
         for begin, end in true_spans(states["time"].values, off):
-            stretches.append(f"{begin:.4g} ... {end:.4g} s of {name}")
+            stretches.append(f"{time_text(begin, 4)} ... {time_text(end, 4)} s of {name}")
     return tuple(stretches)
