@@ -7,7 +7,7 @@
 #include "engine.h"
 #include "error.h"
 #include "fuel.h"
-#include "gear.h"
+#include "gear_check.h"
 #include "separation.h"
 #include "terms.h"
 #include "weather.h"

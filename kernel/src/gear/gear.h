@@ -4,8 +4,7 @@
 
 #include "flight.h"
 
-/* Check the parameters of runway, steering and contacts. */
-int gear_check(am_sim *sim);
+enum { DRY, WET, ICY }; /* values of runway.condition */
 
 /* Struts and steering at rest at the height and attitude of the start. */
 void gear_start(am_sim *sim);
