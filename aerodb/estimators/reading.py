@@ -37,6 +37,11 @@ _OTHERS = {
     "xflr5": "an export of XFLR5 that is neither a polar of a plane nor a stability log",
     "NumberOfControlGroups": "a set-up file of VSPAERO",
     "Solver Case:": "a history of VSPAERO (.history)",
+    " + alpha_dot)": "an unsteady run of VSPAERO (.qstab), whose numbers are sums of a rate "
+    "derivative and that of its angle's rate; the .stab has the rate derivatives",
+    "CFx_p ": "an unsteady run of VSPAERO (.pstab); the .stab has the rate derivatives",
+    "beta_dot)": "an unsteady run of VSPAERO (.rstab), whose numbers are sums of a rate "
+    "derivative and that of its angle's rate; the .stab has the rate derivatives",
     "Surface Forces (referred to Sref": "surface forces of AVL (.fn)",
     "Vortex Lattice Output -- Strip Forces": "strip forces of AVL (.fs)",
     "Vortex Lattice Output -- Surface Forces": "surface forces of AVL (.fn)",

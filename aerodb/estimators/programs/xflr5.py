@@ -9,7 +9,8 @@
 
 Source: exports of xflr5 6.44; the source code of XFLR5 (``PanelAnalysis``, moments along
 ``WindDirection``, ``rotateGeomZ``) and of flow5 (``PlanePolar::exportToString``, ``AeroForces``,
-``objects::windDirection``). Exports of flow5 were not available: their form is that of the source.
+``objects::windDirection``), and one public export of flow5, type 1.  Some exports of flow5 7.57 have
+the first row at the end of the heading.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ _FLOW5: tuple[str, ...] = (
 # Columns of versions before 6 by their later names; GCm is about the centre of gravity.
 _OLD_NAMES = {"ICd": "CDi", "PCd": "CDv", "TCd": "CD", "GCm": "Cm"}
 _OLD_NAMES |= {"Rm": "Cl", "GRm": "Cl", "Ym": "Cn", "GYm": "Cn"}
+_NUMBER = re.compile(r"[-+]?(?:\d[\d.]*(?:[eE][-+]?\d+)?|nan|inf)", re.IGNORECASE)
 _RULE = re.compile(r"[\s_-]*$")
 _COMMON = {"CL": "CL", "CD": "CD", "CY": "CY", "Cl": "Cl", "Cm": "Cm", "Cn": "Cn"}
 _AFT_AND_UP = ("Cl", "Cn")  # moments about axes aft and up
@@ -121,7 +123,8 @@ def _read_polar(
     is_lateral = False
     moments = []
     angles = set()
-    for number, line in enumerate(lines[position + 1 :], position + 2):
+    rest = _row_in_heading(lines[position]) if program == "flow5" else ""
+    for number, line in enumerate([rest, *lines[position + 1 :]], position + 1):
         words = line.replace(",", " ").split()
         if _RULE.match(line):
             continue
@@ -152,6 +155,17 @@ def _read_polar(
         remarks=tuple(remarks),
         inviscid=not has_friction,
     )
+
+
+def _row_in_heading(line: str) -> str:
+    """Return the numbers at the end of a heading of flow5, which are its first row."""
+    words = _UNITS.sub("", line).replace(",", " ").split()
+    count = 0
+    for word in reversed(words):
+        if not _NUMBER.fullmatch(word):
+            break
+        count += 1
+    return " ".join(words[len(words) - count :])
 
 
 def _refuse_trimmed(file: Path, found: str) -> None:

@@ -295,6 +295,8 @@ def test_a_file_of_another_program_is_named(file, name):
     ("text", "name"),
     [
         ("****\n# Name\nSref_ 10.0\n\nSolver Case: 1\n", "a history of VSPAERO"),
+        ("****\nSref_ 10.0\nCFx_(q + alpha_dot)  0.7\n", r"unsteady run of VSPAERO \(.qstab\)"),
+        ("****\nSref_ 10.0\nCFx_(r - beta_dot)  0.7\n", r"unsteady run of VSPAERO \(.rstab\)"),
         (
             " Surface Forces (referred to Sref,Cref,Bref about Xref,Yref,Zref)\n",
             "surface forces of",

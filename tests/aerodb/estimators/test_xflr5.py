@@ -10,6 +10,7 @@ import pytest
 
 import aerodb
 from aerodb.estimators.build import from_estimate
+from aerodb.estimators.effects import EstimateTables
 from aerodb.estimators.reading import read_estimate, read_estimates
 from flightmech.errors import AeromatchWarning, ParseError, SchemaError
 
@@ -227,6 +228,30 @@ def test_a_polar_of_flow5_has_axes_aft_and_up(tmp_path):
         read_estimate(write(tmp_path, flow5(FLOW5_ROW.replace("2, 0, 0", "2, 3, 0", 1))))
     with pytest.raises(ParseError, match="control parameter 1"):
         read_estimate(write(tmp_path, flow5(FLOW5_ROW.replace("0, 2", "1, 2", 1))))
+
+
+def test_a_yawing_moment_without_sideslip_is_remarked(tmp_path):
+    """A file of totals has no derivative to compare it with: 0.05 of usual ones at 5 deg."""
+    rows = "\n".join(FLOW5_ROW.replace("0, 2", f"0, {angle}", 1) for angle in (2, 4))
+    remarks = []
+    for text in (flow5(rows), flow5(rows).replace("0.002, -0.003", "1e-4, -2e-4")):
+        tables = EstimateTables(read_estimate(write(tmp_path, text)), mach=0.1)
+        tables.effects()
+        remarks.append([text for text in tables.remarks if "without sideslip" in text])
+    assert [text[:2] for text in remarks[0]] == ["Cl", "Cn"]
+    assert "a control is deflected that the file does not state" in remarks[0][0]
+    assert remarks[1] == []
+
+
+def test_a_first_row_at_the_end_of_the_heading_of_flow5_is_read(tmp_path):
+    """As exports of 7.57 have it: without its row a polar would begin one angle later."""
+    second = FLOW5_ROW.replace("0, 2", "0, 4", 1)
+    glued = flow5(second).replace("Lift (N)\n", f"Lift (N)   {FLOW5_ROW}\n")
+    numbers = read_estimate(write(tmp_path, glued)).numbers
+    assert sorted(set(np.round(numbers["alpha"] / DEG, 6))) == [2.0, 4.0]
+    broken = glued.replace(f"   {FLOW5_ROW}", "   0, 2, 0.4")
+    with pytest.raises(ParseError, match="line 6: found 3 numbers; expected 14"):
+        read_estimate(write(tmp_path, broken))
 
 
 def test_control_derivatives_of_a_log(tmp_path):
