@@ -172,8 +172,8 @@ def _manoeuvre_cells(number: int, row: Mapping[Any, Any]) -> tuple[Any, ...]:
         number,
         row["manoeuvre"],
         row["control"],
-        f"{time_text(row['start'])}",
-        f"{time_text(row['end'])}",
+        time_text(row["start"]),
+        time_text(row["end"]),
     )
 
 
