@@ -91,10 +91,10 @@ def _compare_cases(first: PomResult, second: PomResult) -> Iterator[str]:
             yield f"condition {name} {x:.6g}, flown again {y:.6g} (SI)"
     if not first.tolerance.broadcast_equals(second.tolerance):
         for name in dict.fromkeys(map(str, [*first.tolerance, *second.tolerance])):
-            bands = [item.tolerance.get(name) for item in (first, second)]
-            if any(band is None for band in bands) or not np.allclose(
-                *bands, rtol=SAME_TRACE, equal_nan=True
-            ):
+            a, b = (item.tolerance.get(name) for item in (first, second))
+            if a is None or b is None:
+                yield f"the drawn band of {name} is in one report alone"
+            elif not np.allclose(a, b, rtol=SAME_TRACE, equal_nan=True):
                 yield f"the drawn band of {name} is another one"
     if bool(first.failure) != bool(second.failure):
         yield f"failure {first.failure or 'none'!r}, flown again {second.failure or 'none'!r}"
