@@ -148,7 +148,7 @@ def _compare_rewritten(
         paper=paper,
         provenance={**archive.provenance, "places": places, "models": models},
     )
-    differences = _list_differences(
+    differences = list_differences(
         _without_cases_and_places(json.loads(expected)), _without_cases_and_places(statement)
     )
     yield from islice(differences, _MOST_DIFFERENCES)
@@ -175,7 +175,7 @@ def _compare_numbers(folder: Path, document: Any, archive: Archive) -> Iterator[
     for result in archive.results:
         cases.append(case_results_text(result, mode_table(result), folder))
     expected = json.loads(results_json(archive, cases))
-    differences = _list_differences(
+    differences = list_differences(
         _with_current_cases(expected, folder), _with_current_cases(document, folder)
     )
     return islice(differences, _MOST_DIFFERENCES)
@@ -206,15 +206,15 @@ def _to_current_keys(case: Mapping[str, Any], folder: Path) -> Any:
         return dict(case)
 
 
-def _list_differences(expected: Any, stated: Any, path: str = "") -> Iterator[str]:
+def list_differences(expected: Any, stated: Any, path: str = "") -> Iterator[str]:
     """Yield the differences of plain data; numbers within `CLOSE` are equal."""
     if isinstance(expected, Mapping) and isinstance(stated, Mapping):
         for key in {**expected, **stated}:
             inner = f"{path}.{key}" if path else str(key)
-            yield from _list_differences(expected.get(key), stated.get(key), inner)
+            yield from list_differences(expected.get(key), stated.get(key), inner)
     elif isinstance(expected, list) and isinstance(stated, list) and len(expected) == len(stated):
         for i, (item, stated_item) in enumerate(zip(expected, stated, strict=True)):
-            yield from _list_differences(item, stated_item, f"{path}[{i}]")
+            yield from list_differences(item, stated_item, f"{path}[{i}]")
     elif not _is_equal(expected, stated):
         yield f"{path}: results.nc has {_shorten(expected)}, here {_shorten(stated)}"
 

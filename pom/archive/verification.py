@@ -15,6 +15,7 @@ import numpy as np
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.support.input_files import file_sha256
 from pom.archive.archive import read_archive
+from pom.archive.case_files import compare_case_files, compare_signals
 from pom.archive.origins import dependency_path, read_report_manifest
 from pom.archive.program_files import compare_program
 from pom.archive.statements import CLOSE, compare_statements, run_of
@@ -30,7 +31,17 @@ from pom.result import NUMBERS, PomResult
 from pom.status import PASSED, UNPROBED
 from pom.tolerances.bands import RowRemark
 
-KINDS = ("output", "input", "model", "program file", "statement", "tolerance", "verdict")
+KINDS = (
+    "output",
+    "input",
+    "model",
+    "program file",
+    "statement",
+    "tolerance",
+    "verdict",
+    "case file",
+    "flight",
+)
 
 # The channel without samples is either missing or empty.  The archive does not show which.
 _EMPTY = {"invalid", "not_tested"}
@@ -58,8 +69,10 @@ def verify(folder: str | os.PathLike) -> list[VerificationResult]:
     are compared with those of this installation.  Every field of ``manifest.json`` and
     ``results.json`` is compared with ``results.nc``.  The criteria of every case are compared with
     the rows of the table of its standard and edition, except for bands of the case file.  All
-    verdicts are judged again from ``results.nc``.  Not covered: the author of the report, and the
-    content of page and PDF, of which only the hashes are checked.
+    verdicts are judged again from ``results.nc``, and its cases are compared with their files.  Not
+    covered: the author of the report (`pom.archive.report_signature`), whether traces, departures
+    and probes are those of the inputs (`pom.archive.flown_again`), and the content of page and PDF,
+    of which only the hashes are checked.
 
     Parameters
     ----------
@@ -103,8 +116,23 @@ def _check_statement(folder: Path, statement: Mapping[str, Any]) -> list[Verific
         checks.append(VerificationResult("program file", name, state, detail))
     for kind, name, detail in compare_statements(folder, statement):
         checks.append(_make_result(kind, name, detail))
+    checks.extend(_check_case_files(folder, statement))
     checks.extend(_check_verdicts(folder))
     return checks
+
+
+def _check_case_files(folder: Path, statement: Mapping[str, Any]) -> Iterator[VerificationResult]:
+    try:
+        archive = read_archive(folder)
+    except (AeromatchError, OSError):
+        return  # the second judgement of the verdicts reports these errors
+    inputs = []
+    for item in statement["predicate"]["buildDefinition"]["resolvedDependencies"]:
+        path = dependency_path(item, folder)
+        if path is not None and not run_of(item):
+            inputs.append(path)
+    for name, state, detail in compare_case_files(archive, inputs):
+        yield VerificationResult("case file", name, state, detail)
 
 
 def _make_result(kind: str, name: str, detail: str) -> VerificationResult:
@@ -143,9 +171,11 @@ def _check_verdicts(folder: Path) -> Iterator[VerificationResult]:
         yield VerificationResult("verdict", "all", "changed", detail)
         return
     for result, numbers, status in zip(results, printed, statuses, strict=True):
+        contradictions = list(compare_signals(result))
         for run in result.runs:
             stored = {row["criterion"]: row for row in result.rows if row["run"] == run}
             differences = [
+                *contradictions,
                 *_judge_again(result, run, stored),
                 *_find_missing_remarks(result, run),
                 *_compare_printed(run, stored, numbers),
@@ -183,7 +213,7 @@ def _judge_again(
             now = verdict_row(run, criterion, outcomes[criterion.name])
             unseen = before["verdict"] == "invalid" and criterion.group in empty_groups
             if not unseen and {before["verdict"], now["verdict"]} != _EMPTY:
-                yield from _compare_rows(criterion.name, "judged again", before, now)
+                yield from compare_rows(criterion.name, "judged again", before, now)
 
 
 def _is_refused(result: PomResult, run: str) -> bool:
@@ -239,13 +269,13 @@ def _compare_printed(
         if printed_row is None:
             yield f"{name}: not in results.json"
         else:
-            yield from _compare_rows(name, "results.json", row, printed_row)
+            yield from compare_rows(name, "results.json", row, printed_row)
 
 
-def _compare_rows(
+def compare_rows(
     name: str, where: str, before: Mapping[Hashable, Any], now: Mapping[Any, Any]
 ) -> Iterator[str]:
-    """Yield the differences of two rows of verdicts on one criterion."""
+    """Yield the differences of two rows of verdicts on one criterion, `now` found at `where`."""
     if before["verdict"] != now.get("verdict"):
         yield f"{name}: verdict {before['verdict']}, {where} {now.get('verdict')}"
     for column in NUMBERS:

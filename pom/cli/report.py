@@ -198,12 +198,29 @@ def write_report_command() -> None:
 
 @click.command("verify")
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option(
+    "--signers",
+    type=_FILE,
+    metavar="FILE",
+    help="Keys that you know, as of ssh-keygen (allowed signers). The report must be signed by one.",
+)
+@click.option(
+    "--against",
+    "again",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    metavar="REPORT",
+    help="Report of the same command that you have flown again: traces, verdicts, departures and "
+    "probes must be the same.",
+)
 @json_option
 @click.pass_context
 @performed_by("pom.cli.actions.report:verify_report")
 def verify_report_command() -> None:
-    """Check the report in FOLDER: hash all inputs and outputs again, judge all verdicts again from
-    the stored samples.
+    """Check the report in FOLDER: hash all inputs and outputs again, read all cases again from
+    their files, judge all verdicts again from the stored samples.
+
+    Whoever edits a report can write its hashes anew. A signature (--signers) or a second flight
+    (--against) shows that. The first line states whether the report is signed.
 
     Exit code 0 when all is as it was, 1 when anything changed or is missing, with what exactly.
     """

@@ -36,6 +36,7 @@ from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
 from pom.probing.record_leak import find_leaks
 from pom.probing.temperature_effect import weigh_temperature
+from pom.probing.thrust_bias import THRUST, thrust_bias_remarks
 from pom.probing.wind_effect import weigh_wind
 from pom.replaying.idle_devices import idle_remarks
 from pom.replaying.kernel_replay import fly_once
@@ -211,6 +212,8 @@ def perform_plan(
         # Probes and watched channels do not depend on what a case shows.
         names += SHOWN
         requested = {*_output_names(names, model.links.outputs), *OBSERVED, *SIZES, REGION, AXIS}
+        # what the trim adds to a thrust is compared with it
+        requested |= {output for output in model.links.outputs if THRUST.match(output)}
         job, trim_remarks, refused = solve_trim_surfaces(
             plan.job,
             plan.case.drive.trim_surfaces,
@@ -227,6 +230,7 @@ def perform_plan(
             *envelope_remarks(plan.job.time, outputs, rolling),
             *_reach_remarks(plan, outputs, model),
             *below_runway(plan.job.time, outputs, job.parameters),
+            *thrust_bias_remarks(job, outputs, map(str, plan.states.data_vars)),
             *find_leaks(plan.case, plan.states, model.fmu.path, model.fmu.sha256),
         )
     distances = _compare_with_evidence(evidence, plan, models)

@@ -26,7 +26,9 @@ from flightmech.support.console import (
 from flightmech.support.input_files import file_sha256
 from flightmech.support.toml_models import schema_text, validate_content
 from flighttest.reconstruction.flight_programme import open_biases
-from pom.archive.origins import NAME, ReportProvenance
+from pom.archive.flown_again import compare_flown_again
+from pom.archive.origins import NAME, ReportProvenance, read_report_manifest
+from pom.archive.report_signature import read_signature
 from pom.archive.results_document import join_reports
 from pom.archive.verification import KINDS, VerificationResult, verify
 from pom.cases.case_file import case_schema
@@ -243,21 +245,43 @@ def _samples_file(path: Path) -> Path:
     return path / SAMPLES if path.is_dir() else path
 
 
-def verify_report(ctx: click.Context, folder: Path, as_json: bool) -> None:
+def verify_report(
+    ctx: click.Context, folder: Path, signers: Path | None, again: Path | None, as_json: bool
+) -> None:
     """Perform the command ``verify``."""
+    signature = read_signature(folder, signers)
     with show_progress("hash all files, judge all verdicts again"):
         items = verify(folder)
+        if again is not None:
+            items += compare_flown_again(folder, again)
     different = [item for item in items if item.state not in ("same", "unknown")]
     if as_json:
-        print_json([asdict(item) for item in items])
+        state = "same" if signature.is_known else "unknown"
+        if signature.is_refused:
+            state = "changed"
+        line = VerificationResult("signature", NAME, state, signature.text)
+        print_json([asdict(item) for item in (line, *items)])
     else:
+        click.echo(signature.text)
         _print_verification(items, different)
         click.echo(f"SHA-256 of {NAME}, to be signed: {file_sha256(folder / NAME)}")
         for item in items:
             if item.state == "unknown":
                 click.echo(f"not checked: {item.kind} {item.name}: {item.detail}")
-        click.echo("not covered: who wrote the report, and page and PDF but for their hashes")
-    ctx.exit(1 if different else 0)
+        if again is None:
+            command = _command_of(folder)
+            click.echo(
+                f"not covered: whether flights, departures and probes are those of the inputs; fly "
+                f"again ({command} with another -o) and compare: --against REPORT"
+            )
+        click.echo("not covered: page and PDF but for their hashes")
+    ctx.exit(1 if different or signature.is_refused else 0)
+
+
+def _command_of(folder: Path) -> str:
+    """Return the command that wrote a report."""
+    definition = read_report_manifest(folder)["predicate"]["buildDefinition"]
+    return definition.get("externalParameters", {}).get("command", "") or "its command"
 
 
 def _print_verification(
@@ -265,7 +289,9 @@ def _print_verification(
 ) -> None:
     """Print the items that differ, and how many of each kind were checked."""
     counts = Counter(item.kind for item in items)
-    checked = ", ".join(count_text(counts[kind], kind) for kind in KINDS)
+    # without a second flight there is none to count
+    shown = [kind for kind in KINDS if counts[kind] or kind != "flight"]
+    checked = ", ".join(count_text(counts[kind], kind) for kind in shown)
     if not different:
         click.echo(f"all as it was: {checked} checked")
         return

@@ -284,25 +284,31 @@ def test_what_is_no_report_is_refused(tmp_path):
 @pytest.mark.slow
 def test_verify_on_the_command_line(aeromatch, made):
     done = aeromatch("pom", "verify", made / "report")
-    first, sign, not_covered = done.stdout.strip().splitlines()
+    signed, first, sign, not_flown, not_covered = done.stdout.strip().splitlines()
     assert done.returncode == 0
+    assert signed.startswith("not signed (no manifest.json.sig)")
+    assert "--against REPORT" in not_flown
     assert (
         first == "all as it was: 5 outputs, 2 inputs, 1 model, 7 program files, 6 statements, "
-        "1 tolerance, 1 verdict checked"
+        "1 tolerance, 1 verdict, 1 case file checked"
     )
     assert (
         sign == f"SHA-256 of manifest.json, to be signed: "
         f"{pom.archive.origins.file_sha256(made / 'report' / manifest.NAME)}"
     )
-    assert not_covered == "not covered: who wrote the report, and page and PDF but for their hashes"
+    assert not_covered == "not covered: page and PDF but for their hashes"
     (made / "case.toml").write_text("else")
     done = aeromatch("pom", "verify", made / "report")
     assert done.returncode == 1
     assert "case.toml" in done.stdout
-    assert "1 of 23 differ" in done.stdout
+    # the file, and the case that it no longer holds
+    assert "2 of 24 differ" in done.stdout
     done = aeromatch("pom", "verify", made / "report", "--json")
-    assert [item["name"] for item in json.loads(done.stdout) if item["state"] != "same"] == [
-        "case.toml"
+    found = [item for item in json.loads(done.stdout) if item["state"] != "same"]
+    assert [(item["kind"], item["name"]) for item in found] == [
+        ("signature", "manifest.json"),
+        ("input", "case.toml"),
+        ("case file", "a_case"),
     ]
 
 

@@ -1,0 +1,107 @@
+"""Comparison of the cases of a report with their case files, and of its numbers with its signals.
+
+Somebody who edits ``results.nc`` can write all other files and hashes of a report anew.  Its inputs
+and the relations between its numbers remain.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from flightmech.errors import AeromatchError
+from pom.archive.archive import Archive
+from pom.archive.statements import list_differences
+from pom.cases.case import PomCase, read_case
+from pom.judging.signals import traces_of
+from pom.judging.verdict import band_widths
+from pom.result import PomResult
+
+_SAME = 1e-9
+"""Relative difference of samples and times that is rounding."""
+_FIRST = ("V", "h", "theta", "phi", "alpha", "beta")
+"""Initial conditions that are the first sample; rates come from a line."""
+
+
+def compare_case_files(
+    archive: Archive, inputs: Iterable[Path] = ()
+) -> Iterator[tuple[str, str, str]]:
+    """Yield name, state and detail of every case against its case file.
+
+    Parameters
+    ----------
+    archive : Archive
+    inputs : iterable of Path
+        Files that the manifest names.  A case file without a result is ``missing``.
+
+    Yields
+    ------
+    (str, str, str)
+        The state is ``same``, ``changed``, ``missing``, or ``unknown`` for a file that is not here
+        or that a table of the user completes.
+    """
+    judged = {Path(result.case.path).resolve() for result in archive.results}
+    for path in inputs:
+        if path.suffix == ".toml" and path.resolve() not in judged and _is_case_file(path):
+            yield path.name, "missing", "an input of the report, which has no result of this case"
+    for result in archive.results:
+        case = result.case
+        name = case.name
+        if not Path(case.path).is_file():
+            yield name, "unknown", f"no file {case.path}"
+        elif case.table:
+            yield name, "unknown", "a tolerance table of the user completes it"
+        else:
+            detail = _case_differences(case)
+            yield name, "changed" if detail else "same", detail
+
+
+def _is_case_file(path: Path) -> bool:
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(content.get("case"), dict) and "record" in content["case"]
+
+
+def _case_differences(case: PomCase) -> str:
+    try:
+        present = read_case(case.path)
+    except (AeromatchError, OSError) as error:
+        return f"the case file cannot be read: {error}"
+    texts = list(list_differences(present.to_dict(), case.to_dict()))
+    more = f"; {len(texts) - 3} more" if len(texts) > 3 else ""
+    return f"{'; '.join(texts[:3])}{more}"
+
+
+def compare_signals(result: PomResult) -> Iterator[str]:
+    """Yield contradictions between the signals of a result and its case, bands and conditions."""
+    time = result.signals["time"].values.astype(float)
+    start, stop = result.case.window
+    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    if abs(time[0] - start) > step + _SAME or abs(time[-1] - stop) > step + _SAME:
+        yield (
+            f"the signals have {time[0]:.6g} ... {time[-1]:.6g} s, the window of the case has "
+            f"{start:.6g} ... {stop:.6g} s"
+        )
+    flight = traces_of(result.signals, "flight")
+    expected = band_widths(result.case, time, flight)
+    for name in {*map(str, expected.data_vars), *map(str, result.tolerance.data_vars)}:
+        if name not in expected or name not in result.tolerance:
+            yield f"drawn band of {name}: in one of criteria and signals only"
+        elif not np.allclose(
+            expected[name], result.tolerance[name], rtol=1e-6, atol=1e-12, equal_nan=True
+        ):
+            yield f"drawn band of {name}: not that of the criteria"
+    if result.case.drive.trim == "ground":
+        # the start on the wheels has no angles of the air, and another speed
+        return
+    for name in _FIRST:
+        value = result.conditions.get(name, np.nan)
+        if name in flight and name not in result.case.conditions and np.isfinite(value):
+            first = float(flight[name][0])
+            if abs(first - value) > 1e-6 * max(abs(first), 1.0):
+                yield f"condition {name} {value:.9g}, the flight starts with {first:.9g}"

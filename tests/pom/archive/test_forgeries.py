@@ -1,0 +1,151 @@
+"""Edits of a report with all of its files written anew: what shows them."""
+
+import shutil
+import subprocess
+from dataclasses import replace
+
+import pytest
+
+import pom
+from pom.archive.archive import read_archive
+from pom.archive.case_files import compare_case_files
+from pom.archive.flown_again import compare_flown_again
+from pom.archive.report_signature import read_signature
+from pom.cases.case import read_case
+from pom.replaying.replay_case import replay
+from pom.result import make_verdict_table
+from pom.tolerances.bands import RowRemark
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """Return the folder that the honest report is kept in."""
+    return tmp_path_factory.mktemp("honest")
+
+
+@pytest.fixture
+def honest(kept, write_case, lag_states, toy, tmp_path):
+    """Return the folder of a report with one departure; its case file lies next to it."""
+    if not (kept / "report").exists():
+        case = read_case(write_case(more="trim = false"))
+        result = replay(case, {"toy": toy()}, lag_states)
+        remark = RowRemark("departure", "departure: flown with flaps at 0 deg", "flaps")
+        rows = [{**row, "remarks": (*row["remarks"], remark)} for row in result.rows]
+        result = replace(result, verdict=make_verdict_table(rows))
+        pom.write_report([result], tmp_path / "report", title="Toy", paper=None)
+        shutil.copytree(tmp_path, kept, dirs_exist_ok=True)
+    return kept / "report"
+
+
+def forge(honest, folder, change):
+    """Write the report again with a changed result, as somebody who hides an edit."""
+    (result,) = read_archive(honest).results
+    pom.write_report([change(result)], folder, title="Toy", paper=None)
+    return folder
+
+
+def without_departure(result):
+    rows = []
+    for row in result.rows:
+        kept = tuple(item for item in row["remarks"] if item.quantity != "flaps")
+        rows.append({**row, "remarks": kept})
+    return replace(result, verdict=make_verdict_table(rows))
+
+
+def with_nearer_trace(result):
+    """The largest difference, which decides, is not touched."""
+    theta = result.signals["theta"].copy(deep=True)
+    theta[1, 150] = theta[0, 150] + 1e-3
+    return replace(result, signals=result.signals.assign(theta=theta))
+
+
+def with_other_mass(result):
+    return replace(result, conditions={**result.conditions, "mass": 1.0})
+
+
+def with_other_flight(result):
+    """Flight and model are shifted together: every difference stays."""
+    theta = result.signals["theta"] + 0.01
+    return replace(result, signals=result.signals.assign(theta=theta))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (without_departure, "not stated: departure: departure: flown with flaps at # deg"),
+        (with_nearer_trace, "theta of toy differs"),
+        (with_other_mass, "condition mass 1"),
+        (with_other_flight, "theta of flight differs"),
+    ],
+)
+def test_a_second_flight_shows_an_edit_that_hides_itself(honest, tmp_path, change, words):
+    assert {item.state for item in compare_flown_again(honest, honest)} == {"same"}
+    forged = forge(honest, tmp_path / "forged", change)
+    texts = [item.detail for item in compare_flown_again(forged, honest) if item.state != "same"]
+    assert words in " ".join(texts)
+
+
+@pytest.mark.slow
+def test_a_window_that_the_case_file_does_not_have_is_found(honest, tmp_path):
+    def narrowed(result):
+        start, stop = result.case.window
+        return replace(result, case=replace(result.case, window=(start, stop - 2.0)))
+
+    forged = forge(honest, tmp_path / "forged", narrowed)
+    details = {item.kind: item.detail for item in pom.verify(forged) if item.state == "changed"}
+    assert "window" in details["case file"]
+    assert "the window of the case has" in details["verdict"]
+
+
+@pytest.mark.slow
+def test_a_case_that_was_taken_out_leaves_its_file(honest):
+    archive = read_archive(honest)
+    (result,) = archive.results
+    file = honest.parent / "other.toml"
+    shutil.copy(result.case.path, file)
+    states = {name: state for name, state, _ in compare_case_files(archive, [file])}
+    assert states["other.toml"] == "missing"
+    assert states[result.case.name] == "same"
+
+
+@pytest.mark.slow
+def test_a_drawn_band_that_is_not_that_of_the_criteria_is_found(honest, tmp_path):
+    def widened(result):
+        return replace(result, tolerance=3.0 * result.tolerance)
+
+    forged = forge(honest, tmp_path / "forged", widened)
+    details = " ".join(item.detail for item in pom.verify(forged))
+    assert "drawn band of theta: not that of the criteria" in details
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")
+def test_the_first_line_states_who_signed(tmp_path):
+    manifest = tmp_path / "manifest.json"
+    manifest.write_text("{}")
+    assert read_signature(tmp_path).text.startswith("not signed")
+    keys = [tmp_path / name for name in ("office", "other")]
+    for key in keys:
+        words = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)]
+        subprocess.run(words, check=True)
+    words = ["ssh-keygen", "-q", "-Y", "sign", "-f", str(keys[0]), "-n", "aeromatch"]
+    subprocess.run([*words, str(manifest)], check=True, capture_output=True)
+    assert read_signature(tmp_path).text.startswith("signed (manifest.json.sig), the key was not")
+    signers = []
+    for key in keys:
+        signers.append(tmp_path / f"{key.name}_signers")
+        signers[-1].write_text(f"{key.name} {key.with_suffix('.pub').read_text()}")
+    assert read_signature(tmp_path, signers[0]).is_known
+    assert "signed by office" in read_signature(tmp_path, signers[0]).text
+    assert read_signature(tmp_path, signers[1]).is_refused
+    manifest.write_text("{ }")
+    assert "not that of this manifest.json" in read_signature(tmp_path, signers[0]).text
+
+
+@pytest.mark.slow
+def test_a_report_without_signature_is_refused_by_who_wants_one(tmp_path):
+    found = read_signature(tmp_path, tmp_path / "signers")
+    assert found.is_refused
+    assert not found.is_known
+    assert "not signed" in found.text

@@ -1,0 +1,43 @@
+"""A drag that the trim balances by a thrust that nobody recorded."""
+
+import numpy as np
+import pytest
+
+from pom.cases.job import ReplayJob
+from pom.probing.thrust_bias import thrust_bias_remarks
+
+TIME = np.arange(0.0, 5.0, 0.1)
+LEVER = np.interp(TIME, [1.0, 2.0], [0.7, 0.4])
+
+
+def remarks(lever=0.7, output=1000.0, recorded=(), **biases):
+    """Return the remarks on biases of the trim; `output` is the thrust of the model."""
+    job = ReplayJob(TIME, {"engine1.throttle": lever + 0.0 * TIME}, {}, (), ())
+    outputs = {f"trim.{name}": value + 0.0 * TIME for name, value in biases.items()}
+    if output is not None:
+        outputs["engine1.thrust"] = output + 0.0 * TIME
+    return thrust_bias_remarks(job, outputs, recorded)
+
+
+@pytest.mark.parametrize(("bias", "kind"), [(49.0, "probe"), (-90.0, "departure")])
+def test_a_bias_is_compared_with_the_thrust_of_the_model(bias, kind):
+    (remark,) = remarks(thrust=bias)
+    assert remark.kind == kind
+    assert remark.values["share"] == pytest.approx(abs(bias) / 1000.0)
+
+
+def test_a_small_bias_of_a_lever_can_be_a_large_thrust():
+    # 2 % of the lever, which is within the 5 % of its limit, at 3000 N per travel
+    (remark,) = remarks(lever=LEVER, output=3000.0 * (LEVER + 0.02) - 800.0, throttle=0.02)
+    assert remark.values["share"] == pytest.approx(60.0 / 1360.0, rel=1e-6)
+    (remark,) = remarks(lever=LEVER, output=3000.0 * (LEVER + 0.03) - 800.0, throttle=0.03)
+    assert remark.kind == "departure"
+    assert "from +3 % of the lever" in remark.text
+
+
+def test_what_has_no_bias_or_a_recorded_thrust_has_no_remark():
+    assert remarks() == ()
+    # the limits of the trim apply there
+    assert remarks(thrust=-90.0, recorded=["engine1.thrust"]) == ()
+    (remark,) = remarks(thrust=-90.0, output=None)
+    assert remark.kind == "not_probed"
