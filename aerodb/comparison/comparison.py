@@ -24,10 +24,10 @@ from aerodb.comparison.conditions import (
     leaf_breakpoints,
     merge_leaf_breakpoints,
     mesh_samples,
-    neutral_value,
     order_names,
     select_covered_samples,
 )
+from aerodb.store.grids import neutral_value
 from aerodb.store.overview import display_text
 from aerodb.store.schema import terms
 from aerodb.update.standard_errors import standard_errors

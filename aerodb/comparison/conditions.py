@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from aerodb.store.grids import neutral_value
 from aerodb.store.overview import FREE_AIR, display_text, plain_number
 from flightmech import terms as _terms
 from flightmech.errors import OutOfRange, UnknownName
 from flightmech.names import (
-    ATTACHED_FLOW,
     VOCABULARY,
     lookup,
     unit_suffix,
@@ -78,16 +78,6 @@ def mesh_samples(points: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         return {}
     grids = np.meshgrid(*points.values(), indexing="ij")
     return {name: grid.ravel() for name, grid in zip(points, grids)}
-
-
-def neutral_value(name: str, points: np.ndarray) -> float:
-    """Return the neutral value of a variable: zero, or the value in range nearest to it. [SI]
-
-    That of `h_agl` is the highest one, free air, that of the flow separation is attached flow.
-    """
-    if name == "h_agl":
-        return float(points[-1])
-    return float(np.clip(ATTACHED_FLOW.get(name, 0.0), points[0], points[-1]))
 
 
 def coefficient_points(

@@ -15,8 +15,8 @@ from aerodb.comparison.conditions import (
     coefficient_points,
     leaf_breakpoints,
     merge_leaf_breakpoints,
-    neutral_value,
 )
+from aerodb.store.grids import neutral_value
 from aerodb.store.schema import terms
 from aerodb.update.standard_errors import standard_errors
 from flightmech import terms as _terms

@@ -17,13 +17,23 @@ import xarray as xr
 from aerodb.store.overview import display_text
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import quantity_attributes
+from flightmech.names import ATTACHED_FLOW, quantity_attributes
 
 JUDGEMENT = _terms.SOURCES.index("judgement")
 # Breakpoints closer than this share of the span of an axis are equal.  Conversions of degrees to
 # radians differ in their rounding.
 _NEAR = 1e-9
 _FACTORS = ("K1", "K2")
+
+
+def neutral_value(name: str, points: np.ndarray) -> float:
+    """Return the neutral value of a variable: zero, or the value in range nearest to it. [SI]
+
+    That of `h_agl` is the highest one, free air, that of the flow separation is attached flow.
+    """
+    if name == "h_agl":
+        return float(points[-1])
+    return float(np.clip(ATTACHED_FLOW.get(name, 0.0), points[0], points[-1]))
 
 
 def merge_breakpoints(first: np.ndarray, second: np.ndarray) -> np.ndarray:

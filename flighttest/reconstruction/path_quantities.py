@@ -332,8 +332,8 @@ def _fuel_of_tanks(record: xr.DataTree, time: np.ndarray, aircraft: Any) -> dict
 def _interpolated(record: xr.DataTree, name: str, time: np.ndarray) -> np.ndarray | None:
     """Return a slow channel along the path (time,), or None without any recorded value."""
     for node in record.children.values():
-        if name in node.data_vars and np.isfinite(node[name].values).any():
-            data = node.to_dataset()
+        data = node.to_dataset()
+        if name in data and np.isfinite(data[name].values).any():
             clock = data["time"].values
             return np.interp(time, clock, without_blanks(clock, data[name].values))
     return None

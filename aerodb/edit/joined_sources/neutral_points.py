@@ -15,9 +15,8 @@ from itertools import combinations
 import numpy as np
 import xarray as xr
 
-from aerodb.comparison.conditions import neutral_value
 from aerodb.edit.joined_sources.prior_sources import PriorSource
-from aerodb.store.grids import value_breakpoints
+from aerodb.store.grids import neutral_value, value_breakpoints
 from aerodb.store.schema import terms
 from flightmech.terms import evaluate_term, list_multipliers
 from flightmech.units import DEGREE

@@ -12,10 +12,10 @@ from aerodb.comparison.conditions import (
     coefficient_points,
     leaf_breakpoints,
     merge_leaf_breakpoints,
-    neutral_value,
 )
 from aerodb.figures.lr743_set.chart import NotDrawn
 from aerodb.store.evaluation import evaluate
+from aerodb.store.grids import neutral_value
 from aerodb.store.schema import terms
 from aerodb.update.standard_errors import repeat_rows, spread_of_sum
 from flightmech import terms as _terms
