@@ -1,18 +1,18 @@
 """Control loading of the T-37 identified from programmes of other seeds: shares within two
 standard errors of the truth.
 
-    python benchmarks/t37_controls.py PROGRAMMES [--seeds 201 202] [--items column wheel pedal]
+    python benchmarks/t37_controls.py FOLDER --seeds 201 202 [--items column wheel pedal] [--flown]
 
-PROGRAMMES/SEED holds the recordings of runs 41 to 46, PROGRAMMES/SEED.json their truth, made by
+Each seed draws the constants of the circuit within a quarter of a guess, the errors of the
+instruments, and the noise. The circuits are identified with those of the aircraft file as priors of
+a quarter of their values. Friction builds up over a travel.
 
-    python ../shared/tools/t37_control_forces.py --out PROGRAMMES/SEED --errors PROGRAMMES/SEED.json
+FOLDER takes the reconstructions of the shipped runs 41 to 46, which give air and hand
+(`t37_circuits.py`). With ``--flown``, FOLDER/SEED holds the recordings of a programme flown by JSBSim
+and FOLDER/SEED.json its truth:
+
+    python ../shared/tools/t37_control_forces.py --out FOLDER/SEED --errors FOLDER/SEED.json
         --seed SEED --only 41,42,43,44,45,46
-
-Each seed draws the constants of all circuits within a quarter of a guess, errors of all instruments
-and noise. The recordings are reconstructed as in the demo (at 50 samples per second, which are those
-of the cockpit), kept in PROGRAMMES/SEED/paths, and identified with the circuits of the aircraft
-file as priors of a quarter of their values. Wind, motion of the aeroplane and hand are those of
-JSBSim flown through the circuits. Friction builds up over a travel.
 """
 
 from __future__ import annotations
@@ -27,12 +27,14 @@ from typing import Any
 
 import numpy as np
 from click.testing import CliRunner
+from t37_circuits import Programme, draw_programme
 
 import flightmech
 import flighttest
 from aeromatch.cli.command import cli
 from flightmech.units import G0
 from flighttest.cli.actions.submodels.controls import ControlMotions
+from flighttest.reconstruction.dynamics.saved_paths import open_path
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.submodels.control_loading.loading import loading_of
 
@@ -80,12 +82,11 @@ def perform(*words: str) -> str:
     return done.stdout
 
 
-def reconstruct(folder: Path) -> list[str]:
-    """Return the reconstructed paths of a programme; missing ones are made."""
-    paths = folder / "paths"
-    paths.mkdir(exist_ok=True)
+def reconstruct(records: Path, paths: Path) -> list[str]:
+    """Return the reconstructed paths of runs 41 to 46; missing ones are made."""
+    paths.mkdir(exist_ok=True, parents=True)
     files = []
-    for record in sorted(folder.glob("*.nc")):
+    for record in sorted(records.glob("t37_4[1-6]*.nc")):
         file = paths / record.name
         files.append(str(file))
         if not file.exists():
@@ -96,21 +97,28 @@ def reconstruct(folder: Path) -> list[str]:
     return files
 
 
-def identify(folder: Path, paths: list[str], item: str) -> flighttest.IdentifiedLoading:
+def identify(item: str, programme: Programme) -> flighttest.IdentifiedLoading:
     """Return the control loading of one control."""
     aircraft = flightmech.read_aircraft(T37 / "aircraft.toml")
-    free = (f"force_{item}", f"release_{item}")
-    driven, quick = ControlMotions(tuple(paths), (), str(folder), free).read()
     model, constants, arm = MODELS[item]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return flighttest.identify_control_loading(
             loading_of(aircraft, item, model, constants, arm),
-            driven,
-            quick,
+            programme.driven,
+            programme.free,
             errors=pick_up_errors(aircraft.instruments),
             drawings=aircraft.circuits[item],
         )
+
+
+def flown_programme(folder: Path, seed: str, item: str) -> Programme:
+    """Return the programme of one control that JSBSim flew."""
+    truth = json.loads((folder / f"{seed}.json").read_text(encoding="utf-8"))
+    paths = reconstruct(folder / seed, folder / seed / "paths")
+    names = (f"force_{item}", f"release_{item}")
+    motions = ControlMotions(tuple(paths), (), str(folder / seed), names).read()
+    return Programme(*motions, truth["control_system"][item])
 
 
 def true_values(circuit: dict[str, Any], names: list[str]) -> dict[str, float]:
@@ -150,21 +158,27 @@ def standard_errors_off(
 def main() -> None:
     """Print the shares of every constant."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("programmes", type=Path)
-    parser.add_argument("--seeds", nargs="+", default=[])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--seeds", nargs="+", required=True)
     parser.add_argument("--items", nargs="+", choices=MODELS, default=list(MODELS))
+    parser.add_argument("--flown", action="store_true")
     given = parser.parse_args()
-    seeds = given.seeds or sorted(file.stem for file in given.programmes.glob("*.json"))
     by_name: dict[str, list[tuple[float, float]]] = {}
-    for seed in seeds:
-        truth = json.loads((given.programmes / f"{seed}.json").read_text(encoding="utf-8"))
-        folder = given.programmes / seed
-        paths = reconstruct(folder)
+    flights = {}
+    if not given.flown:
+        for path in reconstruct(T37 / "flight", given.folder / "paths"):
+            saved = open_path(path, described=False)
+            flights[path] = saved.states.assign_attrs(manoeuvres=saved.states.attrs["manoeuvres"])
+    for seed in given.seeds:
         for item in given.items:
             begin = time.process_time()
-            found = identify(folder, paths, item)
+            if given.flown:
+                programme = flown_programme(given.folder, seed, item)
+            else:
+                programme = draw_programme(flights, item, int(seed))
+            found = identify(item, programme)
             names = [str(name) for name in found.estimates["term"].values]
-            true = true_values(truth["control_system"][item], names)
+            true = true_values(programme.circuit, names)
             errors = standard_errors_off(found, true)
             for name, pair in errors.items():
                 by_name.setdefault(f"{item} {name}", []).append(pair)
