@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import aerodb
 from aerodb.prior.roles import CaseRole, assign_roles
 from datcom_io.arrays.conditions import control_surface
 from datcom_io.decks.aircraft_rules import has_thrust
@@ -18,6 +20,9 @@ from datcom_io.decks.device_fit import IS_FLAP, describe_misfit, weigh_device_on
 from datcom_io.decks.planforms import measure_main_wing
 from datcom_io.listing import Case
 from datcom_io.reading.reader import read
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.errors import AeromatchError
+from flightmech.support.kept_stages.captured_warnings import capture_warnings
 from flightmech.units import to_si
 
 _LENGTHS = {"FT": "ft", "IN": "in", "M": "m", "CM": "cm"}
@@ -110,6 +115,32 @@ def geometry_of(listings: Sequence[Path], decks: Sequence[Path]) -> Geometry:
         places=_places_by_role(contents, roles),
         powered=clean is not None and _has_power(clean),
     )
+
+
+def given_terms(geometry: Geometry) -> frozenset[str] | None:
+    """Return the names of the terms that the listings give, or None if they make no database.
+
+    A listing may print NDM for a term, and one without the card DAMP has no damping.
+    """
+    lengths = (geometry.S, geometry.cbar, geometry.b)
+    if "clean" not in geometry.places or None in lengths:
+        return None
+    cases: dict[str, Any] = {}
+    for item in geometry.roles:
+        for role in item.roles:
+            # the clean pages have the power effects already
+            if role != "power" or not geometry.powered:
+                cases.setdefault(role, []).append(item.case)
+    S, cbar, b = (float(length or 0.0) for length in lengths)
+    # mass and inertia have no effect on the tables
+    craft = Aircraft(name="draft", S=S, cbar=cbar, b=b, mass=1.0, Ixx=1.0, Iyy=1.0, Izz=1.0)
+    build = partial(aerodb.from_datcom, craft, powered=geometry.powered, **cases)
+    try:
+        database, _ = capture_warnings(build)
+    except AeromatchError:
+        # the check of the project names the fault
+        return None
+    return frozenset(aerodb.terms(database))
 
 
 def _has_power(case: Case) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from aeromatch.drafting.flown import FitDraft
-from aeromatch.drafting.geometry import Geometry
+from aeromatch.drafting.geometry import Geometry, given_terms
 from aeromatch.drafting.name_map.names import NamesDraft
 from aeromatch.drafting.sources import Sources, quote
 from aeromatch.project.schemas import schema_lines
@@ -103,48 +103,58 @@ def _listing_lines(folder: Path, geometry: Geometry) -> list[str]:
     return lines
 
 
-# Terms that no listing gives, by their regressor and coefficient, with a standard error about zero.
-# The errors are assumptions, about the size of the derivative itself. [1] or [1/rad]
+# Terms that a listing may lack, by their regressor and coefficient, with a standard error about
+# zero. The errors are assumptions, about the size of the derivative itself. [1] or [1/rad]
 _OPENED = {
     "delta_e": {"CL": 1.0, "CD": 0.1, "Cm": 2.0},
     "delta_a": {"Cl": 0.3, "Cn": 0.05},
     "delta_r": {"CY": 0.3, "Cl": 0.05, "Cn": 0.15},
-    "rhat": {"CY": 0.5},
+    "qhat": {"CL": 8.0, "Cm": 20.0},
+    "beta": {"CY": 1.0, "Cl": 0.2, "Cn": 0.2},
+    "phat": {"CY": 0.3, "Cl": 0.6, "Cn": 0.15},
+    "rhat": {"CY": 0.5, "Cl": 0.3, "Cn": 0.3},
     "1": {"CY": 0.01, "Cl": 0.002, "Cn": 0.002},
 }
-_TERM_NAMES = {
-    "delta_e": "elevator",
-    "delta_a": "aileron",
-    "delta_r": "rudder",
-    "rhat": "rhat",
-    "1": "basic",
-}
+# Name of the term by its regressor, where it is another one.
+_TERM_NAMES = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder", "1": "basic"}
+# Terms that DATCOM never gives.
+_NEVER = {"CY/rhat", *(f"{name}/basic" for name in ("CY", "Cl", "Cn"))}
 
 
 def _term_lines(geometry: Geometry, fits: Sequence[FitDraft]) -> list[str]:
-    """Return the terms of the fits that the listings cannot give, zero with a standard error."""
+    """Return the terms of the fits that the listings do not give, zero with a standard error."""
     used: dict[str, None] = {}
     for fit in fits:
         used |= dict.fromkeys(fit.models)
+    if not used:
+        return []
+    given = given_terms(geometry)
     lines = []
     for regressor, errors in _OPENED.items():
-        name = _TERM_NAMES[regressor]
-        # An elevator or aileron with a listing of its own is in the database.
-        if name in geometry.places:
-            continue
+        name = _TERM_NAMES.get(regressor, regressor)
         for coefficient, stderr in errors.items():
             is_fitted = any(_has_term(model, coefficient, regressor) for model in used)
-            if not is_fitted:
+            if not is_fitted or _is_given(f"{coefficient}/{name}", given, geometry):
                 continue
             keys = "" if regressor == "1" else f"regressors = [{quote(regressor)}], "
             lines.append(f"{quote(f'{coefficient}/{name}')} = {{ {keys}stderr = {stderr:g} }}")
     if not lines:
         return []
     head = (
-        "[terms]   # what the listings cannot give: zero before flight, with a standard error; "
+        "[terms]   # what the listings do not give: zero before flight, with a standard error; "
         "CONFIRM"
     )
     return ["", head, *lines]
+
+
+def _is_given(term: str, given: frozenset[str] | None, geometry: Geometry) -> bool:
+    """Return whether the listings give a term; without a database, by their roles."""
+    if given is not None:
+        return term in given
+    device = term.partition("/")[2]
+    if device in ("elevator", "aileron", "rudder"):
+        return device in geometry.places
+    return term not in _NEVER
 
 
 def _has_term(model: str, coefficient: str, regressor: str) -> bool:

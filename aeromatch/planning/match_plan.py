@@ -353,7 +353,7 @@ class _ModelChecks:
         self._databases: dict[str, Kept[xr.DataTree]] | None = None
 
     def databases(self) -> dict[str, Kept[xr.DataTree]]:
-        """Return the databases before the flights by model, or no database after an error."""
+        """Return the databases before the flights by model; none after an error."""
         if self._databases is not None:
             return self._databases
         if self._plan.project.prior:
@@ -410,14 +410,14 @@ class _ModelChecks:
             start = databases["final"].value
             problems += model_checks.term_problems(project, start, published)
             problems += model_checks.variable_problems(project, start, names)
+            plan.remarks += model_checks.unplaced_remarks(project, start)
             plan.remarks += ice_remarks(start, plan.cases, plan.looks)
         windows: dict[int, xr.Dataset | None] = {}
         for number, case in enumerate(plan.cases):
             look_of_case = plan.looks.get(Path(case.record).stem)
             # A case whose record has a problem has no states.
-            windows[number] = None
-            if look_of_case is not None:
-                windows[number] = look_of_case.windows.get(case.name)
+            known = {} if look_of_case is None else look_of_case.windows
+            windows[number] = known.get(case.name)
         plan.departures += self._idle_devices(databases, windows)
         problems += CaseChecks(project, self._custody, self._stages).problems(
             plan.cases,

@@ -13,6 +13,7 @@ import xarray as xr
 import aerodb
 import flightmech
 import flighttest
+from aerodb.update.cautions.unplaced_terms import describe_lacking_variables
 from aerodb.update.observations import known_terms
 from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import Project
@@ -24,6 +25,7 @@ from aeromatch.project.sections import (
 )
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import ICE
+from flightmech.errors import AeromatchError
 from flightmech.support.kept_stages.stages import Kept, Stages
 from flighttest.regression.combining.published_table import read_published
 from flighttest.regression.equation_error.model import RegressionModel
@@ -98,6 +100,31 @@ def term_problems(project: Project, start: xr.DataTree, published: Sequence[Any]
         find_terms = partial(known_terms, [coefficient], start, project.held)
         run_collecting_problems(problems, position, find_terms)
     return list(dict.fromkeys(problems))
+
+
+def unplaced_remarks(project: Project, start: xr.DataTree) -> Iterator[str]:
+    """Yield the terms of fits on which no table of the database depends, each once.
+
+    The match stops where the estimate of such a term is significant.
+    """
+    if project.unplaced != "raise":
+        return
+    fits: dict[str, list[str]] = {}
+    for fit in project.fit:
+        for text in fit.models:
+            model = RegressionModel.parse(text)
+            try:
+                (found,) = known_terms([model.coefficient], start, project.held)
+            except AeromatchError:
+                # a problem of its own (`term_problems`)
+                continue
+            for line in describe_lacking_variables(found, model.terms):
+                fits.setdefault(line, []).append(repr(fit.name))
+    for line, names in fits.items():
+        yield (
+            f"fit {', '.join(dict.fromkeys(names))}: {line}; the match stops if its estimate is "
+            f"significant"
+        )
 
 
 def coefficient_names(

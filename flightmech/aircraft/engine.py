@@ -291,6 +291,9 @@ def engine_of(item: EngineTable, number: int, files: DeckFiles, problems: list[s
         "feed": tuple(item.feed),
         "crossfeed": tuple(item.crossfeed),
     }
+    if any(parts[name] is None and getattr(item, name) is not None for name in readers):
+        # A faulty part is a problem of its own: the others do not lack it.
+        return Engine(**engine)
     try:
         return Engine(**engine, **parts)
     except SchemaError as error:

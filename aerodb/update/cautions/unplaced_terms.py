@@ -15,7 +15,7 @@ pieces.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -134,6 +134,23 @@ def _unplaced_rows(fit: Any, coefficient_terms: CoefficientTerms) -> list[tuple[
         significant = t >= SIGNIFICANT and not part.is_finer
         rows.append((term, estimate, stderr, t, part.carried, significant, part.reason))
     return rows
+
+
+def describe_lacking_variables(
+    coefficient_terms: CoefficientTerms, terms: Sequence[str]
+) -> Iterator[str]:
+    """Yield reason and remedy for each term of a model on whose variables no table depends.
+
+    `terms` are the regressors of a model of the coefficient, as ``("1", "beta", "rhat")``.
+    """
+    coefficient = coefficient_terms.coefficient
+    for term in terms:
+        factors = _list_factors(term)
+        needed = set(factors) - _STATE
+        leaves = coefficient_terms.leaves.values()
+        if not any(needed <= _terms.list_model_variables(leaf) for leaf in leaves):
+            lack = _describe_lack(coefficient, sorted(needed) or factors)
+            yield f"{lack}; {_suggest_remedies(coefficient, term)}"
 
 
 def unplaced_controls(

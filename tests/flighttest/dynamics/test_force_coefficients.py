@@ -41,6 +41,7 @@ def engine(position=(0.5, -0.8, 0.1), direction=(1.0, 0.0, 0.0), angular_momentu
         direction=direction,
         angular_momentum=angular_momentum,
         propeller=None,
+        deck=None,
     )
 
 
