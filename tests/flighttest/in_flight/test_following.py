@@ -9,11 +9,7 @@ from flown_lift import LIFT, STEP, coloured_noise, record
 from flown_lift import TRUTH as _TRUTH
 
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.errors import (
-    IdentificationError,
-    ParseError,
-    UnknownName,
-)
+from flightmech.errors import IdentificationError, ParseError, UnknownName
 from flighttest.cli.group import flight
 from flighttest.in_flight.flight_estimate import AccuracyGoal
 from flighttest.in_flight.following import FlightFollower

@@ -11,11 +11,7 @@ from click.testing import CliRunner
 from flown_lift import LIFT, record
 
 from flightmech.aircraft.aircraft_file import read_aircraft
-from flightmech.errors import (
-    AeromatchError,
-    ParseError,
-    SchemaError,
-)
+from flightmech.errors import AeromatchError, ParseError, SchemaError
 from flighttest.cli.actions.follow import _pieces_of_file
 from flighttest.cli.group import flight
 from flighttest.in_flight.coefficient_samples import CoefficientSamples
