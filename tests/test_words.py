@@ -58,7 +58,6 @@ ALLOWED = (
     ("datcom_io/", r"(?i)twin[ _](?:vertical )?panels?"),
     ("tests/datcom_io/", r"(?i)twin[ _](?:vertical )?panels?"),
     ("kernel/fuzz/models.py", r"twin jet"),
-    ("tests/flightmech/flying_qualities/test_characteristics.py", r"twin engines"),
     ("pom/archive/archive.py", r"``closes``|\"closes\""),
     ("tests/pom/report/test_exports.py", r"closes"),
 )
