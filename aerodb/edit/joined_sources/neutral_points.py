@@ -15,10 +15,10 @@ from itertools import combinations
 import numpy as np
 import xarray as xr
 
-from aerodb.comparison.conditions import neutral_value
 from aerodb.edit.joined_sources.prior_sources import PriorSource
 from aerodb.store.grids import value_breakpoints
 from aerodb.store.schema import terms
+from flightmech.names import ATTACHED_FLOW
 from flightmech.terms import evaluate_term, list_multipliers
 from flightmech.units import DEGREE
 
@@ -95,7 +95,9 @@ def _neutral_point(source: PriorSource, condition: Mapping[str, np.ndarray]) -> 
         leaf = terms(source.database)[name]
         state = dict(condition)
         for axis, points in value_breakpoints(leaf).items():
-            state.setdefault(axis, np.full(_SAMPLES, neutral_value(axis, points)))
+            # at rest, or the value in range nearest to it
+            rest = np.clip(ATTACHED_FLOW.get(axis, 0.0), points[0], points[-1])
+            state.setdefault(axis, np.full(_SAMPLES, float(rest)))
         curve = np.asarray(evaluate_term(leaf, state, "clamp"), float)
         slopes.append(float(np.polyfit(condition["alpha"], curve, 1)[0]))
     lift, moment = slopes
