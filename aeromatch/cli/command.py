@@ -129,6 +129,7 @@ def main() -> None:
         _demand_own_packages()
         with warnings.catch_warnings():
             warnings.showwarning = _warn
+            _PRINTED.clear()
             # joblib replaces a worker whose memory has grown, and gives its jobs to another
             warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
             code = cli(
@@ -189,6 +190,9 @@ def _text(error: Exception) -> str:
     return str(error)
 
 
+_PRINTED: set[str] = set()
+
+
 def _warn(
     message: Warning | str,
     category: type[Warning],
@@ -199,8 +203,13 @@ def _warn(
 ) -> None:
     """Print a warning of the package as one line for the user, any other as Python does, for the
     developer.
+
+    A sentence is printed once, however often a command reads the same file.
     """
     own = issubclass(category, AeromatchWarning)
+    if own and str(message) in _PRINTED:
+        return
+    _PRINTED.add(str(message))
     text = (
         f"warning: {escape_message(str(message))}"
         if own

@@ -202,8 +202,9 @@ def test_a_warning_of_the_package_is_one_line(capsys, monkeypatch):
 
     @click.command()
     def warned():
-        warnings.simplefilter("default")
-        warnings.warn("look twice", AeromatchWarning, stacklevel=1)
+        warnings.simplefilter("always")
+        for _ in range(2):  # a file that is read twice warns twice
+            warnings.warn("look twice", AeromatchWarning, stacklevel=1)
 
     monkeypatch.setattr(cli, "cli", warned)
     monkeypatch.setattr(sys, "argv", ["aeromatch"])

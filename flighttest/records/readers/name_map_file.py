@@ -14,6 +14,7 @@ from flighttest.records.readers.name_map import TOP, Channel, Clock, Facts, Utc
 from flighttest.records.sensors.instruments import Instrument
 
 _ENGINE = r"^engine[1-9]\d*$"
+_NAMED_PARTS = r"^(joint|device|tank|transfer)$"  # tank.left.fuel
 _MODELS: dict[str, type[Strict]] = {
     "Channel": Channel,
     "Clock": Clock,
@@ -116,7 +117,11 @@ def _table_of_names(part: dict[str, Any], text: str, *examples: dict[str, Any]) 
         "description": text,
         "examples": list(examples),
         "properties": properties,
-        "patternProperties": {_ENGINE: engine, f"{ITEM.pattern}({names})$": part},
+        "patternProperties": {
+            _ENGINE: engine,
+            _NAMED_PARTS: {"type": "object"},
+            f"{ITEM.pattern}({names})$": part,
+        },
         "additionalProperties": False,
     }
 

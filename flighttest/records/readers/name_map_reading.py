@@ -5,7 +5,8 @@ The content of a map is first joined with the map that it extends, then each tab
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,6 +24,8 @@ from flighttest.records.sensors.instruments import Instrument
 
 T = TypeVar("T", bound=Strict)
 
+# Parts whose quantities have their name before them.
+_PARTS = re.compile(r"(engine\w*|gear|joint|device|tank|transfer|column|wheel|pedal)$")
 MAPS = Path(__file__).parent / "maps"
 
 
@@ -357,15 +360,30 @@ def _read_calibration_table(path: Path, position: str, problems: list[str]) -> l
 
 
 def _flatten(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a table with the keys of engines joined, which TOML splits: ``engine1.thrust``."""
+    """Return a table with the keys of parts joined, which TOML splits: ``engine1.thrust``."""
     flat: dict[str, Any] = {}
     for name, entry in table.items():
-        if isinstance(entry, dict) and name.startswith("engine") and "column" not in entry:
-            for key, item in entry.items():
-                flat[f"{name}.{key}"] = item
+        if _PARTS.match(name) and _is_group(entry):
+            for keys, item in _list_leaves(entry):
+                flat[".".join([name, *keys])] = item
         else:
             flat[name] = entry
     return flat
+
+
+def _is_group(entry: Any) -> bool:
+    """Return whether an entry holds names, and not the keys of one channel."""
+    return isinstance(entry, dict) and not Channel.model_fields.keys() & entry.keys()
+
+
+def _list_leaves(group: Mapping[str, Any]) -> Iterator[tuple[list[str], Any]]:
+    """Yield the keys of every channel in a group of groups, and the channel."""
+    for key, entry in group.items():
+        if _is_group(entry):
+            for keys, item in _list_leaves(entry):
+                yield [key, *keys], item
+        else:
+            yield [key], entry
 
 
 def _duplicate_names(table: Mapping[str, Any]) -> list[str]:
@@ -373,7 +391,8 @@ def _duplicate_names(table: Mapping[str, Any]) -> list[str]:
     names = []
     for name, entry in table.items():
         if isinstance(entry, dict):
-            names += [f"{name}.{key}" for key in entry if f"{name}.{key}" in table]
+            joined = (".".join([name, *keys]) for keys, _ in _list_leaves(entry))
+            names += [text for text in joined if text in table]
     return names
 
 

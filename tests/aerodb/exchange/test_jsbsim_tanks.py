@@ -131,6 +131,43 @@ def test_written_tanks_are_read_again(cessna, tmp_path):
     assert [tank.order for tank in again.fuel.tanks] == [2, 1]
 
 
+def pumped(cessna: flightmech.Aircraft) -> flightmech.Aircraft:
+    """The Cessna with a third tank, which feeds no engine and is pumped into the others."""
+    craft = loaded(cessna)
+    tip = Tank((0.0, -4.0, -0.5), 30.0, 1, "tip", 20.0)
+    pumps = (
+        Transfer("tip", "left", rate=0.1, fill=80.0, band=0.5, leave=2.0, on=True),
+        Transfer("left", "right", rate=1.5, fill=6.0, band=3.0),
+    )
+    tanks = (*craft.fuel.tanks, tip)
+    return replace(craft, fuel=Fuel(82.0, tanks=tanks, transfers=pumps))
+
+
+def test_written_pumps_are_read_again(cessna, tmp_path):
+    craft = pumped(cessna)
+    path = tmp_path / "c.xml"
+    aerodb.exchange.export_jsbsim(database(craft), path, craft)
+    again = aerodb.exchange.import_jsbsim_aircraft(path)
+    assert [tank.name for tank in again.fuel.tanks] == ["tank0", "tank1", "tank2"]
+    assert [pump.item for pump in again.fuel.transfers] == ["tank2.tank0", "tank0.tank1"]
+    for pump, before in zip(again.fuel.transfers, craft.fuel.transfers, strict=True):
+        for name in ("rate", "fill", "band", "leave"):
+            assert getattr(pump, name) == pytest.approx(getattr(before, name), rel=1e-12), name
+        assert pump.on == before.on
+    assert "is not read, so that no fuel is pumped" not in again.history
+
+
+def test_a_flow_of_another_form_is_remarked(cessna, tmp_path):
+    """A pump without its float valve would fill a tank beyond its capacity: it is not read."""
+    craft = pumped(cessna)
+    path = tmp_path / "c.xml"
+    aerodb.exchange.export_jsbsim(database(craft), path, craft)
+    path.write_text(path.read_text().replace("<max>", "<sum>").replace("</max>", "</sum>"))
+    again = aerodb.exchange.import_jsbsim_aircraft(path)
+    assert again.fuel.transfers == ()
+    assert "the function of propulsion/tank[0]/external-flow-rate-pps is not read" in again.history
+
+
 def test_tanks_of_engines_without_propellers_are_named(cessna, tmp_path):
     craft = loaded(cessna)
     jet = replace(craft, engines=(Engine((0.0, 0.0, 0.0), feed=("left", "right")),))

@@ -147,3 +147,35 @@ def test_calibration_is_described_in_words():
         Channel(column="acc", unit="g", sign=-1, offset="-1 g").calibration(None)
         == "- acc [g] + -1 g"
     )
+
+
+def test_names_of_parts_that_toml_splits_are_joined(tmp_path):
+    """The keys without quotes are tables of tables in TOML, the quoted ones are names."""
+    names = read_names(
+        written(
+            tmp_path,
+            """
+            [time]
+            column = "t"
+            unit = "s"
+
+            [controls]
+            gear = { column = "Gear", unit = "1" }
+            device.ice.setting = { column = "Ice", unit = "1", optional = true }
+
+            [fuel]
+            tank.left.fuel = "Left"
+            tank.right.fuel = { column = "Right", unit = "lb" }
+            "tank.tip.fuel" = "Tip"
+            transfer.tip.left.pump = { column = "Pump", unit = "1" }
+            """,
+        )
+    )
+    assert set(names.leaves["fuel"]) == {
+        *("tank.left.fuel", "tank.right.fuel", "tank.tip.fuel", "transfer.tip.left.pump"),
+    }
+    assert names.leaves["fuel"]["tank.right.fuel"].unit == "lb"
+    assert set(names.leaves["controls"]) == {"gear", "device.ice.setting"}
+    text = '[time]\ncolumn = "t"\n[fuel]\ntank.left.fuel = "a"\n"tank.left.fuel" = "b"\n'
+    with pytest.raises(SchemaError, match=r"tank\.left\.fuel"):
+        read_names(written(tmp_path, text))

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import chain
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from aerodb.exchange.jsbsim.metrics import LENGTH_UNITS, MASS_UNITS, unit_of_element
+from aerodb.exchange.jsbsim.propulsion.pump_reading import pumped_tanks, read_transfers
 from aerodb.exchange.xml_reader import Element
 from flightmech.aircraft.aircraft import Aircraft, with_contents
 from flightmech.aircraft.engine import Engine
@@ -57,7 +57,9 @@ def read_fed_tanks(
     if reason:
         return None, engines, [f"fuel is a mass that stays: {reason}"]
     names = _name_tanks(tanks)
-    used = sorted(set(chain.from_iterable(feeds)))
+    # a pump may empty a tank that feeds no engine
+    pumped = {index for index in pumped_tanks(root) if _is_complete(tanks, index)}
+    used = sorted(pumped.union(*feeds))
     read = {index: _read_tank(tanks[index], names[index], reference) for index in used}
     fed = []
     for engine, feed in zip(engines, feeds, strict=True):
@@ -65,13 +67,14 @@ def read_fed_tanks(
         fed.append(replace(engine, feed=tuple(dict.fromkeys(names[index] for index in feed))))
     try:
         mass = sum(tank.content for tank in read.values())
-        fuel = Fuel(mass, tanks=tuple(read.values()))
+        transfers, pump_remarks = read_transfers(root, list(read.values()))
+        fuel = Fuel(mass, tanks=tuple(read.values()), transfers=transfers)
         problems = check_feeds(fed, fuel)
     except SchemaError as error:
         problems = list(error.problems)
     if problems:
         return None, engines, [f"fuel is a mass that stays: {problems[0]}"]
-    return fuel, tuple(fed), list(_remarks(fed, fuel))
+    return fuel, tuple(fed), [*_remarks(fed, fuel), *pump_remarks]
 
 
 def _find_obstacle(tanks: Sequence[Element], feeds: Sequence[Sequence[int]]) -> str:
@@ -91,6 +94,13 @@ def _find_obstacle(tanks: Sequence[Element], feeds: Sequence[Sequence[int]]) -> 
                 return f"tank {index} is not selected, its <priority> is {priority.number:g}"
             contents += tanks[index].need("contents").number
     return "" if contents > 0.0 else "the tanks are empty"
+
+
+def _is_complete(tanks: Sequence[Element], index: int) -> bool:
+    """Return whether a tank is in the file, with place, capacity and contents."""
+    if not 0 <= index < len(tanks):
+        return False
+    return all(tanks[index].first(name) is not None for name in _PARTS)
 
 
 def _name_tanks(tanks: Sequence[Element]) -> list[str]:
