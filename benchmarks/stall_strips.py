@@ -6,7 +6,7 @@ for the steady separation, a lag that differs for separation and reattachment, a
 washout, a tail in a downwash that falls with the lift, and sensors with noise and biases.  Sixteen
 flights with a random asymmetry of the wing train the model, twenty others are predicted.
 
-    python benchmarks/stall_strips.py [seed] [leading-edge]
+    python benchmarks/stall_strips.py [seed] [leading-edge | vortex]
 
 prints R2 of CL, Cm and Cl on the unseen flights, and in how many of them the model, flown by the
 kernel from the same start with the same controls, rolls off in the direction of the flight.
@@ -14,6 +14,10 @@ kernel from the same start with the same controls, rolls off in the direction of
 With `leading-edge` the wing is of another kind: its flow separates at once within half a degree and
 reattaches 2.5 deg below, so that the steady lift has two values there, and the right half lags
 behind the left one.  The product has no such state.
+
+With `vortex` each strip has the dynamic stall of Leishman and Beddoes in short: the angle of attack
+that drives the separation lags, the separation lags behind it, and lift that is lost while the flow
+separates stays for a while as that of a vortex, which moves the nose down.  Three states a strip.
 """
 
 from __future__ import annotations
@@ -36,7 +40,7 @@ EVERY = 2  # samples at 50 Hz
 S, CBAR, SPAN, MASS = 17.0, 1.67, 10.3, 2400.0
 IXX, IYY, IZZ = 10800.0, 8100.0, 15100.0
 HEIGHT = 3000.0
-KIND = "leading-edge" if "leading-edge" in sys.argv[2:] else "trailing-edge"
+KIND = next((kind for kind in ("leading-edge", "vortex") if kind in sys.argv[2:]), "trailing-edge")
 STRIPS = 8
 # strips at the middle of equal parts of the half span
 Y = (np.arange(STRIPS) + 0.5) / STRIPS * 0.5 * SPAN
@@ -48,6 +52,8 @@ ZERO_LIFT = np.deg2rad(-2.2)
 BREAK, SOFT, HARD = np.deg2rad(15.5), np.deg2rad(2.6), np.deg2rad(3.2)
 ABRUPT, OVERLAP = np.deg2rad(0.4), np.deg2rad(2.5)  # of the wing with a leading-edge stall
 LATER = 1.6  # lag of its right half over that of its left half
+PRESSURE_LAG, SEPARATION_LAG, VORTEX_LAG = 0.05, 0.10, 0.20  # [s] at 60 m/s
+VORTEX_SHARE = 0.7  # of the lift that separation takes
 RHO = float(air.atmosphere(HEIGHT).rho)
 
 
@@ -71,21 +77,41 @@ def separate(
     return steady, np.where(steady < f, 0.09, 0.16)
 
 
+def vortex_rates(
+    local: np.ndarray, V: float, states: np.ndarray, alpha_break: np.ndarray
+) -> np.ndarray:
+    """Return the rates of separation, lagged angle of attack and lift of the vortex of strips."""
+    f, late, vortex = states.reshape(3, -1)
+    pace = V / 60.0
+    late_rate = (local - late) / PRESSURE_LAG * pace
+    f_rate = (steady_separation(late, alpha_break) - f) / SEPARATION_LAG * pace
+    # lift of the attached flow less Kirchhoff's, whose slope over f is (1 + root) / (4 root)
+    root = np.sqrt(np.maximum(f, 1e-3))
+    lost = -SLOPE * (local - ZERO_LIFT) * 0.25 * (1.0 + root) / root * f_rate
+    vortex_rate = VORTEX_SHARE * np.maximum(lost, 0.0) - vortex / VORTEX_LAG * pace
+    return np.concatenate([f_rate, late_rate, vortex_rate])
+
+
 def forces(x: np.ndarray, u: np.ndarray, alpha_break: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return coefficients (CL CD CY Cl Cm Cn) and the rates of the separation of the strips."""
     vx, vy, vz, p, q, r = x[:6]
-    f = x[8:]
+    f, vortex = x[8 : 8 + 2 * STRIPS], np.zeros(2 * STRIPS)
     V = np.sqrt(vx * vx + vy * vy + vz * vz)
     alpha, beta = np.arctan2(vz, vx), np.arcsin(vy / V)
     uy, wy = vx - r * Y, vz + p * Y
     local = np.arctan2(wy, uy) + WASHOUT
     pressure = (uy * uy + wy * wy) / (V * V)
-    steady, lag = separate(local, q, f, alpha_break)
-    lag = lag * 60.0 / V
+    if KIND == "vortex":
+        change = vortex_rates(local, V, x[8:], alpha_break)
+        vortex = x[8 + 4 * STRIPS :]
+    else:
+        steady, lag = separate(local, q, f, alpha_break)
+        change = (steady - f) / (lag * 60.0 / V)
     factor = (0.5 * (1.0 + np.sqrt(f))) ** 2
     # ailerons on the outer three strips lose effect with the flow
     aileron = np.where(np.abs(Y) > Y[-4], 1.0, 0.0) * np.sign(Y)
     lift = SLOPE * factor * (local - ZERO_LIFT) + 2.1 * u[1] * aileron * (0.3 + 0.7 * f)
+    lift = lift + vortex
     drag = 0.022 + 0.055 * lift**2 + 0.55 * (1.0 - f) * np.sin(np.abs(local)) ** 2
     share = AREA / S * pressure
     CL, CD = float(np.sum(share * lift)), float(np.sum(share * drag))
@@ -101,12 +127,12 @@ def forces(x: np.ndarray, u: np.ndarray, alpha_break: np.ndarray) -> tuple[np.nd
     )
     CL += 0.2 * tail
     pitch = 0.04 + 0.03 * CL - 0.2 * tail * 4.6 / CBAR * 0.75 - 0.05 * (1.0 - float(f.mean()))
-    pitch -= 3.5 * q * CBAR / (2.0 * V)
+    pitch -= 3.5 * q * CBAR / (2.0 * V) + 0.12 * float(np.sum(share * vortex))
     fin = 1.0 - 0.3 * (1.0 - float(f.mean()))
     side = -0.55 * beta + 0.16 * u[2]
     roll += -0.075 * beta + 0.012 * u[2] - 0.03 * p * SPAN / (2 * V)
     yaw += fin * (0.09 * beta - 0.13 * r * SPAN / (2 * V) - 0.065 * u[2]) + 0.004 * u[1]
-    return np.array([CL, CD, side, roll, pitch, yaw]), (steady - f) / lag
+    return np.array([CL, CD, side, roll, pitch, yaw]), change
 
 
 def rates(x: np.ndarray, u: np.ndarray, alpha_break: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -174,9 +200,12 @@ def fly(rng: np.random.Generator, kind: str, asymmetry: float) -> xr.Dataset:
         "thrust": rng.uniform(1500.0, 3000.0),
     }
     V = 66.0 if quasi else 74.0
-    x = np.zeros(8 + 2 * STRIPS)
+    x = np.zeros(8 + (6 if KIND == "vortex" else 2) * STRIPS)
     x[0], x[2], x[7] = V * np.cos(start), V * np.sin(start), start
-    x[8:] = steady_separation(start + WASHOUT, alpha_break)
+    strips = slice(8, 8 + 2 * STRIPS)
+    x[strips] = steady_separation(start + WASHOUT, alpha_break)
+    if KIND == "vortex":
+        x[8 + 2 * STRIPS : 8 + 4 * STRIPS] = start + WASHOUT
     duration = 2.0 + plan["up"] + plan["hold"] + plan["down"] + 2.0
     phase, frequency = rng.uniform(0.0, 6.28, (3, 3)), rng.uniform(0.2, 1.1, (3, 3))
     size = np.array([0.008, 0.02, 0.02])
@@ -187,14 +216,12 @@ def fly(rng: np.random.Generator, kind: str, asymmetry: float) -> xr.Dataset:
         u = controls(t, x, plan, extra)
         k1, a = rates(x, u, alpha_break)
         if k % EVERY == 0:
-            rows.append(
-                np.concatenate([[t], x[:8], u, a, [x[8 : 8 + STRIPS].mean(), x[-STRIPS:].mean()]])
-            )
+            rows.append(np.concatenate([[t], x[:8], u, a, x[strips].reshape(2, -1).mean(axis=1)]))
         k2, _ = rates(x + 0.5 * STEP * k1, u, alpha_break)
         k3, _ = rates(x + 0.5 * STEP * k2, u, alpha_break)
         k4, _ = rates(x + STEP * k3, u, alpha_break)
         x = x + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        x[8:] = np.clip(x[8:], 0.0, 1.0)
+        x[strips] = np.clip(x[strips], 0.0, 1.0)
     names = ("u", "v", "w", "p", "q", "r", "phi", "theta", "delta_e", "delta_a", "delta_r")
     names += ("thrust", "ax", "ay", "az", "f_left", "f_right")
     table = np.array(rows)

@@ -5,7 +5,7 @@ the recorded travel, pulses and releases have the forces of the flight card. The
 masses on a cable and bristles at both ends, in semi-implicit Euler steps of 0.25 ms. It is the
 model of ``../shared/tools/t37_control_forces.py``, of which drawn constants, errors of the
 instruments, noise and resolution come too. The motion of the aeroplane does not follow the controls
-here, which makes a programme cheap: the loop is compiled by the C compiler ``cc``.
+here, which makes a programme inexpensive: the loop is compiled by the C compiler ``cc``.
 """
 
 from __future__ import annotations

@@ -5,6 +5,8 @@ two signs: the slope of the lift falls below half of its attached value, or a se
 the lift better than a straight line with a curvature. A soft break needs the first sign, as a
 curved line describes it as well. A break near the highest angle of attack needs the second. A bend
 upwards, as of a vortex, is none of them, however well a separation with added lift describes it.
+Nor is a lift of which the separation itself keeps more than half of the slope in steady flow: with
+little noise a separation describes a cubic lift better than a parabola does.
 """
 
 from __future__ import annotations
@@ -47,7 +49,8 @@ class NodeFit(NamedTuple):
 
     `z` (sample,) is the coefficient, `A` (sample, term) the design, `separated` states for each
     term whether it is one of the separated flow, and `shapes` is the number of parameters of the
-    separation.
+    separation. `steady` (angle, 1 + term) are angles of attack [rad], up to the highest of the
+    records, and the design there in steady flow; empty if it is not known.
     """
 
     z: np.ndarray
@@ -56,6 +59,7 @@ class NodeFit(NamedTuple):
     separated: tuple[bool, ...]
     shapes: int
     samples: RegressionSamples
+    steady: np.ndarray = np.empty((0, 0))
 
 
 def demand_stall_records(data: Sequence[xr.Dataset]) -> None:
@@ -101,7 +105,8 @@ class LiftBreak(NamedTuple):
     curved lift, and `others` the sum of those of drag and pitching moment. `start` and `end` are
     the slopes of the curved lift at the lowest and the highest angle of attack, and `stderr` is the
     standard error of `margin` [rad-1]. They are nan without a term ``alpha``. `gain` is the mean
-    lift of the terms of the separated flow, negative for a stall.
+    lift of the terms of the separated flow, negative for a stall. `kept` is the least share of its
+    slope that the separation leaves in steady flow; nan if it is not known.
     """
 
     preference: float
@@ -110,6 +115,7 @@ class LiftBreak(NamedTuple):
     stderr: float = np.nan
     others: float = 0.0
     gain: float = 0.0
+    kept: float = np.nan
 
     @property
     def margin(self) -> float:
@@ -120,7 +126,8 @@ class LiftBreak(NamedTuple):
     def is_shown(self) -> bool:
         """Whether one of the two signs is clear."""
         falls = self.start > 0.0 and self.margin < -STANDARD_ERRORS * self.stderr
-        return (self.preference >= LEAST_EVIDENCE and not self.rises) or falls
+        separates = self.preference >= LEAST_EVIDENCE and not self.rises
+        return (separates and not self.kept >= LEAST_SLOPE) or falls
 
     @property
     def rises(self) -> bool:
@@ -145,6 +152,11 @@ class LiftBreak(NamedTuple):
         )
         if self.rises:
             criterion += "; but the lift bends upwards, and a separation takes lift away"
+        if self.kept >= LEAST_SLOPE:
+            criterion += (
+                f"; the separation keeps {100.0 * self.kept:.0f} % of the slope in steady flow, a "
+                f"break less than {100.0 * LEAST_SLOPE:.0f} %"
+            )
         if np.isnan(self.start):
             return criterion
         return (
@@ -186,10 +198,20 @@ def _fit_curved(node: NodeFit) -> _Curved:
     return _Curved(names, A, theta, node.z - A @ theta)
 
 
-def _preference(node: NodeFit, curved: _Curved) -> tuple[float, float]:
+def _kept_slope(node: NodeFit, theta: np.ndarray, slope: float) -> float:
+    """Return the least slope of the lift in steady flow over that at its start."""
+    if not len(node.steady):
+        return np.nan
+    alpha, design = node.steady[:, 0], node.steady[:, 1:]
+    slopes = np.diff(design @ theta) / np.diff(alpha) + slope
+    return float(slopes.min() / slopes[0]) if slopes[0] > 0.0 else np.nan
+
+
+def _preference(node: NodeFit, curved: _Curved) -> tuple[float, float, np.ndarray]:
     """Return by how much Schwarz's criterion prefers the separation to a curved coefficient.
 
-    The second value is the mean part of the separated flow in the coefficient.
+    The second value is the mean part of the separated flow in the coefficient, the third are the
+    coefficients of the terms.
     """
     theta = np.linalg.lstsq(node.A, node.z, rcond=None)[0]
     rest = node.z - node.A @ theta
@@ -197,7 +219,7 @@ def _preference(node: NodeFit, curved: _Curved) -> tuple[float, float]:
     n = max(independent_samples(rest, node.samples), _TOO_FEW)
     broken = schwarz_criterion(rest, node.A.shape[1] + node.shapes, n)
     preference = schwarz_criterion(curved.residual, curved.A.shape[1], n) - broken
-    return preference, float(part.mean())
+    return preference, float(part.mean()), theta
 
 
 def weigh_break(lift: NodeFit, others: Sequence[NodeFit] = (), slope: float = 0.0) -> LiftBreak:
@@ -212,13 +234,14 @@ def weigh_break(lift: NodeFit, others: Sequence[NodeFit] = (), slope: float = 0.
         Slope of a database which the lift does not contain. [rad-1]
     """
     curved = _fit_curved(lift)
-    preference, gain = _preference(lift, curved)
+    preference, gain, theta = _preference(lift, curved)
+    kept = _kept_slope(lift, theta, slope)
     support = 0.0
     for node in others:
         if any(node.separated):
             support += _preference(node, _fit_curved(node))[0]
     if "alpha" not in curved.names:
-        return LiftBreak(preference, others=support, gain=gain)
+        return LiftBreak(preference, others=support, gain=gain, kept=kept)
     # slopes at both ends, and their covariance, from the coefficients of alpha and its square
     chosen = [curved.names.index("alpha"), curved.names.index(_SQUARE)]
     low, high = np.quantile(curved.A[:, chosen[0]], _ENDS)
@@ -229,7 +252,8 @@ def weigh_break(lift: NodeFit, others: Sequence[NodeFit] = (), slope: float = 0.
     weights = np.array([-LEAST_SLOPE, 1.0]) @ ends
     variance = weights @ covariance[np.ix_(chosen, chosen)] @ weights
     stderr = float(np.sqrt(variance))
-    return LiftBreak(preference, float(start), float(end), stderr, others=support, gain=gain)
+    ends = float(start), float(end)
+    return LiftBreak(preference, *ends, stderr, others=support, gain=gain, kept=kept)
 
 
 def describe_missing_break(signs: LiftBreak, highest: float) -> str:

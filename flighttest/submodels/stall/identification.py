@@ -17,6 +17,7 @@ import xarray as xr
 from aerodb.store.evaluation import contributions
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error.samples import stack_samples
+from flighttest.regression.expression_functions import Pieces
 from flighttest.regression.separable.fit import SeparableFit, regress_separable
 from flighttest.regression.separable.search import SeparableProblem, WeightedMinimum
 from flighttest.regression.separable_model import ShapeParameter
@@ -32,43 +33,11 @@ from flighttest.submodels.stall.break_of_lift import (
     reach_of_halves,
     weigh_break,
 )
+from flighttest.submodels.stall.candidates import ATTACHED, SEPARATED
 from flighttest.submodels.stall.flow import PER_NODE, SHARED, SeparationFlow, with_half_flow
 from flighttest.submodels.stall.model import SeparatedModel, SeparatedTerm, term_label
 from flighttest.submodels.stall.result import StallIdentification
 
-ATTACHED = {
-    "CL": ("1", "alpha", "qhat", "delta_e"),
-    "CD": ("1", "alpha", "alpha^2"),
-    "Cm": ("1", "alpha", "qhat", "delta_e"),
-    "CY": ("1", "beta", "delta_r"),
-    "Cl": ("1", "beta", "phat", "rhat", "delta_a", "delta_r"),
-    "Cn": ("1", "beta", "phat", "rhat", "delta_a", "delta_r"),
-}
-"""Terms of the attached flow by coefficient."""
-SEPARATED = {
-    "CL": (SeparatedTerm((), "X_lift"), SeparatedTerm(("alpha",), "X_lift")),
-    "CD": (SeparatedTerm((), "X"), SeparatedTerm(("alpha",), "X")),
-    "Cm": (
-        SeparatedTerm((), "X"),
-        SeparatedTerm(("alpha",), "X"),
-        SeparatedTerm(("delta_e",), "X"),
-    ),
-    "CY": (SeparatedTerm(("beta",), "X"),),
-    "Cl": (
-        SeparatedTerm(("X_lift_diff",)),
-        SeparatedTerm(("X_lift_diff", "alpha")),
-        SeparatedTerm(("beta",), "X"),
-        SeparatedTerm(("phat",), "X"),
-        SeparatedTerm(("delta_a",), "X"),
-    ),
-    "Cn": (
-        SeparatedTerm(("X_diff",)),
-        SeparatedTerm(("beta",), "X"),
-        SeparatedTerm(("rhat",), "X"),
-        SeparatedTerm(("delta_r",), "X"),
-    ),
-}
-"""Candidates for terms of the separated flow by coefficient."""
 BOUNDS = {
     "a1": (4.0, 80.0),
     "tau1": (0.5, 40.0),
@@ -86,6 +55,7 @@ _STARTS_STAR = (0.35, 0.5, 0.65, 0.8)
 _STARTS_A1 = (12.0, 30.0)
 _START_TAU = (4.0, 12.0)
 _PASSES = 2  # of selection and search
+_STEADY, _MANY_CHORDS = 60, 1e5  # angles of attack of a steady lift, chords between two of them
 
 
 @dataclass(frozen=True)
@@ -310,19 +280,24 @@ def _select_terms(task: _Task) -> _Task:
     ):
         # A term of the attached flow stays. Without CL: qhat, which is too small for the criterion,
         # tau2 takes its lift, as q and d(alpha)/dt are almost proportional in a stall.
-        candidates = {term.text for term in SEPARATED[model.target]}
+        candidates = {term.text: term.contribution for term in SEPARATED[model.target]}
         names, A = list(model.terms), design.A
         v = _residual(A, z)
         n = independent_samples(v, samples)
         criterion = schwarz_criterion(v, len(names), n)
         while True:
+            # One regressor over X and over X_lift are two forms of one term: the better one stays.
+            parts = [candidates[name] for name in names if name in candidates]
+            double = {part for part in parts if parts.count(part) > 1}
             trials = {}
             for j, name in enumerate(names):
                 if name not in candidates or _is_main_lift(model.target, name, names):
                     continue
+                if double and candidates[name] not in double:
+                    continue
                 rest = np.delete(A, j, axis=1)
                 trials[j] = schwarz_criterion(_residual(rest, z), len(names) - 1, n)
-            if not trials or min(trials.values()) > criterion:
+            if not trials or (min(trials.values()) > criterion and not double):
                 break
             worst = min(trials, key=lambda j: trials[j])
             criterion = trials[worst]
@@ -436,6 +411,8 @@ def _fits_of_node(fit: SeparableFit, task: _Task, records: Sequence[xr.Dataset])
         model = problem.models[k]
         candidates = {term.text for term in SEPARATED[model.target]}
         separated = tuple(name in candidates for name in model.terms)
+        # The lift comes first, and only its slope is needed.
+        steady = _steady_design(problem, s, records) if not k else np.empty((0, 0))
         fits.append(
             NodeFit(
                 z=problem.z[k],
@@ -444,9 +421,31 @@ def _fits_of_node(fit: SeparableFit, task: _Task, records: Sequence[xr.Dataset])
                 separated=separated,
                 shapes=len(problem.names),
                 samples=problem.samples[k],
+                steady=steady,
             )
         )
     return fits
+
+
+def _steady_design(
+    problem: SeparableProblem, s: np.ndarray, records: Sequence[xr.Dataset]
+) -> np.ndarray:
+    """Return angles of attack and the design of the lift there in steady, straight flow."""
+    low = min(float(record["alpha"].min()) for record in records)
+    alpha = np.linspace(low, reach_of_halves(records), _STEADY)
+    quantities = {}
+    for name, values in problem.quantities[0].items():
+        quantities[name] = np.full(_STEADY, float(np.median(values)))
+    for name in ("alpha", "alpha_left", "alpha_right"):
+        quantities[name] = alpha
+    for name in ("lead_left", "lead_right", "phat", "qhat", "rhat", "beta"):
+        quantities[name] = np.zeros(_STEADY)
+    # so many chords pass from one angle to the next that no lag is left
+    quantities["chords"] = np.full(_STEADY, _MANY_CHORDS)
+    values = dict(zip(problem.names, s, strict=True))
+    pieces = Pieces([slice(0, _STEADY)], [1.0])
+    design, _ = problem.models[0].columns(quantities, _STEADY, values, pieces)
+    return np.column_stack([alpha, design])
 
 
 def _separated_terms(

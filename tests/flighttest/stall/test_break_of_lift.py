@@ -90,6 +90,25 @@ def test_a_lift_that_bends_upwards_is_no_stall():
         assert ("but the lift bends upwards, and a sep" in text) is not is_stall
 
 
+def test_a_curved_lift_that_keeps_most_of_its_slope_is_no_stall():
+    """With a noise of 0.003 a separation is far better than a parabola: it was called a stall."""
+    rng = np.random.default_rng(1)
+    _, alpha = records.alpha_history(rng, "quasi-steady", 17.0)
+    grid = np.linspace(alpha.min(), alpha.max(), 60)
+    for a1, star, share, is_stall in ((14.0, 24.0, 0.5, False), (25.0, 18.0, 1.0, True)):
+        loss, part = (kirchhoff_loss(angles, a1, np.radians(star)) for angles in (alpha, grid))
+        node = lift_node(rng, alpha, 0.25 + 4.8 * (alpha - share * loss), loss, noise=0.003)
+        unknown = break_of_lift.weigh_break(node)
+        assert unknown.preference > 10.0
+        assert unknown.is_shown
+        steady = np.column_stack([grid, np.ones(60), grid, part])
+        signs = break_of_lift.weigh_break(node._replace(steady=steady))
+        assert signs.is_shown is is_stall
+        assert signs.is_absent is not is_stall
+        text = "keeps 60 % of the slope in steady flow, a break less than 50 %"
+        assert (text in signs.describe()) is not is_stall
+
+
 def test_a_flap_that_does_not_move_repeats_the_constant():
     rng = np.random.default_rng(5)
     _, alpha = records.alpha_history(rng, "quasi-steady", 17.0)

@@ -18,9 +18,10 @@ from flightmech.flown_states import FLOWN_STATES, unpack_states
 from flightmech.terms import SOURCES, evaluate_term, make_term
 from flighttest.regression.expression_functions import Pieces
 from flighttest.submodels.stall import break_of_lift, identification
+from flighttest.submodels.stall.candidates import SEPARATED
 from flighttest.submodels.stall.database_terms import add_stall, continue_attached_flow, reach_of
 from flighttest.submodels.stall.flow import SeparationFlow, with_half_flow
-from flighttest.submodels.stall.identification import SEPARATED, identify_stall
+from flighttest.submodels.stall.identification import identify_stall
 from flighttest.submodels.stall.model import COEFFICIENTS, SeparatedTerm
 
 TRUTH = {
