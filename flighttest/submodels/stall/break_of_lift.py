@@ -251,9 +251,15 @@ def weigh_break(lift: NodeFit, others: Sequence[NodeFit] = (), slope: float = 0.
     start, end = ends @ curved.theta[chosen] + slope
     weights = np.array([-LEAST_SLOPE, 1.0]) @ ends
     variance = weights @ covariance[np.ix_(chosen, chosen)] @ weights
-    stderr = float(np.sqrt(variance))
-    ends = float(start), float(end)
-    return LiftBreak(preference, *ends, stderr, others=support, gain=gain, kept=kept)
+    return LiftBreak(
+        preference,
+        start=float(start),
+        end=float(end),
+        stderr=float(np.sqrt(variance)),
+        others=support,
+        gain=gain,
+        kept=kept,
+    )
 
 
 def describe_missing_break(signs: LiftBreak, highest: float) -> str:

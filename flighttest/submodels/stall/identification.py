@@ -442,9 +442,9 @@ def _steady_design(
         quantities[name] = np.zeros(_STEADY)
     # so many chords pass from one angle to the next that no lag is left
     quantities["chords"] = np.full(_STEADY, _MANY_CHORDS)
-    values = dict(zip(problem.names, s, strict=True))
+    shape = dict(zip(problem.names, s, strict=True))
     pieces = Pieces([slice(0, _STEADY)], [1.0])
-    design, _ = problem.models[0].columns(quantities, _STEADY, values, pieces)
+    design, _ = problem.models[0].columns(quantities, _STEADY, shape, pieces)
     return np.column_stack([alpha, design])
 
 
