@@ -49,7 +49,8 @@ def thrust_bias_remarks(
     thrust_bias, lever_bias = (_first(outputs, f"trim.{name}") for name in ("thrust", "throttle"))
     if not thrust_bias and not lever_bias:
         return ()
-    thrusts = [values for name, values in outputs.items() if THRUST.match(name)]
+    # the outputs hold the bias, which is added to each engine
+    thrusts = [values - thrust_bias for name, values in outputs.items() if THRUST.match(name)]
     largest = max((float(np.nanmax(np.abs(values))) for values in thrusts), default=0.0)
     if not largest > 0.0:
         reason = "neither the record nor the model has a thrust"

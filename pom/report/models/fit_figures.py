@@ -168,13 +168,14 @@ def sample_map(
     x, y = mach[finite], quantity_label("alpha").shown(alpha[finite])
     if not len(x):
         return None
-    frame = Frame(54.0, 12.0, WIDTH - 66.0, height=240.0, x=_map_limits(x), y=_map_limits(y))
+    # the name of the axis stands above the frame, where no number of the axis can be
+    frame = Frame(54.0, 22.0, WIDTH - 66.0, height=240.0, x=_map_limits(x), y=_map_limits(y))
     centres = _cell_centres(frame, x, y)
     body = draw_axes(frame, x_labels=True)
     body += draw_dots(frame, centres[0], centres[1], "test-point")
     middle = frame.left + frame.width / 2
     body += text_pieces(middle, frame.bottom + 28, [("M", "symbol")], "middle")
-    body += text_pieces(8, 20, [("α", "symbol"), (", deg", "caption")])
+    body += text_pieces(frame.left, 14, [("α", "symbol"), (", deg", "caption")])
     description = f"Angle of attack and Mach number of {len(x)} samples"
     bottom = frame.bottom + 36
     if level_lines:

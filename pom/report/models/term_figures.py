@@ -36,7 +36,7 @@ FLIGHT = terms.SOURCES.index("flight")
 QUANTITIES = ("value", "K1", "K2")  # tables of a leaf that are drawn
 
 # Layout, in units of the drawing.
-_COLUMNS, _HEIGHT, _LEFT, _TOP, _FOOT, _STRIP = 3, 140.0, 46.0, 36.0, 52.0, 58.0
+_COLUMNS, _HEIGHT, _LEFT, _TOP, _FOOT, _STRIP, _LETTER = 3, 140.0, 46.0, 36.0, 52.0, 58.0, 5.9
 _MOST_SLICES = 6
 # The abscissa is the first of these axes that a table has.
 _ABSCISSA = ("alpha", "beta", "mach", "h_agl", "delta_e", "delta_a", "delta_r", "delta_f")
@@ -388,17 +388,17 @@ def _draw_curve(frame: Frame, curve: _Curve, css: str) -> str:
 
 
 def _draw_title(frame: Frame, title: str, position: Mapping[str, float]) -> str:
-    """Return the title of a panel with the position of its slice."""
+    """Return the position of a slice, after the title of its term where the panel has room."""
     nodes = []
     for axis, value in position.items():
         label = quantity_label(axis)
         base, subscript = symbol_parts(axis)
         symbol = f"{base}_{subscript}" if subscript else base
-        nodes.append(
-            f"{symbol} = {short_number(float(label.shown(value)), 3)} {label.unit}".strip()
-        )
+        shown = short_number(float(label.shown(value)), 3)
+        nodes.append(f"{symbol} = {shown} {label.unit}".strip())
     if nodes:
-        title = f"{title} at {', '.join(nodes)}"
+        whole = f"{title} at {', '.join(nodes)}"
+        title = whole if len(whole) * _LETTER <= frame.width else ", ".join(nodes)
     return draw_text(frame.left, frame.top - 6, title, "title")
 
 

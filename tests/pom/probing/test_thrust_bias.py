@@ -21,7 +21,8 @@ def remarks(lever=0.7, output=1000.0, recorded=(), **biases):
 
 @pytest.mark.parametrize(("bias", "kind"), [(49.0, "probe"), (-90.0, "departure")])
 def test_a_bias_is_compared_with_the_thrust_of_the_model(bias, kind):
-    (remark,) = remarks(thrust=bias)
+    # the thrust that the model reports holds the bias
+    (remark,) = remarks(thrust=bias, output=1000.0 + bias)
     assert remark.kind == kind
     assert remark.values["share"] == pytest.approx(abs(bias) / 1000.0)
 
