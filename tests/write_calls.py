@@ -44,6 +44,8 @@ def run_preloaded(function: Callable[..., None], folder: Path) -> None:
     done = subprocess.run(
         command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
     )
+    # the counts of calls and trials
+    print(done.stdout)
     assert done.returncode == 0, done.stdout
 
 

@@ -5,6 +5,7 @@ aircraft.
 from __future__ import annotations
 
 import importlib.util
+import re
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -51,6 +52,13 @@ rise = "0.1 s"
 free = "4 s"
 [[fit]]
 name = "pitch"
+manoeuvres = ["3211 elevator"]
+models = ["CL = 1 + alpha + qhat + delta_e", "Cm = 1 + alpha + qhat + delta_e"]
+"""
+ONE_FIT = """
+[[fit]]
+name = "pitch"
+records = ["slow"]
 manoeuvres = ["3211 elevator"]
 models = ["CL = 1 + alpha + qhat + delta_e", "Cm = 1 + alpha + qhat + delta_e"]
 """
@@ -184,11 +192,41 @@ def write_glider(folder: Path) -> None:
     glider_flight.write_glider_flight(folder / "glider")
 
 
+def keep_one_case(folder: Path) -> None:
+    """Leave one case of the C182, its record, and 15 s of another record with one fit.
+
+    A match of it writes files of all kinds in a tenth of the time.
+    """
+    for kind, kept in (("flight", ("slow", "check_short_period")), ("cases", ("short_period",))):
+        for file in (folder / kind).iterdir():
+            if file.stem not in kept:
+                file.unlink()
+    slow = folder / "flight" / "slow.csv"
+    pd.read_csv(slow).query("`Time (s)` < 14.5").to_csv(slow, index=False)
+    flown = pd.read_csv(folder / "manoeuvres.csv")
+    is_kept = flown["record"].eq("check_short_period")
+    is_kept |= flown["record"].eq("slow") & flown["end"].lt(14.5)
+    flown[is_kept].to_csv(folder / "manoeuvres.csv", index=False)
+    project = folder / "aeromatch.toml"
+    project.write_text(project.read_text().partition("[[fit]]")[0] + ONE_FIT)
+
+
+def write_short_deck(folder: Path) -> None:
+    """Write the deck of the C182 with one Mach number and two angles of attack."""
+    text = (folder / "datcom" / "c182_study.inp").read_text()
+    text = re.sub(r"NMACH=3.0,MACH\(1\)=[\d.,]*,NALT", "NMACH=1.0,MACH(1)=0.1,NALT", text)
+    text, count = re.subn(r"NALPHA=[^$]*", "NALPHA=2.0,ALSCHD(1)=0.0,4.0", text)
+    assert count == 1
+    (folder / "short.inp").write_text(text)
+
+
 WRITERS: dict[str, Callable[[Path], None]] = {
     "stalls": write_stalls,
     "points": write_points,
     "few.nc": write_few,
     "glider": write_glider,
+    "small": keep_one_case,
+    "short.inp": write_short_deck,
     **{
         name: partial(write_example, name)
         for name in ("tunnel", "cameras", "vehicle", "actuator_bench")

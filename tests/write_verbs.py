@@ -50,9 +50,9 @@ def reconstruction(names: tuple[str, ...], folder: str) -> str:
     return f"flight reconstruct {files} {sources} -o {folder}"
 
 
-def demonstrate_c182() -> None:
-    """Let ``aeromatch demo`` work on the smaller of the shipped examples."""
-    verbs.example_folder = lambda name: C182
+def demonstrate_small() -> None:
+    """Let ``aeromatch demo`` work on the project in the folder of the trial."""
+    verbs.example_folder = lambda name: Path.cwd()
 
 
 def do_not_serve() -> None:
@@ -230,9 +230,9 @@ VERBS = {
         "db.nc e.nc",
         "c.nc c.toml",
     ),
-    "match": Verb("match aeromatch.toml -o out --resume kept -j1", "c182", "out/*"),
-    "reconstruct all": Verb("match aeromatch.toml -o paths -j1 --paths", "c182", "paths/*"),
-    "demo": Verb("demo -o out -j1", "c182", "out/*", before=demonstrate_c182),
+    "match": Verb("match aeromatch.toml -o out --resume kept -j1", "small", "out/*"),
+    "reconstruct all": Verb("match aeromatch.toml -o paths -j1 --paths", "small", "paths/*"),
+    "demo": Verb("demo -o out -j1", "small", "out/*", before=demonstrate_small),
     "view": Verb("view aeromatch.toml -o work --no-browser", "c182", "work/*", True, do_not_serve),
     "package key": Verb("package key my.key", "c182", "my.key my.key.pub", True),
     "package make": Verb("package make aeromatch.toml out -o c182.zip", "out", "c182.zip"),
@@ -308,9 +308,7 @@ VERBS = {
         "stalls",
         "stalling.nc stalling.toml loops.svg",
     ),
-    "estimate": Verb(
-        "db estimate aircraft.toml datcom/c182_study.inp -o optvl.nc", "c182", "optvl.nc"
-    ),
+    "estimate": Verb("db estimate aircraft.toml short.inp -o optvl.nc", "short.inp", "optvl.nc"),
 }
 # Extras of verbs; a verb without its extra is not tried.
 EXTRAS = {"estimate": "optvl", "view": "uvicorn", "package key": "cryptography"}
