@@ -88,6 +88,15 @@ def test_maxima_that_are_nearly_as_high_widen_the_standard_error():
     assert choice.widened == pytest.approx(1.0)
 
 
+def test_maxima_that_differ_by_a_width_alone_widen_no_constant():
+    near, far = fit_of(BRISTLE_TRAVEL, 5.0, 500.0), fit_of(BRISTLE_TRAVEL, 5.01, 500.5)
+    far.theta[1] = -3.0
+    choice = join_models({BRISTLE_TRAVEL: [near, far]})
+    assert choice.maxima == 2
+    assert choice.widened_by_maxima == pytest.approx(1.0, abs=0.01)
+    assert choice.fit.value(BRISTLE_TRAVEL)[1] > 2.0 * near.value(BRISTLE_TRAVEL)[1]
+
+
 def test_the_best_of_several_ends_is_taken():
     worse, best = fit_of(BRISTLE_TRAVEL, 9.0, 520.0), fit_of(BRISTLE_TRAVEL, 5.0, 500.0)
     early = fit_of(FRICTION_RATE, 4.0, 530.0, converged=False)

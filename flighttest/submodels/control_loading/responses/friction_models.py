@@ -40,6 +40,7 @@ from flighttest.submodels.control_loading.responses.free_response import FreeWin
 from flighttest.submodels.control_loading.responses.window_response import (
     BRISTLE_TRAVEL,
     FRICTION_RATE,
+    WIDTHS,
 )
 
 # Difference of two costs from which on the less likely model has a weight below 1e-8. [nats]
@@ -63,11 +64,11 @@ class FrictionChoice(NamedTuple):
     weights : dict of str to float
         Weight of each model by the name of its width; their sum is 1.
     widened : float
-        Largest factor by which the other model widens a standard error.
+        Largest factor by which the other model widens the standard error of a constant.
     maxima : int
         Maxima of the likelier model whose costs are within 5 of the best.
     widened_by_maxima : float
-        Largest factor by which these widen a standard error.
+        Largest factor by which these widen the standard error of a constant.
     unfinished : tuple of str
         Widths of models whose search did not reach a maximum: their likelihood may be higher.
     """
@@ -204,9 +205,9 @@ def join_models(ends: Mapping[str, Sequence[CircuitFit]]) -> FrictionChoice:
     return FrictionChoice(
         fit=replace(best, covariance=covariance),
         weights=weights,
-        widened=_growth(own, covariance),
+        widened=_growth(best.names, own, covariance),
         maxima=len(maxima[chosen]),
-        widened_by_maxima=_growth(best.covariance, own),
+        widened_by_maxima=_growth(best.names, best.covariance, own),
         unfinished=tuple(unfinished),
     )
 
@@ -247,9 +248,13 @@ def _weights(costs: Sequence[float]) -> np.ndarray:
     return likelihoods / likelihoods.sum()
 
 
-def _growth(before: np.ndarray, after: np.ndarray) -> float:
-    """Return the largest factor between the standard errors of two covariances."""
-    first, second = np.diag(before), np.diag(after)
+def _growth(names: Sequence[str], before: np.ndarray, after: np.ndarray) -> float:
+    """Return the largest factor between the standard errors of two covariances, widths left out.
+
+    Maxima differ mostly by the widths, on which a constant of the circuit may hardly depend.
+    """
+    is_constant = np.array([name not in WIDTHS for name in names])
+    first, second = np.diag(before)[is_constant], np.diag(after)[is_constant]
     ratio = np.divide(second, first, out=np.ones_like(second), where=first > 0.0)
     return float(np.sqrt(ratio.max(initial=1.0)))
 
