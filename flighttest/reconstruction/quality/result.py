@@ -165,7 +165,7 @@ def _head(quality: Quality) -> str:
 
 def _finding_text(finding: Finding) -> str:
     head = f"{finding.severity:8s} {finding.name}"
-    if finding.start is not None:
+    if finding.start is not None and finding.stop is not None:
         head += f" [{time_text(finding.start)} ... {time_text(finding.stop)} s]"
     text = f"{head}\n    {finding.text}"
     if finding.remedy:
