@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -20,11 +20,15 @@ from flighttest.regression.equation_error.movement import (
     ranges_in_spans,
 )
 
+# Periods of the low-pass in a manoeuvre, below which its motion is filtered away.
+_LEAST_PERIODS = 3.0
 _NAMED = 3  # manoeuvres that move a variable and are named
 
 
 class RecordMovements(Protocol):
     """Movements of the variables inside the windows of a record."""
+
+    uses: dict[str, tuple[int, float]]
 
     moved: dict[str, dict[str, float]]
     movers: dict[str, list[str]]
@@ -75,8 +79,29 @@ def movements(
     return moved, movers
 
 
+def _cutoff_remarks(project: Project, looks: Mapping[str, RecordMovements]) -> Iterator[str]:
+    """Yield the fits of which the low-pass leaves less than three periods in a manoeuvre."""
+    if project.cutoff is None:
+        return
+    for fit in project.fit:
+        position = f"fit {fit.name!r}"
+        uses = [look.uses[position] for look in looks.values() if position in look.uses]
+        windows = sum(count for count, _ in uses)
+        if not windows:
+            continue
+        duration = sum(seconds for _, seconds in uses) / windows
+        if duration > 0.0 and project.cutoff * duration < _LEAST_PERIODS:
+            yield (
+                f"{position}: its manoeuvres last {duration:.3g} s on average, and the low-pass "
+                f"cutoff = {project.cutoff:g} Hz leaves {project.cutoff * duration:.2g} periods of "
+                f"them: it takes the motion away; take 2 to 3 times the frequency of the fastest "
+                f"mode, such as '4 Hz'"
+            )
+
+
 def resting_remarks(project: Project, looks: Mapping[str, RecordMovements]) -> list[str]:
-    """Return the derivatives that no fit of a project can determine, because nothing moves.
+    """Return the derivatives that no fit of a project can determine, because nothing moves, and the
+    fits whose motion the low-pass takes away.
 
     A variable may rest in one record, or in one fit, if another one determines the derivative of
     the same coefficient.
@@ -105,10 +130,10 @@ def resting_remarks(project: Project, looks: Mapping[str, RecordMovements]) -> l
             continue
         for position, size in sizes_of_fits.items():
             resting.setdefault((position, name, size), []).append(coefficient)
-    return [
-        _remark(position, name, size, coefficients, looks)
-        for (position, name, size), coefficients in resting.items()
-    ]
+    remarks = list(_cutoff_remarks(project, looks))
+    for (position, name, size), coefficients in resting.items():
+        remarks.append(_remark(position, name, size, coefficients, looks))
+    return remarks
 
 
 def _remark(

@@ -128,7 +128,8 @@ def sample_indices(time: np.ndarray, spans: Spans) -> np.ndarray:
         # The sample at the end of a window belongs to the next window.
         first, behind = np.searchsorted(time, (start, stop - 0.5 * step))
         indices.append(np.arange(first, behind))
-    return np.concatenate(indices)
+    # a fit whose manoeuvres are of no known record has no window
+    return np.concatenate([np.zeros(0, int), *indices])
 
 
 def _on_wheels(states: xr.Dataset) -> np.ndarray:

@@ -58,6 +58,12 @@ class NewTerm(Strict):
                     f"number without a unit is in rad: write '{max(bare):g} deg'"
                 )
                 raise SchemaError("term", [problem])
+        if not np.any(self.stderr):
+            problem = (
+                "stderr is 0: a term that is zero before flight would stay zero; give its a-priori "
+                "error, about the size of the derivative, or delete the term"
+            )
+            raise SchemaError("term", [problem])
         value = np.zeros(tuple(len(points) for points in axes.values()))
         if np.ndim(self.stderr) and np.shape(self.stderr) != value.shape:
             problem = (

@@ -5,6 +5,7 @@ They concern body, reference quantities, control devices, ground effect and trim
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -22,6 +23,7 @@ _SURFACES = {
 _DIFFERENTIAL_TAIL = 5
 # A rounding of the last digit of SPANFO is not a fault.
 ROUNDED_SPAN = 1e-4
+_DIGITS = ("4", "5")  # types of NACA aerofoils that are their number of digits
 _TYPES = 4  # straight, double delta, cranked, curved
 
 
@@ -78,6 +80,23 @@ def check_planform_sections(deck: Deck) -> Iterator[DeckFinding]:
                 yield DeckFinding(line, WARNING, text)
             else:
                 yield DeckFinding(line, ERROR, f"{text}; the program leaves the case out")
+
+
+def check_section_digits(deck: Deck) -> Iterator[DeckFinding]:
+    """Yield NACA cards whose designation has not as many digits as their type.
+
+    The program reads the designation by its columns, as its type counts them.
+    """
+    for letter, section in deck.sections.items():
+        kind, _, designation = section.partition(" ")
+        digits = len(re.match(r"\d*", designation)[0])  # type: ignore[index]
+        if kind in _DIGITS and digits != int(kind):
+            text = (
+                f"NACA {letter}: type {kind} with the designation {designation}, which has "
+                f"{digits} digits; the program reads another aerofoil: write type {digits}, or "
+                f"{kind} digits"
+            )
+            yield DeckFinding(_line_of_section(deck, letter), WARNING, text)
 
 
 def _line_of_section(deck: Deck, letter: str) -> int:
@@ -392,6 +411,7 @@ def check_weight_units(deck: Deck) -> Iterator[DeckFinding]:
 RULES = (
     check_required_namelists,
     check_planform_sections,
+    check_section_digits,
     planform_types,
     check_body_sections,
     check_reference_quantities,

@@ -29,6 +29,7 @@ _HEIGHT_MARGINS = {"ZW": 0.08, "ZH": 0.03, "ZV": 0.08, "ZCG": 0.03}
 """Parts of the span by which a surface may lie above or below body and fin."""
 _STEEP_SWEEP, _FORWARD_SWEEP, _UNSWEPT = 80.0, 12.0, 15.0  # deg
 _MOST_DIHEDRAL, _MOST_INCIDENCE, _MOST_TWIST = 15.0, 12.0, 12.0  # deg
+_LEAST_INCIDENCE = 0.09  # deg
 _TAIL_V_DIHEDRAL = 55.0  # deg, of a V tail
 _TAIL_AREA, _TAIL_ASPECT = 0.4, 0.8
 """Area and aspect ratio over those of the wing: no tail behind a wing is beyond both."""
@@ -231,6 +232,13 @@ def _of_angles(deck: Deck) -> Iterator[Doubt]:
                 variable,
                 f"{variable}={angle:g} is the incidence; usual is -5 to 5 deg: check the decimal "
                 f"point",
+            )
+        elif 0.0 < abs(angle) < _LEAST_INCIDENCE:
+            yield (
+                "SYNTHS",
+                variable,
+                f"{variable}={angle:g} is an incidence that no jig holds; the program takes "
+                f"degrees: {angle:g} rad is {math.degrees(angle):.3g} deg",
             )
 
 

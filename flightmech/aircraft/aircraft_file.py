@@ -112,7 +112,8 @@ def read_aircraft(path: str | Path) -> Aircraft:
     controls = {name: ControlGeometry(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)
     facts = content.facts.facts()
-    problems += fact_problems(facts, content.mass, cbar=content.cbar, engines=len(engines))
+    sizes = {"S": content.S, "cbar": content.cbar}
+    problems += fact_problems(facts, content.mass, engines=len(engines), **sizes)
     if problems:
         raise SchemaError(str(path), problems)
     warn_of_full_tanks(engines, str(path))

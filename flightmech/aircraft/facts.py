@@ -25,11 +25,13 @@ from typing import Annotated, Any
 
 from pydantic import Field, StrictBool, StrictInt, field_validator, model_validator
 
+from flightmech.air import RHO_SEA
 from flightmech.errors import UnitError
 from flightmech.quantities import parse_quantity
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
+from flightmech.units import G0, from_si
 
 
 @dataclass(frozen=True)
@@ -128,10 +130,14 @@ class FactsTable(Strict):
         return AircraftFacts(**dict(self))
 
 
+# lift coefficient at the decision speed; that of take-offs is 0.7 to 2
+_LEAST_LIFT = 0.42
 MASS_ROUNDING = 2e-3  # relative: a mass is printed to three or four digits
 
 
-def fact_problems(facts: AircraftFacts, mass: float, *, cbar: float, engines: int) -> list[str]:
+def fact_problems(
+    facts: AircraftFacts, mass: float, *, S: float, cbar: float, engines: int
+) -> list[str]:
     """Return the contradictions between the facts and the other parts of an aircraft file.
 
     Parameters
@@ -139,12 +145,21 @@ def fact_problems(facts: AircraftFacts, mass: float, *, cbar: float, engines: in
     facts : AircraftFacts
     mass : float
         Gross mass of the file. [kg]
-    cbar : float
-        Reference chord. [m]
+    S, cbar : float
+        Reference area and chord. [m2, m]
     engines : int
         Number of engine tables.
     """
     problems = []
+    if facts.v1 is not None:
+        # 2 m g / (rho V^2 S) at sea level
+        CL = 2.0 * max(mass, facts.mtow or 0.0) * G0 / (RHO_SEA * facts.v1**2 * S)
+        if CL < _LEAST_LIFT:
+            problems.append(
+                f"facts.v1: {facts.v1:.4g} m/s is {from_si(facts.v1, 'kt'):.4g} kt, at which the "
+                f"wing of {S:.4g} m2 carries the aircraft with a lift coefficient of {CL:.2g}, far "
+                f"from its take-off; write '{facts.v1:.4g} kt' if that is meant"
+            )
     if facts.mtow is not None and mass > facts.mtow * (1.0 + MASS_ROUNDING):
         problems.append(
             f"facts.mtow: {facts.mtow:.5g} kg is below the gross mass {mass:.5g} kg of the file; "

@@ -17,6 +17,7 @@ from pom.tolerances.criteria import Criterion
 def check_case_names(file: CaseFile, own_rows: Sequence[rows.Row], problems: list[str]) -> None:
     """Check the events, channels, features and the share that a case file names."""
     parts.check_events(file.events, problems, own_rows)
+    parts.check_event_times(file.events, file.case.window, problems)
     if math.isnan(parts.tolerance_fraction(file)):
         problems.append(
             f"case.fraction: missing; the share of the tolerance for a reference of an engineering "

@@ -54,6 +54,7 @@ CONDITIONS = (
 )
 SHOWN = ("V_cas", "h", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "nz")
 
+_SHORTEST_WINDOW = 0.2  # [s]
 _NAME = re.compile(r"\w[\w.-]{0,99}")  # part of file names and links
 Quantity = float | str  # a number in SI, or a text with its unit
 Texts = dict[str, str]
@@ -173,6 +174,12 @@ class CaseTable(Strict):
             raise ValueError(
                 f"the window must start before it ends, not {time_text(window[0])} ... "
                 f"{time_text(window[1])} s"
+            )
+        if window[1] - window[0] < _SHORTEST_WINDOW:
+            raise ValueError(
+                f"the window {time_text(window[0])} ... {time_text(window[1])} s holds "
+                f"{window[1] - window[0]:.3g} s; it counts in seconds on the clock of the record, "
+                f"and a case has {_SHORTEST_WINDOW:g} s or more"
             )
         return window
 

@@ -204,6 +204,21 @@ def check_events(
             _check_event_order(events, name, f"{name.removesuffix('_start')}_end", problems)
 
 
+def check_event_times(
+    events: Mapping[str, float], window: tuple[float, float], problems: list[str]
+) -> None:
+    """Add the events that lie farther outside of the window of a case than the window is long."""
+    start, stop = window
+    for name, time in events.items():
+        outside = max(start - time, time - stop)
+        if outside > stop - start:
+            problems.append(
+                f"events.{name}: {time_text(time)} s lies far outside of the window of the case, "
+                f"{time_text(start)} ... {time_text(stop)} s; events count in seconds on the clock "
+                f"of the record: correct it"
+            )
+
+
 def check_names(
     key: str, names: Iterable[str], *, allowed: set[str], what: str, problems: list[str]
 ) -> None:

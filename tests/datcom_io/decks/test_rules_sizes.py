@@ -41,6 +41,7 @@ MISTAKES = [
     ("SAVSI=35.0", "SAVSI=-35.0", "SAVSI=-35 sweeps the vertical tail by that angle"),
     ("TWISTA=-3.0", "TWISTA=-30.0", "TWISTA=-30 twists the wing; usual is -5 to 0 deg"),
     ("ALIW=1.5", "ALIW=15.0", "ALIW=15 is the incidence; usual is -5 to 5 deg"),
+    ("ALIW=1.5", "ALIW=0.026", "ALIW=0.026 is an incidence that no jig holds; the program takes"),
     ("ALT(1)=5000.0", "RNNUB(1)=0.15,0.2,0.2", "RNNUB=0.15 is a Reynolds number per length"),
     ("ALT(1)=5000.0", "ALT(1)=500000.0", "ALT=500000 is 152.4 km with DIM FT"),
     ("MACH(1)=0.1,0.15,0.2", "MACH(1)=100.,150.,200.", "MACH=100 is beyond the Mach numbers"),
@@ -99,3 +100,15 @@ def test_the_size_shows_a_deck_in_feet_with_dim_m() -> None:
     assert size(DECK) == "span 10.91 m (35.8 with DIM FT)"
     assert size(DECK.replace("DIM FT", "DIM M")) == "span 35.8 m (35.8 with DIM M)"
     assert size(DECK.replace("DIM FT\n", "")) == "span 10.91 m (35.8 ft, without a card DIM)"
+
+
+def test_a_designation_has_the_digits_of_its_type() -> None:
+    """Of NACA W 5 4415 the program of 1996 makes another aerofoil, without a message."""
+    (case,) = read_deck(DECK.replace("NACA W 4 2412", "NACA W 5 2412", 1).splitlines())
+    texts = [finding.text for finding in check_deck(case)]
+    assert [text for text in texts if text.startswith("NACA W: type 5")] == [
+        "NACA W: type 5 with the designation 2412, which has 4 digits; the program reads another "
+        "aerofoil: write type 4, or 5 digits"
+    ]
+    (modified,) = read_deck(DECK.replace("NACA W 4 2412", "NACA W 4 0012-64", 1).splitlines())
+    assert not [x for x in check_deck(modified) if "designation" in x.text]

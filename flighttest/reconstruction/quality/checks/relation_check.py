@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from flightmech.support.arrays import rms
 from flighttest.reconstruction.quality.checks.formed_channels import source_channels
@@ -14,6 +15,7 @@ from flighttest.reconstruction.quality.checks.signals import ResampledChannels, 
 _TINY = 1e-12
 _LATE = 0.2  # s, of delay between the sides that is not a disagreement; other checks find delays
 _SHORTEST, _PERIODS = 4.0, 3.0  # s; periods of the cut-off: shorter stretches prove nothing
+_MEAN = 0.25  # periods of the cut-off over which a side is averaged before the low-pass
 # multiple of the tolerance below which both sides are too small to disagree
 _SMALL = 4.0
 
@@ -122,6 +124,11 @@ class Relation:
 
     def _filter_side(self, side: np.ndarray, signals: ResampledChannels) -> np.ndarray:
         finite = np.nan_to_num(side, nan=0.0, posinf=0.0, neginf=0.0)
+        # The low-pass extends a side about its last sample, whose noise a derivative makes large;
+        # a mean around each sample removes it before, from both sides alike.
+        span = round(_MEAN / (self.cutoff * signals.step))
+        if span > 1:
+            finite = uniform_filter1d(finite, span, mode="mirror")
         return lowpass_if_possible(finite, signals.step, self.cutoff)
 
     def _sources(self, need: str, signals: ResampledChannels) -> tuple[str, ...]:

@@ -163,6 +163,13 @@ _VALUES: dict[str, _Rule] = {
     "open_voltage": _Rule("V", 1.0, 2000.0, (("mV", 1e-3), ("kV", 1e3))),
 }
 
+# Tables that grow with what drives the engine.
+_GROWING = (
+    *("thrust", "corrected_thrust", "shaft_power", "corrected_shaft_power"),
+    *("power", "corrected_power", "fuel_flow", "corrected_fuel_flow"),
+)
+_DRIVING = ("n1", "n2", "corrected_n1", "corrected_n2", "throttle", "pla", "manifold_pressure")
+
 
 def unusual_constants(engine: Engine, number: int) -> Iterator[UnusualSize]:
     """Yield the constants, axes and values of an engine that no aeroplane has.
@@ -183,6 +190,7 @@ def unusual_constants(engine: Engine, number: int) -> Iterator[UnusualSize]:
                 yield from _compare(f"engine {number}: {part}.{name}", name, value, rule)
     yield from _unusual_axes(engine, number)
     yield from _unusual_values(engine, number)
+    yield from _falling_tables(engine, number)
     if engine.time_constant:
         rule = _Rule("s", 0.005, 60.0, _TIMES)
         where = f"engine {number}: time_constant"
@@ -227,6 +235,30 @@ def _unusual_values(engine: Engine, number: int) -> Iterator[UnusualSize]:
         if target in _VALUES and plain and not leaf.attrs.get("power") and largest:
             where = f"engine {number}: the largest value of the table {target}"
             yield from _compare(where, target, largest, _VALUES[target])
+
+
+def _falling_tables(engine: Engine, number: int) -> Iterator[UnusualSize]:
+    """Yield the tables of thrust and power that fall from the first node of a speed, a lever or a
+    manifold pressure to the last one: mostly values in the opposite order.
+    """
+    for target, leaf in list_leaves(engine).items():
+        if target not in _GROWING or leaf.attrs.get("regressors"):
+            continue
+        table = leaf.variables["value"]
+        for name in map(str, table.dims):
+            if name not in _DRIVING or table.sizes[name] < 2:
+                continue
+            others = [dim for dim in table.dims if dim != name]
+            ends = table.isel({name: [0, -1]}).mean(others).values
+            if ends[1] >= ends[0]:
+                continue
+            nodes = leaf.variables[name].values
+            text = (
+                f"engine {number}: the table {target} falls from {_rounded(ends[0])} at {name} "
+                f"{_rounded(nodes[0])} to {_rounded(ends[1])} at {_rounded(nodes[-1])}, on average "
+                f"over its other axes; thrust and power grow with it"
+            )
+            yield UnusualSize(target, text, f"give the values in the order of the nodes of {name}")
 
 
 def unusual_speeds(engine: Engine, number: int) -> Iterator[UnusualSize]:
