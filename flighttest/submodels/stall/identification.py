@@ -33,42 +33,15 @@ from flighttest.submodels.stall.break_of_lift import (
     weigh_break,
 )
 from flighttest.submodels.stall.flow import PER_NODE, SHARED, SeparationFlow, with_half_flow
-from flighttest.submodels.stall.model import SeparatedModel, SeparatedTerm, term_label
+from flighttest.submodels.stall.model import (
+    ATTACHED,
+    SEPARATED,
+    SeparatedModel,
+    SeparatedTerm,
+    term_label,
+)
 from flighttest.submodels.stall.result import StallIdentification
 
-ATTACHED = {
-    "CL": ("1", "alpha", "qhat", "delta_e"),
-    "CD": ("1", "alpha", "alpha^2"),
-    "Cm": ("1", "alpha", "qhat", "delta_e"),
-    "CY": ("1", "beta", "delta_r"),
-    "Cl": ("1", "beta", "phat", "rhat", "delta_a", "delta_r"),
-    "Cn": ("1", "beta", "phat", "rhat", "delta_a", "delta_r"),
-}
-"""Terms of the attached flow by coefficient."""
-SEPARATED = {
-    "CL": (SeparatedTerm((), "X_lift"), SeparatedTerm(("alpha",), "X_lift")),
-    "CD": (SeparatedTerm((), "X"), SeparatedTerm(("alpha",), "X")),
-    "Cm": (
-        SeparatedTerm((), "X"),
-        SeparatedTerm(("alpha",), "X"),
-        SeparatedTerm(("delta_e",), "X"),
-    ),
-    "CY": (SeparatedTerm(("beta",), "X"),),
-    "Cl": (
-        SeparatedTerm(("X_lift_diff",)),
-        SeparatedTerm(("X_lift_diff", "alpha")),
-        SeparatedTerm(("beta",), "X"),
-        SeparatedTerm(("phat",), "X"),
-        SeparatedTerm(("delta_a",), "X"),
-    ),
-    "Cn": (
-        SeparatedTerm(("X_diff",)),
-        SeparatedTerm(("beta",), "X"),
-        SeparatedTerm(("rhat",), "X"),
-        SeparatedTerm(("delta_r",), "X"),
-    ),
-}
-"""Candidates for terms of the separated flow by coefficient."""
 BOUNDS = {
     "a1": (4.0, 80.0),
     "tau1": (0.5, 40.0),

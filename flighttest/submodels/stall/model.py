@@ -104,6 +104,41 @@ class SeparatedTerm(NamedTuple):
         return "_".join(["stall", *self.regressors])
 
 
+ATTACHED = {
+    "CL": ("1", "alpha", "qhat", "delta_e"),
+    "CD": ("1", "alpha", "alpha^2"),
+    "Cm": ("1", "alpha", "qhat", "delta_e"),
+    "CY": ("1", "beta", "delta_r"),
+    "Cl": ("1", "beta", "phat", "rhat", "delta_a", "delta_r"),
+    "Cn": ("1", "beta", "phat", "rhat", "delta_a", "delta_r"),
+}
+"""Terms of the attached flow by coefficient."""
+SEPARATED = {
+    "CL": (SeparatedTerm((), "X_lift"), SeparatedTerm(("alpha",), "X_lift")),
+    "CD": (SeparatedTerm((), "X"), SeparatedTerm(("alpha",), "X")),
+    "Cm": (
+        SeparatedTerm((), "X"),
+        SeparatedTerm(("alpha",), "X"),
+        SeparatedTerm(("delta_e",), "X"),
+    ),
+    "CY": (SeparatedTerm(("beta",), "X"),),
+    "Cl": (
+        SeparatedTerm(("X_lift_diff",)),
+        SeparatedTerm(("X_lift_diff", "alpha")),
+        SeparatedTerm(("beta",), "X"),
+        SeparatedTerm(("phat",), "X"),
+        SeparatedTerm(("delta_a",), "X"),
+    ),
+    "Cn": (
+        SeparatedTerm(("X_diff",)),
+        SeparatedTerm(("beta",), "X"),
+        SeparatedTerm(("rhat",), "X"),
+        SeparatedTerm(("delta_r",), "X"),
+    ),
+}
+"""Candidates for terms of the separated flow by coefficient."""
+
+
 def term_label(coefficient: str, text: str, count: int) -> str:
     """Return the name of a term in a fit of `count` coefficients."""
     return f"{coefficient}: {text}" if count > 1 else text

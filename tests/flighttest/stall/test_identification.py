@@ -20,8 +20,8 @@ from flighttest.regression.expression_functions import Pieces
 from flighttest.submodels.stall import break_of_lift, identification
 from flighttest.submodels.stall.database_terms import add_stall, continue_attached_flow, reach_of
 from flighttest.submodels.stall.flow import SeparationFlow, with_half_flow
-from flighttest.submodels.stall.identification import SEPARATED, identify_stall
-from flighttest.submodels.stall.model import COEFFICIENTS, SeparatedTerm
+from flighttest.submodels.stall.identification import identify_stall
+from flighttest.submodels.stall.model import COEFFICIENTS, SEPARATED, SeparatedTerm
 
 TRUTH = {
     "a1_0": records.TRUE["a1"],
