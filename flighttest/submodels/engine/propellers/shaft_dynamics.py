@@ -194,13 +194,7 @@ def identify_shaft(records: Sequence[xr.Dataset], aircraft: Aircraft) -> ShaftDy
         raise IdentificationError(
             f"the lever moves by less than {_LEAST:g} in all power changes; add chops and slams"
         )
-    outputs = []
-    for name in OUTPUTS:
-        if all(name in record for record in records):
-            outputs.append(name)
-    if "rpm" not in outputs:
-        raise IdentificationError("the power changes lack engineN.rpm; map the tachometer")
-    outputs = [name for name in outputs if _is_output(name, engine)]
+    outputs = _common_outputs(engine, records)
     names = _unknown_names(engine, records)
     unknowns = {
         name: Unknown(1.0, (_CONSTANTS | _TABLES)[name], low=_LOW, high=_HIGH) for name in names
@@ -227,6 +221,17 @@ def identify_shaft(records: Sequence[xr.Dataset], aircraft: Aircraft) -> ShaftDy
         values[name] = float(factor * size), float(error * size)
         determined[name] = bool(0.0 < error < _DETERMINED * unknowns[name].sigma)
     return ShaftDynamics(values, determined, search, first)
+
+
+def _common_outputs(engine: Engine, records: Sequence[xr.Dataset]) -> list[str]:
+    """Return the outputs that all records have and the engine of the kernel gives."""
+    outputs = []
+    for name in OUTPUTS:
+        if all(name in record for record in records):
+            outputs.append(name)
+    if "rpm" not in outputs:
+        raise IdentificationError("the power changes lack engineN.rpm; map the tachometer")
+    return [name for name in outputs if _is_output(name, engine)]
 
 
 def _is_output(name: str, engine: Engine) -> bool:
