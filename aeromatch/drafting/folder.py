@@ -240,7 +240,9 @@ def _check_proving(prove: Sequence[str], records: Sequence[Path], is_given: bool
         A proving record of this call is absent.
     """
     known = [file.stem for file in records]
-    problems = [str(UnknownName(name, known, "record")) for name in prove if name not in known]
+    hint = "" if known else "no recording was found or given; give them with --records"
+    absent = [name for name in prove if name not in known]
+    problems = [str(UnknownName(name, known, "record", hint)) for name in absent]
     if problems and is_given:
         raise SchemaError("init --prove", problems)
     return [f"{problem}; the last draft kept it for the proof" for problem in problems]

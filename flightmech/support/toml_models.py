@@ -149,6 +149,13 @@ def _describe_problem(model: type[BaseModel], item: Any) -> str:
         return f"{position}: unknown key; allowed: {', '.join(allowed)}"
     if item["type"] == "missing":
         return f"{position}: missing; give it"
+    if item["type"] in ("model_type", "model_attributes_type"):
+        keys = sorted(_allowed_keys(model, item["loc"]))
+        return (
+            f"{position}: expected a table {{ ... }} of {', '.join(keys)}; found {item['input']!r}"
+        )
+    if item["type"] in ("tuple_type", "list_type"):
+        return f"{position}: expected a list, as [a, b]; found {item['input']!r}"
     message = item["msg"].removeprefix("Value error, ")
     message = message[:1].lower() + message[1:]
     if not message.startswith("found "):

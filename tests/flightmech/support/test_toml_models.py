@@ -60,3 +60,16 @@ def test_a_crowd_of_unknown_keys_takes_no_time():
     assert len(caught.value.problems) == 20_000
     assert caught.value.problems[0].startswith("k0: unknown key; ")
     assert caught.value.problems[-1] == "k19999"
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        ({"inner": ["run_1"]}, r"inner.0: expected a table \{ ... \} of share; found 'run_1'"),
+        ({"inner": 3}, r"inner: expected a list, as \[a, b\]; found 3"),
+        ({"pair": {"a": 1.0}}, r"pair: expected a list, as \[a, b\]; found \{'a': 1.0\}"),
+    ],
+)
+def test_a_value_of_another_shape_is_answered_with_the_shape(content, text):
+    with pytest.raises(SchemaError, match=text):
+        validate_content(Outer, content, "file")
