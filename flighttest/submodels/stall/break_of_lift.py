@@ -19,6 +19,8 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error.samples import RegressionSamples
+from flighttest.regression.expression_functions import Pieces
+from flighttest.regression.separable.search import SeparableProblem
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.submodels.ground_effect.evidence import independent_samples, schwarz_criterion
 from flighttest.submodels.stall.flow import SIDES
@@ -41,6 +43,7 @@ STANDARD_ERRORS = 2.0
 _TOO_FEW = 30.0  # independent samples that a comparison needs
 _SQUARE = "alpha^2"
 _RANK, _SMALLEST = 1e-8, 1e-30  # of unit regressors, and of their length
+_STEADY, _MANY_CHORDS = 60, 1e5  # angles of attack of a steady lift, chords between two of them
 _ENDS = (0.01, 0.99)  # quantiles of the angle of attack at which the slopes are taken
 
 
@@ -96,6 +99,27 @@ def database_slope(flown: Sequence[xr.Dataset], records: Sequence[xr.Dataset]) -
     lift = np.concatenate([(total["CL"] - rest["CL"]).values for total, rest in pairs])
     known = np.isfinite(lift)
     return float(np.polyfit(alpha[known], lift[known], 1)[0])
+
+
+def steady_design(
+    problem: SeparableProblem, s: np.ndarray, records: Sequence[xr.Dataset]
+) -> np.ndarray:
+    """Return angles of attack and the design of the lift there in steady, straight flow."""
+    low = min(float(record["alpha"].min()) for record in records)
+    alpha = np.linspace(low, reach_of_halves(records), _STEADY)
+    quantities = {}
+    for name, flown in problem.quantities[0].items():
+        quantities[name] = np.full(_STEADY, float(np.median(flown)))
+    for name in ("alpha", "alpha_left", "alpha_right"):
+        quantities[name] = alpha
+    for name in ("lead_left", "lead_right", "phat", "qhat", "rhat", "beta"):
+        quantities[name] = np.zeros(_STEADY)
+    # so many chords pass from one angle to the next that no lag is left
+    quantities["chords"] = np.full(_STEADY, _MANY_CHORDS)
+    values = dict(zip(problem.names, s, strict=True))
+    pieces = Pieces([slice(0, _STEADY)], [1.0])
+    design, _ = problem.models[0].columns(quantities, _STEADY, values, pieces)
+    return np.column_stack([alpha, design])
 
 
 class LiftBreak(NamedTuple):

@@ -17,7 +17,6 @@ import xarray as xr
 from aerodb.store.evaluation import contributions
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error.samples import stack_samples
-from flighttest.regression.expression_functions import Pieces
 from flighttest.regression.separable.fit import SeparableFit, regress_separable
 from flighttest.regression.separable.search import SeparableProblem, WeightedMinimum
 from flighttest.regression.separable_model import ShapeParameter
@@ -31,10 +30,12 @@ from flighttest.submodels.stall.break_of_lift import (
     describe_missing_break,
     describe_soft_break,
     reach_of_halves,
+    steady_design,
     weigh_break,
 )
 from flighttest.submodels.stall.candidates import ATTACHED, SEPARATED
 from flighttest.submodels.stall.flow import PER_NODE, SHARED, SeparationFlow, with_half_flow
+from flighttest.submodels.stall.left_out import left_out_shares
 from flighttest.submodels.stall.model import SeparatedModel, SeparatedTerm, term_label
 from flighttest.submodels.stall.result import StallIdentification
 
@@ -55,7 +56,6 @@ _STARTS_STAR = (0.35, 0.5, 0.65, 0.8)
 _STARTS_A1 = (12.0, 30.0)
 _START_TAU = (4.0, 12.0)
 _PASSES = 2  # of selection and search
-_STEADY, _MANY_CHORDS = 60, 1e5  # angles of attack of a steady lift, chords between two of them
 
 
 @dataclass(frozen=True)
@@ -151,6 +151,8 @@ def identify_stall(
         task = _select_terms(task)
     fit, task, reasons = _fit_determined(task)
     reasons |= _list_unseen(fit, task, flown)
+    problem = _problem(task)
+    s = np.array([fit.value(name)[0] for name in problem.names])
     return StallIdentification(
         fit=fit,
         station=station,
@@ -161,6 +163,7 @@ def identify_stall(
         not_identified=reasons,
         records=records,
         with_database=database is not None,
+        left_out=left_out_shares(problem, s),
     )
 
 
@@ -412,7 +415,7 @@ def _fits_of_node(fit: SeparableFit, task: _Task, records: Sequence[xr.Dataset])
         candidates = {term.text for term in SEPARATED[model.target]}
         separated = tuple(name in candidates for name in model.terms)
         # The lift comes first, and only its slope is needed.
-        steady = _steady_design(problem, s, records) if not k else np.empty((0, 0))
+        steady = steady_design(problem, s, records) if not k else np.empty((0, 0))
         fits.append(
             NodeFit(
                 z=problem.z[k],
@@ -425,27 +428,6 @@ def _fits_of_node(fit: SeparableFit, task: _Task, records: Sequence[xr.Dataset])
             )
         )
     return fits
-
-
-def _steady_design(
-    problem: SeparableProblem, s: np.ndarray, records: Sequence[xr.Dataset]
-) -> np.ndarray:
-    """Return angles of attack and the design of the lift there in steady, straight flow."""
-    low = min(float(record["alpha"].min()) for record in records)
-    alpha = np.linspace(low, reach_of_halves(records), _STEADY)
-    quantities = {}
-    for name, values in problem.quantities[0].items():
-        quantities[name] = np.full(_STEADY, float(np.median(values)))
-    for name in ("alpha", "alpha_left", "alpha_right"):
-        quantities[name] = alpha
-    for name in ("lead_left", "lead_right", "phat", "qhat", "rhat", "beta"):
-        quantities[name] = np.zeros(_STEADY)
-    # so many chords pass from one angle to the next that no lag is left
-    quantities["chords"] = np.full(_STEADY, _MANY_CHORDS)
-    shape = dict(zip(problem.names, s, strict=True))
-    pieces = Pieces([slice(0, _STEADY)], [1.0])
-    design, _ = problem.models[0].columns(quantities, _STEADY, shape, pieces)
-    return np.column_stack([alpha, design])
 
 
 def _separated_terms(

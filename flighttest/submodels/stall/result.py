@@ -16,6 +16,7 @@ from flightmech.terms import make_term
 from flighttest.regression.expression_functions import Pieces
 from flighttest.regression.separable.fit import SeparableFit
 from flighttest.submodels.stall.flow import PER_NODE, SHARED, SeparationFlow, with_half_flow
+from flighttest.submodels.stall.left_out import remark_shares
 from flighttest.submodels.stall.model import SeparatedTerm, term_label
 
 LEAST = {"X": 0.0, "X_lift": 0.25}
@@ -54,6 +55,8 @@ class StallIdentification(ShortText):
         Records with the coefficients that were fitted: with a database, those on top of it.
     with_database : bool
         Whether the coefficients are those on top of a database.
+    left_out : dict of str to float
+        R2 of each coefficient on records that its terms were not fitted to (`left_out_shares`).
     """
 
     fit: SeparableFit
@@ -65,6 +68,7 @@ class StallIdentification(ShortText):
     not_identified: Mapping[str, str]
     records: tuple[xr.Dataset, ...]
     with_database: bool
+    left_out: Mapping[str, float]
 
     def value(self, parameter: str) -> tuple[float, float]:
         """Return a parameter of the separation and its standard error; zero of a fixed one."""
@@ -149,6 +153,7 @@ class StallIdentification(ShortText):
         remarks = [f"{name}: not identified: {why}" for name, why in self.not_identified.items()]
         remarks += [remark.text for remark in self.fit.convergence_remarks]
         remarks.append(_NOT_CONTAINED)
+        remarks += remark_shares(self.left_out)
         targets = {model.target for model in self.fit.models}
         if "asymmetry" not in self.flow.fixed and "Cl" not in targets:
             remarks.append(
@@ -192,6 +197,7 @@ class StallIdentification(ShortText):
             "parameters": parameters,
             "terms": terms,
             "R2": dict(zip((model.target for model in self.fit.models), R2, strict=True)),
+            "R2_left_out": {k: None if np.isnan(v) else v for k, v in self.left_out.items()},
             "not_identified": dict(self.not_identified),
             "remarks": self.remarks,
         }
@@ -217,6 +223,9 @@ class StallIdentification(ShortText):
                 text += f"   {np.rad2deg(value):.2f} deg ({np.rad2deg(stderr):.2g})"
             lines.append(text)
         lines += ["", *self.fit.report().splitlines()]
+        known = [f"{k} {v:.3f}" for k, v in self.left_out.items() if not np.isnan(v)]
+        if known:
+            lines.append(f"R2 on records that the terms were not fitted to: {', '.join(known)}")
         named = [f"! {text}" for text in self.remarks]
         return "\n".join([*lines, "", *named] if named else lines)
 

@@ -59,6 +59,10 @@ def test_parameters_and_terms_come_back(found):
         assert abs(value - true) < 3.5 * stderr, name
         assert stderr < 0.1 * abs(true), name
     assert found.not_identified == {}
+    # least of Cn, 0.948: the rest is noise
+    assert min(found.left_out.values()) > 0.9
+    assert "R2 on records that the terms were not fitted to: CL 0.9" in found.report()
+    assert found.as_dict()["R2_left_out"] == found.left_out
     texts = {name: [term.text for term in terms] for name, terms in found.separated.items()}
     assert texts["CL"] == ["alpha*X_lift_loss"]
     assert texts["CD"] == ["X_loss"]
