@@ -19,6 +19,7 @@ from pom.cases.case import PomCase, read_case
 from pom.judging.signals import traces_of
 from pom.judging.verdict import band_widths
 from pom.result import PomResult
+from pom.tolerances.own_tables import read_own_table
 
 _SAME = 1e-9
 """Relative difference of samples and times that is rounding."""
@@ -40,8 +41,8 @@ def compare_case_files(
     Yields
     ------
     (str, str, str)
-        The state is ``same``, ``changed``, ``missing``, or ``unknown`` for a file that is not here
-        or that a table of the user completes.
+        The state is ``same``, ``changed``, ``missing``, or ``unknown`` for a file that is not here,
+        also the tolerance table of the user.
     """
     judged = {Path(result.case.path).resolve() for result in archive.results}
     for path in inputs:
@@ -52,8 +53,8 @@ def compare_case_files(
         name = case.name
         if not Path(case.path).is_file():
             yield name, "unknown", f"no file {case.path}"
-        elif case.table:
-            yield name, "unknown", "a tolerance table of the user completes it"
+        elif case.table and not Path(case.tolerances).is_file():
+            yield name, "unknown", f"no tolerance table {case.tolerances or case.table['file']}"
         else:
             detail = _case_differences(case)
             yield name, "changed" if detail else "same", detail
@@ -69,7 +70,9 @@ def _is_case_file(path: Path) -> bool:
 
 def _case_differences(case: PomCase) -> str:
     try:
-        present = read_case(case.path)
+        # a table that the command named replaces that of the case file
+        own = read_own_table(case.tolerances) if case.table else None
+        present = read_case(case.path, own)
     except (AeromatchError, OSError) as error:
         return f"the case file cannot be read: {error}"
     texts = list(list_differences(present.to_dict(), case.to_dict()))

@@ -69,4 +69,5 @@ def test_a_table_is_named_on_the_pages_and_hashed(aeromatch, write_case, toy, la
     widen_more = (tmp_path / "own.csv").read_text().replace("-9,9", "-8,8")
     (tmp_path / "own.csv").write_text(widen_more)
     changed = [item.name for item in pom.verify(tmp_path / "out") if item.state != "same"]
-    assert changed == ["own.csv"]
+    # the table, and the case that it judges
+    assert changed == ["own.csv", "a_case"]
