@@ -41,6 +41,7 @@ PREPARED = {
     "15.nc": f"flight reconstruct {FLIGHT}/t37_15_low_pass_9m.nc {OF_T37}",
     "61.nc": f"flight reconstruct {FLIGHT}/t37_61_taxi_turns_slow.nc {OF_T37}",
     "65.nc": f"flight reconstruct {FLIGHT}/t37_65_differential_braking.nc {OF_T37}",
+    "slow.nc": f"flight reconstruct {C182}/flight/slow.csv --window 2 60 {OF_C182}",
     "stall.nc": f"flight reconstruct {C182}/stall/stall_accelerated.csv {OF_C182}",
 }
 PITCH, YAW, ROLL = "--window 9.0 21.7", "--window 86.3 97.8", "--window 63.84 72.34"
@@ -251,8 +252,8 @@ VERBS: dict[str, Callable[[], dict[str, Any]]] = {
     ),
     "engine": engine,
     "engine, propeller": lambda: perform(
-        f"flight engine {C182}/flight/slow.csv --names {C182}/names.toml --rate 5 --aircraft "
-        f"{C182}/aircraft.toml --polar 0.03 0.06 --polar-stderr 0.003 0.006"
+        f"flight engine slow.nc --rate 5 --aircraft {C182}/aircraft.toml --polar 0.03 0.06 "
+        "--polar-stderr 0.003 0.006"
     ),
     "gear": lambda: perform(
         f"flight gear 61.nc 65.nc --aircraft {T37}/apriori.toml --database t37.nc --no-flown"
@@ -292,6 +293,9 @@ def pairs(item: Any, place: str = "") -> Iterator[tuple[str, np.ndarray, np.ndar
         if value is not None and item.get("stderr") is not None:
             yield place, np.array(value, float), np.array(item["stderr"], float)
         for key, part in item.items():
+            error = item.get(f"{key}_stderr")
+            if error is not None and part is not None:
+                yield f"{place}/{key}", np.array(part, float), np.array(error, float)
             if key in ("estimates", "constants", "errors_of_inputs") and isinstance(part, dict):
                 for name, pair in part.items():
                     if isinstance(pair, list) and len(pair) == 2:

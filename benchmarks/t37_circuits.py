@@ -5,7 +5,7 @@ the recorded travel, pulses and releases have the forces of the flight card. The
 masses on a cable and bristles at both ends, in semi-implicit Euler steps of 0.25 ms. It is the
 model of ``../shared/tools/t37_control_forces.py``, of which drawn constants, errors of the
 instruments, noise and resolution come too. The motion of the aeroplane does not follow the controls
-here, which makes a programme inexpensive: the loop is compiled by the C compiler ``cc``.
+here, which makes a programme fast to compute. The C compiler ``cc`` compiles the loop.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ FRAME, RATE = 1.0 / 400.0, 50.0
 SUBSTEPS = 10
 # Time in which a hand that takes the control again comes to where it wants to be. [s]
 TAKE = 0.3
+# Time before a release in which the hand stays where it is. [s]
+STILL = 0.4
 # Force of a pulse, and time from the start of a release to letting go, by control.
 PUSH = {"column": 26.0, "wheel": 4.2, "pedal": 62.0}
 HOLD = {"column": 1.5, "wheel": 1.5, "pedal": 2.5}
@@ -155,6 +157,12 @@ def move_circuit(
     # The hand that gave this force was as far away as its stiffness needs; without noise of F.
     recorded = states[f"F_{item}"].values / tool.HAND[item][0]
     wanted = gaussian_filter1d(states[item].values + recorded, 3.0)
+    for start, end, name in spans:
+        if name.startswith("release"):
+            # It stays where it is until it lets go; the filter has mixed what follows into it.
+            letting_go = start + HOLD[item]
+            held = (time > letting_go - STILL) & (time < end)
+            wanted[held] = wanted[held.argmax()]
     is_free, force = np.zeros((2, len(frames)))
     # The card is read once per record of 20 ms.
     tick = np.floor((frames - 0.5 * FRAME) * RATE) / RATE
