@@ -119,7 +119,7 @@ for _unit, _spellings in {
     "ft": ("ft msl", "ft agl", "ft amsl", "feet msl", "feet agl", "ft qnh"),
     "m": ("m msl", "m agl", "m amsl"),
     "m/s": ("ms-1", "ms^-1"),
-    "m/s2": ("ms-2", "ms^-2"),
+    "m/s2": ("ms-2", "ms^-2", "mss", "m/s/s"),
     "ms": ("millisecond", "milliseconds", "millisec"),
     "us": ("microsecond", "microseconds"),
 }.items():

@@ -15,15 +15,15 @@ _ENGLISH = {
     "theta": "pitch attpitch pitchatt pitchattitude",
     "psi": "hdgtrue trueheading headingtrue truehdg hdgt headingt trueyaw yaw heading hdg",
     "ax_imu": (
-        "ax nx accx xacc accelx axb axbody longacc longaccel longitudinalacc longitudinalaccel "
+        "ax nx fx accx xacc accelx axb axbody longacc longaccel longitudinalacc longitudinalaccel "
         "longitudinalacceleration forwardacceleration"
     ),
     "ay_imu": (
-        "ay ny accy yacc accely ayb aybody latacc lataccel lateralacc lateralaccel "
+        "ay ny fy accy yacc accely ayb aybody latacc lataccel lateralacc lateralaccel "
         "lateralacceleration"
     ),
     "az_imu": (
-        "az nz accz zacc accelz azb azbody normacc normaccel normalacc normalaccel vertacc "
+        "az nz fz accz zacc accelz azb azbody normacc normaccel normalacc normalaccel vertacc "
         "vertaccel normalacceleration verticalacceleration loadfactor normalloadfactor gload"
     ),
     "alpha_vane": "alpha aoa alfa alphavane aoavane vanealpha angleofattack incidence",
@@ -160,7 +160,7 @@ RECORDED = {
 _DECORATION_TEXT = (
     "pos posn position defl deflection angle ang meas measured sensor raw value act actual "
     "filtered filt corr corrected body rec surf surface lever adc ins ahrs imu ads fms efis irs "
-    "dau daq fdr egi nav air adhrs"
+    "dau daq fdr egi nav air adhrs boom"
 )
 DECORATION = frozenset(_DECORATION_TEXT.split())
 # Sign of a heading with a word for a direction: +1 if it is the positive direction of the quantity,

@@ -23,7 +23,8 @@ CLEAN = TESTS.parent / "data" / "t37" / "datcom" / "t37_clean.out"
         ("KIAS", "V_cas", "kt"), ("ktas", "V", "kt"), ("roll_rate_dps", "p", "deg/s"),
         ("q_deg_s", "q", "deg/s"), ("Pitch", "theta", None),
         ("ALT_ft", "h_baro", "ft"), ("gps/altitude", "h_gps", None), ("NormAcc", "az_imu", None),
-        ("acc_x_mss", "ax_imu", "m/s2"),
+        ("acc_x_mss", "ax_imu", "m/s2"), ("fz_mss", "az_imu", "m/s2"),
+        ("AOA_BOOM", "alpha_vane", None),
         ("Elevator_Pos_deg", "delta_e", "deg"), ("AIL_L_deg", "delta_a_left", "deg"),
         ("AileronRight", "delta_a_right", None),
         ("N1_2", "engine2.n1", None), ("thrust_left_lbf", "engine1.thrust", "lbf"),
@@ -55,7 +56,7 @@ def test_columns_are_recognised_by_their_names(column, name, unit):
 
 @pytest.mark.parametrize("column", [
         "LATERAL VELOCITY", "Kurs_Grad",
-        "spare_7", "Event", "TAT", "gs_kt", "time", "status", "MAG HDG", "CG %MAC", "ELEV_CMD",
+        "spare_7", "Event", "FX_N", "NZ_CG", "CG_FS", "TAT", "gs_kt", "time", "status", "MAG HDG", "CG %MAC", "ELEV_CMD",
         "CABIN ALT", "TQ1 [%]", "FLAP LEVER",
         "TOTAL PRESS", "AIL TRIM", "AILERON_PCT", "GEAR_DEG", "PITCH_FPM",
     ],

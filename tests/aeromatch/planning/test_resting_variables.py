@@ -37,7 +37,8 @@ def look(spans):
 
 def project(**models):
     return SimpleNamespace(
-        fit=[SimpleNamespace(name=name, models=[text]) for name, text in models.items()]
+        cutoff=None,
+        fit=[SimpleNamespace(name=name, models=[text]) for name, text in models.items()],
     )
 
 
@@ -69,3 +70,14 @@ def test_a_fit_over_manoeuvres_of_rest_has_a_remark():
         fit = regress(RegressionModel.parse("CL = 1 + alpha + delta_e"), data.sel(time=window))
         rest = [remark for remark in fit.remarks if remark.kind == "rest"]
         assert [remark.term for remark in rest] == ["delta_e"] * count
+
+
+def test_a_low_pass_below_the_motion_is_named():
+    slow = project(pitch=PITCH)
+    slow.cutoff = 0.1
+    flown = SimpleNamespace(moved={}, movers={}, uses={"fit 'pitch'": (3, 30.0)})
+    (line,) = resting_remarks(slow, {"cruise": flown})
+    assert "manoeuvres last 10 s on average" in line
+    assert "cutoff = 0.1 Hz leaves 1 periods of them" in line
+    slow.cutoff = 4.0
+    assert resting_remarks(slow, {"cruise": flown}) == []

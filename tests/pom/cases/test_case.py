@@ -329,3 +329,16 @@ def test_a_number_that_is_not_finite_is_an_error(write_case, table, name, value)
     path = write_case(more=f"[{table}]\n{name} = {value}")
     with pytest.raises(SchemaError, match=rf"{table}\.{name}: {value} is not finite"):
         read_case(path)
+
+
+def test_times_in_another_unit_are_named(write_case):
+    """Minutes of a window, and milliseconds of an event."""
+    path = write_case(more="[events]\ninput_end = 7000.0")
+    with pytest.raises(SchemaError, match=r"input_end: 7000 s lies far outside of the window"):
+        read_case(path)
+    path = write_case()
+    text = path.read_text()
+    window = next(line for line in text.split("\n") if line.startswith("window"))
+    path.write_text(text.replace(window, "window = [0.07, 0.25]"))
+    with pytest.raises(SchemaError, match=r"0\.07 \.\.\. 0\.25 s holds 0\.18 s; it counts in sec"):
+        read_case(path)

@@ -54,6 +54,7 @@ def test_the_facts_are_read_in_si_and_written_again(write_aircraft_file, tmp_pat
         ('[facts]\nmean_chord = "17 m"', "check the units"),
         ("[facts]\nmtow = 2500.0\nbasic_operating_weight = 2600.0", "is not below mtow"),
         ("[facts]\nv1 = -3.0", "expected a positive number"),
+        ("[facts]\nv1 = 90.0", "90 m/s is 174.9 kt, .* lift coefficient of 0.2.*write '90 kt'"),
     ],
 )
 def test_facts_that_contradict_their_file_are_errors(write_aircraft_file, more, text):

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import flightmech
+from flightmech.aircraft import Engine
 from flightmech.terms import make_term
 from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
 
@@ -111,3 +112,15 @@ def test_the_axis_of_a_chart_in_another_unit(tmp_path, given, typed, words):
     path.write_text("\n".join(lines), encoding="utf-8")
     (size,) = unusual_sizes(flightmech.read_aircraft(path))
     assert words in size.text
+
+
+def test_a_thrust_that_falls_with_the_lever(aircraft):
+    thrust = {"throttle": [0.0, 1.0], "mach": [0.0, 0.5]}
+    engine = Engine((0.0, 0.0, 0.0), thrust=make_term([[200.0, 90.0], [3000.0, 2500.0]], thrust))
+    assert unusual_sizes(replace(aircraft, engines=(engine,))) == []
+    turned = replace(engine, thrust=make_term([[3000.0, 2500.0], [200.0, 90.0]], thrust))
+    (size,) = unusual_sizes(replace(aircraft, engines=(turned,)))
+    assert size.text.startswith(
+        "engine 1: the table thrust falls from 2750 at throttle 0 to 145 at"
+    )
+    assert size.remedy == "give the values in the order of the nodes of throttle"
