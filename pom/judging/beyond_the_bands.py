@@ -8,6 +8,7 @@ the latter.
 
 from __future__ import annotations
 
+import re
 import zipfile
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -35,6 +36,7 @@ SAMPLES = 200  # largest number of samples of a case, roughly
 # rms of a contribution that a case uses: forces by coefficient, and all moments.
 LEAST = dict.fromkeys(("CL", "CD", "CY", "CX", "CZ"), 1e-3)
 LEAST_MOMENT = 2e-4
+_ENGINE = re.compile(r"engine\d+/")
 BLOCK = "resources/model.bin"
 EDITS = ("scale:", "shift:", "set_nodes:", "pom tune")
 """Starts of the lines of a term's history that state an edit by hand or by a tuning."""
@@ -191,11 +193,20 @@ def _lacking_remarks(lacking: Sequence[str]) -> tuple[RowRemark, ...]:
     """Return the remark on terms that the evidence does not have; empty without one."""
     if not lacking:
         return ()
-    text = (
-        f"no evidence for {', '.join(lacking)}: the model has a term that the evidence is without; "
-        f"a pass does not exclude compensating errors"
-    )
-    return (RowRemark("no_evidence", text),)
+    texts = []
+    # the evidence is a database, which never holds the tables of engines
+    engines = sorted({name.split("/")[0] for name in lacking if _ENGINE.match(name)})
+    if absent := [name for name in lacking if not _ENGINE.match(name)]:
+        texts.append(
+            f"no evidence for {', '.join(absent)}: the model has a term that the evidence is "
+            f"without; a pass does not exclude compensating errors"
+        )
+    if engines:
+        texts.append(
+            f"no evidence for the tables of {', '.join(engines)}: the evidence holds the "
+            f"aerodynamics alone; compare the engine with what flight engine identified"
+        )
+    return tuple(RowRemark("no_evidence", text) for text in texts)
 
 
 def _unstamped_remarks(unstamped: bool) -> tuple[RowRemark, ...]:

@@ -24,7 +24,7 @@ from flighttest.records.readers.columns import split_heading, units_at_the_end, 
 
 _OF_ENGINES = (
     *("throttle", "pla", "n1", "n2", "fuel_flow", "thrust", "itt", "torque", "epr"),
-    *("manifold_pressure", "rpm", "prop_command", "mixture"),
+    *("manifold_pressure", "rpm", "prop_command", "mixture", "cutoff"),
 )
 _NO_CHANNELS = ("time", "t", "S", "cbar", "b", *COEFFICIENTS)
 _ENGINE_NUMBER = re.compile(r"(?:eng|engine|e)?([1-9])")

@@ -104,6 +104,7 @@ _ENGLISH = {
     "engine.manifold_pressure": "map manifoldpressure manifoldpress manpress",
     "engine.rpm": "rpm proprpm propellerrpm propellerspeed np",
     "engine.prop_command": "proplever propellerlever",
+    "engine.cutoff": "fuelcut fuelcutoff cutoff",
 }
 # German headings, as the recorders of gliders and light aircraft have them; an umlaut is two
 # letters. "Kurs" is left out: it is a track or a heading.

@@ -21,7 +21,7 @@ _CONTROLS = (
 )
 _OF_AN_ENGINE = (
     *("throttle", "pla", "n1", "n2", "fuel_flow", "thrust", "itt", "epr", "torque"),
-    *("manifold_pressure", "rpm", "prop_command", "mixture"),
+    *("manifold_pressure", "rpm", "prop_command", "mixture", "cutoff"),
 )
 
 

@@ -9,7 +9,7 @@ import flightmech
 from aerodb.store.identified_terms import stamp_identified
 from flightmech import terms
 from flightmech.flown_samples import FLOWN_SAMPLES
-from pom.judging.beyond_the_bands import Evidence, evidence_remarks
+from pom.judging.beyond_the_bands import Evidence, _lacking_remarks, evidence_remarks
 from pom.status import NOTICES
 
 SHARE = 0.05  # standard error of every term of the evidence, of its value
@@ -234,6 +234,15 @@ def test_a_term_that_the_evidence_lacks_is_named(compared, evidence, states, tra
     assert less.lacking(model) == ["Cm/qhat"]
     still = states.assign(qhat=0.0 * states["qhat"])
     assert Evidence(aerodb.delete_terms(evidence, ["Cm/qhat"]), still).lacking(model) == []
+
+
+def test_tables_of_engines_are_not_terms_that_the_evidence_lacks():
+    """A database holds the aerodynamics alone, so that every propeller aircraft lacks them."""
+    lacking = ["Cm/power", "engine1/CT_prop", "engine1/CP_prop", "engine2/CT_prop"]
+    terms_, engines = (remark.text for remark in _lacking_remarks(lacking))
+    assert terms_.startswith("no evidence for Cm/power: the model has a term")
+    assert engines.startswith("no evidence for the tables of engine1, engine2: the evidence holds")
+    assert len(_lacking_remarks(lacking[:1])) == len(_lacking_remarks(lacking[1:])) == 1
 
 
 def test_the_remark_names_the_terms_that_the_evidence_lacks(evidence, states, trainer, tmp_path):
