@@ -420,7 +420,7 @@ def _fits_of_node(fit: SeparableFit, task: _Task, records: Sequence[xr.Dataset])
         separated = tuple(name in candidates for name in model.terms)
         shapes = len(problem.names)
         samples = problem.samples[k]
-        # the lift comes first, and only it is asked for its slope
+        # the lift comes first, and only its slope is compared
         steady = steady_design(problem, s, records) if not k else np.empty((0, 0))
         terms_of = tuple(model.terms)
         fits.append(NodeFit(problem.z[k], design.A, terms_of, separated, shapes, samples, steady))
