@@ -30,8 +30,9 @@ def draw_stall(
     demand_drawable(target)
     figure = new_figure(11.0, 3.2 * len(records))
     axes = figure.subplots(len(records), 2, squeeze=False, width_ratios=(2, 3))
-    for (loop, states), record in zip(axes, records, strict=True):
+    for number, ((loop, states), record) in enumerate(zip(axes, records, strict=True), 1):
         fitted = found.predict(record)
+        loop.set_title(str(record.attrs.get("record") or f"stall {number}"), loc="left")
         alpha = np.rad2deg(record["alpha"].values)
         loop.plot(alpha, record["CL"], ".", markersize=2, label="flight")
         loop.plot(alpha, fitted["CL"], linewidth=1.2, label="model")

@@ -55,6 +55,11 @@ _WITHOUT = {"tau2": 0.0, "tau1": 1.0, "asymmetry": 0.0}
 _STARTS_STAR = (0.35, 0.5, 0.65, 0.8)
 _STARTS_A1 = (12.0, 30.0)
 _START_TAU = (4.0, 12.0)
+_LATERAL = ("Cl", "Cn")
+_NO_SIDE = (
+    "neither Cl nor Cn is among the coefficients, and lift, drag and pitching moment of both halves "
+    "together hardly show it; fixed at 0"
+)
 _PASSES = 2  # of selection and search
 
 
@@ -124,7 +129,7 @@ def identify_stall(
     Notes
     -----
     tau2, tau1 and asymmetry that the records do not determine are fixed at zero, one and zero, and
-    the rest is fitted again. The criteria are those of `separable.identifiability`. a1 and
+    the rest is fitted again; asymmetry in any case without Cl and Cn. The criteria are those of `separable.identifiability`. a1 and
     alpha_star of a configuration are also not identified if no sample is beyond alpha_star, or if
     the lift has no break, or one that a curved lift describes as well (`break_of_lift`).
     """
@@ -139,10 +144,13 @@ def identify_stall(
     records = flown = tuple(with_half_flow(record, station, cbar) for record in data)
     if database is not None:
         records = tuple(_without_database(record, database, coefficients) for record in records)
-    flow = SeparationFlow(axis, _nodes(records, axis))
+    # Lift shows the size of the asymmetry only as a longer break, and alpha_star and a1 give way.
+    lopsided = set(_LATERAL) & set(coefficients)
+    hidden = {} if lopsided else {"asymmetry": _WITHOUT["asymmetry"]}
+    flow = SeparationFlow(axis, _nodes(records, axis), hidden)
     terms: dict[str, tuple[str, ...]] = {}
     for name in coefficients:
-        candidates = (term.text for term in SEPARATED[name])
+        candidates = (term.text for term in SEPARATED[name] if lopsided or not term.is_difference)
         terms[name] = (*wanted[name], *candidates)
     task = _Task(records, flow, _shape_parameters(records, flow), terms)
     task = replace(task, shape=_start_values(task))
@@ -150,7 +158,7 @@ def identify_stall(
     for _ in range(_PASSES):
         task = _select_terms(task)
     fit, task, reasons = _fit_determined(task)
-    reasons |= _list_unseen(fit, task, flown)
+    reasons |= _list_unseen(fit, task, flown) | dict.fromkeys(hidden, _NO_SIDE)
     problem = _problem(task)
     s = np.array([fit.value(name)[0] for name in problem.names])
     return StallIdentification(
@@ -209,7 +217,7 @@ def _shape_parameters(
         shape[name] = ShapeParameter(*BOUNDS["a1"])
     for name in SHARED:
         shape[name] = ShapeParameter(*BOUNDS[name])
-    return {name: shape[name] for name in flow.parameters}
+    return {name: shape[name] for name in flow.parameters if name not in flow.fixed}
 
 
 def _at_node(records: Sequence[xr.Dataset], flow: SeparationFlow, k: int) -> list[xr.Dataset]:
@@ -414,7 +422,7 @@ def _fits_of_node(fit: SeparableFit, task: _Task, records: Sequence[xr.Dataset])
         model = problem.models[k]
         candidates = {term.text for term in SEPARATED[model.target]}
         separated = tuple(name in candidates for name in model.terms)
-        # The lift comes first, and only its slope is needed.
+        # The lift comes first, and only its slope is compared.
         steady = steady_design(problem, s, records) if not k else np.empty((0, 0))
         fits.append(
             NodeFit(

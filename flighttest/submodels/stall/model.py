@@ -99,6 +99,11 @@ class SeparatedTerm(NamedTuple):
         return "*".join(factors)
 
     @property
+    def is_difference(self) -> bool:
+        """Whether it is over a difference between the wing halves."""
+        return any(name.startswith("X_") for name in self.regressors)
+
+    @property
     def contribution(self) -> str:
         """Name of the contribution in a database: ``stall_alpha``."""
         return "_".join(["stall", *self.regressors])

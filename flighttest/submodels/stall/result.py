@@ -25,10 +25,12 @@ SEPARATION_POINT = "X is the separation point of a wing half in chords: 1 attach
 # Change of the attached flow of a database that is reported, in standard errors.
 _SIGNIFICANT = 3.0
 # On a path that was reconstructed from sensors with noise, two of five parameters were off by
-# more than three standard errors (docs/evidence/submodels.md).
+# more than three standard errors, as was the asymmetry of two wings of a strip theory
+# (docs/evidence/submodels.md).
 _NOT_CONTAINED = (
-    "standard errors do not contain the errors of alpha, of its rate and of p in the record; not "
-    "checked: those of tau2 and asymmetry can be several times larger on reconstructed paths"
+    "standard errors do not contain the errors of alpha, of its rate and of p in the record, nor "
+    "a separation of another form; not checked: those of tau2 and asymmetry can be several times "
+    "larger on reconstructed paths and on other wings"
 )
 
 

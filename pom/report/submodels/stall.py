@@ -36,7 +36,10 @@ def stall_section(name: str, stall: StallIdentification) -> Section:
     R2 = np.atleast_1d(stall.fit.estimates.attrs["R2"])
     techniques = []
     for model, value in zip(stall.fit.models, R2, strict=True):
-        techniques.append((model.target, EQUATION_ERROR, f"R2 {format_number(float(value), 3)}"))
+        text = f"R2 {format_number(float(value), 3)}"
+        if np.isfinite(stall.left_out[model.target]):
+            text += f", {format_number(stall.left_out[model.target], 3)} on records left out"
+        techniques.append((model.target, EQUATION_ERROR, text))
     return Section(
         name,
         tuple(techniques),
@@ -90,7 +93,8 @@ def _draw_records(name: str, stall: StallIdentification) -> tuple[Picture, ...]:
         fitted = stall.predict(record)
         step = max(1, record.sizes["time"] // MOST_POINTS)
         shown, fit = (item.isel(time=slice(None, None, step)) for item in (record, fitted))
-        panels += [_lift_panel(number, shown, fit, stall.with_database), _time_panel(number, fit)]
+        label = str(record.attrs.get("record") or f"record {number}")
+        panels += [_lift_panel(label, shown, fit, stall.with_database), _time_panel(label, fit)]
     lift = "lift on top of the database" if stall.with_database else "lift coefficient"
     words = f"{lift} over the angle of attack, and separation over time, of "
     words += f"{len(panels) // 2} of {len(stall.records)} records"
@@ -98,20 +102,20 @@ def _draw_records(name: str, stall: StallIdentification) -> tuple[Picture, ...]:
     return (make_picture(name.replace(" ", "-"), panels, key=key, words=words),)
 
 
-def _lift_panel(number: int, record: xr.Dataset, fit: xr.Dataset, on_top: bool) -> PanelOf:
+def _lift_panel(label: str, record: xr.Dataset, fit: xr.Dataset, on_top: bool) -> PanelOf:
     alpha, flown = np.rad2deg(record["alpha"].values), record["CL"].values
     curves = []
     for values, css in ((flown, "run-2"), (fit["CL"].values, "run-3")):
         kept = np.isfinite(alpha) & np.isfinite(values)
         curves.append(SectionLine(alpha[kept], values[kept], css))
     title = "CL less that of the database" if on_top else "CL"
-    return PanelOf(f"{title}, record {number}", "angle of attack, deg", tuple(curves))
+    return PanelOf(f"{title}, {label}", "angle of attack, deg", tuple(curves))
 
 
-def _time_panel(number: int, fit: xr.Dataset) -> PanelOf:
+def _time_panel(label: str, fit: xr.Dataset) -> PanelOf:
     time = fit["time"].values - float(fit["time"][0])
     curves = [
         SectionLine(time, fit["X_right"].values, "run-2"),
         SectionLine(time, fit["X_left"].values, "run-3"),
     ]
-    return PanelOf(f"separation point X, record {number}", "time, s", tuple(curves))
+    return PanelOf(f"separation point X, {label}", "time, s", tuple(curves))
