@@ -24,7 +24,7 @@ from pom.replaying.replay_case import replay
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
 # s, that those which hang are given, whatever the machine does; the others have as long as a busy
 # machine takes
-HANGING = 5.0
+HANGING = 10.0
 # guid of bad.c -> what its row states; "i:" in instantiation, "x:" in initialisation, "e:" in the
 # end, else in a step
 IN_FLIGHT = {
