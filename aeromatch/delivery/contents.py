@@ -16,18 +16,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
 from jinja2 import PackageLoader
 
 import aerodb
 import flightmech
 import pom
-from aerodb.edit.ground_effect import with_height_table
-from aerodb.exchange.daveml.exporter import export_daveml
-from aerodb.exchange.jsbsim.write import export_jsbsim
 from aerodb.exchange.tables.csv_checks import export_checkcases
-from aerodb.exchange.tables.csv_terms import export_csv
-from aerodb.exchange.tables.matlab import export_matlab
 from aeromatch.delivery.flown_checks import flight_conditions_of, write_flown_checks
 from aeromatch.delivery.package_documents import (
     compare_model,
@@ -35,6 +29,7 @@ from aeromatch.delivery.package_documents import (
     judged_files,
     readme_text,
 )
+from aeromatch.delivery.package_numbers import export_formats
 from aeromatch.delivery.places import (
     CONTENT,
     FLOWN,
@@ -51,17 +46,12 @@ from aeromatch.delivery.signing import read_private_key, signature_text
 from aeromatch.project.project import Project
 from aeromatch.workflow.match_inputs import demand_match_of_project
 from aeromatch.workflow.steps import REPORT
-from flightmech.aircraft.aircraft import Aircraft
-from flightmech.errors import AeromatchError, SchemaError
-from flightmech.names import lookup
+from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 from flightmech.support.figures import make_template_environment
 from flightmech.support.input_files import file_sha256
 from flightmech.support.temporary_names import remove_leftovers, temporary_name
-from flightmech.terms import power_factor
 
-# Greatest height of the tables that replace formulas of the ground effect. [m]
-_HIGHEST = 1000.0
 # Folder in a zip.
 _FOLDER = "data_package"
 # Time stamp of every file in a zip, so that a repetition gives the same bytes.
@@ -160,7 +150,7 @@ def _fill(
     with step("copy models, aircraft, cases and report"):
         _copy_files(folder, project, match, wishes)
     with step("write the database in every format"):
-        refused = _export_database(folder / "database", database, aircraft)
+        refused = export_formats(folder / "database", database, aircraft)
     with step("write the check cases"):
         export_checkcases(database, _make_parent(folder / STATES), STATE_COUNT)
         (folder / FLOWN).mkdir(parents=True)
@@ -248,38 +238,6 @@ def _copy_files(folder: Path, project: Project, match: Path, wishes: PackageOpti
 
 def _copy_file(source: Path, target: Path) -> None:
     shutil.copyfile(source, _make_parent(target))
-
-
-def _export_database(folder: Path, database: xr.DataTree, aircraft: Aircraft) -> dict[str, str]:
-    """Write the final database in the formats of other programs.
-
-    Return the reason for each format that cannot represent it.
-    """
-    tables = _with_height_tables(database)
-    writers: dict[str, Callable[[Path], None]] = {
-        "final.mat": lambda path: export_matlab(database, path),
-        "final_csv": lambda path: export_csv(database, path),
-        "final.dml": lambda path: export_daveml(tables, path, aircraft, STATE_COUNT),
-        "final_jsbsim.xml": lambda path: export_jsbsim(tables, path, aircraft),
-    }
-    refused = {}
-    for name, write in writers.items():
-        try:
-            write(_make_parent(folder / name))
-        except AeromatchError as error:
-            # The README of the package states the reason.
-            refused[f"database/{name}"] = "; ".join(getattr(error, "problems", ()) or [str(error)])
-    return refused
-
-
-def _with_height_tables(database: xr.DataTree) -> xr.DataTree:
-    """Return the database with tables in place of the formulas k h^s of the ground effect."""
-    tables = {}
-    for name, leaf in aerodb.terms(database).items():
-        factor = power_factor(leaf)
-        if factor is not None and lookup(factor.variable).units == "m":
-            tables[name] = with_height_table(leaf, _HIGHEST)
-    return aerodb.replace_terms(database, tables, "tables for formulas over the height")
 
 
 def _recordings_text(project: Project, archive: Any) -> str:

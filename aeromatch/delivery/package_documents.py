@@ -1,8 +1,9 @@
 """Documents of a data package against its results: README, roadmap, and what its report judged.
 
 A package whose hashes hold can still hold the models of another match next to its report, or a
-README with other verdicts. Each file that states results is therefore written again from the
-results of the report, and each file that the report hashed is compared with the one of the package.
+README with other verdicts. Each file that states results, but for page and PDF of the report, is
+therefore written again from the results of the report, and each file that the report hashed is
+compared with the one of the package.
 """
 
 from __future__ import annotations
@@ -26,9 +27,15 @@ from flightmech.fmu_export.fmu_file import BLOCK
 from flightmech.simulation.compiler import compile_with_envelope
 from flightmech.support.figures import make_template_environment
 from flightmech.support.input_files import file_sha256
+from pom.archive.archive import Archive
 from pom.archive.origins import read_report_manifest
 from pom.archive.statements import run_of
+from pom.report.case.page import case_keys
+from pom.report.case_parts import CSV
+from pom.report.exports import case_csv, junit_xml
 from pom.report.overview import departure_table
+from pom.report.presentation.unit_sets import shown_in
+from pom.report.writer import JUNIT
 from pom.result import PomResult
 from pom.result_notices import departure_remarks, run_notices
 
@@ -206,6 +213,37 @@ def compare_documents(
         text = "as judged" if is_judged else "the report judged no case file with this content"
         yield file.relative_to(folder).as_posix(), text, is_judged
     yield (RECORDINGS, *_compare_recordings(folder, judged))
+
+
+def compare_exports(
+    report: Path, archive: Archive, made_by: str
+) -> Iterator[tuple[str, str, bool]]:
+    """Yield name, result in words, and whether it is good, of the files of a report that other
+    programs read.
+
+    Its page and its PDF are not compared.
+
+    Parameters
+    ----------
+    report : Path
+        The report of a package.
+    archive : Archive
+        Its results.
+    made_by : str
+        Version of the program that wrote the report.
+    """
+    results = archive.results
+    texts = {}
+    with shown_in(archive.provenance.get("units", "")):
+        texts[JUNIT] = junit_xml(results, archive.title)
+        for key, result in zip(case_keys(results), results, strict=True):
+            texts[f"{CSV}/{key}.csv"] = "".join(case_csv(result))
+    for name, text in texts.items():
+        yield f"{report.name}/{name}", *_compare_text(report / name, text, made_by)
+    for file in sorted((report / CSV).glob("*")):
+        name = f"{CSV}/{file.name}"
+        if name not in texts:
+            yield f"{report.name}/{name}", "the results have no case of this name", False
 
 
 def _compare_text(file: Path, expected: str, made_by: str) -> tuple[str, bool]:

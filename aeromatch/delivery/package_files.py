@@ -178,7 +178,8 @@ def _manifest_faults(manifest: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
+    # half of a surrogate pair can be in JSON, and in no file
+    return isinstance(value, str) and not any("\ud800" <= char <= "\udfff" for char in value)
 
 
 def _are_texts(value: Any) -> bool:
@@ -189,7 +190,7 @@ def _are_reasons(value: Any) -> bool:
     """Return whether a value is a table of reasons for files that a package may lack."""
     if not isinstance(value, dict) or not value.keys() <= {*FORMATS}:
         return False
-    return all(isinstance(reason, str) and reason for reason in value.values())
+    return all(_is_text(reason) and reason for reason in value.values())
 
 
 # Keys of a manifest, each with the function that accepts its value.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 from pom.report.case.panels import (
@@ -12,7 +13,7 @@ from pom.report.case.panels import (
     panel_description,
 )
 from pom.report.presentation.quantities import QuantityLabel
-from pom.report.presentation.traces import TIME_STEP, Pack, step_of
+from pom.report.presentation.traces import TIME_STEP, Pack, least_step, step_of
 from pom.report.presentation.verdict_text import (
     criterion_words,
 )
@@ -101,7 +102,11 @@ def _describe_quantity(label: QuantityLabel) -> dict[str, str]:
 
 def _pack_panel(panel: CasePanel, pack: Pack, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the description of a panel, with its traces in `pack`."""
-    step = step_of(panel.half, panel.limits)
+    drawn = [*panel.traces.values(), *chain.from_iterable(panel.fans.values())]
+    if panel.half is not None:
+        drawn.append(panel.half)
+    # the tolerance can be any small part of a reading that is wrong
+    step = max(step_of(panel.half, panel.limits), least_step(drawn))
     exits = {}
     for run, spans in panel.exits.items():
         if spans:

@@ -14,12 +14,13 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
 
 STEPS_PER_TOLERANCE = 500
@@ -119,6 +120,16 @@ def step_of(half_width: np.ndarray | None, scale: tuple[float, float]) -> float:
     return max(height / STEPS_PER_HEIGHT, least) or 1.0
 
 
+def least_step(traces: Iterable[np.ndarray]) -> float:
+    """Return the step below which the differences of traces may not fit 32 bits."""
+    largest = 0.0
+    for values in traces:
+        present = values[np.isfinite(values)]
+        largest = max(largest, float(np.abs(present).max(initial=0.0)))
+    # a difference is at most twice, a second difference at most four times a level
+    return largest / 2**28
+
+
 def quantise_trace(values: np.ndarray, step: float) -> tuple[int, int, np.ndarray]:
     """Return the first level, the order of the differences (1 or 2), and the differences.
 
@@ -126,7 +137,7 @@ def quantise_trace(values: np.ndarray, step: float) -> tuple[int, int, np.ndarra
 
     Raises
     ------
-    OverflowError
+    SchemaError
         A difference does not fit 32 bits.
     """
     values = np.asarray(values, float)
@@ -134,7 +145,11 @@ def quantise_trace(values: np.ndarray, step: float) -> tuple[int, int, np.ndarra
     if not present.any():
         return 0, 1, np.full(len(values), _MISSING["int8"], np.int8)
     is_complete = bool(present.all())
-    levels = np.rint(np.where(present, values, 0.0) / step).astype(np.int64)
+    steps = np.rint(np.where(present, values, 0.0) / step)
+    # second differences are four times as large, and must fit 64 bits
+    if np.abs(steps).max() > 2.0**60:
+        raise _beyond_steps(np.abs(steps).max(), step)
+    levels = steps.astype(np.int64)
     first = int(levels[np.argmax(present)])
     if not is_complete:
         levels = _bridge_gaps(levels, present, first)
@@ -149,9 +164,12 @@ def quantise_trace(values: np.ndarray, step: float) -> tuple[int, int, np.ndarra
     for dtype, missing in _MISSING.items():
         if largest < -missing:
             return first, order, np.where(present, differences, missing).astype(dtype)
-    raise OverflowError(
-        f"a jump of {largest} steps of {step:g} does not fit 32 bits; give a larger step"
-    )
+    raise _beyond_steps(largest, step)
+
+
+def _beyond_steps(count: float, step: float) -> SchemaError:
+    text = f"a trace has a jump of {count:g} steps of {step:g}, more than 32 bits: a wrong reading"
+    return SchemaError("page of the report", [text])
 
 
 def _bridge_gaps(levels: np.ndarray, present: np.ndarray, first: int) -> np.ndarray:

@@ -9,19 +9,27 @@ import struct
 import zipfile
 import zlib
 from contextlib import nullcontext
+from pathlib import Path
 
 import pytest
+from scipy.io import loadmat, savemat
 
-from aeromatch.delivery import contents, package_opening, verification
+import aerodb
+import flightmech
+from aerodb.exchange.tables.csv_checks import export_checkcases
+from aeromatch.delivery import contents, package_numbers, package_opening, verification
 from aeromatch.delivery.package_files import check_hashes, check_structure
+from aeromatch.delivery.package_numbers import export_formats
 from aeromatch.delivery.package_opening import unpack_package
-from aeromatch.delivery.places import CONTENT, FORMATS
+from aeromatch.delivery.places import CONTENT, FORMATS, STATE_COUNT, STATES
 from aeromatch.delivery.signing import check_signature, make_key, read_private_key, signature_text
 from aeromatch.workflow.steps import REPORT
 from flightmech.errors import AeromatchError, ParseError, SchemaError
 from flightmech.support.input_files import file_sha256
 from flightmech.support.temporary_names import temporary_name
+from flightmech.terms import make_term
 
+C182 = Path(__file__).parents[3] / "data" / "c182"
 FILES = (
     "aircraft/final.toml",
     "database/final.nc",
@@ -143,6 +151,16 @@ def test_an_error_names_the_package_and_not_the_copy(delivery, text):
     with pytest.raises(ParseError) as caught, unpack_package(delivery) as folder:
         check_structure(folder)
     assert caught.value.file == f"{delivery}: manifest.json"
+
+
+@pytest.mark.parametrize("name", ["title", "revision", "refused"])
+def test_a_text_that_no_file_can_hold_is_refused(delivery, name):
+    text = (delivery / "manifest.json").read_text()
+    manifest = json.loads(text)
+    half = "\ud800"
+    manifest[name] = {FORMATS[-1]: half} if name == "refused" else half
+    write(delivery, manifest)
+    assert any(name in str(fault) for fault in faults(delivery))
 
 
 def test_a_key_that_stands_twice_is_refused(delivery):
@@ -386,3 +404,41 @@ def test_a_zip_whose_process_was_killed_leaves_nothing_behind_the_next(tmp_path,
     done = contents.write_package(None, tmp_path, tmp_path / "p.zip", wishes, nullcontext)
     assert done == {"a": "[]"}
     assert [path.name for path in tmp_path.glob("*p.zip*")] == ["p.zip"]
+
+
+@pytest.mark.slow
+def test_formats_that_differ_where_no_state_looks(tmp_path):
+    """Standard errors, further variables and one state many times are found."""
+    aircraft = flightmech.read_aircraft(C182 / "aircraft.toml")
+    leaf = make_term([0.1, 0.5], {"alpha": [0.0, 0.1]}, stderr=[0.01, 0.01])
+    facts = {"S": 16.2, "cbar": 1.5, "b": 10.9, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
+    named = {"title": "C182", "aircraft": "C182", "force_axes": "stability"}
+    database = aerodb.make_database({"CL/basic": leaf}, **named, **facts)
+    (tmp_path / "aircraft").mkdir()
+    shutil.copy(C182 / "aircraft.toml", tmp_path / "aircraft/final.toml")
+    assert set(export_formats(tmp_path / "database", database, aircraft)) <= {*FORMATS}
+    aerodb.save(database, tmp_path / "database/final.nc")
+
+    def wrong():
+        checks = package_numbers._compare_formats(tmp_path)
+        return [check.name.partition(",")[0] for check in checks if not check.good]
+
+    assert wrong() == []
+    (table,) = (tmp_path / "database/final_csv").glob("*CL_basic.csv")
+    table.write_text(table.read_text().replace(",0.01\n", ",0.0001\n"))
+    mat = tmp_path / "database/final.mat"
+    arrays = {key: value for key, value in loadmat(mat).items() if not key.startswith("__")}
+    # packed in another way, with the same arrays
+    savemat(mat, arrays, long_field_names=True)
+    assert wrong() == ["database/final_csv"]
+    savemat(mat, {**arrays, "more": 1.0}, long_field_names=True)
+    assert wrong() == ["database/final.mat", "database/final_csv"]
+    states = tmp_path / STATES
+    states.parent.mkdir()
+    export_checkcases(database, states, STATE_COUNT)
+    assert package_numbers._check_coverage(tmp_path).good
+    lines = states.read_text().splitlines()
+    first = lines[-STATE_COUNT].partition(",")[2]
+    same = [f"{line.partition(',')[0]},{first}" for line in lines[-STATE_COUNT:]]
+    states.write_text("\n".join([*lines[:-STATE_COUNT], *same, ""]))
+    assert package_numbers._check_coverage(tmp_path).detail == "200 states, 1 of them different"
