@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import report_fixture as fixture
 
+from flightmech.errors import SchemaError
 from flightmech.support.arrays import true_spans
 from pom.report.case import page as case
 from pom.report.case import page as case_data
@@ -158,3 +159,16 @@ def test_the_rest_of_a_record_does_not_squeeze_the_window():
         panel.scale == panels.make_case_panels(fixture.short_period_result())[0].scale
     )  # as if it were not there
     assert panels.make_case_panels(result)[1].scale == panels.make_case_panels(result)[1].limits
+
+
+def test_a_step_holds_the_largest_reading_of_a_panel():
+    trace = np.array([0.0, 1e300, -1e300, 1.0, np.nan, np.inf])
+    with pytest.raises(SchemaError, match="more than 32 bits"):
+        traces.quantise_trace(trace, 1e-3)
+    with pytest.raises(SchemaError, match="more than 32 bits"):
+        traces.quantise_trace(np.array([0.0, 1e8]), 1e-3)
+    first, order, differences = traces.quantise_trace(trace, traces.least_step([trace]))
+    assert (first, order) == (0, 1)
+    assert list(differences[:3]) == [0, 2**28, -(2**29)]
+    # no usual step is changed by it
+    assert traces.least_step([np.array([1e4, np.nan])]) < 1e-4
