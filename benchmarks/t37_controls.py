@@ -102,7 +102,7 @@ def identify(item: str, programme: Programme) -> flighttest.IdentifiedLoading:
     aircraft = flightmech.read_aircraft(T37 / "aircraft.toml")
     model, constants, arm = MODELS[item]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+        warnings.simplefilter("always")
         return flighttest.identify_control_loading(
             loading_of(aircraft, item, model, constants, arm),
             programme.driven,
@@ -197,7 +197,7 @@ def state_end(found: flighttest.IdentifiedLoading) -> str:
     """Return how the search ended."""
     response = found.response
     if response is None:
-        return "regressions"
+        return "regressions: " + "; ".join(remark.text for remark in found.remarks)
     end = response.convergence
     widths = {name: f"{value:.2g}" for name, (value, _) in response.widths.items()}
     return (
