@@ -1,8 +1,8 @@
 """Control circuits of the T-37 of drawn constants, moved through the shipped flights.
 
-Air, hand and free manoeuvres are those of the shipped runs 41 to 46: the hand of driven motion holds
-the recorded travel, pulses and releases have the forces of the flight card. The circuit has two
-masses on a cable and bristles at both ends, in semi-implicit Euler steps of 0.25 ms. It is the
+Air, hand and free manoeuvres are those of the shipped runs 41 to 46: the hand of driven motion
+holds the recorded travel, pulses and releases have the forces of the flight card. The circuit has
+two masses on a cable and bristles at both ends, in semi-implicit Euler steps of 0.25 ms. It is the
 model of ``../shared/tools/t37_control_forces.py``, of which drawn constants, errors of the
 instruments, noise and resolution come too. The motion of the aeroplane does not follow the controls
 here, which makes a programme fast to compute. The C compiler ``cc`` compiles the loop.

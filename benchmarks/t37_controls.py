@@ -8,8 +8,8 @@ instruments, and the noise. The circuits are identified with those of the aircra
 a quarter of their values. Friction builds up over a travel.
 
 FOLDER takes the reconstructions of the shipped runs 41 to 46, which give air and hand
-(`t37_circuits.py`). With ``--flown``, FOLDER/SEED holds the recordings of a programme flown by JSBSim
-and FOLDER/SEED.json its truth:
+(`t37_circuits.py`). With ``--flown``, FOLDER/SEED holds the recordings of a programme flown by
+JSBSim, and FOLDER/SEED.json its truth:
 
     python ../shared/tools/t37_control_forces.py --out FOLDER/SEED --errors FOLDER/SEED.json
         --seed SEED --only 41,42,43,44,45,46
@@ -102,7 +102,7 @@ def identify(item: str, programme: Programme) -> flighttest.IdentifiedLoading:
     aircraft = flightmech.read_aircraft(T37 / "aircraft.toml")
     model, constants, arm = MODELS[item]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+        warnings.simplefilter("always")
         return flighttest.identify_control_loading(
             loading_of(aircraft, item, model, constants, arm),
             programme.driven,
@@ -197,7 +197,7 @@ def state_end(found: flighttest.IdentifiedLoading) -> str:
     """Return how the search ended."""
     response = found.response
     if response is None:
-        return "regressions"
+        return "regressions: " + "; ".join(remark.text for remark in found.remarks)
     end = response.convergence
     widths = {name: f"{value:.2g}" for name, (value, _) in response.widths.items()}
     return (
@@ -219,9 +219,8 @@ def report(by_name: dict[str, list[tuple[float, float]]]) -> None:
         ]
         if chosen:
             z = np.concatenate(chosen)
-            print(
-                f"{start or 'all':28}{'':10}{share_of(z):>12}{rms(z):8.2f} {np.mean(abs(z) < 2):.1%}"
-            )
+            share = np.mean(np.abs(z) < 2.0)
+            print(f"{start or 'all':28}{'':10}{share_of(z):>12}{rms(z):8.2f} {share:.1%}")
 
 
 def rms(x: np.ndarray) -> float:
