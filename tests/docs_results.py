@@ -240,6 +240,8 @@ check gets the names that they leave.
 
 FOR_READING = {
     ("docs/index.md", 0): "printed by ./run demo; tests/aeromatch/test_demo.py compares it",
+    ("docs/how-to/own-aircraft.md", 3): "a part of an aircraft file; "
+    "tests/flighttest/reconstruction/test_deck_thrust.py has such decks",
     ("docs/how-to/fit-a-manoeuvre.md", 4): "a table of a plan; "
     "tests/flighttest/cli/test_fit.py runs such tables",
     ("docs/how-to/data-package.md", 2): "printed by package diff; "
@@ -256,7 +258,7 @@ CHECKS: dict[tuple[str, int], Check] = {
     ("docs/how-to/data-package.md", 1): contains("signed by the known key"),
     ("docs/how-to/own-aircraft.md", 1): prior_of_own_aircraft,
     ("docs/how-to/own-aircraft.md", 2): fmu_of_own_aircraft,
-    ("docs/how-to/own-aircraft.md", 3): project_of_own_aircraft,
+    ("docs/how-to/own-aircraft.md", 4): project_of_own_aircraft,
     ("docs/how-to/control-law.md", 0): control_law_database,
     ("docs/how-to/add-a-submodel.md", 0): gear_from_flight,
     ("docs/how-to/add-a-submodel.md", 1): one_pass,

@@ -12,6 +12,9 @@ from flighttest.reconstruction.quality.engines.usual_constants import UnusualSiz
 # Largest distance of an engine from the reference point, over the span and four chords.
 _FARTHEST = 1.0
 _CHORDS = 4.0
+# Distance of the reference point from a datum at the nose, in mean chords, and that of the end of
+# the tail from the reference point over it.
+_NOSE, _TAIL = 2.5, 1.25
 # Largest distance of the centre of gravity along x, over the mean chord.
 _FARTHEST_CG = 1.5
 # Least distance of an engine from the plane of symmetry that counts as a side, over the span.
@@ -47,6 +50,14 @@ def unusual_mounting(aircraft: Aircraft) -> Iterator[UnusualSize]:
                 "count it from the moment reference point, and check its unit; a number without a "
                 "unit is in m",
             )
+        elif _is_behind_tail(float(position[0]), aircraft):
+            yield UnusualSize(
+                "engine_position",
+                f"engine {number}: x = {position[0]:.4g} m lies behind the tail, if the drawing "
+                f"datum is the nose: the moment reference point is {_datum(aircraft):.4g} m behind "
+                f"it",
+                "count it from the moment reference point, x forward, not from the drawing datum",
+            )
         if engine.direction[0] < 0.0:
             yield UnusualSize(
                 "engine_direction",
@@ -71,6 +82,21 @@ def unusual_mounting(aircraft: Aircraft) -> Iterator[UnusualSize]:
             "count it from the moment reference point, x forward, not from the drawing datum and "
             "not in % of the chord; a number without a unit is in m",
         )
+
+
+def _datum(aircraft: Aircraft) -> float:
+    """Return the distance of the moment reference point behind the drawing datum. [m]"""
+    return 0.0 if aircraft.reference is None else -aircraft.reference[0]
+
+
+def _is_behind_tail(x: float, aircraft: Aircraft) -> bool:
+    """Return whether a place is farther behind the reference point than the tail can be.
+
+    The reference point lies at 40 to 55 % of the length of an aeroplane. A datum that is nearer
+    than the nose is another one, such as the firewall.
+    """
+    datum = _datum(aircraft)
+    return datum > _NOSE * aircraft.cbar and x < -_TAIL * datum
 
 
 def impossible_body(aircraft: Aircraft) -> Iterator[UnusualSize]:

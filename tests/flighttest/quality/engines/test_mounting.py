@@ -55,3 +55,14 @@ def test_a_sound_jet_has_no_remark():
 )
 def test_a_place_or_stop_that_no_aircraft_has_is_named(aircraft, text):
     assert any(text in size.text and size.remedy for size in unusual_sizes(aircraft))
+
+
+def test_engines_that_are_counted_from_the_nose_are_named():
+    nose = {"reference": (-6.2, 0.0, 0.0)}
+    assert unusual_sizes(jet(**nose)) == []
+    sizes = unusual_sizes(jet(positions=((-9.2, -1.1, -0.5), (-9.2, 1.1, -0.5)), **nose))
+    assert len(sizes) == 2
+    assert "x = -9.2 m lies behind the tail" in sizes[0].text
+    assert "not from the drawing datum" in sizes[0].remedy
+    # a datum at the firewall shows nothing
+    assert unusual_sizes(jet(positions=((-3.5, 0.0, 0.0),), reference=(-1.1, 0.0, 0.0))) == []
