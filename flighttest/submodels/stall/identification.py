@@ -390,7 +390,8 @@ def _list_unseen(fit: SeparableFit, task: _Task, flown: Sequence[xr.Dataset]) ->
         zip(task.flow.names("a1"), task.flow.names("alpha_star"), strict=True)
     ):
         records = _at_node(task.records, task.flow, k)
-        value, _ = fit.value(star)
+        value, stderr = fit.value(star)
+        place = f"{np.rad2deg(value):.1f} deg" + ", its bound" * int(np.isnan(stderr))
         highest = reach_of_halves(records)
         lift, *others = _fits_of_node(fit, task, records)
         slope = database_slope(_at_node(flown, task.flow, k), records)
@@ -402,8 +403,8 @@ def _list_unseen(fit: SeparableFit, task: _Task, flown: Sequence[xr.Dataset]) ->
             reasons |= {a1: describe_soft_break(signs), star: describe_soft_break(signs)}
         elif highest < value:
             reasons[a1] = reasons[star] = (
-                f"the records reach {np.rad2deg(highest):.1f} deg, alpha_star is "
-                f"{np.rad2deg(value):.1f} deg: the shape beyond half a chord is an assumption"
+                f"the records reach {np.rad2deg(highest):.1f} deg, alpha_star is {place}: the "
+                "shape beyond half a chord is an assumption"
             )
         elif np.isnan(fit.value(a1)[1]):
             reasons[star] = f"its standard error holds only for {a1} at its bound"
