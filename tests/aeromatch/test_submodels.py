@@ -199,16 +199,19 @@ def test_a_stall_through_its_section(monkeypatch):
     time = np.linspace(0.0, 1.0, 5)
     flown = xr.Dataset({"alpha": ("time", np.radians(15.0) * time)}, {"time": time})
     asked = {}
-    monkeypatch.setattr(submodels, "identify_stall", lambda *given: asked.update(given=given))
+    monkeypatch.setattr(
+        submodels, "identify_stall", lambda *given, **named: asked.update(named, given=given)
+    )
     spans = {"stall.flown": {"a": [(-np.inf, np.inf)], "b": [(0.0, 0.5)]}}
     submodels.identified_stall(
         SimpleNamespace(stall=STALL), CRAFT, {"a": flown, "b": flown}, spans, database
     )
-    parts, station, cbar, attached, axis, coefficients, terms = asked["given"]
+    parts, station, cbar = asked["given"]
     assert [part.sizes["time"] for part in parts] == [5, 3]
-    assert (station, cbar, axis, coefficients) == (2.5, 2.0, "", ("CL", "Cm"))
-    assert terms == {"CL": ("1", "alpha")}
-    line = attached["CL/basic"]
+    assert (station, cbar) == (2.5, 2.0)
+    assert (asked["axis"], asked["coefficients"]) == ("", ("CL", "Cm"))
+    assert asked["attached"] == {"CL": ("1", "alpha")}
+    line = asked["database"]["CL/basic"]
     assert np.rad2deg(line["alpha"].values) == pytest.approx([0, 5, 10, 25])
     assert line["value"].values[-1] == pytest.approx(1.0 + 0.4 * 3.0)
 
