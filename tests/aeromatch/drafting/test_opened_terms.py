@@ -30,6 +30,7 @@ def opened(geometry) -> dict:
     return tomllib.loads("\n".join(lines)).get("terms", {})
 
 
+@pytest.mark.slow
 def test_what_the_listings_give_is_that_of_the_database(geometry):
     given = given_terms(geometry)
     assert {"CL/basic", "Cl/rhat", "Cl/aileron", "Cm/elevator"} <= given
@@ -38,6 +39,7 @@ def test_what_the_listings_give_is_that_of_the_database(geometry):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_term_that_a_listing_prints_as_ndm_is_opened(geometry, monkeypatch):
     given = given_terms(geometry) - {"Cl/rhat", "Cm/qhat", "Cm/elevator"}
     monkeypatch.setattr(drafted, "given_terms", lambda _: given)
