@@ -23,10 +23,18 @@ ADVANCE = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4]
 ANGLES = [17.0, 20.0, 24.0, 28.0, 31.8]  # between the stops [deg]
 PRESSURES = [6.0, 12.0, 18.0, 24.0, 30.0]  # [inHg]
 SPEEDS = [1000.0, 1500.0, 2000.0, 2500.0]  # [rpm]
+# pressure heights of the chart of the engine [ft]: its mixture stays full rich, so its power falls
+# faster with height than the air that it breathes
+HEIGHTS = [3000.0, 4000.0, 5000.0, 6000.0, 7000.0]
 
 
 def run(
-    kcas: float, throttle: float, lever: float = 1.0, angle: float | None = None
+    kcas: float,
+    throttle: float,
+    lever: float = 1.0,
+    *,
+    angle: float | None = None,
+    height: float = HEIGHTS[0],
 ) -> list[dict[str, float]]:
     """Return what the stand reads every half second of five, at first at a speed of the air, by the
     governor or at a blade angle [deg]."""
@@ -37,7 +45,7 @@ def run(
     start = {
         "lat-geod-deg": 45.0,
         "terrain-elevation-ft": 0.0,
-        "h-sl-ft": 3000.0,
+        "h-sl-ft": height,
         "vc-kts": kcas,
         "gamma-deg": 0.0,
     }
@@ -106,13 +114,13 @@ def continued(J: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.where(np.array(ADVANCE) > J[-1], beyond, np.interp(ADVANCE, J, values))
 
 
-def engine_chart() -> np.ndarray:
-    """Return the brake power over manifold pressure and engine speed [W]."""
+def engine_chart(height: float) -> np.ndarray:
+    """Return the brake power at a height [ft] over manifold pressure and engine speed [W]."""
     runs = []
     for lever in (0.0, 0.3, 0.6, 1.0):
         for kcas in (40.0, 80.0, 120.0):
             for throttle in (0.1, 0.3, 0.5, 0.65, 0.8, 1.0):
-                runs += run(kcas, throttle, lever)[4:]
+                runs += run(kcas, throttle, lever, height=height)[4:]
     runs = [item for item in runs if item["rpm"] > 900.0]
     pressure, speed, power = (np.array([r[name] for r in runs]) for name in ("map", "rpm", "power"))
     speed = speed / 1000.0
@@ -121,9 +129,17 @@ def engine_chart() -> np.ndarray:
         return np.stack([speed, speed**2, pressure * speed, pressure * speed**2], axis=1)
 
     fit, *_ = np.linalg.lstsq(columns(pressure, speed), power, rcond=None)
-    print("# rms of the fit [W]:", round(float(np.std(power - columns(pressure, speed) @ fit))))
+    print(
+        f"# {height:g} ft: rms of the fit [W]:",
+        round(np.std(power - columns(pressure, speed) @ fit)),
+    )
     grid = np.array([(p, n / 1000.0) for p in PRESSURES for n in SPEEDS])
     return POWER_ERROR * (columns(*grid.T) @ fit).reshape(len(PRESSURES), len(SPEEDS))
+
+
+def pressure_ratio(height: float) -> float:
+    """Return the pressure of the standard atmosphere at a height [ft] over that at sea level."""
+    return (1.0 - 0.0065 * height * FT / 288.15) ** 5.25588
 
 
 def manifold() -> np.ndarray:
@@ -137,10 +153,10 @@ def manifold() -> np.ndarray:
     return np.linalg.lstsq(np.array(rows), np.array(losses), rcond=None)[0]
 
 
-def rows(table: np.ndarray, form: str) -> str:
-    """Return a table as the lines of TOML."""
-    lines = ["    [" + ", ".join(form.format(x) for x in row) + "]," for row in table]
-    return "value = [\n" + "\n".join(lines) + "\n]\n"
+def rows(table: np.ndarray, form: str, margin: int = 4) -> str:
+    """Return the rows of a table as lines of TOML."""
+    lines = [" " * margin + "[" + ", ".join(form.format(x) for x in row) + "]," for row in table]
+    return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":
@@ -148,12 +164,20 @@ if __name__ == "__main__":
         print(f"\n[engine.propeller.tables.{name}_prop]")
         print("J =", ADVANCE)
         print("blade_angle = [" + ", ".join(f'"{angle:g} deg"' for angle in ANGLES) + "]")
-        print(rows(table, "{:.4f}"))
-    power = engine_chart()
+        print("value = [\n" + rows(table, "{:.4f}") + "]\n")
+    charts = [engine_chart(height) / 1000.0 for height in HEIGHTS]
+    # the axes of a table rise: the greatest height has the least pressure
+    charts.reverse()
     print("\n[engine.piston.tables.corrected_power]")
+    print("pressure_ratio = [" + ", ".join(f"{pressure_ratio(h):.4f}" for h in HEIGHTS[::-1]) + "]")
     print(
         "manifold_pressure = [" + ", ".join(f'"{pressure:g} inHg"' for pressure in PRESSURES) + "]"
     )
     print("engine_rpm = [" + ", ".join(f'"{speed:g} rpm"' for speed in SPEEDS) + "]")
-    print(rows(power / 1000.0, '"{:.1f} kW"'))
+    print("value = [")
+    for height, power in zip(HEIGHTS[::-1], charts):
+        print(f"    [    # {height:g} ft")
+        print(rows(power, '"{:.1f} kW"', margin=8), end="")
+        print("    ],")
+    print("]")
     print("# impedances [s]:", manifold())

@@ -33,7 +33,7 @@ def test_a_diameter_in_another_unit(aircraft):
     (size,) = unusual_sizes(changed(aircraft, diameter=0.81))
     assert size.name == "propeller_diameter"
     assert "takes 1.08 to 2.84 kW" in size.text
-    assert "engine gives 201 kW" in size.text
+    assert "engine gives 204 kW" in size.text
     assert "as if in were given as cm" in size.text
 
 
