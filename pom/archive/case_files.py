@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from flightmech.errors import AeromatchError
+from flightmech.support.console import to_json_types
 from pom.archive.archive import Archive
 from pom.archive.statements import list_differences
 from pom.cases.case import PomCase, read_case
@@ -75,7 +76,9 @@ def _case_differences(case: PomCase) -> str:
         present = read_case(case.path, own)
     except (AeromatchError, OSError) as error:
         return f"the case file cannot be read: {error}"
-    texts = list(list_differences(present.to_dict(), case.to_dict()))
+    # a tuple of the facts comes back from results.nc as a list
+    judged, written = (to_json_types(item.to_dict()) for item in (case, present))
+    texts = list(list_differences(judged, written, here="the case file"))
     more = f"; {len(texts) - 3} more" if len(texts) > 3 else ""
     return f"{'; '.join(texts[:3])}{more}"
 
