@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from flightmech.errors import AeromatchError
+from flightmech.quantities import time_text
 from flightmech.support.console import to_json_types
 from pom.archive.archive import Archive
 from pom.archive.statements import list_differences
@@ -90,8 +91,8 @@ def compare_signals(result: PomResult) -> Iterator[str]:
     step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
     if abs(time[0] - start) > step + _SAME or abs(time[-1] - stop) > step + _SAME:
         yield (
-            f"the signals have {time[0]:.6g} ... {time[-1]:.6g} s, the window of the case has "
-            f"{start:.6g} ... {stop:.6g} s"
+            f"the signals have {time_text(time[0])} ... {time_text(time[-1])} s, the window of the "
+            f"case has {time_text(start)} ... {time_text(stop)} s"
         )
     flight = traces_of(result.signals, "flight")
     expected = band_widths(result.case, time, flight)
