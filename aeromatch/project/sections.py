@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
+from flightmech.quantities import time_text
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
 from flighttest.regression.equation_error.model import RegressionModel
@@ -67,8 +68,8 @@ class RecordSelection(Strict):
         for start, end in item:
             if not start < end:
                 raise ValueError(
-                    f"a window from {start:g} to {end:g} s; give start and end in seconds of "
-                    f"the record, the end later"
+                    f"a window from {time_text(start)} to {time_text(end)} s; give start and end "
+                    f"in seconds of the record, the end later"
                 )
         return item
 

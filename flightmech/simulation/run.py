@@ -10,7 +10,7 @@ import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import is_quantity, lookup
-from flightmech.quantities import value_in_si
+from flightmech.quantities import time_text, value_in_si
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
 from flightmech.simulation.stated_values.odd_values import warn_of_odd_values
@@ -185,8 +185,8 @@ def read_time(inputs: xr.Dataset) -> np.ndarray:
         raise SchemaError(
             "inputs",
             [
-                f"time does not rise after {time[sample]:g} s (sample {sample}); sort it and drop "
-                f"repeated samples"
+                f"time does not rise after {time_text(time[sample])} s (sample {sample}); sort it "
+                f"and drop repeated samples"
             ],
         )
     return time

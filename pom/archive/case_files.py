@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from flightmech.errors import AeromatchError
+from flightmech.quantities import time_text
+from flightmech.support.console import to_json_types
 from pom.archive.archive import Archive
 from pom.archive.statements import list_differences
 from pom.cases.case import PomCase, read_case
@@ -75,7 +77,9 @@ def _case_differences(case: PomCase) -> str:
         present = read_case(case.path, own)
     except (AeromatchError, OSError) as error:
         return f"the case file cannot be read: {error}"
-    texts = list(list_differences(present.to_dict(), case.to_dict()))
+    # a tuple of the facts comes back from results.nc as a list
+    judged, written = (to_json_types(item.to_dict()) for item in (case, present))
+    texts = list(list_differences(judged, written, here="the case file"))
     more = f"; {len(texts) - 3} more" if len(texts) > 3 else ""
     return f"{'; '.join(texts[:3])}{more}"
 
@@ -87,8 +91,8 @@ def compare_signals(result: PomResult) -> Iterator[str]:
     step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
     if abs(time[0] - start) > step + _SAME or abs(time[-1] - stop) > step + _SAME:
         yield (
-            f"the signals have {time[0]:.6g} ... {time[-1]:.6g} s, the window of the case has "
-            f"{start:.6g} ... {stop:.6g} s"
+            f"the signals have {time_text(time[0])} ... {time_text(time[-1])} s, the window of the "
+            f"case has {time_text(start)} ... {time_text(stop)} s"
         )
     flight = traces_of(result.signals, "flight")
     expected = band_widths(result.case, time, flight)

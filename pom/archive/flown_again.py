@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from pom.archive.archive import read_archive
+from pom.archive.origins import FILES
 from pom.archive.verification import VerificationResult, compare_rows
 from pom.result import PomResult
 
 SAME_TRACE = 1e-4
 """Difference of two traces of one flight, over the largest value, that is rounding.  Our number."""
-_PLACES = ("path", "record", "aircraft", "names")
+_PLACES = (*FILES, "models")
 """Parts of a case that differ between two computers."""
 _MOST = 4  # differences that a detail lists
 _NUMBER = re.compile(r"[-+\N{MINUS SIGN}]?\d[\d.]*(?:e[-+]?\d+)?")

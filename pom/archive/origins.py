@@ -186,7 +186,8 @@ def _rename_files(case: PomCase, rename: Callable[[str], str]) -> PomCase:
         name = getattr(case, key)
         if name:
             names[key] = rename(name)
-    return replace(case, **names)
+    models = {model: rename(table) for model, table in case.models.items()}
+    return replace(case, **names, models=models)
 
 
 NAME = "manifest.json"

@@ -206,17 +206,22 @@ def _to_current_keys(case: Mapping[str, Any], folder: Path) -> Any:
         return dict(case)
 
 
-def list_differences(expected: Any, stated: Any, path: str = "") -> Iterator[str]:
-    """Yield the differences of plain data; numbers within `CLOSE` are equal."""
+def list_differences(
+    expected: Any, stated: Any, path: str = "", *, here: str = "here"
+) -> Iterator[str]:
+    """Yield the differences of plain data; numbers within `CLOSE` are equal.
+
+    `expected` are those of ``results.nc``; `here` names the place of the others.
+    """
     if isinstance(expected, Mapping) and isinstance(stated, Mapping):
         for key in {**expected, **stated}:
             inner = f"{path}.{key}" if path else str(key)
-            yield from list_differences(expected.get(key), stated.get(key), inner)
+            yield from list_differences(expected.get(key), stated.get(key), inner, here=here)
     elif isinstance(expected, list) and isinstance(stated, list) and len(expected) == len(stated):
         for i, (item, stated_item) in enumerate(zip(expected, stated, strict=True)):
-            yield from list_differences(item, stated_item, f"{path}[{i}]")
+            yield from list_differences(item, stated_item, f"{path}[{i}]", here=here)
     elif not _is_equal(expected, stated):
-        yield f"{path}: results.nc has {_shorten(expected)}, here {_shorten(stated)}"
+        yield f"{path}: results.nc has {_shorten(expected)}, {here} {_shorten(stated)}"
 
 
 def _is_equal(first: Any, second: Any) -> bool:

@@ -398,7 +398,8 @@ def _open_input(case: PomCase, motion: _Motion) -> WindowCheck:
     if not known:
         unchecked = (
             f"whether the window ends before the input does: the record has none of "
-            f"{', '.join(names)} from {start - BEFORE:g} to {stop + RETURN:g} s throughout",
+            f"{', '.join(names)} from {time_text(start - BEFORE)} to {time_text(stop + RETURN)} s "
+            f"throughout",
         )
     for name in known:
         if not before.any():

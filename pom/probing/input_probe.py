@@ -340,7 +340,8 @@ def judge_jump(before: Traces, near: Traces, after: Traces) -> tuple[RowRemark, 
         worst = max(shares, key=lambda name: shares[name])
         text = (
             f"with inputs scaled by {NEAR:g} the answer changes by up to {shares[worst]:.2g} of "
-            f"its change with {SCALE:g} ({quantity_words(worst)}; limit {JUMP:g})"
+            f"its change with {SCALE:g} ({quantity_words(worst)}; limit {JUMP:g}, for changes "
+            f"beyond {_LEAST_JUMP:g} of the sizes of the probe)"
         )
         return (_probe_remark(text, {}),)
     listed = ", ".join(f"{quantity_words(name)} {share:.2f}" for name, share in jumps.items())

@@ -34,6 +34,7 @@ from pom.probing.flight_consistency import (
 from pom.probing.input_probe import (
     JUMP_PROBE,
     NEAR,
+    SHARE_PROBE,
     SIZES,
     changed_job,
     judge_input_change,
@@ -52,7 +53,7 @@ from pom.probing.scatter_probe import (
     noise_of_inputs,
 )
 from pom.result import PomResult, make_verdict_table
-from pom.status import NOT_CHECKED, PASSED, UNPROBED, unprobed_remark
+from pom.status import PASSED, UNPROBED, unprobed_remark
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import plain_id
 
@@ -181,7 +182,7 @@ def _probe_inputs(
     changed = changed_job(job, outputs)
     after, failure = fly(changed.job, [*SIZES])
     if failure:
-        return _failure_remarks(failure, closed=job.law is not None)
+        return _failure_remarks(SHARE_PROBE, failure, closed=job.law is not None)
     remarks = judge_input_change(
         job.time,
         outputs,
@@ -202,7 +203,7 @@ def _probe_inputs(
     else:
         near, failure = fly(changed_job(job, outputs, NEAR).job, [*SIZES])
         remarks += (
-            _failure_remarks(failure, closed=job.law is not None)
+            _failure_remarks(JUMP_PROBE, failure, closed=job.law is not None)
             if failure
             else judge_jump(outputs, near, after)
         )
@@ -215,7 +216,7 @@ def _probe_inputs(
     else:
         late, failure = fly(late_job(job), [*SIZES])
         remarks += (
-            _failure_remarks(failure, closed=False)
+            _failure_remarks(LATE_PROBE, failure, closed=False)
             if failure
             else judge_late(job.time, outputs, late, changed.moved_at)
         )
@@ -256,7 +257,7 @@ def _probe_tables(
     changed = changed_job(job, outputs)
     after, failure = fly(changed.job, [*SIZES])
     if failure:
-        return _failure_remarks(failure, closed=False)
+        return _failure_remarks(SHARE_PROBE, failure, closed=False)
     # tables without an effect of the controls hold no flight, and are not driven either
     remarks = judge_input_change(
         job.time,
@@ -339,12 +340,11 @@ def tables_of(model: FmuModel) -> SimModel | None:
         return None
 
 
-def _failure_remarks(failure: str, *, closed: bool) -> tuple[RowRemark, ...]:
+def _failure_remarks(probe: str, failure: str, *, closed: bool) -> tuple[RowRemark, ...]:
     """Return the remark on a probe that failed; `closed`: the aeroplane has a control law."""
-    text = f"{NOT_CHECKED}answer to changed inputs, the flight failed: {failure}"
+    remark = unprobed_remark(probe, f"the flight with changed inputs failed: {failure}")
     # An unstable aeroplane may not fly without its law.
-    kind = UNPROBED if closed else "departure"
-    return (RowRemark(kind, text),)
+    return (remark if closed else replace(remark, kind="departure"),)
 
 
 def with_run_remarks(result: PomResult, remarks: Mapping[str, tuple[RowRemark, ...]]) -> PomResult:

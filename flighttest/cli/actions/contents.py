@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from flightmech.quantities import time_text
 from flightmech.short_text import without_middle
 from flightmech.support.console import (
     print_json,
@@ -38,8 +39,8 @@ def record_info(file: str, names: str | None, as_json: bool) -> None:
     for part in found["tables"]:
         span = (
             part["clock_fault"]
-            or f"{part['samples']} samples, {part['rate']:.6g} Hz, {part['start']:.6g} ... "
-            f"{part['stop']:.6g} s"
+            or f"{part['samples']} samples, {part['rate']:.6g} Hz, {time_text(part['start'])} ... "
+            f"{time_text(part['stop'])} s"
         )
         click.echo()
         rows = [

@@ -1,4 +1,4 @@
-"""Thrust of jet engines along a flight, from recorded spool speeds and the deck of the aircraft file.
+"""Thrust of jet engines along a flight, from recorded spool speeds and the deck of the aircraft.
 
 A gauge shows N1, not thrust. The tables of the deck turn the recorded speeds into thrust with the
 equations of the kernel (`kernel/src/propulsion/spool.c`), theta and delta of total temperature and
@@ -85,10 +85,10 @@ def deck_channels(
     assert deck is not None, "has_spool_speed"
     at = _deck_condition(columns, deck, number)
     gross = _sum_tables(deck, _THRUST, at, at["pressure_ratio"])
-    _warn_beyond(deck, at, number)
     is_out = np.zeros(len(gross), bool)
     for switch in ("cutoff", "flameout"):
         is_out = is_out | (at.get(switch, 0.0 * gross) > 0.5)
+    _warn_beyond(deck, at, number, burns=~is_out)
     if is_out.any():
         gross = np.where(is_out, _sum_tables(deck, ("windmill_thrust",), at), gross)
     gross = _lagged(gross, columns["time"], engine.time_constant)
@@ -163,8 +163,11 @@ def _lagged(gross: np.ndarray, time: np.ndarray, tau: float) -> np.ndarray:
     return lagged
 
 
-def _warn_beyond(deck: EngineDeck, at: Condition, number: int) -> None:
-    """Warn of recorded speeds beyond the table, where its last value holds."""
+def _warn_beyond(deck: EngineDeck, at: Condition, number: int, *, burns: np.ndarray) -> None:
+    """Warn of recorded speeds beyond the table, where its last value holds.
+
+    An engine without fuel, `burns` (time,) false, has its thrust from another table.
+    """
     for name in _THRUST:
         if name not in deck.tables:
             continue
@@ -173,7 +176,7 @@ def _warn_beyond(deck: EngineDeck, at: Condition, number: int) -> None:
             if axis.removeprefix("corrected_") not in _SPOOLS:
                 continue
             nodes = deck.tables[name][axis].values
-            values = at[axis][np.isfinite(at[axis])]
+            values = at[axis][np.isfinite(at[axis]) & burns]
             if not len(values):
                 continue
             if values.min() < nodes.min() - _BEYOND or values.max() > nodes.max() + _BEYOND:

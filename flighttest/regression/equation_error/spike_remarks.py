@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
+from flightmech.quantities import time_text
 from flighttest.regression.equation_error.fit_data import FitData
 from flighttest.remarks import Remark
 
@@ -36,7 +37,7 @@ def remark_spikes(fit: FitData) -> list[Remark]:
     if not len(spikes):
         return []
     worst = int(spikes[np.argmax(np.abs(departure[spikes]))])
-    where = f"{float(fit.data['time'].values[worst]):g} s"
+    where = f"{time_text(float(fit.data['time'].values[worst]))} s"
     if a["manoeuvres"] != 1:
         where += f" of manoeuvre {int(fit.data['manoeuvre'].values[worst])}"
     count = f" ({len(spikes)} samples stand out)" if len(spikes) > 1 else ""

@@ -26,6 +26,7 @@ import xarray as xr
 from flightmech.axes import lift_drag
 from flightmech.errors import IdentificationError, SchemaError
 from flightmech.names import quantity_attributes
+from flightmech.quantities import time_text
 from flightmech.support.figures import demand_drawable, new_figure, write_figure
 from flighttest.records.signals.fourier import finite_fourier, remove_straight_line
 from flighttest.regression.equation_error.fit import Fit
@@ -354,8 +355,8 @@ def _interpolate_commands(
     stamps = commands["time"].values
     if stamps[0] > time[0] or stamps[-1] < time[-1]:
         problem = (
-            f"they cover {stamps[0]:g} to {stamps[-1]:g} s, the motion {time[0]:g} to "
-            f"{time[-1]:g} s"
+            f"they cover {time_text(stamps[0])} to {time_text(stamps[-1])} s, the motion "
+            f"{time_text(time[0])} to {time_text(time[-1])} s"
         )
         raise SchemaError("commands", [problem])
     return {name: np.interp(time, stamps, commands[name].values) for name in required}

@@ -27,6 +27,7 @@ import xarray as xr
 
 from flightmech.axes import matrix_from_quaternion
 from flightmech.errors import AeromatchWarning, IdentificationError
+from flightmech.quantities import time_text
 from flightmech.short_text import ShortText
 from flighttest.special_tests.marker_poses import cross_matrices
 from flighttest.special_tests.multibody.first_guess import BodyMarker, guess_motion
@@ -358,7 +359,10 @@ class _MarkerProblem:
         hidden = np.flatnonzero(self.seen.sum(axis=1) < 3)
         if len(hidden):
             first, last = time[hidden[0]], time[hidden[-1]]
-            text += f"; fewer than three markers were seen from {first:g} to {last:g} s"
+            text += (
+                f"; fewer than three markers were seen from {time_text(first)} to "
+                f"{time_text(last)} s"
+            )
         return f"{text}; every independent joint needs markers that it moves"
 
 
@@ -379,8 +383,8 @@ def _warn_of_residuals(e: np.ndarray, seen: np.ndarray, size: int, *, time: np.n
         is_stray[stray] = True
         far, near = _mean_distance(e, seen, is_stray), _mean_distance(e, seen, ~is_stray)
         text = (
-            f"from {time[stray[0]]:.3g} to {time[stray[-1]]:.3g} s the motion lies {far:.2g} "
-            f"mm from the markers, {near:.2g} mm elsewhere"
+            f"from {time_text(time[stray[0]], 3)} to {time_text(time[stray[-1]], 3)} s the motion "
+            f"lies {far:.2g} mm from the markers, {near:.2g} mm elsewhere"
         )
         advice = "cut the record there, or check the markers and the sense of the crank"
     else:

@@ -65,7 +65,7 @@ import xarray as xr
 from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import SchemaError
-from flightmech.quantities import parse_quantity
+from flightmech.quantities import parse_quantity, time_text
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
@@ -400,7 +400,11 @@ def read_flight(path: str | Path, vehicle: Vehicle) -> tuple[xr.DataArray, xr.Da
         valid = np.isfinite(values)
         if not valid.any() or stamps[valid][0] > time[0] or stamps[valid][-1] < time[-1]:
             raise SchemaError(
-                str(path), [f"{name} does not cover the frames, {time[0]:g} to {time[-1]:g} s"]
+                str(path),
+                [
+                    f"{name} does not cover the frames, {time_text(time[0])} to "
+                    f"{time_text(time[-1])} s"
+                ],
             )
         commands[name] = np.interp(time, stamps[valid], values[valid])
     variables = {name: ("time", values) for name, values in commands.items()}

@@ -11,6 +11,7 @@ import xarray as xr
 
 from flightmech.air import atmosphere
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.quantities import time_text
 from flightmech.support.arrays import true_runs
 from flighttest.records.sensors.measurements import geometric_height
 from flighttest.remarks import Convergence, warn_forbidden
@@ -253,7 +254,9 @@ def power_changes(
         change = record.isel(time=np.maximum(part, 0)).assign_coords(time=time[0] + step * part)
         if np.ptp(change["throttle"].values) < least or len(part) * step > longest:
             continue
-        name = f"{record.attrs.get('record', 'record')} from {time[max(part[0], 0)]:.4g} s"
+        name = (
+            f"{record.attrs.get('record', 'record')} from {time_text(time[max(part[0], 0)], 4)} s"
+        )
         changes.append(change.assign_attrs(record=name))
     return changes
 

@@ -229,8 +229,8 @@ def _search_stretches(
         if not inside[0] < inside[1]:
             raise OutOfRange(
                 f"window {time_text(window[0])} ... {time_text(window[1])} s lies outside the "
-                f"record, {time_text(low)} "
-                f"... {high:g} s; choose one inside"
+                f"record, {time_text(low)} ... {time_text(high)} s; choose one "
+                f"inside"
             )
         return inside, inside
     # The last listed manoeuvre may end shortly after the record.

@@ -173,6 +173,9 @@ def test_power_changes_run_from_rest_to_rest(flights):
     assert float(first["time"][0]) == pytest.approx(float(late["time"][0]) - 1.0, abs=0.2)
     assert np.ptp(first["throttle"].values[:8]) == 0.0
     assert power_changes(flights[0], least=1.5) == []
+    # a clock of seconds of the week keeps the second
+    of_week = flights[0].assign_coords(time=flights[0]["time"] + 345600.0)
+    assert " from 34560" in power_changes(of_week)[0].attrs["record"]
     with pytest.raises(IdentificationError, match="lacks n2"):
         power_changes(flights[0].drop_vars("n2"))
 

@@ -1,17 +1,21 @@
 """Edits of a report with all of its files written anew: what shows them."""
 
+import json
 import shutil
 import subprocess
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 import pom
+from flightmech.support.console import to_json_types
 from pom.archive.archive import read_archive
 from pom.archive.case_files import compare_case_files
 from pom.archive.flown_again import compare_flown_again
+from pom.archive.origins import case_found_from, case_seen_from
 from pom.archive.report_signature import read_signature
-from pom.cases.case import read_case
+from pom.cases.case import PomCase, read_case
 from pom.replaying.replay_case import replay
 from pom.result import make_verdict_table
 from pom.tolerances.bands import RowRemark
@@ -87,6 +91,16 @@ def test_a_second_flight_shows_an_edit_that_hides_itself(honest, tmp_path, chang
 
 
 @pytest.mark.slow
+def test_files_in_another_place_are_no_difference(honest, tmp_path):
+    def moved(result):
+        places = {"tolerances": "here/rows.csv", "models": {"toy": "here/names.toml"}}
+        return replace(result, case=replace(result.case, **places))
+
+    other = forge(honest, tmp_path / "other", moved)
+    assert {item.state for item in compare_flown_again(honest, other)} == {"same"}
+
+
+@pytest.mark.slow
 def test_a_window_that_the_case_file_does_not_have_is_found(honest, tmp_path):
     def narrowed(result):
         start, stop = result.case.window
@@ -107,6 +121,25 @@ def test_a_case_that_was_taken_out_leaves_its_file(honest):
     states = {name: state for name, state, _ in compare_case_files(archive, [file])}
     assert states["other.toml"] == "missing"
     assert states[result.case.name] == "same"
+
+
+def test_an_honest_case_is_the_same_in_another_folder(write_case, tmp_path, monkeypatch):
+    (tmp_path / "names.toml").touch()
+    parts = '[facts]\nwithout = ["spoiler", "stabilizer"]\n[models]\ntoy = "names.toml"'
+    file = write_case(more=f"trim = false\n{parts}")
+    monkeypatch.chdir(tmp_path)
+    case = read_case(file.name)
+    text = json.dumps(to_json_types(case_seen_from(case, "report").to_dict()))
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path / "other")
+    found = case_found_from(PomCase.from_dict(json.loads(text)), "../report")
+    archive = SimpleNamespace(results=[SimpleNamespace(case=found)])
+    assert [state for _, state, _ in compare_case_files(archive)] == ["same"]
+    # what both of them have, each under its own name
+    file.write_text(file.read_text().replace('"spoiler", ', ""))
+    ((_, state, detail),) = compare_case_files(archive)
+    assert state == "changed"
+    assert detail.endswith('results.nc has ["spoiler", "stabilizer"], the case file ["stabilizer"]')
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ Wrong gain and time of inputs, and a wrong mass, are named by their form; noise 
 """
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,7 +24,7 @@ from pom.probing import (
 from pom.probing.flight_consistency import judge_lift, largest_input_effect
 from pom.probing.input_probe import NEAR, SCALE, SIZES, judge_jump
 from pom.probing.late_probe import LATE, judge_late, late_job
-from pom.probing.model_probes import _measure_hidden, _probe_tables
+from pom.probing.model_probes import _measure_hidden, _probe_inputs, _probe_tables
 from pom.probing.scatter_probe import (
     RecordScatter,
     judge_difference,
@@ -474,6 +475,31 @@ def test_tables_without_an_effect_of_the_controls_are_not_driven():
     for flight in ({}, short_period(1.001 * elevator()), short_period(elevator() / 1.15)):
         (remark,) = _probe_tables(case, job, outputs, flight, lambda *_: (outputs, ""))
         assert remark.kind == "not_driven"
+
+
+def test_a_probe_whose_flight_failed_has_its_name_and_the_reason():
+    criteria = (SimpleNamespace(channel="theta", applies=True),)
+    case = SimpleNamespace(drive=SimpleNamespace(level="recorded"), criteria=criteria)
+    job, outputs = job_of(delta_e=elevator()), short_period(elevator())
+    words = {"uncompared": "", "on_wheels": False}
+    (remark,) = _probe_inputs(case, job, outputs, {}, lambda *_: ({}, "it stopped"), **words)
+    reason = "not checked: the answer to scaled inputs (the flight with changed inputs failed: it "
+    assert (remark.kind, remark.text) == ("departure", f"{reason}stopped)")
+    law = SimpleNamespace(moves=())
+    job = replace(job, law=law)
+    (remark,) = _probe_inputs(case, job, outputs, {}, lambda *_: ({}, "it stopped"), **words)
+    # the list of probes that were not made parts a text at its bracket
+    assert (remark.kind, remark.text) == ("not_probed", f"{reason}stopped)")
+
+
+def test_a_small_jump_is_not_stated_beyond_its_limit():
+    """A trim that is found to a tolerance changes a small answer by more than 0.3 of it."""
+    before = {"theta": 0.0 * TIME}
+    near, after = ({"theta": share * SIZES["theta"] + 0.0 * TIME} for share in (0.08, 0.15))
+    (remark,) = judge_jump(before, near, after)
+    assert remark.kind == "probe"
+    assert "by up to 0.53 of" in remark.text
+    assert "limit 0.3, for changes beyond 0.1 of the sizes of the probe" in remark.text
 
 
 def test_power_of_a_lever_is_not_linear():

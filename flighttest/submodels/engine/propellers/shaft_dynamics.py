@@ -18,6 +18,7 @@ import flightmech
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.engine import Engine, list_leaves
 from flightmech.errors import IdentificationError
+from flightmech.quantities import time_text
 from flightmech.short_text import ShortText
 from flightmech.terms import PowerFactor, make_term
 from flightmech.units import G0
@@ -160,7 +161,9 @@ def shaft_changes(record: xr.Dataset, least: float = _LEAST) -> list[xr.Dataset]
         part = record.isel(time=slice(begin - before, min(end + after, len(time))))
         if np.ptp(part["throttle"].values) < least:
             continue
-        name = f"{record.attrs.get('record', 'record')} from {float(part['time'][0]):.4g} s"
+        name = (
+            f"{record.attrs.get('record', 'record')} from {time_text(float(part['time'][0]), 4)} s"
+        )
         changes.append(part.assign_attrs(record=name))
     return changes
 
