@@ -8,20 +8,12 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flightmech.names import SEPARATION
+from flightmech.names import REDUCED_RATES, SEPARATION
 from flighttest.regression.expressions import parse_terms
 from flighttest.submodels.stall.flow import LOSSES
 
 _FLOW = {*SEPARATION, *LOSSES}
 _STATES = ("alpha", "p", "r", "V")  # from which the flow at the wing halves follows
-# Quantities from which `coefficients` computes a reduced rate.
-_ORIGIN = {
-    "phat": "p and V",
-    "qhat": "q and V",
-    "rhat": "r and V",
-    "alphadothat": "alpha_dot and V",
-    "betadothat": "beta_dot and V",
-}
 
 
 def record_labels(names: Sequence[str], count: int) -> list[str]:
@@ -61,7 +53,8 @@ def demand_channels(
             continue
         parts = []
         for name, users in missing.items():
-            origin = f", which follows from {_ORIGIN[name]}" if name in _ORIGIN else ""
+            rate = REDUCED_RATES.get(name, ("", ""))[0]
+            origin = f", which follows from {rate} and V" if rate else ""
             parts.append(f"{name} (for {', '.join(users)}{origin})")
         needed = dict.fromkeys(user for users in missing.values() for user in users)
         spare = [name for name in needed if name in terms and name != "CL"]
