@@ -340,7 +340,7 @@ def identified_stall(
     section = project.stall
     if section is None:
         return None
-    parts, _ = parts_in_spans(data, spans["stall.flown"])
+    parts, names = parts_in_spans(data, spans["stall.flown"])
     database = attached_database(project, database, parts)
     return identify_stall(
         parts,
@@ -350,6 +350,7 @@ def identified_stall(
         axis=section.over,
         coefficients=section.coefficients,
         attached=_terms_by_coefficient(section.attached),
+        names=names,
     )
 
 

@@ -31,7 +31,7 @@ from pom.report.overview import (
 )
 from pom.report.presentation.page_templates import page_templates
 from pom.report.presentation.traces import pack_page
-from pom.report.submodels.sections import chapter_title, submodels_context
+from pom.report.submodels.sections import chapter_title, identified_names, submodels_context
 from pom.result import PomResult
 from pom.tolerances.rows import tolerance_rows
 
@@ -190,6 +190,7 @@ def _pack_chapters(
         text = templates.get_template("submodels.html").render(
             common,
             heading=chapter_title(chapters.submodels),
+            identified=identified_names(chapters.submodels),
             submodels=submodels_context(chapters.submodels),
             needed=chapters.needed,
         )

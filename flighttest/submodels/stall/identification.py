@@ -34,6 +34,11 @@ from flighttest.submodels.stall.break_of_lift import (
     weigh_break,
 )
 from flighttest.submodels.stall.candidates import ATTACHED, SEPARATED
+from flighttest.submodels.stall.channels import (
+    configuration_nodes,
+    demand_channels,
+    record_labels,
+)
 from flighttest.submodels.stall.flow import PER_NODE, SHARED, SeparationFlow, with_half_flow
 from flighttest.submodels.stall.left_out import left_out_shares
 from flighttest.submodels.stall.model import SeparatedModel, SeparatedTerm, term_label
@@ -93,6 +98,7 @@ def identify_stall(
     axis: str = "",
     coefficients: Sequence[str] = ("CL", "CD", "Cm", "Cl", "Cn"),
     attached: Mapping[str, Sequence[str]] | None = None,
+    names: Sequence[str] = (),
 ) -> StallIdentification:
     """Identify a stall model.
 
@@ -115,6 +121,8 @@ def identify_stall(
         Coefficients of `ATTACHED` to fit; CL is needed.
     attached : mapping of str to sequence of str, optional
         Terms of the attached flow in place of `ATTACHED`.
+    names : sequence of str, optional
+        Names of the records, for messages.
 
     Returns
     -------
@@ -123,8 +131,9 @@ def identify_stall(
     Raises
     ------
     IdentificationError
-        No record, no record that reaches `LEAST_ALPHA`, no record with a break of the lift, a
-        coefficient without a model, or data that do not determine the terms.
+        No record, a record without a quantity that a term needs, no record that reaches
+        `LEAST_ALPHA` or has a break of the lift, a coefficient without a model, or data that do not
+        determine the terms.
 
     Notes
     -----
@@ -140,18 +149,20 @@ def identify_stall(
             f"{len(data)} records, coefficients {' '.join(coefficients)}; give at least one record "
             f"and CL among {' '.join(SEPARATED)}"
         )
-    demand_stall_records(data)
-    records = flown = tuple(with_half_flow(record, station, cbar) for record in data)
-    if database is not None:
-        records = tuple(_without_database(record, database, coefficients) for record in records)
     # Lift shows the size of the asymmetry only as a longer break, and alpha_star and a1 give way.
     lopsided = set(_LATERAL) & set(coefficients)
     hidden = {} if lopsided else {"asymmetry": _WITHOUT["asymmetry"]}
-    flow = SeparationFlow(axis, _nodes(records, axis), hidden)
     terms: dict[str, tuple[str, ...]] = {}
     for name in coefficients:
         candidates = (term.text for term in SEPARATED[name] if lopsided or not term.is_difference)
         terms[name] = (*wanted[name], *candidates)
+    labels = record_labels(names, len(data))
+    demand_stall_records(data)
+    demand_channels(data, terms, labels)
+    records = flown = tuple(with_half_flow(record, station, cbar) for record in data)
+    if database is not None:
+        records = tuple(_without_database(record, database, coefficients) for record in records)
+    flow = SeparationFlow(axis, configuration_nodes(records, axis, labels), hidden)
     task = _Task(records, flow, _shape_parameters(records, flow), terms)
     task = replace(task, shape=_start_values(task))
     # Terms and shape parameters depend on each other.
@@ -189,19 +200,6 @@ def _without_database(
             total += part
         less[name] = record[name] - total
     return record.assign(less)
-
-
-def _nodes(records: Sequence[xr.Dataset], axis: str) -> tuple[float, ...]:
-    """Return the values of the configuration: the median of every record, rounded to 1e-3."""
-    if not axis:
-        return (0.0,)
-    for number, record in enumerate(records, 1):
-        if axis not in record:
-            raise IdentificationError(
-                f"record {number} has no {axis}; add it or leave the axis out"
-            )
-    medians = {round(float(record[axis].median()), 3) for record in records}
-    return tuple(sorted(medians))
 
 
 def _shape_parameters(

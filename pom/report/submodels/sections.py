@@ -132,6 +132,11 @@ def chapter_title(sections: Sequence[Section]) -> str:
     return "Submodels identified from flight"
 
 
+def identified_names(sections: Sequence[Section]) -> str:
+    """Return the submodels that the chapter has, in its order; the validity envelope is none."""
+    return ", ".join(section.name for section in sections if section.name != ENVELOPE)
+
+
 def submodels_context(sections: Sequence[Section]) -> list[dict[str, Any]]:
     """Return the data of every section for the template ``submodels.html``."""
     return [_section_context(section) for section in sections]

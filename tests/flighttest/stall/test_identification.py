@@ -292,6 +292,21 @@ def test_wrong_requests_are_refused(flights):
         identify_stall(one, records.STATION, records.CBAR, attached=records.ATTACHED)
 
 
+def test_a_record_without_a_channel_is_named(flights):
+    gap = [flights[0], flights[1].drop_vars("phat")]
+    text = (
+        r"record 2 \(turn\) lacks phat \(for Cl, Cn, which follows from p and V\).*leave Cl, Cn out"
+    )
+    with pytest.raises(IdentificationError, match=text):
+        identify(gap, names=["level", "turn"])
+    with pytest.raises(IdentificationError, match=r"record 1 lacks p \(for the separation\)"):
+        identify([flights[0].drop_vars("p")])
+    with pytest.raises(IdentificationError, match=r"record 1 lacks CL \(for CL\); give a record"):
+        identify([flights[0].drop_vars("CL")], coefficients=("CL",))
+    with pytest.raises(IdentificationError, match=r"record 1 lacks alpha \(for the separation, CL"):
+        identify([flights[0].drop_vars("alpha")])
+
+
 def test_a_project_may_name_the_coefficients_that_have_candidates():
     assert set(COEFFICIENTS) == set(SEPARATED)
 

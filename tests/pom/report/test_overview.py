@@ -10,7 +10,7 @@ import xarray as xr
 from pom.report.case.page import outcome_rows, run_line_classes
 from pom.report.overview import absent_terms
 from pom.report.presentation.verdict_text import criterion_words
-from pom.report.submodels.sections import chapter_title
+from pom.report.submodels.sections import chapter_title, identified_names
 from pom.result import make_verdict_table
 from pom.result_notices import unprobed_text
 from pom.status import unprobed_remark
@@ -36,6 +36,8 @@ def test_the_chapter_of_a_lone_envelope_has_its_name():
     assert chapter_title([envelope]) == "Validity envelope of the identified model"
     assert chapter_title([engine]) == "Submodels identified from flight"
     assert chapter_title([engine, envelope]).endswith(", and validity envelope")
+    assert identified_names([envelope]) == ""
+    assert identified_names([engine, SimpleNamespace(name="stall"), envelope]) == "engine, stall"
 
 
 def test_symbols_of_engine_rows_have_words():

@@ -212,7 +212,10 @@ def run_stall(
     if database is not None and options.attached_to:
         database = continue_attached_flow(database, last, reach_of(data))
     models = [RegressionModel.parse(text) for text in options.attached]
-    choices: dict[str, Any] = {"attached": {model.coefficient: model.terms for model in models}}
+    choices: dict[str, Any] = {
+        "attached": {model.coefficient: model.terms for model in models},
+        "names": paths,
+    }
     if options.names:
         choices["coefficients"] = options.names
     with show_progress("identify the stall"):
