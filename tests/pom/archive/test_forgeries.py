@@ -213,6 +213,12 @@ def test_the_first_line_states_who_signed(tmp_path):
     assert read_signature(tmp_path, signers[0]).is_known
     assert "signed by office" in read_signature(tmp_path, signers[0]).text
     assert read_signature(tmp_path, signers[1]).is_refused
+    # the same key stands there for another purpose as well
+    key = keys[0].with_suffix(".pub").read_text()
+    signers[0].write_text(f'git namespaces="git" {key}\noffice {key}')
+    assert read_signature(tmp_path, signers[0]).is_known
+    signers[0].write_text(f'git namespaces="git" {key}')
+    assert read_signature(tmp_path, signers[0]).is_refused
     manifest.write_text("{ }")
     assert "not that of this manifest.json" in read_signature(tmp_path, signers[0]).text
 
