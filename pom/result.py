@@ -131,8 +131,11 @@ class PomResult(ShortText):
         return {name: self.__dict__[name] for name in names if name in self.__dict__}
 
     def with_case(self, case: PomCase) -> PomResult:
-        """Return the result with a case that differs in the texts of its page only."""
-        result = replace(self, case=case)
+        """Return the result with a case that differs in the texts of its page only.
+
+        Its criteria stay those of the flight (`pom.judging.applicability.settle_case`).
+        """
+        result = replace(self, case=replace(case, criteria=self.case.criteria))
         # no product of `once` depends on these texts
         result.__dict__["_products"] = dict(self.__dict__.get("_products", {}))
         return result

@@ -91,10 +91,13 @@ def check_section_digits(deck: Deck) -> Iterator[DeckFinding]:
         kind, _, designation = section.partition(" ")
         digits = len(re.match(r"\d*", designation)[0])  # type: ignore[index]
         if kind in _DIGITS and digits != int(kind):
+            # no other number of digits is a type of its own
+            remedy = f"write {kind} digits"
+            if str(digits) in _DIGITS:
+                remedy = f"write type {digits}, or {kind} digits"
             text = (
                 f"NACA {letter}: type {kind} with the designation {designation}, which has "
-                f"{digits} digits; the program reads another aerofoil: write type {digits}, or "
-                f"{kind} digits"
+                f"{digits} digits; the program reads another aerofoil: {remedy}"
             )
             yield DeckFinding(_line_of_section(deck, letter), WARNING, text)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from flightmech.support.console import to_json_types
 from pom.archive.archive import Archive
 from pom.archive.statements import list_differences
 from pom.cases.case import PomCase, read_case
+from pom.judging.applicability import FITTED, settle_case, settling_signals
 from pom.judging.signals import traces_of
 from pom.judging.verdict import band_widths
 from pom.result import PomResult
@@ -44,7 +46,7 @@ def compare_case_files(
     ------
     (str, str, str)
         The state is ``same``, ``changed``, ``missing``, or ``unknown`` for a file that is not here,
-        also the tolerance table of the user.
+        also the tolerance table of the user, and for a condition of the flight without its signal.
     """
     judged = {Path(result.case.path).resolve() for result in archive.results}
     for path in inputs:
@@ -58,8 +60,7 @@ def compare_case_files(
         elif case.table and not Path(case.tolerances).is_file():
             yield name, "unknown", f"no tolerance table {case.tolerances or case.table['file']}"
         else:
-            detail = _case_differences(case)
-            yield name, "changed" if detail else "same", detail
+            yield name, *_compare_case(result)
 
 
 def _is_case_file(path: Path) -> bool:
@@ -70,18 +71,46 @@ def _is_case_file(path: Path) -> bool:
     return isinstance(content.get("case"), dict) and "record" in content["case"]
 
 
-def _case_differences(case: PomCase) -> str:
+def _compare_case(result: PomResult) -> tuple[str, str]:
+    """Return state and detail of the comparison of a case with its file, which is there."""
+    case = result.case
     try:
         # a table that the command named replaces that of the case file
         own = read_own_table(case.tolerances) if case.table else None
         present = read_case(case.path, own)
     except (AeromatchError, OSError) as error:
-        return f"the case file cannot be read: {error}"
+        return "changed", f"the case file cannot be read: {error}"
+    present, hidden = _settle_as_judged(present, result)
     # a tuple of the facts comes back from results.nc as a list
     judged, written = (to_json_types(item.to_dict()) for item in (case, present))
     texts = list(list_differences(judged, written, here="the case file"))
-    more = f"; {len(texts) - 3} more" if len(texts) > 3 else ""
-    return f"{'; '.join(texts[:3])}{more}"
+    if texts:
+        more = f"; {len(texts) - 3} more" if len(texts) > 3 else ""
+        return "changed", f"{'; '.join(texts[:3])}{more}"
+    if hidden:
+        text = f"whether the flight meets the conditions of {', '.join(hidden)}"
+        return "unknown", f"{text}: results.nc has no channel of them"
+    return "same", ""
+
+
+def _settle_as_judged(present: PomCase, result: PomResult) -> tuple[PomCase, list[str]]:
+    """Return a case with its criteria fitted to the flight of a result, as a replay fits them.
+
+    The second value are the criteria that differ and whose signals the result has not: a criterion
+    that does not apply has no channel there.  They are taken from the result.
+    """
+    time, flight = result.signals["time"].values.astype(float), traces_of(result.signals, "flight")
+    present = settle_case(present, time, flight)
+    judged = {criterion.name: criterion for criterion in result.case.criteria}
+    criteria, hidden = [], []
+    for criterion in present.criteria:
+        other = judged.get(criterion.name, criterion)
+        fitted = replace(criterion, **{name: getattr(other, name) for name in FITTED})
+        if fitted != criterion and not settling_signals(present, criterion) <= flight.keys():
+            hidden.append(criterion.name)
+            criterion = fitted
+        criteria.append(criterion)
+    return replace(present, criteria=tuple(criteria)), hidden
 
 
 def compare_signals(result: PomResult) -> Iterator[str]:

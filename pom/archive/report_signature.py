@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,11 +70,28 @@ def read_signature(
     name = found.stdout.decode(errors="replace").strip().partition("\n")[0]
     if found.returncode or not name:
         return ReportSignature(f"signed by none of the keys of {signers}", is_refused=True)
-    checked = _run(["-Y", "verify", *common, "-I", name, "-n", NAMESPACE], manifest.read_bytes())
-    if checked.returncode:
-        text = f"the signature of {name} is not that of this {NAME}"
-        return ReportSignature(text, is_refused=True)
-    return ReportSignature(f"signed by {name}, a key of {signers}", is_known=True)
+    # a key may stand on several lines, of which ssh-keygen names the first, also one for git alone
+    content = manifest.read_bytes()
+    for candidate in dict.fromkeys([name, *_list_signers(signers)]):
+        words = ["-Y", "verify", *common, "-I", candidate, "-n", NAMESPACE]
+        if not _run(words, content).returncode:
+            return ReportSignature(f"signed by {candidate}, a key of {signers}", is_known=True)
+    text = (
+        f"the signature of {name} is not that of this {NAME}, or {signers} does not allow this key "
+        f"the namespace {NAMESPACE}"
+    )
+    return ReportSignature(text, is_refused=True)
+
+
+def _list_signers(signers: str | os.PathLike) -> Iterator[str]:
+    """Yield the names in a file of allowed signers, without patterns."""
+    for line in Path(signers).read_text(encoding="utf-8", errors="replace").splitlines():
+        names = line.strip().partition(" ")[0].strip('"')
+        if names.startswith("#"):
+            continue
+        for name in names.split(","):
+            if name and not set(name) & set("*?!"):
+                yield name
 
 
 def _run(words: list[str], content: bytes) -> subprocess.CompletedProcess[bytes]:

@@ -23,6 +23,8 @@ TRIMMED = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")
 """Quantities that the trim at the start solves for. A snapshot judges them although the record
 drives them afterwards."""
 
+FITTED = ("channel", "abscissa", "window", "applies", "reason")
+"""Fields of a criterion that `settle_criterion` fits to the flight."""
 _STICK = ("F_column", "F_wheel", "F_rim", "F_pedal")  # forces on the controls that move surfaces
 
 
@@ -61,6 +63,16 @@ def settle_criterion(
         elif word.startswith("distance"):
             criterion = _check_distance(case, criterion, word, time=time, flight=flight)
     return criterion
+
+
+def settling_signals(case: PomCase, criterion: Criterion) -> set[str]:
+    """Return the signals of a flight on which `settle_criterion` depends."""
+    names = {criterion.channel} if criterion.channel else set()
+    if plain_id(case.id) == BANK_LIMITED:
+        names.add("phi")
+    if any(word.startswith("distance") for word in criterion.condition.split(";")):
+        names.add("distance")
+    return names
 
 
 def _end_at_bank(criterion: Criterion, time: np.ndarray, flight: RunSignals) -> Criterion:

@@ -19,6 +19,11 @@ from pom.tolerances.bands import RowRemark
 
 MOST = 0.05
 """Share of the model's largest thrust in the window; that of 2.c.5 of Table A2A."""
+LEAST_ACCELERATION = 0.05
+"""Acceleration by the added thrust up to which it is no departure: what the trim may leave. [m/s2]
+
+Near idle the model has hardly any thrust, and a share of it no meaning.
+"""
 THRUST = re.compile(r"^engine\d+\.thrust$")
 _LEVER = "engine1.throttle"
 _LEAST_RANGE = 0.1  # movement of a lever that shows its effect on the thrust
@@ -41,8 +46,8 @@ def thrust_bias_remarks(
     Returns
     -------
     tuple of RowRemark
-        Of kind ``departure`` beyond `MOST`, else ``probe``, or ``not_probed`` for a model that
-        does not report its thrust.
+        Of kind ``departure`` beyond `MOST` and `LEAST_ACCELERATION`, else ``probe``, or
+        ``not_probed`` for a model that does not report its thrust.
     """
     if any(THRUST.match(name) for name in recorded):
         return ()
@@ -65,10 +70,17 @@ def thrust_bias_remarks(
         f"{100.0 * share:.2g} % of the model's largest in the window (limit {100.0 * MOST:g} %; the "
         f"record has no thrust)"
     )
-    if share <= MOST:
-        return (RowRemark("probe", text, QUANTITY, values={"share": share}, unit="1"),)
-    reason = f"departure: {text}. The drag or the thrust of the model is wrong by as much"
-    return (RowRemark("departure", reason, QUANTITY, values={"share": share}, unit="1"),)
+    mass = job.parameters.get("mass.mass", np.nan)
+    acceleration = len(thrusts) * abs(added) / mass
+    if share > MOST and acceleration <= LEAST_ACCELERATION:
+        text += (
+            f"; it accelerates the aeroplane by {acceleration:.2g} m/s2, within the "
+            f"{LEAST_ACCELERATION:g} m/s2 that a trim may leave"
+        )
+    elif share > MOST:
+        reason = f"departure: {text}. The drag or the thrust of the model is wrong by as much"
+        return (RowRemark("departure", reason, QUANTITY, values={"share": share}, unit="1"),)
+    return (RowRemark("probe", text, QUANTITY, values={"share": share}, unit="1"),)
 
 
 def _first(outputs: Mapping[str, np.ndarray], name: str) -> float:

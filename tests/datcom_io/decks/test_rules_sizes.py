@@ -110,5 +110,8 @@ def test_a_designation_has_the_digits_of_its_type() -> None:
         "NACA W: type 5 with the designation 2412, which has 4 digits; the program reads another "
         "aerofoil: write type 4, or 5 digits"
     ]
+    (short,) = read_deck(DECK.replace("NACA W 4 2412", "NACA W 4 12", 1).splitlines())
+    # there is no type 2
+    assert any(finding.text.endswith("aerofoil: write 4 digits") for finding in check_deck(short))
     (modified,) = read_deck(DECK.replace("NACA W 4 2412", "NACA W 4 0012-64", 1).splitlines())
     assert not [x for x in check_deck(modified) if "designation" in x.text]

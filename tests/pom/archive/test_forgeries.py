@@ -4,9 +4,13 @@ import json
 import shutil
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+import report_fixture
+import xarray as xr
 
 import pom
 from flightmech.support.console import to_json_types
@@ -16,9 +20,13 @@ from pom.archive.flown_again import compare_flown_again
 from pom.archive.origins import case_found_from, case_seen_from
 from pom.archive.report_signature import read_signature
 from pom.cases.case import PomCase, read_case
+from pom.judging.applicability import settle_case
 from pom.replaying.replay_case import replay
 from pom.result import make_verdict_table
 from pom.tolerances.bands import RowRemark
+
+TIME = np.arange(0.0, 10.01, 0.1)
+FAILURE = "trim = false\n[events]\nengine_failure = 2.0"
 
 
 @pytest.fixture(scope="module")
@@ -123,23 +131,56 @@ def test_a_case_that_was_taken_out_leaves_its_file(honest):
     assert states[result.case.name] == "same"
 
 
+def stored(case, time=TIME, **flight):
+    """Return an archive with a case as a report in the folder ``report`` next to it holds it."""
+    text = json.dumps(to_json_types(case_seen_from(case, Path(case.path).parent / "r").to_dict()))
+    found = case_found_from(PomCase.from_dict(json.loads(text)), Path(case.path).parent / "r")
+    traces = {name: (("run", "time"), values[None]) for name, values in flight.items()}
+    signals = xr.Dataset(traces, {"run": ["flight"], "time": time})
+    return SimpleNamespace(results=[SimpleNamespace(case=found, signals=signals)])
+
+
 def test_an_honest_case_is_the_same_in_another_folder(write_case, tmp_path, monkeypatch):
     (tmp_path / "names.toml").touch()
     parts = '[facts]\nwithout = ["spoiler", "stabilizer"]\n[models]\ntoy = "names.toml"'
     file = write_case(more=f"trim = false\n{parts}")
     monkeypatch.chdir(tmp_path)
-    case = read_case(file.name)
-    text = json.dumps(to_json_types(case_seen_from(case, "report").to_dict()))
+    text = json.dumps(to_json_types(case_seen_from(read_case(file.name), "report").to_dict()))
     (tmp_path / "other").mkdir()
     monkeypatch.chdir(tmp_path / "other")
     found = case_found_from(PomCase.from_dict(json.loads(text)), "../report")
-    archive = SimpleNamespace(results=[SimpleNamespace(case=found)])
+    archive = stored(found)
     assert [state for _, state, _ in compare_case_files(archive)] == ["same"]
     # what both of them have, each under its own name
     file.write_text(file.read_text().replace('"spoiler", ', ""))
     ((_, state, detail),) = compare_case_files(archive)
     assert state == "changed"
     assert detail.endswith('results.nc has ["spoiler", "stabilizer"], the case file ["stabilizer"]')
+
+
+def test_criteria_that_were_fitted_to_the_flight_are_those_of_the_case(write_case):
+    case = read_case(write_case(id="1.b.8", case='shortened = "start of the record"', more=FAILURE))
+    bank = {criterion.channel: 0.0 * TIME for criterion in case.criteria}
+    bank["phi"] = np.radians(20.0 * TIME)
+    fitted = settle_case(case, TIME, bank)
+    assert fitted.criteria != case.criteria
+    ((_, state, _),) = compare_case_files(stored(fitted, **bank))
+    assert state == "same"
+    # without the bank nothing shows whether the window ends with it
+    ((_, state, detail),) = compare_case_files(stored(fitted))
+    assert state == "unknown"
+    assert "whether the flight meets the conditions of" in detail
+    ((_, state, _),) = compare_case_files(stored(case, **bank))
+    assert state == "changed"
+
+
+def test_a_match_stores_the_criteria_that_were_judged(write_case):
+    case = read_case(write_case(id="1.b.8", case='shortened = "start of the record"', more=FAILURE))
+    fitted = settle_case(case, TIME, {"phi": np.radians(20.0 * TIME)})
+    result = report_fixture.roll_result()
+    kept = replace(result, case=fitted.without_texts()).with_case(replace(case, title="Another"))
+    assert kept.case.criteria == fitted.criteria
+    assert kept.case.title == "Another"
 
 
 @pytest.mark.slow
@@ -172,6 +213,12 @@ def test_the_first_line_states_who_signed(tmp_path):
     assert read_signature(tmp_path, signers[0]).is_known
     assert "signed by office" in read_signature(tmp_path, signers[0]).text
     assert read_signature(tmp_path, signers[1]).is_refused
+    # the same key stands there for another purpose as well
+    key = keys[0].with_suffix(".pub").read_text()
+    signers[0].write_text(f'git namespaces="git" {key}\noffice {key}')
+    assert read_signature(tmp_path, signers[0]).is_known
+    signers[0].write_text(f'git namespaces="git" {key}')
+    assert read_signature(tmp_path, signers[0]).is_refused
     manifest.write_text("{ }")
     assert "not that of this manifest.json" in read_signature(tmp_path, signers[0]).text
 

@@ -10,9 +10,10 @@ TIME = np.arange(0.0, 5.0, 0.1)
 LEVER = np.interp(TIME, [1.0, 2.0], [0.7, 0.4])
 
 
-def remarks(lever=0.7, output=1000.0, recorded=(), **biases):
+def remarks(lever=0.7, output=1000.0, recorded=(), mass=None, **biases):
     """Return the remarks on biases of the trim; `output` is the thrust of the model."""
-    job = ReplayJob(TIME, {"engine1.throttle": lever + 0.0 * TIME}, {}, (), ())
+    parameters = {} if mass is None else {"mass.mass": mass}
+    job = ReplayJob(TIME, {"engine1.throttle": lever + 0.0 * TIME}, parameters, (), ())
     outputs = {f"trim.{name}": value + 0.0 * TIME for name, value in biases.items()}
     if output is not None:
         outputs["engine1.thrust"] = output + 0.0 * TIME
@@ -34,6 +35,15 @@ def test_a_small_bias_of_a_lever_can_be_a_large_thrust():
     (remark,) = remarks(lever=LEVER, output=3000.0 * (LEVER + 0.03) - 800.0, throttle=0.03)
     assert remark.kind == "departure"
     assert "from +3 % of the lever" in remark.text
+
+
+@pytest.mark.parametrize(("mass", "kind"), [(1200.0, "probe"), (800.0, "departure")])
+def test_a_share_of_hardly_any_thrust_has_no_meaning(mass, kind):
+    # 45 N with the engine at idle: 0.0375 m/s2 of the heavier aeroplane, 0.05625 of the other
+    (remark,) = remarks(thrust=45.0, output=345.0, mass=mass)
+    assert remark.kind == kind
+    assert remark.values["share"] == pytest.approx(0.15)
+    assert ("0.037 m/s2" in remark.text) == (kind == "probe")
 
 
 def test_what_has_no_bias_or_a_recorded_thrust_has_no_remark():
