@@ -1,5 +1,5 @@
-"""Write what the commands of the tutorial print into the page, and manoeuvres and cases of its
-project into ``data/c182``: ``python docs/scripts/make_tutorial.py``.
+"""Write what the commands of the tutorial print into the page, and the manoeuvres of its project
+into ``data/c182``: ``python docs/scripts/make_tutorial.py``.
 
 The page is its own source: blocks of language ``console`` hold commands, blocks with a title the
 files that the reader writes (`tests/test_docs.py` runs the same page and compares).  Output without
@@ -20,7 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "tutorials" / "light-aircraft.md"
 EXAMPLE = ROOT / "data" / "c182"
-PROJECT = ("manoeuvres.csv",)  # the other files are written by hand, and the page shows parts
+PROJECT = ("manoeuvres.csv",)  # the other files, cases too, are written by hand
 FENCE = re.compile(
     r"^```(?P<language>\S*)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^```$", re.M | re.S
 )
@@ -94,8 +94,6 @@ def main() -> None:
             return f"```console\n{answered(match['text'], folder, environment)}```"
 
         PAGE.write_text(FENCE.sub(follow, page), encoding="utf-8")
-        shutil.rmtree(EXAMPLE / "cases", ignore_errors=True)
-        shutil.copytree(folder / "cases", EXAMPLE / "cases")
         for file in PROJECT:
             shutil.copy(folder / file, EXAMPLE / file)
 
