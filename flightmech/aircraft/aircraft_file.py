@@ -107,7 +107,8 @@ def read_aircraft(path: str | Path) -> Aircraft:
     if stall and stall.station > 0.5 * content.b:
         problems.append(
             f"stall: station is {stall.station:.4g} m, beyond the wing tip at "
-            f"{0.5 * content.b:.4g} m; give the distance of both stations from the plane of symmetry, with its unit"
+            f"{0.5 * content.b:.4g} m; give the distance of both stations from the plane of "
+            f"symmetry, with its unit"
         )
     controls = {name: ControlGeometry(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)

@@ -168,8 +168,8 @@ def fact_problems(
     empty = facts.basic_operating_weight
     if empty is not None and mass < empty * (1.0 - MASS_ROUNDING):
         problems.append(
-            f"facts.basic_operating_weight: {empty:.5g} kg is above the gross mass {mass:.5g} kg of "
-            f"the file; correct one of the two"
+            f"facts.basic_operating_weight: {empty:.5g} kg is above the gross mass {mass:.5g} kg "
+            f"of the file; correct one of the two"
         )
     if facts.engines is not None and engines and facts.engines != engines:
         problems.append(

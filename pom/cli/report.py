@@ -202,7 +202,7 @@ def write_report_command() -> None:
     "--signers",
     type=_FILE,
     metavar="FILE",
-    help="Keys that you know, as of ssh-keygen (allowed signers). The report must be signed by one.",
+    help="Keys that you know (allowed signers of ssh-keygen); one of them must sign the report.",
 )
 @click.option(
     "--against",

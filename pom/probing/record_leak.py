@@ -105,8 +105,8 @@ def find_leaks(case: PomCase, states: xr.Dataset, fmu: Path, sha256: str) -> tup
     -------
     tuple of RowRemark
         Of kind ``leak`` with every window, ``probe`` with the result of the check,
-        ``not_checked`` for an FMU of another program and for a flight that is too short, or ``departure`` for tables from flight
-        without their samples.
+        ``not_checked`` for an FMU of another program and for a flight that is too short, or
+        ``departure`` for tables from flight without their samples.
     """
     windows, unknown = _read_windows(fmu, sha256)
     if unknown is not None:

@@ -67,8 +67,8 @@ def thrust_bias_remarks(
     share = abs(added) / largest
     text = (
         f"the trim adds {value_text('engine1.thrust', added, '+.3g')} to the thrust{source}: "
-        f"{100.0 * share:.2g} % of the model's largest in the window (limit {100.0 * MOST:g} %; the "
-        f"record has no thrust)"
+        f"{100.0 * share:.2g} % of the model's largest in the window (limit {100.0 * MOST:g} %; "
+        f"the record has no thrust)"
     )
     mass = job.parameters.get("mass.mass", np.nan)
     acceleration = len(thrusts) * abs(added) / mass

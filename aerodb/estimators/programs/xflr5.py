@@ -9,8 +9,8 @@
 
 Source: exports of xflr5 6.44; the source code of XFLR5 (``PanelAnalysis``, moments along
 ``WindDirection``, ``rotateGeomZ``) and of flow5 (``PlanePolar::exportToString``, ``AeroForces``,
-``objects::windDirection``), and one public export of flow5, type 1.  Some exports of flow5 7.57 have
-the first row at the end of the heading.
+``objects::windDirection``), and one public export of flow5, type 1.  Some exports of flow5 7.57
+have the first row at the end of the heading.
 """
 
 from __future__ import annotations

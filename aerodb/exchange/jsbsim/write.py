@@ -112,9 +112,9 @@ def export_jsbsim(
     the file.  Tanks that feed them are written with their priorities; JSBSim draws equal shares of
     tanks of one priority.  It has no cross-feed valve, and an engine with one is refused.  Transfer
     pumps become functions with a switch ``fcs/transfer-SOURCE-TARGET-on`` each, which
-    `import_jsbsim_aircraft` does not read.  Other engines become external forces
-    ``engine1`` ..., with first-order lag.  The angular momentum of their rotors is lost.  They burn no
-    fuel: an aircraft with tanks keeps their contents in its mass, and a warning states it.  The file
+    `import_jsbsim_aircraft` reads.  Other engines become external forces ``engine1`` ..., with
+    first-order lag.  The angular momentum of their rotors is lost.  They burn no fuel: an aircraft
+    with tanks keeps their contents in its mass, and a warning states it.  The file
     has no landing gear, since an aircraft file has none.  JSBSim takes the load factor of its last
     step, and so do terms with ``dnz``.  Our simulation solves for the load factor of the same
     instant.  A drag polar ``CL CL`` becomes ``aero/cl-squared``, the lift of the last step of

@@ -218,7 +218,7 @@ def is_continuation(text: str) -> bool:
 
 
 def sort_of(text: str) -> str:
-    """Return ``message`` or ``note`` if a line opens a message or a footnote, else an empty text."""
+    """Return ``message`` or ``note`` if a line opens a message or a footnote, else empty text."""
     if text.startswith(_MESSAGES) or _BLOWN in text:
         return "message"
     # A line of asterisks alone is a decoration.

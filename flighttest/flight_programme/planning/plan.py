@@ -62,8 +62,8 @@ class ProgrammePlan(ShortText):
     ranges : dict of str to Dataset
         Range of the standard errors of the terms that the programme informs, over draws of what the
         identification will learn (`flighttest.planning.draw_stderr`): ``low``, ``median``, ``high``
-        in the shape of the table, as of `range_of_draws`.  Empty without draws; NaN, and a note, for
-        a term with less than 20 draws that converge.
+        in the shape of the table, as of `range_of_draws`.  Empty without draws; NaN, and a note,
+        for a term with less than 20 draws that converge.
     """
 
     prediction: Prediction

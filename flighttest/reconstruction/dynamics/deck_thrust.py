@@ -7,7 +7,8 @@ ambient pressure::
     F = thrust + delta corrected_thrust        along the thrust line; T' = (F - T) / time_constant
     W = air_flow + delta / sqrt(theta) corrected_air_flow          ram drag W V against the airspeed
 
-An engine without fuel (``cutoff`` or ``flameout``) has ``windmill_thrust``, zero without that table.
+An engine without fuel (``cutoff`` or ``flameout``) has ``windmill_thrust``, zero without that
+table.
 """
 
 from __future__ import annotations

@@ -62,8 +62,8 @@ _STARTS_A1 = (12.0, 30.0)
 _START_TAU = (4.0, 12.0)
 _LATERAL = ("Cl", "Cn")
 _NO_SIDE = (
-    "neither Cl nor Cn is among the coefficients, and lift, drag and pitching moment of both halves "
-    "together hardly show it; fixed at 0"
+    "neither Cl nor Cn is among the coefficients, and lift, drag and pitching moment of both "
+    "halves together hardly show it; fixed at 0"
 )
 _PASSES = 2  # of selection and search
 
@@ -138,8 +138,8 @@ def identify_stall(
     Notes
     -----
     tau2, tau1 and asymmetry that the records do not determine are fixed at zero, one and zero, and
-    the rest is fitted again; asymmetry in any case without Cl and Cn. The criteria are those of `separable.identifiability`. a1 and
-    alpha_star of a configuration are also not identified if no sample is beyond alpha_star, or if
+    the rest is fitted again; asymmetry in any case without Cl and Cn. The criteria are those of
+    `separable.identifiability`. a1 and alpha_star of a configuration are also not identified if no sample is beyond alpha_star, or if
     the lift has no break, or one that a curved lift describes as well (`break_of_lift`).
     """
     wanted = {**ATTACHED, **(attached or {})}

@@ -61,7 +61,7 @@ def _list_pumps(root: Element) -> Iterator[Element]:
 
 
 def _has_form(flow: Element) -> bool:
-    """Return whether a function is on * rate * max(0, min(1, q, q)) of the contents of two tanks."""
+    """Return whether a function is on * rate * max(0, min(1, q, q)) of the contents of tanks."""
     shape = [element.tag for element in flow.walk()]
     quotient = ["quotient", "difference"]
     expected = ["fcs_function", "function", "product", "property", "value", "max", "value", "min"]

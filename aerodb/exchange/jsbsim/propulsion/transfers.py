@@ -28,7 +28,7 @@ def crossfeed_problems(number: int, engine: Engine) -> list[str]:
 
 
 def warn_of_lost_tanks(aircraft: Aircraft) -> None:
-    """Warn of tanks of an aircraft whose engines are external forces: no fuel is burned or moved."""
+    """Warn of tanks of an aircraft whose engines are external forces: no fuel burns or moves."""
     if aircraft.fuel is None or not aircraft.fuel.tanks:
         return
     names = ", ".join(tank.name for tank in aircraft.fuel.tanks)

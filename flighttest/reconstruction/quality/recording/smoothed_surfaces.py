@@ -41,7 +41,8 @@ _FASTEST = 0.4  # of the rate of the clock, above which a filter is not tried
 _LONGEST = 1.0  # s, longest delay of a surface that is late only
 _REST = 0.1  # s, longest delay of a surface in addition to its filter
 # A smoothing is clear if the logarithm of the ratio of the unexplained variances is above `_CLEAR`
-# and this logarithm times the number of independent samples, twice a log-likelihood, above `_LIKELY`.
+# and this logarithm times the number of independent samples, twice a log-likelihood, is above
+# `_LIKELY`.
 _CLEAR, _LIKELY = 0.25, 12.0
 _INDEPENDENT = 0.25  # s after which samples count as independent
 _UNEXPLAINED = 0.5  # share of the variance that the filter may leave

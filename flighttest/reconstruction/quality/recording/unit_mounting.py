@@ -145,7 +145,8 @@ def mounting_findings(
         rows.append(", ".join(f"{x:.4f}" for x in row))
     remedy = (
         f"align the unit with the body axes, or turn its columns before they are read: (x, y, z) "
-        f"of the body is the matrix [{'; '.join(rows)}] times (x, y, z) of the unit, for rates and for forces"
+        f"of the body is the matrix [{'; '.join(rows)}] times (x, y, z) of the unit, for rates and "
+        f"for forces"
     )
     evidence = {
         "angles": mounting.angles.tolist(),

@@ -4,8 +4,8 @@ Both models have one width as an unknown; Coulomb's friction is the limit of eit
 chooses.  Where it cannot, the difference of the estimates is one more error of them: an error of
 the model that the records admit is part of the standard error.
 
-A likelihood with kinks has neighbouring maxima.  The likelier model is searched from several starts,
-which depend on the records alone.  The best maximum is the result, and others that are nearly as
+A likelihood with kinks has neighbouring maxima.  The likelier model is searched from several
+starts, which depend on the records alone.  The best maximum is the result, and others that are nearly as
 likely are treated as further models.
 
 References
