@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+sys.path.insert(0, str(Path(__file__).parent))  # for report_fixture
+
 TEXT = """
 [case]
 id = "{id}"

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1]))  # for report_fixture
 sys.path.insert(0, str(Path(__file__).parent))  # for report_pages
 from report_pages import texts, write
 
