@@ -9,6 +9,7 @@ import struct
 import zipfile
 import zlib
 from contextlib import nullcontext
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from scipy.io import loadmat, savemat
 import aerodb
 import flightmech
 from aerodb.exchange.tables.csv_checks import export_checkcases
+from aeromatch.cli.actions import delivery as delivery_action
 from aeromatch.delivery import contents, package_numbers, package_opening, verification
 from aeromatch.delivery.package_files import check_hashes, check_structure
 from aeromatch.delivery.package_numbers import export_formats
@@ -420,10 +422,13 @@ def test_formats_that_differ_where_no_state_looks(tmp_path):
     aerodb.save(database, tmp_path / "database/final.nc")
 
     def wrong():
-        checks = package_numbers._compare_formats(tmp_path)
+        checks = package_numbers._compare_formats(tmp_path, version("aeromatch"))
         return [check.name.partition(",")[0] for check in checks if not check.good]
 
     assert wrong() == []
+    (other,) = package_numbers._compare_formats(tmp_path, "0.0.9")
+    assert other.detail.startswith("not compared: written by version 0.0.9")
+    assert delivery_action._is_shown(other)
     (table,) = (tmp_path / "database/final_csv").glob("*CL_basic.csv")
     table.write_text(table.read_text().replace(",0.01\n", ",0.0001\n"))
     mat = tmp_path / "database/final.mat"
