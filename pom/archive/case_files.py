@@ -117,6 +117,9 @@ def compare_signals(result: PomResult) -> Iterator[str]:
     """Yield contradictions between the signals of a result and its case, bands and conditions."""
     time = result.signals["time"].values.astype(float)
     start, stop = result.case.window
+    if not time.size:
+        yield "the signals have no sample"
+        return
     step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
     if abs(time[0] - start) > step + _SAME or abs(time[-1] - stop) > step + _SAME:
         yield (

@@ -28,8 +28,9 @@ def left_out_shares(problem: SeparableProblem, s: np.ndarray) -> dict[str, float
     Returns
     -------
     dict of str to float
-        Negative where a constant is better. nan where it cannot be had: one record, or the records
-        that are left do not determine the terms, as with one record of a flap.
+        Negative where a constant is better. nan where it cannot be had: one record, records that
+        are left do not determine the terms, as with one record of a flap, or a coefficient that
+        does not vary.
     """
     shares = {}
     for model, samples, z, design in zip(
@@ -46,7 +47,9 @@ def left_out_shares(problem: SeparableProblem, s: np.ndarray) -> dict[str, float
                 misses = np.nan
                 break
             misses += float(np.sum((z[~others] - A[~others] @ theta) ** 2))
-        shares[model.target] = 1.0 - misses / float(np.sum((z - z.mean()) ** 2))
+        # nan where nothing varies
+        variation = float(np.sum((z - z.mean()) ** 2))
+        shares[model.target] = 1.0 - misses / variation if variation > 0.0 else np.nan
     return shares
 
 
@@ -57,7 +60,8 @@ def remark_shares(shares: Mapping[str, float]) -> list[str]:
         if np.isnan(share):
             remarks.append(
                 f"{coefficient}: not checked on records that its terms were not fitted to: the "
-                "others do not determine them; add stalls of each configuration"
+                "others do not determine them, or it does not vary; add stalls of each "
+                "configuration"
             )
         elif share < LEAST_SHARE:
             remarks.append(
