@@ -166,7 +166,7 @@ def noise_of_inputs(remarks: Iterable[RowRemark]) -> tuple[RowRemark, ...]:
     """
     explained = []
     for remark in remarks:
-        # what the noise would not have shown is no gap
+        # this probe would prove nothing here, so that its absence is not stated
         if remark.kind == UNPROBED and remark.quantity in (SCATTER, DIFFERENCE):
             continue
         if remark.kind == "not_driven" and "correlation" in remark.values:

@@ -20,7 +20,8 @@ from pom.tolerances.bands import RowRemark
 MOST = 0.05
 """Share of the model's largest thrust in the window; that of 2.c.5 of Table A2A."""
 LEAST_ACCELERATION = 0.05
-"""Acceleration by the added thrust up to which it is no departure: what the trim may leave. [m/s2]
+"""Acceleration by the added thrust below which it is not a departure, as a trim may leave it.
+[m/s2]
 
 Near idle the model has hardly any thrust, and a share of it no meaning.
 """

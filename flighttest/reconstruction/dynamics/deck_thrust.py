@@ -49,7 +49,9 @@ def has_spool_speed(names: Mapping[str, object] | xr.Dataset, engine: Engine, nu
     if deck is None or engine.propeller is not None:
         return False
     tables = [deck.tables[name] for name in _THRUST if name in deck.tables]
-    needed = {str(dim) for leaf in tables for dim in leaf["value"].dims}
+    needed: set[str] = set()
+    for leaf in tables:
+        needed.update(map(str, leaf["value"].dims))
     speeds = {name.removeprefix("corrected_") for name in needed} & set(_SPOOLS)
     if speeds == {"n2"} or ("n2" in speeds and "corrected_n2_driven" not in deck.tables):
         return all(f"engine{number}.{spool}" in names for spool in speeds)
@@ -130,9 +132,8 @@ def _sum_tables(
     total = np.zeros_like(at["mach"])
     for name in names:
         if name in deck.tables:
-            total = total + (factor if name.startswith("corrected") else 1.0) * _table(
-                deck, name, at
-            )
+            scale = factor if name.startswith("corrected") else 1.0
+            total = total + scale * _table(deck, name, at)
     return total
 
 

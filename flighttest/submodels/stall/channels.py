@@ -56,7 +56,9 @@ def demand_channels(
             rate = REDUCED_RATES.get(name, ("", ""))[0]
             origin = f", which follows from {rate} and V" if rate else ""
             parts.append(f"{name} (for {', '.join(users)}{origin})")
-        needed = dict.fromkeys(user for users in missing.values() for user in users)
+        needed: dict[str, None] = {}
+        for users in missing.values():
+            needed.update(dict.fromkeys(users))
         spare = [name for name in needed if name in terms and name != "CL"]
         remedy = f", or leave {', '.join(spare)} out of the coefficients" if spare else ""
         raise IdentificationError(
