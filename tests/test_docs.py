@@ -76,7 +76,6 @@ NIGHTLY_PAGES = (
     "batch-on-a-cluster.md",
     "diagnosis.md",
     "edit-a-database.md",
-    "report-pdf.md",  # verifies the report of the whole demo
     "reconstruct-a-flight.md",  # the tutorial runs the verbs of this page and of the next
     "fit-a-manoeuvre.md",
     "plan-a-programme.md",
