@@ -272,7 +272,7 @@ def assess(
     findings += excitation_findings(
         excitation, correlation, corrected, marked_manoeuvres(record), purpose
     )
-    findings += quality_remarks(corrected, channels, comparisons, signals)
+    findings += quality_remarks(corrected, channels, comparisons, signals, record)
     # A record is not sound if the reconstruction refuses it.
     if all(finding.severity == "note" for finding in findings):
         findings += _refusals(record, aircraft, specification)
