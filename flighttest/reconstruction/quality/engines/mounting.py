@@ -22,6 +22,8 @@ _CENTRE = 0.01
 # Least distance of an engine from the plane of symmetry that needs an engine opposite to it, and
 # largest difference of the two places, over the span.
 _ASIDE, _OPPOSITE = 0.05, 0.02
+# Least part of a thrust along x.
+_FORWARD = 0.7
 # Least distance of a propeller behind the reference point that is behind the wing, in mean chords.
 _BEHIND_WING = 0.5
 _RIGHT_ANGLE = 0.5 * np.pi
@@ -72,6 +74,14 @@ def unusual_mounting(aircraft: Aircraft) -> Iterator[UnusualSize]:
                 f"engine {number}: direction = {_place(engine.direction)} pushes the aircraft "
                 f"backward",
                 "give the direction of the thrust, x positive forward, such as [1.0, 0.0, 0.0]",
+            )
+        elif engine.direction[0] < _FORWARD * np.linalg.norm(engine.direction):
+            yield UnusualSize(
+                "engine_direction",
+                f"engine {number}: direction = {_place(engine.direction)} pushes the aircraft more "
+                f"to a side, up or down than forward",
+                "check the order x, y, z: x forward, y right, z down, such as [1.0, 0.0, 0.0]; right "
+                "for an engine that lifts",
             )
     yield from _unusual_sides(aircraft)
     x = aircraft.cg[0]

@@ -47,6 +47,7 @@ def test_a_sound_jet_has_no_remark():
     [
         (jet(positions=[(-3000.0, -1100.0, 0.0), RIGHT]), "[-3000, -1100, 0] m is outside of an"),
         (jet(direction=(-1.0, 0.0, 0.0)), "direction = [-1, 0, 0] pushes the aircraft backward"),
+        (jet(direction=(0.0, 0.0, -1.0)), "direction = [0, 0, -1] pushes the aircraft more to a"),
         (jet(positions=[LEFT, LEFT]), "all 2 engines are on the left side"),
         (jet(positions=[RIGHT, RIGHT]), "all 2 engines are on the right side"),
         (jet(cg=(-5.3, 0.0, 0.0)), "x = -5.3 m is 3.25 mean chords from the moment reference"),
@@ -70,6 +71,7 @@ def test_engines_that_are_counted_from_the_nose_are_named():
     assert unusual_sizes(jet(positions=((-3.5, 0.0, 0.0),), reference=(-1.1, 0.0, 0.0))) == []
 
 
+@pytest.mark.slow
 def test_a_propeller_behind_the_wing_is_named_unless_stated():
     example = flightmech.read_aircraft(ROOT / "data" / "c182" / "aircraft.toml")
     (engine,) = example.engines
