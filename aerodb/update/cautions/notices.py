@@ -73,11 +73,14 @@ def incompatible_fits(compatibility: pd.DataFrame) -> list[str]:
             f"{coefficient} (chi-squared {row['chi2']:.4g} of {int(row['count'])} estimates, "
             f"probability {row['probability']:.1g})"
         )
+    causes = "an effect that no table holds, a faulty record, "
+    # the moment of roll acceleration about the yaw axis looks like aerodynamics
+    if {"Cl", "Cn"} & set(rows.index):
+        causes += "a wrong sign of Ixz, "
     return [
         f"incompatible fits: {', '.join(coefficients)}: the fits contradict each other or the "
-        f"a-priori tables by more than their standard errors; "
-        "look for an effect that no table holds, a faulty record, or standard errors of the "
-        "tables that are too small"
+        f"a-priori tables by more than their standard errors; look for {causes}or standard errors "
+        f"of the tables that are too small"
     ]
 
 
