@@ -237,6 +237,24 @@ def test_peak_lag_from_fitted_phases():
     )  # -1.2 s is the peak of the next cycle, at 1.3 s
 
 
+def test_the_lag_of_a_model_in_another_cycle_is_moved_by_its_own_period():
+    """Bank peaks 1.2 s before sideslip in a flight of period 2.5 s, 1.35 s in a model of 2.75 s:
+    the fit of the model gives -1.4 s.  Moved by the period of the flight it would be 1.1 s.
+    """
+    time = np.arange(0.0, 20.0, 0.02)
+
+    def run(period, lag):
+        phase = 2.0 * math.pi / period * lag
+        beta = sine(period, 0.1, time, 0.05, 0.0, 0.0, 0.0)
+        return {"beta": beta, "phi": sine(period, 0.1, time, 0.03, phase, 0.1, 0.002)}
+
+    band = Band((Limit("absolute", 0.1, "s"),), "single", "ref_scalar")
+    row = criterion("peak_lag", band, "phi", (0.0, 19.9))
+    got = peak_lag(row, time, run(2.5, 1.2), run(2.75, 1.4))
+    assert got.worst == pytest.approx(0.2, abs=1e-4)
+    assert got.verdict == "fail"
+
+
 def test_a_model_that_rolls_over_is_judged_without_the_jump_of_its_bank():
     """Bank through 180 deg, given within half a turn: the lag is that of the smooth trace, which
     the report stores and judges again.
