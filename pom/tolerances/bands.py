@@ -7,6 +7,7 @@ tolerance.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
@@ -157,6 +158,11 @@ class Judgement:
     model: float = NAN
     applied: str = ""
     rms: float = NAN
+
+    @property
+    def fails_without_ratio(self) -> bool:
+        """Whether it fails for a reason that no finite ratio shows, such as a missing mode."""
+        return self.verdict == "fail" and not 1.0 < self.worst_ratio < math.inf
 
 
 def half_width(criterion: Criterion, flight: np.ndarray | float, cycle: int = 0) -> np.ndarray:

@@ -1,15 +1,20 @@
 """Modes by fit, against damped sines whose numbers are chosen."""
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from pom.cases.case import PomCase
 from pom.judging.measures.damped_sine import _project_trace, fit_mode
 from pom.judging.measures.modal import judge_mode
 from pom.judging.measures.modal import peak_lag as judge_lag
 from pom.judging.signals import Comparison
+from pom.judging.verdict import judge_criterion
+from pom.replaying.recorded_runs import MasterRun, RecordedRun, recurrent_remarks
 from pom.tolerances import rows
 from pom.tolerances.bands import Invalid, remarks_text
 from pom.tolerances.criteria import Band, Criterion, Limit
@@ -346,3 +351,37 @@ def test_a_figure_of_the_flight_that_depends_on_the_window_is_remarked_and_the_v
     assert "depends on the window" not in remarks_text(
         judged(clean, ZETA).remarks
     )  # the mode is alone
+
+
+def recurrent(master, run):
+    """Return the first remark on a run compared with its master, two traces of the airspeed."""
+    row = criterion("period")
+    case = PomCase("c", "C", "1.a.1", rows.STANDARD, rows.EDITION, "c.toml", "r.nc", (0.0, 120.0))
+    case = replace(case, criteria=(row,))
+    traces = ("run", "time"), np.stack([master, master, run])
+    coords = {"run": ["flight", "device-master", "device"], "time": TIME}
+    result = SimpleNamespace(case=case, signals=xr.Dataset({"V_cas": traces}, coords))
+    stored = MasterRun("device-master", RecordedRun({}, "", ""), share=0.5)
+    return recurrent_remarks(result, "device", stored)[0]
+
+
+def test_a_run_that_has_lost_the_mode_of_its_master_is_beyond_the_recurrent_criterion():
+    same = recurrent(sine(38.0, 0.05), sine(38.1, 0.05))
+    assert (same.kind, same.text.endswith("largest 0.05 of it in period")) == ("recurrent", True)
+    lost = recurrent(sine(38.0, 0.05), sine(38.0, 0.05, amplitude=0.1))
+    assert lost.kind == "recurrent_beyond"
+    assert lost.text.endswith("unlike the master without a ratio: period")
+
+
+def test_a_failure_that_no_ratio_shows_is_known():
+    """A damping ratio of 0.005 against -0.005 is at half of its tolerance of 0.02."""
+    row, case = criterion("damping_ratio", ZETA), matched(TIME, {}, {}, "1.a.1").case
+
+    def judged(zeta):
+        return judge_criterion(
+            case, row, TIME, {"V_cas": sine(38.0, 0.005)}, {"V_cas": sine(38.0, zeta)}
+        )
+
+    growing, far, near = judged(-0.005), judged(0.05), judged(0.004)
+    assert (growing.verdict, growing.worst_ratio) == ("fail", pytest.approx(0.5, abs=1e-3))
+    assert [item.fails_without_ratio for item in (growing, far, near)] == [True, False, False]
