@@ -191,8 +191,6 @@ def _mean_of_channel(name: str, x: np.ndarray) -> float:
     if not known.size or name not in WRAPPED:
         return float(known.mean()) if known.size else math.nan
     mean, turn = float(np.unwrap(known).mean()), 2.0 * math.pi
-    # headings are recorded from zero on, or to both sides of north
-    mean, turn = float(np.unwrap(known).mean()), 2.0 * math.pi
     return mean % turn if known.min() >= 0.0 else math.remainder(mean, turn)
 
 
