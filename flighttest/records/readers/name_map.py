@@ -331,8 +331,9 @@ class Clock(_Table):
     `rate` makes even stamps from the first stamp on.  It serves files that state only a sampling
     rate, or stamps too coarse for their samples.
 
-    The clock runs fast by `drift` seconds per second, counted from its first stamp.  `offset` is
-    added last and converts the clock to the clock of the record.  With `reset = true`, samples
+    The clock runs fast by `drift` seconds per second, counted from its first stamp; for the tables
+    of one clock from the earliest of theirs.  `offset` is added last and converts the clock to the
+    clock of the record.  With `reset = true`, samples
     after a backward step are moved behind the samples before it.
     """
 
