@@ -49,8 +49,12 @@ def test_flow_angles_of_an_aeroplane_that_stands_do_not_count():
 
 def test_without_a_count_or_a_name():
     assert left((ALPHA,), steps=0.0, alpha=1.0 + TIME) == ()
-    assert [remark.text for remark in left((ALPHA,))] == ["tables left in 12 internal steps"]
-    assert [remark.text for remark in left(())] == ["tables left in 12 internal steps"]
+    (unseen,) = left((ALPHA,))
+    assert unseen.text == (
+        "tables left in 12 integration steps, in alpha, which the model does not put out"
+    )
+    (foreign,) = left(())
+    assert foreign.text.endswith("the FMU does not state in which variable")
 
 
 def test_the_ranges_are_read_from_the_fmu(trainer, toy, tmp_path):
