@@ -260,8 +260,10 @@ def tables_left(
     if remarks or is_explained or (ranges and not unseen):
         return tuple(remarks)
     text = f"tables left in {steps:.0f} integration steps, "
-    if unseen:
-        text += f"in {' or '.join(unseen)}, which the model does not put out"
+    if len(unseen) > 1:
+        text += f"in one of {', '.join(unseen)}, which are no outputs of the model"
+    elif unseen:
+        text += f"in {unseen[0]}, which is no output of the model"
     else:
         text += "the FMU does not state in which variable"
     return (RowRemark("tables_left", text, values={"steps": steps}, unit="1"),)
