@@ -84,6 +84,6 @@ def test_a_lever_within_its_limit_can_be_worth_more_than_the_limit_of_the_thrust
     assert small.kind == "probe"
 
 
-def test_a_thrust_that_drives_cannot_be_told_from_a_drag():
+def test_a_thrust_that_drives_cannot_be_distinguished_from_a_drag():
     (remark,) = compared(700.0, drive="thrust_drive")
     assert (remark.kind, remark.text) == ("probe", CANCELLING)
