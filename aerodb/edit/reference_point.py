@@ -85,10 +85,10 @@ def move_reference(
     -------
     DataTree
         The moments of a force term are added to the terms of the same name of Cl, Cm, Cn.  A
-        missing term is made.  If its regressors differ, a term with ``_moved`` behind its name is
-        made.  Standard errors of force and moment count as independent.  The breakpoints of
-        ``h_agl`` move by the change in height of the point on a level aeroplane.  Hinge moments do
-        not change.
+        missing term is made.  If its regressors or its rule ``outside`` differ, a term with
+        ``_moved`` behind its name is made.  Standard errors of force and moment count as
+        independent.  The breakpoints of ``h_agl`` move by the change in height of the point on a
+        level aeroplane.  Hinge moments do not change.
 
     Raises
     ------
@@ -309,6 +309,9 @@ def _add_to_terms(
 def _can_add(leaf: xr.Dataset, added: xr.Dataset) -> bool:
     """Return whether two leaves can be added in one table."""
     if _terms.list_multipliers(leaf) != _terms.list_multipliers(added):
+        return False
+    # One table has one rule beyond its ends.
+    if leaf.attrs.get("outside", "hold") != added.attrs.get("outside", "hold"):
         return False
     # Different factors become axes of the table.
     axes = set(union_axes(leaf, added))
