@@ -386,12 +386,13 @@ def _demand_movable_heights(leaves: Mapping[str, xr.Dataset], change: float) -> 
     """Raise if a term contains a power of height: (h + c)^s is not a multiple of h^s."""
     if change == 0.0:
         return
+    where = f"{abs(change):.4g} m {'higher' if change > 0.0 else 'lower'}"
     problems = []
     for name, leaf in leaves.items():
         power = _terms.power_factor(leaf)
         if power is not None and power.variable == "h_agl":
             problems.append(
-                f"{name}: the factor {power} cannot be counted from a point {change:.4g} m lower; "
+                f"{name}: the factor {power} cannot be counted from a point {where}; "
                 "make it a table first (aerodb.transform.with_height_table)"
             )
     if problems:
