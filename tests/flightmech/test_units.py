@@ -32,6 +32,7 @@ from flightmech.units import _BASE, fitted_unit, from_si, known_unit, parse_unit
         (60.0, "ft/min", 0.3048),
         (7.0, "m s-1", 7.0),
         (3.0, "kg/m3", 3.0),
+        (0.45, "lb/hp/h", 0.45 * 0.45359237 / (745.6998715822702 * 3600.0)),
         (2.0, "", 2.0),
     ],
 )
