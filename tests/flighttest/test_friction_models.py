@@ -34,7 +34,7 @@ def fit_of(
         layout=SimpleNamespace(low=low, names=("mass", width)),
         has_reading=[np.ones((READINGS // 2, 2), bool)],
     )
-    maximum: Any = SimpleNamespace(cost=cost, converged=converged, theta=theta)
+    maximum: Any = SimpleNamespace(cost=cost, is_proven=converged, theta=theta)
     return CircuitFit(
         names=("mass", width),
         theta=theta,
