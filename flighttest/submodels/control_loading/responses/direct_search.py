@@ -1,9 +1,9 @@
 """Direct search around a place where a search stalled: no derivative is used.
 
-Where a likelihood has kinks at unknown places, as where a sample sticks, its derivatives need not
-predict it: no step may lower the cost although the gradient does not vanish.  The cost is then
-computed at both sides of the place, along every unknown, along every unknown while the others
-follow it by regression, and along the eigenvectors of the information.
+Where a likelihood has sharp bends at unknown places, as with friction by a small rate, its
+derivatives need not predict it: no step may lower the cost although the gradient does not vanish.
+The cost is then computed at both sides of the place, along every unknown, along every unknown while
+the others follow it by regression, and along the eigenvectors of the information.
 """
 
 from __future__ import annotations

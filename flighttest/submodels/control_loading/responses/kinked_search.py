@@ -211,7 +211,8 @@ class _KinkedSearch:
     def _look_around(self, free: np.ndarray, beyond: float) -> None:
         """Continue from a lower place near a stalled search, or state what its end is.
 
-        Kinks at places that are not known, as where a sample sticks, end a search by derivatives.
+        Sharp bends at unknown places, as of friction by a small rate, can end a search by
+        derivatives.
         """
         self.stop = STALLED
         if self.cost > beyond:
