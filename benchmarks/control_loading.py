@@ -299,7 +299,8 @@ def main() -> None:
             widths = {n: f"{v:.2g} ({e:.1g})" for n, (v, e) in found.response.widths.items()}
             weights = {n: f"{w:.2g}" for n, w in found.response.friction_models.items()}
             print(
-                f"  converged: {end.converged}, {end.iterations} iterations; widths {widths}; "
+                f"  converged: {end.converged}, {end.iterations} iterations, stationary within "
+                f"{found.response.stationary_within:.2g}; widths {widths}; "
                 f"friction models {weights}"
             )
         print(

@@ -201,7 +201,8 @@ def state_end(found: flighttest.IdentifiedLoading) -> str:
     end = response.convergence
     widths = {name: f"{value:.2g}" for name, (value, _) in response.widths.items()}
     return (
-        f"converged {end.converged} in {end.iterations}, {response.maxima} maxima, widened "
+        f"converged {end.converged} in {end.iterations}, stationary within "
+        f"{response.stationary_within:.2g}, {response.maxima} maxima, widened "
         f"{response.widened:.3f}, {response.widened_by_maxima:.3f}; models "
         f"{response.friction_models}; widths {widths}; unfinished {response.unfinished}"
     )

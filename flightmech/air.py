@@ -69,9 +69,7 @@ def atmosphere(h: ArrayLike, delta_T: float = 0.0, qnh: float = P_SEA) -> Air:
     1.225
     """
     T_base, p_base = _layers(delta_T, qnh)
-    h = np.asarray(h, float)
-    # geopotential height from geometric height
-    H = np.clip(_EARTH_RADIUS * h / (_EARTH_RADIUS + h), _LOWEST, _TOP)
+    H = np.clip(_geopotential(h), _LOWEST, _TOP)
     layer = np.maximum(np.searchsorted(_BASE, H, side="left") - 1, 0)
     T = T_base[layer] + _GRADIENT[layer] * (H - _BASE[layer])
     p = _pressure(p_base[layer], T_base[layer], _GRADIENT[layer], H - _BASE[layer])
@@ -101,9 +99,9 @@ def pressure_altitude(p: ArrayLike) -> np.ndarray:
 def sea_level_pressure(qnh: float, elevation: float, delta_T: float = 0.0) -> float:
     """Return the pressure at mean sea level that corresponds to an altimeter setting. [Pa]
 
-    An altimeter set to `qnh` shows the elevation of the runway on the runway. The QNH is reduced to
-    sea level with the standard atmosphere, but the actual air has a temperature offset. The result
-    is the parameter ``env.qnh`` of a simulation.
+    An altimeter set to `qnh` shows the elevation of the runway on the runway: the pressure altitude
+    there less that of `qnh`. The actual air has a temperature offset. The result is the parameter
+    ``env.qnh`` of a simulation.
 
     Parameters
     ----------
@@ -119,10 +117,13 @@ def sea_level_pressure(qnh: float, elevation: float, delta_T: float = 0.0) -> fl
     >>> round(sea_level_pressure(101325.0, 1500.0, 20.0))
     100123
     """
-    # pressures at the runway for the same pressure at sea level
-    standard = float(atmosphere(elevation, 0.0).p_static)
-    actual = float(atmosphere(elevation, delta_T).p_static)
-    return qnh * standard / actual
+    # The scale of the altimeter moves by the pressure altitude of the setting. Heights of the
+    # standard atmosphere are geopotential.
+    H = _geopotential(elevation) + pressure_altitude(qnh)
+    at_runway = atmosphere(_EARTH_RADIUS * H / (_EARTH_RADIUS - H)).p_static
+    # pressure on the runway for a pressure of 101325 Pa at sea level
+    actual = atmosphere(elevation, delta_T).p_static
+    return float(P_SEA * at_runway / actual)
 
 
 def impact_pressure(mach: ArrayLike, p: ArrayLike) -> np.ndarray:
@@ -208,6 +209,12 @@ def true_airspeed(V_cas: ArrayLike, p: ArrayLike, temperature: ArrayLike) -> np.
 def equivalent_airspeed(V: ArrayLike, rho: ArrayLike) -> np.ndarray:
     """Return the equivalent airspeed V sqrt(rho / rho_0). [m s-1]"""
     return np.asarray(V, float) * np.sqrt(np.asarray(rho, float) / RHO_SEA)
+
+
+def _geopotential(h: ArrayLike) -> np.ndarray:
+    """Return the geopotential height of a geometric one. [m]"""
+    h = np.asarray(h, float)
+    return _EARTH_RADIUS * h / (_EARTH_RADIUS + h)
 
 
 def _layers(delta_T: float, qnh: float) -> tuple[np.ndarray, np.ndarray]:

@@ -39,6 +39,7 @@ import numpy as np
 
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import quantity_attributes
+from flightmech.support.array_files.labelled_arrays import make_dataset, make_variable
 from flightmech.support.arrays import (
     Place,
     demand_inside,
@@ -130,10 +131,10 @@ def make_term(
             leaf[name] = table
     if stderr is not None:
         errors = np.broadcast_to(np.asarray(stderr, float), array.shape).copy()
-        leaf["stderr"] = _make_variable(leaf["value"].dims, errors)
+        leaf["stderr"] = make_variable(leaf["value"].dims, errors)
     if source is not None:
         sources = np.full(array.shape, SOURCES.index(source), np.uint8)
-        leaf["source"] = _make_variable(leaf["value"].dims, sources)
+        leaf["source"] = make_variable(leaf["value"].dims, sources)
         leaf["source"].attrs = source_attributes(sources)
     leaf.attrs = {"regressors": " ".join(regressors), "outside": outside, **text}
     if power is not None:
@@ -151,21 +152,11 @@ make = make_term
 
 
 def _make_value_table(value: Any, axes: Mapping[str, Any]) -> xr.Dataset:
-    import xarray as xr
-
-    coords = {name: np.asarray(points, float) for name, points in axes.items()}
-    values = _make_variable(tuple(coords), np.asarray(value, float))
-    leaf = xr.Dataset({"value": values}, coords=coords)
-    for name in coords:
-        leaf[name].attrs.update(quantity_attributes(name))
-    return leaf
-
-
-def _make_variable(dims: tuple[Any, ...], values: np.ndarray) -> xr.Variable:
-    """Return a variable of an array. Without `fastpath` xarray imports dask, if it is installed."""
-    import xarray as xr
-
-    return xr.Variable(dims, values, fastpath=True)
+    points = {}
+    for name, nodes in axes.items():
+        points[name] = make_variable(name, np.asarray(nodes, float), quantity_attributes(name))
+    values = make_variable(tuple(points), np.asarray(value, float))
+    return make_dataset({"value": values}, points)
 
 
 def power_factor(leaf: HasAttributes) -> PowerFactor | None:

@@ -37,6 +37,7 @@ _BASE: dict[str, tuple[Powers, float]] = {
     "rad": ((0, 0, 0, 0, 0), 1.0),
     "deg": ((0, 0, 0, 0, 0), DEGREE),
     "mrad": ((0, 0, 0, 0, 0), 0.001),
+    "rev": ((0, 0, 0, 0, 0), 2.0 * math.pi),
     "m": ((1, 0, 0, 0, 0), 1.0),
     "cm": ((1, 0, 0, 0, 0), 0.01),
     "mm": ((1, 0, 0, 0, 0), 0.001),
@@ -157,6 +158,7 @@ _SIGNS = {
 # Units in capital letters, such as DEG and HPA. KN can mean knots or kilonewtons, MS can mean
 # milliseconds or metres per second, and MPA can mean mPa: they are not accepted.
 _LOWER = {name.lower(): name for name in _BASE if len(name) > 1 and name not in ("kN", "ms", "MPa")}
+_ANGLES = frozenset({"rad", "deg", "mrad", "rev", "rpm"})
 # value_SI = value * factor + offset
 _OFFSET = {"degC": 273.15, "degF": 459.67 / 1.8}
 _FACTOR = re.compile(r"^(%|[A-Za-z]+|1(?!\d))\^?(-?\d)?$")
@@ -240,7 +242,7 @@ def fitted_unit(text: str, expected: str) -> str:
 
     A pound is a unit of force in a force, its moment or a pressure, and a unit of mass in a mass,
     its moment or a flow. ``kph`` is kg/h in a flow. ``1/min`` of a rotation is a revolution per
-    minute.
+    minute, and Hz a revolution per second.
 
     Parameters
     ----------
@@ -256,8 +258,12 @@ def fitted_unit(text: str, expected: str) -> str:
     ('ft lbf', 'lb in')
     >>> fitted_unit("lb/in2", "Pa"), fitted_unit("1/min", "rad s-1"), fitted_unit("kph", "kg s-1")
     ('lbf/in2', 'rpm', 'kg/h')
+    >>> fitted_unit("Hz", "rad s-1")
+    'rev/s'
     """
     unit = known_unit(text)
+    if expected == "rad s-1" and unit == "Hz":
+        return "rev/s"
     if expected == "rad s-1" and unit in ("1/min", "min-1"):
         return "rpm"
     if expected == "kg s-1" and text.strip().lower() == "kph":
@@ -358,7 +364,8 @@ def to_si(value: Any, unit: str, expected: str | None = None) -> Any:
     value : float or array
     unit : str
     expected : str, optional
-        SI unit of the quantity, for a check of the dimension.
+        SI unit of the quantity, for a check of the dimension. Hz of a quantity in rad/s are turns
+        per second, and a quantity in Hz may be stated in rad/s or rpm.
 
     Raises
     ------
@@ -371,13 +378,27 @@ def to_si(value: Any, unit: str, expected: str | None = None) -> Any:
     304.8
     >>> to_si(15.0, "degC")
     288.15
+    >>> round(to_si(1.0, "Hz", "rad s-1"), 6), to_si(600.0, "rpm", "Hz")
+    (6.283185, 10.0)
     """
     dimension, factor, offset = parse_unit(unit)
+    factor *= _turn_factor(unit, expected)
     if expected is not None and dimension != parse_unit(expected)[0]:
         raise UnitError(
             f"unit {unit!r} cannot be converted to {expected!r}; give a unit of the same quantity"
         )
     return value * factor + offset
+
+
+@cache
+def _turn_factor(unit: str, expected: str | None) -> float:
+    """Return 2 pi for Hz of an angular frequency, 1/2 pi for the reverse, else 1."""
+    text = known_unit(unit)
+    if expected == "rad s-1" and text == "Hz":
+        return 2.0 * math.pi
+    if expected == "Hz" and not _ANGLES.isdisjoint(re.split(r"[ */.]+", text)):
+        return 0.5 / math.pi
+    return 1.0
 
 
 def from_si(value: Any, unit: str) -> Any:

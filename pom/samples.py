@@ -40,9 +40,10 @@ class SampledReplay(ShortText):
         Status of every draw, one of `pom.status.STATUSES` (draw,).
     decides : array (draw,)
         Ratio that decides: of the alternatives the best, of the groups the worst.  NaN for a draw
-        without a replay or a verdict. [1]
+        without a replay or a verdict, or that fails without a ratio above 1. [1]
     ratio : DataFrame (draw, criterion)
-        Largest ratio of every judged criterion. [1]
+        Largest ratio of every judged criterion.  NaN where it fails for another reason, such as
+        a motion that grows where the other decays. [1]
     shares : DataFrame
         ``criterion source share``: part of the variance of the signed ratio of a criterion that
         the errors of a source explain, in descending order.  A source is a term (``Cm/basic``) or

@@ -24,6 +24,7 @@ from aerodb.comparison.conditions import (
     leaf_breakpoints,
     merge_leaf_breakpoints,
     mesh_samples,
+    names_at_zero,
     order_names,
     select_covered_samples,
 )
@@ -157,7 +158,8 @@ def _grid_row(members: Mapping[str, Pair]) -> tuple[list[Any], str]:
     for name in varied:
         if name not in ("mach", "alpha"):
             neutral[name] = neutral_value(name, points[name])
-    note = "; ".join([f"{count} conditions", *_missing_errors(members)])
+    notes = [f"{count} conditions", names_at_zero(points), *_missing_errors(members)]
+    note = "; ".join(filter(None, notes))
     location = _deflected_text(samples, varied, neutral)
     row = _difference_row(_coefficient_found_in(members), a, b, location=location, note=note)
     return row, grid_text(points)

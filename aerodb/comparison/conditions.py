@@ -11,12 +11,9 @@ import xarray as xr
 from aerodb.store.grids import neutral_value
 from aerodb.store.overview import FREE_AIR, display_text, plain_number
 from flightmech import terms as _terms
+from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import OutOfRange, UnknownName
-from flightmech.names import (
-    VOCABULARY,
-    lookup,
-    unit_suffix,
-)
+from flightmech.names import ATTACHED_FLOW, VOCABULARY, lookup, unit_suffix
 from flightmech.units import DEGREE, from_si
 
 TABLES = ("value", "K1", "K2")  # variables of a leaf that are tables over axes
@@ -51,6 +48,26 @@ _IN_FULL = ("mach", "alpha")
 
 Place = Callable[[int], str]
 Conditions = Mapping[str, Any] | xr.Dataset
+
+
+def usual_reach(name: str) -> tuple[float, ...]:
+    """Return the values of a variable that is not an axis of any table. [SI]
+
+    Those of `REACH`; the whole range of the flow separation and of the setting of a device, and the
+    deflection of a device as that of a surface.  Another variable, such as a speed of a spool, is
+    0.
+    """
+    if name in ATTACHED_FLOW:
+        return (ATTACHED_FLOW[name] - 1.0, 1.0)
+    if name.startswith(DEVICE):
+        return (0.0, 1.0) if name.endswith(".setting") else REACH["delta_e"]
+    return REACH.get(name, (0.0,))
+
+
+def names_at_zero(points: Mapping[str, np.ndarray]) -> str:
+    """Return a text with the variables of a grid that are always zero; empty without any."""
+    names = [name for name, values in points.items() if not np.any(values)]
+    return f"{', '.join(names)} taken as 0" if names else ""
 
 
 def leaf_breakpoints(leaf: xr.Dataset) -> dict[str, np.ndarray]:
@@ -90,8 +107,8 @@ def coefficient_points(
     Returns
     -------
     dict of str to array
-        Empty arrays if the ranges do not overlap; `REACH` for variables that are not an axis of any
-        table; 0 for others. [SI]
+        Empty arrays if the ranges do not overlap; `usual_reach` for variables that are not an axis
+        of any table. [SI]
     """
     points_a, points_b = merge_leaf_breakpoints(ours), merge_leaf_breakpoints(theirs)
     variables: set[str] = set()
@@ -101,7 +118,7 @@ def coefficient_points(
     for name in order_names(variables):
         sides = [points[name] for points in (points_a, points_b) if name in points]
         if not sides:
-            selected[name] = np.array(REACH.get(name, (0.0,)))
+            selected[name] = np.array(usual_reach(name))
             continue
         # Both ends of the common range are breakpoints.
         low = max(points[0] for points in sides)

@@ -163,8 +163,8 @@ def with_height_table(leaf: xr.Dataset, top: float, tolerance: float = 1e-3) -> 
     Raises
     ------
     SchemaError
-        No power factor, no room for a factor over that variable, a `top` below the floor, a
-        `tolerance` out of 0 ... 1.
+        No power factor, no room for a factor over that variable, a term that goes on linearly
+        beyond its tables, a `top` below the floor, a `tolerance` out of 0 ... 1.
     """
     factor = _demand_power_factor(leaf, top, tolerance)
     # A power law has the same relative error in all cells of one ratio of breakpoints.
@@ -195,6 +195,12 @@ def _demand_power_factor(leaf: xr.Dataset, top: float, tolerance: float) -> Powe
     if factor is None:
         raise SchemaError("height table", ["the term has no power factor"])
     problems = []
+    if leaf.attrs.get("outside", "hold") != "hold":
+        # a table over the height would go on along its first and last line
+        problems.append(
+            "the term goes on linearly beyond its tables, and the factor is constant below its "
+            "floor; extend its tables and make the attribute outside 'hold'"
+        )
     if not top > factor.floor:
         problems.append(f"top is {top!r}; give more than the floor of {factor.floor:g}")
     if not 0.0 < tolerance < 1.0:

@@ -170,8 +170,22 @@ def _offset_part(clean: xr.Dataset, difference: IceDifference) -> xr.Dataset:
             raise SchemaError("ice", [f"{name} reaches {largest:.4g} deg; give it as '8 deg'"])
     leaf = _terms.make_term(offset, points, stderr=stderr, source="estimate")
     _demand_zeros(clean, leaf)
+    if clean.attrs.get("outside", "hold") == "linear":
+        held = {name: _with_flat_ends(name, nodes) for name, nodes in points.items()}
+        leaf = regrid_leaf(leaf, held)
     factors = {key: clean[key] for key in ("K1", "K2") if key in clean}
     return leaf.assign(factors).assign_attrs(clean.attrs)
+
+
+def _with_flat_ends(name: str, points: np.ndarray) -> np.ndarray:
+    """Return breakpoints with one more beyond each end, where a held value is held again.
+
+    A linear continuation then holds the end value, as nothing is known of the ice beyond it.  An
+    axis that begins at zero and is no angle, such as Mach number, has nothing below.
+    """
+    ends = points[[0, -1]]
+    distance = np.full(2, DEGREE) if lookup(name).units == "rad" else 0.5 * np.abs(ends)
+    return np.unique(np.concatenate([points, ends + distance * [-1.0, 1.0]]))
 
 
 def _demand_zeros(clean: xr.Dataset, offset: xr.Dataset) -> None:

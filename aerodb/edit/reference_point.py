@@ -85,10 +85,10 @@ def move_reference(
     -------
     DataTree
         The moments of a force term are added to the terms of the same name of Cl, Cm, Cn.  A
-        missing term is made.  If its regressors differ, a term with ``_moved`` behind its name is
-        made.  Standard errors of force and moment count as independent.  The breakpoints of
-        ``h_agl`` move by the change in height of the point on a level aeroplane.  Hinge moments do
-        not change.
+        missing term is made.  If its regressors or its rule ``outside`` differ, a term with
+        ``_moved`` behind its name is made.  Standard errors of force and moment count as
+        independent.  The breakpoints of ``h_agl`` move by the change in height of the point on a
+        level aeroplane.  Hinge moments do not change.
 
     Raises
     ------
@@ -310,6 +310,9 @@ def _can_add(leaf: xr.Dataset, added: xr.Dataset) -> bool:
     """Return whether two leaves can be added in one table."""
     if _terms.list_multipliers(leaf) != _terms.list_multipliers(added):
         return False
+    # One table has one rule beyond its ends.
+    if leaf.attrs.get("outside", "hold") != added.attrs.get("outside", "hold"):
+        return False
     # Different factors become axes of the table.
     axes = set(union_axes(leaf, added))
     if not same_factors(leaf, added):
@@ -383,12 +386,13 @@ def _demand_movable_heights(leaves: Mapping[str, xr.Dataset], change: float) -> 
     """Raise if a term contains a power of height: (h + c)^s is not a multiple of h^s."""
     if change == 0.0:
         return
+    where = f"{abs(change):.4g} m {'higher' if change > 0.0 else 'lower'}"
     problems = []
     for name, leaf in leaves.items():
         power = _terms.power_factor(leaf)
         if power is not None and power.variable == "h_agl":
             problems.append(
-                f"{name}: the factor {power} cannot be counted from a point {change:.4g} m lower; "
+                f"{name}: the factor {power} cannot be counted from a point {where}; "
                 "make it a table first (aerodb.transform.with_height_table)"
             )
     if problems:

@@ -19,6 +19,7 @@ from aerodb.update.posterior import carry_covariance
 from flightmech import terms as _terms
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.names import lookup
 
 # By coefficient: relative and absolute error.  The absolute one applies to the basic term only,
 # because increments are zero without their cause.
@@ -36,6 +37,10 @@ WIDENING: dict[str, tuple[float, float]] = {
     "Ch_r": (0.30, 0.01),
 }
 """Standard errors that similarity adds to those of a node: engineering judgement, overridable."""
+
+# Units of variables that are equal on similar aircraft, and the heights, which have a law.
+_NUMBERS = ("1", "rad")
+_HEIGHTS = ("h", "h_agl")
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "horizontal_tail": (
@@ -103,10 +108,12 @@ def rescale(
     UnknownName
         A factor for an unknown term or group, or a widening for an unknown coefficient.
     SchemaError
-        A figure that is negative or not finite.
+        A figure that is negative or not finite, or a term over a speed, a rate, a pressure or a
+        force, whose values on the similar aircraft are others.
     """
     require_valid(db)
     leaves = terms(db)
+    _demand_similar_variables(leaves)
     by_term = _factors_by_term(leaves, factors or {})
     errors = _added_errors(widening)
     span = aircraft.b / float(db.attrs["b"])
@@ -142,6 +149,22 @@ def rescale(
         "history": _extend_history(db.attrs, line),
     }
     return make_database(scaled, **attributes)
+
+
+def _demand_similar_variables(leaves: Mapping[str, xr.Dataset]) -> None:
+    """Raise for terms over variables that have no law of similarity here."""
+    problems = []
+    for name, leaf in leaves.items():
+        for variable in sorted(_terms.list_model_variables(leaf)):
+            units = lookup(variable).units
+            if units in _NUMBERS or variable in _HEIGHTS:
+                continue
+            problems.append(
+                f"{name} depends on {variable} [{units}], whose values do not carry over to another "
+                f"size; express it by a ratio (Mach number, qhat, CT), or delete the term"
+            )
+    if problems:
+        raise SchemaError("rescale", problems)
 
 
 def _extend_history(attributes: Mapping[Any, Any], line: str) -> str:

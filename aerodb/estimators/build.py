@@ -309,8 +309,11 @@ def _refer_to_aircraft(
     if one.moment_axes == "stability":
         if "beta" in by_name:
             by_name["beta"] = rotate_rolling_to_body(by_name["beta"], alpha)
-        if "phat" in by_name and "rhat" in by_name:
-            by_name["phat"], by_name["rhat"] = rates_to_body(by_name["phat"], by_name["rhat"])
+        # A rate without derivatives counts as zero in those of the other one.
+        rates = [by_name.get(name, Effect(name, {}, name)) for name in ("phat", "rhat")]
+        for effect in rates_to_body(*rates):
+            if effect.tables:
+                by_name[effect.name] = effect
     d = (-centre.x - point[0], 0.0, -centre.z - point[2])
     if np.hypot(d[0], d[2]) <= NEAR * aircraft.cbar:
         return by_name

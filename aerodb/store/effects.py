@@ -23,8 +23,9 @@ import xarray as xr
 from aerodb.store.templates import HINGE
 from flightmech.errors import AeromatchWarning
 from flightmech.names import REDUCED_RATES
+from flightmech.support.array_files.labelled_arrays import make_variable
 
-_ZERO = xr.DataArray(0.0)
+_ZERO = xr.DataArray(make_variable((), np.array(0.0)))
 # Reference length of each moment, and of each reduced rate x l / 2V.
 _LENGTH = {"Cl": "b", "Cm": "cbar", "Cn": "b"}
 # Forces that programs seldom compute and that are small but for the move of the reference point.

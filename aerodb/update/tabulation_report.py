@@ -147,7 +147,7 @@ def add_cautions(
     ]
     texts = (
         *without_place,
-        *incompatible_fits(tabulation.compatibility),
+        *incompatible_fits(tabulation.compatibility, tabulation.report),
         *suspect_fits(tabulation.points),
         *doubtful_sizes(controls).values(),
     )

@@ -45,7 +45,7 @@ from aeromatch.delivery.places import (
 from aeromatch.delivery.signing import read_private_key, signature_text
 from aeromatch.project.project import Project
 from aeromatch.workflow.match_inputs import demand_match_of_project
-from aeromatch.workflow.steps import REPORT
+from aeromatch.workflow.outputs import REPORT
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 from flightmech.support.figures import make_template_environment

@@ -240,6 +240,9 @@ def table_remarks(task: LookTask, states: xr.Dataset) -> list[str]:
         variable = states.variables[name]
         if variable.ndim == 1:
             values[str(name)] = variable.values
+    # Most records have no finding, and need no list of the axes that have a remark already.
+    if not range_findings(values, task.aircraft):
+        return []
     sizes = {size.name for size in unusual_sizes(task.aircraft)}
     findings = range_findings(values, task.aircraft, sizes)
     return [f"record {task.name}: {found.text}; {found.remedy}" for found in findings]

@@ -153,6 +153,10 @@ class RecordLooks:
                 result.states = states
         return result
 
+    def _size_of(self, name: str) -> int:
+        """Return the size of the file of a record. [byte]"""
+        return self._project.flights[name].stat().st_size
+
     def _state_inputs(self, name: str) -> dict[str, Any]:
         return {"record": self._records[name], "aircraft": self._aircraft}
 
@@ -184,7 +188,9 @@ class RecordLooks:
         # A forked process has everything that this process has imported and read, so that only
         # names are sent to it.
         with ProcessPoolExecutor(count, get_context("fork"), _share, (self,)) as pool:
-            tasks = [pool.submit(_look_at_shared, name) for name in names]
+            # The longest records first, so that the processes end at the same time.
+            ordered = sorted(names, key=self._size_of, reverse=True)
+            tasks = [pool.submit(_look_at_shared, name) for name in ordered]
             try:
                 meanwhile()
                 for task in as_completed(tasks):

@@ -38,6 +38,16 @@ from pom.judging.departures import case_departures
 _REDUCED = {rate: reduced for reduced, (rate, _) in REDUCED_RATES.items()}
 
 
+# Regressors that only lift and pitching moment have.
+_PITCH = {"alpha", "qhat"}
+# Moment and surface of each control of a manoeuvre.
+_MOMENT_OF = {
+    "elevator": ("Cm", "delta_e"),
+    "aileron": ("Cl", "delta_a"),
+    "rudder": ("Cn", "delta_r"),
+}
+
+
 def project_remarks(project: Project) -> list[str]:
     """Return the remarks on the standard errors and on the models of the fits of a project.
 
@@ -53,7 +63,7 @@ def project_remarks(project: Project) -> list[str]:
     remarks = error_size_remarks(project.errors, "errors.")
     if project.gear is not None:
         remarks += error_size_remarks(project.gear.errors, "gear.errors.")
-    return [*remarks, *_model_remarks(project)]
+    return [*remarks, *_model_remarks(project), *_control_remarks(project)]
 
 
 def case_statements(cases: Iterable[PomCase]) -> list[str]:
@@ -168,6 +178,11 @@ def _model_remarks(project: Project) -> Iterator[str]:
                 f"{position}: {model} has no constant: its curve goes through zero, and all slopes "
                 f"change; write {model.coefficient} = 1 + ..., or leave it so on purpose"
             )
+        if model.coefficient == "Cl" and set(model.variables) >= _PITCH:
+            yield (
+                f"{position}: {model} has the regressors of lift: Cl is the rolling moment, and "
+                f"lift is CL; write CL = ..., or leave it so on purpose"
+            )
         for rate in model.variables:
             if rate in _REDUCED:
                 yield (
@@ -175,6 +190,24 @@ def _model_remarks(project: Project) -> Iterator[str]:
                     f"multiply {_REDUCED[rate]}, and a slope over {rate} holds at one airspeed "
                     f"only: write {_REDUCED[rate]}"
                 )
+
+
+def _control_remarks(project: Project) -> Iterator[str]:
+    """Yield the moments without the surface that moves in the manoeuvres of their fit."""
+    for fit in project.fit:
+        moved = {word for name in fit.manoeuvres for word in name.split()[1:]}
+        variables: dict[str, set[str]] = {}
+        for text in fit.models:
+            model = RegressionModel.parse(text)
+            variables.setdefault(model.coefficient, set()).update(model.variables)
+        for control, (coefficient, surface) in _MOMENT_OF.items():
+            if control not in moved or surface in variables.get(coefficient, {surface}):
+                continue
+            yield (
+                f"fit {fit.name!r}: {coefficient} lacks {surface}, and the {control} moves in its "
+                f"manoeuvres: its moment enters the other terms; write {coefficient} = ... + "
+                f"{surface}"
+            )
 
 
 def _iced_fits(looks: Mapping[str, RecordLook]) -> Iterator[tuple[str, float]]:

@@ -6,9 +6,10 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
+from aerodb.figures.lr743_set.flown import FLOWN
 from aeromatch.project.project import Project
 from aeromatch.workflow.aerodynamics import WAYS, prior_step
-from aeromatch.workflow.steps import COMPARED, FLOWN, REPORT, replay_step
+from aeromatch.workflow.outputs import COMPARED, REPORT, replay_step
 from flightmech.errors import AeromatchError, SchemaError
 
 Result = TypeVar("Result")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from aeromatch.project.project import Project
-from aeromatch.workflow.steps import REPORT
+from aeromatch.workflow.outputs import REPORT
 from aeromatch.workflow.windows import inputs_of
 from flightmech.errors import SchemaError
 from flightmech.support.input_files import file_sha256

@@ -26,11 +26,11 @@ from aeromatch.workflow.devices import read_devices
 from aeromatch.workflow.flown import flown_tree
 from aeromatch.workflow.identification import Step, run_identification
 from aeromatch.workflow.identified import Identified
+from aeromatch.workflow.outputs import COMPARED, REPORT, replay_step
 from aeromatch.workflow.windows import inputs_of, rests_on
 from flightmech.aircraft.parts import different_parts
 from flightmech.support.array_files.netcdf_writing import encode_netcdf
 from flightmech.support.atomic_write import folder_written_atomically, resolve_folder
-from flightmech.support.console import count_text
 from flightmech.support.kept_stages.sharing import open_cluster
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from pom.archive.origins import ReportProvenance
@@ -40,9 +40,6 @@ from pom.checking.report_checks import with_report_checks
 from pom.diagnosis.corrected_model import joint_terms
 from pom.diagnosis.term_swaps import by_submodel, differing_terms
 
-# Folder of the report, and file of the comparison of the tables.
-REPORT = "report"
-COMPARED = "tables_compared.csv"
 # Names of all files that a match writes into its folder.
 _OUTPUT_NAMES = re.compile(
     r"(datcom|corrected|final)(\.nc|\.toml|\.fmu|_engine\d+\.nc|_fuel\.nc)"
@@ -138,18 +135,6 @@ def perform_match(
                     )
     stages.close()
     return _summarise(result, replays, folder)
-
-
-def replay_step(cases: int, fmus: int, devices: int) -> str:
-    """Return the name of the step that replays the cases.
-
-    Examples
-    --------
-    >>> replay_step(4, 3, 0), replay_step(4, 3, 1)
-    ('replay 4 cases by 3 FMUs', 'replay 4 cases by 3 FMUs and 1 device')
-    """
-    text = f"replay {cases} cases by {fmus} FMUs"
-    return f"{text} and {count_text(devices, 'device')}" if devices else text
 
 
 def _replay_cases(

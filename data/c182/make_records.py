@@ -4,21 +4,21 @@
     pip install jsbsim==1.3.3 numpy pandas
     python make_records.py [FOLDER]    # writes FOLDER/flight and FOLDER/stall
 
-Nothing of the files of that package is copied; recordings are what this script flies.  Each run
-starts after the pilot has settled.  Between inputs a simple pilot holds heading, height and speed;
-during an input all other controls stay where they were.  Body axes x forward, y right, z down.
+Nothing of the files of that package is kept; recordings are what this script flies.  The propeller
+is corrected (`jsbsim_c182.py`).  Each run starts after the pilot has settled.  Between inputs a
+simple pilot holds heading, height and speed; during an input all other controls stay where they
+were.  Body axes x forward, y right, z down.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import jsbsim
 import numpy as np
 import pandas as pd
+from jsbsim_c182 import load_aircraft
 
 RATE, FRAMES = 25, 16  # records per second, frames of the simulation per record
 FT, INCH, LBF, KT, LB, G0 = 0.3048, 0.0254, 4.4482216152605, 1852 / 3600, 0.45359237, 9.80665
@@ -140,9 +140,7 @@ class Aeroplane:
     SLEW = {"elevator": 2.5, "aileron": 2.5, "rudder": 2.5, "throttle": 0.7}  # of the command, 1/s
 
     def __init__(self, kcas: float, altitude: float) -> None:
-        self.fdm = fdm = jsbsim.FGFDMExec(os.path.dirname(jsbsim.__file__))
-        fdm.set_debug_level(0)
-        fdm.load_model("c182")
+        self.fdm = fdm = load_aircraft()
         fdm.set_dt(1.0 / (RATE * FRAMES))
         fdm["atmosphere/delta-T"] = 9.0  # [R], 5 K warmer than standard
         start = {

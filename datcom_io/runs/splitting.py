@@ -428,7 +428,14 @@ def _experiments_at(deck: Deck, mach_index: int) -> dict[str, Variables]:
     return experiments
 
 
-_LABEL_LETTERS = (("m", "MACH"), ("v", "VINF"), ("h", "ALT"), ("p", "PINF"), ("re", "RNNUB"))
+_LABEL_LETTERS = (
+    ("m", "MACH"),
+    ("v", "VINF"),
+    ("h", "ALT"),
+    ("p", "PINF"),
+    ("t", "TINF"),
+    ("re", "RNNUB"),
+)
 
 
 def _condition_label(group: Variables) -> str:

@@ -50,6 +50,8 @@ class AircraftFacts:
         Mean aerodynamic chord. [m]
     engines : int, optional
         Number of engines.
+    pusher : bool, optional
+        Whether propellers stand behind the wing.
     without : tuple of str
         Equipment that the aircraft does not have, as parameters of tolerance rows.
     """
@@ -60,6 +62,7 @@ class AircraftFacts:
     v1: float | None = None
     mean_chord: float | None = None
     engines: int | None = None
+    pusher: bool | None = None
     without: tuple[str, ...] = ()
 
     def known(self) -> dict[str, Any]:
@@ -101,6 +104,12 @@ class FactsTable(Strict):
         le=8,
         examples=[2],
         description="Number of engines; without it that of the engine tables.",
+    )
+    pusher: StrictBool | None = Field(
+        default=None,
+        examples=[True],
+        description="Whether propellers stand behind the wing; without it such a place is "
+        "remarked.",
     )
     without: tuple[str, ...] = Field(
         default=(),

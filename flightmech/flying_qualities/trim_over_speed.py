@@ -109,23 +109,25 @@ def _neutral_point(point: Point) -> list[Characteristic]:
     def elevator_slope_at(x_cg_b: float) -> float:
         return _elevator_slope(point.retrim(mass__x_cg_b=x_cg_b))
 
+    # The parameter is the c.g. with the fuel of the aircraft file, not with that of the flight.
+    start = point.parameter("mass.x_cg_b")
     search = scipy.optimize.root_scalar(
         elevator_slope_at,
-        x0=point.cg[0],
-        x1=point.cg[0] - _CG_STEP * craft.cbar,
+        x0=start,
+        x1=start - _CG_STEP * craft.cbar,
         method="secant",
         xtol=_CG_TOLERANCE * craft.cbar,
         maxiter=30,
     )
-    x_cg_b = float(search.root)
-    if not (search.converged and point.retrim(mass__x_cg_b=x_cg_b).is_trimmed):
+    neutral = point.retrim(mass__x_cg_b=float(search.root))
+    if not (search.converged and neutral.is_trimmed):
         reason = "no c.g. within trim makes the elevator independent of speed"
         return absent_rows(TRIM_CURVES, {"neutral_point_trim": "1"}, reason)
     return [
         Characteristic(
             TRIM_CURVES,
             "neutral_point_trim",
-            craft.x_ref_mac - x_cg_b / craft.cbar,
+            craft.x_ref_mac - float(neutral.cg[0]) / craft.cbar,
             units="1",
             remark="c.g. for which trimmed flights need no elevator over speed: with thrust, Mach "
             "number and drag",

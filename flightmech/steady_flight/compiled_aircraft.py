@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.axes import lift_drag
+from flightmech.build_up import COEFFICIENTS
+from flightmech.errors import SimulationError
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import PARAMETER
 from flightmech.steady_flight.trim_search import trimmed_outputs
@@ -89,6 +91,49 @@ class CompiledAircraft:
             for node in self.db[name].children.values():
                 _narrow_ranges(ranges, node)
         return ranges
+
+    @cached_property
+    def coefficient_variables(self) -> set[str]:
+        """Model variables of the terms of the six coefficients."""
+        variables: set[str] = set()
+        for coefficient, group in self.db.children.items():
+            if coefficient in COEFFICIENTS:
+                for node in group.children.values():
+                    variables.update(list_model_variables(node.to_dataset()))
+        return variables
+
+    def part_variables(
+        self, known: Collection[str], inputs: Mapping[str, float], outputs: Mapping[str, float]
+    ) -> dict[str, float]:
+        """Return the model variables of devices, engines, fuel and gear in a flight. [SI]
+
+        Parameters
+        ----------
+        known : collection of str
+            Variables whose values are known already.
+        inputs, outputs : mapping of str to float
+            All of the flight.
+
+        Raises
+        ------
+        SimulationError
+            A coefficient depends on a variable that is neither an input nor an output.
+        """
+        values, missing = {}, []
+        for name in self.sim.variables:
+            if name in known or name in COEFFICIENTS:
+                continue
+            if name not in inputs and name not in outputs and name in self.coefficient_variables:
+                missing.append(name)
+            # one that only tables of engines, fuel or gear use needs a column, but no value
+            values[name] = inputs.get(name, outputs.get(name, 0.0))
+        if missing:
+            raise SimulationError(
+                f"terms of the coefficients depend on {', '.join(missing)}, which a trimmed flight "
+                f"does not give: derivatives and characteristics are not computed; use "
+                f"flightmech.linearize, or delete the terms"
+            )
+        return values
 
     def trim_outputs(self, parameters: Mapping[str, float]) -> dict[str, float]:
         """Return all outputs of the trim at the start, by name. [SI]"""

@@ -116,8 +116,8 @@ class Point:
 
     @property
     def mass(self) -> float:
-        """Mass. [kg]"""
-        return self.parameter("mass.mass")
+        """Mass of the flight, with the fuel that is in its tanks. [kg]"""
+        return self["mass"]
 
     @property
     def weight(self) -> float:
@@ -127,7 +127,9 @@ class Point:
     @property
     def cg(self) -> np.ndarray:
         """Centre of gravity (3,) from the moment reference point, body axes. [m]"""
-        return np.array([self.parameter(f"mass.{name}_cg_b") for name in "xyz"])
+        # a model with fuel has it as an output, since the fuel of the flight moves it
+        names = [f"{axis}_cg_b" for axis in "xyz"]
+        return np.array([self.trimmed.get(k, self.parameter(f"mass.{k}")) for k in names])
 
     @property
     def CW(self) -> float:
@@ -213,7 +215,7 @@ class Point:
             values[f"{engine}.throttle"] = lever
             values[f"{engine}.thrust"] = self[f"{engine}.thrust"]
         values["CT"] = self.thrust / (self["qbar"] * craft.S)
-        return values
+        return values | self.compiled.part_variables(values, inputs, self.trimmed)
 
     @cached_property
     def _scaled_simulation(self) -> Simulation:
@@ -247,11 +249,6 @@ class Point:
             for name, value in followers.items():
                 variables[name] = values.get(name, value)
         shape = np.broadcast_shapes(*map(np.shape, variables.values()))
-        # Variables of engine decks, legs and fuel are in no coefficient. The table of all
-        # variables has a column for them.
-        for name in self.sim.variables:
-            if "." in name or name == "fuel":
-                variables.setdefault(name, 0.0)
         # Terms may depend on other coefficients. They start at zero, and each pass completes the
         # coefficients of at least one level.
         coupled = [

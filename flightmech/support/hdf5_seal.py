@@ -238,51 +238,108 @@ def demand_self_contained(path: str | os.PathLike[str]) -> None:
         more than `MOST_GROUPS` groups, false attributes of dimension scales, or a heap of texts
         whose objects do not fill it. A named pipe or a device, on which HDF5 would wait.
     """
-    demand_regular(path, "an HDF5 or netCDF-4 file")
-    fault = find_false_heap(Path(path))
+    fault = find_unreadable(path)
     try:
         # in the same mode as all readers: HDF5 cannot open a file in two modes at once
         with h5py.File(path, "r") as file:
             fault = fault or _find_foreign_storage(file)
     except (OSError, KeyError, ValueError, RuntimeError, TypeError):
         return
+    demand_no_fault(path, fault)
+
+
+def find_unreadable(path: str | os.PathLike[str]) -> str:
+    """Return the fault of a file on which HDF5 would never end, an empty text without one.
+
+    Raises
+    ------
+    ParseError
+        A named pipe or a device.
+    """
+    demand_regular(path, "an HDF5 or netCDF-4 file")
+    return find_false_heap(Path(path))
+
+
+def demand_no_fault(path: str | os.PathLike[str], fault: str) -> None:
+    """Raise a `ParseError` for the fault of a file; an empty text is none."""
     if fault:
         expected = "a sound file that holds its numbers itself; copy them into it"
         raise ParseError(os.fspath(path), 0, fault, expected=expected)
 
 
+class LinkedItems:
+    """Items of the groups of a file, each checked to be inside the file.
+
+    A reader that opens all items takes them from here, so that the file is gone through once.
+
+    Parameters
+    ----------
+    root : GroupID
+        The root of the file.
+    """
+
+    def __init__(self, root: h5g.GroupID) -> None:
+        # Groups are identified by their address.
+        self._addresses = {h5o.get_info(root).addr}
+
+    def of(self, group: h5g.GroupID, parent: str) -> Iterator[tuple[str, Any, str]]:
+        """Yield name, item and fault of each link of a group.
+
+        The fault is an empty text for a sound item. A link with a fault is the last one.
+
+        Parameters
+        ----------
+        group : GroupID
+        parent : str
+            Path of the group, empty for the root.
+        """
+        links: list[tuple[bytes, int]] = []
+        # The low-level functions of h5py do not follow links.
+        group.links.iterate(lambda name, link: links.append((name, link.type)), info=True)
+        for key, kind in links:
+            name = key.decode("utf-8", "surrogateescape")
+            path = f"{parent}/{name}"
+            if kind == h5l.TYPE_EXTERNAL:
+                target = os.fsdecode(group.links.get_val(key)[0])
+                yield name, None, f"{path} is a link into another file, {target}"
+                return
+            if kind != h5l.TYPE_HARD:
+                yield name, None, f"{path} is a symbolic link"
+                return
+            item = h5o.open(group, key)
+            fault = self._fault_of(item, path)
+            yield name, item, fault
+            if fault:
+                return
+
+    def _fault_of(self, item: Any, path: str) -> str:
+        if isinstance(item, h5d.DatasetID) and _is_stored_outside(item):
+            return f"{path} keeps its numbers in another file"
+        if not isinstance(item, h5g.GroupID):
+            return ""
+        address = h5o.get_info(item).addr
+        if address in self._addresses:
+            return f"the group {path} is linked to more than once"
+        self._addresses.add(address)
+        if len(self._addresses) > MOST_GROUPS:
+            return f"more than {MOST_GROUPS} groups"
+        return ""
+
+
 def _find_foreign_storage(file: Any) -> str:
     """Return the first fault of the links and datasets of a file, an empty text without one."""
-    # The low-level functions of h5py do not follow links. Groups are identified by their address.
+    items = LinkedItems(file.id)
     stack = [("", file.id)]
-    addresses = {h5o.get_info(file.id).addr}
     while stack:
         parent, group = stack.pop()
-        links: list[tuple[bytes, int]] = []
-        group.links.iterate(
-            lambda name, link, links=links: links.append((name, link.type)), info=True
-        )
-        for name, kind in links:
-            path = f"{parent}/{name.decode('utf-8', 'surrogateescape')}"
-            if kind == h5l.TYPE_EXTERNAL:
-                target = os.fsdecode(group.links.get_val(name)[0])
-                return f"{path} is a link into another file, {target}"
-            if kind != h5l.TYPE_HARD:
-                return f"{path} is a symbolic link"
-            item = h5o.open(group, name)
-            if isinstance(item, h5d.DatasetID):
-                if _is_stored_outside(item):
-                    return f"{path} keeps its numbers in another file"
-                if fault := find_false_scale(item):
-                    return f"{path} has {fault}"
+        for name, item, fault in items.of(group, parent):
+            path = f"{parent}/{name}"
+            if fault:
+                return fault
+            if isinstance(item, h5d.DatasetID) and (fault := find_false_scale(item)):
+                return f"{path} has {fault}"
             if isinstance(item, h5g.GroupID):
-                address = h5o.get_info(item).addr
-                if address in addresses:
-                    return f"the group {path} is linked to more than once"
-                addresses.add(address)
                 stack.append((path, item))
-                if len(addresses) > MOST_GROUPS:
-                    return f"more than {MOST_GROUPS} groups"
     return ""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -16,6 +16,8 @@ FLOOR = 1e-7  # smallest residual that counts, of the rms of a measured output a
 _LEAST_RMS = 1e-12  # smallest rms of an output for this floor
 # why a search ended
 CONVERGED, STALLED, EXHAUSTED = "converged", "stalled", "iterations"
+# it stalled where the cost itself shows that no lower place is near
+STATIONARY = "stationary"
 
 
 class Piece(Protocol):
@@ -61,10 +63,13 @@ class LikelihoodMaximum:
         J.
     iterations : int
     stop : str
-        Why the search ended: `CONVERGED`, `STALLED` or `EXHAUSTED`.
+        Why the search ended: `CONVERGED`, `STALLED`, `EXHAUSTED` or `STATIONARY`.
     remaining : array (unknown,)
         Step without damping at the end; zero for the unknowns at a bound, and without equations of
         central differences.
+    width : array (unknown,)
+        Of a stationary end, the distance of each unknown within which the cost does not differ, in
+        standard errors; else empty.
     """
 
     theta: np.ndarray
@@ -77,11 +82,17 @@ class LikelihoodMaximum:
     iterations: int
     stop: str
     remaining: np.ndarray
+    width: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def converged(self) -> bool:
         """Whether gradient and step prove the maximum."""
         return self.stop == CONVERGED
+
+    @property
+    def is_proven(self) -> bool:
+        """Whether the search converged, or the cost around its end shows a maximum."""
+        return self.stop in (CONVERGED, STATIONARY)
 
 
 class Target(Protocol):

@@ -332,17 +332,18 @@ def _fuel_of_tanks(record: xr.DataTree, time: np.ndarray, aircraft: Any) -> dict
 def _interpolated(record: xr.DataTree, name: str, time: np.ndarray) -> np.ndarray | None:
     """Return a slow channel along the path (time,), or None without any recorded value."""
     for node in record.children.values():
-        data = node.to_dataset()
-        if name in data and np.isfinite(data[name].values).any():
-            clock = data["time"].values
-            return np.interp(time, clock, without_blanks(clock, data[name].values))
+        # The variables themselves: a node makes a Dataset of them at each other question.
+        variables = node.variables
+        if name in variables and np.isfinite(variables[name].values).any():
+            clock = variables["time"].values
+            return np.interp(time, clock, without_blanks(clock, variables[name].values))
     return None
 
 
 def _gauged_leaf(record: xr.DataTree) -> xr.Dataset | None:
     """Return the first leaf with gauged mass, without its blank cells."""
     for node in record.children.values():
-        if "mass" in node.data_vars:
+        if "mass" in node.variables:
             data = node.to_dataset()
             known = np.isfinite(data["mass"].values)
             return data.isel(time=known) if known.any() else data
@@ -352,6 +353,6 @@ def _gauged_leaf(record: xr.DataTree) -> xr.Dataset | None:
 def _fuel_leaf(record: xr.DataTree) -> xr.Dataset | None:
     """Return the first leaf with the fuel flow of an engine."""
     for node in record.children.values():
-        if any(str(name).endswith("fuel_flow") for name in node.data_vars):
+        if any(str(name).endswith("fuel_flow") for name in node.variables):
             return node.to_dataset()
     return None

@@ -7,6 +7,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.names import quantity_attributes
+from flightmech.support.array_files.labelled_arrays import make_dataset, make_variable
 from flighttest.reconstruction.path_quantities import path_columns
 from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.records.record import find_channel_leaf
@@ -62,9 +63,9 @@ def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) ->
             unknown.append(angle)
     variables = {}
     for name, values in columns.items():
-        variables[name] = ("time", values, quantity_attributes(name))
-    clock = ("time", setup.problem.time, quantity_attributes("time"))
+        variables[name] = make_variable("time", values, quantity_attributes(name))
+    clock = make_variable("time", setup.problem.time, quantity_attributes("time"))
     attributes = {"record": str(record.attrs.get("title", "")), "rate": rate}
     if unknown:
         attributes["unknown"] = " ".join(unknown)
-    return xr.Dataset(variables, {"time": clock}, attributes)
+    return make_dataset(variables, {"time": clock}, attributes)

@@ -26,6 +26,7 @@ from flighttest.records.readers.name_map import Channel, NameMap
 from flighttest.records.readers.recording import RecordedTable
 from flighttest.records.signals.blank_cells import clocks_of_rows
 from flighttest.records.signals.delays import follow_command, remove_lag
+from flighttest.records.signals.missing_codes import find_missing_codes
 from flighttest.records.signals.resampling import GAP, remove_delay
 from flighttest.records.signals.sample_flags import (
     MOST,
@@ -99,10 +100,11 @@ def make_groups(
     """
     clock, raw = _raw_samples(leaf, places, clocks)
     channels = mapping.leaves[leaf]
+    codes = _remove_missing_codes(raw, channels)
     parts = clocks_of_rows(clock.time, raw)
     if len(parts) == 1 and parts[0][0] is None:
         group = _convert_group(channels, places, clocks.tables, clock=clock, raw=raw)
-        return {leaf: group}
+        return _with_codes({leaf: group}, codes)
 
     # The channels of all rows, or else the largest part, have the name of the leaf.
     parts.sort(key=lambda part: (part[0] is not None, -len(part[1])))
@@ -115,6 +117,14 @@ def make_groups(
             part_raw = {name: raw[name][samples] for name in names}
         group = _convert_group(channels, places, clocks.tables, clock=part_clock, raw=part_raw)
         groups[_group_name(leaf, groups, part_clock)] = group
+    return _with_codes(groups, codes)
+
+
+def _with_codes(groups: dict[str, RecordGroup], codes: Mapping[str, str]) -> dict[str, RecordGroup]:
+    """Add the codes of missing values that were replaced to the attributes of their channels."""
+    for group in groups.values():
+        for name in codes.keys() & group.channels.keys():
+            group.channels[name].attrs["missing_codes"] = codes[name]
     return groups
 
 
@@ -142,6 +152,29 @@ def _raw_samples(
             values = values[clock.samples]
         raw[name] = values
     return clock, raw
+
+
+def _remove_missing_codes(
+    raw: dict[str, np.ndarray], channels: Mapping[str, Channel]
+) -> dict[str, str]:
+    """Replace the codes of missing values by NaN in place, and return what was replaced.
+
+    They are those that the name map states, else numbers such as -999 far from all readings.
+    """
+    replaced: dict[str, str] = {}
+    for name, values in raw.items():
+        found = [(code, values == code) for code in channels[name].missing or ()]
+        if channels[name].missing is None:
+            found = find_missing_codes(values)
+        texts = []
+        for code, is_code in found:
+            if not is_code.any():
+                continue
+            raw[name] = np.where(is_code, np.nan, raw[name])
+            texts.append(f"{code:.10g} in {int(is_code.sum())} cells")
+        if texts:
+            replaced[name] = ", ".join(texts)
+    return replaced
 
 
 def _group_name(leaf: str, groups: Mapping[str, RecordGroup], clock: TableClock) -> str:

@@ -21,6 +21,7 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError, ParseError, SchemaError
 from flightmech.names import quantity_attributes
+from flightmech.support.array_files.labelled_arrays import make_dataset, make_variable
 from flighttest.records.channel_groups import ChannelSamples, RecordGroup
 from flighttest.records.listing import MANOEUVRE, channel_rows, fault_texts, read_listed_rows
 from flighttest.records.readers.name_map import NameMap
@@ -192,12 +193,9 @@ def as_tree(record: Arrays) -> xr.DataTree:
 def _make_dataset(leaf: RecordGroup) -> xr.Dataset:
     variables = {}
     for name, channel in leaf.channels.items():
-        # Without `fastpath` xarray imports dask, if it is installed, to look for its arrays.
-        variables[name] = xr.Variable("time", channel.values, channel.attrs, fastpath=True)
-    index = pd.Index(leaf.time)
-    time = xr.IndexVariable("time", index, quantity_attributes("time"), fastpath=True)
-    coordinates = xr.Coordinates({"time": time}, {"time": xr.indexes.PandasIndex(index, "time")})
-    return xr.Dataset(variables, coordinates, leaf.attrs)
+        variables[name] = make_variable("time", channel.values, channel.attrs)
+    time = make_variable("time", leaf.time, quantity_attributes("time"))
+    return make_dataset(variables, {"time": time}, leaf.attrs)
 
 
 def find_channel_leaf(record: xr.DataTree, name: str) -> str | None:

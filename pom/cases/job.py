@@ -18,7 +18,7 @@ from pom.cases.case_facts import file_facts
 from pom.cases.case_file import BRAKES, FORCES, FUEL_SWITCH, INPUTS, LEVERS, TRAVEL, WIND
 from pom.cases.case_inputs import PRIMARY
 from pom.cases.pilot import PilotLoop
-from pom.cases.start_conditions import initial_state, line_at_start, mass_and_air
+from pom.cases.start_conditions import initial_state, line_at_start, mass_and_air, quiet_time
 
 STATED = "stated_conditions"
 """Attribute of the signals of a result: names of `stated_only`, separated by spaces."""
@@ -136,9 +136,10 @@ def job_of(case: PomCase, states: xr.Dataset) -> ReplayJob:
     _check_start(case, states, parameters)
     # before the next step, which changes the first sample
     needed_inputs = _needed_inputs(case, inputs, loops)
+    span = quiet_time(states)
     for values in inputs.values():
         # The trim uses the first sample: a line through the first part removes its noise.
-        values[0] = line_at_start(time, values)[0]
+        values[0] = line_at_start(time, values, span)[0]
     return ReplayJob(
         time=time,
         inputs=inputs,
@@ -224,7 +225,7 @@ def _recorded_inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]
             raise UnknownName(name, map(str, states.data_vars), what="recorded control", hint=hint)
     for name in _start_only_surfaces(case).intersection(inputs):
         time = states["time"].values.astype(float)
-        inputs[name][:] = line_at_start(time, inputs[name])[0]
+        inputs[name][:] = line_at_start(time, inputs[name], quiet_time(states))[0]
     return {**inputs, **_engine_inputs(case, states), **_fuel_inputs(case, states)}
 
 
@@ -261,8 +262,9 @@ def _law_inputs(case: PomCase, states: xr.Dataset) -> LawInputs | None:
     values = {name: np.broadcast_to(states[name].values.astype(float), count) for name in names}
     values |= {name: np.full(count, value) for name, value in case.conditions.items()}
     recorded, start = {}, {}
+    span = quiet_time(states)
     for name, column in values.items():
-        start[name] = float(line_at_start(time, column)[0])
+        start[name] = float(line_at_start(time, column, span)[0])
         if is_recorded(name) and name not in case.law_moves:
             recorded[name] = column
     return LawInputs(moves=case.law_moves, recorded=recorded, start=start)

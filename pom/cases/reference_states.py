@@ -16,6 +16,7 @@ from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError
 from flightmech.names import WRAPPED
 from flightmech.quantities import time_text
+from flightmech.support.array_files.labelled_arrays import make_variable
 from flighttest.reconstruction.path_quantities import CHANNEL_GAPS
 from flighttest.records.signals.clock_gaps import clock_gaps, gap_text, gaps_in
 from pom.cases.case import PomCase, driven_quantities
@@ -378,5 +379,5 @@ def unwrap_angles(states: xr.Dataset) -> xr.Dataset:
     continuous = {}
     for name in WRAPPED & items.keys():
         item = items[name]
-        continuous[name] = (item.dims, np.unwrap(item.values), item.attrs)
+        continuous[name] = make_variable(item.dims, np.unwrap(item.values), item.attrs)
     return xr.Dataset({**items, **continuous}, states.coords, states.attrs)

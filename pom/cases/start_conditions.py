@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
+import math
+import re
+
 import numpy as np
 import xarray as xr
 
 from flightmech.air import P_SEA, atmosphere
 from flightmech.aircraft.aircraft import tanks_of, with_contents
 from flightmech.aircraft.aircraft_file import read_aircraft
+from flightmech.names import lookup
+from flightmech.units import DEGREE, POUND_FORCE
 from pom.cases.case import PomCase
-from pom.cases.case_file import INITIAL, MASS
+from pom.cases.case_file import BRAKES, FORCES, INITIAL, INPUTS, MASS, TRAVEL
 
 RUNWAY_HEIGHT = 100.0  # [m] below it the radio altitude shows the elevation of the runway
 STANDSTILL_SPEED = 0.3  # [m s-1] ground speed within the noise of the reconstruction
 FIT_TIME = 0.8  # [s] part of the window that gives initial rates, accelerations and inputs
+LEAST_FIT_TIME = 0.2  # [s] shortest such part, which also gives the level of a control
+MOVEMENTS = {"rad": 1.0 * DEGREE, "m": 0.005, "N": 5.0 * POUND_FORCE, "N m": 3.0, "1": 0.05}
+"""Change of a control by unit from which on it has left its start. [SI]
+
+Thrust, torque and the like: `MOVED_SHARE` of the largest value.  Our numbers; those of surfaces and
+forces are the tolerances of the trim rows of Table A2A.
+"""
+MOVED_SHARE = 0.05
+MOVED_NOISE = 6.0  # standard deviations of the noise from sample to sample: less is no movement
+NEAR_LEVEL = 0.25  # of a change: the movement begins after the last sample so near its start
+_TIME_ROUNDING = 1e-9  # [s] the last sample of a range may be later by a rounding error
+_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute deviation
+_ENGINE_DRIVE = re.compile(r"^engine\d+\.(throttle|pla|n1|thrust|torque|rpm|manifold_pressure)$")
 
 
 def initial_state(case: PomCase, states: xr.Dataset) -> dict[str, float]:
@@ -30,7 +48,7 @@ def initial_state(case: PomCase, states: xr.Dataset) -> dict[str, float]:
     if case.drive.trim == "ground":
         start.update(_rolling_start(states))
     else:
-        start.update(starting_rates(states))
+        start.update(starting_rates(states, quiet_time(states)))
     for name, value in case.conditions.items():
         if name in INITIAL:
             start[name] = value
@@ -51,11 +69,61 @@ def _rolling_start(states: xr.Dataset) -> dict[str, float]:
     return {"V": speed, "gamma": 0.0, "p": 0.0, "q": 0.0, "r": 0.0}
 
 
-def starting_rates(states: xr.Dataset) -> dict[str, float]:
+def quiet_time(states: xr.Dataset) -> float:
+    """Return the first part of the window in which no control moves, at most `FIT_TIME`. [s]
+
+    A line through samples after the movement gives neither the trim nor the accelerations of the
+    start: a step of 5 deg after 0.5 s moves its start by 1.6 deg.
+    """
+    time = states["time"].values.astype(float)
+    since = time - time[0]
+    early = since <= FIT_TIME + _TIME_ROUNDING
+    first = since[early] <= LEAST_FIT_TIME + _TIME_ROUNDING
+    quiet = FIT_TIME
+    for name, item in states.data_vars.items():
+        if item.dims != ("time",) or not _is_control(str(name)):
+            continue
+        values = item.values.astype(float)
+        least = _least_movement(str(name), values)
+        values = values[early]
+        if not np.isfinite(values[first]).any() or not least > 0.0:
+            continue
+        away = np.abs(values - np.nanmedian(values[first]))
+        moved = np.flatnonzero(away > least)
+        if moved.size:
+            near = np.flatnonzero(away[: moved[0]] <= NEAR_LEVEL * least)
+            onset = float(since[near[-1]]) if near.size else 0.0
+            quiet = min(quiet, onset)
+    return max(quiet, LEAST_FIT_TIME)
+
+
+def _is_control(name: str) -> bool:
+    """Return whether a channel is a control of the pilot, or a quantity that drives an engine."""
+    if _ENGINE_DRIVE.match(name):
+        return True
+    return name in (*INPUTS, *TRAVEL, *FORCES, *BRAKES)
+
+
+def _least_movement(name: str, values: np.ndarray) -> float:
+    """Return the change (time,) from which on a control has left its start. [SI]"""
+    known = values[np.isfinite(values)]
+    if known.size < 2:
+        return 0.0
+    unit = lookup(name).units
+    least = MOVEMENTS.get(unit)
+    # thrust and torque have the units of pilot forces
+    if least is None or (_ENGINE_DRIVE.match(name) and unit != "1"):
+        least = MOVED_SHARE * float(np.abs(known).max())
+    # differences of white noise have the root of two times its standard deviation
+    noise = _TO_SIGMA * float(np.median(np.abs(np.diff(known)))) / math.sqrt(2.0)
+    return max(least, MOVED_NOISE * noise)
+
+
+def starting_rates(states: xr.Dataset, span: float = FIT_TIME) -> dict[str, float]:
     """Return p, q, r and the accelerations u', v', w', p', q', r' at the start.
 
-    They come from the first part of the window.  The model is trimmed to the accelerations.  A
-    steady flight gives zeros, a turn or a decelerating approach does not.
+    They come from the first `span` seconds of the window.  The model is trimmed to the
+    accelerations.  A steady flight gives zeros, a turn or a decelerating approach does not.
     [rad s-1, m s-2, rad s-2]
     """
     time = states["time"].values.astype(float)
@@ -65,7 +133,7 @@ def starting_rates(states: xr.Dataset) -> dict[str, float]:
     for name in ("u", "v", "w", "p", "q", "r"):
         if name not in states:
             continue
-        start, slope = line_at_start(time, states[name].values.astype(float))
+        start, slope = line_at_start(time, states[name].values.astype(float), span)
         rates[f"{name}_dot"] = slope
         # The speeds u, v, w are set by V, alpha and beta, not by the line.
         if name in "pqr":
@@ -73,14 +141,13 @@ def starting_rates(states: xr.Dataset) -> dict[str, float]:
     return rates
 
 
-def line_at_start(time: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return value and slope of `y` at the start, from a line through `FIT_TIME` seconds.
+def line_at_start(time: np.ndarray, y: np.ndarray, span: float = FIT_TIME) -> tuple[float, float]:
+    """Return value and slope of `y` at the start, from a line through `span` seconds.
 
     A slope within its noise is zero.  Single samples have the noise of gyros and pick-ups, which
     would bias the trim and thereby the whole replay.
     """
-    # 1 ns: the last sample of the range may be later by a rounding error
-    early = time <= time[0] + FIT_TIME + 1e-9
+    early = time <= time[0] + span + _TIME_ROUNDING
     t, y = time[early] - time[0], y[early]
     if t.size < 4:
         return float(y[0]), 0.0

@@ -1,8 +1,9 @@
-"""Bias of the trim on a thrust that nobody recorded, against the thrust of the model.
+"""Bias of the trim on thrust or lever, and the thrust of the model against the recorded one.
 
 The trim balances a wrong drag by a bias on thrust or lever, which then hides it.  Table A2A limits
-the bias by the recorded thrust.  Where a propeller, a pressure or a lever drives the model, its own
-thrust takes the place of the recorded one.
+the bias on a recorded thrust.  Where a propeller, a pressure or a lever drives the model, its own
+thrust takes the place of a recorded one, or is compared with it: a wrong engine and a wrong drag
+that cancel each other need no bias, and a lever has a large effect within its limit.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from flightmech.names import value_text
-from pom.cases.job import ReplayJob
+from pom.cases.job import TRIM_THROTTLE, TRIM_THRUST, ReplayJob
 from pom.status import unprobed_remark
 from pom.tolerances.bands import RowRemark
 
@@ -29,6 +30,13 @@ THRUST = re.compile(r"^engine\d+\.thrust$")
 _LEVER = "engine1.throttle"
 _LEAST_RANGE = 0.1  # movement of a lever that shows its effect on the thrust
 QUANTITY = "trim.thrust"
+STEADY = 1.0
+"""Time from the start over which thrusts are compared, in the balance that the trim found. [s]"""
+CANCELLING = (
+    "not visible: an error of the recorded thrust, which drives the model, and one of the drag "
+    "that cancel each other"
+)
+"""What no steady flight shows if thrust and drag come from the same record."""
 
 
 def thrust_bias_remarks(
@@ -82,6 +90,73 @@ def thrust_bias_remarks(
         reason = f"departure: {text}. The drag or the thrust of the model is wrong by as much"
         return (RowRemark("departure", reason, QUANTITY, values={"share": share}, unit="1"),)
     return (RowRemark("probe", text, QUANTITY, values={"share": share}, unit="1"),)
+
+
+def recorded_thrust_remarks(
+    job: ReplayJob, outputs: Mapping[str, np.ndarray], recorded: Mapping[str, np.ndarray]
+) -> tuple[RowRemark, ...]:
+    """Return the remarks on the thrust of a model that is trimmed in flight, where it is recorded.
+
+    Parameters
+    ----------
+    job : ReplayJob
+    outputs : mapping of str to array (time,)
+        Of the model. [SI]
+    recorded : mapping of str to array (time,)
+        Channels of the flight at the instants of the job. [SI]
+
+    Returns
+    -------
+    tuple of RowRemark
+        Of kind ``departure`` if thrusts at the start differ by more than `MOST` of the largest
+        recorded one, or if the bias of the lever is worth as much, and by `LEAST_ACCELERATION`.
+        Else ``probe``.  Empty without a recorded thrust.
+    """
+    names = [name for name in outputs if THRUST.match(name) and name in recorded]
+    if not names or job.parameters.get("mode.trim") not in (TRIM_THRUST, TRIM_THROTTLE):
+        return ()
+    if any(name.endswith(".thrust_drive") for name in job.inputs):
+        return (RowRemark("probe", CANCELLING, QUANTITY),)
+    flight = np.sum([recorded[name] for name in names], axis=0)
+    largest = float(np.nanmax(np.abs(flight), initial=0.0))
+    is_start = job.time <= job.time[0] + STEADY
+    model = np.sum([outputs[name] for name in names], axis=0)
+    difference = float(np.mean((model - flight)[is_start]))
+    if not largest > 0.0 or not np.isfinite(difference):
+        return (unprobed_remark("the thrust of the model", "a sample is missing", QUANTITY),)
+    mass = job.parameters.get("mass.mass", np.nan)
+    thrust_text = (
+        f"the thrust of the model at the start differs from the recorded one by "
+        f"{value_text('engine1.thrust', difference, '+.3g')}"
+    )
+    remarks = [
+        _judge_thrust(
+            thrust_text, difference, largest, mass, "Engine and drag of the model are wrong alike"
+        )
+    ]
+    lever_bias = _first(outputs, "trim.throttle")
+    if lever_bias:
+        added = len(names) * lever_bias * _lever_effect(job, outputs, lever_bias)
+        lever_text = (
+            f"the trim moves the lever by {100.0 * lever_bias:+.2g} % of its travel, which adds "
+            f"{value_text('engine1.thrust', added, '+.3g')}"
+        )
+        reason = "The recorded lever, or the engine of the model over its lever, is wrong"
+        remarks.append(_judge_thrust(lever_text, added, largest, mass, reason))
+    return tuple(remarks)
+
+
+def _judge_thrust(text: str, added: float, largest: float, mass: float, reason: str) -> RowRemark:
+    """Return the remark on a thrust [N] that is a share of the largest recorded one."""
+    share = abs(added) / largest
+    text += (
+        f": {100.0 * share:.2g} % of the largest recorded in the window (limit {100.0 * MOST:g} %)"
+    )
+    values = {"share": share}
+    if share <= MOST or abs(added) / mass <= LEAST_ACCELERATION:
+        return RowRemark("probe", text, QUANTITY, values=values, unit="1")
+    text = f"departure: {text}. {reason}"
+    return RowRemark("departure", text, QUANTITY, values=values, unit="1")
 
 
 def _first(outputs: Mapping[str, np.ndarray], name: str) -> float:

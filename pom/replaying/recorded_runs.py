@@ -310,31 +310,40 @@ def recurrent_remarks(result: PomResult, run: str, master: MasterRun) -> tuple[R
     outcomes = judge_all(
         narrow, time, traces_of(result.signals, master.name), traces_of(result.signals, run)
     )
-    judged, skipped = {}, []
+    judged, skipped, unlike = {}, [], []
     for criterion in case.criteria:
         outcome = outcomes[criterion.name]
         if not criterion.applies:
             continue
-        if outcome.verdict in ("pass", "fail") and np.isfinite(outcome.worst_ratio):
+        # A mode that the run has lost has no ratio, and is a larger change than any ratio.
+        if outcome.fails_without_ratio:
+            unlike.append(criterion.name)
+        elif outcome.verdict in ("pass", "fail") and np.isfinite(outcome.worst_ratio):
             judged[criterion.name] = float(outcome.worst_ratio)
         else:
             skipped.append(criterion.name)
     stated = f"each row within {100.0 * master.share:g} % of its tolerance about {master.name}"
     texts = (*master.remarks, *other_flight)
     differences = [RowRemark("departure", f"departure: {text}") for text in texts]
-    if not judged:
+    if not judged and not unlike:
         text = f"recurrent: not compared with {master.name}, no row has a value in both runs"
         return (RowRemark("recurrent_beyond", text), *differences)
-    name = max(judged, key=judged.__getitem__)
     # a change of a single row counts, whether the flight has an alternative for it or not
-    is_beyond = judged[name] > 1.0
+    largest = max(judged.values(), default=0.0)
+    is_beyond = largest > 1.0 or bool(unlike)
     word = "beyond" if is_beyond else "within"
-    text = f"recurrent: {word} the criterion ({stated}), largest {judged[name]:.2f} of it in {name}"
+    parts = [f"recurrent: {word} the criterion ({stated})"]
+    values = {"share": master.share}
+    if judged:
+        name = max(judged, key=judged.__getitem__)
+        parts[0] += f", largest {largest:.2f} of it in {name}"
+        values["ratio"] = largest
+    if unlike:
+        parts.append(f"unlike the master without a ratio: {', '.join(unlike)}")
     if skipped:
-        text += f"; not compared: {', '.join(skipped)}"
+        parts.append(f"not compared: {', '.join(skipped)}")
     kind = "recurrent_beyond" if is_beyond else "recurrent"
-    values = {"ratio": judged[name], "share": master.share}
-    return (RowRemark(kind, text, values=values, unit="1"), *differences)
+    return (RowRemark(kind, "; ".join(parts), values=values, unit="1"), *differences)
 
 
 def shows_master(remarks: Iterable[RowRemark]) -> bool:
@@ -356,8 +365,14 @@ def _compare_flights(result: PomResult, master: MasterRun) -> Iterator[str]:
         return
     time, flight = result.signals["time"].values, traces_of(result.signals, "flight")
     outcomes = judge_all(result.case, time, flight, resample_run(master.flight, time))
-    ratios = {}
+    ratios: dict[str, float] = {}
     for name, outcome in outcomes.items():
+        if outcome.fails_without_ratio:
+            yield (
+                f"the master is of another flight: {plain_words(name)} of one of the two flights "
+                f"does not pass by the other, without a ratio"
+            )
+            return
         if np.isfinite(outcome.worst_ratio):
             ratios[name] = float(outcome.worst_ratio)
     if not ratios:

@@ -36,7 +36,7 @@ from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import probe_models, tables_of, with_run_remarks
 from pom.probing.record_leak import find_leaks
 from pom.probing.temperature_effect import weigh_temperature
-from pom.probing.thrust_bias import THRUST, thrust_bias_remarks
+from pom.probing.thrust_bias import THRUST, recorded_thrust_remarks, thrust_bias_remarks
 from pom.probing.wind_effect import weigh_wind
 from pom.replaying.idle_devices import idle_remarks
 from pom.replaying.kernel_replay import fly_once
@@ -202,6 +202,7 @@ def perform_plan(
     failures: dict[str, str] = {}
     remarks: dict[str, tuple[RowRemark, ...]] = {}
     channels = shown_channels(plan.case, plan.states)
+    recorded = sampled_channels(plan.states)
     rolling = on_wheels(plan.states)
     for name, model in models.items():
         ranges = table_ranges(model.fmu.path, model.fmu.sha256)
@@ -230,7 +231,8 @@ def perform_plan(
             *envelope_remarks(plan.job.time, outputs, rolling),
             *_reach_remarks(plan, outputs, model),
             *below_runway(plan.job.time, outputs, job.parameters),
-            *thrust_bias_remarks(job, outputs, map(str, plan.states.data_vars)),
+            *thrust_bias_remarks(job, outputs, recorded),
+            *recorded_thrust_remarks(job, outputs, recorded),
             *find_leaks(plan.case, plan.states, model.fmu.path, model.fmu.sha256),
         )
     distances = _compare_with_evidence(evidence, plan, models)

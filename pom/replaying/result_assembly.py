@@ -19,6 +19,8 @@ from pom.judging.air_checks import air_remarks
 from pom.judging.conditions.report_conditions import VALUES, report_values
 from pom.judging.conditions.row_conditions import condition_remarks
 from pom.judging.departures import case_departures, record_departures
+from pom.judging.event_checks import event_remarks
+from pom.judging.motion_checks import motion_remarks
 from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
 from pom.judging.verdict import band_widths, formed_channels, judge_match, verdict_row
 from pom.judging.watched_channels import watch_channels, watch_track
@@ -85,6 +87,8 @@ def assemble_result(
         *record_departures(case, states),
         *condition_remarks(case, flight),
         *input_end_remarks(case, flight),
+        *event_remarks(case, flight),
+        *motion_remarks(case, flight),
         *window_remarks(states),
         *air_remarks(case, states),
     )

@@ -241,13 +241,13 @@ def tables_left(
     if "V" in outputs:
         is_flying = outputs["V"] > SLOWEST
     remarks: list[RowRemark] = []
-    observed = 0
+    unseen = []
     is_explained = not is_flying.all()
     for item in ranges:
         source = output_of(item.variable, outputs)
         if source not in outputs:
+            unseen.append(item.variable)
             continue
-        observed += 1
         values = outputs[source]
         # Below the least speed a flow angle counts as inside the range.
         if item.variable in FLOW:
@@ -257,9 +257,15 @@ def tables_left(
         if remark is not None:
             remarks.append(remark)
     # The counted steps need a remark without a variable only if no observed variable explains them.
-    if remarks or is_explained or (ranges and observed == len(ranges)):
+    if remarks or is_explained or (ranges and not unseen):
         return tuple(remarks)
-    text = f"tables left in {steps:.0f} internal steps"
+    text = f"tables left in {steps:.0f} integration steps, "
+    if len(unseen) > 1:
+        text += f"in one of {', '.join(unseen)}, which are no outputs of the model"
+    elif unseen:
+        text += f"in {unseen[0]}, which is no output of the model"
+    else:
+        text += "the FMU does not state in which variable"
     return (RowRemark("tables_left", text, values={"steps": steps}, unit="1"),)
 
 

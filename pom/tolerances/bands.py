@@ -7,6 +7,7 @@ tolerance.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
@@ -158,6 +159,11 @@ class Judgement:
     applied: str = ""
     rms: float = NAN
 
+    @property
+    def fails_without_ratio(self) -> bool:
+        """Whether it fails for a reason that no finite ratio shows, such as a missing mode."""
+        return self.verdict == "fail" and not 1.0 < self.worst_ratio < math.inf
+
 
 def half_width(criterion: Criterion, flight: np.ndarray | float, cycle: int = 0) -> np.ndarray:
     """Return the half width at every flight value.
@@ -286,15 +292,21 @@ def demand_finite(who: str, time: np.ndarray, values: np.ndarray) -> None:
 
 
 def unwrapped_difference(channel: str, flight: np.ndarray, model: np.ndarray) -> np.ndarray:
-    """Return model minus flight (time,).
+    """Return model minus flight (time,); NaN where one of them is not finite.
 
     Angles that jump by a full turn are unwrapped.  Their first difference is below half a turn.
     """
     if channel not in WRAPPED:
         return model - flight
-    error = np.unwrap(model) - np.unwrap(flight)
+    error = np.asarray(model - flight, float)
+    known = np.isfinite(error)
+    if not known.any():
+        return error
+    # a sample without a value would make all later ones NaN
+    smooth = np.unwrap(model[known]) - np.unwrap(flight[known])
     # remove whole turns from the first difference, and the same turns from all others
-    return error - 2.0 * np.pi * np.round(error[0] / (2.0 * np.pi))
+    error[known] = smooth - 2.0 * np.pi * np.round(smooth[0] / (2.0 * np.pi))
+    return error
 
 
 class AppliedBand(NamedTuple):

@@ -53,6 +53,22 @@ def test_offset_and_sea_level_pressure():
     assert (float(here.temperature), float(here.p_static)) == (298.15, 100000.0)
 
 
+@pytest.mark.parametrize("qnh", [95000.0, 101325.0, 104000.0])
+@pytest.mark.parametrize("delta_T", [-20.0, 0.0, 20.0])
+def test_an_altimeter_set_to_the_qnh_shows_the_elevation(qnh, delta_T):
+    """Height over the pressure qnh in the troposphere: p = (qnh^k - p0^k L H / T0)^(1/k), with
+    k = R L / g.
+    """
+    elevation = 1500.0
+    sea = air.sea_level_pressure(qnh, elevation, delta_T)
+    p = float(air.atmosphere(elevation, delta_T, sea).p_static)
+    k = 287.05287 * 0.0065 / 9.80665
+    H = 6356766.0 * elevation / (6356766.0 + elevation)
+    expected = (qnh**k - 101325.0**k * 0.0065 / 288.15 * H) ** (1.0 / k)
+    assert p == pytest.approx(expected, rel=1e-10)
+    assert float(air.pressure_altitude(p) - air.pressure_altitude(qnh)) == pytest.approx(H)
+
+
 @given(st.floats(-1000.0, 70000.0))
 def test_pressure_altitude_there_and_back(H):
     assert float(air.pressure_altitude(air.atmosphere(geometric(H)).p_static)) == pytest.approx(

@@ -32,6 +32,7 @@ from flightmech.units import _BASE, fitted_unit, from_si, known_unit, parse_unit
         (60.0, "ft/min", 0.3048),
         (7.0, "m s-1", 7.0),
         (3.0, "kg/m3", 3.0),
+        (0.45, "lb/hp/h", 0.45 * 0.45359237 / (745.6998715822702 * 3600.0)),
         (2.0, "", 2.0),
     ],
 )
@@ -214,3 +215,18 @@ def test_an_option_takes_a_bare_number_and_names_itself_in_an_error():
             option_quantity("--station", text, "m")
     with pytest.raises(UnitError, match="--station: "):
         option_quantity("--station", "2 deg", "m")
+
+
+@pytest.mark.parametrize(
+    ("text", "units", "si"),
+    [
+        ("12 Hz", "rad s-1", 24.0 * math.pi),
+        ("3 rev/s", "rad s-1", 6.0 * math.pi),
+        ("3 rad/s", "Hz", 1.5 / math.pi),
+        ("600 rpm", "Hz", 10.0),
+        ("2 Hz", "Hz", 2.0),
+        ("2 Hz", "s-1", 2.0),
+    ],
+)
+def test_a_hertz_of_a_rotation_is_a_turn_per_second(text, units, si):
+    assert parse_quantity(text, units) == pytest.approx(si, rel=1e-15)

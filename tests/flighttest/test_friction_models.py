@@ -34,7 +34,7 @@ def fit_of(
         layout=SimpleNamespace(low=low, names=("mass", width)),
         has_reading=[np.ones((READINGS // 2, 2), bool)],
     )
-    maximum: Any = SimpleNamespace(cost=cost, converged=converged, theta=theta)
+    maximum: Any = SimpleNamespace(cost=cost, is_proven=converged, theta=theta)
     return CircuitFit(
         names=("mass", width),
         theta=theta,
@@ -173,6 +173,32 @@ def test_maxima_that_widen_a_standard_error_are_remarked(widened, is_open):
     )
     texts = [one.text for one in fit.remarks]
     assert any("3 maxima that are nearly equal" in text for text in texts) == is_open
+
+
+@pytest.mark.parametrize(
+    ("converged", "width", "is_maximum", "severities"),
+    [
+        (True, np.nan, True, []),
+        (False, 0.35, True, ["note"]),
+        (False, np.nan, False, ["warning"]),
+    ],
+)
+def test_a_stationary_end_is_a_result_that_has_not_converged(
+    converged, width, is_maximum, severities
+):
+    fit = ResponseFit(
+        convergence=Convergence(converged, 17, 30.0),
+        windows=4,
+        rms={"travel": 1.0, "surface": 1.0},
+        hand_damping=(0.0, 1.0),
+        widths={},
+        friction_models={BRISTLE_TRAVEL: 1.0},
+        stationary_within=width,
+    )
+    assert fit.is_maximum == is_maximum
+    assert [one.severity for one in fit.remarks] == severities
+    assert all("not converged" in one.text for one in fit.remarks)
+    assert any("within 0.35 standard errors" in one.text for one in fit.remarks) == (width > 0.0)
 
 
 GEARING, S_HINGE, C_HINGE, RATE, FINE = -1.8, 2.2, 0.33, 100, 1e-4

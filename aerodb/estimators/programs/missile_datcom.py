@@ -200,7 +200,7 @@ class MissilePage:
     def rows(self, file: Path, condition: dict[str, Any]) -> tuple[list[dict[str, Any]], list[str]]:
         """Return the numbers of the tables of the page, and remarks on those that are lost."""
         columns: list[str] = []
-        per = 0.0
+        per: float | None = None
         rows: list[dict[str, Any]] = []
         lost = []
         for number, line in enumerate(self.lines, self.number):
@@ -221,8 +221,15 @@ class MissilePage:
                     f"{len(tokens)} numbers under {' '.join(columns)}",
                     f"{len(columns)}; the row is cut off or damaged",
                 )
+            if per is None and set(columns) & set(_DERIVATIVES):
+                raise ParseError(
+                    str(file),
+                    number,
+                    f"derivatives {' '.join(columns)} without a heading that states their unit",
+                    "'DERIVATIVES (PER DEGREE)' or '(PER RADIAN)' above them; the page is damaged",
+                )
             place = condition | {"file": file.name, "line": number}
-            for row in self._read_row(place, dict(zip(columns, tokens)), per):
+            for row in self._read_row(place, dict(zip(columns, tokens)), per or 1.0):
                 if row["value"] is None:
                     lost.append(
                         f"{file.name} line {number}: {row['printed']} is not a number and is "

@@ -56,28 +56,47 @@ def note_plausibility(
     return db, findings
 
 
-def incompatible_fits(compatibility: pd.DataFrame) -> list[str]:
+def incompatible_fits(compatibility: pd.DataFrame, report: pd.DataFrame) -> list[str]:
     """Return the warning on coefficients with incompatible fits: one line, or none.
+
+    It names the table of each that moves furthest, and the growth of the errors of the fits: the
+    two sides that chi-squared does not distinguish.
 
     Parameters
     ----------
     compatibility : DataFrame
         Of a `Tabulation`: index coefficient; ``chi2 count probability inflation``.
+    report : DataFrame
+        Of a `Tabulation`: index term; ``change_in_sd``.
     """
     rows = compatibility[compatibility["probability"] < INCOMPATIBLE]
     if rows.empty:
         return []
     coefficients = []
     for coefficient, row in rows.iterrows():
-        coefficients.append(
-            f"{coefficient} (chi-squared {row['chi2']:.4g} of {int(row['count'])} estimates, "
-            f"probability {row['probability']:.1g})"
-        )
+        facts = [
+            f"chi-squared {row['chi2']:.4g} of {int(row['count'])} estimates",
+            f"probability {row['probability']:.1g}",
+        ]
+        own_terms = report.index.str.startswith(f"{coefficient}/")
+        moved = report.loc[own_terms, "change_in_sd"].dropna()
+        if not moved.empty:
+            facts.append(
+                f"{moved.idxmax()} moves by {moved.max():.2g} of its a-priori standard errors"
+            )
+        # 1 where they need not grow, and with the methods that do not estimate it.
+        if row["inflation"] > 1.05:
+            facts.append(f"standard errors of the fits grow {row['inflation']:.2g} times")
+        coefficients.append(f"{coefficient} ({', '.join(facts)})")
+    causes = "an effect that no table holds"
+    # the moment of roll acceleration about the yaw axis looks like aerodynamics
+    if {"Cl", "Cn"} & set(rows.index):
+        causes += ", a wrong sign of Ixz"
     return [
         f"incompatible fits: {', '.join(coefficients)}: the fits contradict each other or the "
-        f"a-priori tables by more than their standard errors; "
-        "look for an effect that no table holds, a faulty record, or standard errors of the "
-        "tables that are too small"
+        "a-priori tables by more than their standard errors; a table that moves far was wrong by "
+        f"more than it states; where the errors of the fits grow, look for {causes} or a faulty "
+        "record"
     ]
 
 

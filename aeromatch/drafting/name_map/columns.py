@@ -161,6 +161,15 @@ def lever_by_unit(name: str, unit: str | None) -> str:
     return name
 
 
+def load_factor_by_unit(guess: Guess | None, unit: str | None) -> Guess | None:
+    """Return the accelerometer for a load factor ``nz`` whose unit is one of an acceleration."""
+    if guess is None or guess.name != "nz" or unit is None or not _is_unit(unit):
+        return guess
+    if parse_unit(known_unit(unit))[0] != parse_unit("m s-2")[0]:
+        return guess
+    return replace(guess, name="az_imu", unit=unit, rank=1, inverted=True)
+
+
 def _guess_name(name: str, column: str) -> Guess | None:
     canonical = _canonical_channel(name)
     if canonical:

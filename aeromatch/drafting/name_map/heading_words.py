@@ -129,7 +129,7 @@ _GERMAN = {
     "V_ground": "geschwindigkeituebergrund",
     "vn": "vnord geschwindigkeitnord nordgeschwindigkeit",
     "ve": "vost geschwindigkeitost ostgeschwindigkeit",
-    "hdot": "steigen steigrate steiggeschwindigkeit vario",
+    "hdot": "steigen steigrate steiggeschwindigkeit vario variometer",
     "delta_e": "hoehenruder",
     "delta_a": "querruder",
     "delta_r": "seitenruder",

@@ -16,6 +16,7 @@ from aeromatch.drafting.name_map.columns import (
     explain_unknown,
     guess_quantity,
     lever_by_unit,
+    load_factor_by_unit,
 )
 from flightmech.errors import UnitError
 from flightmech.names import lookup
@@ -149,8 +150,8 @@ def assign_columns(
             location = f"{table}/{column}" if len(tables) > 1 else column
             if column in excluded or used & {column, location, f"{table}/{column}"}:
                 continue
-            guess = guess_quantity(f"{table}/{column}")
             stated = content.units.get(column)
+            guess = load_factor_by_unit(guess_quantity(f"{table}/{column}"), stated)
             if guess is not None and stated:
                 guess = replace(guess, name=lever_by_unit(guess.name, known_unit(stated)))
             reason = _reason_to_leave(content, column, guess, flap)

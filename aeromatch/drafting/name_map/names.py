@@ -22,7 +22,12 @@ from flighttest.records.readers.columns import unit_of_column
 from flighttest.records.readers.name_map import Channel, Clock, Facts, NameMap, latitude_problem
 from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.readers.opening import FORMATS, open_recording, recognise_recording
-from flighttest.records.readers.recording import RecordedTable, clock_name
+from flighttest.records.readers.recording import (
+    CLOCK_NAMES,
+    RecordedTable,
+    Recording,
+    clock_name,
+)
 from flighttest.records.record import needs_names
 
 LOGS = {"ulog": "px4", "dataflash": "ardupilot"}
@@ -158,6 +163,7 @@ def draft_names(
     if author is None and not any(needs_names(file) for file in files):
         return NamesDraft(identity=True)
     recordings = [open_recording(file, NameMap({})) for file in files]
+    _demand_whole_records(files, recordings)
     # The first recording with a table gives the values from which units and signs follow.
     tables: dict[str, RecordedTable] = {}
     for recording in recordings:
@@ -201,6 +207,26 @@ def draft_names(
         remarks=tuple(notes),
         author=author,
     )
+
+
+def _demand_whole_records(files: Sequence[Path], recordings: Sequence[Recording]) -> None:
+    """Raise SchemaError if files hold different systems of a flight, and none of them a record."""
+    contents = []
+    for recording in recordings:
+        columns: set[str] = set()
+        for table in recording.tables.values():
+            columns.update(set(table.columns) - {*CLOCK_NAMES, clock_name(table.columns)})
+        contents.append(columns)
+    for file, columns in zip(files, contents, strict=True):
+        if contents[0] & columns:
+            continue
+        problem = (
+            f"{files[0].name} and {file.name} have no column in common besides the clock, as the "
+            f"files of several systems of one flight: a record is one file with all channels; join "
+            f"the files of each flight by their clock first, a cell without a value stays blank "
+            f"(how-to 'Map a recording')"
+        )
+        raise SchemaError("recordings", [problem])
 
 
 def _common_format(files: Sequence[Path]) -> str:

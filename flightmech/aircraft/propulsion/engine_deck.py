@@ -400,6 +400,6 @@ def _check_tables(tables: Mapping[str, xr.Dataset], coupled: bool) -> Iterator[s
     for name in sorted(tables):
         if name in TARGETS and name.endswith(("_time", "_limit")):
             # "not >" is also true for NaN
-            lowest = float(tables[name]["value"].min())
+            lowest = float(tables[name]["value"].values.min())
             if not lowest > 0.0:
                 yield f"{name} holds {lowest:g}; it must be positive everywhere"

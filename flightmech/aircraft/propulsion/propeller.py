@@ -42,7 +42,7 @@ PROPELLER_TARGETS = {
     "low_stop": "rad",
     "shaft_power": "W",
     "corrected_shaft_power": "W",
-    "shaft_bsfc": "kg J-1",
+    "shaft_bsfc": "kg W-1 s-1",
 }
 # Largest double, the bound of a limit that does not act.
 _MOST = sys.float_info.max

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _BUFFET = {
     "buffet_rms": ("rms of the vertical acceleration by buffet, not in the forces", "m s-2"),
-    "buffet_frequency": ("natural frequency of the spectrum of the buffet", "Hz"),
+    "buffet_frequency": ("natural frequency of the spectrum of the buffet", "rad/s"),
     "buffet_damping": ("damping ratio of the spectrum of the buffet", "1"),
 }
 

@@ -19,6 +19,7 @@ import h5py
 import numpy as np
 
 from flightmech.errors import SchemaError
+from flightmech.support.array_files.labelled_arrays import make_dataset, make_variable
 from flightmech.support.hdf5_seal import MOST_GROUPS, find_false_scale
 
 if TYPE_CHECKING:
@@ -212,23 +213,16 @@ def read_netcdf_tree(path: Path, only: str = "") -> tuple[xr.DataTree, list[str]
 
 
 def _to_dataset(leaf: StoredGroup) -> xr.Dataset:
-    """Return a group as a Dataset.
-
-    With `fastpath` xarray does not import dask, which it otherwise does if dask is installed.
-    """
-    import pandas as pd
-    import xarray as xr
-
-    points, indexes, tables = {}, {}, {}
+    """Return a group as a Dataset."""
+    axes, tables = {}, {}
     for name, item in leaf.items():
+        variable = make_variable(item.dims, item.values, item.attrs)
         # pandas has no index of half-precision numbers
         if item.dims == (name,) and item.values.dtype != np.float16:
-            index = pd.Index(item.values)
-            indexes[name] = xr.indexes.PandasIndex(index, name)
-            points[name] = xr.IndexVariable(name, index, item.attrs, fastpath=True)
+            axes[name] = variable
         else:
-            tables[name] = xr.Variable(item.dims, item.values, item.attrs, fastpath=True)
-    return xr.Dataset(tables, xr.Coordinates(points, indexes), leaf.attrs)
+            tables[name] = variable
+    return make_dataset(tables, axes, leaf.attrs)
 
 
 class _TreeReader:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from flightmech.errors import (
     SchemaError,
     UnknownName,
 )
-from flightmech.names import lookup
+from flightmech.names import WRAPPED, lookup
 from flightmech.quantities import parse_quantity, time_text
 from flightmech.support.arrays import rms
 from flightmech.units import G0, from_si
@@ -137,7 +137,7 @@ def window_means(
     Returns
     -------
     DataFrame
-        One row per window, ``start stop`` and channels. [SI]  Two means are computed.
+        One row per window, ``start stop`` and channels, headings within their turn. [SI]
         ``CL_weight`` is weight over dynamic pressure and wing area, the lift coefficient of level
         flight without a part of the thrust.  ``attitude_less_climb`` is pitch attitude less angle
         of climb.
@@ -168,7 +168,7 @@ def _average_window(
                 f"{time_text(time[0])} ... {time_text(time[-1])} s"
             )
         for name, x in leaf.data_vars.items():
-            row[str(name)] = float(np.nanmean(x.values[inside]))
+            row[str(name)] = _mean_of_channel(str(name), x.values[inside])
         if "h_baro" in leaf:
             # rate of climb [m s-1] by a straight line
             climb = float(np.polyfit(time[inside] - start, leaf["h_baro"].values[inside], 1)[0])
@@ -185,22 +185,34 @@ def _average_window(
     return row
 
 
-def line_through(line: StraightLine, points: pd.DataFrame) -> FittedLine:
-    """Return a straight line through points by least squares.
+def _mean_of_channel(name: str, x: np.ndarray) -> float:
+    """Return the mean of the known samples (time,), of a heading within its turn. [SI]"""
+    known = x[np.isfinite(x)]
+    if not known.size or name not in WRAPPED:
+        return float(known.mean()) if known.size else math.nan
+    mean, turn = float(np.unwrap(known).mean()), 2.0 * math.pi
+    return mean % turn if known.min() >= 0.0 else math.remainder(mean, turn)
 
-    The standard errors follow from the scatter of the points.
+
+def line_through(line: StraightLine, points: pd.DataFrame) -> FittedLine:
+    """Return a straight line through points by least squares; errors from their scatter.
 
     Raises
     ------
     UnknownName
         The points do not have a column of the line.
     IdentificationError
-        There are fewer than four points, or all points have the same x.
+        There are fewer than four points, all points have the same x, or a point has no value.
     """
     for name in (line.x, line.y):
         if name not in points:
             raise UnknownName(name, map(str, points.columns), "mean", f"line {line.name}")
     x, y = points[line.x].to_numpy(float), points[line.y].to_numpy(float)
+    if missing := int((~np.isfinite(x + y)).sum()):
+        raise IdentificationError(
+            f"line {line.name}: {missing} of {len(x)} points have no mean of {line.x} and "
+            f"{line.y}; repair these channels, or leave the points out of the series"
+        )
     if line.kind == "polar":
         x = x**2
     if len(x) < LEAST:
@@ -412,14 +424,21 @@ def _line_figures(fitted: FittedLine, aircraft: Aircraft) -> dict[str, FigureOfM
     return figures
 
 
-def judge_bounds(plan: EvaluationPlan, figures: Mapping[str, FigureOfMerit]) -> pd.DataFrame:
-    """Return every bound with its figure and verdict; columns `COLUMNS`, SI."""
+def judge_bounds(
+    plan: EvaluationPlan, figures: Mapping[str, FigureOfMerit], barred: Collection[str] = ()
+) -> pd.DataFrame:
+    """Return every bound with its figure and verdict; columns `COLUMNS`, SI.
+
+    A figure without a number, or of a part in `barred`, is not determined.
+    """
     units = figure_units(plan)
     rows = []
     for bound, (low, high) in zip(plan.bound, bounds_in_si(plan), strict=True):
         figure = figures.get(bound.of)
         if figure is None:
             figure = FigureOfMerit(math.nan, math.nan, units[bound.of])
+        part = bound.of.rpartition(".")[0]
+        if not math.isfinite(figure.value) or part in barred:
             verdict = OPEN
         elif low <= figure.value <= high:
             verdict = INSIDE

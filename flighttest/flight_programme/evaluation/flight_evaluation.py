@@ -46,6 +46,7 @@ from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
+from flighttest.remarks import is_forbidden
 from flighttest.submodels.aircraft_properties.eigenmotion import Eigenmotion, fit_motion
 
 T = TypeVar("T")
@@ -113,6 +114,9 @@ class _Evaluator:
         figures = collect_figures(
             quality, lines, fits=fits, motions=motions, aircraft=self.aircraft
         )
+        remarks = {fit.name: fit.remarks for fit in fits}
+        remarks |= {name: motion.remarks for name, motion in motions.items()}
+        barred = [name for name, items in remarks.items() if is_forbidden(items)]
         return Evaluation(
             plan=self.plan,
             aircraft=self.aircraft,
@@ -124,7 +128,7 @@ class _Evaluator:
             fits=fits,
             motions=motions,
             figures=figures,
-            judged=judge_bounds(self.plan, figures),
+            judged=judge_bounds(self.plan, figures, barred),
             refused=self.refused,
         )
 

@@ -105,6 +105,7 @@ from flighttest.reconstruction.quality.navigation.motion_delays import (
     motion_delays,
 )
 from flighttest.reconstruction.quality.record_notes import quality_remarks
+from flighttest.reconstruction.quality.recording.changing_units import changing_unit_findings
 from flighttest.reconstruction.quality.recording.clock_scale import (
     clock_findings,
     clock_scale,
@@ -248,6 +249,8 @@ def assess(
     on_time, corrected = with_surfaces(on_time, exchanged), with_surfaces(corrected, exchanged)
     smoothed, alike = smoothed_surfaces(on_time)
     findings += smoothing_findings(smoothed)
+    changing = changing_unit_findings(alike)
+    findings += changing
     responses = control_responses(alike)
     unchecked = _append_rows(unchecked, answers_not_checked(responses, on_time))
     gains, no_gain = gain_findings(responses, alike, aircraft, database)
@@ -272,7 +275,7 @@ def assess(
     findings += excitation_findings(
         excitation, correlation, corrected, marked_manoeuvres(record), purpose
     )
-    findings += quality_remarks(corrected, channels, comparisons, signals)
+    findings += quality_remarks(corrected, channels, comparisons, signals, record)
     # A record is not sound if the reconstruction refuses it.
     if all(finding.severity == "note" for finding in findings):
         findings += _refusals(record, aircraft, specification)

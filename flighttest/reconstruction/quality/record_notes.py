@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from flightmech.units import DEGREE, KNOT
 from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
@@ -37,6 +38,7 @@ def quality_remarks(
     table: pd.DataFrame,
     comparisons: dict[str, RelationCheck],
     recorded: ResampledChannels,
+    record: xr.DataTree,
 ) -> list[Finding]:
     """Return the notes on a record.
 
@@ -50,13 +52,33 @@ def quality_remarks(
         Result of `find_mistakes`.
     recorded : ResampledChannels
         As recorded.
+    record : DataTree
+        Its channels state the codes of missing values that the reader replaced.
     """
     return (
-        _note_absent_channels(recorded)
+        _note_missing_codes(record)
+        + _note_absent_channels(recorded)
         + _note_coarse_channels(table)
         + _note_offset_surfaces(signals)
         + _note_minimum_speed(signals, comparisons)
     )
+
+
+def _note_missing_codes(record: xr.DataTree) -> list[Finding]:
+    """Return the numbers that were read as missing values."""
+    findings = []
+    for node in record.children.values():
+        for name, channel in node.data_vars.items():
+            codes = channel.attrs.get("missing_codes")
+            if not codes:
+                continue
+            text = (
+                f"{name}: {codes} of column {channel.attrs.get('column', '')} stands for a missing "
+                f"value, and these samples have no value"
+            )
+            remedy = f"none if so; if it is a reading, give missing = [] for {name} in the name map"
+            findings.append(Finding("note", "missing", (str(name),), text, remedy=remedy))
+    return findings
 
 
 def _note_absent_channels(signals: ResampledChannels) -> list[Finding]:

@@ -59,7 +59,9 @@ class TableClock:
     attributes: dict[str, Any] = field(default_factory=dict)
 
 
-def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> TableClock:
+def rising_clock(
+    raw: np.ndarray, clock: Clock, scale: float, what: str, origin: float | None = None
+) -> TableClock:
     """Return the clock of a table.
 
     Parameters
@@ -72,6 +74,8 @@ def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Tabl
         Seconds in one unit of `raw`.
     what : str
         File and leaf, for the errors.
+    origin : float, optional
+        Stamp from which the drift counts; by default the first one. [s]
 
     Raises
     ------
@@ -129,20 +133,22 @@ def rising_clock(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Tabl
             f"that are allowed: correct or remove these stamps"
         )
         raise SchemaError(what, [text])
-    return _corrected_clock(time, samples, flags, clock)
+    return _corrected_clock(
+        time, samples, flags, clock, float(time[0]) if origin is None else origin
+    )
 
 
 def _corrected_clock(
-    time: np.ndarray, samples: np.ndarray, flags: list[Flag], clock: Clock
+    time: np.ndarray, samples: np.ndarray, flags: list[Flag], clock: Clock, origin: float
 ) -> TableClock:
     """Return the clock with drift and offset of the name map, and its gaps."""
-    # The drift stretches the time from the first stamp, the offset shifts it.
-    time = time[0] + (time - time[0]) / (1.0 + clock.drift) + clock.offset
+    # The drift stretches the time from its origin, the offset shifts it.
+    slope, shift = 1.0 / (1.0 + clock.drift), clock.offset
+    time = origin + slope * (time - origin) + shift
     shifted = []
     for flag in flags:
-        shifted.append(
-            flag._replace(start=flag.start + clock.offset, stop=flag.stop + clock.offset)
-        )
+        start, stop = (origin + slope * (at - origin) + shift for at in (flag.start, flag.stop))
+        shifted.append(flag._replace(start=start, stop=stop))
     step = np.diff(time)
     usual_step = median(step)
     gaps = []
@@ -275,6 +281,13 @@ def _remove_repeated(
     return time[is_new], samples[is_new], [flag]
 
 
+def _first_stamp(raw: np.ndarray, scale: float) -> float | None:
+    """Return the first stamp that is a number; None without any. [s]"""
+    stamps = np.asarray(raw, float)
+    known = np.flatnonzero(np.isfinite(stamps))
+    return float(stamps[known[0]]) * scale if known.size else None
+
+
 class Clocks:
     """Clocks of the tables of one file by a name map."""
 
@@ -391,8 +404,33 @@ class Clocks:
             if column is not None:
                 self.columns_used.add((table, column))
             clock = self.names.clock_of(table)
-            self._clocks[table] = rising_clock(raw, clock, scale, what)
+            origin = self._drift_origin(table, raw, scale) if clock.drift else None
+            self._clocks[table] = rising_clock(raw, clock, scale, what, origin)
         return self._clocks[table]
+
+    def _drift_origin(self, table: str, raw: np.ndarray, scale: float) -> float | None:
+        """Return the stamp from which the drift of a table counts; None for its own first. [s]
+
+        Tables of one clock have one origin, the earliest of their first stamps: their samples of
+        one instant stay together, whatever table begins first.
+        """
+        own = _first_stamp(raw, scale)
+        if own is None or table in self.names.clocks:
+            return None
+        firsts = [own]
+        for other in self.tables:
+            if other == table or other in self.names.clocks:
+                continue
+            try:
+                stamps, other_scale, _ = self._recorded_stamps(other)
+            except (UnknownName, ValueError):
+                # a table without a clock is not read
+                continue
+            first = _first_stamp(stamps, other_scale)
+            # a counter of its own, such as since power-on, is another clock
+            if first is not None and abs(first - own) < _LONGEST:
+                firsts.append(first)
+        return min(firsts)
 
     def have_same_stamps(self, first: str, second: str, what: str) -> bool:
         """Return whether two tables share their stamps."""

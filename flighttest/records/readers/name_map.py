@@ -114,6 +114,11 @@ class Channel(_Table):
         description="Calibration: rows [raw, value] in unit, or a CSV file of two columns; linear "
         "between, NaN and flagged beyond.",
     )
+    missing: tuple[float, ...] | None = Field(
+        default=None,
+        examples=[[-999, 9999]],
+        description="Raw numbers that are missing values; without it -999, 9999 and the like.",
+    )
     delay: Annotated[float, InUnits("s")] = Field(
         default=0.0,
         examples=["60 ms"],
@@ -128,14 +133,12 @@ class Channel(_Table):
     rate_limit: float | str | None = Field(
         default=None,
         examples=["300 deg/s"],
-        description="Of a command: the highest rate of the actuator that follows it, in SI or "
-        "with its unit.",
+        description="Of a command: the highest rate of its actuator, in SI or with its unit.",
     )
     stops: tuple[float | str, float | str] | None = Field(
         default=None,
         examples=[["-25 deg", "20 deg"]],
-        description="Of a command: lowest and highest position of the actuator, in SI or with "
-        "their unit.",
+        description="Of a command: lowest and highest position of its actuator.",
     )
     optional: bool = Field(
         default=False,
@@ -162,9 +165,7 @@ class Channel(_Table):
         return self
 
     def limits(self, name: str) -> tuple[float, tuple[float, float]] | None:
-        """Return rate limit and stops of the actuator behind a command, None if it has none.
-
-        The result is in SI.
+        """Return rate limit and stops of the actuator behind a command [SI]; None without one.
 
         Raises
         ------
@@ -330,8 +331,9 @@ class Clock(_Table):
     `rate` makes even stamps from the first stamp on.  It serves files that state only a sampling
     rate, or stamps too coarse for their samples.
 
-    The clock runs fast by `drift` seconds per second, counted from its first stamp.  `offset` is
-    added last and converts the clock to the clock of the record.  With `reset = true`, samples
+    The clock runs fast by `drift` seconds per second, counted from its first stamp; for the tables
+    of one clock from the earliest of theirs.  `offset` is added last and converts the clock to the
+    clock of the record.  With `reset = true`, samples
     after a backward step are moved behind the samples before it.
     """
 

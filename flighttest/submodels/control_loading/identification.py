@@ -89,7 +89,7 @@ def identify_control_loading(
     method : {"best", "regression", "output error"}
         The regressions alone; or the likelihood of the simulated free motion and of the driven
         stretches, started from the regressions. Without free motion both are the same. ``"best"``
-        is the output error if its search converged, otherwise the regressions, whose standard
+        is the output error if its search converged or ended stationary, otherwise the regressions, whose standard
         errors then contain the differences between both.
 
     Returns
@@ -160,7 +160,7 @@ def identify_control_loading(
         except IdentificationError as error:
             text = f"{loading.item}: the result is that of the regressions, because {error}"
             warnings.warn(text, AeromatchWarning, stacklevel=2)
-    if response is not None and (method == OUTPUT_ERROR or response.has_converged):
+    if response is not None and (method == OUTPUT_ERROR or response.is_maximum):
         return response
     if sources:
         identified = identified.with_errors(fit.changes(slow, quick, sources))
@@ -238,6 +238,7 @@ def _fit_responses(
             widened=friction.widened,
             maxima=friction.maxima,
             widened_by_maxima=friction.widened_by_maxima,
+            stationary_within=fit.stationary_within,
             unfinished=friction.unfinished,
         ),
     )

@@ -137,6 +137,11 @@ class IdentifiedLoading(PrintedResult):
         return self.response is not None and self.response.convergence.converged
 
     @property
+    def is_maximum(self) -> bool:
+        """Whether this is an output error whose search converged or ended stationary."""
+        return self.response is not None and self.response.is_maximum
+
+    @property
     def order(self) -> int:
         """Order of the model: 2 or 4."""
         return 2 if self.cable is None else 4

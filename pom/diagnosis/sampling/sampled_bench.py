@@ -78,6 +78,20 @@ class SampledRun:
             return math.nan
         return outcome.worst_ratio
 
+    def number(self, criterion: str) -> float:
+        """Return the ratio of a criterion; also NaN if it fails for another reason."""
+        outcome = self.outcomes.get(criterion)
+        if outcome is not None and outcome.fails_without_ratio:
+            return math.nan
+        return self.ratio(criterion)
+
+    @property
+    def deciding_number(self) -> float:
+        """`decides`; also NaN for a run that fails for another reason than its ratios."""
+        if self.status == "fail" and not self.decides > 1.0:
+            return math.nan
+        return self.decides
+
     def signed(self, criterion: str) -> float:
         """Return the ratio with the sign of model minus flight."""
         ratio = self.ratio(criterion)

@@ -93,13 +93,13 @@ def replay_draws(
     )
     ratios = {}
     for name in names:
-        ratios[name] = [run.ratio(name) for run in runs]
+        ratios[name] = [run.number(name) for run in runs]
     signed_ratios = {name: bench.signed(name, runs) for name in names}
     return SampledReplay(
         seed=models.seed,
         database=models.source,
         status=tuple(run.status for run in runs),
-        decides=np.array([run.decides for run in runs]),
+        decides=np.array([run.deciding_number for run in runs]),
         ratio=pd.DataFrame(ratios, dtype=float),
         shares=variance_shares(signed_ratios, regressors),
         fan=bench.fan(runs),

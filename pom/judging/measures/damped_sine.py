@@ -115,8 +115,8 @@ def fit_mode(time, y) -> DampedSine:
         )
     if mode.amplitude < 2.0 * mode.residual_rms:
         raise Invalid(
-            f"no oscillation stands out: amplitude {mode.amplitude:.3g}, residual "
-            f"{mode.residual_rms:.3g}"
+            f"no oscillation stands out: its amplitude is "
+            f"{mode.amplitude / mode.residual_rms:.2g} of the rms residual of the fit, 2 is needed"
         )
     return mode
 

@@ -256,8 +256,8 @@ def peak_lag(criterion: Criterion, match: Comparison) -> Judgement:
             ),
             flight=lag,
         )
-    # A lag that differs by full periods belongs to the same peak of another cycle.
-    model_lag -= mode.period * round((model_lag - lag) / mode.period)
+    # A lag of the model that differs by its full periods belongs to the same peak of another cycle.
+    model_lag -= model_mode.period * round((model_lag - lag) / model_mode.period)
     text = f"flight {lag:.2f} s, model {model_lag:.2f} s"
     if half_width(criterion, lag)[0] <= 0.0:
         raise Invalid(f"the tolerance is zero wide; {text}")

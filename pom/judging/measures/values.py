@@ -31,6 +31,7 @@ from pom.tolerances.criteria import OF_PARAMETER, Criterion
 from pom.tolerances.rows import DEMONSTRATION
 
 LEVEL = 1.0  # [s] End of the window over which the end level is averaged; our choice.
+SETTLED = 0.05  # of the whole change: more in the last `LEVEL` seconds is no end level; our choice
 
 
 def judge_engine_response(criterion: Criterion, match: Comparison) -> Judgement:
@@ -69,8 +70,28 @@ def judge_engine_response(criterion: Criterion, match: Comparison) -> Judgement:
         flight_time,
         model_time,
         at=float(time[0]),
-        remarks=(values, RowRemark("method", text)),
+        remarks=(values, RowRemark("method", text), *_end_departure(criterion, time, flight)),
     )
+
+
+def _end_departure(
+    criterion: Criterion, time: np.ndarray, flight: np.ndarray
+) -> tuple[RowRemark, ...]:
+    """Return the departure of a window that ends before the engine of the flight has settled."""
+    end = _end_level(time, flight)
+    earlier = time < time[-1] - LEVEL
+    whole = abs(end - float(flight[0]))
+    if not earlier.any() or not whole > 0.0:
+        return ()
+    moved = abs(end - _end_level(time[earlier], flight[earlier])) / whole
+    if moved <= SETTLED:
+        return ()
+    text = (
+        f"departure: the engine of the flight has not settled, in the last {LEVEL:g} s of the "
+        f"window it changes by {100.0 * moved:.0f} % of the whole change; its end level is not "
+        f"that of the power"
+    )
+    return (RowRemark("departure", text, criterion.measure),)
 
 
 def _end_level(time: np.ndarray, y: np.ndarray) -> float:

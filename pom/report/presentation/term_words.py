@@ -14,6 +14,9 @@ _COEFFICIENTS = {
     "Cn": "yawing-moment",
     "CX": "longitudinal-force",
     "CZ": "normal-force",
+    "Ch_a": "aileron hinge-moment",
+    "Ch_e": "elevator hinge-moment",
+    "Ch_r": "rudder hinge-moment",
 }
 # Cause of an increment, by the first part of the name of its contribution.
 _CAUSES = {
@@ -34,6 +37,17 @@ _CAUSES = {
     "speedbrake": "speed-brake extension",
     "gear": "gear extension",
     "ground": "ground effect",
+    # hinge moments are named by the variable
+    "alpha": "angle of attack",
+    "delta": "the deflection of the surface",
+    "delta_a": "aileron deflection",
+    "delta_e": "elevator deflection",
+    "delta_r": "rudder deflection",
+    "delta_a3": "the cube of the aileron deflection",
+    "delta_e3": "the cube of the elevator deflection",
+    "delta_r3": "the cube of the rudder deflection",
+    "delta_t": "trim-tab deflection",
+    "tab_gearing": "the geared tab",
 }
 # Condition of an increment, by the second part of the name.
 _CONDITIONS = {
@@ -43,6 +57,7 @@ _CONDITIONS = {
     "speedbrake": "with speed-brakes",
     "ice": "with ice",
     "beta": "in sideslip",
+    "rudder": "with rudder deflection",
 }
 # Variable of a group of terms such as ``*(gear)``.
 _VARIABLES = {
@@ -86,6 +101,10 @@ def term_words(term: str) -> str:
     'yawing-moment increment due to yaw rate, with gear down'
     >>> term_words("Cm/*"), term_words("*(gear)")
     ('all pitching-moment terms', 'all terms of gear extension')
+    >>> term_words("CL/ground_basic_alpha")
+    'change of basic lift in ground effect, with angle of attack'
+    >>> term_words("Ch_e/delta_t")
+    'elevator hinge-moment increment due to trim-tab deflection'
     >>> term_words("engine/static")
     'thrust and air flow of the engines over their speed'
     """
@@ -111,6 +130,8 @@ def _contribution_words(coefficient: str, name: str) -> str:
         return f"change of basic {coefficient.replace('-', ' ')} by ice"
     if name == "flap_slope":
         return f"change of {coefficient} slope due to flap extension"
+    if name.startswith("ground_") and name.removeprefix("ground_") not in _CONDITIONS:
+        return _ground_words(coefficient, name.removeprefix("ground_"))
     # Some causes have an underscore, such as load_factor.
     cause, condition = name, ""
     if name not in _CAUSES:
@@ -119,3 +140,15 @@ def _contribution_words(coefficient: str, name: str) -> str:
         return ""
     text = f"{coefficient} increment due to {_CAUSES[cause]}"
     return f"{text}, {_CONDITIONS[condition]}" if condition else text
+
+
+def _ground_words(coefficient: str, changed: str) -> str:
+    """Return the change of a contribution by the ground in words (`aerodb.edit.ground_effect`)."""
+    words, part = _contribution_words(coefficient, changed), ""
+    if not words:
+        # the part that grows with the angle of attack has a term of its own
+        words = _contribution_words(coefficient, changed.removesuffix("_alpha"))
+        part = ", with angle of attack"
+    if not words:
+        return ""
+    return f"change of {words.removeprefix('change of ')} in ground effect{part}"

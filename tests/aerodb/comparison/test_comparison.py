@@ -130,6 +130,22 @@ def test_coefficients_over_the_grid_of_both(small):
     )
 
 
+def test_ice_and_separation_count_and_other_variables_are_named(small):
+    """Ice of one database has its whole effect; a speed of a spool has no usual range."""
+    added = {
+        "CL/ice": terms.make_term(-0.3, regressors=["device.ice.setting"]),
+        "CL/stall": terms.make_term(0.2, regressors=["X_lift"]),
+        "CL/spool": terms.make_term(0.1, regressors=["engine1.n2"]),
+    }
+    b = aerodb.replace_terms(small, added)
+    row = aerodb.compare(small, b).loc["CL"]
+    # attached flow with and without ice, the other settings in turn
+    assert row["max_difference"] == pytest.approx(0.2)
+    assert row["note"].startswith("56 conditions; engine1.n2 taken as 0; ")
+    iced = aerodb.replace_terms(small, {"CL/ice": added["CL/ice"]})
+    assert aerodb.compare(small, iced).loc["CL", "max_difference"] == pytest.approx(-0.3)
+
+
 def test_the_grid_lies_where_both_have_tables(small):
     higher = changed(
         small, "CL/basic", axes={"mach": [0.3, 0.6], "alpha": np.radians([-8.0, 0.0, 8.0, 16.0])}

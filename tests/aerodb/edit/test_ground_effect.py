@@ -155,6 +155,14 @@ def test_height_table_is_the_formula():
     assert len(table["h_agl"]) == 73
 
 
+def test_height_table_of_a_term_that_goes_on_linearly_is_refused():
+    """A table over the height would go on to -0.053 at 1000 m, where the formula has 6.7e-6."""
+    flap = terms.make_term([0.1, 0.2], {"delta_f": [0.0, 0.1]}, outside="linear")
+    closed = in_ground_effect(flap, 1.0, -1.45, 2.0)
+    with pytest.raises(SchemaError, match="goes on linearly beyond its tables"):
+        with_height_table(closed, top=30.0)
+
+
 @pytest.mark.parametrize(
     ("make", "text"),
     [

@@ -261,3 +261,19 @@ def test_numbers_in_other_units_are_refused(clean, ice):
     text = '[terms."Cm/basic"]\nfactor = 0.9\nfactor_stderr = 0.05\nabout = "40 deg"\n'
     with pytest.raises(SchemaError, match="about lies beyond the alpha of the table"):
         add_ice(clean, ice(HEAD + text))
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"), [(1.0, ""), (0.9, "factor = 0.9\nfactor_stderr = 0\n")]
+)
+def test_an_offset_holds_its_end_values(clean, ice, factor, text):
+    """Within the clean table and beyond, also where the clean table goes on with its slope."""
+    leaf = terms.make_term(0.3 + 5.0 * ALPHA, {"alpha": ALPHA}, stderr=0.05, outside="linear")
+    tree = aerodb.replace_terms(clean, {"CL/basic": leaf})
+    iced = add_ice(tree, ice(HEAD + LIFT + text))
+    alpha = np.append(ALPHA, [-0.2, 0.4])
+    state = {"alpha": alpha, ICE: 1.0}
+    found = terms.evaluate_term(aerodb.terms(iced)["CL/basic_ice"], state, "clamp")
+    offset = np.interp(alpha, ALPHA[1:], [-0.0884, -0.1017, -0.1131, -0.1385])
+    expected = (factor - 1.0) * (0.3 + 5.0 * alpha) + offset
+    np.testing.assert_allclose(found, expected, atol=1e-12)

@@ -381,6 +381,28 @@ def test_an_angle_that_no_table_has_gets_its_full_range():
     assert np.abs(found - 8.0 * -0.3 * np.cos(alpha) / CBAR).max() < 1e-3 * 8.0 * 0.3 / CBAR
 
 
+@pytest.mark.parametrize("rules", [("linear", "hold"), ("hold", "linear")])
+def test_a_term_with_another_rule_beyond_its_ends_is_not_joined(rules):
+    """Force and moment keep their own rule: beyond the tables the moment about the new point is
+    that of the continued or held force, but for the change of the lever there (below 1.5 %).
+    """
+    of_force, of_moment = rules
+    points = {"alpha": [-0.1, 0.2]}
+    leaves = {
+        "CL/basic": terms.make_term([-0.5, 1.0], points, outside=of_force),
+        "Cm/basic": terms.make_term([0.1, -0.1], points, outside=of_moment),
+    }
+    db = aerodb.make_database(leaves, **ORIGIN, force_axes="stability")
+    moved = aerodb.transform.move_reference(db, (0.5, 0.0, 0.0))
+    alpha = 0.3
+    at = {"outside": "clamp", "alpha": alpha}
+    lift = aerodb.evaluate(db, "CL", **at)
+    expected = aerodb.evaluate(db, "Cm", **at) - 0.5 * lift * np.cos(alpha) / CBAR
+    found = aerodb.evaluate(moved, "Cm", **at)
+    assert found == pytest.approx(expected, rel=0.02)
+    assert set(aerodb.terms(moved)) == {"CL/basic", "Cm/basic", "Cm/basic_moved"}
+
+
 @pytest.mark.parametrize(
     ("point", "options", "text"),
     [

@@ -135,3 +135,11 @@ def test_bad_factors_are_refused(db, larger):
 def test_groups_share_no_term():
     names = [name for group in GROUPS.values() for name in group]
     assert len(names) == len(set(names))
+
+
+@pytest.mark.parametrize("variable", ["q", "V", "qbar", "engine1.thrust"])
+def test_a_term_over_a_quantity_of_the_known_size_is_refused(variable, db, larger):
+    """A pitch rate of 0.1 rad/s is another reduced rate on an aircraft of twice the size."""
+    more = {"Cm/more": terms.make_term(-1.0, regressors=[variable], stderr=0.1)}
+    with pytest.raises(SchemaError, match=rf"Cm/more depends on {variable} \["):
+        aerodb.transform.rescale(aerodb.replace_terms(db, more), larger)

@@ -50,6 +50,37 @@ def rows_of(alpha, line):
     return found
 
 
+def stability_axes(rows):
+    """Return a set of numbers in stability axes."""
+    return CoefficientSet(
+        "table",
+        ("a",),
+        force_axes="stability",
+        moment_axes="stability",
+        control_axes="stability",
+        reference=EstimateReference(aircraft().S, aircraft().cbar, aircraft().b, 7.6 * FOOT),
+        controls=(),
+        numbers=make_numbers(rows, ()),
+        unit_stated=True,
+    )
+
+
+@pytest.mark.filterwarnings("ignore::flightmech.errors.AeromatchWarning")
+def test_roll_derivatives_alone_are_turned_to_body_axes():
+    """A program without yaw derivatives: they count as zero, and the axes turn all the same."""
+    alphas = np.array([-4.0, 0.0, 6.0, 12.0]) * DEGREE
+    rows = []
+    for line, alpha in enumerate(alphas, 1):
+        rows += [row for row in rows_of(alpha, line)[0] if row["variable"] != "rhat"]
+    leaves = aerodb.terms(
+        build_database(aircraft(), stability_axes(rows), errors=errors_with(None))
+    )
+    cos, sin = np.cos(alphas[3]), np.sin(alphas[3])
+    damping = RATES[0, 0] * cos**2 - RATES[1, 0] * sin * cos
+    assert leaves["Cl/phat"]["value"].values[0, 3] == pytest.approx(damping, rel=1e-8)
+    assert "Cl/rhat" not in leaves
+
+
 @pytest.mark.filterwarnings("ignore::flightmech.errors.AeromatchWarning")
 def test_body_axes_give_the_database_of_stability_axes():
     alphas = np.array([-4.0, 0.0, 6.0, 12.0]) * DEGREE

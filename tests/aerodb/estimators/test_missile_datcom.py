@@ -63,6 +63,13 @@ def write(tmp_path, text):
     return tmp_path / "for006.dat"
 
 
+def test_derivatives_without_their_unit_are_refused(tmp_path):
+    """A damaged heading must not make zeros of all derivatives."""
+    damaged = PRINT.replace("DERIVATIVES (PER RADIAN)", "DERIVATIVES (PER RAD")
+    with pytest.raises(ParseError, match="without a heading that states their unit"):
+        read_estimate(write(tmp_path, damaged))
+
+
 @pytest.mark.slow
 @needs_outputs
 def test_every_number_is_on_its_line():

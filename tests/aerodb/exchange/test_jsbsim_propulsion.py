@@ -183,6 +183,8 @@ def test_variable_pitch():
     # 1 deg/s per rpm
     assert blades.governor_gain == pytest.approx(1.0 / 6.0)
     assert any("feathering is not read" in text for text in remarks)
+    # the file has no version, so JSBSim turns its gyroscopic moment round
+    assert any('lacks version="1.1"; here it is -omega x H' in text for text in remarks)
 
 
 def test_turboprop():
@@ -341,6 +343,12 @@ for k in range(600):
 e = "propulsion/engine/"
 print("WRITTEN", rpm, f[e + "power-hp"], f[e + "thrust-lbs"], f[e + "advance-ratio"],
       f["atmosphere/rho-slugs_ft3"], f["inertia/weight-lbs"])
+f["ic/q-rad_sec"], f["ic/r-rad_sec"] = 0.2, 0.3
+f.run_ic()
+f["propulsion/set-running"] = -1
+rpm, q, r = f[e + "propeller-rpm"], f["velocities/qi-rad_sec"], f["velocities/ri-rad_sec"]
+f.run()
+print("TURNING", rpm, q, r, f["moments/m-prop-lbsft"], f["moments/n-prop-lbsft"])
 """
 
 
@@ -373,8 +381,17 @@ def test_jsbsim_flies_the_written_aircraft(tmp_path):
         check=True,
         timeout=120,
     )
-    line = next(row for row in run.stdout.splitlines() if row.startswith("WRITTEN"))
-    rpm, power, thrust, advance, rho, weight = map(float, line.split()[1:])
+    printed = {row.split()[0]: row.split()[1:] for row in run.stdout.splitlines() if row.strip()}
+    # The thrust has no arm and no P-factor: pitch and yaw have the moment -omega x H alone, with the
+    # rates one frame later.
+    rpm, q, r, pitching, yawing = map(float, printed["TURNING"])
+    momentum = blades.inertia * rpm * np.pi / 30.0
+    unit = FOOT * POUND_FORCE
+    assert rpm > 500.0
+    assert pitching * unit == pytest.approx(-r * momentum, rel=0.05)
+    assert yawing * unit == pytest.approx(q * momentum, rel=0.05)
+
+    rpm, power, thrust, advance, rho, weight = map(float, printed["WRITTEN"])
     assert rpm > 1500.0
     assert power > 50.0
     n = rpm / 60.0

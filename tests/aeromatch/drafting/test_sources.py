@@ -87,3 +87,27 @@ def test_a_table_of_one_row_is_named(tmp_path):
     (tmp_path / "a.csv").write_text("Time,Bank\n0,1\n")
     with pytest.raises(SchemaError, match="1 row"):
         draft_names([tmp_path / "a.csv"])
+
+
+def test_files_of_several_systems_of_a_flight_are_named(tmp_path):
+    files = [
+        write_csv(tmp_path / "1_ins.csv", Time=TIME, Bank=BANK),
+        write_csv(tmp_path / "1_adc.csv", Time=TIME, KCAS=OTHER),
+    ]
+    with pytest.raises(SchemaError) as caught:
+        draft_names(files)
+    (problem,) = caught.value.problems
+    assert problem.startswith("1_ins.csv and 1_adc.csv have no column in common besides the clock")
+    assert "join the files of each flight by their clock" in problem
+
+
+def test_a_load_factor_in_g_is_the_accelerometer(tmp_path):
+    file = tmp_path / "flight.csv"
+    text = ["Uhrzeit;nz [g];Variometer [ft/min]"]
+    text += [
+        f"09:41:{t:06.3f};{1.0 + 0.01 * x:.4f};{x:.2f}" for t, x in zip(TIME, BANK, strict=True)
+    ]
+    file.write_text("\n".join(text).replace(".", ","))
+    rows = {row.name: row.channel for row in draft_names([file]).rows}
+    assert rows.keys() == {"az_imu", "hdot"}
+    assert (rows["az_imu"].column, rows["az_imu"].sign) == ("nz", -1)

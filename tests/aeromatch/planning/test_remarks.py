@@ -16,8 +16,8 @@ from flightmech.errors import SchemaError
 C182 = Path(__file__).parents[3] / "data" / "c182"
 
 
-def remarks(*models, gear=None, **errors):
-    fit = SimpleNamespace(name="pitch", models=models)
+def remarks(*models, gear=None, manoeuvres=(), **errors):
+    fit = SimpleNamespace(name="pitch", models=models, manoeuvres=manoeuvres)
     project = SimpleNamespace(fit=(fit,), errors=errors, ground_effect=None, gear=gear)
     return project_remarks(project)
 
@@ -89,3 +89,16 @@ def test_a_control_past_its_stops():
     states = xr.Dataset({"delta_e": moved, "delta_r": moved})
     (line,) = stop_remarks(SimpleNamespace(name="cruise", aircraft=aircraft), states)
     assert line.startswith("record cruise: delta_e reaches 8.02 deg, past its upper stop")
+
+
+def test_the_rolling_moment_with_the_regressors_of_lift():
+    (line,) = remarks("Cl = 1 + alpha + qhat")
+    assert "Cl is the rolling moment, and lift is CL" in line
+    assert remarks("Cl = 1 + beta + phat + rhat") == []
+
+
+def test_a_moment_without_the_surface_of_its_manoeuvre():
+    (line,) = remarks("Cm = 1 + alpha + qhat", manoeuvres=["3211 elevator"])
+    assert "Cm lacks delta_e, and the elevator moves in its manoeuvres" in line
+    assert remarks("Cm = 1 + alpha + delta_e", manoeuvres=["3211 elevator"]) == []
+    assert remarks("CL = 1 + alpha", manoeuvres=["3211 elevator"]) == []

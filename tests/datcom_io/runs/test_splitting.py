@@ -357,3 +357,14 @@ def test_a_condition_given_twice_is_run_once():
         "flaps_m0.2_h0_d0",
         "flaps_m0.2_h0_d10",
     ]
+
+
+def test_conditions_that_differ_in_temperature_only_are_two():
+    flight = (
+        " $FLTCON NMACH=1.0,MACH(1)=0.2,NALT=2.0,PINF(1)=2116.0,2116.0,LOOP=2.0,\n   "
+        "TINF(1)=518.7,560.0,NALPHA=2.0,ALSCHD(1)=0.0,2.0$"
+    )
+    decks = datcom_io.split_deck(study(flap=FLAP, FLTCON=flight))
+    warm = decks["flaps_m0.2_p2116_t560_d10"][0]
+    assert len(decks) == 5
+    assert warm.namelists["FLTCON"]["TINF"] == [560.0]

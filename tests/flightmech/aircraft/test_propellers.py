@@ -73,6 +73,12 @@ def test_file_with_a_piston_engine(read):
     assert float(power["manifold_pressure"][1]) == pytest.approx(28.0 * 3386.389, rel=1e-6)
 
 
+def test_fuel_of_a_piston_engine_has_units(read):
+    piston = PISTON.replace("bsfc = 8e-8", 'bsfc = "0.45 lb/hp/h"')
+    found = read(HEAD + piston).engines[0].piston.tables["bsfc"]["value"].item()
+    assert found == pytest.approx(0.45 * 0.45359237 / (745.6998715822702 * 3600.0))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mover", [PISTON, MOTOR], ids=["piston", "motor"])
 def test_written_aircraft_is_the_same(read, tmp_path, mover):

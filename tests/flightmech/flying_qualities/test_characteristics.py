@@ -9,7 +9,15 @@ import pytest
 from scipy.optimize import brentq
 
 import flightmech
+from flightmech import terms
+from flightmech.aircraft import Engine
+from flightmech.aircraft.aircraft import with_contents
 from flightmech.aircraft.controls import ControlGeometry
+from flightmech.aircraft.fuel import Fuel
+from flightmech.aircraft.propulsion.tank import Tank
+from flightmech.aircraft.separation import FlowSeparation
+from flightmech.errors import SimulationError
+from flightmech.flying_qualities.trim_over_speed import speed_stability
 from flightmech.steady_flight.trim_point import trimmed_at
 from flightmech.units import G0
 
@@ -295,3 +303,42 @@ def test_polar_and_glide(found, state, plain_aircraft):
     assert value(found, "V_best_glide") == pytest.approx(
         np.sqrt(2 * 2400.0 * G0 / (rho * 17.0 * np.hypot(CL, CD))), rel=0.01
     )
+
+
+def test_fuel_of_the_flight_counts_in_mass_and_centre_of_gravity(plain_aircraft, plain_tree):
+    """Tanks emptied by the condition, against an aircraft file that states them empty."""
+    tank = Tank((-1.0, 0.0, 0.2), 400.0, name="aft", content=400.0)
+    engine = Engine((0.0, 0.0, 0.0), feed=("aft",))
+    craft = plain_aircraft(engines=(engine,), fuel=Fuel(400.0, tanks=(tank,)))
+    flown = trimmed_at(craft, plain_tree(), CONDITION | {"init.tank.aft.fuel": 0.0})
+    assert flown.mass == pytest.approx(2000.0, rel=1e-13)
+    assert flown.cg == pytest.approx([0.2, 0.0, -0.04], abs=1e-13)
+    stated = trimmed_at(with_contents(craft, {"aft": 0.0}), plain_tree(), CONDITION)
+    np.testing.assert_allclose(flown.body_slopes("alpha"), stated.body_slopes("alpha"), rtol=1e-9)
+    assert flown.variables["x_cg"] == pytest.approx(0.25 - 0.2 / 1.67, rel=1e-13)
+    found, expected = (
+        next(row.value for row in speed_stability(one) if row.quantity == "neutral_point_trim")
+        for one in (flown, stated)
+    )
+    assert found == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("setting", [0.0, 1.0])
+def test_derivatives_hold_the_setting_of_a_device(setting, plain_aircraft, plain_tree):
+    """Ice takes 1.0 of the lift slope of 5.2 per radian."""
+    iced = terms.make_term(-1.0, regressors=["alpha", "device.ice.setting"])
+    tree = plain_tree(CL={"ice": iced})
+    flight = trimmed_at(plain_aircraft(), tree, CONDITION | {"device.ice.setting": setting})
+    assert flight.coefficients()[0] == pytest.approx(flight["CL"], rel=1e-12)
+    assert flight.body_slopes("alpha")[2] < 0.0
+    slope = flight.derivatives(["alpha"])["value"].sel(coefficient="CL").item()
+    assert slope == pytest.approx(5.2 - setting, rel=1e-9)
+
+
+def test_a_variable_that_no_trim_gives_is_named(plain_aircraft, plain_tree):
+    parts = {"a1": 20.0, "alpha_star": 0.25, "tau1": 15.0, "tau2": 4.0}
+    stall = FlowSeparation(2.0, {name: terms.make_term(value) for name, value in parts.items()})
+    tree = plain_tree(CL={"separated": terms.make_term(0.1, regressors=["X_lift"])})
+    flight = trimmed_at(plain_aircraft(stall=stall), tree, CONDITION)
+    with pytest.raises(SimulationError, match="depend on X_lift, which a trimmed flight does not"):
+        flight.coefficients()

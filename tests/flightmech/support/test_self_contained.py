@@ -138,6 +138,25 @@ def test_readers_refuse_them(made, read):
         read(made(external_storage))
 
 
+@pytest.mark.parametrize(("harm", "text"), FAULTS[:5])
+def test_the_reader_of_records_finds_them_in_its_own_walk(made, harm, text):
+    with pytest.raises(ParseError, match=re.escape(text)):
+        flighttest.read(made(harm))
+
+
+def test_the_reader_of_records_does_not_follow_dimension_scales(made):
+    """It calls no function of HDF5 that a false scale misleads."""
+
+    def harm(file, other):
+        text_in_place_of_dimensions(file, other)
+        for name, unit in (("time", "s"), ("p", "rad/s")):
+            file[f"clock/{name}"].attrs["units"] = unit
+        file["clock/p"][:] = np.arange(11.0)
+
+    record = flighttest.read(made(harm))
+    assert record["clock/p"].values == pytest.approx(np.arange(11.0))
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="a named pipe of POSIX")
 def test_a_named_pipe_is_refused(tmp_path):
     """HDF5 would wait for its writer."""

@@ -39,7 +39,25 @@ def test_the_median_does_not_mind_one_outlier():
     joined = pool([1.0, 1.1, 0.9, 1.05, 9.0], [0.1] * 5, "median")
     assert joined.value == 1.05
     assert joined.scatter == pytest.approx(1.4826 * 0.05)
-    assert joined.stderr == pytest.approx(1.25 * joined.scatter / np.sqrt(5))
+    # the five scatter by chance less than their standard errors of 0.1
+    assert joined.stderr == pytest.approx(1.25 * 0.1 / np.sqrt(5))
+    wide = pool([1.0, 1.5, 0.4, 1.3, 9.0], [0.1] * 5, "median")
+    assert wide.stderr == pytest.approx(1.25 * wide.scatter / np.sqrt(5))
+    many = pool([1.0, 1.1, 0.9, 1.05, 9.0, 1.02, 0.98, 1.0], [0.1] * 8, "median")
+    assert many.stderr == pytest.approx(1.25 * many.scatter / np.sqrt(8))
+
+
+def test_the_median_of_few_estimates_has_no_error_of_zero():
+    """Two of three estimates are equal: their scatter about the median is zero by chance."""
+    joined = pool([1.0, 1.0, 5.0], [0.1, 0.1, 0.1], "median")
+    assert joined.scatter == 0.0
+    assert joined.stderr == pytest.approx(1.25 * 0.1 / np.sqrt(3))
+    rng = np.random.default_rng(0)
+    inside = 0
+    for _ in range(300):
+        found = pool(rng.normal(size=3), [1.0] * 3, "median")
+        inside += abs(found.value) < 2.0 * found.stderr
+    assert inside > 0.93 * 300
 
 
 def test_what_cannot_be_pooled_is_refused():

@@ -20,6 +20,12 @@ def test_polynomial_by_ascending_power():
     assert channel.calibration("V") == "- polynomial [-10.0, 0.5, 0.01] of x [deg]"
 
 
+def test_a_rotor_speed_in_hertz_counts_turns():
+    channel = Channel(column="x", unit="Hz")
+    found = channel.convert(np.array([40.0]), "rpm", "engine1.rpm")
+    assert found == pytest.approx(80.0 * np.pi)
+
+
 def test_table_is_linear_between_and_nothing_beyond(tmp_path):
     file = tmp_path / "f.csv"
     file.write_text(

@@ -3,8 +3,9 @@ import pytest
 
 import flighttest
 from flightmech.errors import SchemaError
-from flighttest.records.readers.clocks import rising_clock
-from flighttest.records.readers.name_map import Clock
+from flighttest.records.readers.clocks import Clocks, rising_clock
+from flighttest.records.readers.name_map import Clock, NameMap
+from flighttest.records.readers.recording import RecordedTable
 
 
 def kinds(found):
@@ -67,6 +68,27 @@ def test_offset_and_drift():
     true = np.arange(0.0, 1000.0, 0.5)
     found = rising_clock(700.0 + true * (1 + 40e-6), Clock(drift=40e-6, offset=-700.0), 1.0, "x")
     np.testing.assert_allclose(found.time, true, atol=1e-9)
+
+
+def test_tables_of_one_clock_have_one_drift():
+    """A receiver that starts 60 s after the inertial unit, on the same clock, 1 % fast."""
+    stamps = {"imu": np.arange(5.0, 105.0, 0.1), "gps": np.arange(65.0, 105.0, 0.2)}
+    stamps |= {"boot": 1e9 + stamps["imu"], "own": stamps["gps"]}
+    tables = {name: RecordedTable({}, time=time) for name, time in stamps.items()}
+    names = NameMap({}, clock=Clock(drift=0.01), clocks={"own": Clock(drift=0.01)})
+    clocks = Clocks(tables, names, "x")
+    found = {name: clocks.table_clock(name, "x").time for name in tables}
+    np.testing.assert_allclose(found["imu"], 5.0 + (stamps["imu"] - 5.0) / 1.01)
+    np.testing.assert_allclose(found["gps"], 5.0 + (stamps["gps"] - 5.0) / 1.01)
+    np.testing.assert_allclose(found["boot"][0], 1e9 + 5.0)
+    np.testing.assert_allclose(found["own"][0], 65.0)
+
+
+def test_flags_follow_the_drift_of_their_clock():
+    raw = np.delete(0.1 * np.arange(1000), [500])
+    raw[700] = np.nan
+    (stray,) = rising_clock(raw, Clock(drift=0.01), 1.0, "x").flags
+    assert stray.start == pytest.approx(70.2 / 1.01)
 
 
 def test_gaps_are_marked_on_the_clock_of_the_record():

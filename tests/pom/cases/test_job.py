@@ -9,6 +9,7 @@ import xarray as xr
 from flightmech.errors import SchemaError, UnknownName
 from pom.cases.case import read_case
 from pom.cases.job import job_of
+from pom.cases.start_conditions import line_at_start, quiet_time
 
 
 @pytest.fixture
@@ -302,3 +303,41 @@ def test_recorded_contents_start_the_tanks_and_recorded_valves_move(write_case, 
     alone = job_of(read_case(path), rolling)
     assert not any("tank" in name for name in alone.parameters)
     assert "mass.Ixx" not in alone.parameters
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "quiet"),
+    [
+        ("delta_e", np.radians(5.0), 0.5),
+        ("F_column", 25.0, 0.5),
+        ("engine1.throttle", 0.4, 0.5),
+        ("engine1.thrust", -300.0, 0.5),
+        # noise of a pick-up, turbulence of a thrust, and a wind are no input
+        ("delta_e", np.radians(0.8), 0.8),
+        ("engine1.thrust", -40.0, 0.8),
+        ("wind_n", 5.0, 0.8),
+    ],
+)
+def test_the_start_is_taken_before_a_control_moves(name, size, quiet):
+    """A step at 0.5 s of 0.8 s moves the start of a line through all of it by -0.3 of its size."""
+    time = np.arange(0.0, 4.0, 0.02)
+    level = 1000.0 if name.endswith("thrust") else 0.1
+    values = np.where(time > 0.5, level + size, level)
+    q = np.where(time > 0.5, time - 0.5, 0.0)
+    states = xr.Dataset({name: ("time", values), "q": ("time", q)}, {"time": time})
+    assert quiet_time(states) == pytest.approx(quiet)
+    assert line_at_start(time, values, quiet_time(states))[0] == pytest.approx(
+        level if quiet < 0.8 else line_at_start(time, values)[0]
+    )
+    assert line_at_start(time, values)[0] == pytest.approx(
+        level - 0.316 * size, abs=0.02 * abs(size)
+    )
+    assert (line_at_start(time, q, quiet_time(states))[1] == 0.0) == (quiet < 0.8)
+
+
+def test_a_control_that_moves_from_the_start_on_leaves_the_shortest_part():
+    time = np.arange(0.0, 4.0, 0.02)
+    states = xr.Dataset({"delta_r": ("time", time)}, {"time": time})
+    assert quiet_time(states) == pytest.approx(0.2)
+    gap = states.assign(delta_r=("time", np.where(time < 1.0, np.nan, time)))
+    assert quiet_time(gap) == pytest.approx(0.8)

@@ -326,6 +326,19 @@ def test_engine_response_times(judged):
     )
 
 
+def test_a_window_that_ends_while_the_engine_accelerates_departs(judged):
+    """Time constant 4 s: a window that ends 3 s after the lever has half of the change."""
+    events, texts = {"throttle_movement": 10.0}, []
+    for stop in (60.0, 13.0):
+        time = TIME[stop >= TIME]
+        flight = {"engine1.n1": slam(4.0)["engine1.n1"][: time.size]}
+        row = judged("1.f.1", time, flight, flight, events=events)["tt"]
+        assert row["verdict"] == "pass"
+        texts.append(remarks_text(row["remarks"]))
+    assert "departure" not in texts[0]
+    assert "departure: the engine of the flight has not settled, in the last 1 s" in texts[1]
+
+
 def test_a_deceleration_counts_to_a_90_percent_decay(judged):
     """From 0.9 down to 0.02: 0.09 = 0.02 + 0.88 exp(-t/tau)."""
     got = judged(

@@ -1,15 +1,20 @@
 """Modes by fit, against damped sines whose numbers are chosen."""
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from pom.cases.case import PomCase
 from pom.judging.measures.damped_sine import _project_trace, fit_mode
 from pom.judging.measures.modal import judge_mode
 from pom.judging.measures.modal import peak_lag as judge_lag
 from pom.judging.signals import Comparison
+from pom.judging.verdict import judge_criterion
+from pom.replaying.recorded_runs import MasterRun, RecordedRun, recurrent_remarks
 from pom.tolerances import rows
 from pom.tolerances.bands import Invalid, remarks_text
 from pom.tolerances.criteria import Band, Criterion, Limit
@@ -237,6 +242,24 @@ def test_peak_lag_from_fitted_phases():
     )  # -1.2 s is the peak of the next cycle, at 1.3 s
 
 
+def test_the_lag_of_a_model_in_another_cycle_is_moved_by_its_own_period():
+    """Bank peaks 1.2 s before sideslip in a flight of period 2.5 s, 1.35 s in a model of 2.75 s:
+    the fit of the model gives -1.4 s.  Moved by the period of the flight it would be 1.1 s.
+    """
+    time = np.arange(0.0, 20.0, 0.02)
+
+    def run(period, lag):
+        phase = 2.0 * math.pi / period * lag
+        beta = sine(period, 0.1, time, 0.05, 0.0, 0.0, 0.0)
+        return {"beta": beta, "phi": sine(period, 0.1, time, 0.03, phase, 0.1, 0.002)}
+
+    band = Band((Limit("absolute", 0.1, "s"),), "single", "ref_scalar")
+    row = criterion("peak_lag", band, "phi", (0.0, 19.9))
+    got = peak_lag(row, time, run(2.5, 1.2), run(2.75, 1.4))
+    assert got.worst == pytest.approx(0.2, abs=1e-4)
+    assert got.verdict == "fail"
+
+
 def test_a_model_that_rolls_over_is_judged_without_the_jump_of_its_bank():
     """Bank through 180 deg, given within half a turn: the lag is that of the smooth trace, which
     the report stores and judges again.
@@ -328,3 +351,37 @@ def test_a_figure_of_the_flight_that_depends_on_the_window_is_remarked_and_the_v
     assert "depends on the window" not in remarks_text(
         judged(clean, ZETA).remarks
     )  # the mode is alone
+
+
+def recurrent(master, run):
+    """Return the first remark on a run compared with its master, two traces of the airspeed."""
+    row = criterion("period")
+    case = PomCase("c", "C", "1.a.1", rows.STANDARD, rows.EDITION, "c.toml", "r.nc", (0.0, 120.0))
+    case = replace(case, criteria=(row,))
+    traces = ("run", "time"), np.stack([master, master, run])
+    coords = {"run": ["flight", "device-master", "device"], "time": TIME}
+    result = SimpleNamespace(case=case, signals=xr.Dataset({"V_cas": traces}, coords))
+    stored = MasterRun("device-master", RecordedRun({}, "", ""), share=0.5)
+    return recurrent_remarks(result, "device", stored)[0]
+
+
+def test_a_run_that_has_lost_the_mode_of_its_master_is_beyond_the_recurrent_criterion():
+    same = recurrent(sine(38.0, 0.05), sine(38.1, 0.05))
+    assert (same.kind, same.text.endswith("largest 0.05 of it in period")) == ("recurrent", True)
+    lost = recurrent(sine(38.0, 0.05), sine(38.0, 0.05, amplitude=0.1))
+    assert lost.kind == "recurrent_beyond"
+    assert lost.text.endswith("unlike the master without a ratio: period")
+
+
+def test_a_failure_that_no_ratio_shows_is_known():
+    """A damping ratio of 0.005 against -0.005 is at half of its tolerance of 0.02."""
+    row, case = criterion("damping_ratio", ZETA), matched(TIME, {}, {}, "1.a.1").case
+
+    def judged(zeta):
+        return judge_criterion(
+            case, row, TIME, {"V_cas": sine(38.0, 0.005)}, {"V_cas": sine(38.0, zeta)}
+        )
+
+    growing, far, near = judged(-0.005), judged(0.05), judged(0.004)
+    assert (growing.verdict, growing.worst_ratio) == ("fail", pytest.approx(0.5, abs=1e-3))
+    assert [item.fails_without_ratio for item in (growing, far, near)] == [True, False, False]

@@ -76,6 +76,16 @@ def test_the_band_widens_with_the_motion_of_the_flight():
     assert remark.values["band"] == pytest.approx(10.0, rel=1e-3)
 
 
+def test_a_sample_without_a_value_does_not_end_the_watch_of_an_angle():
+    """A bank that leaves its band by 20 deg after a gap of one second in the flight."""
+    flight = phugoid()
+    flight["phi"] = np.where((TIME > 10.0) & (TIME < 11.0), np.nan, 0.0)
+    model = {**phugoid(), "phi": np.where(TIME > 60.0, 20.0 * DEG, 0.0) + 2.0 * np.pi}
+    (remark,) = watch_channels(case("2.c.9"), TIME, flight, model)
+    assert (remark.kind, remark.quantity) == ("departure", "phi")
+    assert remark.values["off"] == pytest.approx(20.0)
+
+
 def test_what_a_time_history_judges_is_not_watched_again():
     """2.d.2 judges the roll rate."""
     flight = {"p": 0.0 * TIME, "beta": 0.0 * TIME}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pom.cases.job import ReplayJob
-from pom.probing.thrust_bias import thrust_bias_remarks
+from pom.cases.job import TRIM_THROTTLE, ReplayJob
+from pom.probing.thrust_bias import CANCELLING, recorded_thrust_remarks, thrust_bias_remarks
 
 TIME = np.arange(0.0, 5.0, 0.1)
 LEVER = np.interp(TIME, [1.0, 2.0], [0.7, 0.4])
@@ -52,3 +52,38 @@ def test_what_has_no_bias_or_a_recorded_thrust_has_no_remark():
     assert remarks(thrust=-90.0, recorded=["engine1.thrust"]) == ()
     (remark,) = remarks(thrust=-90.0, output=None)
     assert remark.kind == "not_probed"
+
+
+def compared(model, drive="throttle", bias=0.0):
+    """Return the remarks on a model of 700 N, more at the start, against a record of 700 N."""
+    parameters = {"mass.mass": 500.0, "mode.trim": TRIM_THROTTLE}
+    job = ReplayJob(TIME, {f"engine1.{drive}": 0.7 + 0.0 * TIME}, parameters, (), ())
+    outputs = {
+        "engine1.thrust": np.where(TIME <= 1.0, model, 700.0),
+        "trim.throttle": bias + 0.0 * TIME,
+    }
+    return recorded_thrust_remarks(job, outputs, {"engine1.thrust": 700.0 + 0.0 * TIME})
+
+
+def test_an_engine_and_a_drag_that_cancel_each_other_differ_from_the_recorded_thrust():
+    (fits,) = compared(710.0)
+    assert fits.kind == "probe"
+    (high,) = compared(770.0)
+    assert high.kind == "departure"
+    assert high.values["share"] == pytest.approx(0.1)
+    assert "Engine and drag of the model are wrong alike" in high.text
+
+
+def test_a_lever_within_its_limit_can_be_worth_more_than_the_limit_of_the_thrust():
+    # 700 N at 74 % of the lever: 4 % of the travel are 38 N, 5.4 % of the recorded thrust
+    (_, lever) = compared(700.0, bias=0.04)
+    assert lever.kind == "departure"
+    assert lever.values["share"] == pytest.approx(0.04 / 0.74)
+    assert "moves the lever by +4 % of its travel" in lever.text
+    (_, small) = compared(700.0, bias=0.01)
+    assert small.kind == "probe"
+
+
+def test_a_thrust_that_drives_cannot_be_distinguished_from_a_drag():
+    (remark,) = compared(700.0, drive="thrust_drive")
+    assert (remark.kind, remark.text) == ("probe", CANCELLING)

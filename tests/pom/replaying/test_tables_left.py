@@ -49,8 +49,12 @@ def test_flow_angles_of_an_aeroplane_that_stands_do_not_count():
 
 def test_without_a_count_or_a_name():
     assert left((ALPHA,), steps=0.0, alpha=1.0 + TIME) == ()
-    assert [remark.text for remark in left((ALPHA,))] == ["tables left in 12 internal steps"]
-    assert [remark.text for remark in left(())] == ["tables left in 12 internal steps"]
+    (unseen,) = left((ALPHA,))
+    assert unseen.text.endswith("12 integration steps, in alpha, which is no output of the model")
+    (unseen,) = left((ALPHA, FLAP))
+    assert "in one of alpha, delta_f, which are" in unseen.text
+    (foreign,) = left(())
+    assert foreign.text.endswith("the FMU does not state in which variable")
 
 
 def test_the_ranges_are_read_from_the_fmu(trainer, toy, tmp_path):

@@ -117,10 +117,23 @@ def _list_differences(root: Element, propeller: Propeller, p_factor: float) -> l
         remarks.append("<reversepitch> is not read; add a table low_stop over throttle")
     if p_factor:
         remarks.append("the P-factor is that of the free stream, in JSBSim that of the slipstream")
+    if not _has_true_gyroscopic_moment(root):
+        remarks.append(
+            "the gyroscopic moment has the opposite sign in JSBSim, because the propeller file "
+            'lacks version="1.1"; here it is -omega x H'
+        )
     power = propeller.tables["CP_prop"]["value"].values
     if not (power < 0.0).any():
         remarks.append("C_POWER is never negative: the failed engine does not windmill")
     return remarks
+
+
+def _has_true_gyroscopic_moment(root: Element) -> bool:
+    """Return whether JSBSim applies -omega x H: for versions of the propeller file above 1.0."""
+    try:
+        return float(root.attributes.get("version", "nan")) > 1.0
+    except ValueError:
+        return False
 
 
 def _read_coefficient(root: Element, name: str, factor: str, *, mach: str) -> xr.Dataset:

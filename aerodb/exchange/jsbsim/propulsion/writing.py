@@ -122,7 +122,8 @@ def _piston_obstacles(piston: PistonEngine) -> list[str]:
 
 
 def _write_propeller(propeller: Propeller, name: str) -> ET.Element:
-    root = ET.Element("propeller", name=f"{name} propeller")
+    # JSBSim applies the gyroscopic moment -omega x H with this sign only from version 1.1 on.
+    root = ET.Element("propeller", name=f"{name} propeller", version="1.1")
     _add(root, "ixx", propeller.inertia / (SLUG * FOOT**2), unit="SLUG*FT2")
     _add(root, "diameter", propeller.diameter / INCH, unit="IN")
     _add(root, "gearratio", propeller.gear_ratio)

@@ -103,21 +103,23 @@ def _frozen_runs(time: np.ndarray, x: np.ndarray, name: str, rate: float) -> lis
 
     Runs at the ends of the range are saturations, unless they begin or end with the record.
     """
+    if name.rpartition(".")[2].startswith(DEVICES):
+        return []
     size = np.abs(np.diff(x))
-    typical = np.inf
-    if (size > 0.0).any():
-        typical = float(np.median(size[size > 0.0]))
     needed = max(HELD_SAMPLES, HELD_TIME * rate)
     still_runs = true_runs(np.concatenate([[False], size == 0.0]))
     long_runs = [(start, stop) for start, stop in still_runs if stop - start >= needed]
+    if not long_runs:
+        return []
+    typical = np.inf
+    if (size > 0.0).any():
+        typical = float(np.median(size[size > 0.0]))
     # Controls and headings may move without noise. The ones with noise do not rest for long.
     # The noise is that between the runs: a channel may be held for most of a record.
-    noise = np.nan
-    if long_runs and not name.rpartition(".")[2].startswith(DEVICES):
-        moving = np.ones(len(x), bool)
-        for start, stop in long_runs:
-            moving[start:stop] = False
-        noise = sixth_difference_noise(unwrap_angle(name, x[moving]))
+    moving = np.ones(len(x), bool)
+    for start, stop in long_runs:
+        moving[start:stop] = False
+    noise = sixth_difference_noise(unwrap_angle(name, x[moving]))
     # the negation is true for a noise of NaN, of channels without noise
     if not noise > _RESTLESS * typical:
         return []

@@ -11,6 +11,7 @@ import xarray as xr
 from flightmech.names import lookup
 from flightmech.quantities import time_text
 from flightmech.support.arrays import true_runs
+from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.checks.held_values import (
     DEVICES,
     channel_faults,
@@ -29,6 +30,7 @@ from flighttest.records.signals.sample_flags import (
 )
 
 NOISY = 3.0  # times the noise that the specification gives
+_ALIKE = 3.0  # quotient of a noise and the one of the aircraft file in another unit
 _JUMP = 25.0  # typical steps of a channel
 _LARGE_JUMP, _FULL_JUMP = 0.15, 0.8  # of the range: a jump, and a counter that wraps
 _EXTREME = 0.05  # of the range, within which a wrapped counter leaves one end and enters the other
@@ -328,7 +330,7 @@ def _noise_finding(row, specification: Instruments | None) -> list[Finding]:
         return []
     allowed = specification.noise(row.channel)
     if row.noise <= NOISY * allowed:
-        return []
+        return _degrees_finding(row, allowed)
     text = (
         f"noise of {row.channel} is {row.noise:.3g} {row.units}, {row.noise / allowed:.1f} "
         f"times the {allowed:.3g} of the aircraft file"
@@ -336,3 +338,18 @@ def _noise_finding(row, specification: Instruments | None) -> list[Finding]:
     remedy = "check the sensor, or give its true noise in the aircraft file"
     evidence = {"noise": row.noise, "specified": allowed}
     return [Finding("warning", "noise", (row.channel,), text, remedy=remedy, evidence=evidence)]
+
+
+def _degrees_finding(row, allowed: float) -> list[Finding]:
+    """Return the warning on a noise of the aircraft file that is degrees without their unit."""
+    is_angle = row.units in ("rad", "rad s-1")
+    if not is_angle or not 1.0 / _ALIKE < row.noise / (allowed * DEGREE) < _ALIKE:
+        return []
+    text = (
+        f"noise of {row.channel} is {row.noise:.3g} {row.units}, and the aircraft file has "
+        f"{allowed:.3g}, as if the number were in deg"
+    )
+    unit = "deg" if row.units == "rad" else "deg/s"
+    remedy = f"write the unit, such as '{allowed:g} {unit}': a number without one is in {row.units}"
+    evidence = {"noise": row.noise, "specified": allowed}
+    return [Finding("warning", "instrument", (row.channel,), text, remedy, evidence=evidence)]

@@ -19,6 +19,13 @@ _NOSE, _TAIL = 2.5, 1.25
 _FARTHEST_CG = 1.5
 # Least distance of an engine from the plane of symmetry that counts as a side, over the span.
 _CENTRE = 0.01
+# Least distance of an engine from the plane of symmetry that needs an engine opposite to it, and
+# largest difference of the two places, over the span.
+_ASIDE, _OPPOSITE = 0.05, 0.02
+# Least part of a thrust along x.
+_FORWARD = 0.7
+# Least distance of a propeller behind the reference point that is behind the wing, in mean chords.
+_BEHIND_WING = 0.5
 _RIGHT_ANGLE = 0.5 * np.pi
 # Largest flow of a transfer pump: those of large aircraft move some kg/s. [kg s-1]
 _LARGEST_PUMP = 20.0
@@ -36,7 +43,8 @@ def unusual_mounting(aircraft: Aircraft) -> Iterator[UnusualSize]:
     ------
     UnusualSize
         An engine farther from the reference point than the aircraft is large, one that pushes
-        backward, engines that are all on one side, and a centre of gravity more than 1.5 mean
+        backward, a propeller behind the wing, engines that are all on one side or without one
+        opposite to them, and a centre of gravity more than 1.5 mean
         chords before or behind the reference point.
     """
     reach = _FARTHEST * max(aircraft.b, _CHORDS * aircraft.cbar)
@@ -58,6 +66,8 @@ def unusual_mounting(aircraft: Aircraft) -> Iterator[UnusualSize]:
                 f"it",
                 "count it from the moment reference point, x forward, not from the drawing datum",
             )
+        elif engine.propeller is not None and position[0] < -_BEHIND_WING * aircraft.cbar:
+            yield from _pushing_propeller(float(position[0]), number, aircraft)
         if engine.direction[0] < 0.0:
             yield UnusualSize(
                 "engine_direction",
@@ -65,14 +75,15 @@ def unusual_mounting(aircraft: Aircraft) -> Iterator[UnusualSize]:
                 f"backward",
                 "give the direction of the thrust, x positive forward, such as [1.0, 0.0, 0.0]",
             )
-    sides = np.array([engine.position[1] for engine in aircraft.engines]) / aircraft.b
-    if sides.size > 1 and (sides.min() > _CENTRE or sides.max() < -_CENTRE):
-        side = "right" if sides.min() > 0.0 else "left"
-        yield UnusualSize(
-            "engine_position",
-            f"all {sides.size} engines are on the {side} side",
-            "turn the sign of y of those on the other side; y is positive to the right",
-        )
+        elif engine.direction[0] < _FORWARD * np.linalg.norm(engine.direction):
+            yield UnusualSize(
+                "engine_direction",
+                f"engine {number}: direction = {_place(engine.direction)} pushes the aircraft more "
+                f"to a side, up or down than forward",
+                "check the order x, y, z: x forward, y right, z down, such as [1.0, 0.0, 0.0]; right "
+                "for an engine that lifts",
+            )
+    yield from _unusual_sides(aircraft)
     x = aircraft.cg[0]
     if abs(x) > _FARTHEST_CG * aircraft.cbar:
         yield UnusualSize(
@@ -81,6 +92,44 @@ def unusual_mounting(aircraft: Aircraft) -> Iterator[UnusualSize]:
             f"reference point; usual is less than 1",
             "count it from the moment reference point, x forward, not from the drawing datum and "
             "not in % of the chord; a number without a unit is in m",
+        )
+
+
+def _pushing_propeller(x: float, number: int, aircraft: Aircraft) -> Iterator[UnusualSize]:
+    """Yield a propeller behind the wing of an aircraft that does not state pushers."""
+    if aircraft.facts.pusher:
+        return
+    yield UnusualSize(
+        "engine_position",
+        f"engine {number}: its propeller stands at x = {x:.4g} m, {-x / aircraft.cbar:.2g} mean "
+        f"chords behind the moment reference point: behind the wing",
+        "turn the sign of x if it is before the wing, x is positive forward; give pusher = true in "
+        "[facts] if it is behind it",
+    )
+
+
+def _unusual_sides(aircraft: Aircraft) -> Iterator[UnusualSize]:
+    """Yield engines that are all on one side, and one without an engine opposite to it."""
+    sides = np.array([engine.position[1] for engine in aircraft.engines]) / aircraft.b
+    if not sides.size:
+        return
+    if sides.size > 1 and (sides.min() > _CENTRE or sides.max() < -_CENTRE):
+        side = "right" if sides.min() > 0.0 else "left"
+        yield UnusualSize(
+            "engine_position",
+            f"all {sides.size} engines are on the {side} side",
+            "turn the sign of y of those on the other side; y is positive to the right",
+        )
+        return
+    for number, side in enumerate(sides, 1):
+        if abs(side) < _ASIDE or np.abs(sides + side).min() < _OPPOSITE:
+            continue
+        y = side * aircraft.b
+        yield UnusualSize(
+            "engine_position",
+            f"engine {number}: y = {y:.4g} m, and no engine is opposite to it",
+            "correct y, positive to the right, and the order x, y, z; in the plane of symmetry it "
+            "is 0",
         )
 
 

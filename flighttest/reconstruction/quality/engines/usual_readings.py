@@ -17,6 +17,11 @@ from flighttest.reconstruction.quality.finding import Finding
 _MANIFOLD = re.compile(r"engine\d+\.manifold_pressure")
 # Pa, absolute: closed throttle at height, and a large turbocharger
 _LEAST, _MOST = 10e3, 400e3
+# Pa, at most, of an engine that gives no power, and of one without a compressor
+_IDLE, _ALOFT = 37e3, 105e3
+_SINK = 1.0  # m/s of a flight without power, at least
+_HEIGHTS = ("h_baro", "h_gps")
+_PRESSURES = (("psi were taken as inHg", 2.036), ("inHg were taken as kPa", 3.386))
 _OFTEN = 5.0  # percentile that is not a spike
 # sign of the change by burning fuel
 _TANKS = {"mass": -1, "fuel": -1, "fuel_used": 1}
@@ -42,6 +47,7 @@ def manifold_findings(signals: ResampledChannels) -> list[Finding]:
             continue
         low, high = (float(x) for x in np.percentile(pressure, [_OFTEN, 100.0 - _OFTEN]))
         if low >= _LEAST and high <= _MOST:
+            findings += _idle_finding(name, float(np.median(pressure)), signals)
             continue
         text = (
             f"{name} is {low / 1e3:.3g} to {high / 1e3:.3g} kPa in flight; an absolute manifold "
@@ -55,6 +61,33 @@ def manifold_findings(signals: ResampledChannels) -> list[Finding]:
         evidence = {"low": low, "high": high}
         findings.append(Finding("warning", "range", (name,), text, remedy, evidence=evidence))
     return findings
+
+
+def _idle_finding(name: str, usual: float, signals: ResampledChannels) -> list[Finding]:
+    """Return the warning on an engine that idles by its manifold pressure while height is held.
+
+    8 psi, read as 8 inHg, is such a pressure.
+    """
+    height = next((item for item in _HEIGHTS if item in signals), None)
+    if height is None or usual >= _IDLE:
+        return []
+    mask = signals.mask((name, height))
+    duration = float(mask.sum() * signals.step)
+    if duration < _SHORTEST:
+        return []
+    values = signals[height][mask]
+    sink = float(values[0] - values[-1]) / duration
+    if sink > _SINK:
+        return []
+    text = (
+        f"{name} is {usual / 1e3:.3g} kPa for half of the flight, that of an idling engine, and the aircraft sinks "
+        f"by {sink:.2g} m/s only: level flight takes more than {_IDLE / 1e3:g} kPa"
+    )
+    factors = [(unit, factor) for unit, factor in _PRESSURES if _IDLE < usual * factor < _ALOFT]
+    if factors:
+        text += f", as if {' or '.join(unit for unit, _ in factors)}"
+    remedy = f"check the unit of {name} in the name map; right for a glider with its engine at idle"
+    return [Finding("warning", "unit", (name,), text, remedy, evidence={"median": usual})]
 
 
 def growing_findings(signals: ResampledChannels, aircraft: Aircraft) -> list[Finding]:

@@ -22,6 +22,7 @@ _PER_CENT = (20.0, 130.0)  # largest values of a share in per cent
 _HUNDREDTH = 0.02  # largest value of a share that was divided by 100 twice: up to twice full speed
 _RUNNING = 0.004  # largest value of a speed that is not zero, noise included
 _TURNING = ("n1", "n2")  # shares that are larger while an engine runs
+_MOVED = ("throttle", "prop_command")
 _FLAPS = "delta_f"
 _ONE = 0.01  # rad about 1 rad of the largest flap that is a position of 0 to 1
 # Positions at which flaps rest. As angles they are 14.3, 19.1, 28.6 and 38.2 deg: no flap has such
@@ -98,7 +99,7 @@ def _mistake_of(name: str, x: np.ndarray) -> _Mistake | None:
     largest = float(np.max(np.abs(x)))
     reaches = f"reaches {largest:.3g} {lookup(name).units}"
     if kind in _SHARES:
-        return _share_mistake(kind, largest)
+        return _share_mistake(kind, largest, travel=float(np.ptp(x)))
     if name == _FLAPS and abs(largest - 1.0) < _ONE:
         return _Mistake(
             f"{reaches}, 57.3 deg, at most: a position of 0 to 1 that is taken for an angle; usual "
@@ -142,14 +143,16 @@ def _flap_position(x: np.ndarray, step: float) -> _Mistake | None:
     )
 
 
-def _share_mistake(kind: str, largest: float) -> _Mistake | None:
+def _share_mistake(kind: str, largest: float, travel: float) -> _Mistake | None:
     if largest > _LARGEST_SHARE:
         fits = _PER_CENT[0] <= largest <= _PER_CENT[1]
         reason = "it fits per cent; state unit = '%'" if fits else "it fits no share"
         return _Mistake(
             f"reaches {largest:.3g}, and its full value is 1: {reason}", 0.01 if fits else 0.0
         )
-    if kind in _TURNING and _RUNNING < largest < _HUNDREDTH:
+    # a lever at idle rests, and one that is moved reaches more than a fiftieth
+    is_moved = kind in _MOVED and travel > max(_RUNNING, 0.5 * largest)
+    if (kind in _TURNING or is_moved) and _RUNNING < largest < _HUNDREDTH:
         return _Mistake(
             f"reaches {largest:.3g} only, and its full value is 1: a share that is taken for per "
             f"cent",

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 from h5py import AttributeManager, Dataset, h5a, h5d, h5g, h5o, h5s, h5t
 
 from flightmech.errors import ParseError
-from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.hdf5_seal import LinkedItems, demand_no_fault, find_unreadable
 from flighttest.records.readers.formats.nested import Array, Group, as_one_array, nested_tables
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import Recording, decoding_errors
@@ -43,9 +44,9 @@ def read(path: Path, names: NameMap) -> Recording:
     Raises
     ------
     ParseError
-        The file is damaged, or has no numbers over a clock.
+        The file is damaged, has numbers in other files, or has no numbers over a clock.
     """
-    demand_self_contained(path)
+    demand_no_fault(path, find_unreadable(path))
     facts: dict[str, Any] = {}
     with decoding_errors(path, _EXPECTED):
         # Each dataset is read whole and once, so that a cache of its chunks costs time only.
@@ -53,7 +54,7 @@ def read(path: Path, names: NameMap) -> Recording:
         for key, value in file.attrs.items():
             if not key.startswith("_"):
                 facts[str(key)] = _to_plain_value(value)
-        root = _read_group(file.id, str(path), facts, depth=0)
+        root = _GroupReader(path, file.id, facts).read(file.id, "", depth=0)
         tables, left_out = nested_tables(root, names)
     if not tables:
         raise ParseError(
@@ -73,35 +74,50 @@ def read(path: Path, names: NameMap) -> Recording:
 # times as long for the many short datasets of a record.
 
 
-def _read_group(group: h5g.GroupID, path: str, facts: dict[str, Any], depth: int) -> Group:
-    """Return the arrays of a group and its inner groups."""
-    if depth > _DEPTH:
-        raise ParseError(
-            path,
-            0,
-            found=f"groups inside each other more than {_DEPTH} deep",
-            expected="a recording",
-        )
-    # "marks" is the former name of the attribute "flags".
-    attributes = _Attributes(group)
-    flags = attributes.plain("flags", attributes.plain("marks", ""))
-    content = Group(flags=flags if isinstance(flags, str) else "")
-    for key in group:
-        name = key.decode("utf-8", "surrogateescape")
-        # MATLAB stores the targets of its references in such groups.
-        if name.startswith("#"):
-            continue
-        item = h5o.open(group, key)
-        if isinstance(item, h5g.GroupID):
-            inner = _read_group(item, path, facts, depth + 1)
-            array = as_one_array(inner, _structure_texts(item))
-            if array is not None:
-                content.arrays[name] = array
-            else:
-                content.groups[name] = inner
-        elif isinstance(item, h5d.DatasetID):
-            _add_dataset(content, name, item, path=path, facts=facts)
-    return content
+class _GroupReader:
+    """Reader of the groups of a file.
+
+    Parameters
+    ----------
+    path : Path
+    root : GroupID
+    facts : dict of str to object
+        Gets the start of a clock since a date.
+    """
+
+    def __init__(self, path: Path, root: h5g.GroupID, facts: dict[str, Any]) -> None:
+        self._path, self._facts = str(path), facts
+        self._items = LinkedItems(root)
+
+    def read(self, group: h5g.GroupID, place: str, depth: int) -> Group:
+        """Return the arrays of a group and its inner groups; `place` is its path in the file."""
+        if depth > _DEPTH:
+            raise ParseError(
+                self._path,
+                0,
+                found=f"groups inside each other more than {_DEPTH} deep",
+                expected="a recording",
+            )
+        # "marks" is the former name of the attribute "flags".
+        attributes = _Attributes(group)
+        flags = attributes.plain("flags", attributes.plain("marks", ""))
+        content = Group(flags=flags if isinstance(flags, str) else "")
+        for name, item, fault in self._items.of(group, place):
+            # No function of dimension scales is called here, so that they are not checked.
+            demand_no_fault(self._path, fault)
+            # MATLAB stores the targets of its references in such groups.
+            if name.startswith("#"):
+                continue
+            if isinstance(item, h5g.GroupID):
+                inner = self.read(item, f"{place}/{name}", depth + 1)
+                array = as_one_array(inner, _structure_texts(item))
+                if array is not None:
+                    content.arrays[name] = array
+                else:
+                    content.groups[name] = inner
+            elif isinstance(item, h5d.DatasetID):
+                _add_dataset(content, name, item, path=self._path, facts=self._facts)
+        return content
 
 
 # h5py makes the type again at each reading if it is not given.
@@ -137,13 +153,15 @@ class _Attributes:
             attribute.read(value, _memory_type(kind))
             return value
         text = h5py.check_string_dtype(kind)
-        if text is None or text.length is not None or shape != ():
+        if text is None or shape != ():
             is_dataset = isinstance(self._item, h5d.DatasetID)
             owner: Any = Dataset(self._item) if is_dataset else h5py.Group(self._item)
             return AttributeManager(owner)[name]
         # Numbers and single texts are read without the attribute manager, in half the time.
         single = np.empty(shape, kind)
         attribute.read(single)
+        if text.length is not None:
+            return single[()]
         return bytes(single[()]).decode("utf-8", "surrogateescape")
 
 
@@ -152,14 +170,19 @@ def _add_dataset(
 ) -> None:
     """Add a dataset to the arrays of a group, or the reason to omit it."""
     attributes = _Attributes(item)
-    reason = _reason_to_omit(item, attributes)
+    # Each question for type or shape makes an object of HDF5.
+    kind, shape = item.dtype, item.shape
+    reason = _reason_to_omit(kind, shape, attributes)
     if reason is None:
-        group.arrays[name] = _dataset_array(item, attributes, path=path, facts=facts)
+        load = partial(_read_values, item, kind, attributes, path)
+        group.arrays[name] = _dataset_array(shape, load, attributes, facts=facts)
     elif reason:
         group.left_out[name] = reason
 
 
-def _reason_to_omit(item: h5d.DatasetID, attributes: _Attributes) -> str | None:
+def _reason_to_omit(
+    kind: np.dtype[Any], shape: tuple[int, ...] | None, attributes: _Attributes
+) -> str | None:
     """Return why a dataset is not an array of numbers, None if it is one.
 
     The reason is empty for datasets that are not content: references and bare dimensions.
@@ -167,33 +190,33 @@ def _reason_to_omit(item: h5d.DatasetID, attributes: _Attributes) -> str | None:
     matlab_class = attributes.plain("MATLAB_class", "")
     if isinstance(matlab_class, str) and matlab_class in _MATLAB_CLASSES:
         return _MATLAB_CLASSES[matlab_class]
-    if item.dtype.kind not in "fiub":
-        return _describe_other_values(item)
-    if attributes.plain("MATLAB_empty", 0) or item.shape is None:
+    if kind.kind not in "fiub":
+        return _describe_other_values(kind)
+    if attributes.plain("MATLAB_empty", 0) or shape is None:
         return "an empty array"
     if str(attributes.plain("NAME", "")).startswith(_NETCDF_DIMENSION):
         return ""
     return None
 
 
-def _describe_other_values(item: h5d.DatasetID) -> str:
+def _describe_other_values(kind: np.dtype[Any]) -> str:
     """Return a description of values that are not numbers, empty for a reference."""
-    if h5py.check_string_dtype(item.dtype) is not None or item.dtype.kind in "SU":
+    if h5py.check_string_dtype(kind) is not None or kind.kind in "SU":
         return "text"
-    if h5py.check_ref_dtype(item.dtype) is not None:
+    if h5py.check_ref_dtype(kind) is not None:
         return ""
-    if item.dtype.kind == "c":
+    if kind.kind == "c":
         return "complex numbers; write the real and the imaginary part as an array each"
-    if item.dtype.names:
-        return (
-            f"rows of several fields ({', '.join(item.dtype.names[:6])}); write each field as "
-            f"an array"
-        )
+    if kind.names:
+        return f"rows of several fields ({', '.join(kind.names[:6])}); write each field as an array"
     return "values that are not numbers"
 
 
 def _dataset_array(
-    item: h5d.DatasetID, attributes: _Attributes, path: str, facts: dict[str, Any]
+    shape: tuple[int, ...],
+    load: Callable[[], np.ndarray],
+    attributes: _Attributes,
+    facts: dict[str, Any],
 ) -> Array:
     """Return a dataset of numbers as an array; a clock since a date adds the fact ``start``."""
     unit = attributes.plain("units", attributes.plain("unit", ""))
@@ -206,7 +229,7 @@ def _dataset_array(
     error = attributes.plain("stderr")
     if not isinstance(error, float) or not math.isfinite(error):
         error = None
-    return Array(tuple(item.shape), partial(_read_values, item, attributes, path), unit, error)
+    return Array(tuple(shape), load, unit, error)
 
 
 def _clock_unit(word: str) -> str:
@@ -216,10 +239,12 @@ def _clock_unit(word: str) -> str:
     return {"m": "min", "h": "h"}.get(word[0], "s")
 
 
-def _read_values(item: h5d.DatasetID, attributes: _Attributes, path: str) -> np.ndarray:
+def _read_values(
+    item: h5d.DatasetID, kind: np.dtype[Any], attributes: _Attributes, path: str
+) -> np.ndarray:
     """Return the values of a dataset without the packing of the CF conventions."""
     with decoding_errors(path, _EXPECTED):
-        stored = _read_stored(item)
+        stored = _read_stored(item, kind)
         scale = float(np.ravel(attributes.stored("scale_factor", 1.0))[0])
         offset = float(np.ravel(attributes.stored("add_offset", 0.0))[0])
         values = np.asarray(stored, float)
@@ -233,10 +258,10 @@ def _read_values(item: h5d.DatasetID, attributes: _Attributes, path: str) -> np.
         return values
 
 
-def _read_stored(item: h5d.DatasetID) -> np.ndarray:
+def _read_stored(item: h5d.DatasetID, kind: np.dtype[Any]) -> np.ndarray:
     """Return the numbers of a dataset as they are stored."""
+    shape = item.shape
     # Booleans and empty datasets need the conversion of h5py.
-    kind, shape = item.dtype, item.shape
     if kind.kind == "b" or not all(shape):
         return Dataset(item)[()]
     values = np.empty(shape, kind)

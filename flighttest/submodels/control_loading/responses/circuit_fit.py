@@ -91,7 +91,8 @@ class CircuitFit:
     theta : array (names,)
         Estimates.
     covariance : array (names, names)
-        With the colour of the residuals and the scatter between the records.
+        With the colour of the residuals, the scatter between the records, and the width of a
+        stationary end.
     rms : dict of str to float
         Residual of each output over the white noise of its pick-up.
     maximum : LikelihoodMaximum
@@ -123,6 +124,13 @@ class CircuitFit:
         step = np.abs(maximum.remaining[~maximum.active]) / stderr
         share = float(step.max(initial=0.0)) / PROVEN
         return Convergence(maximum.converged, maximum.iterations, share)
+
+    @property
+    def stationary_within(self) -> float:
+        """Largest width of the estimates at a stationary end, in standard errors; NaN without."""
+        if not len(self.maximum.width):
+            return np.nan
+        return float(self.maximum.width[: len(self.names)].max())
 
     def change(self, windows: Sequence[FreeWindow], rows: Sequence[DrivenRows]) -> np.ndarray:
         """Return the change of the estimates (names,) if the records were these, to first order."""
@@ -264,6 +272,10 @@ def _fit_of(
         _covariance(maximum, likelihood)[:count, :count],
         _scatter_covariance(maximum, likelihood, count)[:count, :count],
     )
+    if len(maximum.width):
+        # The maximum may be anywhere within this distance.
+        white = np.diag(invert_information(maximum.information, ~maximum.active))
+        covariance += np.diag(maximum.width[:count] ** 2 * white[:count])
     return CircuitFit(
         names=names,
         theta=maximum.theta[:count],

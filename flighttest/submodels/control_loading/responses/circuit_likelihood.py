@@ -30,6 +30,9 @@ _HELD_BY = ((TRAVEL, "friction"), (SURFACE, "hinge_friction"))
 _PLACINGS = 20
 # Largest distance of a ratio from its kink once it is placed.
 _PLACED = 1e-12
+# Distance from a kink within which the motion of a start that slides is below the rounding of the
+# integration, and distance outside at which its derivatives are taken instead.
+_ROUNDED, _OUTSIDE = 1e-5, 1e-5
 
 
 class CircuitLikelihood(Likelihood):
@@ -82,10 +85,10 @@ class CircuitLikelihood(Likelihood):
     def sides(self, theta: np.ndarray) -> Sides:
         """Return the derivatives on both sides of all kinks: loads at rest over friction."""
         both: list[Any] = []
-        for piece, columns in zip(self.pieces, self.layout.columns):
+        for number, (piece, columns) in enumerate(zip(self.pieces, self.layout.columns)):
             values = theta[columns]
             if isinstance(piece, SimulatedPiece):
-                both.append(piece.one_sided_slopes(values))
+                both.append(self._slopes_of_both_sides(number, theta))
             else:
                 both.append(piece.slopes(values, values, central=True))
         ratio, by_unknown = np.zeros(len(self.kinks)), np.zeros((len(self.kinks), len(theta)))
@@ -93,6 +96,30 @@ class CircuitLikelihood(Likelihood):
             ratio[k] = both[number].ratio[end]
             by_unknown[k, self.layout.columns[number]] = both[number].by_unknown[end]
         return Sides(ratio, by_unknown, both)
+
+    def _slopes_of_both_sides(self, number: int, theta: np.ndarray) -> CircuitSlopes:
+        """Return the slopes of a window; those outside of a kink are taken a little further out.
+
+        At a kink, an end slides by nothing, so that rounding decides on which way its bristle
+        bends.  Near it, the motion of the end is proportional to the distance: its derivatives
+        further out are those at the kink.  Inside, both ways give the same.
+        """
+        columns = self.layout.columns[number]
+        at = self.simulated[number].one_sided_slopes(theta[columns])
+        outside = {}
+        for k, (piece, end, _) in enumerate(self.kinks):
+            if piece == number and abs(abs(at.ratio[end]) - 1.0) < _ROUNDED:
+                outside[k] = float(np.copysign(1.0 + _OUTSIDE, at.ratio[end]))
+        moved = self.place(theta, outside)[columns]
+        if not outside or not np.isfinite(moved).all():
+            return at
+        away = self.simulated[number].one_sided_slopes(moved)
+        ends = [self.kinks[k][1] for k in outside]
+        # inside, sliding + bends by_unknown, is kept
+        sliding, bends = at.sliding.copy(), at.bends.copy()
+        bends[:, :, ends] = away.bends[:, :, ends]
+        sliding += (at.bends - bends)[:, :, ends] @ at.by_unknown[ends]
+        return at._replace(sliding=sliding, bends=bends)
 
     def join_sides(self, sides: Sides, inside: np.ndarray) -> list[np.ndarray]:
         """Return the slopes on one side of each kink; inside, friction holds the control."""

@@ -5,8 +5,8 @@ chooses.  Where it cannot, the difference of the estimates is one more error of 
 the model that the records admit is part of the standard error.
 
 A likelihood with kinks has neighbouring maxima.  The likelier model is searched from several
-starts, which depend on the records alone.  The best maximum is the result, and others that are nearly as
-likely are treated as further models.
+starts, which depend on the records alone.  The best maximum is the result, and others that are
+nearly as likely are treated as further models.
 
 References
 ----------
@@ -201,7 +201,7 @@ def join_models(ends: Mapping[str, Sequence[CircuitFit]]) -> FrictionChoice:
     for width, fits in maxima.items():
         if width != chosen:
             covariance += weights[width] * _spread(best, fits)
-    unfinished = [width for width, fits in maxima.items() if not fits[0].maximum.converged]
+    unfinished = [width for width, fits in maxima.items() if not fits[0].maximum.is_proven]
     return FrictionChoice(
         fit=replace(best, covariance=covariance),
         weights=weights,
@@ -222,7 +222,7 @@ def _distinct(fits: Sequence[CircuitFit]) -> list[CircuitFit]:
     variances = np.diag(kept[0].covariance)
     stderr = np.sqrt(np.where(variances > 0.0, variances, np.inf))
     for fit in ordered[1:]:
-        if not fit.maximum.converged or fit.maximum.cost > kept[0].maximum.cost + _NEARLY:
+        if not fit.maximum.is_proven or fit.maximum.cost > kept[0].maximum.cost + _NEARLY:
             continue
         apart = [float(np.max(np.abs(fit.theta - one.theta) / stderr)) for one in kept]
         if min(apart) > _SAME:

@@ -29,6 +29,7 @@ from flighttest.maximum_likelihood.likelihood import (
     CONVERGED,
     EXHAUSTED,
     STALLED,
+    STATIONARY,
     LikelihoodMaximum,
     Target,
 )
@@ -37,6 +38,10 @@ from flighttest.maximum_likelihood.search import (
     demand_effect,
     demand_full_rank,
     invert_information,
+)
+from flighttest.submodels.control_loading.responses.direct_search import (
+    NEGLIGIBLE,
+    look_around,
 )
 from flighttest.submodels.control_loading.responses.quadratic_model import (
     QuadraticModel,
@@ -60,6 +65,8 @@ _FAIR = 15
 _DAMPING, _RAISE, _LEAST_DAMPING, _STUCK = 1e-3, 10.0, 1e-9, 1e10
 # Most rounds in which a step finds the surfaces that it would cross.
 _LANDINGS = 8
+# Most searches that start where a direct search found a lower cost.
+_RESTARTS = 5
 
 
 class Sides(NamedTuple):
@@ -162,6 +169,7 @@ class _KinkedSearch:
         self.damping, self.count, self.stop = _DAMPING, 0, ""
         self.grid = _GRID
         self.last_share = np.inf
+        self.restarts, self.width = 0, np.zeros(0)
         self.bend = np.zeros((len(start), len(start)))
         self.sides = likelihood.sides(start)
         self.plan = self._settle()
@@ -176,7 +184,8 @@ class _KinkedSearch:
         self.remaining = np.where(free, step, 0.0)
         share = float(np.max(np.abs(self.remaining) / self.errors, initial=0.0))
         self.is_near = share < _CLOSE
-        hopeless = self.count >= _FAIR and self.cost - full.expected > beyond
+        promised = self.cost - max(full.expected, 0.0)
+        hopeless = self.count >= _FAIR and promised > beyond
         if share < _SETTLED:
             self.stop = CONVERGED
         elif self.count == iterations or hopeless:
@@ -192,22 +201,52 @@ class _KinkedSearch:
         self.last_share = share if self.is_near else np.inf
         if accepted is None and self.grid > _FINEST:
             self.grid *= _FINER
+        elif accepted is None and share < PROVEN:
+            self.stop = CONVERGED
         elif accepted is None:
-            self.stop = CONVERGED if share < PROVEN else STALLED
+            self._look_around(free, beyond)
         else:
             self._accept(accepted)
+
+    def _look_around(self, free: np.ndarray, beyond: float) -> None:
+        """Continue from a lower place near a stalled search, or state what its end is.
+
+        Sharp bends at unknown places, as of friction by a small rate, can end a search by
+        derivatives.
+        """
+        self.stop = STALLED
+        if self.cost > beyond:
+            return
+
+        def cost_at(theta: np.ndarray) -> float:
+            return self._cost(self._inside(theta))
+
+        around = look_around(cost_at, self.theta, self.cost, self.plan.M, free)
+        if around.is_stationary:
+            self.stop, self.width = STATIONARY, around.width
+        elif around.fall > NEGLIGIBLE and self.restarts < _RESTARTS:
+            self.stop = ""
+            self.restarts += 1
+            self.theta, self.held = self._inside(around.theta), {}
+            self.bend[:] = 0.0
+            self.damping, self.grid, self.last_share = _DAMPING, _GRID, np.inf
+            self._simulate()
+            self.plan = self._settle()
 
     def _accept(self, trial: _KinkedTrial) -> None:
         before, step = self.plan, trial.theta - self.theta
         self.theta, self.held = trial.theta, trial.held
-        self.residuals = self.likelihood.residuals(self.theta)
-        self.cost = self.likelihood.cost(self.theta, self.residuals)
-        self.sides = self.likelihood.sides(self.theta)
+        self._simulate()
         self.plan = self._settle()
         if np.array_equal(before.inside, self.plan.inside):
             change = before.g - self.plan.g
             self.bend = updated_bend(self.plan.M, self.bend, step, change)
             self.plan = self._settle()
+
+    def _simulate(self) -> None:
+        self.residuals = self.likelihood.residuals(self.theta)
+        self.cost = self.likelihood.cost(self.theta, self.residuals)
+        self.sides = self.likelihood.sides(self.theta)
 
     def _search_line(self, full: _KinkedTrial) -> _KinkedTrial | None:
         """Return the best of a few steps, or the first damped one that lowers the cost."""
@@ -395,4 +434,5 @@ class _KinkedSearch:
             iterations=self.count,
             stop=self.stop,
             remaining=self.remaining,
+            width=self.width,
         )

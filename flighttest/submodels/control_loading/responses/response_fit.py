@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from flighttest.remarks import Convergence, Remark
+from flighttest.submodels.control_loading.responses.direct_search import DISTANCES
 from flighttest.submodels.control_loading.responses.window_response import (
     BRISTLE_TRAVEL,
     FRICTION_RATE,
@@ -46,6 +48,9 @@ class ResponseFit:
         Maxima of the likelier model that are nearly as likely as the best, itself included.
     widened_by_maxima : float
         Largest factor by which their differences widen a standard error.
+    stationary_within : float
+        Width of a stationary end in standard errors: the search stalled, but around its end the
+        cost is higher everywhere beyond it. NaN without one.
     unfinished : sequence of str
         Models of friction whose search ended before its maximum: their weight is a lower limit.
     """
@@ -59,18 +64,44 @@ class ResponseFit:
     widened: float = 1.0
     maxima: int = 1
     widened_by_maxima: float = 1.0
+    stationary_within: float = math.nan
     unfinished: Sequence[str] = ()
+
+    @property
+    def is_maximum(self) -> bool:
+        """Whether the search converged or ended at a stationary place."""
+        return self.convergence.converged or not math.isnan(self.stationary_within)
 
     @property
     def remarks(self) -> list[Remark]:
         """Remarks on a force that driven and free motion do not share, on the misfit, and on models
         of friction and maxima between which the records do not decide.
         """
-        remarks = self.convergence.remarks(
-            "output error of the circuit",
-            "the likelihood still rises; give records with more motion, fewer terms, or drawings",
-            severity="warning",
-        )
+        remarks = []
+        if not self.is_maximum:
+            remarks = self.convergence.remarks(
+                "output error of the circuit",
+                "the likelihood still rises; give records with more motion, fewer terms, or "
+                "drawings",
+                severity="warning",
+            )
+        elif not self.convergence.converged:
+            text = (
+                f"output error of the circuit: stationary within {self.stationary_within:.2g} "
+                f"standard errors, not converged: the search stalled after "
+                f"{self.convergence.iterations} iterations where the likelihood is uneven. It is "
+                f"lower at {DISTANCES[-1]:g} standard error in every direction that was tried; the "
+                f"standard errors contain the width"
+            )
+            remarks.append(
+                Remark(
+                    "convergence",
+                    text,
+                    value=self.stationary_within,
+                    threshold=DISTANCES[-1],
+                    severity="note",
+                )
+            )
         value, stderr = self.hand_damping
         if abs(value) > _CERTAIN * stderr:
             text = (

@@ -1,6 +1,6 @@
 // ---- the plots of the case on the screen: one time axis, one cursor ----------------------------------------------------
 const DASH = { "run-0": [], "run-1": [1.5, 2.5], "run-2": [7, 3.5], "run-3": [9, 3, 2, 3], "run-4": [13, 4], "run-5": [9, 3, 2, 3, 2, 3] };
-const AXIS = 58, RIGHT = 10;
+const AXIS = 58, RIGHT = 18;
 const WIDTH = { judged: 2.2, shown: 1.9, input: 1.4 };   // of the flight line: it shows on both sides of a model that lies on it
 const HEIGHT = { judged: 178, input: 84, shown: 92, strip: 46, time: 26 };
 const GROUPS = { input: "Inputs", shown: "Further channels, without tolerance" };

@@ -258,15 +258,27 @@ def test_incompatible_fits_are_a_warning_that_the_database_keeps(tmp_path):
     """Two fits of one place, 0.1 of lift away from each other with errors of 0.001."""
     other = fit(name="other")
     other.estimates["estimate"].values[0] += 0.1
-    with pytest.warns(
-        AeromatchWarning, match=r"incompatible fits: CL \(chi-squared \d+.* of 8 estimates"
-    ):
+    expected = r"CL \(chi-squared \d+.* of 8 estimates.*errors of the fits grow 87 times\)"
+    with pytest.warns(AeromatchWarning, match=f"incompatible fits: {expected}"):
         found = tabulate([fit(), other], placed())
-    assert incompatible_fits(found.compatibility) == list(found.notices)
+    assert incompatible_fits(found.compatibility, found.report) == list(found.notices)
     after = aerodb.replace_terms(aerodb.replace_terms(placed(), found), found)
     assert len(notices_of(after.attrs)) == 1  # once, however often
     aerodb.save(after, tmp_path / "final.nc")
     assert notices_of(aerodb.open(tmp_path / "final.nc").attrs) == list(found.notices)
+
+
+@pytest.mark.slow
+def test_fits_that_agree_against_a_table_name_the_table():
+    """Two fits of one place with the same lift, ten times the a-priori error above the table."""
+    fits = [fit(), fit(name="other")]
+    for one in fits:
+        one.estimates["estimate"].values[0] += 0.5
+    with pytest.warns(AeromatchWarning, match="CL/basic moves by") as caught:
+        found = tabulate(fits, placed())
+    assert found.report["change_in_sd"]["CL/basic"] == pytest.approx(10.0, rel=0.1)
+    assert "moves by 10 of its a-priori standard errors)" in str(caught[0].message)
+    assert "of the fits grow" not in str(caught[0].message).split(")")[0]
 
 
 def test_fits_that_agree_give_no_warning():

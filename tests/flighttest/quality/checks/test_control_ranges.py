@@ -34,6 +34,7 @@ def found(name, x):
         ("engine1.throttle", 100.0 * MOVES, "it fits per cent"),
         ("engine2.n1", 100.0 * MOVES, "it fits per cent"),
         ("engine2.n1", 0.01 * MOVES, "a share that is taken for per cent"),
+        ("engine1.throttle", 0.01 * MOVES, "a share that is taken for per cent"),
         # an overspeed, and noise on it
         ("engine2.n1", np.linspace(0.004, 0.0133, TIME.size), "a share that is taken for per cent"),
         ("column", 100.0 * MOVES, "it fits mm taken for m"),

@@ -1,8 +1,11 @@
 """A recorder that stops is one finding, whatever the number of its groups of channels."""
 
-import pandas as pd
+from types import SimpleNamespace
 
-from flighttest.reconstruction.quality.checks.samples import flag_findings
+import pandas as pd
+import pytest
+
+from flighttest.reconstruction.quality.checks.samples import _degrees_finding, flag_findings
 
 COLUMNS = ["leaf", "channel", "kind", "start", "stop", "samples", "note"]
 
@@ -28,3 +31,13 @@ def test_other_gaps_and_channels_keep_their_finding():
     ]
     names = [finding.name for finding in found(*rows)]
     assert names == ["gap:imu", "gap:gps", "missing:delta_a", "missing:delta_e"]
+
+
+@pytest.mark.parametrize(("units", "unit"), [("rad", "0.03 deg"), ("rad s-1", "0.03 deg/s")])
+def test_a_noise_in_degrees_without_its_unit_is_named(units, unit):
+    row = SimpleNamespace(channel="phi", units=units, noise=5.4e-4)
+    (finding,) = _degrees_finding(row, 0.03)
+    assert finding.name == "instrument:phi"
+    assert f"'{unit}'" in finding.remedy
+    assert _degrees_finding(row, 5.2e-4) == []
+    assert _degrees_finding(SimpleNamespace(channel="V", units="m s-1", noise=5.4e-4), 0.03) == []

@@ -1,6 +1,7 @@
 """Places, inertias and stops of an aircraft file that no aircraft has."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,7 @@ from flightmech.aircraft.propulsion.fuel_transfer import Transfer
 from flightmech.aircraft.propulsion.tank import Tank
 from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
 
+ROOT = Path(__file__).parents[4]
 LEFT, RIGHT = (-3.0, -1.1, -0.5), (-3.0, 1.1, -0.5)
 
 
@@ -45,6 +47,7 @@ def test_a_sound_jet_has_no_remark():
     [
         (jet(positions=[(-3000.0, -1100.0, 0.0), RIGHT]), "[-3000, -1100, 0] m is outside of an"),
         (jet(direction=(-1.0, 0.0, 0.0)), "direction = [-1, 0, 0] pushes the aircraft backward"),
+        (jet(direction=(0.0, 0.0, -1.0)), "direction = [0, 0, -1] pushes the aircraft more to a"),
         (jet(positions=[LEFT, LEFT]), "all 2 engines are on the left side"),
         (jet(positions=[RIGHT, RIGHT]), "all 2 engines are on the right side"),
         (jet(cg=(-5.3, 0.0, 0.0)), "x = -5.3 m is 3.25 mean chords from the moment reference"),
@@ -66,3 +69,25 @@ def test_engines_that_are_counted_from_the_nose_are_named():
     assert "not from the drawing datum" in sizes[0].remedy
     # a datum at the firewall shows nothing
     assert unusual_sizes(jet(positions=((-3.5, 0.0, 0.0),), reference=(-1.1, 0.0, 0.0))) == []
+
+
+@pytest.mark.slow
+def test_a_propeller_behind_the_wing_is_named_unless_stated():
+    example = flightmech.read_aircraft(ROOT / "data" / "c182" / "aircraft.toml")
+    (engine,) = example.engines
+    x, y, z = engine.position
+    behind = replace(example, engines=(replace(engine, position=(-x, y, z)),))
+    assert unusual_sizes(example) == []
+    (size,) = unusual_sizes(behind)
+    assert "its propeller stands at x = -2.055 m, 1.4 mean chords behind" in size.text
+    assert "turn the sign of x" in size.remedy
+    assert unusual_sizes(replace(behind, facts=replace(example.facts, pusher=True))) == []
+
+
+def test_an_engine_without_one_opposite_to_it_is_named():
+    (size,) = unusual_sizes(jet(positions=[(0.0, 1.5, 0.0)]))
+    assert "engine 1: y = 1.5 m, and no engine is opposite to it" in size.text
+    sizes = unusual_sizes(jet(positions=[LEFT, (-3.0, 1.9, -0.5)]))
+    assert [size.text[:10] for size in sizes] == ["engine 1: ", "engine 2: "]
+    # three engines, one in the plane of symmetry
+    assert unusual_sizes(jet(positions=[LEFT, (-4.0, 0.0, -1.0), RIGHT])) == []

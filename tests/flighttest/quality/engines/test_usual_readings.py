@@ -34,6 +34,19 @@ def test_manifold_pressure_of_gauge_and_absolute():
     assert "unit" in finding.remedy
 
 
+def test_manifold_pressure_of_an_idling_engine_in_level_flight():
+    pressure = 60e3 + 8e3 * np.sin(TIME)
+    level, sinking = np.full(TIME.size, 1500.0), 1500.0 - 3.0 * TIME
+    assert manifold_findings(signals(engine1__manifold_pressure=pressure, h_baro=level)) == []
+    # psi that were taken as inHg
+    pressure /= 2.036
+    (finding,) = manifold_findings(signals(engine1__manifold_pressure=pressure, h_baro=level))
+    assert finding.name == "unit:engine1.manifold_pressure"
+    assert "is 29.5 kPa for half of the flight" in finding.text
+    assert "as if psi were taken as inHg" in finding.text
+    assert manifold_findings(signals(engine1__manifold_pressure=pressure, h_baro=sinking)) == []
+
+
 AIRCRAFT = SimpleNamespace(mass=1040.0)
 
 
