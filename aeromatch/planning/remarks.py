@@ -81,8 +81,18 @@ def case_statements(cases: Iterable[PomCase]) -> list[str]:
     lines = []
     for case in cases:
         for remark in case_departures(case):
-            lines.append(f"case {case.name}: {remark.text.removeprefix('departure: ')}")
+            reason = _missing_reason(case, remark.quantity)
+            lines.append(f"case {case.name}: {remark.text.removeprefix('departure: ')}{reason}")
     return lines
+
+
+def _missing_reason(case: PomCase, name: str) -> str:
+    """Return that a band of the case file has no rationale; empty for what needs none."""
+    for criterion in case.criteria:
+        is_explained = bool({criterion.name, criterion.channel} & case.rationale.keys())
+        if criterion.name == name and criterion.provenance == "case file" and not is_explained:
+            return "; no [rationale] states why"
+    return ""
 
 
 def purpose_gaps(project: Project, records: Mapping[str, bool]) -> list[str]:

@@ -126,3 +126,15 @@ def test_what_a_case_file_makes_unusual_is_in_the_plan():
     untrimmed = replace(case, drive=replace(case.drive, trim=False))
     (line,) = case_statements([untrimmed])
     assert line.startswith("case short_period: the model starts at the recorded state without trim")
+
+
+@pytest.mark.parametrize(("reason", "has_remark"), [("", True), ("pitch_rate", False)])
+def test_a_wider_band_without_a_rationale_is_named(tmp_path, reason, has_remark):
+    text = (C182 / "cases" / "short_period.toml").read_text().replace('"../', f'"{C182}/')
+    text += '\n[tolerance]\npitch_rate = "9 deg/s"\n'
+    text += f'\n[rationale]\n{reason} = "J. Smith, 2024-05-17, gusts"\n' if reason else ""
+    file = tmp_path / "wide.toml"
+    file.write_text(text)
+    (line,) = case_statements([read_case(file)])
+    assert line.startswith("case short_period: tolerance of pitch rate")
+    assert line.endswith("; no [rationale] states why") == has_remark
