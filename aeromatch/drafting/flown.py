@@ -12,6 +12,7 @@ import pandas as pd
 
 from aeromatch.drafting.project_files import ProjectFiles
 from flightmech.errors import AeromatchError, SchemaError, near_names
+from flightmech.quantities import time_text
 from pom.cases.case import read_case
 from pom.cases.drafting.draft import init_case
 from pom.cases.job import ENGINE_DRIVES
@@ -68,6 +69,8 @@ _IDENTIFYING = (
 _MISSPELLED = 0.8
 # Kind of a movement that is not a manoeuvre.
 _UNKNOWN = "unknown"
+# What a record calls the position of the control that moves a surface.
+_HANDS = {"elevator": "column", "aileron": "wheel", "rudder": "pedals"}
 _SURFACES = {"elevator": "delta_e", "aileron": "delta_a", "rudder": "delta_r"}
 # Steady flight before a manoeuvre that the case includes. [s]
 _LEAD = 1.5
@@ -348,6 +351,32 @@ def _local_models(axis: str, controls: Sequence[str], channels: set[str]) -> tup
         f"Cl = 1 + beta + phat + rhat{aileron}{rudder}",
         f"Cn = 1 + beta + phat + rhat{aileron}{rudder}",
     )
+
+
+def describe_unknown(record: str, found: pd.DataFrame) -> list[str]:
+    """Return a remark for each control whose movements are all of unknown kind.
+
+    Parameters
+    ----------
+    record : str
+    found : DataFrame
+        Of `find_manoeuvres`.
+    """
+    known = " ".join(map(str, found["control"][found["manoeuvre"] != _UNKNOWN])).split()
+    remarks = []
+    for control, hand in _HANDS.items():
+        rows = found[(found["manoeuvre"] == _UNKNOWN) & (found["control"] == control)]
+        if control in known or rows.empty:
+            continue
+        first = rows.iloc[0]
+        more = f", and in {len(rows) - 1} more places" if len(rows) > 1 else ""
+        remarks.append(
+            f"{record}: the {control} moves from {time_text(first['start'])} to "
+            f"{time_text(first['end'])} s{more}, and no test input was found in it: it does not "
+            f"rest around its steps, as with a damper; map the {hand} of the pilot, or write the "
+            f"manoeuvres into the table of manoeuvres"
+        )
+    return remarks
 
 
 def without_unknown(table: pd.DataFrame) -> pd.DataFrame:

@@ -11,7 +11,7 @@ import xarray as xr
 
 import flighttest
 from aeromatch.drafting.aircraft import StatedFacts
-from aeromatch.drafting.flown import without_unknown
+from aeromatch.drafting.flown import describe_unknown, without_unknown
 from aeromatch.drafting.gaps import (
     channel_names,
     describe_other_recorders,
@@ -198,7 +198,9 @@ def add_manoeuvres(
             table = own_tables[name]
         else:
             try:
-                table = without_unknown(find_manoeuvres(record))
+                found = find_manoeuvres(record)
+                table = without_unknown(found)
+                remarks += describe_unknown(name, found)
             except SchemaError as error:
                 remarks.append(f"{name}: no manoeuvre was looked for: {'; '.join(error.problems)}")
         flights.marks[name] = table

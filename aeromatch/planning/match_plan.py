@@ -14,11 +14,10 @@ import xarray as xr
 import aerodb
 import flightmech
 import pom
-from aeromatch.planning import model_checks
+from aeromatch.planning import model_checks, remarks
 from aeromatch.planning.case_checks import CaseChecks
 from aeromatch.planning.record_look import LookTask, RecordLook
 from aeromatch.planning.record_looks import RecordLooks
-from aeromatch.planning.remarks import aircraft_remarks, ice_remarks, project_remarks
 from aeromatch.planning.repeated_samples import (
     leaked_sample_problems,
     repeated_sample_problems,
@@ -30,7 +29,7 @@ from aeromatch.planning.steps import (
     run_collecting_problems,
     steps_of,
 )
-from aeromatch.planning.term_remarks import Range, term_remarks
+from aeromatch.planning.term_remarks import joined_ranges, term_remarks
 from aeromatch.project.project import Project
 from aeromatch.rebuilding.match_options import MatchOptions
 from aeromatch.workflow.aerodynamics import a_priori, add_missing_terms, before_flight
@@ -65,11 +64,13 @@ class MatchPlan:
     problems : list of str
         All reasons why the match cannot begin.
     departures : list of str
-        Departures of the windows of cases from normal practice, and gaps in the clocks of records.
-        The match runs with them, and its verdicts state them.
+        Departures of cases and their windows from normal practice, and gaps in the clocks of
+        records. The match runs with them, and its verdicts state them.
     remarks : list of str
         Unusual numbers and models that are mostly mistakes. The match runs with them and prints
         them as warnings.
+    gaps : list of str
+        That nothing identifies, that nothing proves: a match without fits or without cases.
     """
 
     project: Project
@@ -80,6 +81,7 @@ class MatchPlan:
     problems: list[str] = field(default_factory=list)
     departures: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+    gaps: list[str] = field(default_factory=list)
 
     def demand(self) -> None:
         """Raise all problems, if there are any.
@@ -176,6 +178,7 @@ class MatchPlan:
             "problems": self.problems,
             "departures": self.departures,
             "remarks": self.remarks,
+            "gaps": self.gaps,
         }
 
 
@@ -222,17 +225,19 @@ def make_plan(
     ]
     plan.cases += filter(None, cases)
     problems += contradictions(plan.cases)
+    plan.departures += remarks.case_statements(plan.cases)
     problems += model_checks.name_problems(project)
-    plan.remarks += project_remarks(project)
+    plan.remarks += remarks.project_remarks(project)
     # a case that cannot be read would be missed by its recording, too
     if len(plan.cases) == len(project.cases):
         run_collecting_problems(problems, "", read_devices, project, plan.cases)
     aircraft = run_collecting_problems(problems, "", flightmech.read_aircraft, project.aircraft)
     apriori: Aircraft | None = None
     if aircraft is not None:
-        plan.remarks += aircraft_remarks(aircraft)
+        plan.remarks += remarks.aircraft_remarks(aircraft)
         apriori = run_collecting_problems(problems, "", before_flight, project, aircraft)
     names = _record_names(project, plan.cases, problems)
+    plan.gaps = remarks.purpose_gaps(project, names)
     if aircraft is not None and apriori is not None:
         problems += model_checks.submodel_structure_problems(project, apriori, aircraft)
         looks = RecordLooks(project, custody, stages, jobs=jobs, keep_records=keep_records)
@@ -248,7 +253,8 @@ def make_plan(
         problems += repeated_sample_problems(samples)
         problems += leaked_sample_problems(samples, proofs)
         plan.remarks += resting_remarks(project, plan.looks)
-        plan.remarks += term_remarks(project, _joined_ranges(plan.looks))
+        ranges = joined_ranges(look.ranges for look in plan.looks.values())
+        plan.remarks += term_remarks(project, ranges)
         checks.run()
     if options.samples:
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)
@@ -259,18 +265,6 @@ def make_plan(
     plan.steps = steps_of(project, names, len(plan.cases), options.compare_tables)
     plan.products = products_of(project, plan.cases, options.compare_tables)
     return plan
-
-
-def _joined_ranges(looks: Mapping[str, RecordLook]) -> dict[str, dict[str, Range]]:
-    """Return the flown ranges of the axes by fit, over all records of the fit. [SI]"""
-    joined: dict[str, dict[str, Range]] = {}
-    for look in looks.values():
-        for position, ranges in look.ranges.items():
-            known = joined.setdefault(position, {})
-            for name, (low, high) in ranges.items():
-                before = known.get(name, (low, high))
-                known[name] = (min(low, before[0]), max(high, before[1]))
-    return joined
 
 
 def _check_folders(folder: Path, options: MatchOptions, problems: list[str]) -> None:
@@ -411,7 +405,7 @@ class _ModelChecks:
             problems += model_checks.term_problems(project, start, published)
             problems += model_checks.variable_problems(project, start, names)
             plan.remarks += model_checks.unplaced_remarks(project, start)
-            plan.remarks += ice_remarks(start, plan.cases, plan.looks)
+            plan.remarks += remarks.ice_remarks(start, plan.cases, plan.looks)
         windows: dict[int, xr.Dataset | None] = {}
         for number, case in enumerate(plan.cases):
             look_of_case = plan.looks.get(Path(case.record).stem)

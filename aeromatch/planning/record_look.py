@@ -34,6 +34,7 @@ from flightmech.support.kept_stages.stages import Kept
 from flighttest.reconstruction.quality.declarations.rigging import past_stops
 from flighttest.reconstruction.quality.engines.table_ranges import range_findings
 from flighttest.reconstruction.quality.engines.usual_sizes import unusual_sizes
+from flighttest.reconstruction.quality.record_notes import note_missing_codes
 from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
 from pom.checking.case_check import case_problems
@@ -143,7 +144,7 @@ class RecordLook:
     windows : dict of str to Dataset (time,)
         States of each case that has no problem with the record. [SI]
     remarks : list of str
-        Controls past the stops of the aircraft file.
+        Controls past the stops of the aircraft file, and codes of missing values.
     moved : dict of str to dict of str to float
         By fit: largest range of a variable inside one of its windows. [rad], [rad s-1]
     movers : dict of str to list of str
@@ -187,6 +188,8 @@ def look_at(
     """
     look = RecordLook(task.name)
     look.channels = sum(len(leaf.data_vars) for leaf in record.children.values())
+    for note in note_missing_codes(record):
+        look.remarks.append(f"record {task.name}: {note.text}; {note.remedy}")
     if states is None:
         states = run_collecting_problems(
             look.problems, f"record {task.name}", start_states, record, task.aircraft

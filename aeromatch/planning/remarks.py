@@ -33,6 +33,7 @@ from flighttest.records.sensors.instruments import instruments_of
 from flighttest.regression.equation_error.least_squares import intercept_mask
 from flighttest.regression.equation_error.model import RegressionModel
 from pom.cases.case import PomCase
+from pom.judging.departures import case_departures
 
 _REDUCED = {rate: reduced for reduced, (rate, _) in REDUCED_RATES.items()}
 
@@ -63,6 +64,59 @@ def project_remarks(project: Project) -> list[str]:
     if project.gear is not None:
         remarks += error_size_remarks(project.gear.errors, "gear.errors.")
     return [*remarks, *_model_remarks(project), *_control_remarks(project)]
+
+
+def case_statements(cases: Iterable[PomCase]) -> list[str]:
+    """Return what case files alone make unusual, such as a start without trim or a wider band.
+
+    Parameters
+    ----------
+    cases : iterable of PomCase
+
+    Returns
+    -------
+    list of str
+        The departures of `pom.judging.departures.case_departures`, a line each with its case.
+    """
+    lines = []
+    for case in cases:
+        for remark in case_departures(case):
+            reason = _missing_reason(case, remark.quantity)
+            lines.append(f"case {case.name}: {remark.text.removeprefix('departure: ')}{reason}")
+    return lines
+
+
+def _missing_reason(case: PomCase, name: str) -> str:
+    """Return that a band of the case file has no rationale; empty for what needs none."""
+    for criterion in case.criteria:
+        is_explained = bool({criterion.name, criterion.channel} & case.rationale.keys())
+        if criterion.name == name and criterion.provenance == "case file" and not is_explained:
+            return "; no [rationale] states why"
+    return ""
+
+
+def purpose_gaps(project: Project, records: Mapping[str, bool]) -> list[str]:
+    """Return what a match leaves undone for want of fits or of cases, one line each.
+
+    Parameters
+    ----------
+    project : Project
+    records : mapping of str to bool
+        Records of the match, and whether each identifies something.
+    """
+    gaps = []
+    if not any(records.values()) and not project.published:
+        gaps.append(
+            "no record identifies: the project has no fit, so every model keeps the a-priori "
+            "aerodynamics; add [[fit]] with records and models to the project file, or correct "
+            "what keeps 'aeromatch init' from drafting one"
+        )
+    if not project.cases:
+        gaps.append(
+            "no record proves: the project has no case, so the match writes no report; add a case "
+            "with 'aeromatch pom init', or correct what keeps 'aeromatch init' from drafting one"
+        )
+    return gaps
 
 
 def aircraft_remarks(aircraft: Aircraft) -> list[str]:

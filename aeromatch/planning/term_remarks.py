@@ -5,7 +5,7 @@ Such a term keeps its zero and its wide standard error, and the database shows i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 import xarray as xr
@@ -119,3 +119,17 @@ def _unflown_nodes(
             f"term {path}: the manoeuvres of its fits fly {axis} {shown}, and nothing identifies "
             f"its nodes at {nodes}; {way_out}"
         )
+
+
+def joined_ranges(
+    looks: Iterable[Mapping[str, Mapping[str, Range]]],
+) -> dict[str, dict[str, Range]]:
+    """Return the flown ranges of the axes by fit, over all records of the fit. [SI]"""
+    joined: dict[str, dict[str, Range]] = {}
+    for look in looks:
+        for position, ranges in look.items():
+            known = joined.setdefault(position, {})
+            for name, (low, high) in ranges.items():
+                before = known.get(name, (low, high))
+                known[name] = (min(low, before[0]), max(high, before[1]))
+    return joined

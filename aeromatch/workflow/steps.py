@@ -35,7 +35,7 @@ from flightmech.support.kept_stages.sharing import open_cluster
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from pom.archive.origins import ReportProvenance
 from pom.cases.signatures import plain_signatures
-from pom.checking.case_check import checks_text, with_record_checks
+from pom.checking.case_check import checks_text, codes_text, with_record_checks
 from pom.checking.report_checks import with_report_checks
 from pom.diagnosis.corrected_model import joint_terms
 from pom.diagnosis.term_swaps import by_submodel, differing_terms
@@ -202,6 +202,9 @@ def _provenance(result: Identified, fmus: Mapping[str, Path], command: str) -> R
     sources = rests_on(project, result.windows, result.cases)
     if result.left_out:
         sources["faulty samples"] = "; ".join(result.left_out)
+    codes = codes_text(Values(result.checks).values())
+    if codes:
+        sources["codes of missing values"] = codes
     sizes = sizes_text(result.tables.value[1].controls)
     if sizes:
         sources["size of the controls"] = sizes

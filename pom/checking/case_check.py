@@ -19,6 +19,7 @@ from flightmech.quantities import time_text
 from flightmech.simulation.compiler import SimModel
 from flightmech.support.kept_stages.sharing import process_pool
 from flighttest.reconstruction.quality import describe_name
+from flighttest.reconstruction.quality.record_notes import MISSING_CODE
 from pom.cases.case import PomCase, driven_quantities
 from pom.fmu.models import FmuModel
 from pom.fmu.variable_map import Fmu, links_of
@@ -249,6 +250,9 @@ class RecordCheck:
                 # small for a record, but rows judge the model with it
                 severity = "warning"
                 item = replace(item, kind=SMALL)
+            if severity == "note" and item.kind == MISSING_CODE:
+                # a value that the reader leaves out must be seen by the reader of the report
+                severity = "warning"
             if severity in by_severity:
                 text = _join_lines(item.text, item.remedy)
                 finding = RecordError(item.name, text, start=item.start, stop=item.stop)
@@ -364,6 +368,16 @@ def checks_text(checks: Iterable[RecordCheck]) -> dict[str, str]:
         if check.errors:
             texts[check.record] = "; ".join(error.line() for error in check.errors)
     return texts
+
+
+def codes_text(checks: Iterable[RecordCheck]) -> str:
+    """Return the numbers that were read as missing values, by record, for a provenance."""
+    texts = []
+    for check in checks:
+        codes = [item.text for item in check.warnings if item.name.startswith(MISSING_CODE)]
+        if codes:
+            texts.append(f"{check.record}: {'; '.join(codes)}")
+    return "; ".join(texts)
 
 
 def _join_lines(text: str, remedy: str) -> str:

@@ -85,6 +85,14 @@ def init_project(
             f"no record identifies or proves the model yet; next: correct names.toml or "
             f"aircraft.toml as listed above, then aeromatch init {folder} again"
         )
+    elif plan.gaps:
+        click.echo("aeromatch match would run, but a part of it has nothing to do:")
+        for text in plan.gaps:
+            click.echo(f"  - {text}")
+        click.echo(
+            f"next: correct names.toml or aircraft.toml as listed above, then aeromatch init "
+            f"{folder} again; or aeromatch match {project} -o {output} as it is"
+        )
     else:
         click.echo(
             f"aeromatch match accepts the project; next: aeromatch match {project} -o {output}"

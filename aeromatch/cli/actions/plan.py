@@ -71,6 +71,8 @@ def print_plan(plan: Any) -> None:
         click.echo("\nDepartures, which the verdicts state\n" + "\n".join(plan.departures))
     if plan.remarks:
         click.echo("\nRemarks: unusual, correct what is a mistake\n" + "\n".join(plan.remarks))
+    if plan.gaps:
+        click.echo("\nNothing to do yet in a part of the match\n" + "\n".join(plan.gaps))
     ending = "" if plan.problems else "; nothing was computed or written"
     click.echo(f"\n{count_text(len(plan.problems), 'problem')}{ending}")
     click.echo(

@@ -243,9 +243,10 @@ def _perform_match(
         with timed_step("check the project, its records and its cases"), warnings.catch_warnings():
             warnings.simplefilter("ignore", AeromatchWarning)
             plan = _make_plan(project, request, options, stages=stages, keep_records=True)
-        plan.demand()
+        # A remark, such as a code of missing values, often explains a problem.
         for text in plan.remarks:
             warnings.warn(text, AeromatchWarning, stacklevel=2)
+        plan.demand()
         for text in dict.fromkeys(stages.remarks if store is not None else ()):
             warnings.warn(text, AeromatchWarning, stacklevel=2)
         outcome = perform_match(

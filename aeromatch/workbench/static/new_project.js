@@ -60,6 +60,8 @@ const recordings = () => view.found.files.filter((one) => one.kind === "recordin
 const openRows = () => view.found.aircraft.filter((row) => row.open);
 // Remarks of a draft on quantities without a column, and on columns that may be one of them.
 const missing = () => view.found.remarks.filter((text) => /^no .* is recorded or recognised|^no column was recognised|^column .* moves with/.test(text));
+// Remarks of a draft on records whose thrust is neither recorded nor that of a propeller.
+const powerless = () => view.found.remarks.filter((text) => /^no thrust and no propeller/.test(text));
 const doubtful = () => view.found.columns.filter((row) => row.confidence === "CONFIRM" || row.confidence === "contradicts");
 
 function steps() {
@@ -69,10 +71,16 @@ function steps() {
   view.parts.steps.replaceChildren(
     step("files", "Files", `${sources} sources`, sources > 0),
     step("columns", "Columns", found.drafted ? `${doubtful().length} to confirm, ${left} of ${found.columns.length} not taken` : "not drafted yet", found.drafted && !doubtful().length && !missing().length),
-    step("aircraft", "Aircraft", found.drafted ? `${openRows().length} values to give or confirm` : "not drafted yet", found.drafted && !openRows().length),
+    step("aircraft", "Aircraft", found.drafted ? `${openRows().length} values to give or confirm${powerless().length ? ", engine without thrust" : ""}` : "not drafted yet", found.drafted && !openRows().length && !powerless().length),
     step("records", "Records", `${Object.keys(found.records).length} records`, Object.keys(found.records).length > 0),
     step("remarks", "Open points", `${found.remarks.length + found.refusals.length} points`, found.drafted && !found.remarks.length && !found.refusals.length),
-    step("plan", "Plan and match", view.plan ? (view.plan.problems.length ? `${view.plan.problems.length} problems` : "accepted") : "not planned yet", Boolean(view.plan && !view.plan.problems.length)));
+    step("plan", "Plan and match", planned(), Boolean(view.plan && !view.plan.problems.length && !view.plan.gaps.length)));
+}
+
+function planned() {   // a match that identifies or proves nothing runs, and is no success
+  if (!view.plan) return "not planned yet";
+  const { problems, gaps } = view.plan;
+  return problems.length ? `${problems.length} problems` : gaps.length ? gaps.map((text) => text.split(":")[0]).join(", ") : "accepted";
 }
 
 function goTo(name) {   // `scrollIntoView` would also move the page around the column
@@ -295,9 +303,10 @@ function valueTable(host, rows, label) {
 function aircraft() {
   const rows = view.found.aircraft;
   if (!rows.length) { view.parts.aircraft.replaceChildren(element("p", { class: "quiet" }, "After the draft: reference values of the cards, mass, moments of inertia, centre of gravity.")); return; }
-  const host = view.parts.aircraftTable = view.parts.aircraftTable || element("div");
-  if (!host.isConnected) view.parts.aircraft.replaceChildren(element("p", { class: "quiet" }, "A number is in the unit of its row; a text has its own unit: 2280 lb."), host);
+  const host = view.parts.aircraftTable = view.parts.aircraftTable || element("div"), power = view.parts.power = view.parts.power || element("div", { role: "status", "aria-label": "Thrust of the engines" });
+  if (!host.isConnected) view.parts.aircraft.replaceChildren(element("p", { class: "quiet" }, "A number is in the unit of its row; a text has its own unit: 2280 lb."), host, power);
   valueTable(host, rows, "Values of the aircraft");
+  power.replaceChildren(...powerless().map((text) => element("p", { class: "wanted" }, `${text}. To do so here: edit aircraft.toml in the folder above and press Check all again, or drop an aircraft file that has it.`)));
 }
 
 // ---- records, remarks ------------------------------------------------------------------------------------------------
@@ -318,7 +327,7 @@ function records() {
   valueTable(facts, found.facts, "Conditions of the recordings");
 }
 function remarks() {
-  const { remarks: rows, refusals, drafted, problems } = view.found, all = [...refusals.map((text) => ["fail", text]), ...(drafted ? [] : problems.map((text) => ["fail", text])), ...rows.filter((text) => !missing().includes(text)).map((text) => [null, text])];
+  const { remarks: rows, refusals, drafted, problems } = view.found, all = [...refusals.map((text) => ["fail", text]), ...(drafted ? [] : problems.map((text) => ["fail", text])), ...rows.filter((text) => ![...missing(), ...powerless()].includes(text)).map((text) => [null, text])];
   view.parts.remarks.replaceChildren(all.length ? element("ul", {}, all.map(([kind, text]) => element("li", { class: kind }, text))) : element("p", { class: "quiet" }, drafted ? "None." : "After the draft: what is missing, and what to do."));
 }
 
@@ -329,22 +338,24 @@ async function makePlan() {
   let job, failure;
   try { job = await act([...MATCH, "--plan", "--json"], { wait: 1 }); } catch (error) { failure = error; }
   if (own !== view) return;
-  if (failure) { view.plan = { problems: failure.message.replace(/^error: /, "").split(/; - /).filter(Boolean) }; } else { view.plan = JSON.parse((await get("/api/output", { number: job.number })).out); }
+  if (failure) { view.plan = { problems: failure.message.replace(/^error: /, "").split(/; - /).filter(Boolean), gaps: [] }; } else { view.plan = JSON.parse((await get("/api/output", { number: job.number })).out); }
   plan();
   steps();
 }
 function plan() {
+  const lines = (title, texts) => (texts.length ? [element("h3", {}, title), element("ul", { "aria-label": title }, texts.map((text) => element("li", {}, text)))] : []);
   const found = view.plan, span = (row) => `${number(row.start, 5)} to ${number(row.end, 5)} s`, exists = view.found.exists;
   const made = found && found.steps ? [
     element("h3", {}, "Steps"), element("ol", {}, found.steps.map((text) => element("li", {}, text))),
     element("h3", {}, "Fits"), element("div", { class: "scroll" }, table([["fit", "fit"], ["records", "records", { number: true }], ["windows", "windows", { number: true }], ["time, s", (row) => row.seconds.toFixed(0), { number: true }], ["models", (row) => element("span", {}, row.models.map((text) => element("code", { class: "block" }, text)))]], found.fits, { label: "Fits of the plan" })),
     element("h3", {}, "Cases"), element("div", { class: "scroll" }, table([["row", "id"], ["case", "title"], ["record", "record"], ["window", span], ["drive", "drive"], ["criteria", "criteria", { number: true }]], found.cases, { label: "Cases of the plan" })),
+    ...lines("Departures, which the verdicts state", found.departures), ...lines("Remarks: unusual, correct what is a mistake", found.remarks),
   ] : [];
   view.parts.plan.replaceChildren(
     element("div", { class: "row" },
       button("Plan the match", () => attempt(makePlan, view.parts.error), { disabled: !exists }),
       button("Match the project", () => attempt(async () => { await act(MATCH, { wait: 1 }); document.dispatchEvent(new CustomEvent("open-page", { detail: "match" })); }, view.parts.error), { class: "first", disabled: !exists || view.found.problems.length > 0 }),
       view.found.problems.length ? element("span", { class: "fail" }, "Values of the project are open; see the points above.") : ""),
-    found ? (found.problems.length ? element("div", {}, element("p", { class: "fail" }, `The match refuses the project for ${found.problems.length === 1 ? "a reason" : `${found.problems.length} reasons`}:`), element("ul", {}, found.problems.map((text) => element("li", {}, text)))) : element("p", { class: "pass" }, "\u2713 The match accepts the project.")) : element("p", { class: "quiet" }, "The plan lists steps, fits, cases and all problems; nothing is computed."),
+    found ? (found.problems.length ? element("div", {}, element("p", { class: "fail" }, `The match refuses the project for ${found.problems.length === 1 ? "a reason" : `${found.problems.length} reasons`}:`), element("ul", {}, found.problems.map((text) => element("li", {}, text)))) : found.gaps.length ? element("div", {}, element("p", { class: "wanted" }, "The match would run, but a part of it has nothing to do:"), element("ul", {}, found.gaps.map((text) => element("li", {}, text)))) : element("p", { class: "pass" }, "\u2713 The match accepts the project.")) : element("p", { class: "quiet" }, "The plan lists steps, fits, cases and all problems; nothing is computed."),
     ...made);
 }

@@ -14,6 +14,7 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flightmech.support.figures import demand_drawable, new_figure, write_figure
 from flightmech.units import DEGREE
+from flighttest.flight_programme.manoeuvre_finding.commanded_surfaces import commanded_part
 from flighttest.flight_programme.manoeuvre_finding.excursions import (
     Excursion,
     FoundManoeuvre,
@@ -54,6 +55,8 @@ _BEFORE = 5.0
 _LEAD = 0.5
 # Longest response after the last movement [s].
 _RESPONSE = 8.0
+# A step near another one is part of no input; the movements of a damper are such steps.
+_UNKNOWN_NOTE = "no known test input: it does not rest around its steps"
 COLUMNS = ["manoeuvre", "control", "start", "end", "note", "confidence"]
 
 
@@ -158,7 +161,8 @@ def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
     record : DataTree
         Flight record with channels of motion; its own marks are not used.  Surfaces are
         ``delta_e``, ``delta_a`` and ``delta_r``, levers ``engine1.throttle`` or, without them,
-        ``engine1.n1``.
+        ``engine1.n1``.  Where a damper moves a surface besides the pilot, ``pedal``, ``wheel`` or
+        ``column`` show his inputs (`commanded_part`).
 
     Returns
     -------
@@ -280,8 +284,28 @@ def named_by_response(record: xr.DataTree, marks: pd.DataFrame) -> pd.DataFrame:
 
 
 def _surface_movements(signals: ResampledChannels, name: str) -> _SurfaceMovements:
-    """Return the excursions of a surface in flight, and the smallest that counts."""
-    x = signals[name]
+    """Return the excursions of a surface in flight, and the smallest that counts.
+
+    They are those of the part that the pilot commands, where more test inputs stand in it.
+    """
+    movements = _movements_of(signals, signals[name])
+    commanded = commanded_part(signals, name)
+    if commanded is None:
+        return movements
+    own = _movements_of(signals, commanded)
+    control = SURFACES[name]
+    is_clearer = _count_inputs(control, own) > _count_inputs(control, movements)
+    return own if is_clearer else movements
+
+
+def _count_inputs(control: str, movements: _SurfaceMovements) -> int:
+    """Return the number of step inputs that are not doubtful."""
+    entries = step_inputs(control, movements.excursions)
+    return sum(entry.confidence > _DOUBTFUL for entry in entries)
+
+
+def _movements_of(signals: ResampledChannels, x: np.ndarray) -> _SurfaceMovements:
+    """Return the excursions of a deflection in flight, and the smallest that counts. [rad]"""
     # Standard deviation of white noise. The median of its magnitude is 0.674 standard deviations,
     # and a second difference has sqrt(6) times the standard deviation: 0.674 * 2.449 = 1.65.
     noise = float(np.median(np.abs(np.diff(x, 2)))) / 1.65
@@ -418,7 +442,6 @@ def _tabulate(entries: Sequence[FoundManoeuvre], signals: ResampledChannels) -> 
     for entry in sorted(entries, key=lambda entry: entry.start):
         start, end = max(entry.start, first), min(entry.end, last)
         confidence = round(float(entry.confidence), 2)
-        rows.append(
-            (entry.kind, entry.control, round(start, 2), round(end, 2), "found", confidence)
-        )
+        note = _UNKNOWN_NOTE if entry.kind == "unknown" else "found"
+        rows.append((entry.kind, entry.control, round(start, 2), round(end, 2), note, confidence))
     return pd.DataFrame(rows, columns=COLUMNS)

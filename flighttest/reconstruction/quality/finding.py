@@ -41,6 +41,7 @@ _TITLES = {
     "lost": "samples lost in",
     "minimum_speed": "below the least speed:",
     "missing": "missing values of",
+    "missing_code": "code of a missing value in",
     "mounting": "mounting of",
     "noise": "noise of",
     "offset": "offset of",

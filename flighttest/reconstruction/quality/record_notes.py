@@ -30,6 +30,8 @@ _STRAIGHT_BANK, _STRAIGHT_RATE = 5.0 * DEGREE, 0.5 * DEGREE  # rad, rad/s
 _STRAIGHT_TIME = 30.0  # s of straight flight that determine the centre of a surface
 _CLOSE = 4.0 * DEGREE  # rms difference within which a vane is useful
 _BIN = 5.0  # m/s
+MISSING_CODE = "missing_code"
+"""Kind of the note on a number that stands for a missing value."""
 _LARGEST_SHARE = 0.6  # of the median speed in flight, below which a vane must become useful
 
 
@@ -56,7 +58,7 @@ def quality_remarks(
         Its channels state the codes of missing values that the reader replaced.
     """
     return (
-        _note_missing_codes(record)
+        note_missing_codes(record)
         + _note_absent_channels(recorded)
         + _note_coarse_channels(table)
         + _note_offset_surfaces(signals)
@@ -64,8 +66,14 @@ def quality_remarks(
     )
 
 
-def _note_missing_codes(record: xr.DataTree) -> list[Finding]:
-    """Return the numbers that were read as missing values."""
+def note_missing_codes(record: xr.DataTree) -> list[Finding]:
+    """Return a note on each channel of a record with numbers that were read as missing values.
+
+    Parameters
+    ----------
+    record : DataTree
+        With the attribute ``missing_codes`` of such channels, as `flighttest.read` sets it.
+    """
     findings = []
     for node in record.children.values():
         for name, channel in node.data_vars.items():
@@ -76,8 +84,8 @@ def _note_missing_codes(record: xr.DataTree) -> list[Finding]:
                 f"{name}: {codes} of column {channel.attrs.get('column', '')} stands for a missing "
                 f"value, and these samples have no value"
             )
-            remedy = f"none if so; if it is a reading, give missing = [] for {name} in the name map"
-            findings.append(Finding("note", "missing", (str(name),), text, remedy=remedy))
+            remedy = f"if it is a reading, give missing = [] for {name} in the name map"
+            findings.append(Finding("note", MISSING_CODE, (str(name),), text, remedy=remedy))
     return findings
 
 

@@ -9,9 +9,15 @@ import xarray as xr
 
 import flightmech
 from aeromatch.planning.record_look import stop_remarks
-from aeromatch.planning.remarks import aircraft_remarks, project_remarks
+from aeromatch.planning.remarks import (
+    aircraft_remarks,
+    case_statements,
+    project_remarks,
+    purpose_gaps,
+)
 from aeromatch.project.model_sections import NewTerm
 from flightmech.errors import SchemaError
+from pom.cases.case import read_case
 
 C182 = Path(__file__).parents[3] / "data" / "c182"
 
@@ -102,3 +108,33 @@ def test_a_moment_without_the_surface_of_its_manoeuvre():
     assert "Cm lacks delta_e, and the elevator moves in its manoeuvres" in line
     assert remarks("Cm = 1 + alpha + delta_e", manoeuvres=["3211 elevator"]) == []
     assert remarks("CL = 1 + alpha", manoeuvres=["3211 elevator"]) == []
+
+
+def test_a_match_that_identifies_or_proves_nothing_is_no_success():
+    bare = SimpleNamespace(published=(), cases=())
+    identifies, proves = purpose_gaps(bare, {"proof": False})
+    assert identifies.startswith("no record identifies: the project has no fit")
+    assert proves.startswith("no record proves: the project has no case")
+    assert purpose_gaps(bare, {"cruise": True}) == [proves]
+    whole = SimpleNamespace(published=("slopes.csv",), cases=("case.toml",))
+    assert purpose_gaps(whole, {"proof": False}) == []
+
+
+def test_what_a_case_file_makes_unusual_is_in_the_plan():
+    case = read_case(C182 / "cases" / "short_period.toml")
+    assert case_statements([case]) == []
+    untrimmed = replace(case, drive=replace(case.drive, trim=False))
+    (line,) = case_statements([untrimmed])
+    assert line.startswith("case short_period: the model starts at the recorded state without trim")
+
+
+@pytest.mark.parametrize(("reason", "has_remark"), [("", True), ("pitch_rate", False)])
+def test_a_wider_band_without_a_rationale_is_named(tmp_path, reason, has_remark):
+    text = (C182 / "cases" / "short_period.toml").read_text().replace('"../', f'"{C182}/')
+    text += '\n[tolerance]\npitch_rate = "9 deg/s"\n'
+    text += f'\n[rationale]\n{reason} = "J. Smith, 2024-05-17, gusts"\n' if reason else ""
+    file = tmp_path / "wide.toml"
+    file.write_text(text)
+    (line,) = case_statements([read_case(file)])
+    assert line.startswith("case short_period: tolerance of pitch rate")
+    assert line.endswith("; no [rationale] states why") == has_remark

@@ -25,7 +25,7 @@ MASSES = {
     "Moment of inertia in roll, Ixx": "2827 kg m2",
     "Moment of inertia in pitch, Iyy": "1913",
     "Moment of inertia in yaw, Izz": "4169",
-    "Centre of gravity, from the moment reference point": "0 m, 0, 0",
+    "Engine 1: where the thrust acts, from the moment reference point": "80.9 in, 0, 12.9 in",
     "Inertial unit, from the moment reference point": "0.40, 0.15, 0.25",
     "Vanes, from the moment reference point": "1.10, -3.60, -0.55",
 }
@@ -81,15 +81,33 @@ def draft(page):
 
 
 def give_masses(page):
-    """Give mass, inertias and places, and confirm the place of the engine."""
+    """Give mass, inertias and places, and confirm the centre of gravity."""
     for label, text in MASSES.items():
         page.get_by_label(label, exact=True).fill(text)
     page.get_by_role("button", name="Write: Values of the aircraft").click()
     values = page.get_by_role("table", name="Values of the aircraft")
     expect(values.get_by_text("to be given")).to_have_count(0)
     expect(values.get_by_text("to be confirmed")).to_have_count(1)
-    page.get_by_role("button", name="Confirm: Engine 1").click()
+    page.get_by_role("button", name="Confirm: Centre of gravity").click()
     expect(values.get_by_text("to be confirmed")).to_have_count(0)
+
+
+def give_propeller(page, project, folder):
+    """Read that the engine lacks its propeller, and drop the aircraft file with it."""
+    power = page.get_by_role("status", name="Thrust of the engines")
+    expect(power).to_contain_text("no thrust and no propeller")
+    page.get_by_role("button", name="Plan the match").click()
+    page.get_by_text("no record proves: the project has no case").wait_for()
+    expect(page.get_by_text("The match accepts the project.")).to_have_count(0)
+    own = (C182 / "aircraft.toml").read_text()
+    charts = own[own.index("[engine.propeller]") : own.index("[limits]")]
+    before, mark, after = project.with_name("aircraft.toml").read_text().partition("# [limits]")
+    file = folder / "aircraft.toml"
+    file.write_text(f"{before}{charts}{mark}{after}")
+    drop(page, [file])
+    page.get_by_text("aircraft.toml: the older file is kept as aircraft.toml.").wait_for()
+    page.get_by_role("button", name="Check all again").click()
+    expect(power).to_be_empty()
 
 
 def sign(page, work, project):
@@ -150,6 +168,7 @@ def test_from_dropped_files_to_a_signed_report(page, client, tmp_path):
     drop(page, [*sorted((C182 / "datcom").glob("*.out")), *flights])
     draft(page)
     give_masses(page)
+    give_propeller(page, project, tmp_path)
     page.get_by_label("check_short_period proves the model").check()
     expect(
         page.get_by_role("row", name="check_short_period").get_by_role("checkbox")

@@ -96,7 +96,7 @@ def fits(page, work, project):
     page.get_by_role("tab", name="Identification").click()
     page.get_by_label("Fit of the project to start from").select_option(label="multisine: CY")
     page.get_by_role("img", name="Partial regression of CY").wait_for()
-    page.get_by_text("1 window of 1 record, 29.5 s.").wait_for()
+    page.get_by_text("1 window of 1 record, 29.5 s;").wait_for()
     page.get_by_role("button", name="phat", exact=True).click()
     page.get_by_text("Not in this fit: phat").wait_for()
     page.get_by_label("Name", exact=True).fill("side force")

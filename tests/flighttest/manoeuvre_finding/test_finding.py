@@ -355,3 +355,24 @@ def test_marks_of_the_record_come_first():
     file = DATA / "flight" / "t37_23_val_power_chop.nc"
     assert "as the record marks them" in call(file, "--names", DATA / "names.toml").output
     assert "power_change" in call(file, "--names", DATA / "names.toml", "--find").output
+
+
+@pytest.mark.slow
+def test_pedals_show_the_doublet_that_a_yaw_damper_answers():
+    doublet = smoothed(steps([(3.0 * DEGREE, 1), (-3.0 * DEGREE, 1)], 1.0), 0.3)
+    late = np.clip(T - 20.0, 0.0, None)
+    damper = 2.0 * DEGREE * np.sin(2.2 * late) * np.exp(-0.05 * late)
+    kinds, table = found(delta_r=doublet + damper)
+    assert ("doublet", "rudder") not in kinds
+    assert "unknown" in table["manoeuvre"].tolist() or "sweep" in table["manoeuvre"].tolist()
+    flown = record(delta_r=doublet + damper)
+    leaf = flown["all"].to_dataset()
+    leaf["pedal"] = "time", -0.4 * doublet, {"units": "m"}
+    with_pedals = xr.DataTree.from_dict({"/": xr.Dataset(attrs=flown.attrs), "/all": leaf})
+    (row,) = find_manoeuvres(with_pedals).itertuples()
+    assert (row.manoeuvre, row.control) == ("doublet", "rudder")
+    assert row.start == pytest.approx(19.5, abs=0.3)
+    # pedals that rest, as with an autopilot, hide no movement of the surface
+    leaf["pedal"] = "time", 1e-4 * np.sin(3.0 * T), {"units": "m"}
+    resting = xr.DataTree.from_dict({"/": xr.Dataset(attrs=flown.attrs), "/all": leaf})
+    assert find_manoeuvres(resting)["manoeuvre"].tolist() == table["manoeuvre"].tolist()

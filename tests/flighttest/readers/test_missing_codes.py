@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flighttest
-from flighttest.reconstruction.quality.record_notes import _note_missing_codes
+from flighttest.reconstruction.quality.record_notes import note_missing_codes
 from flighttest.records.signals.missing_codes import find_missing_codes
 
 T = np.arange(0.0, 4.0, 0.02)
@@ -61,7 +61,7 @@ def test_a_code_is_a_missing_sample_with_a_note(tmp_path):
     height = record["air/h_baro"]
     assert np.flatnonzero(np.isnan(height.values)).tolist() == [50, 51, 90, 140]
     assert set(flighttest.signals.flags(record)["kind"]) == {"missing"}
-    (note,) = _note_missing_codes(record)
+    (note,) = note_missing_codes(record)
     assert note.text.startswith("h_baro: -999 in 4 cells of column data/h stands for a missing")
 
 

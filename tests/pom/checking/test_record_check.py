@@ -24,6 +24,7 @@ from pom.checking.case_check import (
     check_key,
     check_records,
     checks_text,
+    codes_text,
     with_record_checks,
 )
 from pom.report import exports
@@ -253,3 +254,26 @@ def test_a_scale_of_the_airspeed_is_a_departure_unless_it_is_small(passed, kind,
     (result,) = with_record_checks([passed], {passed.case.record: check})
     kinds = {item.kind for item in result.rows[0]["remarks"] if item.quantity == scale.name}
     assert kinds == {expected}
+
+
+@pytest.mark.slow
+def test_a_code_of_missing_values_reaches_the_rows_of_every_case(passed):
+    time = np.arange(0.0, 8.0, 0.04)
+    h_gps = xr.DataArray(500.0 + 0.0 * time, {"time": time}, attrs={"units": "m"})
+    h_gps.attrs |= {"missing_codes": "-999 in 3 cells", "column": "data/GPS Alt"}
+    motion = xr.Dataset({name: ("time", 0.01 * np.sin(time)) for name in "pqr"}, {"time": time})
+    for name in "pqr":
+        motion[name].attrs["units"] = "rad/s"
+    record = xr.DataTree.from_dict({"/imu": motion, "/gps": h_gps.to_dataset(name="h_gps")})
+    for group in record.children.values():
+        group.attrs = {"rate": 25.0, "gaps": "", "duplicates": 0, "missing": "", "flags": "[]"}
+    check = RecordCheck.of("flight", record, None)
+    (code,) = [item for item in check.warnings if item.name == "missing_code:h_gps"]
+    assert code.text.startswith("h_gps: -999 in 3 cells of column data/GPS Alt stands for a")
+    assert codes_text([check]) == f"flight: {code.text}"
+    assert codes_text([RecordCheck("other", "fit")]) == ""
+    sound = replace(check, errors=())
+    (made,) = with_record_checks([passed], {passed.case.record: sound})
+    texts = [text for text in run_notices(made, "final") if "-999 in 3 cells" in text]
+    assert texts[0].startswith("warning on the flight record: code of a missing value in h_gps")
+    assert made.status("final") == "pass"

@@ -21,6 +21,9 @@ from flighttest.records.sensors.instruments import Instruments
 # Largest distances from the c.g. along x, y and z, of the larger of span and length of the chord:
 # nose booms of fighters reach 1.3 spans, booms at wing tips half a span.
 _FARTHEST = np.array([1.4, 0.6, 0.5])
+# Largest distance of a vane behind the c.g., of the same length: our number.  It stands in the flow
+# ahead of nose or wing, and a positive x is forward.
+_BEHIND = 0.5
 _UNITS = {"in": ("inches", INCH), "ft": ("feet", FOOT), "cm": ("cm", 0.01), "mm": ("mm", 0.001)}
 # words of a name between signs, digits and changes to a capital: MLG-R, 2L, leftMain, eng_1_lh
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
@@ -64,7 +67,7 @@ def sensor_positions(
 
 
 def position_findings(positions: Mapping[str, np.ndarray], aircraft: Aircraft) -> list[Finding]:
-    """Return the errors of instruments outside of the aircraft.
+    """Return the errors of instruments outside of the aircraft, and of vanes far behind the c.g.
 
     Parameters
     ----------
@@ -109,6 +112,30 @@ def position_findings(positions: Mapping[str, np.ndarray], aircraft: Aircraft) -
         )
         evidence = {"position": list(place)}
         findings.append(Finding("error", "geometry", tuple(names), text, remedy, evidence=evidence))
+    outside: set[str] = set().union(*channels.values())
+    inside_places = {name: place for name, place in positions.items() if name not in outside}
+    return findings + _vanes_behind(inside_places, aircraft)
+
+
+def _vanes_behind(positions: Mapping[str, np.ndarray], aircraft: Aircraft) -> list[Finding]:
+    """Return the errors of vanes further behind the c.g. than a vane can be."""
+    least = -_BEHIND * max(aircraft.b, aircraft.cbar)
+    findings = []
+    for name, place in positions.items():
+        if not name.endswith("_vane") or place[0] >= least:
+            continue
+        stated = place + np.asarray(aircraft.cg, float)
+        shown = ", ".join(f"{x:.4g}" for x in stated)
+        text = (
+            f"{_OF[name]}: position = [{shown}] m is {-place[0]:.3g} m behind the c.g., and vanes "
+            f"stand ahead of nose or wing; x is positive forward"
+        )
+        remedy = (
+            f"correct it in [instruments] of the aircraft file, from the moment reference point; "
+            f"if only the sign is wrong, x = {-stated[0]:.4g} m"
+        )
+        evidence = {"position": place.tolist()}
+        findings.append(Finding("error", "geometry", (name,), text, remedy, evidence=evidence))
     return findings
 
 

@@ -24,3 +24,13 @@ def test_inches_as_metres_are_one_error_for_one_place():
     assert (finding.severity, finding.name) == ("error", "geometry:alpha_vane+beta_vane")
     assert "as if the numbers were inches: a number without a unit is in m" in finding.text
     assert '"43.3 in", "-141.7 in", "-21.6 in"' in finding.remedy
+
+
+def test_a_vane_far_behind_the_cg_is_an_error_and_a_unit_there_is_none():
+    place = np.array([-11.0, 0.0, 0.2])
+    (finding,) = position_findings({"ax_imu": place, "alpha_vane": place}, C182)
+    assert (finding.severity, finding.name) == ("error", "geometry:alpha_vane")
+    assert "position = [-11, 0, 0.2] m is 11 m behind the c.g." in finding.text
+    assert "if only the sign is wrong, x = 11 m" in finding.remedy
+    # half a span: a boom at the tip of a swept wing
+    assert position_findings({"alpha_vane": np.array([-5.4, 5.4, 0.0])}, C182) == []
