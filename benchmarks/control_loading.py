@@ -298,10 +298,11 @@ def main() -> None:
             end = found.response.convergence
             widths = {n: f"{v:.2g} ({e:.1g})" for n, (v, e) in found.response.widths.items()}
             weights = {n: f"{w:.2g}" for n, w in found.response.friction_models.items()}
+            kind = f"converged: {end.converged}"
+            if np.isfinite(found.response.stationary_within):
+                kind = f"stationary within {found.response.stationary_within:.2g} standard errors"
             print(
-                f"  converged: {end.converged}, {end.iterations} iterations, stationary within "
-                f"{found.response.stationary_within:.2g}; widths {widths}; "
-                f"friction models {weights}"
+                f"  {kind}, {end.iterations} iterations; widths {widths}; friction models {weights}"
             )
         print(
             f"set {k}: {np.mean(z < 2.0):.0%} within two, worst {names[int(z.argmax())]} "

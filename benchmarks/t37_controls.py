@@ -200,9 +200,11 @@ def state_end(found: flighttest.IdentifiedLoading) -> str:
         return "regressions: " + "; ".join(remark.text for remark in found.remarks)
     end = response.convergence
     widths = {name: f"{value:.2g}" for name, (value, _) in response.widths.items()}
+    kind = f"converged {end.converged}"
+    if math.isfinite(response.stationary_within):
+        kind = f"stationary within {response.stationary_within:.2g} standard errors"
     return (
-        f"converged {end.converged} in {end.iterations}, stationary within "
-        f"{response.stationary_within:.2g}, {response.maxima} maxima, widened "
+        f"{kind} in {end.iterations}, {response.maxima} maxima, widened "
         f"{response.widened:.3f}, {response.widened_by_maxima:.3f}; models "
         f"{response.friction_models}; widths {widths}; unfinished {response.unfinished}"
     )
