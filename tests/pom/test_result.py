@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -162,3 +164,13 @@ def test_a_result_shows_itself_in_display_units():
     assert ax.get_ylabel() == "p [deg/s]"
     with pytest.raises(UnknownName, match="channel of the result"):
         got.plot(["q"])
+
+
+def test_the_report_states_the_row_that_fails_without_a_ratio():
+    rows = [("nz", "g3", "pass", 0.7), ("period", "mode", "fail", np.nan)]
+    got = result(rows, [criterion("nz", "g3"), criterion("period", "mode")])
+    table = got.verdict.to_dict("records")
+    table[1]["remarks"] = (RowRemark("no_mode", "the model: no oscillation stands out"),)
+    got = replace(got, verdict=make_verdict_table(table))
+    last = got.report().splitlines()[-1]
+    assert last == "a: fail, period: the model: no oscillation stands out"
