@@ -27,6 +27,7 @@ from pom.status import (
     group_verdicts,
     has_departure,
     has_remark,
+    has_telling_ratio,
     has_trim_remark,
     is_on_faulty_record,
     status_of,
@@ -269,7 +270,7 @@ class PomResult(ShortText):
         for run in self.runs:
             line = f"{run}: {self.status(run)}"
             row = self.deciding_row(run)
-            if row and math.isfinite(row["worst_ratio"]):
+            if row and has_telling_ratio(row):
                 line += (
                     f", {row['criterion']} is {row['worst_ratio']:.2f} of its tolerance "
                     f"({row['tolerance_text']})"
