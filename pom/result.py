@@ -27,9 +27,9 @@ from pom.status import (
     group_verdicts,
     has_departure,
     has_remark,
-    has_telling_ratio,
     has_trim_remark,
     is_on_faulty_record,
+    ratio_shows_verdict,
     status_of,
 )
 from pom.tolerances.bands import row_remarks
@@ -270,7 +270,7 @@ class PomResult(ShortText):
         for run in self.runs:
             line = f"{run}: {self.status(run)}"
             row = self.deciding_row(run)
-            if row and has_telling_ratio(row):
+            if row and ratio_shows_verdict(row):
                 line += (
                     f", {row['criterion']} is {row['worst_ratio']:.2f} of its tolerance "
                     f"({row['tolerance_text']})"

@@ -213,7 +213,7 @@ def has_remark(row: Mapping[Hashable, Any], kind: str) -> bool:
     return any(remark.kind == kind for remark in row["remarks"])
 
 
-def has_telling_ratio(row: Mapping[Hashable, Any]) -> bool:
+def ratio_shows_verdict(row: Mapping[Hashable, Any]) -> bool:
     """Return whether the ratio of a verdict row shows its verdict.
 
     A failure within the tolerance has another reason, such as a mode that grows where that of the

@@ -79,7 +79,7 @@ def _correction_lines(outcome: Any) -> list[str]:
 def _verdict_cell(result: Any, run: str) -> str:
     """Return the verdict of a run with the row that decided it."""
     # An unchanged match loads no module that computes.
-    from pom.status import has_telling_ratio, status_text
+    from pom.status import ratio_shows_verdict, status_text
 
     if run not in result.runs:
         return "not run"
@@ -88,7 +88,7 @@ def _verdict_cell(result: Any, run: str) -> str:
         return text
     # A row that is not judged, or that fails for another reason, has no ratio.
     ratio = "\N{EN DASH}"
-    if has_telling_ratio(row):
+    if ratio_shows_verdict(row):
         ratio = f"{row['worst_ratio']:.2f}"
     return f"{text}  {ratio}  {row['criterion'].replace('_', ' ')}"
 
