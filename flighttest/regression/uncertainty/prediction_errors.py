@@ -1,8 +1,8 @@
 """Agreement of a prediction with a measurement, in the figures that reports print.
 
 Samples without a measurement are ignored. A prediction without a value at a measured sample is an
-error: the figures of what is left of a run that diverges would be those of a good model. Every
-function takes the measured signal first.
+error: the figures of a run up to its divergence would be those of a good model. Every function
+takes the measured signal first.
 
 References
 ----------
@@ -201,8 +201,8 @@ def _common_samples(measured, predicted) -> tuple[np.ndarray, np.ndarray]:
     if lost.any():
         raise IdentificationError(
             f"the prediction has no value at {int(lost.sum())} of {int(measured_at.sum())} measured "
-            f"samples, first at sample {int(lost.argmax())}: the run diverges or ends early; compare "
-            f"the samples before, if they are what you mean"
+            f"samples, first at sample {int(lost.argmax())}: the run diverges or ends early; give the "
+            f"samples before it to compare these alone"
         )
     if measured_at.sum() < 2:
         raise IdentificationError(
