@@ -107,23 +107,14 @@ def _end_level(time: np.ndarray, y: np.ndarray) -> float:
 
 def _time_to_level(time: np.ndarray, y: np.ndarray, *, level: float) -> float | None:
     """Return the time from the first sample to the first passage of a level; None if none. [s]"""
-    direction = 1 if y[0] < level else -1
-    reached = crossing_time(time, y, level, direction=direction)
-    if reached is None:
-        return None
-    return reached - float(time[0])
+    reached = crossing_time(time, y, level, direction=1 if y[0] < level else -1)
+    return None if reached is None else reached - float(time[0])
 
 
 def _miss_level(
     criterion: Criterion, time: np.ndarray, flight_time: float, *, moves: bool
 ) -> Judgement:
-    """Return the failure of a model that does not reach the level, or moves the other way.
-
-    Raises
-    ------
-    Invalid
-        The window ends before the tolerance does: the model may reach the level in time.
-    """
+    """Return the failure of a model that misses the level; Invalid if it may still reach it."""
     width = float(half_width(criterion, flight_time)[0])
     lasts = float(time[-1] - time[0])
     text = f"{WHO[1]} does not follow the engine of the flight: it does not move its way"
